@@ -1,0 +1,62 @@
+"""A pinhole camera in COLMAP's convention: x right, y down, z forward, world to camera.
+
+    p_camera = rotation @ p_world + translation
+    u = fx * x / z + cx,   v = fy * y / z + cy
+
+Pixel (column, row) covers [column, column + 1) x [row, row + 1); its centre is at +0.5.
+Lens distortion is undone before a `Camera` is made (`core.photos`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class Camera:
+    """One view's pinhole camera.
+
+    Attributes:
+        name: the photo's file name, unique within a set.
+        width, height: frame size in px.
+        fx, fy, cx, cy: focal lengths and principal point in px.
+        rotation: [3, 3] float64, world to camera.
+        translation: [3] float64, world to camera, in world units.
+    """
+
+    name: str
+    width: int
+    height: int
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    rotation: NDArray[np.float64] = field(repr=False)
+    translation: NDArray[np.float64] = field(repr=False)
+
+    @property
+    def centre(self) -> NDArray[np.float64]:
+        """Position of the camera in the world, [3]."""
+        return -self.rotation.T @ self.translation
+
+    def resized(self, width: int, height: int) -> Camera:
+        """The same view on a grid of `width` x `height` pixels."""
+        sx, sy = width / self.width, height / self.height
+        return replace(
+            self, width=width, height=height,
+            fx=self.fx * sx, fy=self.fy * sy, cx=self.cx * sx, cy=self.cy * sy,
+        )  # fmt: skip
+
+    def with_margin(self, margin: int) -> Camera:
+        """The same view with `margin` more pixels on every side (less, if negative)."""
+        return replace(
+            self, width=self.width + 2 * margin, height=self.height + 2 * margin,
+            cx=self.cx + margin, cy=self.cy + margin,
+        )  # fmt: skip
+
+    def moved(self, rotation: NDArray[np.float64], translation: NDArray[np.float64]) -> Camera:
+        """The same lens at another pose."""
+        return replace(self, rotation=rotation, translation=translation)

@@ -1,0 +1,48 @@
+"""A photo with its camera: what the optimizer compares the twin with."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .camera import Camera
+
+
+@dataclass(frozen=True)
+class View:
+    """One photo, undistorted, and where it was taken from.
+
+    Attributes:
+        camera: pinhole camera; its width and height are the photo's.
+        photo: [H, W, 3] uint8 or uint16, sRGB-encoded, as in the file.
+        mask: [H, W] bool, True where a pixel counts; None where all do.
+    """
+
+    camera: Camera
+    photo: NDArray[np.uint8] | NDArray[np.uint16] = field(repr=False)
+    mask: NDArray[np.bool_] | None = field(default=None, repr=False)
+
+    @property
+    def name(self) -> str:
+        """File name of the photo."""
+        return self.camera.name
+
+    def planes(self) -> NDArray[np.float32]:
+        """The photo as [3, H, W] float32 in [0, 1], still sRGB-encoded."""
+        full = np.float32(np.iinfo(self.photo.dtype).max)
+        return np.ascontiguousarray(self.photo.transpose(2, 0, 1)).astype(np.float32) / full
+
+
+@dataclass(frozen=True)
+class SparsePoints:
+    """Points that structure from motion (or a camera file) came with.
+
+    Attributes:
+        positions: [M, 3] float64, world units.
+        colours: [M, 3] uint8, sRGB-encoded.
+    """
+
+    positions: NDArray[np.float64]
+    colours: NDArray[np.uint8]

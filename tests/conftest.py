@@ -1,0 +1,12 @@
+"""Makes the project importable as `dgs` for every test, whatever the clone is called."""
+
+import os
+import sys
+from pathlib import Path
+
+os.environ.setdefault("OMP_WAIT_POLICY", "passive")
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+import run_dgs  # noqa: E402
+
+run_dgs.mount_package()
