@@ -12,10 +12,10 @@ from __future__ import annotations
 #: the perspective Jacobian grows as 1/z^2 and a splat that close covers the whole frame.
 NEAR_PLANE = 0.01
 
-#: The perspective Jacobian is evaluated at a direction clamped to this multiple of the frame's
-#: half-extent (measured from the principal point): beyond it the affine approximation explodes
-#: for splats beside the camera. Same role as in Zwicker's EWA and every descendant.
-FRUSTUM_CLAMP = 1.3
+#: The perspective Jacobian is evaluated at a direction clamped to the frame plus this share of its
+#: size on every side: beyond it the affine approximation explodes for splats beside the camera
+#: (gsplat's convention). The clamped branch has no gradient.
+FRUSTUM_MARGIN = 0.15
 
 #: Variance (px^2) added to both axes of the projected covariance: a splat is never thinner than
 #: a pixel's own footprint, which keeps the inverse bounded and the image free of aliasing holes.
@@ -29,8 +29,8 @@ ALPHA_MINIMUM = 1.0 / 255.0
 #: and backward use this one constant: a mismatch corrupts the recovered transmittance.
 ALPHA_MAXIMUM = 0.99
 
-#: Blending stops once less than this share of light still passes: what lies behind adds less than
-#: a fortieth of an 8-bit step.
+#: A pixel takes no more Gaussians once its transmittance has fallen below this share: what lies
+#: behind adds less than a fortieth of an 8-bit step. The Gaussian that crosses it still counts.
 TRANSMITTANCE_STOP = 1.0e-4
 
 #: Side of a square tile in pixels: one row of 16 float32 fills one 512-bit register.
