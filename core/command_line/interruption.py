@@ -1,0 +1,41 @@
+"""Ctrl-C and SIGTERM: the first asks the work to stop at a safe point, the second stops it at once."""
+
+from __future__ import annotations
+
+import signal
+import sys
+import threading
+from types import FrameType, TracebackType
+
+
+class Interruption:
+    """While entered, signals set a flag that the work reads through `Progress.cancelled`."""
+
+    def __init__(self) -> None:
+        self._asked = threading.Event()
+        self._before: dict[int, object] = {}
+
+    @property
+    def asked(self) -> bool:
+        """True once the user asked to stop."""
+        return self._asked.is_set()
+
+    def __enter__(self) -> Interruption:
+        # Only the main thread may set handlers; elsewhere (inside Blender) the caller has its own.
+        if threading.current_thread() is threading.main_thread():
+            for number in (signal.SIGINT, signal.SIGTERM):
+                self._before[number] = signal.signal(number, self._receive)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        for number, handler in self._before.items():
+            signal.signal(number, handler)  # type: ignore[arg-type]
+        self._before.clear()
+
+    def _receive(self, number: int, frame: FrameType | None) -> None:
+        if self._asked.is_set():
+            raise KeyboardInterrupt
+        self._asked.set()
+        print("Stopping: what is finished will be saved (once more to stop at once).", file=sys.stderr, flush=True)

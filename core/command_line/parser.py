@@ -1,0 +1,172 @@
+"""All arguments of the command line, with their units and defaults."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import re
+from pathlib import Path
+from typing import NoReturn
+
+from ..version import VERSION
+
+_UNITS = {"": 1.0, "s": 1.0, "m": 60.0, "min": 60.0, "h": 3600.0}
+
+
+class OneLineParser(argparse.ArgumentParser):
+    """Says what is wrong in one line instead of printing the usage first."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(2, f"{message}. See '{self.prog} --help'.\n")
+
+
+def duration(text: str) -> float:
+    """Seconds from '120', '120s', '2m' or '1.5h'."""
+    match = re.fullmatch(r"(\d+(?:\.\d+)?)\s*(s|m|min|h|)", text.strip())
+    seconds = float(match[1]) * _UNITS[match[2]] if match else 0.0
+    if seconds <= 0:
+        raise argparse.ArgumentTypeError(f"'{text}' is no duration; write 120s, 2m or 1h")
+    return seconds
+
+
+def whole(low: int, high: float = math.inf) -> _Whole:
+    """An argument type: a whole number from `low` to `high`."""
+    return _Whole(low, high)
+
+
+class _Whole:
+    def __init__(self, low: int, high: float) -> None:
+        self._low, self._high = low, high
+
+    def __call__(self, text: str) -> int:
+        try:
+            value = int(text)
+        except ValueError:
+            value = None
+        if value is None or not self._low <= value <= self._high:
+            span = f"from {self._low} to {self._high}" if math.isfinite(self._high) else f"of at least {self._low}"
+            raise argparse.ArgumentTypeError(f"'{text}' is no whole number {span}")
+        return value
+
+
+def build_parser(arguments: list[str]) -> argparse.ArgumentParser:
+    """The parser of all commands; `command` is None if none was given.
+
+    Args:
+        arguments: what will be parsed; the laboratory is asked for its arguments only if they name it.
+    """
+    parser = OneLineParser(
+        prog="run_dgs.py",
+        description="Descattering Gaussian splatting: a sharp 3D twin from photos through something that blurs.",
+    )
+    parser.add_argument("--version", action="version", version=f"dgs {VERSION}")
+    commands = parser.add_subparsers(dest="command", metavar="COMMAND", parser_class=OneLineParser)
+    _add_reconstruct(commands)
+    _add_render(commands)
+    doctor = commands.add_parser(
+        "doctor", help="check this machine", description="Versions, device, and a self-check of the engine."
+    )
+    _add_machine(doctor)
+    _add_synthesize(commands, asked="synthesize" in arguments[:1])
+    return parser
+
+
+def _defaults(parser: argparse.ArgumentParser) -> argparse.ArgumentParser:
+    parser.formatter_class = argparse.ArgumentDefaultsHelpFormatter
+    return parser
+
+
+def _add_machine(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--device", choices=("auto", "cpu", "cuda"), default="auto", help="where to compute")
+    parser.add_argument("--threads", type=whole(1, 1024), metavar="N", help="CPU threads; all cores if not given")
+
+
+def _add_progress(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--progress", choices=("auto", "json", "none"), default="auto",
+        help="bars on a terminal and lines elsewhere, one JSON object a line, or nothing",
+    )  # fmt: skip
+
+
+def _add_reconstruct(commands: argparse._SubParsersAction[OneLineParser]) -> None:
+    parser = _defaults(
+        commands.add_parser(
+            "reconstruct",
+            help="photos in, sharp twin out",
+            description="Finds the cameras, fits sharp Gaussians that explain the blurred photos, and writes "
+            "twin.ply, cameras/, renders/, report.html and report.json.",
+        )
+    )
+    parser.add_argument("photos", type=Path, metavar="PHOTOS", help="folder of photos")
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for all results")
+    medium = parser.add_argument_group("what blurs the photos")
+    medium.add_argument(
+        "--psf", default="none", metavar="PSF",
+        help="point spread function: none | gaussian:SIGMA | gaussian:SX,SY,ANGLE (px of the photos as they "
+        "are, degrees) | file:PATH (.npy, .tif, .png, .fits)",
+    )  # fmt: skip
+    medium.add_argument(
+        "--blur-space", choices=("srgb", "linear"), default="srgb",
+        help="whether the blur acts on the photos' sRGB values or on linear light",
+    )  # fmt: skip
+    data = parser.add_argument_group("what is given")
+    data.add_argument(
+        "--cameras", type=Path, metavar="MODEL",
+        help="known cameras: folder of a COLMAP model or a transforms.json; found from the photos if not given",
+    )  # fmt: skip
+    data.add_argument("--truth", type=Path, metavar="DIR", help="sharp photos of the same names, only for scoring")
+    data.add_argument("--masks", type=Path, metavar="DIR", help="images of the same names; black pixels do not count")
+    data.add_argument(
+        "--holdout-every", type=whole(0), default=8, metavar="N",
+        help="keep views 0, N, 2N ... by sorted name out of the training to score them; 0 keeps none out",
+    )  # fmt: skip
+    data.add_argument("--max-size", type=whole(16), metavar="PIXELS",
+                      help="shrink photos to this longer side, with cameras and PSF")  # fmt: skip
+    effort = parser.add_argument_group("effort")
+    effort.add_argument("--preset", choices=("draft", "balanced", "fine"), default="balanced",
+                        help="how much time to spend")  # fmt: skip
+    effort.add_argument("--time-limit", type=duration, metavar="TIME",
+                        help="from the photos to the twin, such as 120s or 2m; none if not given")  # fmt: skip
+    effort.add_argument("--max-gaussians", type=whole(100), metavar="N", help="the preset's if not given")
+    effort.add_argument("--sh-degree", type=whole(0, 3), metavar="D",
+                        help="spherical harmonics, 0 (no gloss) to 3; the preset's if not given")  # fmt: skip
+    effort.add_argument("--loss", choices=("dgs", "paper"), default="dgs",
+                        help="'paper' keeps the paper's own loss, for comparison")  # fmt: skip
+    effort.add_argument("--seed", type=whole(0, 2**31 - 1), default=0, metavar="N", help="same seed, same twin (CPU)")
+    effort.add_argument("--resume", action="store_true", help="go on from the checkpoint in DIR")
+    _add_machine(parser)
+    _add_progress(parser)
+
+
+def _add_render(commands: argparse._SubParsersAction[OneLineParser]) -> None:
+    parser = _defaults(
+        commands.add_parser(
+            "render", help="images of a twin", description="Renders a twin from the cameras of a model."
+        )
+    )
+    parser.add_argument("twin", type=Path, metavar="TWIN.ply", help="3DGS PLY")
+    parser.add_argument("--cameras", type=Path, required=True, metavar="MODEL",
+                        help="folder of a COLMAP model or a transforms.json")  # fmt: skip
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for NAME.png")
+    parser.add_argument("--psf", default="none", metavar="PSF", help="also blur, as in 'reconstruct'")
+    parser.add_argument("--blur-space", choices=("srgb", "linear"), default="srgb", help="where the blur acts")
+    _add_machine(parser)
+    _add_progress(parser)
+
+
+def _add_synthesize(commands: argparse._SubParsersAction[OneLineParser], asked: bool) -> None:
+    parser = _defaults(
+        commands.add_parser(
+            "synthesize",
+            help="make a test set with Blender",
+            description="Renders photos of a known object with Blender, blurred and sharp, with their cameras.",
+        )
+    )
+    if not asked:
+        return
+    from ...dgs_addon.laboratory.command import add_arguments
+
+    add_arguments(parser)
+    if not any(action.dest == "progress" for action in parser._actions):
+        _add_progress(parser)
+

@@ -1,0 +1,88 @@
+"""Progress as bars with the time left, on a terminal."""
+
+from __future__ import annotations
+
+from types import TracebackType
+
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    SpinnerColumn,
+    TaskID,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
+from rich.table import Table
+
+from .interruption import Interruption
+
+
+class Bars:
+    """One bar per stage, on stderr; results go to stdout."""
+
+    def __init__(self, interruption: Interruption) -> None:
+        self._interruption = interruption
+        self._console = Console(stderr=True, highlight=False)
+        # Four refreshes a second: bars must not take time from the work on two cores.
+        self._bars = Progress(
+            SpinnerColumn(finished_text="[green]✓"),
+            TextColumn("{task.description:<9}"),
+            BarColumn(bar_width=28),
+            MofNCompleteColumn(),
+            TimeElapsedColumn(),
+            TimeRemainingColumn(compact=True),
+            TextColumn("[dim]{task.fields[figures]}"),
+            console=self._console,
+            refresh_per_second=4,
+        )
+        self._task: TaskID | None = None
+
+    def __enter__(self) -> Bars:
+        self._bars.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._bars.stop()
+
+    def stage(self, name: str, total: int | None = None) -> None:
+        self._complete()
+        self._task = self._bars.add_task(escape(name), total=total, figures="")
+
+    def advance(self, done: int, **figures: float) -> None:
+        if self._task is None:
+            return
+        text = "  ".join(f"{key.replace('_', ' ')} {value:.4g}" for key, value in figures.items())
+        self._bars.update(self._task, completed=done, figures=text)
+
+    def note(self, text: str) -> None:
+        self._bars.console.print(f"[yellow]•[/] {escape(text)}")
+
+    def cancelled(self) -> bool:
+        return self._interruption.asked
+
+    def finished(self, result: dict[str, object]) -> None:
+        self._complete()
+        self._bars.stop()
+        table = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
+        for key, value in result.items():
+            if value is not None:
+                table.add_row(f"[bold]{escape(key)}", escape(str(value)))
+        # Paths are never wrapped: a terminal cannot open half a path.
+        Console(highlight=False, soft_wrap=True).print(table)
+
+    def failed(self, line: str, status: int) -> None:
+        self._bars.stop()
+
+    def _complete(self) -> None:
+        if self._task is None:
+            return
+        task = next(t for t in self._bars.tasks if t.id == self._task)
+        total = task.total if task.total is not None else max(1.0, task.completed)
+        self._bars.update(self._task, total=total, completed=total)
+        self._task = None

@@ -1,0 +1,81 @@
+"""Progress as one JSON object a line, for programs that run the command (the panel does).
+
+    {"event": "stage", "name": "train", "total": 1000}
+    {"event": "advance", "stage": "train", "done": 40, "total": 1000, "seconds_left": 21.3, "loss": 0.04}
+    {"event": "note", "text": "..."}
+    {"event": "done", "result": {...}}      or      {"event": "error", "text": "...", "status": 2}
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import threading
+import time
+from types import TracebackType
+from typing import TextIO
+
+from .interruption import Interruption
+
+#: At most this often an `advance` is written (s); the last one of a stage always is.
+INTERVAL = 0.1
+
+
+class JsonLines:
+    """Writes events to `stream`; safe to call from several threads."""
+
+    def __init__(self, stream: TextIO, interruption: Interruption, interval: float = INTERVAL) -> None:
+        self._stream = stream
+        self._interruption = interruption
+        self._interval = interval
+        self._lock = threading.Lock()
+        self._name, self._total, self._began, self._written = "", None, 0.0, -math.inf
+
+    _total: int | None
+
+    def __enter__(self) -> JsonLines:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        return None
+
+    def stage(self, name: str, total: int | None = None) -> None:
+        self._name, self._total, self._began, self._written = name, total, time.monotonic(), -math.inf
+        self._write({"event": "stage", "name": name, "total": total})
+
+    def advance(self, done: int, **figures: float) -> None:
+        now = time.monotonic()
+        if now - self._written < self._interval and done != self._total:
+            return
+        self._written = now
+        left = None
+        if self._total and done > 0:
+            left = round((now - self._began) / done * max(0, self._total - done), 1)
+        event = {"event": "advance", "stage": self._name, "done": done, "total": self._total, "seconds_left": left}
+        # Figures come second so that none can overwrite the fields that readers rely on.
+        self._write({**{key: _finite(value) for key, value in figures.items()}, **event})
+
+    def note(self, text: str) -> None:
+        self._write({"event": "note", "text": text})
+
+    def cancelled(self) -> bool:
+        return self._interruption.asked
+
+    def finished(self, result: dict[str, object]) -> None:
+        self._write({"event": "done", "result": result})
+
+    def failed(self, line: str, status: int) -> None:
+        self._write({"event": "error", "text": line, "status": status})
+
+    def _write(self, event: dict[str, object]) -> None:
+        with self._lock:
+            self._stream.write(json.dumps(event, ensure_ascii=True, allow_nan=False) + "\n")
+            self._stream.flush()
+
+
+def _finite(value: float) -> float | None:
+    """JSON has no NaN and no infinity."""
+    value = float(value)
+    return value if math.isfinite(value) else None

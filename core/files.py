@@ -1,0 +1,117 @@
+"""Files are written whole or not at all: a temporary neighbour first, then one rename.
+
+A full disk, a lost network drive or Ctrl-C never leaves half a file in the place of a good one.
+"""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from .errors import OutputError
+
+_WAYS_OUT = {
+    errno.ENOSPC: "Free some space on that disk or choose another folder",
+    errno.EDQUOT: "Your disk quota is used up; free some space or choose another folder",
+    errno.EFBIG: "The file system allows no file of this size; choose another folder",
+    errno.EACCES: "Choose a folder that you may write to",
+    errno.EPERM: "Choose a folder that you may write to",
+    errno.EROFS: "The disk is read-only; choose another folder",
+    errno.ENOTDIR: "A part of this path is a file; choose another folder",
+    errno.EEXIST: "A file of this name is in the way; choose another folder",
+    errno.EISDIR: "A folder of this name is in the way; move it or choose another folder",
+    errno.ENAMETOOLONG: "Choose a shorter name",
+}
+
+
+def output_error(path: Path, error: OSError) -> OutputError:
+    """Says in one line why `path` cannot be written, and what to do."""
+    reason = (error.strerror or str(error)).lower()
+    return OutputError(
+        f"Cannot write '{path}': {reason}",
+        _WAYS_OUT.get(error.errno or 0, "Check the disk or choose another folder"),
+    )
+
+
+def make_folder(path: Path) -> Path:
+    """Makes a folder and its parents.
+
+    Raises:
+        OutputError: it cannot be made, or a file stands in its place.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise output_error(path, error) from error
+    return path
+
+
+def check_writable(folder: Path) -> None:
+    """Finds out now, rather than after an hour of work, that a folder takes no files.
+
+    Raises:
+        OutputError: nothing can be written into `folder`.
+    """
+    probe = make_folder(folder) / f".probe-{os.getpid()}"
+    try:
+        probe.write_bytes(b"\0" * 4096)
+    except OSError as error:
+        raise output_error(folder, error) from error
+    finally:
+        probe.unlink(missing_ok=True)
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """A temporary path to write to; it takes the place of `path` when the block ends well.
+
+    The temporary keeps the suffix, because image libraries choose the format by it. It is synced to
+    the disk before the rename, so that a power cut leaves the old file or the new one.
+
+    Raises:
+        OutputError: the disk is full, or the place cannot be written to.
+    """
+    make_folder(path.parent)
+    temporary = path.with_name(f".{path.stem}.{os.getpid()}.part{path.suffix}")
+    try:
+        yield temporary
+        with open(temporary, "rb+") as file:
+            os.fsync(file.fileno())
+        os.replace(temporary, path)
+        _sync_folder(path.parent)
+    except OSError as error:
+        raise output_error(path, error) from error
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def _sync_folder(folder: Path) -> None:
+    """Makes a rename last; Windows has no such call and needs none."""
+    if os.name != "posix":
+        return
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+def write_bytes(path: Path, data: bytes) -> None:
+    """Writes a whole file; raises OutputError (see `replacing`)."""
+    with replacing(path) as temporary:
+        temporary.write_bytes(data)
+
+
+def write_text(path: Path, text: str) -> None:
+    """Writes a whole UTF-8 file; raises OutputError (see `replacing`)."""
+    write_bytes(path, text.encode("utf-8"))
+
+
+def write_json(path: Path, value: Any) -> None:
+    """Writes JSON that every parser reads: NaN and infinity are refused (ValueError)."""
+    write_text(path, json.dumps(value, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
