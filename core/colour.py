@@ -1,0 +1,40 @@
+"""sRGB and linear light, the one place that knows the curve (IEC 61966-2-1).
+
+Outside [0, 1] both curves go on monotonically: linearly below 0 (the curve's own first segment)
+and by the same power above 1. Slopes are finite everywhere.
+"""
+
+from __future__ import annotations
+
+from typing import TypeVar, cast
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+Values = TypeVar("Values", Tensor, NDArray[np.float32], NDArray[np.float64])
+
+_SRGB_KNEE, _LINEAR_KNEE = 0.04045, 0.0031308
+_SLOPE, _OFFSET, _POWER = 12.92, 0.055, 2.4
+
+
+def srgb_to_linear(srgb: Values) -> Values:
+    """Display values to linear light, elementwise, of the same type and dtype; differentiable in torch."""
+    if isinstance(srgb, Tensor):
+        # The power's branch is fed a harmless value where it is not used: NaN times 0 is NaN.
+        safe = srgb.clamp(min=_SRGB_KNEE)
+        curved = ((safe + _OFFSET) / (1 + _OFFSET)) ** _POWER
+        return torch.where(srgb > _SRGB_KNEE, curved, srgb / _SLOPE)
+    curved_array = ((np.maximum(srgb, _SRGB_KNEE) + _OFFSET) / (1 + _OFFSET)) ** _POWER
+    return cast(Values, np.where(srgb > _SRGB_KNEE, curved_array, srgb / _SLOPE))
+
+
+def linear_to_srgb(linear: Values) -> Values:
+    """Linear light to display values, elementwise, of the same type and dtype; differentiable in torch."""
+    if isinstance(linear, Tensor):
+        safe = linear.clamp(min=_LINEAR_KNEE)
+        curved = (1 + _OFFSET) * safe ** (1 / _POWER) - _OFFSET
+        return torch.where(linear > _LINEAR_KNEE, curved, linear * _SLOPE)
+    curved_array = (1 + _OFFSET) * np.maximum(linear, _LINEAR_KNEE) ** (1 / _POWER) - _OFFSET
+    return cast(Values, np.where(linear > _LINEAR_KNEE, curved_array, linear * _SLOPE))

@@ -1,0 +1,274 @@
+"""Ways to evaluate one blur: direct, separable, Fourier, and at reduced resolution.
+
+Each maps a frame with a margin [C, H + 2m, W + 2m] to the photo's [C, H, W] (`apply`) and back
+(`adjoint`, the exact transpose). Beyond the margin the frame's edge is repeated.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from ..compiled import run
+from .psf import PointSpread, gaussian_taps
+
+#: What the reduced-resolution blur may differ by, as a share of the frame's range.
+REDUCED_TOLERANCE = 1e-4
+#: Rows that are worth handing to a thread.
+_GRAIN = 24
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Frame:
+    """Sizes: the photo is height x width px, the rendered frame has `margin` px more on each side."""
+
+    height: int
+    width: int
+    margin: int
+
+    @property
+    def rendered(self) -> tuple[int, int]:
+        return self.height + 2 * self.margin, self.width + 2 * self.margin
+
+
+class Evaluation(Protocol):
+    """A linear map and its transpose."""
+
+    name: str
+
+    def apply(self, frame: Tensor) -> Tensor: ...
+
+    def adjoint(self, photo: Tensor) -> Tensor: ...
+
+
+def _numpy(tensor: Tensor) -> NDArray[np.floating]:
+    return tensor.detach().contiguous().numpy()
+
+
+def extended(frame: Tensor, vertical: int, horizontal: int) -> Tensor:
+    """[C, h, w] -> [C, h + 2 vertical, w + 2 horizontal]: repeats the edge, or crops where negative."""
+    grown = (max(horizontal, 0),) * 2 + (max(vertical, 0),) * 2
+    if any(grown):
+        frame = torch.nn.functional.pad(frame[None], grown, mode="replicate")[0]
+    top, left = max(-vertical, 0), max(-horizontal, 0)
+    return frame[:, top : frame.shape[1] - top, left : frame.shape[2] - left]
+
+
+def folded(gradient: Tensor, vertical: int, horizontal: int) -> Tensor:
+    """The transpose of `extended`."""
+    top, left = max(-vertical, 0), max(-horizontal, 0)
+    gradient = torch.nn.functional.pad(gradient, (left, left, top, top))
+    if vertical > 0:
+        inner = gradient[:, vertical:-vertical].clone()
+        inner[:, 0] += gradient[:, :vertical].sum(dim=1)
+        inner[:, -1] += gradient[:, -vertical:].sum(dim=1)
+        gradient = inner
+    if horizontal > 0:
+        inner = gradient[:, :, horizontal:-horizontal].clone()
+        inner[:, :, 0] += gradient[:, :, :horizontal].sum(dim=2)
+        inner[:, :, -1] += gradient[:, :, -horizontal:].sum(dim=2)
+        gradient = inner
+    return gradient
+
+
+class Separable:
+    """Vertical and horizontal taps in compiled code, for kernels that are symmetric along each axis."""
+
+    name = "separable"
+
+    def __init__(self, vertical: Array, horizontal: Array, frame: Frame, dtype: torch.dtype) -> None:
+        self.frame = frame
+        self.half_v, self.half_h = (_half(taps, dtype) for taps in (vertical, horizontal))
+
+    def apply(self, frame: Tensor) -> Tensor:
+        from .blur_kernels import separable_apply
+
+        f = self.frame
+        out = torch.empty((frame.shape[0], f.height, f.width), dtype=frame.dtype)
+        arguments = (_numpy(frame), out.numpy(), self.half_v, self.half_h, f.margin)
+        run(separable_apply, frame.shape[0] * f.height, *arguments, grain=_GRAIN)
+        return out
+
+    def adjoint(self, photo: Tensor) -> Tensor:
+        from .blur_kernels import separable_adjoint
+
+        f = self.frame
+        out = torch.empty((photo.shape[0], *f.rendered), dtype=photo.dtype)
+        arguments = (_numpy(photo), out.numpy(), self.half_v, self.half_h, f.margin)
+        run(separable_adjoint, photo.shape[0] * f.rendered[0], *arguments, grain=_GRAIN)
+        return out
+
+
+def _half(taps: Array, dtype: torch.dtype) -> NDArray[np.floating]:
+    from .blur_kernels import PAIRS
+
+    radius = taps.size // 2
+    padded = np.zeros(1 + -(-radius // PAIRS) * PAIRS)
+    padded[: radius + 1] = taps[radius:]
+    return padded.astype(np.float32 if dtype == torch.float32 else np.float64)
+
+
+class Direct:
+    """Every tap of a two-dimensional kernel, in compiled code."""
+
+    name = "direct"
+
+    def __init__(self, kernel: Array, frame: Frame, dtype: torch.dtype) -> None:
+        self.frame = frame
+        self.radius = kernel.shape[0] // 2, kernel.shape[1] // 2
+        self.forward = self._taps(
+            kernel[::-1, ::-1], dtype
+        )  # a convolution correlates with the mirrored kernel
+        self.backward = self._taps(kernel, dtype)
+
+    @staticmethod
+    def _taps(kernel: Array, dtype: torch.dtype) -> NDArray[np.floating]:
+        padded = np.pad(kernel, ((0, 0), (0, -kernel.shape[1] % 4)))
+        return padded.astype(np.float32 if dtype == torch.float32 else np.float64)
+
+    def _correlated(self, source: Tensor, taps: NDArray[np.floating], height: int, width: int) -> Tensor:
+        from .blur_kernels import correlate
+
+        source = torch.nn.functional.pad(source, (0, width + taps.shape[1] - 1 - source.shape[2]))
+        out = torch.empty((source.shape[0], height, width), dtype=source.dtype)
+        run(correlate, source.shape[0] * height, _numpy(source), out.numpy(), taps, grain=4)
+        return out
+
+    def apply(self, frame: Tensor) -> Tensor:
+        rv, rh = (r - self.frame.margin for r in self.radius)
+        return self._correlated(extended(frame, rv, rh), self.forward, self.frame.height, self.frame.width)
+
+    def adjoint(self, photo: Tensor) -> Tensor:
+        (rv, rh), f = self.radius, self.frame
+        embedded = torch.nn.functional.pad(photo, (2 * rh, 2 * rh, 2 * rv, 2 * rv))
+        spread = self._correlated(embedded, self.backward, f.height + 2 * rv, f.width + 2 * rh)
+        return folded(spread, rv - f.margin, rh - f.margin).contiguous()
+
+
+class Fourier:
+    """Multiplication by the transfer function; the frame is extended so that nothing wraps around."""
+
+    name = "fourier"
+
+    def __init__(self, kernel: Array, frame: Frame, dtype: torch.dtype, device: torch.device) -> None:
+        from scipy.fft import next_fast_len
+
+        self.frame = frame
+        self.radius = kernel.shape[0] // 2, kernel.shape[1] // 2
+        extent = frame.height + 2 * self.radius[0], frame.width + 2 * self.radius[1]
+        self.size = next_fast_len(extent[0], real=True), next_fast_len(extent[1], real=True)
+        placed = np.zeros(self.size)
+        placed[: kernel.shape[0], : kernel.shape[1]] = kernel
+        placed = np.roll(placed, (-self.radius[0], -self.radius[1]), axis=(0, 1))
+        complex_type = torch.complex64 if dtype == torch.float32 else torch.complex128
+        self.transfer = torch.from_numpy(np.fft.rfft2(placed)).to(device=device, dtype=complex_type)
+
+    def apply(self, frame: Tensor) -> Tensor:
+        (rv, rh), f = self.radius, self.frame
+        spectrum = torch.fft.rfft2(extended(frame, rv - f.margin, rh - f.margin), s=self.size)
+        out = torch.fft.irfft2(spectrum * self.transfer, s=self.size)
+        return out[:, rv : rv + f.height, rh : rh + f.width].contiguous()
+
+    def adjoint(self, photo: Tensor) -> Tensor:
+        (rv, rh), f = self.radius, self.frame
+        embedded = torch.nn.functional.pad(photo, (rh, 0, rv, 0))
+        out = torch.fft.irfft2(torch.fft.rfft2(embedded, s=self.size) * self.transfer.conj(), s=self.size)
+        return folded(
+            out[:, : f.height + 2 * rv, : f.width + 2 * rh], rv - f.margin, rh - f.margin
+        ).contiguous()
+
+
+class Reduced:
+    """Two narrower Gaussians with a coarse grid between them, as products of small matrices.
+
+    The first blurs by sigma/sqrt(2) and keeps every `step`-th px, the second interpolates back with
+    sigma/sqrt(2). What the coarse grid folds over is damped by exp(-(pi sigma / step)^2).
+
+    Attributes:
+        bound: largest possible difference to the separable blur, as a share of the frame's range,
+            computed from the matrices (sum of both axes' maximum absolute row sums).
+    """
+
+    name = "reduced"
+
+    def __init__(
+        self, vertical: Array, horizontal: Array, frame: Frame, dtype: torch.dtype, device: torch.device
+    ) -> None:
+        self.bound = 0.0
+        factors: list[Tensor] = []
+        for taps, inside in ((vertical, frame.height), (horizontal, frame.width)):
+            down, up, bound = reduced_factors(taps, inside, frame.margin)
+            self.bound += bound
+            factors += [torch.from_numpy(m).to(device=device, dtype=dtype) for m in (down, up)]
+        self.down_v, self.up_v, self.down_h, self.up_h = factors
+
+    def apply(self, frame: Tensor) -> Tensor:
+        return self.up_v @ (self.down_v @ frame @ self.down_h.T) @ self.up_h.T
+
+    def adjoint(self, photo: Tensor) -> Tensor:
+        return self.down_v.T @ (self.up_v.T @ photo @ self.up_h) @ self.down_h
+
+
+def blur_matrix(taps: Array, inside: int, margin: int) -> Array:
+    """[inside, inside + 2 margin]: one axis of the blur, the edge repeated beyond the margin."""
+    radius, total = taps.size // 2, inside + 2 * margin
+    rows = np.arange(inside)[:, None]
+    columns = np.clip(rows + margin + np.arange(-radius, radius + 1)[None, :], 0, total - 1)
+    matrix = np.zeros((inside, total))
+    np.add.at(matrix, (np.broadcast_to(rows, columns.shape), columns), np.broadcast_to(taps, columns.shape))
+    return matrix
+
+
+def reduced_factors(taps: Array, inside: int, margin: int) -> tuple[Array, Array, float]:
+    """(down [n, inside + 2 margin], up [inside, n], bound) with up @ down close to the blur's matrix."""
+    radius, total = taps.size // 2, inside + 2 * margin
+    sigma = math.sqrt(float((taps * np.arange(-radius, radius + 1) ** 2).sum()))
+    # exp(-(pi sigma / step)^2) is 5e-6 at 0.9 sigma; the Gaussians' cuts add the rest.
+    step = max(1.0, 0.9 * sigma)
+    half = sigma / math.sqrt(2.0)
+    reach = 5.0 * half
+    count = math.ceil((inside + 2 * reach) / step) + 1
+    nodes = (inside - 1) / 2 + margin + (np.arange(count) - (count - 1) / 2) * step
+
+    def weights(distance: Array) -> Array:
+        return np.where(abs(distance) <= reach, np.exp(-0.5 * (distance / half) ** 2), 0.0)
+
+    beyond = math.ceil(2 * reach + step)
+    fine = np.arange(-beyond, total + beyond)
+    spread = weights(nodes[:, None] - fine[None, :])
+    spread /= spread.sum(axis=1, keepdims=True)
+    down = np.zeros((count, total))
+    np.add.at(down.T, np.clip(fine, 0, total - 1), spread.T)
+    up = weights(np.arange(inside)[:, None] + margin - nodes[None, :])
+    up /= up.sum(axis=1, keepdims=True)
+    bound = float(np.abs(up @ down - blur_matrix(taps, inside, margin)).sum(axis=1).max())
+    return down, up, bound
+
+
+def candidates(
+    psf: PointSpread, frame: Frame, dtype: torch.dtype, device: torch.device
+) -> dict[str, Evaluation]:
+    """Every evaluation that is valid for this PSF, frame and device, by name."""
+    kernel, separable = psf.kernel(), psf.separable()
+    found: dict[str, Evaluation] = {"fourier": Fourier(kernel, frame, dtype, device)}
+    if device.type == "cpu":
+        if kernel.size <= 31 * 31:
+            found["direct"] = Direct(kernel, frame, dtype)
+        if separable is not None and all(np.allclose(t, t[::-1], rtol=0, atol=1e-8) for t in separable):
+            found["separable"] = Separable(*separable, frame, dtype)
+    if separable is not None and psf.samples is None and min(psf.sigma_x, psf.sigma_y) >= 2.0:
+        wide = [gaussian_taps(s) for s in (psf.sigma_y, psf.sigma_x)]
+        if psf.angle % 180.0 == 90.0:
+            wide.reverse()
+        reduced = Reduced(wide[0], wide[1], frame, dtype, device)
+        if reduced.bound < REDUCED_TOLERANCE:
+            found["reduced"] = reduced
+    return found

@@ -1,0 +1,60 @@
+"""The medium between scene and camera: which point spread, for which photo, in which colour space."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+from torch import Tensor
+
+from ..colour import linear_to_srgb, srgb_to_linear
+from ..errors import PsfError
+from .psf import PointSpread
+
+BlurSpace = Literal["srgb", "linear"]
+
+
+@dataclass(frozen=True)
+class Medium:
+    """What degrades a sharp view into a photo.
+
+    Attributes:
+        psf: point spread of every photo that has none of its own; None for no blur.
+        blur_space: 'srgb' blurs display values (as the paper's virtual blur most likely did),
+            'linear' blurs light (as physics does): sRGB -> linear -> blur -> sRGB.
+        per_view: point spreads by photo name.
+    """
+
+    psf: PointSpread | None = None
+    blur_space: BlurSpace = "srgb"
+    per_view: Mapping[str, PointSpread | None] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if self.blur_space not in ("srgb", "linear"):
+            raise PsfError(f"There is no blur space '{self.blur_space}'", "Choose srgb or linear")
+
+    def psf_for(self, view_name: str) -> PointSpread | None:
+        """The point spread of one photo; None if it is not blurred."""
+        return self.per_view.get(view_name, self.psf)
+
+    @property
+    def blurs(self) -> bool:
+        """Whether any photo is blurred at all."""
+        return any(p is not None and not p.is_identity for p in (self.psf, *self.per_view.values()))
+
+    def on_grid(self, s: float, low_pass: float = 0.0) -> Medium:
+        """The medium for photos area-averaged by `s`; see `PointSpread.on_grid`."""
+
+        def coarse(psf: PointSpread | None) -> PointSpread | None:
+            return None if psf is None or psf.is_identity else psf.on_grid(s, low_pass)
+
+        return replace(
+            self, psf=coarse(self.psf), per_view={name: coarse(psf) for name, psf in self.per_view.items()}
+        )
+
+    def degrade(self, frame: Tensor, blur: Callable[[Tensor], Tensor]) -> Tensor:
+        """[3, H + 2m, W + 2m] sRGB render -> [3, H, W] sRGB photo, through `blur` in the blur space."""
+        if self.blur_space == "srgb" or not self.blurs:
+            return blur(frame)
+        return linear_to_srgb(blur(srgb_to_linear(frame)))

@@ -1,0 +1,140 @@
+"""The medium's blur as a linear operator with its adjoint, evaluated the way that measured fastest."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from ..errors import PsfError
+from .evaluations import Evaluation, Frame, candidates
+from .psf import PointSpread
+
+#: Fastest evaluation by shape, kernel, device and number of threads; measured once per process.
+_fastest: dict[tuple[Any, ...], str] = {}
+EVALUATIONS = ("auto", "direct", "separable", "fourier", "reduced")
+
+
+class BlurOperator:
+    """Maps a rendered frame with a margin to what the medium lets the camera see of it.
+
+    Args:
+        psf: the point spread; None or sigma 0 only crops the margin.
+        height, width: the photo's size in px.
+        margin: px that the rendered frame is larger on each side; beyond it the frame's edge is
+            repeated. A margin of `psf.radius` makes borders exact.
+        dtype: float32 or float64, of every tensor that comes in.
+        evaluation: 'auto' measures all that are valid, once per process; a name forces one.
+
+    Raises:
+        PsfError: the PSF is wider than the photo, or the forced evaluation does not fit it.
+    """
+
+    def __init__(
+        self,
+        psf: PointSpread | None,
+        height: int,
+        width: int,
+        margin: int = 0,
+        device: torch.device | str = "cpu",
+        dtype: torch.dtype = torch.float32,
+        evaluation: str = "auto",
+    ) -> None:
+        if evaluation not in EVALUATIONS:
+            raise ValueError(f"evaluation is one of {', '.join(EVALUATIONS)}, not '{evaluation}'")
+        self.psf = psf
+        self.frame = Frame(height, width, margin)
+        self._evaluation: Evaluation | None = None
+        if psf is None or psf.is_identity:
+            return
+        widest = float(max(psf.covariance[0, 0], psf.covariance[1, 1])) ** 0.5
+        if widest > min(height, width) / 2:
+            raise PsfError(
+                f"The PSF '{psf.source or psf.kind}' has a standard deviation of {widest:.1f} px "
+                f"on photos of {width} x {height} px: nothing of the scene would be left",
+                "Give the PSF in pixels of the photos, or use larger photos",
+            )
+        found = candidates(psf, self.frame, dtype, torch.device(device))
+        if evaluation == "auto":
+            evaluation = self._measured(found, torch.device(device), dtype)
+        if evaluation not in found:
+            raise PsfError(
+                f"The evaluation '{evaluation}' does not fit the PSF '{psf.source or psf.kind}'",
+                f"Choose one of auto, {', '.join(found)}",
+            )
+        self._evaluation = found[evaluation]
+
+    @property
+    def evaluation(self) -> str:
+        """How it is computed: 'identity', 'direct', 'separable', 'fourier' or 'reduced'."""
+        return "identity" if self._evaluation is None else self._evaluation.name
+
+    def apply(self, frame: Tensor) -> Tensor:
+        """[C, H + 2m, W + 2m] -> [C, H, W]; without gradient. Without a PSF a view of `frame` itself."""
+        self._check(frame, self.frame.rendered)
+        if self._evaluation is not None:
+            return self._evaluation.apply(frame.detach())
+        m = self.frame.margin
+        return frame if m == 0 else frame[:, m:-m, m:-m]
+
+    def adjoint(self, photo: Tensor) -> Tensor:
+        """[C, H, W] -> [C, H + 2m, W + 2m], the transpose of `apply`; without gradient."""
+        self._check(photo, (self.frame.height, self.frame.width))
+        if self._evaluation is not None:
+            return self._evaluation.adjoint(photo.detach())
+        m = self.frame.margin
+        return photo if m == 0 else torch.nn.functional.pad(photo, (m, m, m, m))
+
+    def __call__(self, frame: Tensor) -> Tensor:
+        """`apply` with gradients; the very same tensor where there is neither PSF nor margin."""
+        if self._evaluation is None:
+            return self.apply(frame)
+        blurred: Tensor = _Blur.apply(frame, self)
+        return blurred
+
+    def _check(self, tensor: Tensor, size: tuple[int, int]) -> None:
+        if tensor.ndim != 3 or tuple(tensor.shape[1:]) != size:
+            raise ValueError(f"expected [C, {size[0]}, {size[1]}], got {list(tensor.shape)}")
+
+    def _measured(self, found: dict[str, Evaluation], device: torch.device, dtype: torch.dtype) -> str:
+        from ..compiled import threads
+
+        assert self.psf is not None
+        key = (
+            self.psf.kernel().tobytes(),
+            self.frame,
+            str(device),
+            dtype,
+            threads(),
+            torch.get_num_threads(),
+        )
+        if key not in _fastest:
+            frame = torch.rand((3, *self.frame.rendered), device=device, dtype=dtype)
+            _fastest[key] = min(found, key=lambda name: _seconds(found[name], frame))
+        return _fastest[key]
+
+
+def _seconds(evaluation: Evaluation, frame: Tensor) -> float:
+    """Best of three of one blur and its adjoint, after a call that compiles and plans."""
+    best = float("inf")
+    for repeat in range(4):
+        start = time.perf_counter()
+        out = evaluation.adjoint(evaluation.apply(frame))
+        if out.is_cuda:
+            torch.cuda.synchronize(out.device)
+        if repeat > 0:
+            best = min(best, time.perf_counter() - start)
+    return best
+
+
+class _Blur(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx: Any, frame: Tensor, operator: BlurOperator) -> Tensor:
+        ctx.operator = operator
+        return operator.apply(frame)
+
+    @staticmethod
+    def backward(ctx: Any, gradient: Tensor) -> tuple[Tensor, None]:  # type: ignore[override]
+        return ctx.operator.adjoint(gradient), None

@@ -1,0 +1,333 @@
+"""Point spread functions: what the medium does to a point of light, in pixels of the photo.
+
+A point spread is non-negative, sums to 1 and is centred: its centroid is the middle of the middle
+pixel. Whatever had to be put right when it was read is said in `PointSpread.notes`.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..errors import PsfError
+
+#: A Gaussian is cut at this many standard deviations (6e-5 of its light lies beyond) and renormalised.
+TRUNCATION = 4.0
+#: Below this standard deviation (px) a Gaussian that is tilted against the pixel grid slips between pixels.
+THINNEST_TILTED = 0.3
+#: A kernel file with longer sides is refused: it is a picture rather than a point spread.
+LARGEST_KERNEL = 1025
+#: Sum of a kernel file that counts as normalised.
+SUM_TOLERANCE = 1e-3
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class PointSpread:
+    """One point spread function (PSF).
+
+    Attributes:
+        kind: 'gaussian', or 'file' for sampled values.
+        sigma_x, sigma_y: standard deviations (px) along the Gaussian's own axes.
+        angle: degrees from the photo's x axis to the Gaussian's, clockwise as seen (y is down).
+        samples: [K, L] float64, odd sizes, of a kernel from a file; None for a Gaussian.
+        source: what the user asked for, as the report prints it.
+        notes: what was put right when the kernel was read, one sentence each.
+    """
+
+    kind: Literal["gaussian", "file"] = "gaussian"
+    sigma_x: float = 0.0
+    sigma_y: float = 0.0
+    angle: float = 0.0
+    samples: Array | None = None
+    source: str = ""
+    notes: tuple[str, ...] = field(default=())
+
+    @property
+    def is_identity(self) -> bool:
+        """Whether the PSF leaves every photo as it is, to the bit."""
+        if self.samples is not None:
+            return self.samples.size == 1
+        return self.sigma_x == 0.0 and self.sigma_y == 0.0
+
+    @property
+    def radius(self) -> tuple[int, int]:
+        """Pixels (vertical, horizontal) that the PSF reaches to either side."""
+        rows, columns = self.kernel().shape
+        return rows // 2, columns // 2
+
+    @property
+    def covariance(self) -> Array:
+        """[2, 2] covariance (px^2) in x, y order."""
+        if self.samples is not None:
+            return _moments(self.samples)[1]
+        c, s = math.cos(math.radians(self.angle)), math.sin(math.radians(self.angle))
+        axes = np.array([[c, -s], [s, c]])
+        return axes @ np.diag([self.sigma_x**2, self.sigma_y**2]) @ axes.T
+
+    def kernel(self, scale: float = 1.0) -> Array:
+        """The PSF's samples on a grid whose pixels are `scale` times wider, and nothing more.
+
+        Args:
+            scale: >= 1; the variance in the grid's own px^2 is this PSF's divided by scale^2.
+
+        Returns:
+            [K, L] float64 of odd sizes with sum 1; row 0 is the top. The photo is
+            `out[p] = sum_k kernel[k + radius] * scene[p - k]` (a convolution).
+        """
+        if scale != 1.0:
+            return self._scaled(scale).kernel()
+        if self.samples is not None:
+            return self.samples
+        separable = self.separable()
+        if separable is not None:
+            return np.outer(*separable)
+        covariance = self._tilted_covariance()
+        rx, ry = (math.ceil(TRUNCATION * math.sqrt(v)) for v in np.diag(covariance))
+        y, x = np.mgrid[-ry : ry + 1, -rx : rx + 1]
+        a, b, c = np.linalg.inv(covariance)[[0, 0, 1], [0, 1, 1]]
+        values = np.exp(-0.5 * (a * x * x + 2 * b * x * y + c * y * y))
+        return np.asarray(values / values.sum())
+
+    def separable(self) -> tuple[Array, Array] | None:
+        """(vertical, horizontal) taps [2r + 1] float64 whose outer product is the kernel, or None."""
+        if self.samples is None:
+            turn = self.angle % 180.0
+            if self.sigma_x == self.sigma_y or turn == 0.0:
+                return gaussian_taps(self.sigma_y), gaussian_taps(self.sigma_x)
+            return (gaussian_taps(self.sigma_x), gaussian_taps(self.sigma_y)) if turn == 90.0 else None
+        vertical, horizontal = self.samples.sum(axis=1), self.samples.sum(axis=0)
+        rank_one = np.abs(np.outer(vertical, horizontal) - self.samples).max() <= 1e-7 * self.samples.max()
+        return (vertical, horizontal) if rank_one else None
+
+    def on_grid(self, s: float, low_pass: float = 0.0) -> PointSpread:
+        """The PSF for photos area-averaged by `s` while the view is rendered on the coarse grid itself.
+
+        A coarse pixel averages s x s fine ones, whose centres have variance (s^2 - 1)/12 along each
+        axis, so the PSF's variance becomes (sigma^2 + (s^2 - 1)/12) / s^2 in coarse px^2. The render
+        takes point samples after the rasterizer's low-pass of `l` px^2 of its own grid. With
+        `low_pass=0` that low-pass counts as part of the twin. With `low_pass=l` the twin is to look
+        right on the fine grid too, and the l (s^2 - 1) that the coarse render adds beyond the fine
+        one is taken from the PSF, as far as there is any.
+        """
+        if s < 1.0:
+            raise ValueError(f"a coarser grid has s >= 1, not {s}")
+        if s == 1.0:
+            return self
+        added = (s * s - 1.0) * (1.0 / 12.0 - low_pass)
+        if self.samples is None:
+            sx, sy = (math.sqrt(max(v * v + added, 0.0)) / s for v in (self.sigma_x, self.sigma_y))
+            return replace(self, sigma_x=sx, sigma_y=sy)
+        # Three taps have any small variance v: (v/2, 1 - v, v/2); negative v sharpens.
+        v = max(added / (s * s), -0.2)
+        taps = np.array([v / 2, 1.0 - v, v / 2])
+        return replace(self, samples=_convolved(self._scaled(s).kernel(), np.outer(taps, taps)))
+
+    def mtf(self, frequencies: ArrayLike, angle: float = 0.0) -> Array:
+        """Contrast that passes at `frequencies` (cycles/px) along `angle` (degrees from x towards y)."""
+        f = np.asarray(frequencies, dtype=np.float64)
+        fx, fy = f * math.cos(math.radians(angle)), f * math.sin(math.radians(angle))
+        if self.samples is None:
+            (a, b), (_, c) = self.covariance
+            return np.asarray(np.exp(-2 * np.pi**2 * (a * fx * fx + 2 * b * fx * fy + c * fy * fy)))
+        rows, columns = self.samples.shape
+        y, x = np.mgrid[-(rows // 2) : rows // 2 + 1, -(columns // 2) : columns // 2 + 1]
+        phase = np.multiply.outer(fx, x) + np.multiply.outer(fy, y)
+        return np.asarray(np.abs((self.samples * np.exp(-2j * np.pi * phase)).sum(axis=(-2, -1))))
+
+    def resolvable_period(self, noise: float) -> float:
+        """Shortest period (px) of a pattern of contrast 1 that stays above `noise` in every direction.
+
+        Args:
+            noise: standard deviation of the photo's noise over the pattern's amplitude, in (0, 1).
+
+        Returns:
+            At least 2 px, which is what the pixel grid itself allows.
+        """
+        frequencies = np.linspace(0.0, 0.5, 513)
+        worst = np.min([self.mtf(frequencies, a) for a in np.arange(0.0, 180.0, 22.5)], axis=0)
+        lost = np.flatnonzero(worst < noise)
+        return 2.0 if lost.size == 0 else float(1.0 / frequencies[max(1, lost[0] - 1)])
+
+    def _tilted_covariance(self) -> Array:
+        thick = replace(
+            self, sigma_x=max(self.sigma_x, THINNEST_TILTED), sigma_y=max(self.sigma_y, THINNEST_TILTED)
+        )
+        return thick.covariance
+
+    def _scaled(self, s: float) -> PointSpread:
+        if self.samples is None:
+            return replace(self, sigma_x=self.sigma_x / s, sigma_y=self.sigma_y / s)
+        rows, columns = self.samples.shape
+        vertical, horizontal = _interpolation(rows, s), _interpolation(columns, s)
+        values = vertical @ self.samples @ horizontal.T
+        return replace(self, samples=values / values.sum())
+
+
+def gaussian_taps(sigma: float) -> Array:
+    """[2 r + 1] float64 samples of a Gaussian, cut at r >= 4 sigma, with sum 1; [1] for sigma 0."""
+    radius = math.ceil(TRUNCATION * sigma)
+    if radius == 0:
+        return np.ones(1)
+    # Divided before squaring: a square underflows for tiny sigmas.
+    values = np.exp(-0.5 * (np.arange(-radius, radius + 1) / sigma) ** 2)
+    return np.asarray(values / values.sum())
+
+
+def parse_psf(text: str) -> PointSpread | None:
+    """Reads `none`, `gaussian:SIGMA`, `gaussian:SX,SY,ANGLE` (px, px, degrees) or `file:PATH`.
+
+    Returns:
+        None for `none`.
+
+    Raises:
+        PsfError: the text or the file makes no sense; it says why.
+    """
+    kind, _, rest = text.strip().partition(":")
+    if kind == "none" and not rest:
+        return None
+    if kind == "gaussian":
+        try:
+            values = [float(v) for v in rest.split(",")]
+        except ValueError:
+            values = []
+        if len(values) not in (1, 2, 3) or not all(map(math.isfinite, values)):
+            raise PsfError(f"The PSF '{text}' is not a Gaussian", "Write gaussian:5 or gaussian:SX,SY,ANGLE")
+        sx, sy, angle = (values + [values[0], 0.0][len(values) - 1 :])[:3]
+        if sx < 0 or sy < 0:
+            raise PsfError(f"The PSF '{text}' has a negative width", "Give standard deviations in pixels")
+        return PointSpread(sigma_x=sx, sigma_y=sy, angle=angle, source=text.strip())
+    if kind == "file" and rest:
+        from .kernel_files import read_kernel
+
+        return point_spread_from_samples(read_kernel(Path(rest)), text.strip())
+    raise PsfError(
+        f"There is no PSF '{text}'",
+        "Write none, gaussian:5, gaussian:SX,SY,ANGLE or file:PATH (NPY, TIFF, PNG, FITS)",
+    )
+
+
+def point_spread_from_samples(values: ArrayLike, source: str = "samples") -> PointSpread:
+    """Checks sampled values, then normalises, centres and trims them.
+
+    Args:
+        values: [K, L] linear values; row 0 is the top.
+        source: what they came from, for messages.
+
+    Raises:
+        PsfError: negative, not finite, dark, too large, or centred far off the middle.
+    """
+    samples = np.array(values, dtype=np.float64)
+    notes: list[str] = []
+    if samples.ndim != 2 or samples.size == 0:
+        raise PsfError(f"The PSF '{source}' has shape {samples.shape}", "Give a single-channel picture")
+    if max(samples.shape) > LARGEST_KERNEL:
+        raise PsfError(
+            f"The PSF '{source}' is {samples.shape[1]} x {samples.shape[0]} px",
+            f"Crop it to {LARGEST_KERNEL} px or less",
+        )
+    if not np.isfinite(samples).all():
+        raise PsfError(f"The PSF '{source}' holds values that are not finite", "Replace them by 0")
+    if samples.min() < -1e-6 * abs(samples).max():
+        raise PsfError(f"The PSF '{source}' holds negative values", "Subtract the background and cut at 0")
+    samples = samples.clip(min=0.0)
+    total = samples.sum()
+    if total <= 0:
+        raise PsfError(f"The PSF '{source}' is dark", "Give a picture of a point of light")
+    if abs(total - 1.0) > SUM_TOLERANCE:
+        notes.append(f"its sum was {total:.6g} and is now 1")
+    samples /= total
+    samples, centring = _centred(samples, source)
+    return PointSpread("file", samples=_trimmed(samples), source=source, notes=(*notes, *centring))
+
+
+def _centred(samples: Array, source: str) -> tuple[Array, list[str]]:
+    """Moves the centroid onto the middle of the middle pixel of odd-sized samples."""
+    notes: list[str] = []
+    even = [n for n in samples.shape if n % 2 == 0]
+    centroid = _moments(samples)[0]
+    for offset, size in zip(centroid, samples.shape[::-1], strict=True):
+        if abs(offset) > max(1.0, size / 4):
+            raise PsfError(
+                f"The PSF '{source}' has its centroid {abs(offset):.1f} px off the middle of its {size} px",
+                "Crop it around the point of light, and subtract the background",
+            )
+    if not even and np.abs(centroid).max() < 1e-3:
+        return samples, notes
+    if even:
+        notes.append(f"its even size {samples.shape[1]} x {samples.shape[0]} was made odd")
+    # From the middle pixel of an odd grid; an even size has its middle between two pixels.
+    notes.append(
+        f"it was moved by ({-centroid[0]:+.3f}, {-centroid[1]:+.3f}) px onto the pixel grid's middle"
+    )
+    for linear in (False, True):
+        moved = samples
+        for _ in range(8):  # cutting the cubic's undershoot at 0 moves the centroid a little again
+            offset_x, offset_y = _moments(moved)[0]
+            if max(abs(offset_x), abs(offset_y)) < 1e-9 and all(n % 2 for n in moved.shape):
+                break
+            rows = _interpolation(moved.shape[0], 1.0, offset_y, linear)
+            columns = _interpolation(moved.shape[1], 1.0, offset_x, linear)
+            moved = rows @ moved @ columns.T
+            undershoot = -moved.min() / moved.max()
+            if undershoot > 1e-2:
+                break
+            moved = moved.clip(min=0.0)
+            moved /= moved.sum()
+        else:
+            undershoot = 0.0
+        if not linear and moved.min() >= 0:
+            break
+    return moved, notes
+
+
+def _moments(samples: Array) -> tuple[Array, Array]:
+    """Centroid [2] (x, y; px from the middle of the array) and covariance [2, 2] (px^2)."""
+    rows, columns = samples.shape
+    weight = samples / samples.sum()
+    x, y = np.arange(columns) - (columns - 1) / 2, np.arange(rows) - (rows - 1) / 2
+    centroid = np.array([(weight.sum(axis=0) * x).sum(), (weight.sum(axis=1) * y).sum()])
+    dx, dy = x - centroid[0], y - centroid[1]
+    xy = dy @ weight @ dx
+    variances = (weight.sum(axis=0) * dx * dx).sum(), (weight.sum(axis=1) * dy * dy).sum()
+    return centroid, np.array([[variances[0], xy], [xy, variances[1]]])
+
+
+def _interpolation(size: int, s: float, offset: float = 0.0, linear: bool = False) -> Array:
+    """[odd, size]: resamples taps to a grid `s` times coarser whose middle is at `offset` from theirs.
+
+    Every tap's light is spread over the coarse taps around it, by Keys' cubic convolution, which
+    keeps sum, centroid and variance (the linear hat keeps the first two and never undershoots).
+    """
+    position = (np.arange(size) - (size - 1) / 2 - offset) / s
+    radius = math.ceil(abs(position).max() + (1 if linear else 2)) - 1
+    t = np.abs(np.arange(-radius, radius + 1)[:, None] - position[None, :])
+    if linear:
+        return np.asarray(np.maximum(0.0, 1.0 - t))
+    near, far = (1.5 * t - 2.5) * t * t + 1.0, ((-0.5 * t + 2.5) * t - 4.0) * t + 2.0
+    return np.where(t <= 1, near, np.where(t < 2, far, 0.0))
+
+
+def _convolved(a: Array, b: Array) -> Array:
+    shape = a.shape[0] + b.shape[0] - 1, a.shape[1] + b.shape[1] - 1
+    out = np.zeros(shape)
+    for (i, j), value in np.ndenumerate(b):
+        out[i : i + a.shape[0], j : j + a.shape[1]] += value * a
+    return out
+
+
+def _trimmed(samples: Array) -> Array:
+    """Without borders that hold less than 1e-6 of the light in all; the centre stays."""
+    for _ in range(2):
+        rows = samples.sum(axis=1)
+        cut = 0
+        while cut < samples.shape[0] // 2 and rows[: cut + 1].sum() + rows[-cut - 1 :].sum() < 5e-7:
+            cut += 1
+        samples = samples[cut : samples.shape[0] - cut].T
+    return np.ascontiguousarray(samples / samples.sum())
