@@ -37,8 +37,10 @@ def render_reference(
     screen = ScreenStatistics(radius, culled)
     if splats.mean.requires_grad:
 
-        def keep_gradient(gradient: Tensor) -> None:
-            screen.mean_gradient = gradient.new_zeros(len(gaussians), 2).index_copy(0, index, gradient)
+        def keep_gradient(gradient: Tensor | None) -> None:
+            if gradient is not None:
+                everywhere = gradient.new_zeros(len(gaussians), 2)
+                screen.mean_gradient = everywhere.index_copy(0, index, gradient)
 
         splats.mean.register_hook(keep_gradient)
 
