@@ -1,0 +1,201 @@
+"""The `cpu` back end: the numba kernels as a torch autograd function."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from ..camera import Camera
+from ..compiled import run
+from ..constants import TILE
+from ..errors import DeviceError
+from ..gaussians import Gaussians
+from .binning_kernels import begin_pairs, count_pairs, depth_order, place_pairs
+from .blending_kernels import DEPTH, RED, SLOT_WIDTH, SPLAT_WIDTH, backward_tiles, blend_tiles
+from .interface import Rendered, RasterSettings, ScreenStatistics
+from .projection_kernels import BLOCK, CULL_REASONS, SEEN, VIEW_LENGTH, project, project_backward
+
+#: The depth order is cut into this many parts for the parallel counting sort; a constant, so that
+#: nothing depends on the number of threads (nothing does: the sort is stable).
+_PARTS = 16
+
+Floats = NDArray[np.float32]
+
+
+@dataclass
+class Projected:
+    """What the forward pass leaves for the backward pass (numpy views on torch memory)."""
+
+    view: NDArray[np.float64]
+    parameters: tuple[Floats, ...]
+    splats: Floats  # [N, 16]
+    status: NDArray[np.uint8]  # [N]
+    tile_starts: NDArray[np.int64]
+    pair_gaussians: NDArray[np.int32]
+    pair_slots: NDArray[np.int32]
+    slot_starts: NDArray[np.int64]  # [N + 1]
+    tiles_x: int
+    alpha_minimum: np.float32
+
+
+def view_vector(camera: Camera, pose: NDArray[np.float64] | None, settings: RasterSettings) -> NDArray[np.float64]:
+    """Camera and settings as the kernels take them, [22] float64."""
+    view = np.empty(VIEW_LENGTH, np.float64)
+    view[:9] = (camera.rotation if pose is None else pose[:, :3]).reshape(9)
+    view[9:12] = camera.translation if pose is None else pose[:, 3]
+    view[12:] = (
+        camera.fx, camera.fy, camera.cx, camera.cy, camera.width, camera.height,
+        settings.near, settings.low_pass, float(settings.antialias), settings.alpha_minimum,
+    )  # fmt: skip
+    return view
+
+
+def project_and_sort(view: NDArray[np.float64], parameters: tuple[Floats, ...], width: int, height: int,
+                     radius: Floats) -> Projected:  # fmt: skip
+    """Projection, depth order and the tiles' lists."""
+    count = parameters[0].shape[0]
+    splats = np.empty((count, SPLAT_WIDTH), np.float32)
+    status = np.empty(count, np.uint8)
+    tile_counts = np.empty(count, np.int32)
+    run(project, -(-count // BLOCK), view, *parameters, splats, status, radius, tile_counts, grain=4)
+    seen = np.flatnonzero(tile_counts).astype(np.int32)
+    slot_starts = np.zeros(count + 1, np.int64)
+    np.cumsum(tile_counts, out=slot_starts[1:])
+    order = np.empty(len(seen), np.int32)
+    depth_order(splats, seen, order)
+
+    tiles_x, tiles_y = -(-width // TILE), -(-height // TILE)
+    chunk = max(1, -(-len(order) // _PARTS))
+    places = np.empty((_PARTS, tiles_x * tiles_y), np.int32)
+    tile_starts = np.empty(tiles_x * tiles_y + 1, np.int64)
+    run(count_pairs, _PARTS, splats, order, chunk, tiles_x, width, height, places)
+    begin_pairs(places, tile_starts)
+    pairs = int(tile_starts[-1])
+    pair_gaussians, pair_slots = np.empty(pairs, np.int32), np.empty(pairs, np.int32)
+    run(place_pairs, _PARTS, splats, order, chunk, tiles_x, width, height, slot_starts, places,
+        pair_gaussians, pair_slots)  # fmt: skip
+    return Projected(view, parameters, splats, status, tile_starts, pair_gaussians, pair_slots, slot_starts,
+                     tiles_x, np.float32(view[-1]))  # fmt: skip
+
+
+def _blend(p: Projected, splats: Floats, background: Floats, width: int, height: int) -> tuple[Any, ...]:
+    image = np.empty((3, height, width), np.float32)
+    transmittance = np.empty((height, width), np.float32)
+    tiles = len(p.tile_starts) - 1
+    blended = np.empty(tiles, np.int32)
+    evaluations = np.empty(tiles, np.int64)
+    run(blend_tiles, tiles, splats, p.tile_starts, p.pair_gaussians, background, p.alpha_minimum, p.tiles_x,
+        image, transmittance, blended, evaluations, grain=8)  # fmt: skip
+    return image, transmittance, blended, int(evaluations.sum())
+
+
+def _blend_backward(p: Projected, splats: Floats, image: Floats, transmittance: Floats, blended: Any,
+                    image_gradient: Floats, alpha_gradient: Floats) -> Floats:  # fmt: skip
+    slots = np.empty((len(p.pair_slots), SLOT_WIDTH), np.float32)
+    run(backward_tiles, len(p.tile_starts) - 1, splats, p.tile_starts, p.pair_gaussians, p.pair_slots,
+        p.alpha_minimum, p.tiles_x, image, transmittance, blended, image_gradient, alpha_gradient, slots,
+        grain=8)  # fmt: skip
+    return slots
+
+
+def _depth_splats(splats: Floats) -> Floats:
+    """The same splats with their depth for a colour."""
+    out = splats.copy()
+    out[:, RED] = splats[:, DEPTH]
+    out[:, RED + 1 : RED + 3] = 0.0
+    return out
+
+
+class _Rasterize(torch.autograd.Function):
+    """means, log_scales, quaternions, opacity_logits, sh, background, pose -> image, alpha, depth."""
+
+    @staticmethod
+    def forward(ctx: Any, camera: Camera, settings: RasterSettings, screen: ScreenStatistics,
+                means: Tensor, log_scales: Tensor, quaternions: Tensor, opacity_logits: Tensor, sh: Tensor,
+                background: Tensor, pose: Tensor | None) -> tuple[Tensor, Tensor, Tensor]:  # fmt: skip
+        parameters = tuple(
+            t.detach().contiguous().numpy() for t in (means, log_scales, quaternions, opacity_logits, sh)
+        )
+        view = view_vector(camera, None if pose is None else pose.detach().double().numpy(), settings)
+        projected = project_and_sort(view, parameters, camera.width, camera.height, screen.radius.numpy())
+        behind = background.detach().contiguous().numpy()
+        image, transmittance, blended, screen.evaluations = _blend(
+            projected, projected.splats, behind, camera.width, camera.height
+        )
+        counts = np.bincount(projected.status, minlength=len(CULL_REASONS))
+        screen.culled = {reason: int(n) for reason, n in zip(CULL_REASONS[1:], counts[1:], strict=True) if n}
+        depth = np.zeros((0, 0), np.float32)
+        if settings.depth:
+            far = _depth_splats(projected.splats)
+            depth = _blend(projected, far, np.zeros(3, np.float32), camera.width, camera.height)[0][0].copy()
+        ctx.projected, ctx.screen, ctx.settings = projected, screen, settings
+        ctx.image, ctx.transmittance, ctx.blended = image, transmittance, blended
+        ctx.depth = depth
+        ctx.pose_dtype = None if pose is None else pose.dtype
+        return torch.from_numpy(image), torch.from_numpy(1.0 - transmittance), torch.from_numpy(depth)
+
+    @staticmethod
+    def backward(ctx: Any, d_image: Tensor, d_alpha: Tensor, d_depth: Tensor) -> Any:  # type: ignore[override]
+        p: Projected = ctx.projected
+        count = len(p.status)
+        d_image_array = d_image.contiguous().numpy()
+        d_alpha_array = d_alpha.contiguous().numpy()
+        slots = _blend_backward(p, p.splats, ctx.image, ctx.transmittance, ctx.blended, d_image_array, d_alpha_array)
+        depth_gradient = np.zeros(0, np.float32)
+        if ctx.settings.depth and bool(d_depth.any()):
+            shape = ctx.transmittance.shape
+            stack = np.zeros((3, *shape), np.float32)
+            stack[0] = ctx.depth
+            gradient = np.zeros((3, *shape), np.float32)
+            gradient[0] = d_depth.numpy()
+            more = _blend_backward(p, _depth_splats(p.splats), stack, ctx.transmittance, ctx.blended, gradient,
+                                   np.zeros(shape, np.float32))  # fmt: skip
+            totals = np.concatenate(([0.0], np.cumsum(more[:, 6], dtype=np.float64)))
+            depth_gradient = (totals[p.slot_starts[1:]] - totals[p.slot_starts[:-1]]).astype(np.float32)
+            more[:, 6:] = 0.0
+            slots += more
+        outputs = [np.empty_like(parameter) for parameter in p.parameters]
+        d_screen = np.empty((count, 2), np.float32)
+        blocks = -(-count // BLOCK)
+        d_view = np.empty((blocks, 12), np.float64)
+        run(project_backward, blocks, p.view, *p.parameters, p.splats, p.status, p.slot_starts, slots,
+            depth_gradient, *outputs, d_screen, d_view, grain=4)  # fmt: skip
+        ctx.screen.mean_gradient = torch.from_numpy(d_screen)
+        d_pose = None
+        if ctx.pose_dtype is not None and ctx.needs_input_grad[9]:
+            total = d_view.sum(axis=0)
+            d_pose = torch.from_numpy(np.concatenate([total[:9].reshape(3, 3), total[9:].reshape(3, 1)], axis=1))
+            d_pose = d_pose.to(ctx.pose_dtype)
+        d_background = None
+        if ctx.needs_input_grad[8]:
+            d_background = torch.from_numpy((d_image_array * ctx.transmittance).sum(axis=(1, 2)))
+        return (None, None, None, *(torch.from_numpy(o) for o in outputs), d_background, d_pose)
+
+
+def render_cpu(gaussians: Gaussians, camera: Camera, background: Tensor | None, pose: Tensor | None,
+               settings: RasterSettings) -> Rendered:  # fmt: skip
+    """See `core.rasterizer.render`; float32 on the CPU.
+
+    Raises:
+        DeviceError: the tensors are not float32 on the CPU.
+    """
+    if gaussians.means.is_cuda or gaussians.means.dtype != torch.float32:
+        raise DeviceError(
+            "The cpu rasterizer takes float32 tensors on the CPU",
+            "Use the back end 'reference' for float64, 'cuda' for tensors on a GPU",
+        )
+    screen = ScreenStatistics(radius=torch.zeros(len(gaussians)))
+    behind = torch.zeros(3) if background is None else background
+    image, alpha, depth = _Rasterize.apply(  # type: ignore[no-untyped-call]
+        camera, settings, screen, gaussians.means, gaussians.log_scales, gaussians.quaternions,
+        gaussians.opacity_logits, gaussians.sh, behind, pose,
+    )  # fmt: skip
+    return Rendered(image, alpha, depth if settings.depth else None, screen)
+
+
+__all__ = ["SEEN", "render_cpu"]
