@@ -33,7 +33,7 @@ def depth_order(splats, seen, order):  # type: ignore[no-untyped-def]
     other_keys = np.empty(count, np.uint32)
     other = np.empty(count, np.int32)
     for i in range(count):
-        keys[i] = splats[seen[i], DEPTH].view(np.uint32)
+        keys[i] = np.float32(splats[seen[i], DEPTH]).view(np.uint32)
         order[i] = seen[i]
     histogram = np.zeros((3, _BUCKETS + 1), np.int64)
     for i in range(count):
