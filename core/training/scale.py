@@ -1,0 +1,78 @@
+"""The scene in units of its own: median viewing distance 1, origin among the points.
+
+Step sizes, the near plane and float32 all want a scene of about unit size; photos come in metres,
+millimetres or UTM coordinates of 1e6. Everything is trained in these units and converted back.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from ..camera import Camera
+from ..errors import CameraError
+from ..gaussians import Gaussians
+from ..views import SparsePoints
+
+
+@dataclass(frozen=True)
+class SceneScale:
+    """world = origin + size * unit.
+
+    Attributes:
+        origin: [3] float64 world position of the unit scene's origin.
+        size: world units per unit.
+    """
+
+    origin: NDArray[np.float64]
+    size: float
+
+    def camera_to_unit(self, camera: Camera) -> Camera:
+        """The same view of the unit scene."""
+        t = (camera.rotation @ self.origin + camera.translation) / self.size
+        return camera.moved(camera.rotation, t)
+
+    def points_to_unit(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """World positions [M, 3] in unit coordinates."""
+        return (positions - self.origin) / self.size
+
+    def to_world(self, gaussians: Gaussians) -> Gaussians:
+        """Unit Gaussians in world coordinates (float32; origin added in float64)."""
+        out = gaussians.detached()
+        origin = torch.from_numpy(self.origin).to(out.means.device)
+        out.means = (out.means.double() * self.size + origin).to(out.means.dtype)
+        out.log_scales = out.log_scales + float(np.log(self.size))
+        return out
+
+    def to_unit(self, gaussians: Gaussians) -> Gaussians:
+        """World Gaussians in unit coordinates."""
+        out = gaussians.detached()
+        origin = torch.from_numpy(self.origin).to(out.means.device)
+        out.means = ((out.means.double() - origin) / self.size).to(out.means.dtype)
+        out.log_scales = out.log_scales - float(np.log(self.size))
+        return out
+
+
+def scene_scale(cameras: Sequence[Camera], points: SparsePoints) -> SceneScale:
+    """The unit of a scene: the median depth at which cameras see the points.
+
+    Raises:
+        CameraError: no point lies in front of any camera.
+    """
+    positions = points.positions
+    if len(positions) > 4000:
+        positions = positions[:: len(positions) // 2000]
+    depths = []
+    for camera in cameras:
+        z = positions @ camera.rotation[2] + camera.translation[2]
+        depths.append(z[z > 0])
+    seen = np.concatenate(depths) if depths else np.zeros(0)
+    if len(seen) == 0:
+        raise CameraError(
+            "No reconstructed point lies in front of a camera", "Check the cameras' axes (world to camera, z forward)"
+        )
+    return SceneScale(np.median(positions, axis=0).astype(np.float64), float(np.median(seen)))
