@@ -6,6 +6,7 @@ import signal
 import sys
 import threading
 from types import FrameType, TracebackType
+from typing import Self
 
 
 class Interruption:
@@ -20,7 +21,7 @@ class Interruption:
         """True once the user asked to stop."""
         return self._asked.is_set()
 
-    def __enter__(self) -> Interruption:
+    def __enter__(self) -> Self:
         # Only the main thread may set handlers; elsewhere (inside Blender) the caller has its own.
         if threading.current_thread() is threading.main_thread():
             for number in (signal.SIGINT, signal.SIGTERM):

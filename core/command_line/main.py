@@ -74,7 +74,7 @@ def _guarded(
         # Whoever read our output has gone; the interpreter must not try to flush it at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 2
-    except Exception as error:
+    except Exception as error:  # noqa: BLE001 (the last door: anything that comes here is our fault)
         traceback.print_exc(file=sys.stderr)
         return _failed(progress, f"A bug, please report it: {type(error).__name__}: {error}", BUG)
 

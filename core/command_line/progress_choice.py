@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from types import TracebackType
-from typing import Protocol
+from typing import Protocol, Self
 
 from ..progress import Progress
 from .interruption import Interruption
@@ -13,7 +13,7 @@ from .interruption import Interruption
 class Reporting(Progress, Protocol):
     """A `Progress` of the command line: it is entered and left, and hears how the command ended."""
 
-    def __enter__(self) -> Reporting: ...
+    def __enter__(self) -> Self: ...
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None

@@ -13,7 +13,7 @@ import math
 import threading
 import time
 from types import TracebackType
-from typing import TextIO
+from typing import Self, TextIO
 
 from .interruption import Interruption
 
@@ -33,7 +33,7 @@ class JsonLines:
 
     _total: int | None
 
-    def __enter__(self) -> JsonLines:
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(

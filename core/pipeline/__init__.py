@@ -1,0 +1,1 @@
+"""The whole way: photos -> cameras and points -> Gaussians -> scores -> files."""

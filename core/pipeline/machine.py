@@ -1,0 +1,114 @@
+"""What a run ran on: versions, processor, memory."""
+
+from __future__ import annotations
+
+import os
+import platform
+import sys
+from importlib import metadata
+from pathlib import Path
+
+from ..version import VERSION
+
+_LIBRARIES = (
+    "torch", "numpy", "numba", "scipy", "scikit-image", "pycolmap", "plyfile", "pillow", "gsplat", "bpy",
+)  # fmt: skip
+
+
+def cores() -> int:
+    """Cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def use_threads(count: int | None) -> int:
+    """Sets the threads of torch and of the kernels; returns how many. Call before the first kernel."""
+    import torch
+
+    from ..compiled import set_threads
+
+    threads = count or cores()
+    torch.set_num_threads(threads)
+    set_threads(threads)
+    return threads
+
+
+def choose_device(asked: str) -> str:
+    """'cpu' or 'cuda'.
+
+    Raises:
+        DeviceError: CUDA was asked for and is not there.
+    """
+    if asked == "cpu":
+        return "cpu"
+    import torch
+
+    from ..errors import DeviceError
+
+    if not torch.cuda.is_available():
+        if asked == "cuda":
+            raise DeviceError("There is no CUDA device that torch can use", "Use --device cpu, or install torch for CUDA")
+        return "cpu"
+    try:
+        metadata.version("gsplat")
+    except metadata.PackageNotFoundError as error:
+        if asked == "cuda":
+            raise DeviceError("The CUDA back end needs gsplat", "Run: pip install gsplat") from error
+        return "cpu"
+    return "cuda"
+
+
+def versions() -> dict[str, str]:
+    """Version of this program, of Python and of the libraries that are installed."""
+    found = {"dgs": VERSION, "python": platform.python_version()}
+    for name in _LIBRARIES:
+        try:
+            found[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            continue
+    return found
+
+
+def machine(threads: int, device: str) -> dict[str, str | int | float | None]:
+    """System, processor, cores, memory."""
+    return {
+        "system": platform.platform(),
+        "processor": _processor(),
+        "cores": cores(),
+        "threads": threads,
+        "device": device,
+        "memory_gb": _memory_gb(),
+    }
+
+
+def peak_memory_mb() -> float | None:
+    """Most memory that this process held so far, plus the largest of its ended children, in MB.
+
+    An upper bound: the two peaks need not have come together. None where the system does not say.
+    """
+    try:
+        import resource
+    except ImportError:  # Windows
+        return None
+    unit = 1 if sys.platform == "darwin" else 1024
+    own = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    children = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss
+    return round((own + children) * unit / 1e6, 1)
+
+
+def _processor() -> str:
+    try:
+        for line in Path("/proc/cpuinfo").read_text("utf-8").splitlines():
+            if line.startswith("model name"):
+                return line.partition(":")[2].strip()
+    except OSError:
+        pass  # not Linux
+    return platform.processor() or platform.machine()
+
+
+def _memory_gb() -> float | None:
+    try:
+        return round(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 1e9, 1)
+    except (AttributeError, ValueError, OSError):
+        return None

@@ -1,0 +1,53 @@
+"""What a reconstruction is asked to do."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any, Literal
+
+
+@dataclass(frozen=True)
+class ReconstructSettings:
+    """One run, as the command line asks for it.
+
+    Attributes:
+        photos: folder of photos.
+        out: folder for all results.
+        psf: point spread function, in px of the photos' files (see `core.imaging.psf.parse_psf`).
+        blur_space: the values that the blur acts on.
+        cameras: COLMAP model folder or transforms.json; None to find them from the photos.
+        truth: folder of sharp photos of the same names, only for scoring.
+        masks: folder of images of the same names; black does not count.
+        holdout_every: views 0, n, 2n ... by sorted name are kept out of the training; 0: none.
+        max_size: longest side in px that photos are shrunk to, with cameras and PSF.
+        preset, loss: of the training.
+        time_limit: seconds from the photos to the twin, or None.
+        max_gaussians, sh_degree: None for the preset's.
+        seed, device, threads: threads None for all cores.
+        resume: go on from the checkpoint in `out`.
+    """
+
+    photos: Path
+    out: Path
+    psf: str = "none"
+    blur_space: Literal["srgb", "linear"] = "srgb"
+    cameras: Path | None = None
+    truth: Path | None = None
+    masks: Path | None = None
+    holdout_every: int = 8
+    max_size: int | None = None
+    preset: Literal["draft", "balanced", "fine"] = "balanced"
+    loss: Literal["dgs", "paper"] = "dgs"
+    time_limit: float | None = None
+    max_gaussians: int | None = None
+    sh_degree: int | None = None
+    seed: int = 0
+    device: Literal["auto", "cpu", "cuda"] = "auto"
+    threads: int | None = None
+    resume: bool = False
+
+    def plain(self) -> dict[str, Any]:
+        """For report.json: paths as text."""
+        values = {f.name: getattr(self, f.name) for f in fields(self)}
+        return {name: str(value) if isinstance(value, Path) else value for name, value in values.items()}

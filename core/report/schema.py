@@ -1,0 +1,114 @@
+"""What report.json holds: the one list that the writer, the tests and docs/report.md agree on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+#: Raised when a field changes its meaning or goes; new fields alone do not raise it.
+SCHEMA_VERSION = 1
+
+
+@dataclass(frozen=True)
+class Field:
+    """One field of report.json.
+
+    Attributes:
+        path: names joined by dots.
+        kind: 'number', 'integer', 'text', 'list', 'object' or 'boolean'.
+        meaning: what it says, with its unit.
+        nullable: null where it does not apply or could not be measured.
+    """
+
+    path: str
+    kind: str
+    meaning: str
+    nullable: bool = False
+
+
+FIELDS = (
+    Field("schema", "integer", "version of this list"),
+    Field("status", "text", "'done', 'time limit' or 'cancelled'"),
+    Field("photos.folder", "text", "where the photos came from"),
+    Field("photos.given", "integer", "readable photos in the folder"),
+    Field("photos.registered", "integer", "photos whose camera is known"),
+    Field("photos.unregistered", "list", "names of the others"),
+    Field("photos.size", "list", "width and height in px of the first photo as used", True),
+    Field("photos.scale", "number", "size as used / size in the file; 1 unless --max-size shrank it"),
+    Field("cameras.source", "text", "'sfm' (found from the photos) or 'given' (--cameras)"),
+    Field("cameras.file", "text", "the given model", True),
+    Field("cameras.focal_px", "number", "median focal length in px of the photos as used", True),
+    Field("cameras.reprojection_error_px", "number", "mean reprojection error of the sparse points in px", True),
+    Field("cameras.points", "integer", "sparse points that the training started from"),
+    Field("medium.psf", "text", "the point spread function as asked for; 'none' without"),
+    Field("medium.blur_space", "text", "'srgb' or 'linear': the values that the blur acts on"),
+    Field("gaussians", "integer", "Gaussians in the twin", True),
+    Field("steps", "integer", "optimization steps done", True),
+    Field("seconds.photos", "number", "reading and undistorting photos, in s", True),
+    Field("seconds.sfm", "number", "finding (or reading) the cameras, in s", True),
+    Field("seconds.compile", "number", "compiling the kernels, in s; small when they were cached", True),
+    Field("seconds.train", "number", "training, in s", True),
+    Field("seconds.save", "number", "rendering held-out views, scoring and writing, in s", True),
+    Field("seconds.total", "number", "everything before this report, in s"),
+    Field("peak_memory_mb", "number", "most memory held, child processes included, in MB (10^6 bytes)", True),
+    Field("heldout.names", "list", "held-out views that were rendered and scored"),
+    Field("heldout.unregistered", "list", "held-out views without a camera, which cannot be scored"),
+    Field("heldout.every", "integer", "every how many-th view by sorted name was held out; 0: none"),
+    Field("heldout.in_sfm", "boolean", "whether held-out photos took part in finding the cameras"),
+    Field("heldout.degraded.psnr", "number", "twin through the medium against the photos, mean in dB", True),
+    Field("heldout.degraded.ssim", "number", "the same, mean SSIM", True),
+    Field("heldout.sharp.psnr", "number", "twin against the sharp truth, mean in dB", True),
+    Field("heldout.sharp.ssim", "number", "the same, mean SSIM", True),
+    Field("heldout.sharp.psnr_inside", "number", "the same without a 30 px border, mean in dB", True),
+    Field("heldout.truth_low_passed_psnr", "number",
+          "PSNR in dB of the truth itself without periods below resolvable_period_px", True),
+    Field("heldout.bands", "list", "per band of periods: finest, coarsest (px), gain, correlation, energy"),
+    Field("heldout.edge_sharpness", "number", "slope at the truth's strongest edges / the truth's own", True),
+    Field("heldout.views", "list", "per view: name, degraded {psnr, ssim}, sharp {psnr, ssim} or null"),
+    Field("resolvable_period_px", "number", "finest detail that one photo still holds, period in px; 2 without blur"),
+    Field("settings", "object", "all settings that the run used"),
+    Field("versions", "object", "program and library versions"),
+    Field("machine", "object", "system, processor, cores, threads, device"),
+    Field("counters", "object", "how often something had to be repaired or removed in training"),
+    Field("notes", "list", "sentences that the run said"),
+    Field("history", "list", "training over time: step, seconds, loss, heldout_psnr where measured"),
+)  # fmt: skip
+
+_KINDS: dict[str, tuple[type, ...]] = {
+    "number": (int, float), "integer": (int,), "text": (str,), "list": (list,),
+    "object": (dict,), "boolean": (bool,),
+}  # fmt: skip
+
+
+def lookup(report: dict[str, Any], path: str) -> Any:
+    """The value at a dotted path; KeyError if it is not there."""
+    value: Any = report
+    for name in path.split("."):
+        value = value[name]
+    return value
+
+
+def problems(report: dict[str, Any]) -> list[str]:
+    """What a report lacks or has of a wrong kind; empty for a good one."""
+    found = []
+    for field in FIELDS:
+        try:
+            value = lookup(report, field.path)
+        except (KeyError, TypeError):
+            found.append(f"{field.path} is missing")
+            continue
+        if value is None:
+            if not field.nullable:
+                found.append(f"{field.path} is null")
+        elif not isinstance(value, _KINDS[field.kind]) or (isinstance(value, bool) and field.kind != "boolean"):
+            found.append(f"{field.path} is {type(value).__name__}, not {field.kind}")
+    return found
+
+
+def markdown_table() -> str:
+    """The list as it stands in docs/report.md."""
+    rows = [
+        f"| `{f.path}` | {f.kind}{' or null' if f.nullable else ''} | {f.meaning} |".replace("||", "|")
+        for f in FIELDS
+    ]
+    return "\n".join(["| field | kind | meaning |", "|---|---|---|", *rows])
