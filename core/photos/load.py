@@ -1,0 +1,286 @@
+"""Reads a folder of photos into memory, whatever the camera or program wrote."""
+
+from __future__ import annotations
+
+import logging
+import unicodedata
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import tifffile
+from numpy.typing import NDArray
+from PIL import Image, ImageOps
+
+from ..errors import Cancelled, PhotoError
+from ..progress import Progress
+from .scale import resized, resized_mask, size_within
+
+SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp", ".bmp"})
+
+#: A pixel counts where the alpha or the mask is at least half.
+HALF = 0.5
+
+_EXIF_IFD = 0x8769
+_FOCAL_35MM = 0xA405
+#: Diagonal of the 36 x 24 mm frame that EXIF's FocalLengthIn35mmFilm refers to.
+_DIAGONAL_35MM = 43.27
+
+Pixels = NDArray[np.uint8] | NDArray[np.uint16]
+
+
+@dataclass(frozen=True)
+class Photo:
+    """One photo as it lies in memory.
+
+    Attributes:
+        name: file name, unique in its set, NFC-normalised.
+        path: the file.
+        pixels: [H, W, 3] uint8 or uint16, sRGB-encoded; upright (EXIF rotation applied).
+        mask: [H, W] bool, True where a pixel counts; None where all do. A file's alpha below one
+            half does not count, and neither does black in the mask folder.
+        scale: (x, y) size in memory / size in the file, (1, 1) unless `max_size` made it smaller.
+        focal_px: focal length in px of `pixels` that EXIF tells, or None. A hint, never the truth.
+    """
+
+    name: str
+    path: Path
+    pixels: Pixels = field(repr=False)
+    mask: NDArray[np.bool_] | None = field(default=None, repr=False)
+    scale: tuple[float, float] = (1.0, 1.0)
+    focal_px: float | None = None
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """(width, height) in px."""
+        return self.pixels.shape[1], self.pixels.shape[0]
+
+
+def photo_files(source: Path) -> list[Path]:
+    """The photos in a folder, sorted by name; hidden files do not count.
+
+    Raises:
+        PhotoError: the folder is missing, is no folder, or holds no photo.
+    """
+    if not source.exists():
+        raise PhotoError(f"There is no folder '{source}'", "Check the path of the photos")
+    if not source.is_dir():
+        raise PhotoError(f"'{source}' is not a folder", "Name the folder that holds the photos")
+    try:
+        entries = sorted(source.iterdir(), key=lambda p: unicodedata.normalize("NFC", p.name))
+    except OSError as error:
+        raise PhotoError(f"The folder '{source}' cannot be read ({error.strerror})", "Check its permissions") from error
+    files = [p for p in entries if p.suffix.lower() in SUFFIXES and not p.name.startswith(".") and p.is_file()]
+    if not files:
+        raise PhotoError(
+            f"The folder '{source}' holds no photos",
+            "Put PNG, JPEG, TIFF, WebP or BMP files directly into it",
+        )
+    return files
+
+
+def load_photos(
+    source: Path, max_size: int | None, progress: Progress, masks: Path | None = None, minimum: int = 2
+) -> list[Photo]:
+    """Reads every photo of a folder.
+
+    Grey becomes three equal channels; CMYK and palettes are converted; alpha becomes the mask and
+    the colours under it are kept as they are (8 or 16 bit stays 8 or 16 bit). Files that cannot be
+    read are named in a note and left out.
+
+    Args:
+        source: folder of photos.
+        max_size: longest side in px; larger photos are scaled down (area average in the sRGB
+            encoding, as blur and loss work there). None keeps every pixel.
+        progress: told of each photo; may cancel.
+        masks: folder with one image per photo of the same stem; white counts, black does not.
+        minimum: how many readable photos are enough to go on.
+
+    Returns:
+        The photos, sorted by name.
+
+    Raises:
+        PhotoError: nothing there, or fewer than `minimum` readable photos.
+        Cancelled: the user asked to stop.
+    """
+    files = photo_files(source)
+    if max_size is not None and max_size < 16:
+        raise PhotoError(f"A longest side of {max_size} px is too small", "Ask for at least 16 px")
+    mask_files = _masks(masks) if masks is not None else {}
+    progress.stage("photos", len(files))
+    photos: list[Photo] = []
+    failures: list[str] = []
+    for index, path in enumerate(files):
+        if progress.cancelled():
+            raise Cancelled("Stopped while reading photos")
+        try:
+            photo = load_photo(path, max_size)
+            if masks is not None:
+                photo = _with_mask(photo, mask_files.get(_stem(path)), progress)
+        except PhotoError as error:
+            failures.append(path.name)
+            progress.note(f"Left out: {error}")
+        else:
+            photos.append(photo)
+        progress.advance(index + 1)
+    if masks is not None and not any(_stem(p.path) in mask_files for p in photos):
+        raise PhotoError(f"No mask in '{masks}' has the name of a photo", "Give each mask its photo's name")
+    if len(photos) < minimum:
+        named = f" (could not be read: {', '.join(failures[:5])}{', ...' if len(failures) > 5 else ''})" if failures else ""
+        raise PhotoError(
+            f"'{source}' holds {len(photos)} readable photo{'' if len(photos) == 1 else 's'}{named}",
+            f"Add photos from other viewpoints; at least {minimum} are needed",
+        )
+    return photos
+
+
+def load_photo(path: Path, max_size: int | None = None) -> Photo:
+    """Reads one photo; see `load_photos`.
+
+    Raises:
+        PhotoError: the file is unreadable, truncated or holds no picture.
+    """
+    try:
+        pixels, alpha, focal_35mm = _read(path)
+    except PhotoError:
+        raise
+    except Exception as error:  # decoders raise whatever they like; the file's name is what helps
+        reason = str(error).strip().splitlines()[0][:120] if str(error).strip() else type(error).__name__
+        raise PhotoError(
+            f"'{path.name}' cannot be read as a photo ({reason})", "Replace or remove the file"
+        ) from error
+    height, width = pixels.shape[:2]
+    mask = None if alpha is None or bool((alpha >= HALF).all()) else alpha >= HALF
+    new_width, new_height = size_within(width, height, max_size)
+    if (new_width, new_height) != (width, height):
+        pixels = resized(pixels, new_width, new_height)
+        mask = None if mask is None else resized_mask(mask, new_width, new_height)
+    focal = None if focal_35mm is None else focal_35mm / _DIAGONAL_35MM * float(np.hypot(new_width, new_height))
+    name = unicodedata.normalize("NFC", path.name)
+    return Photo(name, path, pixels, mask, (new_width / width, new_height / height), focal)
+
+
+def _read(path: Path) -> tuple[Pixels, NDArray[np.float32] | None, float | None]:
+    if path.suffix.lower() in {".tif", ".tiff"}:
+        # Pillow has no 16-bit RGB; tifffile does, but knows no EXIF rotation of its own.
+        pixels, alpha = _read_tiff(path)
+        return pixels, alpha, None
+    if path.suffix.lower() == ".png" and _png_depth(path) == 16:
+        pixels, alpha = _read_png16(path)
+        return pixels, alpha, None
+    with Image.open(path) as opened:
+        exif = opened.getexif()
+        focal = exif.get_ifd(_EXIF_IFD).get(_FOCAL_35MM)
+        opened.load()
+        image: Image.Image = ImageOps.exif_transpose(opened) or opened
+        if image.mode in {"I;16", "I;16B", "I;16L", "I", "F"}:
+            grey = np.asarray(image)
+            return _from_array(grey.astype(np.uint16) if grey.dtype.kind in "iu" else grey)[0], None, None
+        alpha = None
+        if image.mode in {"RGBA", "LA", "PA", "RGBa", "La"} or "transparency" in image.info:
+            rgba = image.convert("RGBA")
+            alpha = np.asarray(rgba.getchannel("A")).astype(np.float32) / np.float32(255)
+            image = rgba
+        return np.asarray(image.convert("RGB")).copy(), alpha, float(focal) if focal else None
+
+
+def _png_depth(path: Path) -> int:
+    with path.open("rb") as stream:
+        header = stream.read(26)
+    return header[24] if len(header) == 26 else 0
+
+
+def _read_png16(path: Path) -> tuple[Pixels, NDArray[np.float32] | None]:
+    """16-bit PNG, which Pillow would cut to 8 bits."""
+    from .png16 import read_png16
+
+    return _from_array(read_png16(path))
+
+
+def _read_tiff(path: Path) -> tuple[Pixels, NDArray[np.float32] | None]:
+    logging.getLogger("tifffile").setLevel(logging.CRITICAL)  # its complaints come as our PhotoError
+    with tifffile.TiffFile(path) as tiff:
+        page = tiff.pages[0]
+        assert isinstance(page, tifffile.TiffPage)
+        photometric = int(page.photometric)
+        orientation = page.tags.get("Orientation")
+        if photometric not in (0, 1, 2):  # palette, CMYK, YCbCr, Lab: Pillow converts them
+            with Image.open(path) as opened:
+                opened.load()
+                upright = ImageOps.exif_transpose(opened) or opened
+                return np.asarray(upright.convert("RGB")).copy(), None
+        array = page.asarray()
+        if int(page.planarconfig) == 2 and array.ndim == 3:
+            array = array.transpose(1, 2, 0)
+    if photometric == 0:  # white is zero
+        array = np.iinfo(array.dtype).max - array if array.dtype.kind == "u" else 1.0 - array
+    pixels, alpha = _from_array(array)
+    turn = int(orientation.value) if orientation is not None else 1
+    return _upright(pixels, turn), None if alpha is None else _upright(alpha, turn)
+
+
+def _upright(array: NDArray[Any], orientation: int) -> NDArray[Any]:
+    """EXIF orientation 1..8 undone."""
+    if orientation in (5, 6, 7, 8):
+        array = array.swapaxes(0, 1)
+    if orientation in (2, 3, 6, 7):
+        array = array[:, ::-1]
+    if orientation in (3, 4, 7, 8):
+        array = array[::-1]
+    return np.ascontiguousarray(array)
+
+
+def _from_array(array: NDArray[np.generic]) -> tuple[Pixels, NDArray[np.float32] | None]:
+    """Any [H, W] or [H, W, 1..4] array -> ([H, W, 3] uint8/uint16, alpha in [0, 1] or None)."""
+    if array.ndim == 2:
+        array = array[:, :, None]
+    if array.ndim != 3 or array.shape[2] not in (1, 2, 3, 4) or 0 in array.shape:
+        raise PhotoError(f"A picture of shape {array.shape} is no photo")
+    if array.dtype == np.bool_:
+        array = array.astype(np.uint8) * np.uint8(255)
+    if array.dtype.kind == "f":
+        array = np.nan_to_num(np.clip(array.astype(np.float64), 0.0, 1.0)) * 65535.0 + 0.5
+        array = array.astype(np.uint16)
+    if array.dtype not in (np.uint8, np.uint16):
+        raise PhotoError(f"Pixels of type {array.dtype} are not understood")
+    alpha = None
+    if array.shape[2] in (2, 4):
+        full = np.float32(np.iinfo(array.dtype).max)
+        alpha = array[:, :, -1].astype(np.float32) / full
+        array = array[:, :, :-1]
+    if array.shape[2] == 1:
+        array = np.repeat(array, 3, axis=2)
+    return np.ascontiguousarray(array), alpha  # type: ignore[return-value]
+
+
+def _stem(path: Path) -> str:
+    return unicodedata.normalize("NFC", path.stem).casefold()
+
+
+def _masks(folder: Path) -> dict[str, Path]:
+    try:
+        return {_stem(p): p for p in photo_files(folder)}
+    except PhotoError as error:
+        raise PhotoError(f"Masks: {error.what}", error.way_out) from error
+
+
+def _with_mask(photo: Photo, path: Path | None, progress: Progress) -> Photo:
+    if path is None:
+        progress.note(f"'{photo.name}' has no mask: all its pixels count")
+        return photo
+    drawn = load_photo(path)
+    width, height = photo.size
+    given = drawn.size
+    if abs(given[0] * height - given[1] * width) > 0.02 * given[0] * height:
+        raise PhotoError(
+            f"The mask '{path.name}' is {given[0]} x {given[1]} px, its photo {width} x {height}",
+            "Give the mask its photo's size",
+        )
+    white = drawn.pixels[:, :, 1] >= HALF * np.iinfo(drawn.pixels.dtype).max
+    mask = resized_mask(white, width, height)
+    if photo.mask is not None:
+        mask &= photo.mask
+    if not mask.any():
+        progress.note(f"The mask '{path.name}' leaves no pixel of '{photo.name}'")
+    return Photo(photo.name, photo.path, photo.pixels, mask, photo.scale, photo.focal_px)

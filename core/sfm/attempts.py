@@ -1,0 +1,172 @@
+"""Recipe after recipe, until the cameras can be trusted. Runs in the child process only."""
+
+from __future__ import annotations
+
+import shutil
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+import pycolmap
+
+from . import pipeline
+from .job import Job
+from .reconstruction import Attempt
+from .refine import pixel_exact
+from .settings import Recipe, SfmSettings, recipes
+
+#: Focal lengths outside these shares of the longest side are no camera's (150 and 7 degrees wide).
+FOCAL_LIMITS = (0.2, 8.0)
+#: More than this many px on average is no fit.
+REPROJECTION_LIMIT = 1.5
+#: Rays that meet at less than this tell no depth.
+ANGLE_LIMIT = 1.0
+#: Points per registered photo below which a model hangs on chance.
+POINTS_PER_PHOTO = 8
+
+Say = Callable[..., None]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """kind 'done' or 'failed', and what to tell the parent."""
+
+    kind: str
+    message: dict[str, Any]
+
+
+def run(job: Job, say: Say) -> Outcome:
+    """Tries the recipes; leaves the best trusted model in `job.folder`/best."""
+    pycolmap.logging.minloglevel = 3
+    pycolmap.logging.logtostderr = True
+    started = time.perf_counter()
+    best: tuple[float, Any, Attempt] | None = None
+    log: list[Attempt] = []
+    geometries: list[pipeline.PairGeometry] = []
+    for number, recipe in enumerate(recipes(job.kernel is not None)):
+        if number and time.perf_counter() - started > job.settings.time_limit:
+            break
+        begun = time.perf_counter()
+        model, geometry = _try(job, recipe, number, say)
+        geometries.append(geometry)
+        attempt = judge(model, len(job.images), job.settings, recipe)
+        attempt = replace(attempt, seconds=time.perf_counter() - begun)
+        log.append(attempt)
+        say(attempt=asdict(attempt))
+        if model is not None and attempt.verdict in ("trusted", "incomplete"):
+            score = attempt.registered + min(0.9, attempt.points / 1e5)
+            if best is None or score > best[0]:
+                best = (score, model, attempt)
+        if attempt.verdict == "trusted":
+            break
+    if best is None:
+        return Outcome("failed", explain(geometries, log, len(job.images)))
+    output = job.folder / "best"
+    output.mkdir(exist_ok=True)
+    best[1].write_binary(str(output))
+    return Outcome("done", asdict(best[2]))
+
+
+def _try(job: Job, recipe: Recipe, number: int, say: Say) -> tuple[Any, pipeline.PairGeometry]:
+    folder = job.folder / f"try{number}"
+    images, database = folder / "images", folder / "database.db"
+    folder.mkdir(exist_ok=True)
+    say(stage="features", recipe=recipe.name)
+    greys = pipeline.filtered_greys(job, recipe.noise_to_signal)
+    pipeline.write_images(greys, images, job.settings.threads)
+    pipeline.extract(job, recipe, database, images)
+    say(stage="matches", recipe=recipe.name)
+    pipeline.match(job, recipe, database)
+    geometry = pipeline.pair_geometry(database)
+    say(stage="mapping", recipe=recipe.name)
+    joined = 0
+
+    def count() -> None:
+        nonlocal joined
+        joined += 1
+        say(joined=joined)
+
+    models = pipeline.map_incrementally(job, recipe, database, images, folder / "models", count)
+    model = models[0] if models else None
+    if model is not None and job.settings.refine.rounds > 0:
+        say(stage="refinement", recipe=recipe.name)
+        model = pixel_exact(model, greys, job.settings.refine)
+    if model is not None:
+        model.extract_colors_for_all_images(str(images))
+    shutil.rmtree(images)
+    return model, geometry
+
+
+def judge(model: Any, given: int, settings: SfmSettings, recipe: Recipe) -> Attempt:
+    """Whether a model is to be trusted: 'trusted', 'incomplete' (few photos), or why not."""
+    attempt = Attempt(recipe.name, recipe.reason)
+    if model is None or model.num_reg_images() < 2:
+        return replace(attempt, verdict="no model")
+    registered = model.num_reg_images()
+    cameras = [model.cameras[model.images[i].camera_id] for i in model.reg_image_ids()]
+    shares = np.array([c.mean_focal_length() / max(c.width, c.height) for c in cameras])
+    model.update_point_3d_errors()
+    attempt = replace(
+        attempt,
+        registered=registered,
+        points=model.num_points3D(),
+        focal_px=float(np.mean([c.mean_focal_length() for c in cameras])),
+        reprojection_px=float(model.compute_mean_reprojection_error()),
+        angle_deg=widest_angle(model),
+    )
+    verdict = "trusted"
+    if registered < 3 or registered < 0.25 * given:
+        verdict = "too few photos joined"
+    elif not (FOCAL_LIMITS[0] < shares.min() and shares.max() < FOCAL_LIMITS[1]):
+        verdict = "implausible focal length"
+    elif not attempt.reprojection_px < REPROJECTION_LIMIT:
+        verdict = "large reprojection error"
+    elif attempt.angle_deg < ANGLE_LIMIT:
+        verdict = "rays too parallel"
+    elif attempt.points < POINTS_PER_PHOTO * registered:
+        verdict = "too few points"
+    elif registered < settings.minimum_share * given:
+        verdict = "incomplete"
+    return replace(attempt, verdict=verdict)
+
+
+def widest_angle(model: Any) -> float:
+    """Median over the points of the widest angle (degrees) between two rays that meet there."""
+    centres = {i: np.array(model.images[i].projection_center()) for i in model.reg_image_ids()}
+    angles = []
+    for point_id in sorted(model.point3D_ids())[:: max(1, model.num_points3D() // 1000)]:
+        point = model.points3D[point_id]
+        rays = np.array([centres[e.image_id] - point.xyz for e in point.track.elements])
+        rays /= np.linalg.norm(rays, axis=1, keepdims=True)
+        angles.append(np.degrees(np.arccos(np.clip((rays @ rays.T).min(), -1.0, 1.0))))
+    return float(np.median(angles)) if angles else 0.0
+
+
+def explain(geometries: list[pipeline.PairGeometry], log: list[Attempt], given: int) -> dict[str, str]:
+    """Why no recipe led to cameras, as the kind of error and its two sentences."""
+    tried = ", ".join(f"{a.name}: {a.verdict}" for a in log)
+    most = max(geometries, key=lambda g: (g.connected, g.verified))
+    parallel = any(a.verdict == "rays too parallel" for a in log)
+    if most.connected < max(3, 0.25 * given) and most.connected < given:
+        return {
+            "kind": "NoOverlap",
+            "what": f"Only {most.connected} of {given} photos share enough detail with another one ({tried})",
+            "way_out": "Take photos whose views overlap by at least two thirds, check the point spread"
+            " function, or give known cameras with --cameras",
+        }
+    if parallel or most.rotating > 0.5 or most.flat > 0.6:
+        return {
+            "kind": "DegenerateMotion",
+            "what": f"The photos show a flat scene or a camera that only turned ({most.flat:.0%} of the"
+            f" pairs; {tried})",
+            "way_out": "Move the camera sideways between photos, put something with depth into the"
+            " scene, or give known cameras with --cameras",
+        }
+    return {
+        "kind": "CameraError",
+        "what": f"No trustworthy cameras were found for {given} photos ({tried})",
+        "way_out": "Take more overlapping photos, check the point spread function, or give known"
+        " cameras with --cameras",
+    }

@@ -1,0 +1,179 @@
+"""Cameras from photos: starts the child process in which pycolmap runs, and reads what it found."""
+
+from __future__ import annotations
+
+import json
+import os
+import queue
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import errors
+from ..errors import CameraError, Cancelled, NativeCrash, TooFewPhotos
+from ..formats.colmap import read_model
+from ..photos.load import Photo
+from ..progress import Progress
+from .job import write_job
+from .reconstruction import Attempt, Figures, Reconstruction
+from .settings import SfmSettings
+
+#: Three views are the least that check one another.
+MINIMUM_PHOTOS = 3
+
+_WORKER = Path(__file__).with_name("worker.py")
+
+
+def find_cameras(
+    photos: list[Photo],
+    kernel: NDArray[np.float64] | None,
+    settings: SfmSettings,
+    work_dir: Path,
+    progress: Progress,
+) -> Reconstruction:
+    """Structure from motion on blurred photos.
+
+    Args:
+        photos: at least three; masked pixels give no features.
+        kernel: [k, k] the known point spread function at the photos' size, normalised, centred,
+            odd; None if the photos are sharp. The blur is undone (Wiener) before features are sought.
+        settings: see `SfmSettings`.
+        work_dir: where a scratch folder may be made; it is removed at the end.
+        progress: told of the stages; may cancel, which ends the child process.
+
+    Returns:
+        Cameras of the photos that could be placed, and the log of what was tried.
+
+    Raises:
+        TooFewPhotos, NoOverlap, DegenerateMotion, CameraError: no trustworthy cameras.
+        NativeCrash: the native library ended its process.
+        Cancelled: the user asked to stop.
+    """
+    if len(photos) < MINIMUM_PHOTOS:
+        raise TooFewPhotos(
+            f"{len(photos)} photos are too few to find cameras",
+            f"Give at least {MINIMUM_PHOTOS} overlapping photos (20 or more are better), or known"
+            " cameras with --cameras",
+        )
+    started = time.perf_counter()
+    progress.stage("cameras", len(photos))
+    work_dir.mkdir(parents=True, exist_ok=True)
+    folder = Path(tempfile.mkdtemp(prefix="sfm-", dir=work_dir))
+    try:
+        names = write_job(photos, kernel, settings, folder)
+        attempts, chosen = _run(folder, len(photos), settings, progress)
+        lenses, poses, points = read_model(folder / "best")
+        figures = Figures(
+            "sfm", len(photos), chosen.registered, chosen.focal_px, chosen.reprojection_px,
+            chosen.angle_deg, time.perf_counter() - started, tuple(attempts),
+        )  # fmt: skip
+        missing = sorted(set(names.values()) - {names[n] for n in poses})
+        if missing:
+            progress.note(f"{len(missing)} of {len(photos)} photos could not be placed: {', '.join(missing[:8])}"
+                          + (", ..." if len(missing) > 8 else ""))  # fmt: skip
+        return Reconstruction(
+            {names[n]: p for n, p in poses.items()}, {names[n]: v for n, v in lenses.items()}, points, figures
+        )
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def _environment(threads: int) -> dict[str, str]:
+    environment = dict(os.environ)
+    # The child must find the packages that this process found, also inside Blender.
+    environment["PYTHONPATH"] = os.pathsep.join(p for p in sys.path if p)
+    environment["OMP_WAIT_POLICY"] = "passive"
+    environment["OMP_NUM_THREADS"] = str(threads)
+    environment["GLOG_minloglevel"] = "3"
+    return environment
+
+
+def _run(
+    folder: Path, given: int, settings: SfmSettings, progress: Progress
+) -> tuple[list[Attempt], Attempt]:
+    """Runs the child to its end; all its attempts and the one it chose."""
+    with (folder / "native.log").open("wb") as log:
+        child = subprocess.Popen(
+            [sys.executable, str(_WORKER), str(folder)],
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=log, env=_environment(settings.threads),
+        )  # fmt: skip
+    try:
+        attempts: list[Attempt] = []
+        chosen: Attempt | None = None
+        assert child.stdout is not None
+        for message in _messages(child.stdout, progress):
+            if "joined" in message:
+                progress.advance(min(given, int(message["joined"])))
+            elif "attempt" in message:
+                attempts.append(Attempt(**message["attempt"]))
+                if attempts[-1].verdict != "trusted":
+                    tried = attempts[-1]
+                    progress.note(
+                        f"Cameras, attempt '{tried.name}': {tried.verdict} ({tried.registered} of {given} photos)"
+                    )
+            elif "done" in message:
+                chosen = Attempt(**message["done"])
+            elif "failed" in message:
+                failure = message["failed"]
+                kind = getattr(errors, failure["kind"])
+                raise kind(failure["what"], failure["way_out"])
+        status = child.wait()
+        if chosen is None or status != 0:
+            raise _crash(status, folder / "native.log")
+        return attempts, replace(chosen)
+    finally:
+        if child.poll() is None:
+            child.kill()
+        child.wait()
+        for stream in (child.stdin, child.stdout):
+            if stream is not None:
+                stream.close()
+
+
+def _messages(stream: IO[bytes], progress: Progress) -> Any:
+    """JSON lines of the child as they come; looks for the user's wish to stop ten times a second."""
+    lines: queue.Queue[bytes | None] = queue.Queue()
+
+    def read() -> None:
+        for line in stream:
+            lines.put(line)
+        lines.put(None)
+
+    threading.Thread(target=read, daemon=True).start()
+    while True:
+        if progress.cancelled():
+            raise Cancelled("Stopped while finding the cameras")
+        try:
+            line = lines.get(timeout=0.1)
+        except queue.Empty:
+            continue
+        if line is None:
+            return
+        if line.startswith(b"{"):  # native code may write lines of its own
+            yield json.loads(line)
+
+
+def _crash(status: int, log: Path) -> CameraError:
+    tail = log.read_text(errors="replace").strip().splitlines()[-1:] if log.exists() else []
+    said = f"; it last said: {tail[0][:200]}" if tail else ""
+    if status < 0:
+        try:
+            reason = f"signal {signal.Signals(-status).name}"
+        except ValueError:
+            reason = f"signal {-status}"
+    else:
+        reason = f"exit status {status}"
+    return NativeCrash(
+        f"The structure-from-motion process ended unexpectedly ({reason}{said})",
+        "Try again with fewer or smaller photos (--max-size), or give known cameras with --cameras",
+    )

@@ -1,0 +1,86 @@
+"""The folder through which parent and child hand over photos, settings and models."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from ..photos.load import Photo
+from .settings import SfmSettings
+from .sharpen import luma
+
+JOB_FILE = "job.json"
+
+
+@dataclass(frozen=True)
+class Job:
+    """What the parent hands over.
+
+    Attributes:
+        folder: the work folder; everything else lies in it.
+        images: image name in the model ('0/0003.png', one folder per lens) -> luma file
+            ([H, W] uint16, NPY).
+        focals: focal length in px per lens folder, where EXIF told one.
+        masked: whether `folder`/masks holds masks.
+        kernel: [k, k] point spread function, or None.
+        settings: see `SfmSettings`.
+    """
+
+    folder: Path
+    images: dict[str, Path]
+    focals: dict[str, float]
+    masked: bool
+    kernel: NDArray[np.float64] | None
+    settings: SfmSettings
+
+
+def write_job(
+    photos: list[Photo], kernel: NDArray[np.float64] | None, settings: SfmSettings, folder: Path
+) -> dict[str, str]:
+    """Fills the work folder. File names in it are numbers: the photos' own may hold anything.
+
+    Returns:
+        Photo name per image name.
+    """
+    (folder / "luma").mkdir(parents=True, exist_ok=True)
+    lenses: dict[tuple[int, int, int], str] = {}
+    names: dict[str, str] = {}
+    focals: dict[str, float] = {}
+    files: dict[str, str] = {}
+    masked = False
+    for index, photo in enumerate(photos):
+        key = (*photo.size, round(photo.focal_px or 0.0))
+        lens = lenses.setdefault(key, str(len(lenses)))
+        if photo.focal_px is not None:
+            focals[lens] = photo.focal_px
+        image = f"{lens}/{index:04d}.png"
+        names[image] = photo.name
+        files[image] = f"luma/{index:04d}.npy"
+        np.save(folder / files[image], np.round(luma(photo.pixels) * 65535).astype(np.uint16), allow_pickle=False)
+        if photo.mask is not None:
+            masked = True
+            path = folder / "masks" / (image + ".png")  # COLMAP's naming
+            path.parent.mkdir(parents=True, exist_ok=True)
+            Image.fromarray(photo.mask.astype(np.uint8) * np.uint8(255)).save(path, compress_level=1)
+    if kernel is not None:
+        np.save(folder / "kernel.npy", kernel.astype(np.float64), allow_pickle=False)
+    content = {
+        "images": files, "focals": focals, "masked": masked, "blurred": kernel is not None,
+        "settings": settings.as_json(),
+    }  # fmt: skip
+    (folder / JOB_FILE).write_text(json.dumps(content), encoding="utf-8")
+    return names
+
+
+def read_job(folder: Path) -> Job:
+    """The inverse of `write_job`, in the child."""
+    content = json.loads((folder / JOB_FILE).read_text(encoding="utf-8"))
+    kernel = np.load(folder / "kernel.npy", allow_pickle=False) if content["blurred"] else None
+    images = {name: folder / path for name, path in content["images"].items()}
+    settings = SfmSettings.from_json(content["settings"])
+    return Job(folder, images, content["focals"], content["masked"], kernel, settings)

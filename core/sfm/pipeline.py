@@ -1,0 +1,157 @@
+"""Features, matches, mapping: pycolmap, driven by one recipe. Runs in the child process only."""
+
+from __future__ import annotations
+
+from collections import Counter
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pycolmap
+from numpy.typing import NDArray
+from PIL import Image
+
+from .job import Job
+from .pairs import choose_pairs
+from .settings import Recipe
+from .sharpen import as_bytes, wiener
+
+
+def filtered_greys(job: Job, noise_to_signal: float) -> dict[str, NDArray[np.float32]]:
+    """The grey photos in [0, 1], with the blur undone as far as noise allows."""
+
+    def one(path: Path) -> NDArray[np.float32]:
+        grey = np.load(path, allow_pickle=False).astype(np.float32) / np.float32(65535)
+        if job.kernel is None or noise_to_signal == 0.0:
+            return grey
+        return wiener(grey, job.kernel, noise_to_signal)
+
+    with ThreadPoolExecutor(job.settings.threads) as pool:
+        return dict(zip(job.images, pool.map(one, job.images.values()), strict=True))
+
+
+def write_images(greys: dict[str, NDArray[np.float32]], folder: Path, threads: int) -> None:
+    """8-bit grey PNGs, as pycolmap reads them."""
+
+    def one(item: tuple[str, NDArray[np.float32]]) -> None:
+        path = folder / item[0]
+        path.parent.mkdir(parents=True, exist_ok=True)
+        Image.fromarray(as_bytes(item[1])).save(path, compress_level=1)
+
+    with ThreadPoolExecutor(threads) as pool:
+        list(pool.map(one, greys.items()))
+
+
+def extract(job: Job, recipe: Recipe, database: Path, images: Path) -> None:
+    """SIFT features (Lowe 2004; L1-root normalised) into the database; one lens per folder."""
+    options = pycolmap.FeatureExtractionOptions()
+    options.num_threads = job.settings.threads
+    options.use_gpu = False
+    options.sift.max_num_features = recipe.max_features
+    options.sift.peak_threshold = recipe.peak_threshold
+    options.sift.first_octave = recipe.first_octave
+    reader = pycolmap.ImageReaderOptions()
+    reader.camera_model = job.settings.lens_model
+    if job.masked:
+        reader.mask_path = str(job.folder / "masks")
+    mode = pycolmap.CameraMode.PER_FOLDER if job.settings.one_lens else pycolmap.CameraMode.PER_IMAGE
+    pycolmap.extract_features(
+        database, images, camera_mode=mode, reader_options=reader, extraction_options=options
+    )
+    if job.focals:
+        with pycolmap.Database.open(database) as store:
+            for image in store.read_all_images():
+                focal = job.focals.get(image.name.split("/")[0])
+                if focal is not None:
+                    camera = store.read_camera(image.camera_id)
+                    for at in camera.focal_length_idxs():
+                        camera.params[at] = focal
+                    camera.has_prior_focal_length = True
+                    store.update_camera(camera)
+
+
+def match(job: Job, recipe: Recipe, database: Path) -> None:
+    """Matches and verifies pairs: all of them in small sets, the promising ones in large sets."""
+    options = pycolmap.FeatureMatchingOptions()
+    options.num_threads = job.settings.threads
+    options.use_gpu = False
+    options.guided_matching = recipe.guided
+    verification = pycolmap.TwoViewGeometryOptions()
+    verification.min_num_inliers = recipe.min_inliers
+    verification.ransac.random_seed = recipe.seed
+    names = None
+    if len(job.images) >= job.settings.choose_pairs_from:
+        names = choose_pairs(database, job.settings)
+    if names is None:
+        pycolmap.match_exhaustive(database, options, verification_options=verification)
+        return
+    pairs = job.folder / "pairs.txt"
+    pairs.write_text("".join(f"{a} {b}\n" for a, b in names), encoding="utf-8")
+    pairing = pycolmap.ImportedPairingOptions()
+    pairing.match_list_path = str(pairs)
+    pycolmap.match_image_pairs(database, options, pairing, verification)
+
+
+def map_incrementally(
+    job: Job, recipe: Recipe, database: Path, images: Path, output: Path, joined: Any = None
+) -> list[Any]:
+    """COLMAP's incremental mapper (Schoenberger & Frahm 2016); models, the largest first."""
+    options = pycolmap.IncrementalPipelineOptions()
+    options.num_threads = job.settings.threads
+    options.random_seed = recipe.seed
+    options.min_num_matches = recipe.min_inliers
+    options.min_model_size = 3
+    options.max_num_models = 5
+    options.extract_colors = False
+    options.mapper.init_min_num_inliers = recipe.init_inliers
+    options.mapper.abs_pose_min_num_inliers = recipe.pose_inliers
+    options.mapper.abs_pose_min_inlier_ratio = recipe.pose_ratio
+    # The patch alignment and its adjustment come after; exactness here would be thrown away.
+    options.ba_global_frames_ratio = options.ba_global_points_ratio = 1.4
+    options.ba_global_max_refinements = 2
+    output.mkdir(parents=True, exist_ok=True)
+    models = pycolmap.incremental_mapping(database, images, output, options, next_image_callback=joined)
+    return sorted(models.values(), key=lambda m: (-m.num_reg_images(), -m.num_points3D()))
+
+
+@dataclass(frozen=True)
+class PairGeometry:
+    """What the verified pairs say about the motion.
+
+    Attributes:
+        images: number of photos.
+        verified: pairs with enough inliers.
+        connected: photos in at least one verified pair.
+        flat: share of verified pairs that a homography explains (plane or pure rotation).
+        rotating: share of verified pairs that a pure rotation explains.
+    """
+
+    images: int
+    verified: int
+    connected: int
+    flat: float
+    rotating: float
+
+
+def pair_geometry(database: Path) -> PairGeometry:
+    """Reads the verified pairs of the database."""
+    kinds = pycolmap.TwoViewGeometryConfiguration
+    flat = {kinds.PLANAR, kinds.PANORAMIC, kinds.PLANAR_OR_PANORAMIC}
+    rotating = {kinds.PANORAMIC}
+    count: Counter[Any] = Counter()
+    connected: set[int] = set()
+    with pycolmap.Database.open(database) as store:
+        images = store.num_images()
+        ids, geometries = store.read_two_view_geometries()
+        for pair, geometry in zip(ids, geometries, strict=True):
+            if len(geometry.inlier_matches) == 0:
+                continue
+            count[geometry.config] += 1
+            connected.update(pycolmap.pair_id_to_image_pair(pair))
+    total = sum(count.values())
+    return PairGeometry(
+        images, total, len(connected),
+        sum(count[k] for k in flat) / max(1, total), sum(count[k] for k in rotating) / max(1, total),
+    )  # fmt: skip

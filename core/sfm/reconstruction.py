@@ -1,0 +1,135 @@
+"""What is known about the cameras of a set: poses, lenses, points, and how far to trust them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..camera import Camera
+from ..lens import Lens
+from ..views import SparsePoints
+
+
+@dataclass(frozen=True)
+class Pose:
+    """World to camera: x_camera = rotation @ x_world + translation (COLMAP axes)."""
+
+    rotation: NDArray[np.float64]
+    translation: NDArray[np.float64]
+
+    @property
+    def centre(self) -> NDArray[np.float64]:
+        """Position in the world, [3]."""
+        return -self.rotation.T @ self.translation
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """One way that was tried to find the cameras.
+
+    Attributes:
+        name, reason: what was tried, and why.
+        registered, points, focal_px, reprojection_px, angle_deg: what it gave.
+        seconds: wall time.
+        verdict: 'trusted', or what spoke against it.
+    """
+
+    name: str
+    reason: str
+    registered: int = 0
+    points: int = 0
+    focal_px: float = 0.0
+    reprojection_px: float = 0.0
+    angle_deg: float = 0.0
+    seconds: float = 0.0
+    verdict: str = ""
+
+
+@dataclass(frozen=True)
+class Figures:
+    """How the cameras were found.
+
+    Attributes:
+        source: 'sfm' or the name of the camera file.
+        given, registered: photos handed in, photos with a camera.
+        focal_px: mean focal length of the registered photos in px.
+        reprojection_px: mean reprojection error, NaN without tracks.
+        angle_deg: median over the points of the widest angle between two of their rays.
+        seconds: wall time.
+        attempts: everything that was tried, in order.
+    """
+
+    source: str
+    given: int
+    registered: int
+    focal_px: float
+    reprojection_px: float
+    angle_deg: float
+    seconds: float
+    attempts: tuple[Attempt, ...] = ()
+
+
+@dataclass(frozen=True)
+class Reconstruction:
+    """Cameras of a set of photos.
+
+    Attributes:
+        poses, lenses: by photo name; the same names in both.
+        points: sparse points (may be empty).
+        figures: how they were found.
+    """
+
+    poses: dict[str, Pose] = field(repr=False)
+    lenses: dict[str, Lens] = field(repr=False)
+    points: SparsePoints = field(repr=False)
+    figures: Figures
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the photos with a camera, sorted."""
+        return tuple(sorted(self.poses))
+
+    def cameras(self) -> dict[str, Camera]:
+        """Cameras with their lens's focal length, as if it did not distort."""
+        return {
+            name: Camera(
+                name, lens.width, lens.height, lens.fx, lens.fy, lens.cx, lens.cy,
+                self.poses[name].rotation, self.poses[name].translation,
+            )
+            for name, lens in self.lenses.items()
+        }  # fmt: skip
+
+
+def no_points() -> SparsePoints:
+    """Not a single point."""
+    return SparsePoints(np.zeros((0, 3)), np.zeros((0, 3), np.uint8))
+
+
+def from_pycolmap(model: Any, names: dict[str, str] | None = None) -> tuple[
+    dict[str, Lens], dict[str, Pose], SparsePoints
+]:
+    """Lenses, poses and points of a pycolmap.Reconstruction.
+
+    Args:
+        model: the reconstruction.
+        names: photo name per image name in the model; the same if None.
+    """
+    poses: dict[str, Pose] = {}
+    lenses: dict[str, Lens] = {}
+    for image_id in model.reg_image_ids():
+        image = model.images[image_id]
+        camera = model.cameras[image.camera_id]
+        pose = image.cam_from_world()
+        name = image.name if names is None else names[image.name]
+        poses[name] = Pose(np.array(pose.rotation.matrix(), float), np.array(pose.translation, float))
+        model_name = str(camera.model).split(".")[-1]
+        lenses[name] = Lens(model_name, int(camera.width), int(camera.height), tuple(float(p) for p in camera.params))
+    kept = [model.points3D[i] for i in sorted(model.point3D_ids())]
+    if not kept:
+        return lenses, poses, no_points()
+    positions = np.array([p.xyz for p in kept], float)
+    colours = np.array([p.color for p in kept], np.uint8)
+    return lenses, poses, SparsePoints(positions, colours)

@@ -1,0 +1,63 @@
+"""The child process in which pycolmap runs: `python worker.py JOB_FOLDER`.
+
+Native code that aborts takes this process down and no other. It says how it fares on stdout, one
+JSON object a line: {"stage": ...}, {"note": ...}, {"attempt": {...}}, {"done": {...}} or
+{"failed": {"kind": ..., "what": ..., "way_out": ...}}. It ends when its stdin does, which is when
+its parent ends.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import json
+import os
+import signal
+import sys
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def say(**message: Any) -> None:
+    """One line to the parent."""
+    sys.__stdout__.write(json.dumps(message) + "\n")  # type: ignore[union-attr]
+    sys.__stdout__.flush()  # type: ignore[union-attr]
+
+
+def end_with_parent() -> None:
+    """Ends this process as soon as the parent's end of stdin is closed."""
+    if sys.platform == "linux":  # also when the GIL is held by native code
+        ctypes.CDLL(None).prctl(1, signal.SIGKILL)
+
+    def watch() -> None:
+        while os.read(0, 4096):
+            pass
+        os._exit(3)
+
+    threading.Thread(target=watch, daemon=True).start()
+
+
+def main(folder: Path) -> int:
+    """Tries recipe after recipe; the best trusted model goes to `folder`/best (COLMAP binary)."""
+    from dgs.core import compiled
+    from dgs.core.sfm import attempts
+    from dgs.core.sfm.job import read_job
+
+    job = read_job(folder)
+    compiled.set_threads(job.settings.threads)
+    started = time.perf_counter()
+    outcome = attempts.run(job, say)
+    say(**{outcome.kind: outcome.message, "seconds": time.perf_counter() - started})
+    return 0
+
+
+if __name__ == "__main__":
+    end_with_parent()
+    sys.path[0] = str(ROOT)  # instead of this folder, whose modules are no top-level ones
+    import run_dgs
+
+    run_dgs.mount_package()
+    sys.exit(main(Path(sys.argv[1])))
