@@ -14,12 +14,14 @@ BLOCK = 16384
 
 
 @kernel
-def adam_step(begin, end, values, gradient, first, second, rate, beta1, beta2, correction, epsilon, refused):  # type: ignore[no-untyped-def]
+def adam_step(begin, end, values, gradient, first, second, rate, tail_rate, head, period, beta1, beta2, correction,
+              epsilon, refused):  # type: ignore[no-untyped-def]  # fmt: skip
     """Updates blocks `begin` to `end` of flat arrays in place.
 
     Args:
         values, gradient, first, second: [n] float32; `first`, `second` are the moments.
-        rate: step size, already divided by the first moment's bias correction.
+        rate, tail_rate: step sizes of the first `head` of every `period` values and of the others,
+            already divided by the first moment's bias correction.
         correction: 1 / sqrt of the second moment's bias correction.
         refused: [blocks] int64 output, non-finite gradient entries; they move nothing.
     """
@@ -34,5 +36,6 @@ def adam_step(begin, end, values, gradient, first, second, rate, beta1, beta2, c
             v = beta2 * second[i] + (f32(1) - beta2) * g * g
             first[i] = m
             second[i] = v
-            values[i] -= rate * m / (f32(math.sqrt(v)) * correction + epsilon)
+            step = rate if i % period < head else tail_rate
+            values[i] -= step * m / (f32(math.sqrt(v)) * correction + epsilon)
         refused[block] = bad

@@ -32,7 +32,11 @@ class Adam:
         self.steps = 0
 
     def step(self, rates: Mapping[str, float]) -> None:
-        """One step along the gradients, then forgets them. `rates` has a step size per name."""
+        """One step along the gradients, then forgets them.
+
+        Args:
+            rates: a step size per parameter name, and 'sh_rest' for the harmonics of degree >= 1.
+        """
         self.steps += 1
         bias1, bias2 = 1 - BETA1**self.steps, 1 - BETA2**self.steps
         for name, tensor in self.gaussians.named():
@@ -41,18 +45,22 @@ class Adam:
             if gradient is None:
                 continue
             rate = rates[name] / bias1
+            tail = rates["sh_rest"] / bias1 if name == "sh" else rate
             if tensor.is_cuda:
-                self._step_torch(name, tensor, gradient, rate, bias2**-0.5)
+                self._step_torch(name, tensor, gradient, rate, tail, bias2**-0.5)
                 continue
+            period = tensor.numel() // max(1, tensor.shape[0])
             blocks = -(-tensor.numel() // BLOCK)
             refused = np.zeros(blocks, np.int64)
             flat = lambda t: t.detach().reshape(-1).numpy()  # noqa: E731
             run(adam_step, blocks, flat(tensor), flat(gradient.contiguous()), flat(self.first[name]),
-                flat(self.second[name]), np.float32(rate), np.float32(BETA1), np.float32(BETA2),
+                flat(self.second[name]), np.float32(rate), np.float32(tail),
+                3, max(1, period), np.float32(BETA1), np.float32(BETA2),
                 np.float32(bias2**-0.5), np.float32(EPSILON), refused, grain=4)  # fmt: skip
             self._count(name, int(refused.sum()))
 
-    def _step_torch(self, name: str, tensor: Tensor, gradient: Tensor, rate: float, correction: float) -> None:
+    def _step_torch(self, name: str, tensor: Tensor, gradient: Tensor, rate: float, tail: float,
+                    correction: float) -> None:  # fmt: skip
         with torch.no_grad():
             finite = gradient.isfinite()
             self._count(name, int((~finite).sum()))
@@ -60,7 +68,12 @@ class Adam:
             first, second = self.first[name], self.second[name]
             first.lerp_(gradient, 1 - BETA1)
             second.mul_(BETA2).addcmul_(gradient, gradient, value=1 - BETA2)
-            tensor.addcdiv_(first, second.sqrt().mul_(correction).add_(EPSILON), value=-rate)
+            move = first / second.sqrt().mul_(correction).add_(EPSILON)
+            if name == "sh":
+                tensor[:, :1] -= rate * move[:, :1]
+                tensor[:, 1:] -= tail * move[:, 1:]
+            else:
+                tensor -= rate * move
 
     def _count(self, name: str, refused: int) -> None:
         if refused:

@@ -1,0 +1,79 @@
+"""The photos on the grid that the optimizer works on.
+
+A photo blurred by sigma 5 px holds nothing that a grid of half as many pixels could not: training
+there is three times faster for 0.05 dB. Photos are averaged over s x s pixels; what a render lacks
+of that is added to the point spread (`PointSpread.on_grid`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..camera import Camera
+from ..colour import linear_to_srgb, srgb_to_linear
+from ..imaging.medium import BlurSpace, Medium
+from ..imaging.psf import PointSpread
+from ..views import View
+
+#: Grid step in standard deviations of the PSF: 5 px -> 2 (measured), larger blur coarser.
+SIGMAS_PER_STEP = 2.5
+#: Fewest pixels along the short side of a grid.
+SMALLEST_SIDE = 96
+
+
+def grid_step(medium: Medium, width: int, height: int) -> int:
+    """How many photo pixels one grid pixel covers along a side, for the narrowest blur there is."""
+    spreads = [medium.psf, *medium.per_view.values()]
+    narrowest = min(
+        (0.0 if p is None or p.is_identity else float(np.linalg.eigvalsh(p.covariance)[0]) ** 0.5 for p in spreads),
+        default=0.0,
+    )
+    step = max(1, round(narrowest / SIGMAS_PER_STEP))
+    return min(step, max(1, min(width, height) // SMALLEST_SIDE))
+
+
+def coarse_camera(camera: Camera, step: int) -> Camera:
+    """The camera of a photo averaged over `step` x `step` px (a rest at the right and bottom is cut)."""
+    return replace(
+        camera, width=camera.width // step, height=camera.height // step,
+        fx=camera.fx / step, fy=camera.fy / step, cx=camera.cx / step, cy=camera.cy / step,
+    )  # fmt: skip
+
+
+def averaged(planes: NDArray[np.float32], step: int, space: BlurSpace = "srgb") -> NDArray[np.float32]:
+    """[C, H, W] averaged over step x step px, in the space in which the blur is linear."""
+    if step == 1:
+        return planes
+    c, h, w = planes.shape
+    h, w = h // step, w // step
+    if space == "linear":
+        planes = np.asarray(srgb_to_linear(planes), np.float32)
+    blocks = planes[:, : h * step, : w * step].reshape(c, h, step, w, step)
+    out = blocks.mean(axis=(2, 4), dtype=np.float32)
+    return np.asarray(linear_to_srgb(out), np.float32) if space == "linear" else out
+
+
+class GridView:
+    """One view on the grid: its camera, photo [3, h, w], validity, and point spread.
+
+    The photo is kept in 16 bits (an eighth of a 14-bit sensor's step), which halves the memory of a
+    large set; `planes` gives it in float32.
+    """
+
+    def __init__(self, view: View, camera: Camera, step: int, psf: PointSpread | None, space: BlurSpace) -> None:
+        self.name = view.name
+        self.camera = coarse_camera(camera, step)
+        self.psf = None if psf is None or psf.is_identity else psf.on_grid(step)
+        planes = averaged(view.planes(), step, space)
+        self._photo = np.round(planes * np.float32(65535)).astype(np.uint16)
+        self.valid: NDArray[np.bool_] | None = None
+        if view.mask is not None and not view.mask.all():
+            share = averaged(view.mask[None].astype(np.float32), step)[0]
+            self.valid = share > 0.999  # a grid pixel counts if all its photo pixels do
+
+    def planes(self) -> NDArray[np.float32]:
+        """The photo as [3, h, w] float32 in [0, 1], sRGB-encoded."""
+        return self._photo.astype(np.float32) * np.float32(1 / 65535)

@@ -1,0 +1,137 @@
+"""First Gaussians: surfaces guessed between the sparse points, as dense as the budget allows.
+
+Structure from motion gives a few thousand points, unevenly. In every photo the depth between the
+points it sees is interpolated (Delaunay triangles in the image), pixels are drawn evenly over the
+frame and lifted to that depth with the photo's colour. The optimizer moves what is wrong; what it
+would otherwise spend half its time on, growing, is done before it starts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator
+from scipy.spatial import QhullError, cKDTree
+
+from ..camera import Camera
+from ..constants import SH_C0, SH_COEFFICIENTS
+from ..gaussians import Gaussians
+
+Array = NDArray[np.float64]
+
+#: Opacity of a first Gaussian; 3DGS starts at 0.1, but these lie on surfaces already.
+FIRST_OPACITY = 0.5
+#: Share of the budget that the lifted pixels fill; the rest is left for the density control.
+FIRST_SHARE = 0.8
+#: Views whose depth is interpolated, evenly chosen: more only repeat the same surface.
+LIFTED_VIEWS = 16
+#: Sparse points an interpolation of depth needs.
+FEWEST_POINTS = 8
+
+
+def _seen(camera: Camera, positions: Array) -> tuple[Array, Array]:
+    """Pixels [K, 2] and depths [K] of the points inside the frame."""
+    p = positions @ camera.rotation.T + camera.translation
+    p = p[p[:, 2] > 0]
+    uv = p[:, :2] / p[:, 2:] * (camera.fx, camera.fy) + (camera.cx, camera.cy)
+    inside = ((uv >= 0) & (uv < (camera.width, camera.height))).all(axis=1)
+    return uv[inside], p[inside, 2]
+
+
+def lifted_points(camera: Camera, positions: Array, count: int, margin: float, random: np.random.Generator) -> tuple[Array, Array]:
+    """Draws `count` pixels evenly over the frame and lifts them to the interpolated depth.
+
+    Args:
+        positions: [M, 3] sparse points in the camera's world.
+        margin: px beyond the frame that are covered too.
+
+    Returns:
+        positions [K, 3] and pixels [K, 2] (x, y); empty if the view sees too few points.
+    """
+    uv, depth = _seen(camera, positions)
+    if len(uv) < FEWEST_POINTS:
+        return np.zeros((0, 3)), np.zeros((0, 2))
+    # blue-ish noise: one pixel at a random place of each cell of a grid
+    area = (camera.width + 2 * margin) * (camera.height + 2 * margin)
+    cell = float(np.sqrt(area / max(count, 1)))
+    nx, ny = max(1, round((camera.width + 2 * margin) / cell)), max(1, round((camera.height + 2 * margin) / cell))
+    gx, gy = np.meshgrid(np.arange(nx), np.arange(ny))
+    pixels = np.stack([gx.ravel(), gy.ravel()], axis=1) + random.random((nx * ny, 2))
+    pixels *= ((camera.width + 2 * margin) / nx, (camera.height + 2 * margin) / ny)
+    pixels -= margin
+    inverse = 1.0 / depth  # inverse depth is linear in the image on a plane
+    nearest = NearestNDInterpolator(uv, inverse)(pixels)
+    try:
+        between = LinearNDInterpolator(uv, inverse)(pixels)
+    except QhullError:  # all points on one line of the image
+        between = np.full(len(pixels), np.nan)
+    z = 1.0 / np.where(np.isfinite(between), between, nearest)
+    x = (pixels - (camera.cx, camera.cy)) / (camera.fx, camera.fy) * z[:, None]
+    in_camera = np.concatenate([x, z[:, None]], axis=1)
+    return (in_camera - camera.translation) @ camera.rotation, pixels
+
+
+def first_gaussians(
+    cameras: Sequence[Camera],
+    planes: Callable[[int], NDArray[np.float32]],
+    positions: Array,
+    colours: NDArray[np.uint8],
+    count: int,
+    sh_degree: int,
+    random: np.random.Generator,
+    margin: float = 0.0,
+) -> Gaussians:
+    """Gaussians on the guessed surfaces, isotropic, half opaque, coloured from the photos.
+
+    Args:
+        cameras: the training views in unit coordinates.
+        planes: gives view i as [3, H, W] float32 sRGB (sharpened photos serve better).
+        positions, colours: the sparse points [M, 3] and their sRGB colours [M, 3].
+        count: the budget; about `FIRST_SHARE` of it is used.
+        margin: px beyond the frames that the twin should cover.
+    """
+    target = max(1, int(count * FIRST_SHARE))
+    chosen = np.unique(np.linspace(0, len(cameras) - 1, min(LIFTED_VIEWS, len(cameras))).astype(int))
+    share = max(1, target // len(chosen))
+    all_positions, all_colours = [], []
+    for index in chosen:
+        camera = cameras[index]
+        lifted, pixels = lifted_points(camera, positions, share, margin, random)
+        if len(lifted) == 0:
+            continue
+        image = planes(int(index))
+        x = np.clip(pixels[:, 0].astype(int), 0, image.shape[2] - 1)
+        y = np.clip(pixels[:, 1].astype(int), 0, image.shape[1] - 1)
+        all_positions.append(lifted)
+        all_colours.append(image[:, y, x].T)
+    if sum(len(p) for p in all_positions) < target // 2 or len(positions) > target:
+        keep = random.permutation(len(positions))[:target]
+        all_positions.append(positions[keep])
+        all_colours.append(colours[keep].astype(np.float32) / 255.0)
+    centres = np.concatenate(all_positions)
+    rgb = np.clip(np.concatenate(all_colours), 0.0, 1.0)
+    return gaussians_at(centres, rgb, sh_degree)
+
+
+def gaussians_at(centres: Array, rgb: NDArray[np.float32], sh_degree: int) -> Gaussians:
+    """Isotropic Gaussians whose size is the distance to the next few neighbours."""
+    n = len(centres)
+    spacing = np.full(n, 0.01)
+    if n > 1:
+        near = cKDTree(centres).query(centres, k=min(4, n), workers=-1)[0][:, 1:]
+        spacing = np.sqrt(np.maximum((near**2).mean(axis=1), 1e-14))
+    sh = np.zeros((n, SH_COEFFICIENTS[sh_degree], 3), np.float32)
+    sh[:, 0] = (rgb - 0.5) / SH_C0
+    quaternions = np.zeros((n, 4), np.float32)
+    quaternions[:, 0] = 1.0
+    opacity = np.log(FIRST_OPACITY / (1 - FIRST_OPACITY))
+    return Gaussians(
+        means=torch.from_numpy(centres.astype(np.float32)),
+        log_scales=torch.from_numpy(np.log(0.5 * spacing)[:, None].repeat(3, axis=1).astype(np.float32)),
+        quaternions=torch.from_numpy(quaternions),
+        opacity_logits=torch.full((n,), float(opacity)),
+        sh=torch.from_numpy(sh),
+    )
