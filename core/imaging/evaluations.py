@@ -190,11 +190,11 @@ class Reduced:
     """Two narrower Gaussians with a coarse grid between them, as products of small matrices.
 
     The first blurs by sigma/sqrt(2) and keeps every `step`-th px, the second interpolates back with
-    sigma/sqrt(2). What the coarse grid folds over is damped by exp(-(pi sigma / step)^2).
+    sigma/sqrt(2). What the coarse grid folds over is damped by exp(-(pi sigma / step)^2 / 2).
 
     Attributes:
         bound: largest possible difference to the separable blur, as a share of the frame's range,
-            computed from the matrices (sum of both axes' maximum absolute row sums).
+            computed from the matrices (half of both axes' maximum absolute row sums).
     """
 
     name = "reduced"
@@ -231,10 +231,11 @@ def reduced_factors(taps: Array, inside: int, margin: int) -> tuple[Array, Array
     """(down [n, inside + 2 margin], up [inside, n], bound) with up @ down close to the blur's matrix."""
     radius, total = taps.size // 2, inside + 2 * margin
     sigma = math.sqrt(float((taps * np.arange(-radius, radius + 1) ** 2).sum()))
-    # exp(-(pi sigma / step)^2) is 5e-6 at 0.9 sigma; the Gaussians' cuts add the rest.
-    step = max(1.0, 0.9 * sigma)
+    # Folding is worst half-way to the replica, exp(-(pi sigma / step)^2 / 2) = 8e-6; the cuts of both
+    # Gaussians at 4 and 4.5 standard deviations add the rest.
+    step = max(1.0, 0.65 * sigma)
     half = sigma / math.sqrt(2.0)
-    reach = 5.0 * half
+    reach = 4.5 * half
     count = math.ceil((inside + 2 * reach) / step) + 1
     nodes = (inside - 1) / 2 + margin + (np.arange(count) - (count - 1) / 2) * step
 
@@ -249,7 +250,8 @@ def reduced_factors(taps: Array, inside: int, margin: int) -> tuple[Array, Array
     np.add.at(down.T, np.clip(fine, 0, total - 1), spread.T)
     up = weights(np.arange(inside)[:, None] + margin - nodes[None, :])
     up /= up.sum(axis=1, keepdims=True)
-    bound = float(np.abs(up @ down - blur_matrix(taps, inside, margin)).sum(axis=1).max())
+    # Rows of the difference sum to 0, so values in [0, 1] count by their distance from 1/2.
+    bound = 0.5 * float(np.abs(up @ down - blur_matrix(taps, inside, margin)).sum(axis=1).max())
     return down, up, bound
 
 

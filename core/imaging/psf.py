@@ -175,8 +175,8 @@ def gaussian_taps(sigma: float) -> Array:
     radius = math.ceil(TRUNCATION * sigma)
     if radius == 0:
         return np.ones(1)
-    # Divided before squaring: a square underflows for tiny sigmas.
-    values = np.exp(-0.5 * (np.arange(-radius, radius + 1) / sigma) ** 2)
+    # Divided before squaring, as a square underflows for tiny sigmas; 40 sigma are as far as infinity.
+    values = np.exp(-0.5 * np.clip(np.arange(-radius, radius + 1) / sigma, -40, 40) ** 2)
     return np.asarray(values / values.sum())
 
 

@@ -80,7 +80,9 @@ class PhotometricLoss:
     def value_and_gradient(self, image: Tensor) -> tuple[float, Tensor]:
         """Loss, and its gradient [C, H, W] float32, of `image` [C, H, W] float32."""
         if image.shape != self.photo.shape or image.dtype != torch.float32:
-            raise ValueError(f"expected {list(self.photo.shape)} float32, got {list(image.shape)} {image.dtype}")
+            raise ValueError(
+                f"expected {list(self.photo.shape)} float32, got {list(image.shape)} {image.dtype}"
+            )
         if self.count == 0:
             return 0.0, torch.zeros_like(self.photo)
         from .photometric_kernels import gradient, similarity
