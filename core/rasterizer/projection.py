@@ -36,8 +36,8 @@ class Projected:
         opacity: [M] in (0, 1), with the antialiasing compensation.
         colour: [M, 3].
         depth: [M] z in camera coordinates.
-        determinant: [M] of the covariance, relative to the fourth power of its `unit`.
-        unit: [M] length (px) in which covariance and determinant were computed.
+        determinant: [M] of the covariance, divided by the square of `unit` (px^2).
+        unit: [M] length (px) in which the covariance was computed; the splat's size, at least 1.
         extent: [M, 2] half sides of the box around the ellipse of influence.
     """
 
@@ -53,7 +53,7 @@ class Projected:
 
 def rotation_matrices(quaternions: Tensor) -> Tensor:
     """Rotation matrices [N, 3, 3] of quaternions [N, 4] (w x y z, any length but zero)."""
-    w, x, y, z = (quaternions / quaternions.norm(dim=-1, keepdim=True)).unbind(-1)
+    w, x, y, z = unit_vectors(quaternions).unbind(-1)
     rows = [
         1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y),
         2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x),
@@ -69,8 +69,20 @@ def camera_pose(camera: Camera, like: Tensor) -> Tensor:
 
 
 def camera_points(means: Tensor, pose: Tensor) -> Tensor:
-    """World points [N, 3] in camera coordinates, [N, 3]."""
-    return means @ pose[:, :3].T + pose[:, 3]
+    """World points [N, 3] in camera coordinates, [N, 3].
+
+    Spelled out, because a matrix product may round each row in its own way: equal points must get
+    equal depths, or ties would be broken by their place in the input.
+    """
+    x, y, z = means[:, :1], means[:, 1:2], means[:, 2:]
+    return x * pose[:, 0] + y * pose[:, 1] + z * pose[:, 2] + pose[:, 3]
+
+
+def unit_vectors(vectors: Tensor) -> Tensor:
+    """Vectors [N, D] divided by their length, also where its square leaves the range of floats."""
+    largest = vectors.detach().abs().amax(dim=-1, keepdim=True)
+    vectors = vectors / largest
+    return vectors / vectors.norm(dim=-1, keepdim=True)
 
 
 def jacobian(points: Tensor, camera: Camera) -> Tensor:
@@ -114,10 +126,10 @@ def project(gaussians: Gaussians, camera: Camera, pose: Tensor, settings: Raster
     (ux, uy), low_pass = (footprint / unit[:, None, None]).unbind(1), settings.low_pass / unit / unit
     xx, xy, yy = (ux * ux).sum(-1), (ux * uy).sum(-1), (uy * uy).sum(-1)
     # Cauchy-Binet: a sum of squares, where xx * yy - xy^2 would cancel for needles.
-    bare = torch.linalg.cross(ux, uy).square().sum(-1)
-    determinant = bare + low_pass * (xx + yy) + low_pass * low_pass
+    bare = (torch.linalg.cross(ux, uy) * unit[:, None]).square().sum(-1)
+    determinant = bare + settings.low_pass * (xx + yy) + settings.low_pass * low_pass
     xx, yy = xx + low_pass, yy + low_pass
-    conic = torch.stack([yy, -xy, xx], dim=-1) / determinant[:, None] / unit[:, None] / unit[:, None]
+    conic = torch.stack([yy, -xy, xx], dim=-1) / determinant[:, None]
 
     opacity = torch.sigmoid(gaussians.opacity_logits)
     if settings.antialias:
@@ -126,7 +138,7 @@ def project(gaussians: Gaussians, camera: Camera, pose: Tensor, settings: Raster
         opacity = opacity * torch.where(share > 0, share, torch.ones_like(share)).sqrt() * (share > 0)
 
     centre = -pose[:, :3].T @ pose[:, 3]
-    directions = torch.nn.functional.normalize(gaussians.means - centre, dim=-1)
+    directions = unit_vectors(gaussians.means - centre)
 
     with torch.no_grad():
         edge = settings.alpha_minimum or SMOOTH_ALPHA_EDGE
@@ -160,15 +172,17 @@ def visible(
         culled[reason] = culled.get(reason, 0) + int(index.numel() - mask.sum())
         index = index[mask]
 
-    finite = [tensor.reshape(len(gaussians), -1).isfinite().all(dim=1) for _, tensor in gaussians.named()]
+    finite = [tensor[:, None].flatten(1).isfinite().all(dim=1) for _, tensor in gaussians.named()]
     keep(torch.stack(finite).all(dim=0), "non_finite")
     keep(camera_points(gaussians.means[index], pose)[:, 2] > settings.near, "behind")
     keep(gaussians.quaternions[index].norm(dim=-1) >= QUATERNION_MINIMUM_NORM, "degenerate")
     candidates = project(select(gaussians, index), camera, pose, settings)
 
-    results = [candidates.mean, candidates.conic, candidates.extent, candidates.colour]
-    sound = torch.cat([values for values in results], dim=1).isfinite().all(dim=1)
-    sound &= candidates.determinant * candidates.unit**4 >= DETERMINANT_MINIMUM
+    results = [
+        candidates.mean, candidates.conic, candidates.extent, candidates.colour, candidates.determinant[:, None]
+    ]  # fmt: skip
+    sound = torch.cat(results, dim=1).isfinite().all(dim=1)
+    sound &= candidates.determinant * candidates.unit**2 >= DETERMINANT_MINIMUM
     opaque = candidates.opacity > (settings.alpha_minimum or SMOOTH_ALPHA_EDGE)
     frame = candidates.mean.new_tensor([camera.width, camera.height])
     beside = (candidates.mean + candidates.extent <= 0) | (candidates.mean - candidates.extent >= frame)

@@ -190,7 +190,8 @@ def geometry(view, means, log_scales, quaternions, opacity_logits, g, s):  # typ
     trace = u0 * u0 + u1 * u1 + u2 * u2 + w0 * w0 + w1 * w1 + w2 * w2
     low = view[V_LOW_PASS]
     s[_DET] = s[_D] + low * trace + low * low
-    if not (s[_DET] >= DETERMINANT_MINIMUM and s[_DET] < 1e37 and trace < 1e30):
+    # 1 / trace has to stay a normal float32; the determinant itself is never stored
+    if not (s[_DET] >= DETERMINANT_MINIMUM and trace < 1e36):
         return DEGENERATE
     s[_COMP] = math.sqrt(s[_D] / s[_DET]) if view[V_ANTIALIAS] > 0 else 1.0
     s[_O] = sigmoid(np.float64(opacity_logits[g]))
@@ -370,7 +371,12 @@ def project_backward(begin, end, view, means, log_scales, quaternions, opacity_l
 
             # conic -> covariance: H = -K G K with G = [[dA, dB / 2], [dB / 2, dC]]
             splat = splats[g]
-            ka, kb, kc = np.float64(splat[CONIC_A]), np.float64(splat[CONIC_B]), np.float64(splat[CONIC_C])
+            # (K anew in double: in float32 a long needle's small eigenvalue is lost)
+            a0 = s[_U] * s[_U] + s[_U + 1] * s[_U + 1] + s[_U + 2] * s[_U + 2]
+            b0 = s[_U] * s[_U + 3] + s[_U + 1] * s[_U + 4] + s[_U + 2] * s[_U + 5]
+            c0 = s[_U + 3] * s[_U + 3] + s[_U + 4] * s[_U + 4] + s[_U + 5] * s[_U + 5]
+            low = view[V_LOW_PASS]
+            ka, kb, kc = (c0 + low) / s[_DET], -b0 / s[_DET], (a0 + low) / s[_DET]
             ga, gb, gc = sums[G_A], 0.5 * sums[G_B], sums[G_C]
             h00 = -(ka * (ka * ga + kb * gb) + kb * (ka * gb + kb * gc))
             h01 = -(ka * (kb * ga + kc * gb) + kb * (kb * gb + kc * gc))
@@ -378,10 +384,6 @@ def project_backward(begin, end, view, means, log_scales, quaternions, opacity_l
             opacity = s[_O]
             d_opacity = sums[G_OPACITY] * s[_COMP]
             if view[V_ANTIALIAS] > 0 and s[_COMP] > 1e-6:
-                low = view[V_LOW_PASS]
-                a0 = s[_U] * s[_U] + s[_U + 1] * s[_U + 1] + s[_U + 2] * s[_U + 2]
-                b0 = s[_U] * s[_U + 3] + s[_U + 1] * s[_U + 4] + s[_U + 2] * s[_U + 5]
-                c0 = s[_U + 3] * s[_U + 3] + s[_U + 4] * s[_U + 4] + s[_U + 5] * s[_U + 5]
                 factor = sums[G_OPACITY] * opacity * 0.5 / s[_COMP] / s[_DET]
                 share = s[_D] / s[_DET]
                 h00 += factor * (c0 - share * (c0 + low))
