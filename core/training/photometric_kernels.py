@@ -23,12 +23,17 @@ _weights = [math.exp(-0.5 * (t / 1.5) ** 2) for t in range(REACH + 1)]
 _total = _weights[0] + 2 * sum(_weights[1:])
 K0, K1, K2, K3, K4, K5 = (np.float32(w / _total) for w in _weights)
 
-#: Columns and rows of a tile: three fields of 11 rows fill half of the first-level cache.
-STRIP = 128
-BAND = 32
+#: Columns and rows of a tile: 11 rows of three fields fit the first-level cache, and 800 x 533 px and
+#: its half divide with little waste.
+STRIP = 208
+BAND = 54
 STRIDE = np.uint64(STRIP + 16)
 _FIELD = np.uint64((BAND + 2 * REACH) * (STRIP + 16))
 _S = STRIDE
+
+#: Offsets of rows that lie STRIP floats apart.
+_ROW1, _ROW2, _ROW3, _ROW4, _ROW5 = (np.uint64(k * STRIP) for k in range(1, 6))
+_LENGTH = STRIP + 2 * REACH
 
 _ONE = np.float32(1.0)
 _TWO = np.float32(2.0)
@@ -36,6 +41,20 @@ _HALF = np.float32(0.5)
 _C1 = np.float32(C1)
 _C2 = np.float32(C2)
 _ZERO = np.float32(0.0)
+
+
+@inlined
+def _aligned(size: Any) -> Any:
+    """Zeros that start on a cache line, so that vector loads do not straddle two."""
+    block = np.zeros(size + np.uint64(16), np.float32)
+    shift = (np.uint64(64) - np.uint64(block.ctypes.data) % np.uint64(64)) % np.uint64(64) // np.uint64(4)
+    return block[shift : shift + size]
+
+
+@inlined
+def _copy(row: Any, out: Any) -> None:
+    for x in range(row.shape[0]):
+        out[x] = row[x]
 
 
 @inlined
@@ -82,7 +101,7 @@ def window_means(begin: int, end: int, image: Any, mean: Any, square: Any) -> No
     strips, bands = -(-width // STRIP), -(-height // BAND)
     line = np.zeros(STRIP + 2 * REACH, np.float32)
     squares = np.zeros(STRIP + 2 * REACH, np.float32)
-    fields = np.zeros(2 * _FIELD, np.float32)
+    fields = _aligned(np.uint64(2) * _FIELD)
     first, second = fields[:_FIELD], fields[_FIELD:]
     out = np.zeros(STRIP, np.float32)
     for item in range(begin, end):
@@ -96,16 +115,16 @@ def window_means(begin: int, end: int, image: Any, mean: Any, square: Any) -> No
             o = np.uint64(j) * STRIDE
             line[:] = _ZERO
             if 0 <= y < height:
-                line[shift : shift + stop - start] = image[c, y, start:stop]
+                _copy(image[c, y, start:stop], line[shift:])
             _product(line, line, squares)
             _across(line, first, o)
             _across(squares, second, o)
         for j in range(rows):
             o = np.uint64(j) * STRIDE
             _down(first, o, out)
-            mean[c, top + j, left : left + columns] = out[:columns]
+            _copy(out[:columns], mean[c, top + j, left : left + columns])
             _down(second, o, out)
-            square[c, top + j, left : left + columns] = out[:columns]
+            _copy(out[:columns], square[c, top + j, left : left + columns])
 
 
 @kernel
@@ -130,9 +149,15 @@ def similarity(
     strips, bands = -(-width // STRIP), -(-height // BAND)
     lines = np.zeros((4, STRIP + 2 * REACH), np.float32)
     a, b, aa, ab = lines[0], lines[1], lines[2], lines[3]
-    fields = np.zeros(3 * _FIELD, np.float32)
+    fields = _aligned(np.uint64(3) * _FIELD)
     first, second, third = fields[:_FIELD], fields[_FIELD : 2 * _FIELD], fields[2 * _FIELD :]
-    out = np.zeros((3, STRIP), np.float32)
+    window = _aligned(np.uint64(6) * np.uint64(STRIP))
+    mean, square, cross = window[:STRIP], window[STRIP : 2 * STRIP], window[2 * STRIP : 3 * STRIP]
+    other, other_square, weights = (
+        window[3 * STRIP : 4 * STRIP],
+        window[4 * STRIP : 5 * STRIP],
+        window[5 * STRIP :],
+    )
     for item in range(begin, end):
         c, tile = item // (strips * bands), item % (strips * bands)
         top, left = tile // strips * BAND, tile % strips * STRIP
@@ -141,6 +166,8 @@ def similarity(
         shift = start - left + REACH
         a[:] = _ZERO
         b[:] = _ZERO
+        weights[:columns] = _ONE
+        weights[columns:] = _ZERO
         for j in range(rows + 2 * REACH):
             y = top + j - REACH
             o = np.uint64(j) * STRIDE
@@ -149,14 +176,18 @@ def similarity(
                 second[o : o + STRIDE] = _ZERO
                 third[o : o + STRIDE] = _ZERO
                 continue
-            b[shift : shift + stop - start] = photo[c, y, start:stop]
+            _copy(photo[c, y, start:stop], b[shift:])
             if masked:
-                row, other, weight = image[c, y, start:stop], photo[c, y, start:stop], valid[c, y, start:stop]
+                row, photo_row, weight = (
+                    image[c, y, start:stop],
+                    photo[c, y, start:stop],
+                    valid[c, y, start:stop],
+                )
                 inner = a[shift : shift + stop - start]
                 for x in range(inner.shape[0]):
-                    inner[x] = row[x] if weight[x] > _ZERO else other[x]
+                    inner[x] = row[x] if weight[x] > _ZERO else photo_row[x]
             else:
-                a[shift : shift + stop - start] = image[c, y, start:stop]
+                _copy(image[c, y, start:stop], a[shift:])
             _product(a, a, aa)
             _product(a, b, ab)
             _across(a, first, o)
@@ -165,57 +196,50 @@ def similarity(
         total = 0.0
         for j in range(rows):
             o = np.uint64(j) * STRIDE
-            _down(first, o, out[0])
-            _down(second, o, out[1])
-            _down(third, o, out[2])
-            total += _similarity_row(
-                out[0, :columns], out[1, :columns], out[2, :columns],
-                photo_mean[c, top + j, left : left + columns],
-                photo_square[c, top + j, left : left + columns],
-                slopes[0, c, top + j, left : left + columns],
-                slopes[1, c, top + j, left : left + columns],
-                slopes[2, c, top + j, left : left + columns],
-                valid[c, top + j, left : left + columns],
-                masked,
-                columns,
-            )  # fmt: skip
+            _down(first, o, mean)
+            _down(second, o, square)
+            _down(third, o, cross)
+            y = top + j
+            _copy(photo_mean[c, y, left : left + columns], other)
+            _copy(photo_square[c, y, left : left + columns], other_square)
+            if masked:
+                _copy(valid[c, y, left : left + columns], weights)
+            total += _similarity_row(window)
+            _copy(mean[:columns], slopes[0, c, y, left : left + columns])
+            _copy(square[:columns], slopes[1, c, y, left : left + columns])
+            _copy(cross[:columns], slopes[2, c, y, left : left + columns])
         sums[item, 0] = total
 
 
 @inlined
-def _similarity_row(
-    mean: Any, square: Any, cross: Any, other: Any, other_square: Any,
-    slope_mean: Any, slope_square: Any, slope_cross: Any, weight: Any, masked: bool, columns: int,
-) -> Any:  # fmt: skip
-    """Sum of SSIM over one row of a tile. Derivatives are written over `mean`, `square`, `cross` first."""
+def _similarity_row(rows: Any) -> Any:
+    """Sum of weight * SSIM over one row of a tile.
+
+    rows: six rows, one after the other: means of x, x^2 and x y (overwritten by the derivatives),
+    means of y and y^2, weight.
+    """
     total = _ZERO
-    for x in range(columns):
-        m, n = mean[x], other[x]
-        variance = max(square[x] - m * m, _ZERO)
-        other_variance = max(other_square[x] - n * n, _ZERO)
+    for i in range(STRIP):
+        x = np.uint64(i)
+        m, n, weight = rows[x], rows[x + _ROW3], rows[x + _ROW5]
+        square, cross, other_square = rows[x + _ROW1], rows[x + _ROW2], rows[x + _ROW4]
+        variance = square - m * m
+        variance = variance if variance > _ZERO else _ZERO
+        other_variance = other_square - n * n
+        other_variance = other_variance if other_variance > _ZERO else _ZERO
         # Rounding must not push the correlation of flat windows above 1.
-        covariance = min(cross[x] - m * n, _HALF * (variance + other_variance))
+        highest, covariance = _HALF * (variance + other_variance), cross - m * n
+        covariance = covariance if covariance < highest else highest
         top_mean, top_variance = _TWO * m * n + _C1, _TWO * covariance + _C2
         below_mean, below_variance = m * m + n * n + _C1, variance + other_variance + _C2
         inverse = _ONE / (below_mean * below_variance)
-        value = top_mean * top_variance * inverse
-        by_variance = value * below_mean * inverse
-        mean[x] = _TWO * (
-            n * (top_variance - top_mean) * inverse - m * value * below_variance * inverse + m * by_variance
-        )
-        square[x] = -by_variance
-        cross[x] = _TWO * top_mean * inverse
-        if masked:
-            w = weight[x]
-            mean[x] *= w
-            square[x] *= w
-            cross[x] *= w
-            total += value * w
-        else:
-            total += value
-    slope_mean[:] = mean
-    slope_square[:] = square
-    slope_cross[:] = cross
+        value = top_mean * top_variance * inverse * weight
+        inverse *= weight
+        by_mean, by_variance = value / below_mean, value / below_variance
+        rows[x] = _TWO * (n * (top_variance - top_mean) * inverse - m * by_mean + m * by_variance)
+        rows[x + _ROW1] = -by_variance
+        rows[x + _ROW2] = _TWO * top_mean * inverse
+        total += value
     return total
 
 
@@ -240,9 +264,10 @@ def gradient(
     _, height, width = image.shape
     strips, bands = -(-width // STRIP), -(-height // BAND)
     line = np.zeros(STRIP + 2 * REACH, np.float32)
-    fields = np.zeros(3 * _FIELD, np.float32)
+    fields = _aligned(np.uint64(3) * _FIELD)
     first, second, third = fields[:_FIELD], fields[_FIELD : 2 * _FIELD], fields[2 * _FIELD :]
-    lines = np.zeros((3, STRIP), np.float32)
+    lines = _aligned(np.uint64(3) * np.uint64(STRIP))
+    by_mean, by_square, by_cross = lines[:STRIP], lines[STRIP : 2 * STRIP], lines[2 * STRIP :]
     for item in range(begin, end):
         c, tile = item // (strips * bands), item % (strips * bands)
         top, left = tile // strips * BAND, tile % strips * STRIP
@@ -258,20 +283,20 @@ def gradient(
                 second[o : o + STRIDE] = _ZERO
                 third[o : o + STRIDE] = _ZERO
                 continue
-            line[shift : shift + stop - start] = slopes[0, c, y, start:stop]
+            _copy(slopes[0, c, y, start:stop], line[shift:])
             _across(line, first, o)
-            line[shift : shift + stop - start] = slopes[1, c, y, start:stop]
+            _copy(slopes[1, c, y, start:stop], line[shift:])
             _across(line, second, o)
-            line[shift : shift + stop - start] = slopes[2, c, y, start:stop]
+            _copy(slopes[2, c, y, start:stop], line[shift:])
             _across(line, third, o)
         total = 0.0
         for j in range(rows):
             o = np.uint64(j) * STRIDE
-            _down(first, o, lines[0])
-            _down(second, o, lines[1])
-            _down(third, o, lines[2])
+            _down(first, o, by_mean)
+            _down(second, o, by_square)
+            _down(third, o, by_cross)
             total += _gradient_row(
-                lines[0, :columns], lines[1, :columns], lines[2, :columns],
+                by_mean, by_square, by_cross,
                 image[c, top + j, left : left + columns],
                 photo[c, top + j, left : left + columns],
                 valid[c, top + j, left : left + columns],
