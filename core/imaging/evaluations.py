@@ -193,19 +193,19 @@ class Reduced:
     sigma/sqrt(2). What the coarse grid folds over is damped by exp(-(pi sigma / step)^2 / 2).
 
     Attributes:
-        bound: largest possible difference to the separable blur, as a share of the frame's range,
+        bound: largest possible difference to the blur by the Gaussian cut at 6 sigma, as a share of the frame's range,
             computed from the matrices (half of both axes' maximum absolute row sums).
     """
 
     name = "reduced"
 
     def __init__(
-        self, vertical: Array, horizontal: Array, frame: Frame, dtype: torch.dtype, device: torch.device
+        self, vertical: float, horizontal: float, frame: Frame, dtype: torch.dtype, device: torch.device
     ) -> None:
         self.bound = 0.0
         factors: list[Tensor] = []
-        for taps, inside in ((vertical, frame.height), (horizontal, frame.width)):
-            down, up, bound = reduced_factors(taps, inside, frame.margin)
+        for sigma, inside in ((vertical, frame.height), (horizontal, frame.width)):
+            down, up, bound = reduced_factors(sigma, inside, frame.margin)
             self.bound += bound
             factors += [torch.from_numpy(m).to(device=device, dtype=dtype) for m in (down, up)]
         self.down_v, self.up_v, self.down_h, self.up_h = factors
@@ -227,15 +227,14 @@ def blur_matrix(taps: Array, inside: int, margin: int) -> Array:
     return matrix
 
 
-def reduced_factors(taps: Array, inside: int, margin: int) -> tuple[Array, Array, float]:
+def reduced_factors(sigma: float, inside: int, margin: int) -> tuple[Array, Array, float]:
     """(down [n, inside + 2 margin], up [inside, n], bound) with up @ down close to the blur's matrix."""
-    radius, total = taps.size // 2, inside + 2 * margin
-    sigma = math.sqrt(float((taps * np.arange(-radius, radius + 1) ** 2).sum()))
-    # Folding is worst half-way to the replica, exp(-(pi sigma / step)^2 / 2) = 8e-6; the cuts of both
-    # Gaussians at 4 and 4.5 standard deviations add the rest.
+    total = inside + 2 * margin
+    # Folding is worst half-way to the replica, exp(-(pi sigma / step)^2 / 2) = 8e-6; the cut of
+    # both Gaussians adds the rest.
     step = max(1.0, 0.65 * sigma)
     half = sigma / math.sqrt(2.0)
-    reach = 4.5 * half
+    reach = 5.0 * half
     count = math.ceil((inside + 2 * reach) / step) + 1
     nodes = (inside - 1) / 2 + margin + (np.arange(count) - (count - 1) / 2) * step
 
@@ -251,7 +250,9 @@ def reduced_factors(taps: Array, inside: int, margin: int) -> tuple[Array, Array
     up = weights(np.arange(inside)[:, None] + margin - nodes[None, :])
     up /= up.sum(axis=1, keepdims=True)
     # Rows of the difference sum to 0, so values in [0, 1] count by their distance from 1/2.
-    bound = 0.5 * float(np.abs(up @ down - blur_matrix(taps, inside, margin)).sum(axis=1).max())
+    bound = 0.5 * float(
+        np.abs(up @ down - blur_matrix(gaussian_taps(sigma, 6.0), inside, margin)).sum(axis=1).max()
+    )
     return down, up, bound
 
 
@@ -267,7 +268,7 @@ def candidates(
         if separable is not None and all(np.allclose(t, t[::-1], rtol=0, atol=1e-8) for t in separable):
             found["separable"] = Separable(*separable, frame, dtype)
     if separable is not None and psf.samples is None and min(psf.sigma_x, psf.sigma_y) >= 2.0:
-        wide = [gaussian_taps(s) for s in (psf.sigma_y, psf.sigma_x)]
+        wide = [psf.sigma_y, psf.sigma_x]
         if psf.angle % 180.0 == 90.0:
             wide.reverse()
         reduced = Reduced(wide[0], wide[1], frame, dtype, device)

@@ -40,14 +40,19 @@ def _transfer(psf: PointSpread, size: tuple[int, int]) -> NDArray[np.complex128]
 
 
 def _noise(noise_to_signal: ArrayLike, size: tuple[int, int]) -> Array:
-    """n on the half plane: a number, or values at equal steps of radial frequency 0 ... sqrt(1/2) cycles/px."""
+    """n on the half plane: a number, or values at equal steps of radial frequency 0 ... sqrt(1/2) cycles/px.
+
+    Rows of values, one per channel, give one plane per channel.
+    """
     values = np.asarray(noise_to_signal, dtype=np.float64)
-    if values.ndim > 1 or not np.isfinite(values).all() or (values <= 0).any():
+    if values.ndim > 2 or not np.isfinite(values).all() or (values <= 0).any():
         raise ValueError("noise_to_signal is a positive number or a list of them over radial frequency")
     if values.ndim == 0:
         return np.asarray(values)
     radial = np.hypot(np.fft.fftfreq(size[0])[:, None], np.fft.rfftfreq(size[1])[None, :])
-    return np.interp(radial, np.linspace(0.0, math.sqrt(0.5), values.size), values)
+    steps = np.linspace(0.0, math.sqrt(0.5), values.shape[-1])
+    planes = np.stack([np.interp(radial, steps, row) for row in np.atleast_2d(values)])
+    return planes if values.ndim == 2 else planes[0]
 
 
 class FourierFilter:
@@ -55,7 +60,7 @@ class FourierFilter:
 
     Args:
         psf: the blur; `noise_to_signal`: n > 0, or values at equal steps of radial frequency from 0
-            to sqrt(1/2) cycles/px.
+            to sqrt(1/2) cycles/px, in one row for all channels or one row each.
         height, width: size of the frames in px.
         kind: 'newton' for |H|^2 / (|H|^2 + n), 'wiener' for conj(H) / (|H|^2 + n).
         beyond: what lies beyond the frame: 'zero' fits residuals and makes `adjoint` the exact

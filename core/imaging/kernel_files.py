@@ -72,9 +72,10 @@ def _read_tiff(path: Path) -> Any:
 def _read_png(path: Path) -> Any:
     from PIL import Image
 
-    with Image.open(path) as picture:
-        if picture.format != "PNG":
-            raise PsfError(f"The PSF file '{path}' is {picture.format}, not PNG", "Save it as PNG")
+    with Image.open(path) as file:
+        if file.format != "PNG":
+            raise PsfError(f"The PSF file '{path}' is {file.format}, not PNG", "Save it as PNG")
+        picture: Image.Image = file
         if picture.mode == "P" or picture.mode == "1":
             picture = picture.convert("L")
         if picture.mode not in ("L", "I;16", "I", "RGB", "RGBA", "LA"):

@@ -170,9 +170,9 @@ class PointSpread:
         return replace(self, samples=values / values.sum())
 
 
-def gaussian_taps(sigma: float) -> Array:
-    """[2 r + 1] float64 samples of a Gaussian, cut at r >= 4 sigma, with sum 1; [1] for sigma 0."""
-    radius = math.ceil(TRUNCATION * sigma)
+def gaussian_taps(sigma: float, truncation: float = TRUNCATION) -> Array:
+    """[2 r + 1] float64 samples of a Gaussian, cut at r >= truncation * sigma, with sum 1; [1] for sigma 0."""
+    radius = math.ceil(truncation * sigma)
     if radius == 0:
         return np.ones(1)
     # Divided before squaring, as a square underflows for tiny sigmas; 40 sigma are as far as infinity.

@@ -1,6 +1,5 @@
 """Point spread functions: parsing, files, normalisation, centring, coarser grids."""
 
-import struct
 from pathlib import Path
 
 import numpy as np

@@ -1,0 +1,112 @@
+"""How much noise there is per signal, at every frequency, read off the blurred photos themselves.
+
+Wiener's inverse wants the ratio n(f) of noise power to the SHARP scene's power. Far beyond what the
+medium lets pass, a blurred photo's spectrum is nothing but noise: its floor is measured there. In
+the band that passes, spectrum minus floor, divided by |H|^2, is the sharp scene's; natural scenes
+fall as a power of frequency (Field 1987), so a line through that band in log-log goes on beyond it.
+
+Brightness and colour are measured apart: colour has far less power at fine scales but the same
+noise, and one common ratio would amplify that noise into coloured specks.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .psf import PointSpread
+
+Array = NDArray[np.float64]
+
+#: Orthonormal opponent axes: brightness, red-blue, green-magenta. Rows act on RGB.
+OPPONENT = np.array([[1, 1, 1], [1, 0, -1], [1, -2, 1]], np.float64) / np.sqrt([[3.0], [2.0], [6.0]])
+
+BINS = 96
+HIGHEST = math.sqrt(0.5)  # the corner of the frequency plane, cycles/px
+#: Transfer below which a spectrum is taken for nothing but noise.
+_SILENT = 1e-8
+#: The signal is fitted where the photo's power is this many times the floor.
+_CLEAR = 4.0
+#: Slopes of the power spectrum that scenes have; fits outside are taken for failures.
+_SLOPES = (1.0, 4.0)
+
+
+@dataclass(frozen=True)
+class NoiseToSignal:
+    """n(f) at `BINS` equal steps of radial frequency from 0 to sqrt(1/2) cycles/px.
+
+    Attributes:
+        brightness, colour: [BINS], noise power over the sharp scene's power, for one photo.
+        noise: standard deviation of the photos' noise, in [0, 1] units.
+    """
+
+    brightness: Array
+    colour: Array
+    noise: float
+
+    def shared_by(self, views: float) -> NoiseToSignal:
+        """The ratio when `views` photos see every point: their noise averages."""
+        views = max(1.0, views)
+        return NoiseToSignal(self.brightness / views, self.colour / views, self.noise)
+
+
+def frequencies() -> Array:
+    """[BINS] radial frequencies of the tables, cycles/px."""
+    return np.linspace(0.0, HIGHEST, BINS)
+
+
+def radial_power(planes: NDArray[np.float32]) -> Array:
+    """[C, BINS] power spectral density of [C, H, W]; white noise of variance v gives v everywhere."""
+    _, h, w = planes.shape
+    window = np.outer(np.hanning(h + 2)[1:-1], np.hanning(w + 2)[1:-1])
+    centred = planes - planes.mean(axis=(1, 2), keepdims=True)
+    power = np.abs(np.fft.rfft2(centred * window)) ** 2 / np.square(window).sum()
+    radius = np.hypot(np.fft.fftfreq(h)[:, None], np.fft.rfftfreq(w)[None, :])
+    bins = np.minimum(np.rint(radius / HIGHEST * (BINS - 1)).astype(int), BINS - 1).ravel()
+    counts = np.bincount(bins, minlength=BINS)
+    sums = np.stack([np.bincount(bins, p.ravel(), minlength=BINS) for p in power])
+    out = sums / np.maximum(counts, 1)
+    for empty in np.flatnonzero(counts == 0):  # small frames leave gaps
+        out[:, empty] = out[:, empty - 1]
+    return np.asarray(out)
+
+
+def noise_to_signal(
+    photos: Iterable[NDArray[np.float32]], psf: PointSpread, quantisation: float
+) -> NoiseToSignal:
+    """Measures n(f) from photos blurred by `psf`.
+
+    Args:
+        photos: frames [3, H, W] in the space in which the blur is linear.
+        quantisation: standard deviation of the rounding alone, the least noise there can be.
+    """
+    axes = OPPONENT.astype(np.float32)
+    power = np.mean([radial_power(np.einsum("ij,jhw->ihw", axes, p)) for p in photos], axis=0)
+    spectra = np.stack([power[0], power[1:].mean(axis=0)])
+    f = frequencies()
+    passed = np.mean([psf.mtf(f, a) for a in np.arange(0.0, 180.0, 22.5)], axis=0) ** 2
+    silent = (passed < _SILENT) & (f <= 0.5)
+    floors = [
+        max(float(np.median(s[silent])) if silent.sum() >= 4 else 0.0, quantisation**2) for s in spectra
+    ]
+    tables = [_ratio(s, floor, passed, f) for s, floor in zip(spectra, floors, strict=True)]
+    return NoiseToSignal(tables[0], tables[1], math.sqrt(floors[0]))
+
+
+def _ratio(spectrum: Array, floor: float, passed: Array, f: Array) -> Array:
+    """floor / S(f), with S a power law through the band where the photo stands clear of the floor."""
+    clear = (spectrum > _CLEAR * floor) & (passed > 1e-6) & (f > 0.01)
+    signal = (spectrum - floor) / np.maximum(passed, 1e-12)
+    if clear.sum() < 4:  # nothing but noise: believe nothing beyond the lowest frequencies
+        level, slope = math.log(max(float(spectrum[1] - floor), 1e-12)) + 2 * math.log(f[1]), 2.0
+    else:
+        x, y = np.log(f[clear]), np.log(signal[clear])
+        slope = float(-np.polyfit(x, y, 1)[0])
+        slope = min(max(slope, _SLOPES[0]), _SLOPES[1])
+        level = float(np.mean(y + slope * x))
+    fitted = np.exp(level - slope * np.log(np.maximum(f, f[1])))
+    return np.asarray(np.clip(floor / fitted, 1e-9, 1e3))
