@@ -16,6 +16,7 @@ from rasterizer_scenes import (
     single,
 )
 
+DEFAULTS = RasterSettings()
 #: Of colours around 1 in float32.
 VALUES = 2e-5
 #: Share of a gradient tensor's norm.
@@ -23,7 +24,7 @@ GRADIENTS = 1e-3
 
 
 def compare(
-    scene: Gaussians, backend: str, width: int = 61, height: int = 45, settings: RasterSettings = RasterSettings()
+    scene: Gaussians, backend: str, width: int = 61, height: int = 45, settings: RasterSettings = DEFAULTS
 ) -> None:
     """Same image, alpha, depth, gradients of everything, and screen statistics."""
     camera = make_camera(width, height)
