@@ -107,7 +107,7 @@ class ViewScorer:
         """Renders one view, sharp (written to `path`) and degraded, and compares both."""
         lens, pose = self.reconstruction.lenses[photo.name], self.reconstruction.poses[photo.name]
         size = round(photo.size[0] / photo.scale[0]), round(photo.size[1] / photo.scale[1])
-        twin = to_pixels(self.viewer.sharp(lens.resized(*size), pose))
+        twin = to_pixels(self.viewer.sharp(lens.resized(*size), pose, finer=1.0 / photo.scale[0]))
         if path is not None:
             write_png(path, twin)
         degraded = to_pixels(self.viewer.degraded(lens, pose, self.medium, photo.name))

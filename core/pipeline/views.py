@@ -11,11 +11,12 @@ from scipy.ndimage import map_coordinates
 from torch import Tensor
 
 from ..camera import Camera
+from ..constants import LOW_PASS_VARIANCE
 from ..gaussians import Gaussians
 from ..imaging.medium import Medium
 from ..imaging.operator import BlurOperator
 from ..lens import Lens
-from ..rasterizer import render
+from ..rasterizer import RasterSettings, render
 from ..sfm.reconstruction import Pose
 from ..training.scale import SceneScale
 
@@ -34,24 +35,33 @@ class Viewer:
         gaussians: the twin in world units.
         scale: the scene's own units, in which the rasterizer's near plane is meant.
         device: where to render.
+        low_pass: variance in px^2 that the projection adds; the training's, or the usual one of
+            viewers.
     """
 
-    def __init__(self, gaussians: Gaussians, scale: SceneScale, device: str) -> None:
+    def __init__(
+        self, gaussians: Gaussians, scale: SceneScale, device: str, low_pass: float = LOW_PASS_VARIANCE
+    ) -> None:
         self._gaussians = scale.to_unit(gaussians).to(device)
         self._scale = scale
+        self._low_pass = low_pass
 
-    def sharp(self, lens: Lens, pose: Pose, margin: int = 0) -> Tensor:
-        """[3, H + 2 margin, W + 2 margin] float32, sRGB, with the lens's distortion."""
+    def sharp(self, lens: Lens, pose: Pose, margin: int = 0, finer: float = 1.0) -> Tensor:
+        """[3, H + 2 margin, W + 2 margin] float32, sRGB, with the lens's distortion.
+
+        `finer` tells how many times finer the lens's grid is than the one that `low_pass` is meant on.
+        """
+        settings = RasterSettings(low_pass=self._low_pass * finer**2)
         if lens.largest_shift() < 0.01:
             camera = Camera(
                 "", lens.width, lens.height, lens.fx, lens.fy, lens.cx, lens.cy, pose.rotation, pose.translation
             )
-            return self._pinhole(camera.with_margin(margin))
+            return self._pinhole(camera.with_margin(margin), settings)
         positions, width, height, left, top = _straight_frame(lens, margin)
         camera = Camera(
             "", width, height, lens.fx, lens.fy, lens.cx - left, lens.cy - top, pose.rotation, pose.translation
         )
-        straight = self._pinhole(camera)
+        straight = self._pinhole(camera, settings)
         bent = [map_coordinates(plane, positions, order=3, mode="nearest") for plane in straight.cpu().numpy()]
         return torch.from_numpy(np.stack(bent)).to(straight.device)
 
@@ -63,9 +73,9 @@ class Viewer:
         operator = BlurOperator(psf, lens.height, lens.width, margin, frame.device, frame.dtype)
         return medium.degrade(frame, operator.apply)
 
-    def _pinhole(self, camera: Camera) -> Tensor:
+    def _pinhole(self, camera: Camera, settings: RasterSettings) -> Tensor:
         with torch.no_grad():
-            return render(self._gaussians, self._scale.camera_to_unit(camera)).image
+            return render(self._gaussians, self._scale.camera_to_unit(camera), settings=settings).image
 
 
 def to_pixels(planes: Tensor) -> NDArray[np.uint8]:

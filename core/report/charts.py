@@ -122,7 +122,7 @@ class _Scale:
         low, high = (10**self.low, 10**self.high) if self.axis.logarithmic else (self.low, self.high)
         rough = (high - low) / 5
         power = 10.0 ** math.floor(math.log10(rough))
-        step = next(s * power for s in (1, 2, 5, 10) if s * power >= rough * 0.999)
+        step = next(s * power for s in (1, 2, 2.5, 5, 10) if s * power >= rough * 0.999)
         first = math.ceil(low / step - 1e-9)
         return [i * step for i in range(first, math.floor(high / step + 1e-9) + 1)]
 

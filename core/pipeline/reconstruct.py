@@ -1,0 +1,229 @@
+"""One run from photos to a reported twin."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..errors import CameraError
+from ..files import check_writable, make_folder, write_json
+from ..formats.ply import write_ply
+from ..imaging.medium import Medium
+from ..imaging.psf import PointSpread, parse_psf
+from ..photos.load import Photo, load_photos
+from ..progress import Progress
+from ..report.page import write_page
+from ..report.pictures import ViewPictures, spread
+from ..sfm import Reconstruction, find_cameras, load_cameras
+from .heldout import Scores, TruthFolder, ViewScorer, heldout_names, render_names
+from .machine import choose_device, machine, use_threads
+from .settings import ReconstructSettings
+from .summary import Facts, resolvable_period, summary
+from .views import Viewer
+
+if TYPE_CHECKING:
+    from ..training import Trained
+
+#: Views shown in the page at most.
+SHOWN = 6
+#: A time limit leaves the training at least this share of it, however long the cameras took.
+LEAST_TRAINING = 0.1
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a run left behind.
+
+    Attributes:
+        report: the content of report.json.
+        folder: where everything lies.
+        cancelled: whether the user stopped it (what was finished is saved).
+    """
+
+    report: dict[str, Any]
+    folder: Path
+    cancelled: bool
+
+
+class NoteKeeper:
+    """Passes progress on and keeps the notes for the report."""
+
+    def __init__(self, progress: Progress) -> None:
+        self._progress = progress
+        self.notes: list[str] = []
+
+    def stage(self, name: str, total: int | None = None) -> None:
+        self._progress.stage(name, total)
+
+    def advance(self, done: int, **figures: float) -> None:
+        self._progress.advance(done, **figures)
+
+    def note(self, text: str) -> None:
+        self.notes.append(text)
+        self._progress.note(text)
+
+    def cancelled(self) -> bool:
+        return self._progress.cancelled()
+
+
+class Stopwatch:
+    """Seconds of each named stage and in all."""
+
+    def __init__(self) -> None:
+        self._began = self._lap = time.perf_counter()
+        self.seconds: dict[str, float] = {}
+
+    def lap(self, name: str) -> None:
+        """The time since the last lap belongs to `name`."""
+        now = time.perf_counter()
+        self.seconds[name] = round(now - self._lap, 3)
+        self._lap = now
+
+    def total(self) -> float:
+        """Seconds since the start."""
+        return round(time.perf_counter() - self._began, 3)
+
+
+def reconstruct(settings: ReconstructSettings, progress: Progress) -> Outcome:
+    """Photos in; twin.ply, cameras/, renders/, report.json and report.html out.
+
+    Cameras and twin are written as soon as they are there: whatever happens later, they are kept.
+    A cancelled training still saves the twin so far and reports it.
+
+    Raises:
+        DgsError: one of its subclasses; what was written before stays.
+    """
+    watch, keeper = Stopwatch(), NoteKeeper(progress)
+    # What can be wrong with the request is found out before any work is done.
+    psf = parse_psf(settings.psf)
+    truth = TruthFolder(settings.truth) if settings.truth is not None else None
+    check_writable(settings.out)
+    threads, device = use_threads(settings.threads), choose_device(settings.device)
+    photos = load_photos(settings.photos, settings.max_size, keeper, settings.masks)
+    medium = medium_for(photos, psf, settings)
+    for note in psf.notes if psf is not None else ():
+        keeper.note(f"The point spread function: {note}")
+    watch.lap("photos")
+
+    reconstruction, source = _cameras(settings, photos, medium, threads, keeper)
+    registered = [photo for photo in photos if photo.name in reconstruction.poses]
+    watch.lap("sfm")
+
+    held = heldout_names([photo.name for photo in photos], settings.holdout_every)
+    trained = _train(settings, registered, held, reconstruction, medium, threads, device, keeper, watch)
+    write_ply(settings.out / "twin.ply", trained.gaussians.cloud())
+
+    keeper.stage("save", len(held) + 2)
+    facts = Facts(
+        settings=settings, photos=photos, reconstruction=reconstruction, source=source, medium=medium, psf=psf,
+        held=held, trained=trained, machine=machine(threads, device), notes=keeper.notes,
+    )  # fmt: skip
+    scores, pictures = _score(facts, truth, keeper)
+    watch.lap("save")
+    report = summary(facts, scores, watch.seconds, watch.total())
+    write_json(settings.out / "report.json", report)
+    write_page(settings.out / "report.html", report, pictures, medium.psf, reconstruction.cameras())
+    keeper.advance(len(held) + 2)
+    return Outcome(report, settings.out, trained.stopped == "cancelled")
+
+
+def medium_for(photos: list[Photo], psf: PointSpread | None, settings: ReconstructSettings) -> Medium:
+    """The medium on the grid of the photos as they were loaded (`--max-size` shrinks the blur too)."""
+    full = Medium(psf, settings.blur_space)
+    scales = {photo.scale[0] for photo in photos}
+    if len(scales) == 1:
+        scale = scales.pop()
+        return full if scale == 1.0 else full.on_grid(1.0 / scale)
+    own = {photo.name: full.on_grid(1.0 / photo.scale[0]).psf for photo in photos}
+    return replace(full, psf=own[photos[0].name], per_view=own)
+
+
+def _cameras(
+    settings: ReconstructSettings, photos: list[Photo], medium: Medium, threads: int, progress: Progress
+) -> tuple[Reconstruction, str]:
+    """Known cameras, those of the run that is resumed, or cameras found from the photos."""
+    from ..formats.colmap import write_model
+    from ..sfm import SfmSettings
+
+    folder = settings.out / "cameras"
+    if settings.cameras is not None:
+        reconstruction, source = load_cameras(settings.cameras, photos), "given"
+    elif settings.resume and folder.is_dir():
+        reconstruction, source = load_cameras(folder, photos), "sfm"
+        progress.note("The cameras are those of the run that is resumed")
+    else:
+        kernel = None if medium.psf is None or medium.psf.is_identity else medium.psf.kernel()
+        work = make_folder(settings.out / "sfm")
+        reconstruction = find_cameras(photos, kernel, SfmSettings(threads=threads), work, progress)
+        source = "sfm"
+    if len(reconstruction.poses) < 2:
+        raise CameraError(
+            f"Only {len(reconstruction.poses)} of {len(photos)} photos have a camera",
+            "Check that the names in the camera model are those of the photos",
+        )
+    write_model(folder, reconstruction)
+    return reconstruction, source
+
+
+def _train(
+    settings: ReconstructSettings, registered: list[Photo], held: list[str], reconstruction: Reconstruction,
+    medium: Medium, threads: int, device: str, progress: Progress, watch: Stopwatch,
+) -> Trained:  # fmt: skip
+    from ..photos import undistorted_views
+    from ..training import TrainingSettings, train
+
+    views = undistorted_views(registered, reconstruction)
+    kept = [view for view in views if view.name not in held]
+    if not kept:
+        raise CameraError(
+            "Every photo with a camera is held out, so none is left to train on", "Use --holdout-every 0 or more photos"
+        )
+    changes: dict[str, Any] = {"max_gaussians": settings.max_gaussians, "sh_degree": settings.sh_degree}
+    chosen = replace(
+        TrainingSettings.preset(settings.preset), loss=settings.loss, seed=settings.seed, threads=threads,
+        device=device, time_limit=_time_left(settings.time_limit, watch.total()),
+        **{name: value for name, value in changes.items() if value is not None},
+    )  # fmt: skip
+    trained = train(
+        kept, [view for view in views if view.name in held], reconstruction.points, medium, chosen, progress,
+        settings.out / "checkpoint.npz", settings.resume,
+    )  # fmt: skip
+    watch.lap("train")
+    watch.seconds.update({name: round(float(trained.seconds[name]), 3) for name in ("compile", "train")})
+    return trained
+
+
+def _time_left(limit: float | None, spent: float) -> float | None:
+    return None if limit is None else max(limit - spent, LEAST_TRAINING * limit)
+
+
+def _score(
+    facts: Facts, truth: TruthFolder | None, progress: Progress
+) -> tuple[list[Scores], list[ViewPictures]]:
+    """Renders and scores every held-out view; a few fitted ones are shown where none is held out."""
+    from ..training.scale import scene_scale
+
+    cameras = facts.reconstruction.cameras()
+    viewer = Viewer(
+        facts.trained.gaussians, scene_scale(list(cameras.values()), facts.reconstruction.points),
+        facts.machine["device"], facts.trained.settings.low_pass,
+    )  # fmt: skip
+    scorer = ViewScorer(
+        viewer, facts.reconstruction, facts.medium, truth, resolvable_period(facts.medium), progress
+    )
+    by_name = {photo.name: photo for photo in facts.photos if photo.name in cameras}
+    wanted = [name for name in facts.held if name in by_name]
+    files, scores, pictures = render_names(wanted), [], []
+    shown = set(spread(len(wanted), SHOWN))
+    for index, name in enumerate(wanted):
+        score, picture = scorer.score(by_name[name], True, facts.settings.out / "renders" / files[name])
+        scores.append(score)
+        if index in shown:
+            pictures.append(picture)
+        progress.advance(index + 1)
+    if not wanted:
+        names = sorted(by_name)
+        pictures = [scorer.score(by_name[names[i]], False, None)[1] for i in spread(len(names), 3)]
+    return scores, pictures

@@ -1,0 +1,144 @@
+"""Gathers what a run found out into report.json (its fields: `core.report.schema`)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, dataclass, is_dataclass
+from statistics import median
+from typing import TYPE_CHECKING, Any
+
+from ..imaging.medium import Medium
+from ..imaging.psf import PointSpread
+from ..photos.load import Photo
+from ..report.schema import SCHEMA_VERSION
+from ..sfm import Reconstruction
+from .heldout import BANDS, Scores, mean_of
+from .machine import peak_memory_mb, versions
+from .settings import ReconstructSettings
+
+if TYPE_CHECKING:
+    from ..training import Trained
+
+#: Standard deviation of 8-bit rounding over the amplitude of typical detail (contrast one half).
+NOISE_TO_CONTRAST = 1.0 / (255.0 * math.sqrt(12.0)) / 0.5
+
+
+@dataclass(frozen=True)
+class Facts:
+    """Everything that was decided and found before the scores.
+
+    Attributes:
+        source: 'sfm' or 'given'.
+        medium: on the grid of the photos as used; psf: as asked for.
+        held: all held-out names, registered or not.
+    """
+
+    settings: ReconstructSettings
+    photos: list[Photo]
+    reconstruction: Reconstruction
+    source: str
+    medium: Medium
+    psf: PointSpread | None
+    held: list[str]
+    trained: Trained
+    machine: dict[str, Any]
+    notes: list[str]
+
+
+def resolvable_period(medium: Medium) -> float:
+    """Finest period in px that one 8-bit photo still holds in every direction; 2 without blur.
+
+    Where the PSF's transfer of detail of contrast one half falls below the noise of rounding: about
+    9 px for a Gaussian of sigma 5 px.
+    """
+    if medium.psf is None or medium.psf.is_identity:
+        return 2.0
+    return round(medium.psf.resolvable_period(NOISE_TO_CONTRAST), 2)
+
+
+def summary(facts: Facts, scores: list[Scores], seconds: dict[str, float], total: float) -> dict[str, Any]:
+    """The content of report.json: plain values only, NaN as null."""
+    settings, trained, cameras = facts.settings, facts.trained, facts.reconstruction
+    names = [photo.name for photo in facts.photos]
+    first = facts.photos[0]
+    report = {
+        "schema": SCHEMA_VERSION,
+        "status": trained.stopped,
+        "photos": {
+            "folder": str(settings.photos),
+            "given": len(names),
+            "registered": len(cameras.poses),
+            "unregistered": [name for name in names if name not in cameras.poses],
+            "size": list(first.size),
+            "scale": round(first.scale[0], 6),
+        },
+        "cameras": {
+            "source": facts.source,
+            "file": None if settings.cameras is None else str(settings.cameras),
+            "focal_px": round(median(lens.fx for lens in cameras.lenses.values()), 3),
+            "reprojection_error_px": cameras.figures.reprojection_px,
+            "points": len(cameras.points.positions),
+            "attempts": [asdict(attempt) for attempt in cameras.figures.attempts],
+        },
+        "medium": {"psf": settings.psf, "blur_space": facts.medium.blur_space},
+        "gaussians": len(trained.gaussians),
+        "steps": trained.steps,
+        "seconds": {
+            **{name: seconds.get(name) for name in ("photos", "sfm", "compile", "train", "save")},
+            "total": total,
+        },
+        "peak_memory_mb": peak_memory_mb(),
+        "heldout": _heldout(facts, scores),
+        "resolvable_period_px": resolvable_period(facts.medium),
+        "settings": {"run": settings.plain(), "training": trained.settings},
+        "versions": versions(),
+        "machine": facts.machine,
+        "counters": dict(trained.counters),
+        "notes": list(facts.notes),
+        "history": list(trained.history),
+    }
+    plain_report: dict[str, Any] = plain(report)
+    return plain_report
+
+
+def _heldout(facts: Facts, scores: list[Scores]) -> dict[str, Any]:
+    def mean(kind: str, name: str) -> float | None:
+        return mean_of([(getattr(score, kind) or {}).get(name) for score in scores])
+
+    compared = [score for score in scores if score.sharp is not None]
+    bands = [
+        {
+            "coarsest": coarsest, "finest": finest,
+            **{key: mean_of([s.bands[i][key] for s in compared]) for key in ("gain", "correlation", "energy")},
+        }
+        for i, (coarsest, finest) in enumerate(BANDS)
+    ]  # fmt: skip
+    return {
+        "names": [score.name for score in scores],
+        "unregistered": [name for name in facts.held if name not in facts.reconstruction.poses],
+        "every": facts.settings.holdout_every,
+        "in_sfm": facts.source == "sfm",
+        "degraded": {key: mean("degraded", key) for key in ("psnr", "ssim")},
+        "sharp": {key: mean("sharp", key) for key in ("psnr", "ssim", "psnr_inside")},
+        "truth_low_passed_psnr": mean_of([score.low_passed for score in compared]),
+        "bands": bands if compared else [],
+        "edge_sharpness": mean_of([score.edge_sharpness for score in compared]),
+        "views": [{"name": s.name, "degraded": s.degraded, "sharp": s.sharp} for s in scores],
+    }
+
+
+def plain(value: Any) -> Any:
+    """Values that JSON holds: dataclasses as objects, numpy's numbers as Python's, NaN as null."""
+    if is_dataclass(value) and not isinstance(value, type):
+        return plain(asdict(value))
+    if isinstance(value, dict):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(item) for item in value]
+    if isinstance(value, (str, bool, int)) or value is None:
+        return value
+    if hasattr(value, "item"):
+        return plain(value.item())
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    return str(value)

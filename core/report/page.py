@@ -1,0 +1,168 @@
+"""report.html: one file that needs nothing else, for people."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jinja2 import Environment, StrictUndefined
+from markupsafe import Markup
+
+from ..camera import Camera
+from ..files import write_text
+from ..imaging.psf import PointSpread
+from .charts import Axis, Marker, line_chart, scatter_map
+from .pictures import ViewPictures, embedded
+from .words import limits, not_simulated, simulated
+
+_FOLDER = Path(__file__).parent
+
+
+def write_page(
+    path: Path,
+    report: Mapping[str, Any],
+    pictures: list[ViewPictures],
+    psf: PointSpread | None,
+    cameras: Mapping[str, Camera],
+) -> None:
+    """Writes the page.
+
+    Args:
+        path: the file.
+        report: the content of report.json.
+        pictures: the views that are shown.
+        psf: on the grid of the photos as used; None without blur.
+        cameras: all cameras by photo name.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    write_text(path, page(report, pictures, psf, cameras))
+
+
+def page(
+    report: Mapping[str, Any],
+    pictures: list[ViewPictures],
+    psf: PointSpread | None,
+    cameras: Mapping[str, Camera],
+) -> str:
+    """The page as text; see `write_page`."""
+    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    environment.filters["number"] = _number
+    environment.filters["seconds"] = _seconds
+    template = environment.from_string((_FOLDER / "report.html.j2").read_text("utf-8"))
+    data = embedded(pictures)
+    views = [
+        {
+            "name": view.name,
+            "heldout": view.heldout,
+            "scores": view.scores,
+            "width": view.photo.shape[1],
+            "height": view.photo.shape[0],
+            "pictures": [{"key": key, "title": title, "data": uris[key]} for key, title, _ in view.named()],
+        }
+        for view, uris in zip(pictures, data, strict=True)
+    ]
+    return template.render(
+        report=report,
+        title=Path(report["photos"]["folder"]).resolve().name or "photos",
+        made=datetime.now().astimezone().strftime("%Y-%m-%d %H:%M"),
+        style=Markup((_FOLDER / "report.css").read_text("utf-8")),
+        script=Markup((_FOLDER / "report.js").read_text("utf-8")),
+        views=views,
+        charts=_charts(report, psf),
+        map=_map(cameras, set(report["heldout"]["names"])),
+        cameras=[_camera_row(cameras[name]) for name in sorted(cameras)],
+        simulated=simulated(report),
+        not_simulated=not_simulated(report),
+        limits=limits(report),
+    )
+
+
+def _charts(report: Mapping[str, Any], psf: PointSpread | None) -> list[dict[str, Any]]:
+    history = [row for row in report["history"] if row.get("seconds") is not None]
+    time = Axis("training time in s", low=0.0)
+    loss = [(row["seconds"], row["loss"]) for row in history if row.get("loss") is not None]
+    accuracy = [(row["seconds"], row["heldout_psnr"]) for row in history if row.get("heldout_psnr") is not None]
+    charts = [
+        ("Loss", "What the optimizer lowers, on the photos it trains on.",
+         line_chart("Loss over time", [("loss", loss)], time, Axis("loss", logarithmic=True))),
+        ("Accuracy on held-out views", "The twin through the medium against photos it was not trained on.",
+         line_chart("Accuracy over time", [("held-out PSNR", accuracy)], time, Axis("PSNR in dB"))),
+    ]  # fmt: skip
+    bands = [band for band in report["heldout"]["bands"] if band["gain"] is not None]
+    if bands:
+        def centre(band: Mapping[str, float]) -> float:
+            return math.sqrt(band["finest"] * band["coarsest"])
+
+        charts.append(
+            ("Detail that came back", "Against the sharp truth: gain 1 is all of it, correlation 1 is nothing invented.",
+             line_chart(
+                 "Gain and correlation by period",
+                 [("gain", [(centre(b), b["gain"]) for b in bands]),
+                  ("correlation", [(centre(b), b["correlation"]) for b in bands if b["correlation"] is not None])],
+                 Axis("period in px (fine on the left)", logarithmic=True), Axis("share", low=0.0, high=1.1),
+                 [Marker("one photo's limit", x=report["resolvable_period_px"])]))
+        )  # fmt: skip
+    if psf is not None and not psf.is_identity:
+        charts.append(
+            ("What the medium lets through", "Contrast that remains of a pattern, by its period.",
+             _transfer(psf, report["resolvable_period_px"]))
+        )  # fmt: skip
+    return [{"title": title, "text": text, "svg": svg} for title, text, svg in charts if svg]
+
+
+def _transfer(psf: PointSpread, period: float) -> Markup:
+    periods = np.geomspace(2.0, max(64.0, 6.0 * period), 160)
+    worst = np.min([psf.mtf(1.0 / periods, angle) for angle in range(0, 180, 15)], axis=0)
+    points = list(zip(periods.tolist(), worst.tolist(), strict=True))
+    return line_chart(
+        "Transfer of the point spread function", [("transfer", points)],
+        Axis("period in px", logarithmic=True), Axis("contrast left", low=0.0, high=1.0),
+        [Marker(f"{period:.3g} px: finer detail is lost in the rounding", x=period)],
+    )  # fmt: skip
+
+
+def _map(cameras: Mapping[str, Camera], held: set[str]) -> Markup:
+    """The cameras from the side from which they spread most."""
+    names = sorted(cameras)
+    if len(names) < 2:
+        return Markup("")
+    centres = np.array([cameras[name].centre for name in names])
+    centres -= centres.mean(axis=0)
+    axes = np.linalg.svd(centres, full_matrices=False)[2]
+    flat = centres @ axes[:2].T
+    return scatter_map(
+        "Where the photos were taken from",
+        [(name, float(x), float(y), name in held) for name, (x, y) in zip(names, flat, strict=True)],
+    )
+
+
+def _camera_row(camera: Camera) -> dict[str, Any]:
+    return {
+        "name": camera.name,
+        "size": f"{camera.width} × {camera.height}",
+        "focal": f"{camera.fx:.1f}" if abs(camera.fx - camera.fy) < 0.05 else f"{camera.fx:.1f}, {camera.fy:.1f}",
+        "centre": ", ".join(f"{value:.4g}" for value in camera.centre),
+    }
+
+
+def _number(value: float | int | None, digits: int = 2) -> str:
+    if value is None:
+        return "–"
+    if isinstance(value, int):
+        return f"{value:,}".replace(",", "\u202f")
+    return f"{value:.{digits}f}"
+
+
+def _seconds(value: float | None) -> str:
+    if value is None:
+        return "–"
+    if value < 99.95:
+        return f"{value:.1f} s" if value < 10 else f"{value:.0f} s"
+    minutes, rest = divmod(round(value), 60)
+    return f"{minutes} min {rest} s" if minutes < 60 else f"{minutes // 60} h {minutes % 60} min"

@@ -1,0 +1,76 @@
+"""What a report says in words: what the run modelled, what it did not, and what nobody can know."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+
+def simulated(report: Mapping[str, Any]) -> list[str]:
+    """What the image formation of this run contains."""
+    medium, training = report["medium"], report["settings"]["training"]
+    space = "linear light" if medium["blur_space"] == "linear" else "the photos' sRGB values"
+    blur = (
+        f"The blur: every render is convolved with the point spread function {medium['psf']}, the same over the whole "
+        f"frame, on {space}."
+        if medium["psf"] != "none"
+        else "No blur: the photos were taken as sharp (psf none)."
+    )
+    degree = training.get("sh_degree")
+    gloss = (
+        "Colours that do not change with the direction of view."
+        if degree == 0
+        else f"Colours that change with the direction of view (spherical harmonics of degree {degree})."
+    )
+    return [
+        blur,
+        "Perspective and lens distortion of each photo, with the light from just outside the frame.",
+        gloss,
+        "Opacity and occlusion of the Gaussians in depth order.",
+    ]
+
+
+def not_simulated(report: Mapping[str, Any]) -> list[str]:
+    """What a real scene may have and this run does not know."""
+    missing = [
+        "Blur that changes with depth, over the frame, or from photo to photo",
+        "Haze: light that the medium adds, absorbs or colours",
+        "Noise of the camera beyond the rounding of the files, and clipped highlights",
+        "Anything that moved between the photos",
+    ]
+    if report["cameras"]["source"] == "sfm":
+        missing.append("Errors of the cameras, which were found from these same blurred photos")
+    return missing
+
+
+def limits(report: Mapping[str, Any]) -> list[str]:
+    """What physics leaves out, and how far the scores can be trusted."""
+    period, heldout = report["resolvable_period_px"], report["heldout"]
+    lines = []
+    if period > 2.0:
+        lines.append(
+            f"Detail finer than about {period:.3g} px is not in the data of one photo: the medium dims it below the "
+            "rounding of 8-bit files. What the twin shows there comes from other views that average the "
+            "rounding out, or from the smoothness of the fit, or from chance."
+        )
+    else:
+        lines.append("Nothing was blurred, so the pixel grid itself (2 px) is the limit of one photo.")
+    if heldout["names"] and heldout["in_sfm"]:
+        lines.append(
+            "The held-out photos were kept out of the training, but they took part in finding the cameras: "
+            "without a camera they could not be compared."
+        )
+    if heldout["degraded"]["psnr"] is not None and heldout["sharp"]["psnr"] is None:
+        lines.append(
+            "No sharp truth was given. Agreement with blurred photos says little about fine detail: a "
+            "twin can match them well and still be wrong below the limit above."
+        )
+    given, registered = report["photos"]["given"], report["photos"]["registered"]
+    if registered < 20:
+        lines.append(
+            f"With {registered} views, how well the photos cover the object decides the score on new views more "
+            "than the deblurring does."
+        )
+    if registered < given:
+        lines.append(f"{given - registered} of {given} photos found no camera and were not used.")
+    return lines
