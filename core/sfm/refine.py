@@ -3,14 +3,18 @@
 A feature found in one blurred photo is off by half a pixel or more; the same patch aligned between
 two photos is off by a tenth of that. So every track keeps the place of one feature, and all others
 are moved to where the photos agree with it (least squares of intensities: Lucas & Kanade 1981;
-for tracks: Lindenberger et al. 2021, 'Pixel-Perfect SfM', there with learned features).
+for tracks: Lindenberger et al. 2021, 'Pixel-Perfect SfM', there with learned features). With the
+cameras known that well, every point is then looked for in the photos where no feature was found.
+Runs in the child process only.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+import pycolmap
 from numpy.typing import NDArray
 
 from .. import compiled
@@ -18,117 +22,295 @@ from .refine_kernels import align
 from .settings import RefineSettings
 
 Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Tracks:
+    """Observations of all points, as flat arrays.
+
+    Attributes:
+        positions: [M, 3] points.
+        point, view: [N] indices of each observation's point and view, sorted by point.
+        pixels: [N, 2] where it was seen.
+        reference: [M] the view whose patch defines the point.
+    """
+
+    positions: Floats
+    point: Integers
+    view: Integers
+    pixels: Floats
+    reference: Integers
+
+
+@dataclass(frozen=True)
+class Views:
+    """Cameras and photos as stacked arrays.
+
+    Attributes:
+        ids: image ids of the model.
+        images: [V, H, W] float32, smaller photos padded; sizes: [V, 2] int32 width, height.
+        rotations [V, 3, 3], translations [V, 3], centres [V, 3], focals [V].
+    """
+
+    ids: list[int]
+    images: NDArray[np.float32]
+    sizes: NDArray[np.int32]
+    rotations: Floats
+    translations: Floats
+    centres: Floats
+    focals: Floats
 
 
 def pixel_exact(model: Any, greys: dict[str, NDArray[np.float32]], settings: RefineSettings) -> Any:
-    """Refines a pycolmap.Reconstruction.
+    """Refines a pycolmap.Reconstruction by aligned patches and bundle adjustment.
 
     Args:
-        model: reconstruction with points; changed in place.
+        model: reconstruction with points.
         greys: [H, W] float32 per image name, the photos that the features came from.
 
     Returns:
-        The refined model.
+        A new reconstruction of the same images; its points are those that the photos agree on.
     """
-    for _ in range(settings.rounds):
-        _move_observations(model, greys, settings)
-        adjust(model, settings.inlier)
-    return model
+    views = _views(model, greys)
+    tracks = _longest(_tracks(model, views), len(views.ids), settings.observations)
+    tracks = _aligned(tracks, views, settings, settings.correlation)
+    if len(tracks.positions) < 3 * len(views.ids):
+        return model  # the patches do not agree: no reason to trust them more than the features
+    refined = _adjusted(model, views, tracks, settings)
+    for _ in range(settings.rounds - 1):
+        views = replace(views, **_poses(refined, views.ids))
+        tracks = _completed(refined, views, settings)
+        refined = _adjusted(refined, views, tracks, settings)
+    return refined
 
 
-def _move_observations(
-    model: Any, greys: dict[str, NDArray[np.float32]], settings: RefineSettings
-) -> dict[str, float]:
-    ids = sorted(model.reg_image_ids())
-    index = {image_id: i for i, image_id in enumerate(ids)}
-    images = [model.images[i] for i in ids]
-    heights, widths = zip(*[greys[i.name].shape for i in images], strict=True)
-    stack = np.zeros((len(ids), max(heights), max(widths)), np.float32)
-    for i, image in enumerate(images):
-        stack[i, : heights[i], : widths[i]] = greys[image.name]
-    sizes = np.array([widths, heights], np.int32).T.copy()
-    poses = [image.cam_from_world() for image in images]
+def _poses(model: Any, ids: list[int]) -> dict[str, Floats]:
+    poses = [model.images[i].cam_from_world() for i in ids]
     rotations = np.array([p.rotation.matrix() for p in poses])
     translations = np.array([p.translation for p in poses])
     centres = -np.einsum("nji,nj->ni", rotations, translations)
-    focals = np.array([model.cameras[image.camera_id].mean_focal_length() for image in images])
+    focals = np.array([model.cameras[model.images[i].camera_id].mean_focal_length() for i in ids])
+    return {"rotations": rotations, "translations": translations, "centres": centres, "focals": focals}
 
-    pairs, points, warps, where = [], [], [], []
-    for point_id, point in model.points3D.items():
-        elements = point.track.elements
-        views = np.array([index[e.image_id] for e in elements])
-        seen = np.array([images[v].points2D[e.point2D_idx].xy for v, e in zip(views, elements, strict=True)])
-        to_camera = centres[views] - point.xyz
-        distance = np.linalg.norm(to_camera, axis=1)
-        normal = (to_camera / distance[:, None]).sum(0)
-        normal /= np.linalg.norm(normal)
-        # The most frontal view of the middle distance sees the patch with the least stretch.
-        frontal = (to_camera @ normal) / distance
-        ref = int(np.argmax(frontal - 0.3 * np.abs(np.log(distance / np.median(distance)))))
-        tangents = _plane_axes(normal)
-        maps = [_projected_axes(rotations[v], translations[v], focals[v], point.xyz, tangents) for v in views]
-        back = np.linalg.inv(maps[ref])
-        for k in range(len(views)):
-            if k != ref:
-                pairs.append((views[ref], views[k]))
-                points.append((*seen[ref], *seen[k]))
-                warps.append((maps[k] @ back).ravel())
-                where.append((elements[k].image_id, elements[k].point2D_idx))
-    if not pairs:
-        return {"tried": 0.0, "kept": 0.0, "move_px": 0.0}
-    out = np.zeros((len(pairs), 4))
+
+def _views(model: Any, greys: dict[str, NDArray[np.float32]]) -> Views:
+    ids = sorted(model.reg_image_ids())
+    photos = [greys[model.images[i].name] for i in ids]
+    heights, widths = zip(*[p.shape for p in photos], strict=True)
+    images = np.zeros((len(ids), max(heights), max(widths)), np.float32)
+    for image, photo in zip(images, photos, strict=True):
+        image[: photo.shape[0], : photo.shape[1]] = photo
+    return Views(ids, images, np.array([widths, heights], np.int32).T.copy(), **_poses(model, ids))
+
+
+def _tracks(model: Any, views: Views) -> Tracks:
+    index = {image_id: i for i, image_id in enumerate(views.ids)}
+    pixels = {i: np.array([p.xy for p in model.images[i].points2D]) for i in views.ids}
+    point, view, seen, positions = [], [], [], []
+    for number, point_id in enumerate(sorted(model.point3D_ids())):
+        item = model.points3D[point_id]
+        positions.append(item.xyz)
+        taken: set[int] = set()
+        for element in item.track.elements:
+            if element.image_id not in taken:
+                taken.add(element.image_id)
+                point.append(number)
+                view.append(index[element.image_id])
+                seen.append(pixels[element.image_id][element.point2D_idx])
+    world = np.array(positions).reshape(-1, 3)
+    tracks = Tracks(world, np.array(point, int), np.array(view, int), np.array(seen).reshape(-1, 2), np.zeros(len(world), int))
+    return replace(tracks, reference=_frontal(tracks, views))
+
+
+def _frontal(tracks: Tracks, views: Views) -> Integers:
+    """The view of each point that sees it straight on, from the middle distance."""
+    rays = views.centres[tracks.view] - tracks.positions[tracks.point]
+    distance = np.linalg.norm(rays, axis=1)
+    normals = _normals(tracks, views)
+    frontal = (rays * normals[tracks.point]).sum(1) / distance
+    logarithm = np.log(distance)
+    count = np.maximum(np.bincount(tracks.point, minlength=len(tracks.positions)), 1)
+    middle = np.bincount(tracks.point, logarithm, len(tracks.positions)) / count
+    score = frontal - 0.3 * np.abs(logarithm - middle[tracks.point])
+    order = np.lexsort((score, tracks.point))
+    best = np.zeros(len(tracks.positions), int)
+    best[tracks.point[order]] = tracks.view[order]  # the last one written is the best
+    return best
+
+
+def _normals(tracks: Tracks, views: Views) -> Floats:
+    """[M, 3] unit vectors from the points towards the cameras that see them."""
+    rays = views.centres[tracks.view] - tracks.positions[tracks.point]
+    rays /= np.linalg.norm(rays, axis=1, keepdims=True)
+    total = np.stack([np.bincount(tracks.point, rays[:, k], len(tracks.positions)) for k in range(3)], axis=1)
+    return np.asarray(total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-12))
+
+
+def _longest(tracks: Tracks, views: int, limit: int) -> Tracks:
+    """The longest tracks with about `limit` observations in all, every view getting its share."""
+    if len(tracks.point) <= limit:
+        return tracks
+    length = np.bincount(tracks.point, minlength=len(tracks.positions))
+    starts = np.concatenate([[0], np.cumsum(length)])
+    seen = np.zeros(views, int)
+    share = limit / views
+    keep = np.zeros(len(tracks.positions), bool)
+    total = 0
+    for at in np.argsort(-length, kind="stable"):
+        members = tracks.view[starts[at] : starts[at + 1]]
+        if (seen[members] < share).any():
+            keep[at] = True
+            seen[members] += 1
+            total += len(members)
+            if total >= 1.5 * limit:
+                break
+    return _chosen(tracks, keep[tracks.point])
+
+
+def _chosen(tracks: Tracks, keep: NDArray[np.bool_]) -> Tracks:
+    """Only the observations of `keep`, and the points that still have two."""
+    length = np.bincount(tracks.point[keep], minlength=len(tracks.positions))
+    alive = length >= 2
+    keep = keep & alive[tracks.point]
+    renumber = np.cumsum(alive) - 1
+    return Tracks(
+        tracks.positions[alive], renumber[tracks.point[keep]], tracks.view[keep], tracks.pixels[keep],
+        tracks.reference[alive],
+    )  # fmt: skip
+
+
+def _aligned(tracks: Tracks, views: Views, settings: RefineSettings, correlation: float) -> Tracks:
+    """Moves all observations to where their photo agrees with the reference; drops the others."""
+    own = tracks.view == tracks.reference[tracks.point]
+    anchor = np.zeros((len(tracks.positions), 2))
+    anchor[tracks.point[own]] = tracks.pixels[own]
+    others = np.flatnonzero(~own)
+    point, view = tracks.point[others], tracks.view[others]
+    axes = _plane_axes(_normals(tracks, views))[point]
+    to_other = _projected(axes, tracks.positions[point], view, views)
+    to_reference = _projected(axes, tracks.positions[point], tracks.reference[point], views)
+    warps = to_other @ np.linalg.inv(to_reference)
+    pairs = np.stack([tracks.reference[point], view], axis=1).astype(np.int32)
+    guesses = np.concatenate([anchor[point], tracks.pixels[others]], axis=1)
+    out = np.zeros((len(others), 4))
     compiled.run(
-        align, len(pairs), stack, sizes, np.array(pairs, np.int32), np.array(points), np.array(warps),
+        align, len(others), views.images, views.sizes, pairs, guesses, warps.reshape(-1, 4),
         settings.radius, settings.stride, settings.steps, settings.reach, out, grain=64,
     )  # fmt: skip
-    good = out[:, 2] >= settings.correlation
-    for k, (image_id, at) in enumerate(where):
-        if good[k]:
-            model.images[image_id].points2D[at].xy = out[k, :2]
-        elif model.images[image_id].points2D[at].has_point3D():
-            model.delete_observation(image_id, at)
-    move = float(np.median(out[good, 3])) if good.any() else 0.0
-    return {"tried": float(len(pairs)), "kept": float(good.sum()), "move_px": move}
+    good = out[:, 2] >= correlation
+    pixels = tracks.pixels.copy()
+    pixels[others[good]] = out[good, :2]
+    keep = own.copy()
+    keep[others[good]] = True
+    return _chosen(replace(tracks, pixels=pixels), keep)
 
 
-def _plane_axes(normal: Floats) -> Floats:
-    helper = np.eye(3)[int(np.argmin(np.abs(normal)))]
-    first = np.cross(normal, helper)
-    first /= np.linalg.norm(first)
-    return np.stack([first, np.cross(normal, first)], axis=1)
+def _plane_axes(normals: Floats) -> Floats:
+    """[M, 3, 2] two axes of the plane across each normal."""
+    helper = np.eye(3)[np.argmin(np.abs(normals), axis=1)]
+    first = np.cross(normals, helper)
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    return np.stack([first, np.cross(normals, first)], axis=2)
 
 
-def _projected_axes(rotation: Floats, translation: Floats, focal: float, xyz: Floats, axes: Floats) -> Floats:
-    """[2, 2]: how the photo moves when the point moves along the two axes of its plane."""
-    x, y, z = rotation @ xyz + translation
-    jacobian = focal / z * np.array([[1.0, 0.0, -x / z], [0.0, 1.0, -y / z]])
-    return jacobian @ rotation @ axes
+def _projected(axes: Floats, positions: Floats, view: Integers, views: Views) -> Floats:
+    """[N, 2, 2]: how the photo moves when the point moves along the axes of its plane."""
+    local = np.einsum("nij,nj->ni", views.rotations[view], positions) + views.translations[view]
+    x, y, z = local.T
+    scale = views.focals[view] / z
+    zero = np.zeros_like(x)
+    jacobian = np.stack(
+        [np.stack([scale, zero, -scale * x / z], 1), np.stack([zero, scale, -scale * y / z], 1)], axis=1
+    )
+    return np.asarray(jacobian @ views.rotations[view] @ axes)
 
 
-def adjust(model: Any, inlier: float) -> None:
-    """Bundle adjustment with a robust loss; drops observations beyond `inlier` px, and repeats."""
-    import pycolmap
+def _completed(model: Any, views: Views, settings: RefineSettings) -> Tracks:
+    """Looks for every point in all photos that should show it, close to where it should be."""
+    tracks = _tracks(model, views)
+    normals = _normals(tracks, views)
+    count = len(tracks.positions)
+    known = np.zeros((count, len(views.ids)), bool)
+    known[tracks.point, tracks.view] = True
+    margin = settings.radius * settings.stride + 4.0
+    point, view, pixels = [tracks.point], [tracks.view], [tracks.pixels]
+    for index, image_id in enumerate(views.ids):
+        local = tracks.positions @ views.rotations[index].T + views.translations[index]
+        ray = views.centres[index] - tracks.positions
+        facing = (ray * normals).sum(1) / np.linalg.norm(ray, axis=1)
+        candidates = np.flatnonzero(~known[:, index] & (local[:, 2] > 0) & (facing > settings.facing))
+        if len(candidates) == 0:
+            continue
+        camera = model.cameras[model.images[image_id].camera_id]
+        at = np.array(camera.img_from_cam(local[candidates]))
+        width, height = views.sizes[index]
+        inside = ((at > margin) & (at < [width - margin, height - margin])).all(1)
+        point.append(candidates[inside])
+        view.append(np.full(int(inside.sum()), index))
+        pixels.append(at[inside])
+    all_points = np.concatenate(point)
+    order = np.argsort(all_points, kind="stable")
+    longer = replace(
+        tracks, point=all_points[order], view=np.concatenate(view)[order], pixels=np.concatenate(pixels)[order]
+    )
+    longer = _longest(longer, len(views.ids), 2 * settings.observations)
+    return _aligned(longer, views, replace(settings, reach=2.0), settings.new_correlation)
 
+
+def _adjusted(model: Any, views: Views, tracks: Tracks, settings: RefineSettings) -> Any:
+    """Bundle adjustment of the tracks with a robust loss; drops misfits, and repeats."""
+    result = _rebuilt(model, views, tracks)
     options = pycolmap.BundleAdjustmentOptions()
     options.print_summary = False
     options.ceres.loss_function_type = pycolmap.LossFunctionType.CAUCHY
-    options.ceres.loss_function_scale = 0.5 * inlier
-    options.ceres.solver_options.max_num_iterations = 50
-    for limit in (4.0 * inlier, inlier):
-        pycolmap.bundle_adjustment(model, options)
-        _filter(model, limit)
+    options.ceres.loss_function_scale = 0.5 * settings.inlier
+    options.ceres.solver_options.max_num_iterations = settings.iterations
+    for limit in (4.0 * settings.inlier, settings.inlier):
+        pycolmap.bundle_adjustment(result, options)
+        _drop_misfits(result, limit)
+    return result
 
 
-def _filter(model: Any, limit: float) -> None:
-    model.update_point_3d_errors()
-    for image_id in model.reg_image_ids():
+def _rebuilt(model: Any, views: Views, tracks: Tracks) -> Any:
+    """A reconstruction with the model's cameras and poses, and these tracks."""
+    result = pycolmap.Reconstruction()
+    for camera_id in sorted({model.images[i].camera_id for i in views.ids}):
+        result.add_camera_with_trivial_rig(model.cameras[camera_id])
+    slots = np.zeros(len(tracks.point), int)
+    for index, image_id in enumerate(views.ids):
+        old = model.images[image_id]
+        mine = np.flatnonzero(tracks.view == index)
+        slots[mine] = np.arange(len(mine))
+        image = pycolmap.Image(
+            name=old.name, keypoints=tracks.pixels[mine], camera_id=old.camera_id, image_id=image_id
+        )
+        result.add_image_with_trivial_frame(image, old.cam_from_world())
+    ends = np.searchsorted(tracks.point, np.arange(len(tracks.positions) + 1))
+    for number, position in enumerate(tracks.positions):
+        elements = [
+            pycolmap.TrackElement(views.ids[tracks.view[k]], int(slots[k]))
+            for k in range(ends[number], ends[number + 1])
+        ]
+        result.add_point3D(position, pycolmap.Track(elements=elements), np.zeros(3, np.uint8))
+    return result
+
+
+def _drop_misfits(model: Any, limit: float) -> None:
+    """Removes observations more than `limit` px from where their point projects."""
+    misfits = []
+    for image_id in sorted(model.reg_image_ids()):
         image = model.images[image_id]
-        camera = model.cameras[image.camera_id]
+        at = [k for k, p in enumerate(image.points2D) if p.has_point3D()]
+        if not at:
+            continue
+        world = np.array([model.points3D[image.points2D[k].point3D_id].xyz for k in at])
+        seen = np.array([image.points2D[k].xy for k in at])
         pose = image.cam_from_world()
-        for at in list(image.get_observation_point2D_idxs()):
-            observed = image.points2D[at]
-            local = pose * model.points3D[observed.point3D_id].xyz
-            pixel = camera.img_from_cam(local) if local[2] > 0 else None
-            if pixel is None or np.linalg.norm(pixel - observed.xy) > limit:
-                if model.images[image_id].points2D[at].has_point3D():
-                    model.delete_observation(image_id, at)
+        local = world @ pose.rotation.matrix().T + pose.translation
+        pixel = np.array(model.cameras[image.camera_id].img_from_cam(local))
+        far = ~(np.linalg.norm(pixel - seen, axis=1) <= limit) | (local[:, 2] <= 0)
+        misfits += [(image_id, k) for k, bad in zip(at, far, strict=True) if bad]
+    for image_id, k in misfits:
+        if model.images[image_id].points2D[k].has_point3D():  # gone when its point went
+            model.delete_observation(image_id, k)

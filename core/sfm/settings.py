@@ -48,9 +48,12 @@ class RefineSettings:
         steps: Gauss-Newton steps at most.
         reach: largest believed move in px.
         correlation: observations whose patches agree less are dropped.
+        new_correlation, facing: what an observation needs that no feature match backs, and the
+            cosine between its ray and the mean one.
         observations: at most this many are kept in all, longest tracks first.
         rounds: alignment and bundle adjustment this often; 0 switches it off.
         inlier: largest reprojection error in px after the adjustment.
+        iterations: of one bundle adjustment.
     """
 
     radius: int = 6
@@ -58,9 +61,12 @@ class RefineSettings:
     steps: int = 12
     reach: float = 4.0
     correlation: float = 0.8
+    new_correlation: float = 0.85
+    facing: float = 0.7
     observations: int = 12000
     rounds: int = 2
     inlier: float = 1.0
+    iterations: int = 50
 
 
 @dataclass(frozen=True)
