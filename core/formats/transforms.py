@@ -1,0 +1,108 @@
+"""transforms.json of instant-ngp and nerfstudio: OpenGL camera axes, camera to world."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+import numpy as np
+
+from ..camera import Camera
+from ..conventions import from_opengl, to_opengl
+from ..errors import FormatError, OutputError
+from ..lens import Lens
+from ..sfm.reconstruction import Pose
+
+_EXPORT = "Export it again, or give a COLMAP model"
+
+
+def read_transforms(
+    path: Path, sizes: Mapping[str, tuple[int, int]] | None = None
+) -> tuple[dict[str, Lens], dict[str, Pose]]:
+    """Lenses and poses by file name (without folders), as the file names them.
+
+    Args:
+        path: the JSON file, or a folder with a transforms.json.
+        sizes: (width, height) by lower-case stem, for files that do not tell the photos' size.
+
+    Raises:
+        FormatError: the file is missing, no JSON, or lacks what it needs.
+    """
+    if path.is_dir():
+        path = path / "transforms.json"
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise FormatError(f"'{path}' cannot be read ({error.strerror})", "Check the path of the cameras") from error
+    except ValueError as error:
+        raise FormatError(f"'{path}' is not JSON ({error})", _EXPORT) from error
+    frames = content.get("frames") if isinstance(content, dict) else None
+    if not isinstance(frames, list) or not frames:
+        raise FormatError(f"'{path}' lists no frames", _EXPORT)
+    lenses: dict[str, Lens] = {}
+    poses: dict[str, Pose] = {}
+    for frame in frames:
+        try:
+            name = PurePosixPath(str(frame["file_path"]).replace("\\", "/")).name
+            rotation, translation = from_opengl(np.array(frame["transform_matrix"], float))
+            poses[name] = Pose(rotation, translation)
+            lenses[name] = _lens({**content, **frame}, (sizes or {}).get(name.rsplit(".", 1)[0].casefold()))
+        except FormatError as error:
+            raise FormatError(f"'{path}', frame '{name}': {error.what}", error.way_out) from error
+        except (KeyError, TypeError, ValueError) as error:
+            raise FormatError(f"'{path}' has a damaged frame ({type(error).__name__}: {error})", _EXPORT) from error
+    return lenses, poses
+
+
+def _lens(values: dict[str, Any], size: tuple[int, int] | None) -> Lens:
+    if "w" in values and "h" in values:
+        width, height = int(values["w"]), int(values["h"])
+    elif size is not None:
+        width, height = size
+    else:
+        raise FormatError("The photos' size is missing (w, h)", _EXPORT)
+    if "fl_x" in values:
+        fx = float(values["fl_x"])
+    elif "camera_angle_x" in values:
+        fx = 0.5 * width / math.tan(0.5 * float(values["camera_angle_x"]))
+    else:
+        raise FormatError("The focal length is missing (fl_x or camera_angle_x)", _EXPORT)
+    if "fl_y" in values:
+        fy = float(values["fl_y"])
+    elif "camera_angle_y" in values:
+        fy = 0.5 * height / math.tan(0.5 * float(values["camera_angle_y"]))
+    else:
+        fy = fx
+    head = (fx, fy, float(values.get("cx", width / 2)), float(values.get("cy", height / 2)))
+    k = [float(values.get(key, 0.0)) for key in ("k1", "k2", "k3", "k4", "p1", "p2")]
+    if "FISHEYE" in str(values.get("camera_model", "")).upper() or values.get("is_fisheye"):
+        return Lens("OPENCV_FISHEYE", width, height, (*head, *k[:4]))
+    if not any(k):
+        return Lens("PINHOLE", width, height, head)
+    if k[2] or k[3]:  # nerfstudio's k4 is OpenCV's first denominator coefficient in no version we know
+        return Lens("FULL_OPENCV", width, height, (*head, k[0], k[1], k[4], k[5], k[2], 0.0, 0.0, 0.0))
+    return Lens("OPENCV", width, height, (*head, k[0], k[1], k[4], k[5]))
+
+
+def write_transforms(path: Path, cameras: Mapping[str, Camera]) -> None:
+    """Writes pinhole cameras; the keys of `cameras` become `file_path`.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    frames = [
+        {
+            "file_path": name, "w": camera.width, "h": camera.height,
+            "fl_x": camera.fx, "fl_y": camera.fy, "cx": camera.cx, "cy": camera.cy,
+            "transform_matrix": to_opengl(camera.rotation, camera.translation).tolist(),
+        }
+        for name, camera in sorted(cameras.items())
+    ]  # fmt: skip
+    text = json.dumps({"camera_model": "PINHOLE", "frames": frames}, indent=1, ensure_ascii=False)
+    try:
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise OutputError(f"'{path}' cannot be written ({error.strerror})", "Free space or choose another folder") from error

@@ -1,0 +1,174 @@
+"""Turns photos into pinhole views, and renders back into the photos' own lenses."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import spline_filter1d
+
+from .. import compiled
+from ..camera import Camera
+from ..lens import Lens
+from ..sfm.reconstruction import Pose, Reconstruction
+from ..views import View
+from .load import Photo
+from .resample_kernels import sample
+
+#: Distortion below this (px, anywhere in the frame) is not worth touching a pixel for.
+UNTOUCHED = 0.05
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Undistortion:
+    """The way from a photo's lens to the pinhole camera of the same frame, and back.
+
+    The pinhole keeps the photo's size, focal lengths and principal point, so that the middle of
+    the photo keeps its sampling (and its point spread function).
+
+    Attributes:
+        lens: the photo's.
+    """
+
+    lens: Lens = field()
+
+    @cached_property
+    def passes_through(self) -> bool:
+        """Whether photos stay bitwise what they are."""
+        return self.lens.largest_shift() < UNTOUCHED
+
+    @cached_property
+    def overscan(self) -> int:
+        """Pixels beyond the pinhole's frame, on each side, that the photo's border looks at."""
+        if self.passes_through:
+            return 0
+        lens = self.lens
+        across, down = np.arange(lens.width) + 0.5, np.arange(lens.height) + 0.5
+        border = np.concatenate(
+            [
+                np.stack([across, np.full_like(across, 0.5)], 1),
+                np.stack([across, np.full_like(across, lens.height - 0.5)], 1),
+                np.stack([np.full_like(down, 0.5), down], 1),
+                np.stack([np.full_like(down, lens.width - 0.5), down], 1),
+            ]
+        )
+        ideal = lens.from_pixels(border) * [lens.fx, lens.fy] + [lens.cx, lens.cy]
+        beyond = np.maximum(-ideal, ideal - [lens.width, lens.height])
+        return max(0, int(np.ceil(np.nanmax(beyond))))
+
+    def camera(self, name: str, pose: Pose) -> Camera:
+        """The pinhole camera of the undistorted photo."""
+        lens = self.lens
+        return Camera(
+            name, lens.width, lens.height, lens.fx, lens.fy, lens.cx, lens.cy, pose.rotation, pose.translation
+        )
+
+    @cached_property
+    def _sources(self) -> Floats:
+        """[H, W, 2] where each pixel of the pinhole lies in the photo (px)."""
+        lens = self.lens
+        u, v = np.meshgrid(np.arange(lens.width) + 0.5, np.arange(lens.height) + 0.5)
+        uv = np.stack([u, v], axis=-1)
+        xy = (uv - [lens.cx, lens.cy]) / [lens.fx, lens.fy]
+        at = lens.to_pixels(xy)
+        # A polynomial may fold back: only what the lens maps back to itself is real.
+        with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
+            back = lens.from_pixels(np.clip(at, -lens.width, 2 * lens.width))
+        return np.where((np.abs(back - xy) < 1e-4).all(-1, keepdims=True), at, np.nan)
+
+    @cached_property
+    def _targets(self) -> Floats:
+        """[H, W, 2] where each pixel of the photo lies in the pinhole's frame (px)."""
+        lens = self.lens
+        u, v = np.meshgrid(np.arange(lens.width) + 0.5, np.arange(lens.height) + 0.5)
+        return np.asarray(lens.from_pixels(np.stack([u, v], -1)) * [lens.fx, lens.fy] + [lens.cx, lens.cy])
+
+    def photo(
+        self, pixels: NDArray[np.uint8] | NDArray[np.uint16], mask: NDArray[np.bool_] | None
+    ) -> tuple[NDArray[np.uint8] | NDArray[np.uint16], NDArray[np.bool_] | None]:
+        """Undistorted photo and mask; pixels that the photo did not see do not count.
+
+        Args:
+            pixels: [H, W, 3]; interpolated in their sRGB encoding, as the blur acts there.
+            mask: [H, W] or None.
+        """
+        if self.passes_through:
+            return pixels, mask
+        full = np.iinfo(pixels.dtype).max
+        straight = resample(pixels.astype(np.float32), self._sources)
+        counts = _inside(self._sources, self.lens.width, self.lens.height)
+        if mask is not None:
+            weight = resample(mask.astype(np.float32)[:, :, None], self._sources, prefilter=False)[:, :, 0]
+            counts &= weight >= 0.5
+        result = np.clip(straight + 0.5, 0, full).astype(pixels.dtype)
+        return result, None if counts.all() else counts
+
+    def render(self, image: NDArray[np.float32], margin: int) -> NDArray[np.float32]:
+        """A render of the pinhole, as the photo's lens would have seen it.
+
+        Args:
+            image: [3, H + 2 margin, W + 2 margin] float32, any space.
+            margin: pixels beyond the frame on every side; `overscan` + 3 covers every pixel.
+
+        Returns:
+            [3, H, W] float32 that lines up with the photo; pixels beyond the margin repeat its edge.
+        """
+        height, width = self.lens.height, self.lens.width
+        if image.shape[1:] != (height + 2 * margin, width + 2 * margin):
+            raise ValueError(f"image {image.shape} does not fit {width} x {height} with margin {margin}")
+        if self.passes_through:
+            return np.ascontiguousarray(image[:, margin : margin + height, margin : margin + width])
+        at = np.clip(self._targets + margin, 0.5, [width + 2 * margin - 0.5, height + 2 * margin - 0.5])
+        return np.ascontiguousarray(resample(image.transpose(1, 2, 0), at).transpose(2, 0, 1))
+
+
+def resample(image: NDArray[np.float32], at: Floats, prefilter: bool = True) -> NDArray[np.float32]:
+    """Quintic B-spline interpolation.
+
+    Args:
+        image: [H, W, C] float32.
+        at: [h, w, 2] px, pixel centres at +0.5; NaN or outside gives 0.
+        prefilter: False smooths (for masks) instead of interpolating.
+    """
+    coefficients = image
+    if prefilter:
+        for axis in (0, 1):
+            if image.shape[axis] > 1:
+                coefficients = spline_filter1d(coefficients, 5, axis=axis, output=np.float64, mode="mirror")
+    out = np.empty((*at.shape[:2], image.shape[2]), np.float32)
+    compiled.run(
+        sample, at.shape[0], np.ascontiguousarray(coefficients, np.float32), np.ascontiguousarray(at, np.float64),
+        out, grain=16,
+    )  # fmt: skip
+    return out
+
+
+def _inside(at: Floats, width: int, height: int) -> NDArray[np.bool_]:
+    x, y = at[..., 0], at[..., 1]
+    return np.asarray((x >= 0) & (y >= 0) & (x <= width) & (y <= height))
+
+
+def undistorted_views(
+    photos: list[Photo], cameras: Reconstruction
+) -> tuple[list[View], dict[str, Undistortion]]:
+    """The photos that have a camera, as pinhole views, and the way back for each.
+
+    Photos without noticeable distortion share their pixels with the `Photo` (bitwise the same).
+    """
+    shared: dict[Lens, Undistortion] = {}
+    views, back = [], {}
+    for photo in photos:
+        if photo.name not in cameras.poses:
+            continue
+        lens = cameras.lenses[photo.name]
+        if (lens.width, lens.height) != photo.size:
+            lens = lens.resized(*photo.size)
+        way = shared.setdefault(lens, Undistortion(lens))
+        pixels, mask = way.photo(photo.pixels, photo.mask)
+        views.append(View(way.camera(photo.name, cameras.poses[photo.name]), pixels, mask))
+        back[photo.name] = way
+    return views, back
