@@ -1,7 +1,7 @@
 """The CUDA back end: gsplat's kernels behind the same door (Ye et al. 2025, gsplat >= 1.5).
 
 Culling is the reference's, so the same Gaussians are dropped and counted; gsplat projects, sorts and
-blends the rest. Its kernels cap alpha at 0.999 (here 0.99) and leave out the Gaussian that crosses
+blends the rest. Its kernels (up to 1.5) cap alpha at 0.999 (here 0.99) and leave out the Gaussian that crosses
 the transmittance stop; neither can be set from outside, and both change a pixel by less than 0.01.
 """
 
