@@ -16,7 +16,8 @@ from ..photos.load import Photo, load_photos
 from ..progress import Progress
 from ..report.page import write_page
 from ..report.pictures import ViewPictures, spread
-from ..sfm import Reconstruction, find_cameras, load_cameras
+from ..sfm import find_cameras, load_cameras
+from ..sfm.reconstruction import Reconstruction
 from .heldout import Scores, TruthFolder, ViewScorer, heldout_names, render_names
 from .machine import choose_device, machine, use_threads
 from .settings import ReconstructSettings
@@ -145,7 +146,7 @@ def _cameras(
 ) -> tuple[Reconstruction, str]:
     """Known cameras, those of the run that is resumed, or cameras found from the photos."""
     from ..formats.colmap import write_model
-    from ..sfm import SfmSettings
+    from ..sfm.settings import SfmSettings
 
     folder = settings.out / "cameras"
     if settings.cameras is not None:
@@ -163,7 +164,7 @@ def _cameras(
             f"Only {len(reconstruction.poses)} of {len(photos)} photos have a camera",
             "Check that the names in the camera model are those of the photos",
         )
-    write_model(folder, reconstruction)
+    write_model(folder, reconstruction.cameras(), reconstruction.points)
     return reconstruction, source
 
 
@@ -208,7 +209,7 @@ def _score(
     cameras = facts.reconstruction.cameras()
     viewer = Viewer(
         facts.trained.gaussians, scene_scale(list(cameras.values()), facts.reconstruction.points),
-        facts.machine["device"], facts.trained.settings.low_pass,
+        facts.machine["device"], facts.trained.low_pass,
     )  # fmt: skip
     scorer = ViewScorer(
         viewer, facts.reconstruction, facts.medium, truth, resolvable_period(facts.medium), progress

@@ -11,7 +11,7 @@ from ..imaging.medium import Medium
 from ..imaging.psf import PointSpread
 from ..photos.load import Photo
 from ..report.schema import SCHEMA_VERSION
-from ..sfm import Reconstruction
+from ..sfm.reconstruction import Reconstruction
 from .heldout import BANDS, Scores, mean_of
 from .machine import peak_memory_mb, versions
 from .settings import ReconstructSettings

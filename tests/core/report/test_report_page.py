@@ -1,0 +1,165 @@
+"""The page: self-contained, complete, and small; the schema: documented and strict."""
+
+import copy
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+
+import dgs
+import numpy as np
+import pytest
+from dgs.core.camera import Camera
+from dgs.core.imaging.psf import parse_psf
+from dgs.core.report.charts import Axis, Marker, line_chart
+from dgs.core.report.page import page, write_page
+from dgs.core.report.pictures import ViewPictures, embedded, spread
+from dgs.core.report.schema import FIELDS, markdown_table, problems
+
+REPORT = {
+    "schema": 1, "status": "done",
+    "photos": {"folder": "photos & <b>more</b>", "given": 9, "registered": 8, "unregistered": ["lost.jpg"],
+               "size": [64, 48], "scale": 1.0},
+    "cameras": {"source": "sfm", "file": None, "focal_px": 70.0, "reprojection_error_px": None, "points": 120},
+    "medium": {"psf": "gaussian:5", "blur_space": "srgb"},
+    "gaussians": 1234, "steps": 100,
+    "seconds": {"photos": 1.0, "sfm": 2.0, "compile": None, "train": 61.0, "save": 1.0, "total": 3700.0},
+    "peak_memory_mb": 300.5,
+    "heldout": {"names": ["a.png"], "unregistered": [], "every": 8, "in_sfm": True,
+                "degraded": {"psnr": 38.25, "ssim": 0.98}, "sharp": {"psnr": 25.5, "ssim": 0.7, "psnr_inside": 26.0},
+                "truth_low_passed_psnr": 25.7,
+                "bands": [{"coarsest": 20.0, "finest": 14.0, "gain": 0.9, "correlation": 0.95, "energy": 0.94},
+                          {"coarsest": 14.0, "finest": 10.0, "gain": 0.5, "correlation": 0.6, "energy": 0.8}],
+                "edge_sharpness": 0.8, "views": []},
+    "resolvable_period_px": 9.03,
+    "settings": {"run": {"psf": "gaussian:5", "cameras": None}, "training": {"steps": 200, "sh_degree": 1}},
+    "versions": {"dgs": "0.1.0"}, "machine": {"cores": 2}, "counters": {"culled": 3}, "notes": ["A <note>"],
+    "history": [{"step": 0, "seconds": 0.0, "loss": 1.0, "heldout_psnr": 20.0},
+                {"step": 100, "seconds": 5.0, "loss": 0.1, "heldout_psnr": 30.0}],
+}  # fmt: skip
+
+
+def pictures(count=1, size=(48, 64), truth=True):
+    random = np.random.default_rng(0)
+
+    def one():
+        return random.integers(0, 255, (*size, 3), dtype=np.uint8)
+
+    score = {"psnr": 30.0, "ssim": 0.9}
+    return [
+        ViewPictures(f"view {i}.png", True, one(), one(), one(), one() if truth else None,
+                     {"degraded": score, "sharp": score if truth else None})
+        for i in range(count)
+    ]  # fmt: skip
+
+
+def cameras():
+    return {
+        f"c{i}.png": Camera(f"c{i}.png", 64, 48, 70.0, 70.0, 32.0, 24.0, np.eye(3), np.array([0.1 * i, 0.0, 0.0]))
+        for i in range(4)
+    }
+
+
+class Tags(HTMLParser):
+    """Collects addresses, and checks that tags are balanced."""
+
+    def __init__(self):
+        super().__init__()
+        self.addresses, self.open, self.images = [], [], 0
+
+    def handle_starttag(self, tag, attributes):
+        values = dict(attributes)
+        self.addresses += [v for k, v in values.items() if k in ("src", "href")]
+        self.images += tag == "img" and "src" in values
+        if tag not in ("meta", "img", "input", "br", "link"):
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+
+def parsed(text):
+    tags = Tags()
+    tags.feed(text)
+    assert tags.open == []
+    return tags
+
+
+def test_the_page_needs_no_other_file():
+    tags = parsed(page(REPORT, pictures(2), parse_psf("gaussian:5"), cameras()))
+    assert tags.images == 8
+    assert all(address.startswith("data:image/jpeg;base64,") for address in tags.addresses)
+    assert "http" not in re.sub(r"http://www.w3.org/\S+", "", page(REPORT, [], None, cameras()))
+
+
+def test_the_page_says_what_a_user_must_know():
+    text = page(REPORT, pictures(), parse_psf("gaussian:5"), cameras())
+    for words in ("25.50", "38.25", "Detail finer than about 9.03 px", "took part in finding the cameras",
+                  "lost.jpg", "1\u202f234", "61 s", "1 h 1 min", "A &lt;note&gt;", "photos &amp; &lt;b&gt;more&lt;/b&gt;"):  # fmt: skip
+        assert words in text, words
+    assert "prefers-color-scheme: dark" in text
+    assert text.count("<svg") == 5  # loss, accuracy, bands, transfer, map
+
+
+@pytest.mark.parametrize("status", ["cancelled", "time limit"])
+def test_an_unfinished_run_says_so(status):
+    report = copy.deepcopy(REPORT)
+    report["status"] = status
+    assert "100 of 200 steps" in page(report, pictures(), None, cameras())
+
+
+def test_a_run_without_anything_optional_still_makes_a_page():
+    report = copy.deepcopy(REPORT)
+    report["heldout"].update(names=[], degraded={"psnr": None, "ssim": None}, bands=[], truth_low_passed_psnr=None,
+                             sharp={"psnr": None, "ssim": None, "psnr_inside": None}, edge_sharpness=None)  # fmt: skip
+    report.update(history=[], counters={}, notes=[], peak_memory_mb=None, resolvable_period_px=2.0)
+    report["medium"]["psf"] = "none"
+    text = page(report, pictures(truth=False), None, cameras())
+    parsed(text)
+    assert "None" not in re.sub(r"data:image[^\"]*", "", text)
+
+
+def test_pictures_give_way_to_the_budget():
+    views = pictures(6, (600, 800))
+    small = embedded(views, 2_000_000)
+    assert sum(len(uri) for view in small for uri in view.values()) < 2_700_000
+    assert len(small) == 6 and set(small[0]) == {"photo", "twin", "degraded", "truth"}
+
+
+def test_the_page_is_written_whole(tmp_path):
+    write_page(tmp_path / "report.html", REPORT, pictures(), None, cameras())
+    assert [p.name for p in tmp_path.iterdir()] == ["report.html"]
+
+
+def test_spread_keeps_first_and_last():
+    assert spread(3, 6) == [0, 1, 2]
+    assert spread(10, 4) == [0, 3, 6, 9]
+
+
+def test_charts_leave_out_what_cannot_be_drawn():
+    nan = float("nan")
+    svg = line_chart("t", [("a", [(0, nan), (1, 1.0), (2, 0.0), (3, 10.0)])], Axis("x"), Axis("y", logarithmic=True),
+                     [Marker("m", x=2.0), Marker("n", y=5.0)])  # fmt: skip
+    assert "nan" not in svg and svg.count("<circle") == 2 and svg.count('class="marker"') == 2
+    assert line_chart("t", [("a", [(0, nan)])], Axis("x"), Axis("y")) == ""
+    flat = line_chart("t", [("a", [(0, 1.0), (1, 1.0)])], Axis("x"), Axis("y"))
+    assert "nan" not in flat and "inf" not in flat
+
+
+def test_the_schema_is_documented():
+    text = (Path(dgs.__file__).parent / "docs" / "report.md").read_text("utf-8")
+    assert markdown_table() in text
+
+
+def test_the_example_is_valid_and_damage_is_found():
+    assert problems(REPORT) == []
+    for field in FIELDS:
+        report = copy.deepcopy(REPORT)
+        *parents, last = field.path.split(".")
+        holder = report
+        for name in parents:
+            holder = holder[name]
+        del holder[last]
+        assert any(field.path in problem for problem in problems(report)), field.path
+    report = copy.deepcopy(REPORT)
+    report["gaussians"] = "many"
+    assert problems(report) == ["gaussians is str, not integer"]
