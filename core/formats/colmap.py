@@ -50,7 +50,7 @@ def read_model(path: Path) -> tuple[dict[str, Lens], dict[str, Pose], SparsePoin
         raise
     except Exception as error:  # pycolmap raises ValueError, IndexError, RuntimeError, ...
         raise FormatError(
-            f"The COLMAP model in '{folder}' is damaged ({str(error).splitlines()[0][:160] if str(error) else type(error).__name__})",
+            f"The COLMAP model in '{folder}' is damaged ({type(error).__name__}: {str(error)[:160]})",
             "Export it again",
         ) from error
     if not poses:
@@ -59,11 +59,25 @@ def read_model(path: Path) -> tuple[dict[str, Lens], dict[str, Pose], SparsePoin
 
 
 def write_model(path: Path, cameras: Mapping[str, Camera], points: SparsePoints, binary: bool = True) -> None:
-    """Writes pinhole cameras and points, as every COLMAP reader takes them.
+    """Writes pinhole cameras and points; see `write_lenses`."""
+    lenses = {
+        name: Lens("PINHOLE", c.width, c.height, (c.fx, c.fy, c.cx, c.cy)) for name, c in cameras.items()
+    }
+    write_lenses(path, lenses, {n: Pose(c.rotation, c.translation) for n, c in cameras.items()}, points, binary)
+
+
+def write_lenses(
+    path: Path,
+    lenses: Mapping[str, Lens],
+    poses: Mapping[str, Pose],
+    points: SparsePoints,
+    binary: bool = True,
+) -> None:
+    """Writes cameras with their distortion, and points, as every COLMAP reader takes them.
 
     Args:
         path: folder, created if missing.
-        cameras: by image name; equal lenses are shared.
+        lenses, poses: by image name; equal lenses are shared.
         points: written without tracks (the photos' observations are not kept).
         binary: .bin files, else .txt.
 
@@ -73,24 +87,27 @@ def write_model(path: Path, cameras: Mapping[str, Camera], points: SparsePoints,
     import pycolmap
 
     model = pycolmap.Reconstruction()
-    lenses: dict[tuple[float, ...], int] = {}
-    for index, name in enumerate(sorted(cameras), start=1):
-        camera = cameras[name]
-        key = (camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy)
-        if key not in lenses:
-            lenses[key] = len(lenses) + 1
-            lens = pycolmap.Camera(
-                model="PINHOLE", width=camera.width, height=camera.height,
-                params=[camera.fx, camera.fy, camera.cx, camera.cy], camera_id=lenses[key],
+    shared: dict[Lens, int] = {}
+    for index, name in enumerate(sorted(poses), start=1):
+        lens = lenses[name]
+        if lens not in shared:
+            shared[lens] = len(shared) + 1
+            model.add_camera_with_trivial_rig(
+                pycolmap.Camera(
+                    model=lens.model, width=lens.width, height=lens.height, params=list(lens.params),
+                    camera_id=shared[lens],
+                )
             )  # fmt: skip
-            model.add_camera_with_trivial_rig(lens)
-        image = pycolmap.Image(name=name, camera_id=lenses[key], image_id=index)
-        pose = pycolmap.Rigid3d(pycolmap.Rotation3d(np.asarray(camera.rotation)), np.asarray(camera.translation))
-        model.add_image_with_trivial_frame(image, pose)
+        image = pycolmap.Image(name=name, keypoints=np.zeros((0, 2)), camera_id=shared[lens], image_id=index)
+        pose = poses[name]
+        rotation = pycolmap.Rotation3d(np.asarray(pose.rotation, float))
+        model.add_image_with_trivial_frame(image, pycolmap.Rigid3d(rotation, np.asarray(pose.translation, float)))
     for position, colour in zip(points.positions, points.colours, strict=True):
         model.add_point3D(position, pycolmap.Track(), colour)
     try:
         path.mkdir(parents=True, exist_ok=True)
         (model.write_binary if binary else model.write_text)(str(path))
     except (OSError, RuntimeError) as error:
-        raise OutputError(f"The camera model cannot be written into '{path}' ({error})", "Free space or choose another folder") from error
+        raise OutputError(
+            f"The camera model cannot be written into '{path}' ({error})", "Free space or choose another folder"
+        ) from error

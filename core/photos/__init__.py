@@ -1,1 +1,5 @@
+"""Photos: read, and turned into pinhole views."""
 
+from .undistort import undistorted_views
+
+__all__ = ["undistorted_views"]

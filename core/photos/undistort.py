@@ -152,23 +152,17 @@ def _inside(at: Floats, width: int, height: int) -> NDArray[np.bool_]:
     return np.asarray((x >= 0) & (y >= 0) & (x <= width) & (y <= height))
 
 
-def undistorted_views(
-    photos: list[Photo], cameras: Reconstruction
-) -> tuple[list[View], dict[str, Undistortion]]:
-    """The photos that have a camera, as pinhole views, and the way back for each.
+def undistorted_views(photos: list[Photo], cameras: Reconstruction) -> list[View]:
+    """The photos that have a camera, as pinhole views, in the order of `photos`.
 
     Photos without noticeable distortion share their pixels with the `Photo` (bitwise the same).
     """
     shared: dict[Lens, Undistortion] = {}
-    views, back = [], {}
+    views = []
     for photo in photos:
-        if photo.name not in cameras.poses:
-            continue
-        lens = cameras.lenses[photo.name]
-        if (lens.width, lens.height) != photo.size:
-            lens = lens.resized(*photo.size)
-        way = shared.setdefault(lens, Undistortion(lens))
-        pixels, mask = way.photo(photo.pixels, photo.mask)
-        views.append(View(way.camera(photo.name, cameras.poses[photo.name]), pixels, mask))
-        back[photo.name] = way
-    return views, back
+        if photo.name in cameras.poses:
+            lens = cameras.lenses[photo.name]
+            way = shared.setdefault(lens, Undistortion(lens))
+            pixels, mask = way.photo(photo.pixels, photo.mask)
+            views.append(View(way.camera(photo.name, cameras.poses[photo.name]), pixels, mask))
+    return views

@@ -1,0 +1,113 @@
+"""Cameras that the user already has: COLMAP models and transforms.json."""
+
+from __future__ import annotations
+
+import time
+import unicodedata
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import CameraError, FormatError
+from ..formats.colmap import model_folder, read_model
+from ..formats.transforms import read_transforms
+from ..lens import Lens
+from ..photos.load import Photo
+from ..views import SparsePoints
+from .reconstruction import Figures, Pose, Reconstruction, no_points
+
+#: Sides may differ by this share before a lens no longer fits a photo.
+ASPECT_TOLERANCE = 0.01
+
+
+def load_cameras(path: Path, photos: list[Photo]) -> Reconstruction:
+    """Reads known cameras and gives them to the photos of the same name.
+
+    Names match without regard to case, folder and extension ('images/A 1.JPG' is 'a 1.png').
+    Cameras are scaled to the photos' size (`--max-size`, or photos exported smaller).
+
+    Args:
+        path: a transforms.json, a folder that holds one, or a COLMAP model's folder.
+        photos: the photos in memory.
+
+    Returns:
+        Cameras of the photos that have one; points as far as the file holds some.
+
+    Raises:
+        FormatError: unreadable, or not a camera file.
+        CameraError: no camera belongs to a photo, or a camera's frame has another shape.
+    """
+    started = time.perf_counter()
+    if not path.exists():
+        raise FormatError(f"There is no camera file '{path}'", "Check the path given with --cameras")
+    points = no_points()
+    if path.is_file() and path.suffix.lower() == ".json" or (path / "transforms.json").is_file():
+        sizes = {
+            _key(p.name): (round(p.size[0] / p.scale[0]), round(p.size[1] / p.scale[1])) for p in photos
+        }
+        lenses, poses = read_transforms(path, sizes)
+        source = "transforms.json"
+    elif path.is_dir() or path.name.startswith(("cameras.", "images.")):
+        folder = path if path.is_dir() else path.parent
+        if model_folder(folder) is None:
+            raise FormatError(
+                f"'{path}' holds neither a COLMAP model nor a transforms.json",
+                "Name the folder with cameras.bin, or the JSON file",
+            )
+        lenses, poses, points = read_model(folder)
+        source = "colmap"
+    else:
+        raise FormatError(f"'{path}' is no camera file", "Give a COLMAP model's folder or a transforms.json")
+    return _given(photos, lenses, poses, points, source, path, started)
+
+
+def _given(
+    photos: list[Photo], lenses: dict[str, Lens], poses: dict[str, Pose], points: SparsePoints,
+    source: str, path: Path, started: float,
+) -> Reconstruction:  # fmt: skip
+    table = _table(poses)
+    chosen = {p.name: table[_key(p.name)] for p in photos if _key(p.name) in table}
+    if not chosen:
+        raise CameraError(
+            f"'{path}' has no camera for any of the {len(photos)} photos (it names {sorted(poses)[0]!r}, ...)",
+            "Give the cameras of these photos; names must match but for folder, case and extension",
+        )
+    fitted = {p.name: _fitted(lenses[chosen[p.name]], p) for p in photos if p.name in chosen}
+    focal = float(np.mean([(lens.fx + lens.fy) / 2 for lens in fitted.values()]))
+    figures = Figures(
+        source, len(photos), len(chosen), focal, float("nan"), float("nan"), time.perf_counter() - started
+    )
+    return Reconstruction({n: poses[c] for n, c in chosen.items()}, fitted, points, figures)
+
+
+def _key(name: str) -> str:
+    """Name without folder, extension and case."""
+    bare = unicodedata.normalize("NFC", name).replace("\\", "/").rsplit("/", 1)[-1]
+    stem, dot, _ = bare.rpartition(".")
+    return (stem if dot and stem else bare).casefold()
+
+
+def _table(names: Iterable[str]) -> dict[str, str]:
+    table: dict[str, str] = {}
+    for name in sorted(names):
+        key = _key(name)
+        if key in table:
+            raise CameraError(
+                f"Two cameras could belong to the same photo: '{table[key]}' and '{name}'",
+                "Give every photo a name of its own",
+            )
+        table[key] = name
+    return table
+
+
+def _fitted(lens: Lens, photo: Photo) -> Lens:
+    width, height = photo.size
+    sx, sy = width / lens.width, height / lens.height
+    # Rounding to whole pixels changes the shape of a small photo by up to a pixel.
+    if abs(sx / sy - 1.0) > ASPECT_TOLERANCE + 1.0 / min(width, height):
+        raise CameraError(
+            f"The camera of '{photo.name}' is {lens.width} x {lens.height} px, the photo {width} x {height}",
+            "Give photos and cameras of the same shape (EXIF rotation is applied to photos)",
+        )
+    return lens if (lens.width, lens.height) == (width, height) else lens.resized(width, height)
