@@ -3,9 +3,15 @@
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ..errors import Cancelled
 from .progress_choice import Reporting
+
+if TYPE_CHECKING:
+    from ..lens import Lens
+    from ..sfm.reconstruction import Pose
 
 
 def render_command(options: argparse.Namespace, progress: Reporting) -> int:
@@ -19,21 +25,24 @@ def render_command(options: argparse.Namespace, progress: Reporting) -> int:
     cloud = read_ply(options.twin)
     check_writable(options.out)
 
+    import numpy as np
+
     from ..gaussians import Gaussians
+    from ..photos.undistort import Undistortion
     from ..pipeline.heldout import render_names, write_png
     from ..pipeline.machine import choose_device, use_threads
     from ..pipeline.views import Viewer, to_pixels
-    from ..sfm.known import read_cameras
     from ..training.scale import scene_scale
     from ..views import SparsePoints
 
     use_threads(options.threads)
-    lenses, poses, _ = read_cameras(options.cameras)
+    lenses, poses = _cameras(options.cameras)
     medium = Medium(psf, options.blur_space)
-    viewer_points = SparsePoints(cloud.means.astype(float), cloud.means.astype("uint8"))
-    scale = scene_scale([_pinhole(name, lenses[name], poses[name]) for name in sorted(poses)], viewer_points)
+    points = SparsePoints(cloud.means.astype(np.float64), np.zeros(cloud.means.shape, np.uint8))
+    names = sorted(poses)
+    scale = scene_scale([Undistortion(lenses[name]).camera(name, poses[name]) for name in names], points)
     viewer = Viewer(Gaussians.from_cloud(cloud), scale, choose_device(options.device))
-    files = render_names(sorted(poses))
+    files = render_names(names)
     progress.stage("render", len(files))
     for index, (name, file) in enumerate(files.items()):
         if progress.cancelled():
@@ -42,3 +51,14 @@ def render_command(options: argparse.Namespace, progress: Reporting) -> int:
         progress.advance(index + 1)
     progress.finished({"pictures": len(files), "folder": str(options.out)})
     return 0
+
+
+def _cameras(path: Path) -> tuple[dict[str, Lens], dict[str, Pose]]:
+    """Lenses and poses by image name, from a COLMAP model or a transforms.json."""
+    from ..formats.colmap import read_model
+    from ..formats.transforms import read_transforms
+
+    if path.suffix.lower() == ".json" or (path / "transforms.json").is_file():
+        return read_transforms(path)
+    lenses, poses, _ = read_model(path)
+    return lenses, poses

@@ -16,7 +16,8 @@ from ..photos.load import Photo, load_photos
 from ..progress import Progress
 from ..report.page import write_page
 from ..report.pictures import ViewPictures, spread
-from ..sfm import find_cameras, load_cameras
+from ..sfm.find import find_cameras
+from ..sfm.known import load_cameras
 from ..sfm.reconstruction import Reconstruction
 from .heldout import Scores, TruthFolder, ViewScorer, heldout_names, render_names
 from .machine import choose_device, machine, use_threads
@@ -25,7 +26,7 @@ from .summary import Facts, resolvable_period, summary
 from .views import Viewer
 
 if TYPE_CHECKING:
-    from ..training import Trained
+    from ..training.trainer import Trained
 
 #: Views shown in the page at most.
 SHOWN = 6
@@ -145,7 +146,7 @@ def _cameras(
     settings: ReconstructSettings, photos: list[Photo], medium: Medium, threads: int, progress: Progress
 ) -> tuple[Reconstruction, str]:
     """Known cameras, those of the run that is resumed, or cameras found from the photos."""
-    from ..formats.colmap import write_model
+    from ..formats.colmap import write_lenses
     from ..sfm.settings import SfmSettings
 
     folder = settings.out / "cameras"
@@ -164,7 +165,7 @@ def _cameras(
             f"Only {len(reconstruction.poses)} of {len(photos)} photos have a camera",
             "Check that the names in the camera model are those of the photos",
         )
-    write_model(folder, reconstruction.cameras(), reconstruction.points)
+    write_lenses(folder, reconstruction.lenses, reconstruction.poses, reconstruction.points)
     return reconstruction, source
 
 
@@ -172,8 +173,9 @@ def _train(
     settings: ReconstructSettings, registered: list[Photo], held: list[str], reconstruction: Reconstruction,
     medium: Medium, threads: int, device: str, progress: Progress, watch: Stopwatch,
 ) -> Trained:  # fmt: skip
-    from ..photos import undistorted_views
-    from ..training import TrainingSettings, train
+    from ..photos.undistort import undistorted_views
+    from ..training.settings import TrainingSettings
+    from ..training.trainer import train
 
     views = undistorted_views(registered, reconstruction)
     kept = [view for view in views if view.name not in held]

@@ -151,7 +151,7 @@ def _camera_row(camera: Camera) -> dict[str, Any]:
     }
 
 
-def _number(value: float | int | None, digits: int = 2) -> str:
+def _number(value: float | None, digits: int = 2) -> str:
     if value is None:
         return "–"
     if isinstance(value, int):
