@@ -1,6 +1,4 @@
-"""Cameras: found from the photos (structure from motion), or read from a file."""
+"""Cameras: found from the photos (`find.find_cameras`), or read from a file (`known.load_cameras`).
 
-from .find import find_cameras
-from .known import load_cameras
-
-__all__ = ["find_cameras", "load_cameras"]
+Nothing is imported here: the file formats need `reconstruction`, and `find` needs the file formats.
+"""
