@@ -23,6 +23,8 @@ FOCAL_LIMITS = (0.2, 8.0)
 REPROJECTION_LIMIT = 1.5
 #: Rays that meet at less than this tell no depth.
 ANGLE_LIMIT = 1.0
+#: Share of pairs that a camera explains which only turned, above which no depth is believed.
+ROTATING_LIMIT = 0.8
 #: Points per registered photo below which a model hangs on chance.
 POINTS_PER_PHOTO = 8
 
@@ -51,7 +53,7 @@ def run(job: Job, say: Say) -> Outcome:
         begun = time.perf_counter()
         model, geometry = _try(job, recipe, number, say)
         geometries.append(geometry)
-        attempt = judge(model, len(job.images), job.settings, recipe)
+        attempt = judge(model, geometry, job.settings, recipe)
         attempt = replace(attempt, seconds=time.perf_counter() - begun)
         log.append(attempt)
         say(attempt=asdict(attempt))
@@ -59,7 +61,7 @@ def run(job: Job, say: Say) -> Outcome:
             score = attempt.registered + min(0.9, attempt.points / 1e5)
             if best is None or score > best[0]:
                 best = (score, model, attempt)
-        if attempt.verdict == "trusted":
+        if attempt.verdict == "trusted" or geometry.rotating > ROTATING_LIMIT:
             break
     if best is None:
         return Outcome("failed", explain(geometries, log, len(job.images)))
@@ -99,9 +101,10 @@ def _try(job: Job, recipe: Recipe, number: int, say: Say) -> tuple[Any, pipeline
     return model, geometry
 
 
-def judge(model: Any, given: int, settings: SfmSettings, recipe: Recipe) -> Attempt:
+def judge(model: Any, geometry: pipeline.PairGeometry, settings: SfmSettings, recipe: Recipe) -> Attempt:
     """Whether a model is to be trusted: 'trusted', 'incomplete' (few photos), or why not."""
     attempt = Attempt(recipe.name, recipe.reason)
+    given = geometry.images
     if model is None or model.num_reg_images() < 2:
         return replace(attempt, verdict="no model")
     registered = model.num_reg_images()
@@ -117,7 +120,9 @@ def judge(model: Any, given: int, settings: SfmSettings, recipe: Recipe) -> Atte
         angle_deg=widest_angle(model),
     )
     verdict = "trusted"
-    if registered < 3 or registered < 0.25 * given:
+    if geometry.rotating > ROTATING_LIMIT:  # bundle adjustment may invent depth for it all the same
+        verdict = "the camera only turned"
+    elif registered < 3 or registered < 0.25 * given:
         verdict = "too few photos joined"
     elif not (FOCAL_LIMITS[0] < shares.min() and shares.max() < FOCAL_LIMITS[1]):
         verdict = "implausible focal length"
@@ -156,7 +161,7 @@ def explain(geometries: list[pipeline.PairGeometry], log: list[Attempt], given: 
             "way_out": "Take photos whose views overlap by at least two thirds, check the point spread"
             " function, or give known cameras with --cameras",
         }
-    if parallel or most.rotating > 0.5 or most.flat > 0.6:
+    if parallel or most.rotating > ROTATING_LIMIT or most.flat > 0.8:
         return {
             "kind": "DegenerateMotion",
             "what": f"The photos show a flat scene or a camera that only turned ({most.flat:.0%} of the"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +16,9 @@ from .job import Job
 from .pairs import choose_pairs
 from .settings import Recipe
 from .sharpen import as_bytes, wiener
+
+#: A camera that moves by less than this share of the distance only turns, as far as photos can tell.
+STILL = 0.03
 
 
 def filtered_greys(job: Job, noise_to_signal: float) -> dict[str, NDArray[np.float32]]:
@@ -125,7 +127,7 @@ class PairGeometry:
         verified: pairs with enough inliers.
         connected: photos in at least one verified pair.
         flat: share of verified pairs that a homography explains (plane or pure rotation).
-        rotating: share of verified pairs that a pure rotation explains.
+        rotating: share of verified pairs that a camera explains which only turned.
     """
 
     images: int
@@ -139,19 +141,45 @@ def pair_geometry(database: Path) -> PairGeometry:
     """Reads the verified pairs of the database."""
     kinds = pycolmap.TwoViewGeometryConfiguration
     flat = {kinds.PLANAR, kinds.PANORAMIC, kinds.PLANAR_OR_PANORAMIC}
-    rotating = {kinds.PANORAMIC}
-    count: Counter[Any] = Counter()
     connected: set[int] = set()
+    homographies, centres = [], []
+    verified = 0
     with pycolmap.Database.open(database) as store:
-        images = store.num_images()
+        images = {image.image_id: store.read_camera(image.camera_id) for image in store.read_all_images()}
         ids, geometries = store.read_two_view_geometries()
         for pair, geometry in zip(ids, geometries, strict=True):
             if len(geometry.inlier_matches) == 0:
                 continue
-            count[geometry.config] += 1
-            connected.update(pycolmap.pair_id_to_image_pair(pair))
-    total = sum(count.values())
-    return PairGeometry(
-        images, total, len(connected),
-        sum(count[k] for k in flat) / max(1, total), sum(count[k] for k in rotating) / max(1, total),
-    )  # fmt: skip
+            verified += 1
+            first, second = pycolmap.pair_id_to_image_pair(pair)
+            connected.update((first, second))
+            if geometry.config in flat:
+                homographies.append(np.array(geometry.H, float))
+                centres.append([(images[i].width / 2, images[i].height / 2) for i in (first, second)])
+    sizes = [max(camera.width, camera.height) for camera in images.values()]
+    turned = _turned(np.array(homographies), np.array(centres), float(max(sizes, default=1)))
+    total = max(1, verified)
+    return PairGeometry(len(images), verified, len(connected), len(homographies) / total, turned / total)
+
+
+def _turned(homographies: NDArray[np.float64], centres: NDArray[np.float64], size: float) -> int:
+    """How many homographies are K R K^-1 for one focal length: a camera that only turned.
+
+    With the focal length of the best fit, M = K^-1 H K of determinant 1 is a rotation up to t n^T / d;
+    |M M^T - I| tells the baseline as a share of the distance.
+    """
+    if len(homographies) == 0 or not np.isfinite(homographies).all():
+        return 0
+    best = 0
+    for focal in size * np.geomspace(0.4, 4.0, 60):
+        inner = np.zeros((len(homographies), 3, 3))
+        outer = np.zeros_like(inner)
+        for side, matrix in enumerate((inner, outer)):
+            matrix[:, 0, 0] = matrix[:, 1, 1] = focal
+            matrix[:, :2, 2], matrix[:, 2, 2] = centres[:, side], 1.0
+        turn = np.linalg.inv(outer) @ homographies @ inner
+        determinant = np.cbrt(np.linalg.det(turn))
+        turn = turn / np.where(np.abs(determinant) < 1e-12, 1.0, determinant)[:, None, None]
+        off = np.linalg.norm(turn @ turn.transpose(0, 2, 1) - np.eye(3), axis=(1, 2))
+        best = max(best, int((off < STILL).sum()))
+    return best

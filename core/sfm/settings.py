@@ -94,7 +94,7 @@ class SfmSettings:
     minimum_votes: int = 8
     partners: int = 16
     time_limit: float = 60.0
-    minimum_share: float = 0.9
+    minimum_share: float = 0.75
     refine: RefineSettings = field(default_factory=RefineSettings)
 
     def as_json(self) -> dict[str, Any]:
