@@ -198,6 +198,32 @@ def geometry(view, means, log_scales, quaternions, opacity_logits, g, s):  # typ
     return SEEN
 
 
+@inlined
+def surely_outside(view, means, log_scales, g):  # type: ignore[no-untyped-def]
+    """Whether even a fully opaque Gaussian of this size could not reach the frame: a cheap first test.
+
+    A row of the Jacobian is no longer than f / z sqrt(1 + r^2), r the clamped direction, so the
+    half-extent is at most sqrt(cutoff (|row|^2 s^2 + low_pass)) with s the largest scale.
+    """
+    x = view[0] * means[g, 0] + view[1] * means[g, 1] + view[2] * means[g, 2] + view[V_T]
+    y = view[3] * means[g, 0] + view[4] * means[g, 1] + view[5] * means[g, 2] + view[V_T + 1]
+    z = view[6] * means[g, 0] + view[7] * means[g, 1] + view[8] * means[g, 2] + view[V_T + 2]
+    if not z > view[V_NEAR]:
+        return False  # told apart from BEHIND elsewhere
+    fx, fy, width, height = view[V_FX] / z, view[V_FY] / z, view[V_WIDTH], view[V_HEIGHT]
+    u, v = fx * x + view[V_CX], fy * y + view[V_CY]
+    if u > 0 and u < width and v > 0 and v < height:
+        return False
+    alpha_minimum = view[V_ALPHA_MINIMUM] if view[V_ALPHA_MINIMUM] > 0 else 1e-12
+    cutoff = -2.0 * math.log(alpha_minimum)
+    largest = math.exp(min(max(log_scales[g, 0], log_scales[g, 1], log_scales[g, 2]), LOG_SCALE_LIMIT))
+    rx = (1.0 + FRUSTUM_MARGIN) * max(view[V_CX], width - view[V_CX], width) / view[V_FX]
+    ry = (1.0 + FRUSTUM_MARGIN) * max(view[V_CY], height - view[V_CY], height) / view[V_FY]
+    reach_x = math.sqrt(cutoff * (fx * fx * (1.0 + rx * rx) * largest * largest + view[V_LOW_PASS]))
+    reach_y = math.sqrt(cutoff * (fy * fy * (1.0 + ry * ry) * largest * largest + view[V_LOW_PASS]))
+    return u + reach_x < 0 or u - reach_x > width or v + reach_y < 0 or v - reach_y > height
+
+
 @kernel
 def project(begin, end, view, means, log_scales, quaternions, opacity_logits, sh, splats, status, radius, tile_counts):  # type: ignore[no-untyped-def]
     """Projects blocks `begin` to `end` of `BLOCK` Gaussians.
@@ -221,6 +247,9 @@ def project(begin, end, view, means, log_scales, quaternions, opacity_logits, sh
         tile_counts[g] = 0
         if not all_finite(means, log_scales, quaternions, opacity_logits, sh, g):
             status[g] = NON_FINITE
+            continue
+        if surely_outside(view, means, log_scales, g):
+            status[g] = OUTSIDE
             continue
         state = geometry(view, means, log_scales, quaternions, opacity_logits, g, s)
         if state != SEEN:

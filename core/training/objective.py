@@ -17,14 +17,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.fft
 import torch
 from torch import Tensor
 
 from ..colour import linear_to_srgb, srgb_to_linear
+from ..imaging.fourier import FourierFilter
 from ..imaging.medium import BlurSpace
 from ..imaging.operator import BlurOperator
 from ..imaging.psf import PointSpread
+from ..imaging.spectrum import NoiseToSignal
 from .photometric import PhotometricLoss, photometric_reference
 from .settings import TrainingSettings
 from .variation import variation_gradient
@@ -39,34 +40,31 @@ class Pull:
 
 
 class Inverse:
-    """The Wiener inverse W of one point spread on frames of one size."""
+    """Wiener's inverse of one point spread on frames of one size, brightness and colour apart.
 
-    def __init__(self, psf: PointSpread, height: int, width: int, noise_to_signal: float, device: torch.device) -> None:
-        self.height, self.width = height, width
-        kernel = psf.kernel()
-        reach = max(kernel.shape)
-        # zeros around the frame so that nothing wraps from one side to the other
-        self.size = (scipy.fft.next_fast_len(height + reach, real=True), scipy.fft.next_fast_len(width + reach, real=True))
-        padded = np.zeros(self.size)
-        padded[: kernel.shape[0], : kernel.shape[1]] = kernel
-        padded = np.roll(padded, (-(kernel.shape[0] // 2), -(kernel.shape[1] // 2)), (0, 1))
-        transfer = np.fft.rfft2(padded)
-        power = np.abs(transfer) ** 2
-        weight = np.conj(transfer) / (power + noise_to_signal)
-        self.weight = torch.from_numpy(weight).to(device, torch.complex64)
-        self.passed = torch.from_numpy(power / (power + noise_to_signal)).to(device, torch.float32)
+    Args:
+        height, width: of the frames, margins included; beyond them the residual is zero.
+        ratio: noise over signal at every frequency.
+    """
 
-    def _filter(self, frame: Tensor, weight: Tensor) -> Tensor:
-        spectrum = torch.fft.rfft2(frame, s=self.size)
-        return torch.fft.irfft2(spectrum * weight, s=self.size)[:, : self.height, : self.width]
+    def __init__(self, psf: PointSpread, height: int, width: int, ratio: NoiseToSignal, device: torch.device) -> None:
+        brightness, colour = (
+            FourierFilter(psf, height, width, table, "wiener", "zero", device)
+            for table in (ratio.brightness, ratio.colour)
+        )
+        self.height, self.width, self.size = height, width, brightness.size
+        self._colour = colour.transfer
+        self._difference = (brightness.transfer - colour.transfer) / 3.0
 
     def apply(self, residual: Tensor) -> Tensor:
-        """W times a frame [C, height, width]."""
-        return self._filter(residual, self.weight)
+        """What is missing in the sharp frame [3, height, width], given the photo's residual there.
 
-    def passband(self, frame: Tensor) -> Tensor:
-        """M = |H|^2 / (|H|^2 + n) times a frame: what of it the photos could hold."""
-        return self._filter(frame, self.passed)
+        Brightness is the mean over the channels: T' diag(Wb, Wc, Wc) T = Wc + (Wb - Wc) 11'/3.
+        """
+        spectrum = torch.fft.rfft2(residual, s=self.size)
+        brightness = spectrum.sum(dim=0) * self._difference
+        spectrum.mul_(self._colour).add_(brightness)
+        return torch.fft.irfft2(spectrum, s=self.size)[:, : self.height, : self.width]
 
 
 class Objective:
@@ -76,54 +74,61 @@ class Objective:
         psf: the point spread on this grid, None for none.
         height, width: the photos' size on this grid.
         margin: px the render is larger on every side.
+        ratio: noise over signal of the photos on this grid; None where nothing is inverted.
     """
 
     def __init__(self, psf: PointSpread | None, height: int, width: int, margin: int, space: BlurSpace,
-                 settings: TrainingSettings, device: torch.device) -> None:  # fmt: skip
+                 settings: TrainingSettings, device: torch.device, ratio: NoiseToSignal | None = None) -> None:  # fmt: skip
         self.settings, self.margin, self.space, self.device = settings, margin, space, device
         self.blur = BlurOperator(psf, height, width, margin, device)
         self.inverse = None
-        if psf is not None and settings.loss == "dgs":
-            self.inverse = Inverse(psf, height + 2 * margin, width + 2 * margin, settings.noise_to_signal, device)
+        if psf is not None and ratio is not None:
+            self.inverse = Inverse(psf, height + 2 * margin, width + 2 * margin, ratio, device)
 
     def pull(self, image: Tensor, photo: Tensor, valid: Tensor | None) -> Pull:
         """How the photo [3, H, W] pulls at a render [3, H + 2m, W + 2m], both sRGB."""
         s = self.settings
         light = image if self.space == "srgb" else srgb_to_linear(image)
         blurred = self.blur.apply(light)
-        degraded = blurred if self.space == "srgb" else linear_to_srgb(blurred)
-        loss, slope = self._compare(degraded, photo, valid)
-        if self.space == "linear":
-            slope = slope * _slope(linear_to_srgb, blurred)
-        gradient = self.blur.adjoint(slope)
-        if self.space == "linear":
-            gradient = gradient * _slope(srgb_to_linear, image)
+        weight = 1.0 if self.inverse is None else s.base_weight
+        loss, gradient = 0.0, torch.zeros_like(image)
+        if weight:
+            degraded = blurred if self.space == "srgb" else linear_to_srgb(blurred)
+            loss, slope = self._compare(degraded, photo, valid, s.ssim_weight)
+            if self.space == "linear":
+                slope = slope * _slope(linear_to_srgb, blurred)
+            gradient = self.blur.adjoint(slope * weight)
+            if self.space == "linear":
+                gradient = gradient * _slope(srgb_to_linear, image)
         if self.inverse is None:
             return Pull(loss, gradient)
-        gradient = gradient * s.base_weight
         known = photo if self.space == "srgb" else srgb_to_linear(photo)
         residual = known - blurred
+        if not weight:
+            loss = float(residual.abs().nanmean())
         residual = torch.where(residual.isfinite() if valid is None else residual.isfinite() & valid, residual, 0.0)
         m = self.margin
         missing = self.inverse.apply(torch.nn.functional.pad(residual, (m, m, m, m)))
         if self.space == "linear":
             missing = missing / _slope(srgb_to_linear, image).clamp(min=0.1)
         inner = (slice(None), slice(m, m + photo.shape[1]), slice(m, m + photo.shape[2]))
-        if s.inverse_weight:
-            sharp = (self.inverse.passband(image) if s.passband else image)[inner].contiguous()
-            _, sharp_slope = self._compare(sharp, sharp + missing[inner], valid)
-            gradient[inner] += s.inverse_weight * sharp_slope
-        if s.newton_weight:
-            gradient -= (s.newton_weight / photo.numel()) * missing
+        d = missing[inner]
+        if s.inverse_width:
+            d = d / (d.square() + s.inverse_width**2).sqrt()
+        else:
+            d = d.sign()
+        if valid is not None:
+            d = d * valid
+        gradient[inner] -= (s.inverse_weight / photo.numel()) * d
         if s.variation_weight:
             gradient += (s.variation_weight / photo.numel()) * variation_gradient(image)
         return Pull(loss, gradient)
 
-    def _compare(self, image: Tensor, photo: Tensor, valid: Tensor | None) -> tuple[float, Tensor]:
+    def _compare(self, image: Tensor, photo: Tensor, valid: Tensor | None, ssim_weight: float) -> tuple[float, Tensor]:
         if not image.is_cuda:
-            return PhotometricLoss(photo, valid, self.settings.ssim_weight).value_and_gradient(image)
+            return PhotometricLoss(photo, valid, ssim_weight).value_and_gradient(image)
         leaf = image.detach().requires_grad_()
-        loss = photometric_reference(leaf, photo, valid, self.settings.ssim_weight)
+        loss = photometric_reference(leaf, photo, valid, ssim_weight)
         loss.backward()  # type: ignore[no-untyped-call]
         assert leaf.grad is not None
         return float(loss), leaf.grad

@@ -10,7 +10,7 @@ from torch import Tensor
 
 from ..compiled import run
 from ..gaussians import Gaussians
-from .adam_kernels import BLOCK, adam_step
+from .adam_kernels import ROWS, adam_step
 
 BETA1, BETA2, EPSILON = 0.9, 0.999, 1e-15
 
@@ -49,14 +49,14 @@ class Adam:
             if tensor.is_cuda:
                 self._step_torch(name, tensor, gradient, rate, tail, bias2**-0.5)
                 continue
-            period = tensor.numel() // max(1, tensor.shape[0])
-            blocks = -(-tensor.numel() // BLOCK)
+            period = max(1, tensor.numel() // max(1, tensor.shape[0]))
+            blocks = -(-tensor.shape[0] // ROWS)
             refused = np.zeros(blocks, np.int64)
             flat = lambda t: t.detach().reshape(-1).numpy()  # noqa: E731
             run(adam_step, blocks, flat(tensor), flat(gradient.contiguous()), flat(self.first[name]),
                 flat(self.second[name]), np.float32(rate), np.float32(tail),
-                3, max(1, period), np.float32(BETA1), np.float32(BETA2),
-                np.float32(bias2**-0.5), np.float32(EPSILON), refused, grain=4)  # fmt: skip
+                3 if name == "sh" else period, period, np.float32(BETA1), np.float32(BETA2),
+                np.float32(bias2**-0.5), np.float32(EPSILON), refused)  # fmt: skip
             self._count(name, int(refused.sum()))
 
     def _step_torch(self, name: str, tensor: Tensor, gradient: Tensor, rate: float, tail: float,

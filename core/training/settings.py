@@ -36,7 +36,8 @@ class TrainingSettings:
         sh_degree: 0 to 3, view dependence of the colour.
         loss: 'dgs' (data term after inversion of the blur, see `objective`), or 'paper' (MAE + SSIM
             on the degraded render alone).
-        noise_to_signal: noise power over signal power assumed in the inversion of the blur.
+        noise_gain: how much more (> 1) or less the photos are trusted in the inversion of the blur than
+            their measured noise says.
         base_weight, inverse_weight, variation_weight: of the paper's loss, of the inverted
             residual, and of the total variation of the sharp render.
         low_pass: variance added to every projected Gaussian, in px^2 of the PHOTO's grid.
@@ -50,13 +51,12 @@ class TrainingSettings:
     max_gaussians: int = 40_000
     sh_degree: int = 1
     loss: LossName = "dgs"
-    noise_to_signal: float = 1e-5
+    noise_gain: float = 1.0
     base_weight: float = 0.3
     inverse_weight: float = 1.0
-    newton_weight: float = 0.0
-    passband: bool = True
     variation_weight: float = 0.0
     ssim_weight: float = 0.2
+    inverse_width: float = 0.0
     low_pass: float = 2.0
     coarse_share: float = 0.12
     density_every: int = 100

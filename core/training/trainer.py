@@ -13,7 +13,9 @@ import torch
 from torch import Tensor
 
 from ..gaussians import Gaussians
+from ..colour import srgb_to_linear
 from ..imaging.medium import Medium
+from ..imaging.spectrum import NoiseToSignal, noise_to_signal
 from ..progress import Progress
 from ..rasterizer import RasterSettings, render
 from ..views import SparsePoints, View
@@ -22,11 +24,13 @@ from .grid import GridView, grid_step
 from .initial import first_gaussians
 from .objective import Objective
 from .optimizer import Adam
-from .scale import SceneScale, scene_scale
+from .scale import SceneScale, scene_scale, views_per_point
 from .settings import TrainingSettings
 
 #: Largest margin (grid px) rendered beyond the photo for the blur's sake.
 MARGIN_SIGMAS = 3.0
+#: Photos whose spectra are averaged for the noise-to-signal ratio.
+SPECTRUM_VIEWS = 12
 
 
 @dataclass
@@ -60,6 +64,7 @@ class Level:
     views: list[GridView]
     heldout: list[GridView]
     margin: int
+    ratio: NoiseToSignal | None = None
     objectives: dict[Any, Objective] = field(default_factory=dict)
 
 
@@ -95,7 +100,20 @@ class Trainer:
         make = lambda v: GridView(v, unit(v.camera), step, self.medium.psf_for(v.name), self.medium.blur_space)  # noqa: E731
         views, heldout = [make(v) for v in self.views], [make(v) for v in self.heldout]
         sigma = max((float(np.linalg.eigvalsh(v.psf.covariance)[-1]) ** 0.5 for v in views if v.psf), default=0.0)
-        return Level(step, views, heldout, int(np.ceil(MARGIN_SIGMAS * sigma)))
+        return Level(step, views, heldout, int(np.ceil(MARGIN_SIGMAS * sigma)), self._ratio(views, step))
+
+    def _ratio(self, views: list[GridView], step: int) -> NoiseToSignal | None:
+        """Noise over signal of the photos on a grid, shared by the views that see one point."""
+        psf = next((v.psf for v in views if v.psf is not None), None)
+        if psf is None or self.settings.loss == "paper":
+            return None
+        photos = [v.planes() for v in views[:: max(1, len(views) // SPECTRUM_VIEWS)]]
+        if self.medium.blur_space == "linear":
+            photos = [np.asarray(srgb_to_linear(p), np.float32) for p in photos]
+        levels = float(np.iinfo(self.views[0].photo.dtype).max)
+        measured = noise_to_signal(photos, psf, 1 / levels / 12**0.5 / step)
+        cameras = [v.camera for v in views]
+        return measured.shared_by(self.settings.noise_gain * views_per_point(cameras, self.scale, self.points))
 
     def objective(self, level: Level, view: GridView) -> Objective:
         """The objective for a view's size and point spread; made once."""
@@ -103,7 +121,7 @@ class Trainer:
         if key not in level.objectives:
             level.objectives[key] = Objective(
                 view.psf, view.camera.height, view.camera.width, level.margin, self.medium.blur_space,
-                self.settings, self.device,
+                self.settings, self.device, level.ratio,
             )  # fmt: skip
         return level.objectives[key]
 
