@@ -1,0 +1,85 @@
+#!/usr/bin/env python3
+"""How well cameras are found: a line per data set.
+
+    python benchmarks/sfm.py --data FOLDER [--data FOLDER ...] [--sigma 5] [--threads 2]
+
+FOLDER holds `blur5/` (photos) and, to compare with, `reference_cameras/` (a COLMAP model or a
+transforms.json); folders that are not there are skipped. px-eq: the error of a camera's centre over
+the depth of its scene times the focal length, after alignment (see core/evaluation/poses.py).
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+import run_dgs  # noqa: E402
+
+run_dgs.mount_package()
+
+from dgs.core.errors import DgsError  # noqa: E402
+from dgs.core.evaluation.poses import pose_errors  # noqa: E402
+from dgs.core.photos.load import load_photos  # noqa: E402
+from dgs.core.progress import Silent  # noqa: E402
+from dgs.core.sfm.find import find_cameras  # noqa: E402
+from dgs.core.sfm.known import load_cameras  # noqa: E402
+from dgs.core.sfm.settings import SfmSettings  # noqa: E402
+
+
+def gaussian(sigma: float) -> np.ndarray | None:
+    """[k, k] kernel, None for 0."""
+    if sigma == 0.0:
+        return None
+    x = np.arange(-int(np.ceil(4 * sigma)), int(np.ceil(4 * sigma)) + 1)
+    line = np.exp(-(x**2) / (2 * sigma**2))
+    return np.asarray(np.outer(line, line) / line.sum() ** 2)
+
+
+def line(folder: Path, photos_name: str, sigma: float, threads: int) -> str:
+    """The table's line for one data set."""
+    photos = load_photos(folder / photos_name, None, Silent())
+    started = time.perf_counter()
+    with tempfile.TemporaryDirectory() as work:
+        try:
+            found = find_cameras(photos, gaussian(sigma), SfmSettings(threads=threads), Path(work), Silent())
+        except DgsError as error:
+            return f"{folder.name:12s}  {type(error).__name__}: {error}"
+    seconds = time.perf_counter() - started
+    figures = found.figures
+    text = f"{folder.name:12s} {len(found.names):4d} of {len(photos):3d}"
+    reference = folder / "reference_cameras"
+    if reference.exists():
+        truth = load_cameras(reference, photos)
+        errors = pose_errors(found.cameras(), truth.cameras(), truth.points.positions)
+        text += f"  {100 * np.median(errors.focal):+6.2f} %  {np.nanmedian(errors.centre_px):6.2f}"
+        text += f"  {np.median(errors.angle):6.3f}"
+    else:
+        text += f"  {figures.focal_px:6.0f} px       -       -"
+    return text + f"  {figures.reprojection_px:6.2f}  {seconds:6.1f}  {figures.attempts[-1].name}"
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--data", type=Path, action="append", default=[], metavar="FOLDER")
+    parser.add_argument("--photos", default="blur5", help="name of the folder of photos inside FOLDER")
+    parser.add_argument("--sigma", type=float, default=5.0, help="of the Gaussian blur in px; 0: none")
+    parser.add_argument("--threads", type=int, default=2)
+    options = parser.parse_args()
+    print(f"{'set':12s}  registered   focal    centre px-eq  angle deg  reproj px  seconds  recipe")
+    for folder in options.data:
+        if not (folder / options.photos).is_dir():
+            print(f"{folder.name:12s}  skipped: there is no '{options.photos}' in it")
+            continue
+        print(line(folder, options.photos, options.sigma, options.threads), flush=True)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

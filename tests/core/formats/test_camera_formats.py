@@ -1,0 +1,147 @@
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pycolmap
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from dgs.core import conventions
+from dgs.core.camera import Camera
+from dgs.core.errors import CameraError, FormatError
+from dgs.core.formats.colmap import read_model, write_lenses, write_model
+from dgs.core.formats.transforms import read_transforms, write_transforms
+from dgs.core.lens import MODELS, Lens
+from dgs.core.photos.load import Photo
+from dgs.core.sfm.known import load_cameras
+from dgs.core.sfm.reconstruction import Pose
+from dgs.core.views import SparsePoints
+
+ROTATION = Rotation.from_rotvec([0.4, -0.2, 1.0]).as_matrix()
+PARAMS = {
+    "SIMPLE_PINHOLE": (), "PINHOLE": (), "SIMPLE_RADIAL": (-0.08,), "RADIAL": (-0.1, 0.03),
+    "OPENCV": (-0.1, 0.02, 0.002, -0.001), "FULL_OPENCV": (-0.1, 0.02, 0.002, -0.001, 0.01, 0.02, 0.01, 0.005),
+    "SIMPLE_RADIAL_FISHEYE": (0.05,), "RADIAL_FISHEYE": (0.05, -0.01), "OPENCV_FISHEYE": (0.05, -0.01, 0.004, -0.001),
+}  # fmt: skip
+
+
+def lens(model: str) -> Lens:
+    simple, _ = MODELS[model]
+    head = (500.0, 321.0, 239.0) if simple else (500.0, 510.0, 321.0, 239.0)
+    return Lens(model, 640, 480, (*head, *PARAMS[model]))
+
+
+def cameras() -> dict[str, Camera]:
+    return {
+        name: Camera(name, 640, 480, 500.0, 510.0, 321.0, 239.0, ROTATION, np.array([i, 2.0, 3.0]))
+        for i, name in enumerate(["a b.png", "ü.png"])
+    }
+
+
+def photo(name: str, width: int = 640, height: int = 480) -> Photo:
+    return Photo(name, Path(name), np.zeros((height, width, 3), np.uint8))
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_lens_agrees_with_pycolmap_and_inverts(model: str) -> None:
+    mine = lens(model)
+    theirs = pycolmap.Camera(model=model, width=640, height=480, params=list(mine.params))
+    rays = np.random.default_rng(0).uniform(-0.5, 0.5, (100, 2))
+    expected = theirs.img_from_cam(np.concatenate([rays, np.ones((100, 1))], 1))
+    np.testing.assert_allclose(mine.to_pixels(rays), expected, atol=1e-9)
+    np.testing.assert_allclose(mine.from_pixels(expected), rays, atol=1e-8)
+
+
+@pytest.mark.parametrize("binary", [True, False])
+def test_colmap_round_trip(tmp_path: Path, binary: bool) -> None:
+    points = SparsePoints(np.array([[1.0, 2, 3], [4, 5, 6]]), np.array([[1, 2, 3], [255, 0, 9]], np.uint8))
+    given = cameras() if binary else {"ü.png": cameras()["ü.png"]}  # COLMAP's text knows no spaces
+    write_model(tmp_path / "sparse" / "0", given, points, binary)
+    lenses, poses, read = read_model(tmp_path)
+    assert set(poses) == set(given)
+    np.testing.assert_allclose(poses["ü.png"].rotation, ROTATION, atol=1e-12)
+    np.testing.assert_allclose(poses["ü.png"].translation, [1, 2, 3])
+    assert lenses["ü.png"] == Lens("PINHOLE", 640, 480, (500.0, 510.0, 321.0, 239.0))
+    np.testing.assert_allclose(read.positions, points.positions)
+    np.testing.assert_array_equal(read.colours, points.colours)
+
+
+def test_distorted_lenses_survive_and_damage_is_named(tmp_path: Path) -> None:
+    names = list(MODELS)
+    pose = Pose(ROTATION, np.zeros(3))
+    points = SparsePoints(np.zeros((0, 3)), np.zeros((0, 3), np.uint8))
+    write_lenses(tmp_path, {n: lens(n) for n in names}, {n: pose for n in names}, points)
+    assert read_model(tmp_path)[0] == {n: lens(n) for n in names}
+    (tmp_path / "images.bin").write_bytes(b"\xff" * 11)
+    with pytest.raises(FormatError, match="damaged"):
+        read_model(tmp_path)
+    with pytest.raises(FormatError, match="no COLMAP model"):
+        read_model(tmp_path / "nowhere")
+
+
+def test_transforms_round_trip(tmp_path: Path) -> None:
+    path = tmp_path / "transforms.json"
+    write_transforms(path, cameras())
+    lenses, poses = read_transforms(path)
+    for name, camera in cameras().items():
+        np.testing.assert_allclose(poses[name].rotation, camera.rotation, atol=1e-12)
+        np.testing.assert_allclose(poses[name].translation, camera.translation, atol=1e-12)
+        assert lenses[name].params == (500.0, 510.0, 321.0, 239.0)
+
+
+def test_transforms_of_the_nerf_data_sets(tmp_path: Path) -> None:
+    """camera_angle_x only; camera at z = 4 that looks down -z, as Blender's does."""
+    matrix = np.eye(4)
+    matrix[2, 3] = 4.0
+    content = {"camera_angle_x": np.pi / 2, "frames": [{"file_path": "./train/r_0", "transform_matrix": matrix.tolist()}]}
+    (tmp_path / "transforms.json").write_text(json.dumps(content))
+    found = load_cameras(tmp_path, [photo("R_0.png", 100, 80)])
+    assert found.lenses["R_0.png"].fx == pytest.approx(50.0)
+    pose = found.poses["R_0.png"]
+    np.testing.assert_allclose(pose.centre, [0, 0, 4], atol=1e-12)
+    np.testing.assert_allclose(pose.rotation @ [0, 0, 0] + pose.translation, [0, 0, 4])
+    np.testing.assert_allclose(pose.rotation @ [0, 1, 0] + pose.translation, [0, -1, 4])
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{}", '{"frames": [{"file_path": "a"}]}', '{"frames": [3]}',
+    '{"w":1,"h":1,"fl_x":1,"frames":[{"file_path":"a","transform_matrix":[[0,0,0,0],[0,0,0,0],[0,0,0,0]]}]}'])  # fmt: skip
+def test_bad_transforms_are_format_errors(tmp_path: Path, text: str) -> None:
+    (tmp_path / "t.json").write_text(text)
+    with pytest.raises(FormatError, match=r"t\.json"):
+        read_transforms(tmp_path / "t.json")
+
+
+def test_known_cameras_fit_their_photos(tmp_path: Path) -> None:
+    points = SparsePoints(np.ones((1, 3)), np.ones((1, 3), np.uint8))
+    write_model(tmp_path, cameras(), points)
+    found = load_cameras(tmp_path, [photo("A B.JPG", 320, 240), photo("other.png")])
+    assert found.names == ("A B.JPG",)
+    assert found.lenses["A B.JPG"].params == (250.0, 255.0, 160.5, 119.5)
+    assert (found.figures.given, found.figures.registered) == (2, 1)
+    with pytest.raises(CameraError, match="no camera for any"):
+        load_cameras(tmp_path, [photo("z.png")])
+    with pytest.raises(CameraError, match="640 x 480"):
+        load_cameras(tmp_path, [photo("a b.png", 480, 640)])
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.tuples(*[st.floats(-3, 3)] * 3), st.tuples(*[st.floats(-1e3, 1e3)] * 3))
+def test_axes_round_trip(vector: tuple[float, ...], shift: tuple[float, ...]) -> None:
+    rotation, translation = Rotation.from_rotvec(vector).as_matrix(), np.array(shift)
+    back = conventions.from_opengl(conventions.to_opengl(rotation, translation))
+    np.testing.assert_allclose(back[0], rotation, atol=1e-12)
+    np.testing.assert_allclose(back[1], translation, atol=1e-9)
+    quaternion = conventions.quaternion_from_rotation(rotation)
+    np.testing.assert_allclose(conventions.rotation_from_quaternion(quaternion), rotation, atol=1e-9)
+
+
+def test_turned_world_keeps_the_picture() -> None:
+    point = np.array([1.0, 2.0, 3.0])
+    rotation, translation = conventions.turn_world_of_pose(ROTATION, np.array([1.0, 0, 5]))
+    seen = rotation @ conventions.turn_world(point) + translation
+    np.testing.assert_allclose(seen, ROTATION @ point + [1.0, 0, 5])
+    np.testing.assert_allclose(conventions.turn_world(np.array([0.0, -1.0, 0.0])), [0, 0, 1])  # up is z
