@@ -1,0 +1,1 @@
+"""What the add-on puts into a Blender scene: twins, their look, and cameras."""

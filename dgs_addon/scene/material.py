@@ -1,0 +1,94 @@
+"""How a splat looks: a true Gaussian, not a ball.
+
+In the ball's own space the Gaussian is round. The largest value that a view ray meets lies where it
+passes the centre most closely, at |p x d| (p: point on the ball, d: direction, both in that space):
+
+    alpha = opacity exp(-0.5 (3 |p x d|)^2)
+
+Every ball is crossed twice; only its front counts. The material gives off the twin's colour as light,
+so that lamps leave it unchanged.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+
+from .graph import Graph
+
+NAME = "Descatter Splat"
+#: A twin's look adds up behind this many crossings; each splat is crossed twice.
+TRANSPARENT_BOUNCES = 256
+
+
+def splat_material() -> Any:
+    """The `bpy` material that all twins share."""
+    existing = bpy.data.materials.get(NAME)
+    return existing if existing is not None else _build()
+
+
+def prepare_scene(scene: Any) -> None:
+    """Sets what splats need to look right.
+
+    Cycles ends rays after few transparent surfaces and, with roulette, grainily: both show as black
+    specks. Other view transforms than 'Standard' change the photos' colours.
+    """
+    scene.render.engine = "CYCLES"
+    scene.cycles.transparent_max_bounces = max(scene.cycles.transparent_max_bounces, TRANSPARENT_BOUNCES)
+    scene.cycles.min_transparent_bounces = TRANSPARENT_BOUNCES
+    scene.view_settings.view_transform = "Standard"
+    scene.view_settings.look = "None"
+
+
+def _build() -> Any:
+    material = bpy.data.materials.new(NAME)
+    if material.node_tree is None:  # always there from Blender 5 on
+        material.use_nodes = True
+    material.node_tree.nodes.clear()
+    graph = Graph(material.node_tree)
+    incoming = graph.node("ShaderNodeNewGeometry").outputs
+    towards, back = incoming[4], incoming[6]
+    emission = graph.node("ShaderNodeEmission", _linear(graph, _colour(graph, towards)), 1.0).outputs[0]
+    clear = graph.node("ShaderNodeBsdfTransparent").outputs[0]
+    alpha = graph.math("MULTIPLY", _alpha(graph, towards), graph.math("SUBTRACT", 1.0, back))
+    graph.node("ShaderNodeOutputMaterial", graph.node("ShaderNodeMixShader", alpha, clear, emission).outputs[0])
+    return material
+
+
+def _alpha(graph: Graph, towards: Any) -> Any:
+    place = graph.node("ShaderNodeTexCoord").outputs[3]
+    turned = graph.node(
+        "ShaderNodeVectorTransform", towards, vector_type="VECTOR", convert_from="WORLD", convert_to="OBJECT"
+    ).outputs[0]
+    ray = graph.vector("NORMALIZE", turned)
+    distance = graph.vector("LENGTH", graph.vector("CROSS_PRODUCT", place, ray))
+    # exp(-0.5 * 3^2 * distance^2)
+    power = graph.math("MULTIPLY", graph.math("MULTIPLY", distance, distance), -4.5)
+    return graph.math("MULTIPLY", graph.math("EXPONENT", power), _attribute(graph, "dgs_opacity", 2))
+
+
+def _colour(graph: Graph, towards: Any) -> Any:
+    """sRGB-encoded colour in the direction of view; twins without gloss lack its attributes (0)."""
+    along = graph.vector("SCALE", towards, -1.0)
+    slopes = [_attribute(graph, f"dgs_gloss_{name}", 1) for name in ("red", "green", "blue")]
+    gloss = graph.node("ShaderNodeCombineXYZ", *(graph.vector("DOT_PRODUCT", s, along) for s in slopes)).outputs[0]
+    return graph.vector("ADD", _attribute(graph, "dgs_colour", 1), gloss)
+
+
+def _linear(graph: Graph, encoded: Any) -> Any:
+    """sRGB-encoded values in linear light, by the standard's two pieces; below 0 is 0."""
+    channels = []
+    for channel in graph.node("ShaderNodeSeparateXYZ", encoded).outputs:
+        value = graph.math("MAXIMUM", channel, 0.0)
+        curve = graph.math("POWER", graph.math("MULTIPLY_ADD", value, 1 / 1.055, 0.055 / 1.055), 2.4)
+        straight = graph.math("MULTIPLY", value, 1 / 12.92)
+        bright = graph.math("GREATER_THAN", value, 0.04045)
+        step = graph.math("SUBTRACT", curve, straight)
+        channels.append(graph.math("MULTIPLY_ADD", bright, step, straight))
+    return graph.node("ShaderNodeCombineXYZ", *channels).outputs[0]
+
+
+def _attribute(graph: Graph, name: str, output: int) -> Any:
+    node = graph.node("ShaderNodeAttribute", attribute_type="INSTANCER", attribute_name=name)
+    return node.outputs[output]

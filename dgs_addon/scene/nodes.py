@@ -1,0 +1,136 @@
+"""Geometry nodes that show a twin: one ball per Gaussian, reaching three standard deviations.
+
+The harmonics of degree 1 are a dot product: colour_c = base_c + v_c . direction, with
+v_c = C1 (-sh_2, -sh_0, sh_1) of that channel. The nodes turn v_c by the object's own rotation, so that
+gloss follows a twin that is moved in the scene. Higher degrees stay in the attributes, unshown.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+
+from ...core.constants import SH_C0, SH_C1
+from .graph import Graph
+from .material import splat_material
+
+#: Balls reach this many standard deviations, as the shader knows.
+REACH = 3.0
+#: Faces of the ball lie inside its vertices' sphere; this puts them around the sphere instead.
+_AROUND = 1.08
+#: A ball is never flatter than this share of its length: its inverse matrix must stay usable.
+_FLATTEST = 0.01
+#: Named attributes that the nodes hand to the material.
+COLOUR, OPACITY, GLOSS = "dgs_colour", "dgs_opacity", ("dgs_gloss_red", "dgs_gloss_green", "dgs_gloss_blue")
+
+SIZE_INPUT, THRESHOLD_INPUT, COUNT_INPUT, VIEWPORT_INPUT = (
+    "Splat Size", "Opacity Threshold", "Max Count", "Max in Viewport",
+)  # fmt: skip
+#: More than a scene will hold.
+ALL = 100_000_000
+
+
+def splat_nodes(view_dependent: bool) -> Any:
+    """The `bpy` node group for a twin's modifier, shared by all twins of its kind."""
+    name = "Descatter Splats, Glossy" if view_dependent else "Descatter Splats"
+    existing = bpy.data.node_groups.get(name)
+    return existing if existing is not None else _build(name, view_dependent)
+
+
+def _build(name: str, view_dependent: bool) -> Any:
+    tree = bpy.data.node_groups.new(name, "GeometryNodeTree")
+    tree.is_modifier = True
+    _interface(tree)
+    graph = Graph(tree)
+    given = graph.node("NodeGroupInput").outputs
+    points = _fewer(graph, given)
+    points = _colours(graph, points, view_dependent)
+    ball = graph.node("GeometryNodeMeshIcoSphere", _AROUND, 2).outputs[0]
+    ball = graph.node("GeometryNodeSetMaterial", ball, None, splat_material()).outputs[0]
+    instances = graph.node(
+        "GeometryNodeInstanceOnPoints", points, None, ball, None, None,
+        _named(graph, "QUATERNION", "rotation"), _radii(graph, given[1]),
+    ).outputs[0]  # fmt: skip
+    graph.node("NodeGroupOutput", instances)
+    return tree
+
+
+def _interface(tree: Any) -> None:
+    new = tree.interface.new_socket
+    new("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
+    new("Geometry", in_out="INPUT", socket_type="NodeSocketGeometry")
+    for name, kind, default, low, high, text in (
+        (SIZE_INPUT, "NodeSocketFloat", 1.0, 0.0, 10.0, "Factor on the size of all splats"),
+        (THRESHOLD_INPUT, "NodeSocketFloat", 0.005, 0.0, 1.0, "Fainter splats are not shown"),
+        (COUNT_INPUT, "NodeSocketInt", ALL, 0, ALL, "Most splats in a render, spread evenly over the twin"),
+        (VIEWPORT_INPUT, "NodeSocketInt", 100_000, 0, ALL, "Most splats in the viewport, spread evenly"),
+    ):
+        socket = new(name, in_out="INPUT", socket_type=kind)
+        socket.default_value, socket.min_value, socket.max_value = default, low, high
+        socket.description = text
+
+
+def _fewer(graph: Graph, given: Any) -> Any:
+    """The points that are opaque enough, at most as many as wanted."""
+    total = graph.node("GeometryNodeAttributeDomainSize", given[0]).outputs[0]
+    most = graph.node(
+        "GeometryNodeSwitch", graph.node("GeometryNodeIsViewport").outputs[0], given[3],
+        graph.math("MINIMUM", given[3], given[4]), input_type="INT",
+    ).outputs[0]  # fmt: skip
+    share = graph.math("MINIMUM", graph.math("DIVIDE", most, total), 1.0)
+    index = graph.node("GeometryNodeInputIndex").outputs[0]
+    before = graph.math("FLOOR", graph.math("MULTIPLY", index, share))
+    after = graph.math("FLOOR", graph.math("MULTIPLY", graph.math("ADD", index, 1.0), share))
+    counted = graph.math("GREATER_THAN", after, before)
+    faint = graph.math("LESS_THAN", _opacity(graph), given[2])
+    wanted = graph.math("GREATER_THAN", counted, faint)
+    return graph.node("GeometryNodeSeparateGeometry", given[0], wanted).outputs[0]
+
+
+def _radii(graph: Graph, size: Any) -> Any:
+    scale = _named(graph, "FLOAT_VECTOR", "scale")
+    x, y, z = graph.node("ShaderNodeSeparateXYZ", scale).outputs
+    longest = graph.math("MAXIMUM", graph.math("MAXIMUM", x, y), z)
+    shortest = graph.math("MULTIPLY", longest, _FLATTEST)
+    thick = graph.vector("MAXIMUM", scale, graph.node("ShaderNodeCombineXYZ", *[shortest] * 3).outputs[0])
+    return graph.vector("SCALE", thick, graph.math("MULTIPLY", size, REACH))
+
+
+def _colours(graph: Graph, points: Any, view_dependent: bool) -> Any:
+    base = _named(graph, "FLOAT_COLOR", "radiance:base")
+    grey = graph.vector("ADD", graph.vector("SCALE", base, SH_C0), (0.5, 0.5, 0.5))
+    points = _store(graph, points, "FLOAT_VECTOR", COLOUR, grey)
+    points = _store(graph, points, "FLOAT", OPACITY, _opacity(graph))
+    if not view_dependent:
+        return points
+    turn = graph.node(
+        "GeometryNodeObjectInfo", graph.node("GeometryNodeSelfObject").outputs[0], transform_space="ORIGINAL"
+    )
+    rotation = next(socket for socket in turn.outputs if socket.name == "Rotation")
+    first, second, third = (
+        graph.node("ShaderNodeSeparateXYZ", _named(graph, "FLOAT_VECTOR", f"radiance:sh_{i}")).outputs
+        for i in range(3)
+    )
+    for channel, name in enumerate(GLOSS):
+        slope = graph.node("ShaderNodeCombineXYZ", third[channel], first[channel], second[channel]).outputs[0]
+        slope = graph.vector("MULTIPLY", slope, (-SH_C1, -SH_C1, SH_C1))
+        turned = graph.node("FunctionNodeRotateVector", slope, rotation).outputs[0]
+        points = _store(graph, points, "FLOAT_VECTOR", name, turned)
+    return points
+
+
+def _opacity(graph: Graph) -> Any:
+    base = _named(graph, "FLOAT_COLOR", "radiance:base")
+    return graph.node("FunctionNodeSeparateColor", base).outputs[3]
+
+
+def _named(graph: Graph, kind: str, name: str) -> Any:
+    node = graph.node("GeometryNodeInputNamedAttribute", name, data_type=kind)
+    return next(socket for socket in node.outputs if socket.enabled)
+
+
+def _store(graph: Graph, points: Any, kind: str, name: str, value: Any) -> Any:
+    node = graph.node("GeometryNodeStoreNamedAttribute", points, None, name, data_type=kind, domain="POINT")
+    graph.plug(next(s for s in node.inputs if s.name == "Value" and s.enabled), value)
+    return node.outputs[0]

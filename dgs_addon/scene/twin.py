@@ -1,0 +1,126 @@
+"""A twin as a Blender object: one mesh vertex per Gaussian, attributes named as native splats'.
+
+The attributes keep the file's own axes (COLMAP: y down, z away) and the object's matrix turns them
+into Blender's. So spherical harmonics need no rotation of their own: their directions are turned with
+the object (see `nodes`), and what leaves Blender again is bit for bit what came in.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ...core.cloud import GaussianCloud
+from ...core.errors import FormatError
+from ..axes import matrix_to_blender
+from .nodes import splat_nodes
+
+#: Object property that marks a twin; its value is the number of harmonics.
+TWIN = "dgs_harmonics"
+SCALE, ROTATION, BASE = "scale", "rotation", "radiance:base"
+
+
+def harmonic(index: int) -> str:
+    """Attribute of the harmonic behind the zeroth, as Blender's native splats name it."""
+    return f"radiance:sh_{index}"
+
+
+def add_twin(cloud: GaussianCloud, name: str, collection: Any) -> Any:
+    """Adds the Gaussians as an object that renders as splats.
+
+    Args:
+        cloud: raw Gaussians; those with a value that is not finite are left out.
+        name: name of the object and its mesh.
+        collection: `bpy` collection to link it to.
+
+    Returns:
+        The new `bpy` object, turned from the engine's axes into Blender's.
+
+    Raises:
+        FormatError: no Gaussian can be shown.
+    """
+    mesh = splat_mesh(cloud, name)
+    twin = bpy.data.objects.new(name, mesh)
+    twin[TWIN] = int(cloud.sh.shape[1])
+    # Blender's matrices are assigned row by row from columns.
+    twin.matrix_world = matrix_to_blender(np.eye(4)).T.tolist()
+    collection.objects.link(twin)
+    modifier = twin.modifiers.new("Splats", "NODES")
+    modifier.node_group = splat_nodes(view_dependent=cloud.sh.shape[1] >= 4)
+    return twin
+
+
+def splat_mesh(cloud: GaussianCloud, name: str) -> Any:
+    """A `bpy` mesh of loose vertices: position, scale (standard deviations), rotation (unit w x y z),
+    radiance:base (raw zeroth harmonic R G B, opacity 0..1) and radiance:sh_0.. (raw).
+
+    Raises:
+        FormatError: no Gaussian has finite values only.
+    """
+    cloud = _finite(cloud)
+    if not len(cloud):
+        raise FormatError(f"'{name}' holds no Gaussian that can be shown", "Choose another PLY")
+    mesh = bpy.data.meshes.new(name)
+    mesh.vertices.add(len(cloud))
+    mesh.attributes["position"].data.foreach_set("vector", _flat(cloud.means))
+    with np.errstate(over="ignore"):  # an opacity logit of -100 is an opacity of 0
+        opacity = 1.0 / (1.0 + np.exp(-cloud.opacity_logits))
+    _add(mesh, SCALE, "FLOAT_VECTOR", "vector", np.exp(np.clip(cloud.log_scales, -40.0, 40.0)))
+    _add(mesh, ROTATION, "QUATERNION", "value", _unit(cloud.quaternions))
+    _add(mesh, BASE, "FLOAT_COLOR", "color", np.concatenate([cloud.sh[:, 0], opacity[:, None]], axis=1))
+    for index in range(cloud.sh.shape[1] - 1):
+        _add(mesh, harmonic(index), "FLOAT_VECTOR", "vector", cloud.sh[:, index + 1])
+    mesh.update()
+    return mesh
+
+
+def read_twin(twin: Any) -> GaussianCloud:
+    """The Gaussians of an object that `add_twin` made, in the engine's axes as they were read."""
+    mesh = twin.data
+    count = len(mesh.vertices)
+
+    def values(name: str, field: str, width: int) -> NDArray[np.float32]:
+        array = np.empty(count * width, np.float32)
+        mesh.attributes[name].data.foreach_get(field, array)
+        return array.reshape(count, width)
+
+    base = values(BASE, "color", 4)
+    rest = [values(harmonic(index), "vector", 3) for index in range(int(twin[TWIN]) - 1)]
+    opacity = np.clip(base[:, 3], 1e-7, 1.0 - 1e-7)
+    return GaussianCloud(
+        means=values("position", "vector", 3),
+        log_scales=np.log(values(SCALE, "vector", 3)),
+        quaternions=values(ROTATION, "value", 4),
+        opacity_logits=np.log(opacity / (1.0 - opacity)),
+        sh=np.stack([base[:, :3], *rest], axis=1),
+    )
+
+
+def is_twin(thing: Any) -> bool:
+    """Whether a `bpy` object (or None) is a twin."""
+    return thing is not None and thing.type == "MESH" and TWIN in thing
+
+
+def _finite(cloud: GaussianCloud) -> GaussianCloud:
+    arrays = (cloud.means, cloud.log_scales, cloud.quaternions, cloud.opacity_logits, cloud.sh)
+    kept = np.ones(len(cloud), bool)
+    for array in arrays:
+        kept &= np.isfinite(array.reshape(len(cloud), -1)).all(axis=1)
+    return cloud if kept.all() else GaussianCloud(*(array[kept] for array in arrays))
+
+
+def _unit(quaternions: NDArray[np.float32]) -> NDArray[np.float32]:
+    length = np.linalg.norm(quaternions, axis=1, keepdims=True)
+    identity = np.array([1.0, 0.0, 0.0, 0.0], np.float32)
+    return np.where(length > 1e-12, quaternions / np.maximum(length, 1e-12), identity)
+
+
+def _flat(values: NDArray[np.float32]) -> NDArray[np.float32]:
+    return np.ascontiguousarray(values, np.float32).reshape(-1)
+
+
+def _add(mesh: Any, name: str, kind: str, field: str, values: NDArray[np.float32]) -> None:
+    mesh.attributes.new(name, kind, "POINT").data.foreach_set(field, _flat(values))
