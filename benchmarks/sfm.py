@@ -20,7 +20,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-import run_dgs  # noqa: E402
+import run_dgs
 
 run_dgs.mount_package()
 
@@ -66,7 +66,9 @@ def line(folder: Path, photos_name: str, sigma: float, threads: int) -> str:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--data", type=Path, action="append", default=[], metavar="FOLDER")
     parser.add_argument("--photos", default="blur5", help="name of the folder of photos inside FOLDER")
     parser.add_argument("--sigma", type=float, default=5.0, help="of the Gaussian blur in px; 0: none")

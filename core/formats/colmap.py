@@ -63,7 +63,9 @@ def write_model(path: Path, cameras: Mapping[str, Camera], points: SparsePoints,
     lenses = {
         name: Lens("PINHOLE", c.width, c.height, (c.fx, c.fy, c.cx, c.cy)) for name, c in cameras.items()
     }
-    write_lenses(path, lenses, {n: Pose(c.rotation, c.translation) for n, c in cameras.items()}, points, binary)
+    write_lenses(
+        path, lenses, {n: Pose(c.rotation, c.translation) for n, c in cameras.items()}, points, binary
+    )
 
 
 def write_lenses(
@@ -101,7 +103,9 @@ def write_lenses(
         image = pycolmap.Image(name=name, keypoints=np.zeros((0, 2)), camera_id=shared[lens], image_id=index)
         pose = poses[name]
         rotation = pycolmap.Rotation3d(np.asarray(pose.rotation, float))
-        model.add_image_with_trivial_frame(image, pycolmap.Rigid3d(rotation, np.asarray(pose.translation, float)))
+        model.add_image_with_trivial_frame(
+            image, pycolmap.Rigid3d(rotation, np.asarray(pose.translation, float))
+        )
     for position, colour in zip(points.positions, points.colours, strict=True):
         model.add_point3D(position, pycolmap.Track(), colour)
     try:
@@ -109,5 +113,6 @@ def write_lenses(
         (model.write_binary if binary else model.write_text)(str(path))
     except (OSError, RuntimeError) as error:
         raise OutputError(
-            f"The camera model cannot be written into '{path}' ({error})", "Free space or choose another folder"
+            f"The camera model cannot be written into '{path}' ({error})",
+            "Free space or choose another folder",
         ) from error

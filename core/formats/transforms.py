@@ -36,7 +36,9 @@ def read_transforms(
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
-        raise FormatError(f"'{path}' cannot be read ({error.strerror})", "Check the path of the cameras") from error
+        raise FormatError(
+            f"'{path}' cannot be read ({error.strerror})", "Check the path of the cameras"
+        ) from error
     except ValueError as error:
         raise FormatError(f"'{path}' is not JSON ({error})", _EXPORT) from error
     frames = content.get("frames") if isinstance(content, dict) else None
@@ -53,7 +55,9 @@ def read_transforms(
         except FormatError as error:
             raise FormatError(f"'{path}', frame '{name}': {error.what}", error.way_out) from error
         except (KeyError, TypeError, ValueError) as error:
-            raise FormatError(f"'{path}' has a damaged frame ({type(error).__name__}: {error})", _EXPORT) from error
+            raise FormatError(
+                f"'{path}' has a damaged frame ({type(error).__name__}: {error})", _EXPORT
+            ) from error
     return lenses, poses
 
 
@@ -105,4 +109,6 @@ def write_transforms(path: Path, cameras: Mapping[str, Camera]) -> None:
     try:
         path.write_text(text, encoding="utf-8")
     except OSError as error:
-        raise OutputError(f"'{path}' cannot be written ({error.strerror})", "Free space or choose another folder") from error
+        raise OutputError(
+            f"'{path}' cannot be written ({error.strerror})", "Free space or choose another folder"
+        ) from error

@@ -70,8 +70,12 @@ def photo_files(source: Path) -> list[Path]:
     try:
         entries = sorted(source.iterdir(), key=lambda p: unicodedata.normalize("NFC", p.name))
     except OSError as error:
-        raise PhotoError(f"The folder '{source}' cannot be read ({error.strerror})", "Check its permissions") from error
-    files = [p for p in entries if p.suffix.lower() in SUFFIXES and not p.name.startswith(".") and p.is_file()]
+        raise PhotoError(
+            f"The folder '{source}' cannot be read ({error.strerror})", "Check its permissions"
+        ) from error
+    files = [
+        p for p in entries if p.suffix.lower() in SUFFIXES and not p.name.startswith(".") and p.is_file()
+    ]
     if not files:
         raise PhotoError(
             f"The folder '{source}' holds no photos",
@@ -127,7 +131,8 @@ def load_photos(
     if masks is not None and not any(_stem(p.path) in mask_files for p in photos):
         raise PhotoError(f"No mask in '{masks}' has the name of a photo", "Give each mask its photo's name")
     if len(photos) < minimum:
-        named = f" (could not be read: {', '.join(failures[:5])}{', ...' if len(failures) > 5 else ''})" if failures else ""
+        listed = ", ".join(failures[:5]) + (", ..." if len(failures) > 5 else "")
+        named = f" (could not be read: {listed})" if failures else ""
         raise PhotoError(
             f"'{source}' holds {len(photos)} readable photo{'' if len(photos) == 1 else 's'}{named}",
             f"Add photos from other viewpoints; at least {minimum} are needed",
@@ -156,7 +161,9 @@ def load_photo(path: Path, max_size: int | None = None) -> Photo:
     if (new_width, new_height) != (width, height):
         pixels = resized(pixels, new_width, new_height)
         mask = None if mask is None else resized_mask(mask, new_width, new_height)
-    focal = None if focal_35mm is None else focal_35mm / _DIAGONAL_35MM * float(np.hypot(new_width, new_height))
+    focal = (
+        None if focal_35mm is None else focal_35mm / _DIAGONAL_35MM * float(np.hypot(new_width, new_height))
+    )
     name = unicodedata.normalize("NFC", path.name)
     return Photo(name, path, pixels, mask, (new_width / width, new_height / height), focal)
 
@@ -231,7 +238,7 @@ def _upright(array: NDArray[Any], orientation: int) -> NDArray[Any]:
     return np.ascontiguousarray(array)
 
 
-def _from_array(array: NDArray[np.generic]) -> tuple[Pixels, NDArray[np.float32] | None]:
+def _from_array(array: NDArray[Any]) -> tuple[Pixels, NDArray[np.float32] | None]:
     """Any [H, W] or [H, W, 1..4] array -> ([H, W, 3] uint8/uint16, alpha in [0, 1] or None)."""
     if array.ndim == 2:
         array = array[:, :, None]
@@ -251,7 +258,7 @@ def _from_array(array: NDArray[np.generic]) -> tuple[Pixels, NDArray[np.float32]
         array = array[:, :, :-1]
     if array.shape[2] == 1:
         array = np.repeat(array, 3, axis=2)
-    return np.ascontiguousarray(array), alpha  # type: ignore[return-value]
+    return np.ascontiguousarray(array), alpha
 
 
 def _stem(path: Path) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -104,8 +105,9 @@ class Undistortion:
         if mask is not None:
             weight = resample(mask.astype(np.float32)[:, :, None], self._sources, prefilter=False)[:, :, 0]
             counts &= weight >= 0.5
-        result = np.clip(straight + 0.5, 0, full).astype(pixels.dtype)
-        return result, None if counts.all() else counts
+        rounded: NDArray[Any] = np.clip(straight + 0.5, 0, full)
+        kept = None if counts.all() else counts
+        return (rounded.astype(np.uint8) if full == 255 else rounded.astype(np.uint16)), kept
 
     def render(self, image: NDArray[np.float32], margin: int) -> NDArray[np.float32]:
         """A render of the pinhole, as the photo's lens would have seen it.

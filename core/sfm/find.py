@@ -119,7 +119,7 @@ def _run(
                 if attempts[-1].verdict != "trusted":
                     tried = attempts[-1]
                     progress.note(
-                        f"Cameras, attempt '{tried.name}': {tried.verdict} ({tried.registered} of {given} photos)"
+                        f"Cameras, attempt '{tried.name}': {tried.verdict} ({tried.registered} of {given})"
                     )
             elif "done" in message:
                 chosen = Attempt(**message["done"])

@@ -61,7 +61,9 @@ def write_job(
         image = f"{lens}/{index:04d}.png"
         names[image] = photo.name
         files[image] = f"luma/{index:04d}.npy"
-        np.save(folder / files[image], np.round(luma(photo.pixels) * 65535).astype(np.uint16), allow_pickle=False)
+        np.save(
+            folder / files[image], np.round(luma(photo.pixels) * 65535).astype(np.uint16), allow_pickle=False
+        )
         if photo.mask is not None:
             masked = True
             path = folder / "masks" / (image + ".png")  # COLMAP's naming

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 import unicodedata
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from ..lens import Lens
 from ..photos.load import Photo
 from ..views import SparsePoints
 from .reconstruction import Figures, Pose, Reconstruction, no_points
+from .scatter import scattered_points
 
 #: Sides may differ by this share before a lens no longer fits a photo.
 ASPECT_TOLERANCE = 0.01
@@ -32,7 +34,8 @@ def load_cameras(path: Path, photos: list[Photo]) -> Reconstruction:
         photos: the photos in memory.
 
     Returns:
-        Cameras of the photos that have one; points as far as the file holds some.
+        Cameras of the photos that have one; points as the file holds them; where it holds none, random
+        ones in what the cameras look at together (`scattered_points`).
 
     Raises:
         FormatError: unreadable, or not a camera file.
@@ -43,9 +46,7 @@ def load_cameras(path: Path, photos: list[Photo]) -> Reconstruction:
         raise FormatError(f"There is no camera file '{path}'", "Check the path given with --cameras")
     points = no_points()
     if path.is_file() and path.suffix.lower() == ".json" or (path / "transforms.json").is_file():
-        sizes = {
-            _key(p.name): (round(p.size[0] / p.scale[0]), round(p.size[1] / p.scale[1])) for p in photos
-        }
+        sizes = {_key(p.name): (round(p.size[0] / p.scale[0]), round(p.size[1] / p.scale[1])) for p in photos}
         lenses, poses = read_transforms(path, sizes)
         source = "transforms.json"
     elif path.is_dir() or path.name.startswith(("cameras.", "images.")):
@@ -70,7 +71,7 @@ def _given(
     chosen = {p.name: table[_key(p.name)] for p in photos if _key(p.name) in table}
     if not chosen:
         raise CameraError(
-            f"'{path}' has no camera for any of the {len(photos)} photos (it names {sorted(poses)[0]!r}, ...)",
+            f"'{path}' has no camera for any of the {len(photos)} photos (but for {sorted(poses)[0]!r}, ...)",
             "Give the cameras of these photos; names must match but for folder, case and extension",
         )
     fitted = {p.name: _fitted(lenses[chosen[p.name]], p) for p in photos if p.name in chosen}
@@ -78,7 +79,8 @@ def _given(
     figures = Figures(
         source, len(photos), len(chosen), focal, float("nan"), float("nan"), time.perf_counter() - started
     )
-    return Reconstruction({n: poses[c] for n, c in chosen.items()}, fitted, points, figures)
+    found = Reconstruction({n: poses[c] for n, c in chosen.items()}, fitted, points, figures)
+    return found if len(points.positions) else replace(found, points=scattered_points(found, photos))
 
 
 def _key(name: str) -> str:

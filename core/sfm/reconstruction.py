@@ -108,9 +108,9 @@ def no_points() -> SparsePoints:
     return SparsePoints(np.zeros((0, 3)), np.zeros((0, 3), np.uint8))
 
 
-def from_pycolmap(model: Any, names: dict[str, str] | None = None) -> tuple[
-    dict[str, Lens], dict[str, Pose], SparsePoints
-]:
+def from_pycolmap(
+    model: Any, names: dict[str, str] | None = None
+) -> tuple[dict[str, Lens], dict[str, Pose], SparsePoints]:
     """Lenses, poses and points of a pycolmap.Reconstruction.
 
     Args:
@@ -126,7 +126,9 @@ def from_pycolmap(model: Any, names: dict[str, str] | None = None) -> tuple[
         name = image.name if names is None else names[image.name]
         poses[name] = Pose(np.array(pose.rotation.matrix(), float), np.array(pose.translation, float))
         model_name = str(camera.model).split(".")[-1]
-        lenses[name] = Lens(model_name, int(camera.width), int(camera.height), tuple(float(p) for p in camera.params))
+        lenses[name] = Lens(
+            model_name, int(camera.width), int(camera.height), tuple(float(p) for p in camera.params)
+        )
     kept = [model.points3D[i] for i in sorted(model.point3D_ids())]
     if not kept:
         return lenses, poses, no_points()

@@ -79,7 +79,7 @@ def pixel_exact(model: Any, greys: dict[str, NDArray[np.float32]], settings: Ref
         return model  # the patches do not agree: no reason to trust them more than the features
     refined = _adjusted(model, views, tracks, settings)
     for _ in range(settings.rounds - 1):
-        views = replace(views, **_poses(refined, views.ids))
+        views = _moved(views, refined)
         tracks = _completed(refined, views, settings)
         refined = _adjusted(refined, views, tracks, settings)
     return refined
@@ -92,6 +92,11 @@ def _poses(model: Any, ids: list[int]) -> dict[str, Floats]:
     centres = -np.einsum("nji,nj->ni", rotations, translations)
     focals = np.array([model.cameras[model.images[i].camera_id].mean_focal_length() for i in ids])
     return {"rotations": rotations, "translations": translations, "centres": centres, "focals": focals}
+
+
+def _moved(views: Views, model: Any) -> Views:
+    poses = _poses(model, views.ids)
+    return Views(views.ids, views.images, views.sizes, **poses)
 
 
 def _views(model: Any, greys: dict[str, NDArray[np.float32]]) -> Views:
@@ -119,7 +124,13 @@ def _tracks(model: Any, views: Views) -> Tracks:
                 view.append(index[element.image_id])
                 seen.append(pixels[element.image_id][element.point2D_idx])
     world = np.array(positions).reshape(-1, 3)
-    tracks = Tracks(world, np.array(point, int), np.array(view, int), np.array(seen).reshape(-1, 2), np.zeros(len(world), int))
+    tracks = Tracks(
+        world,
+        np.array(point, int),
+        np.array(view, int),
+        np.array(seen).reshape(-1, 2),
+        np.zeros(len(world), int),
+    )
     return replace(tracks, reference=_frontal(tracks, views))
 
 
@@ -252,7 +263,10 @@ def _completed(model: Any, views: Views, settings: RefineSettings) -> Tracks:
     all_points = np.concatenate(point)
     order = np.argsort(all_points, kind="stable")
     longer = replace(
-        tracks, point=all_points[order], view=np.concatenate(view)[order], pixels=np.concatenate(pixels)[order]
+        tracks,
+        point=all_points[order],
+        view=np.concatenate(view)[order],
+        pixels=np.concatenate(pixels)[order],
     )
     longer = _longest(longer, len(views.ids), 2 * settings.observations)
     return _aligned(longer, views, replace(settings, reach=2.0), settings.new_correlation)

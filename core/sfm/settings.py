@@ -112,7 +112,9 @@ def recipes(blurred: bool) -> list[Recipe]:
     if not blurred:
         return [
             Recipe("plain", "the photos as they are", 0.0, max_features=4000),
-            Recipe("relaxed", "few features: lower thresholds", 0.0, 0.0015, -1, 5000, True, 10, 40, 15, 0.15),
+            Recipe(
+                "relaxed", "few features: lower thresholds", 0.0, 0.0015, -1, 5000, True, 10, 40, 15, 0.15
+            ),
         ]
     return [
         Recipe("filtered", "Wiener-filtered photos, matched twice"),
@@ -120,6 +122,12 @@ def recipes(blurred: bool) -> list[Recipe]:
             "relaxed filter", "few matches: lower thresholds, more of the fine detail",
             1e-4, 0.004, 0, 4000, True, 10, 40, 15, 0.15,
         ),
-        Recipe("strong filter", "noise upset the matches: only the safest detail", 1e-3, 0.004, 0, 4000, True, 10, 40, 15, 0.15),
-        Recipe("unfiltered", "the point spread function may be wrong", 0.0, 0.0015, -1, 5000, True, 10, 40, 15, 0.15),
+        Recipe(
+            "strong filter", "noise upset the matches: only the safest detail",
+            1e-3, 0.004, 0, 4000, True, 10, 40, 15, 0.15,
+        ),
+        Recipe(
+            "unfiltered", "the point spread function may be wrong",
+            0.0, 0.0015, -1, 5000, True, 10, 40, 15, 0.15,
+        ),
     ]  # fmt: skip

@@ -8,7 +8,6 @@ from dgs.core.camera import Camera
 from dgs.core.errors import CameraError
 from dgs.core.evaluation.poses import align_similarity, pose_errors, scene_depth
 
-
 POINTS = np.random.default_rng(1).uniform(-2, 2, (300, 3)) * [1, 1, 0.1]
 
 
@@ -16,10 +15,10 @@ def camera(name: str, centre: np.ndarray, rotation: np.ndarray) -> Camera:
     return Camera(name, 80, 60, 100.0, 100.0, 40.0, 30.0, rotation, -rotation @ centre)
 
 
-def transformed(cameras: dict[str, Camera], scale: float, turn: np.ndarray, shift: np.ndarray) -> dict[str, Camera]:
-    return {
-        n: camera(n, scale * turn @ c.centre + shift, c.rotation @ turn.T) for n, c in cameras.items()
-    }
+def transformed(
+    cameras: dict[str, Camera], scale: float, turn: np.ndarray, shift: np.ndarray
+) -> dict[str, Camera]:
+    return {n: camera(n, scale * turn @ c.centre + shift, c.rotation @ turn.T) for n, c in cameras.items()}
 
 
 def rail(collinear: bool) -> dict[str, Camera]:

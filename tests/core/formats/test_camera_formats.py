@@ -24,8 +24,10 @@ from dgs.core.views import SparsePoints
 ROTATION = Rotation.from_rotvec([0.4, -0.2, 1.0]).as_matrix()
 PARAMS = {
     "SIMPLE_PINHOLE": (), "PINHOLE": (), "SIMPLE_RADIAL": (-0.08,), "RADIAL": (-0.1, 0.03),
-    "OPENCV": (-0.1, 0.02, 0.002, -0.001), "FULL_OPENCV": (-0.1, 0.02, 0.002, -0.001, 0.01, 0.02, 0.01, 0.005),
-    "SIMPLE_RADIAL_FISHEYE": (0.05,), "RADIAL_FISHEYE": (0.05, -0.01), "OPENCV_FISHEYE": (0.05, -0.01, 0.004, -0.001),
+    "OPENCV": (-0.1, 0.02, 0.002, -0.001),
+    "FULL_OPENCV": (-0.1, 0.02, 0.002, -0.001, 0.01, 0.02, 0.01, 0.005),
+    "SIMPLE_RADIAL_FISHEYE": (0.05,), "RADIAL_FISHEYE": (0.05, -0.01),
+    "OPENCV_FISHEYE": (0.05, -0.01, 0.004, -0.001),
 }  # fmt: skip
 
 
@@ -74,7 +76,7 @@ def test_distorted_lenses_survive_and_damage_is_named(tmp_path: Path) -> None:
     names = list(MODELS)
     pose = Pose(ROTATION, np.zeros(3))
     points = SparsePoints(np.zeros((0, 3)), np.zeros((0, 3), np.uint8))
-    write_lenses(tmp_path, {n: lens(n) for n in names}, {n: pose for n in names}, points)
+    write_lenses(tmp_path, {n: lens(n) for n in names}, dict.fromkeys(names, pose), points)
     assert read_model(tmp_path)[0] == {n: lens(n) for n in names}
     (tmp_path / "images.bin").write_bytes(b"\xff" * 11)
     with pytest.raises(FormatError, match="damaged"):
@@ -97,18 +99,25 @@ def test_transforms_of_the_nerf_data_sets(tmp_path: Path) -> None:
     """camera_angle_x only; camera at z = 4 that looks down -z, as Blender's does."""
     matrix = np.eye(4)
     matrix[2, 3] = 4.0
-    content = {"camera_angle_x": np.pi / 2, "frames": [{"file_path": "./train/r_0", "transform_matrix": matrix.tolist()}]}
+    content = {
+        "camera_angle_x": np.pi / 2,
+        "frames": [{"file_path": "./train/r_0", "transform_matrix": matrix.tolist()}],
+    }
     (tmp_path / "transforms.json").write_text(json.dumps(content))
     found = load_cameras(tmp_path, [photo("R_0.png", 100, 80)])
     assert found.lenses["R_0.png"].fx == pytest.approx(50.0)
+    assert len(found.points.positions) > 1000  # the file has none
     pose = found.poses["R_0.png"]
     np.testing.assert_allclose(pose.centre, [0, 0, 4], atol=1e-12)
     np.testing.assert_allclose(pose.rotation @ [0, 0, 0] + pose.translation, [0, 0, 4])
     np.testing.assert_allclose(pose.rotation @ [0, 1, 0] + pose.translation, [0, -1, 4])
 
 
+SINGULAR = '{"w":1,"h":1,"fl_x":1,"frames":[{"file_path":"a","transform_matrix":' + str([[0] * 4] * 3) + "}]}"
+
+
 @pytest.mark.parametrize("text", ["", "[]", "{}", '{"frames": [{"file_path": "a"}]}', '{"frames": [3]}',
-    '{"w":1,"h":1,"fl_x":1,"frames":[{"file_path":"a","transform_matrix":[[0,0,0,0],[0,0,0,0],[0,0,0,0]]}]}'])  # fmt: skip
+    SINGULAR])  # fmt: skip
 def test_bad_transforms_are_format_errors(tmp_path: Path, text: str) -> None:
     (tmp_path / "t.json").write_text(text)
     with pytest.raises(FormatError, match=r"t\.json"):

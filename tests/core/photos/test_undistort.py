@@ -42,7 +42,7 @@ def test_render_lines_up_with_the_photo() -> None:
 
 
 def test_sharpness_survives() -> None:
-    """White noise low-passed to what a sharp photo holds keeps 97 % of its contrast on the way there and back."""
+    """White noise low-passed to what a sharp photo holds keeps 97 % of its contrast both ways."""
     noise = gaussian_filter(np.random.default_rng(0).standard_normal((120, 160)), 0.7)
     photo = (noise / np.abs(noise).max() * 30000 + 32768).astype(np.uint16)
     way = Undistortion(BENT)

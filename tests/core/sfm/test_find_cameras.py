@@ -14,7 +14,7 @@ import pytest
 from scipy.ndimage import gaussian_filter, map_coordinates
 
 from dgs.core.camera import Camera
-from dgs.core.errors import Cancelled, CameraError, DegenerateMotion, NativeCrash, TooFewPhotos
+from dgs.core.errors import CameraError, Cancelled, DegenerateMotion, NativeCrash, TooFewPhotos
 from dgs.core.evaluation.poses import pose_errors
 from dgs.core.photos.load import Photo
 from dgs.core.progress import Silent
@@ -96,7 +96,9 @@ def blurred() -> tuple[dict[str, Camera], list[Photo]]:
     ]
 
 
-def test_finds_cameras_of_blurred_photos(blurred: tuple[dict[str, Camera], list[Photo]], tmp_path: Path) -> None:
+def test_finds_cameras_of_blurred_photos(
+    blurred: tuple[dict[str, Camera], list[Photo]], tmp_path: Path
+) -> None:
     truth, photos = blurred
     found = find.find_cameras(photos, kernel(SIGMA), SfmSettings(), tmp_path, Silent())
     assert found.names == tuple(sorted(truth))

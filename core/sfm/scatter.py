@@ -1,0 +1,52 @@
+"""Points for cameras that came without any: spread over what the cameras look at together."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..camera import Camera
+from ..photos.load import Photo
+from ..views import SparsePoints
+from .reconstruction import Reconstruction
+
+
+def scattered_points(
+    cameras: Reconstruction, photos: list[Photo], count: int = 5000, seed: int = 0
+) -> SparsePoints:
+    """Random points in the frusta, coloured by the photo that each was drawn from.
+
+    The depth of the scene is taken from where the optical axes come closest to one another; where
+    they run parallel, from the spread of the cameras.
+    """
+    given = list(cameras.cameras().values())
+    by_name = {photo.name: photo for photo in photos}
+    focus = _closest_point(given)
+    noise = np.random.default_rng(seed)
+    positions, colours = np.empty((count, 3)), np.empty((count, 3), np.uint8)
+    for index in range(count):
+        camera = given[index % len(given)]
+        ahead = float((camera.rotation @ focus + camera.translation)[2])
+        distance = float(np.linalg.norm(camera.centre - focus))
+        depth = (ahead if ahead > 0.1 * distance else distance) * noise.uniform(0.6, 1.5)
+        u, v = noise.uniform(0, camera.width), noise.uniform(0, camera.height)
+        local = depth * np.array([(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, 1.0])
+        positions[index] = camera.rotation.T @ (local - camera.translation)
+        pixels = by_name[camera.name].pixels
+        value = pixels[min(int(v), pixels.shape[0] - 1), min(int(u), pixels.shape[1] - 1)]
+        colours[index] = value if pixels.dtype == np.uint8 else value // 257
+    return SparsePoints(positions, colours)
+
+
+def _closest_point(cameras: list[Camera]) -> NDArray[np.float64]:
+    """The point nearest to all optical axes, least squares; a spread ahead where they are parallel."""
+    centres = np.array([c.centre for c in cameras])
+    axes = np.array([c.rotation[2] for c in cameras])
+    across = np.eye(3) - axes[:, :, None] * axes[:, None, :]
+    matrix = across.sum(0)
+    spread = float(np.sqrt(((centres - centres.mean(0)) ** 2).sum(1).mean())) or 1.0
+    ahead = centres.mean(0) + 3.0 * spread * axes.mean(0)
+    # A weak pull towards a guess ahead decides what parallel axes leave open.
+    pull = 1e-3 * len(cameras)
+    target = np.einsum("nij,nj->i", across, centres) + pull * ahead
+    return np.linalg.solve(matrix + pull * np.eye(3), target)
