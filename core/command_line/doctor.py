@@ -55,7 +55,8 @@ def _rasterizer() -> str:
 
     camera = Camera("", 80, 60, 70.0, 70.0, 40.0, 30.0, np.eye(3), np.array([0.0, 0.0, 4.0]))
     images, gradients = [], []
-    parameters = (values(count, 3), values(count, 3) * 0.3 - 2.5, values(count, 4), values(count), values(count, 4, 3) * 0.3)
+    shapes = (values(count, 3), values(count, 3) * 0.3 - 2.5, values(count, 4))
+    parameters = (*shapes, values(count), values(count, 4, 3) * 0.3)
     for backend in ("reference", "cpu"):
         gaussians = Gaussians(*(p.clone() for p in parameters)).requires_grad_()
         image = render(gaussians, camera, backend=backend).image
@@ -85,7 +86,9 @@ def _blur() -> str:
     x, y = torch.rand((3, 72, 88), generator=random), torch.rand((3, 48, 64), generator=random)
     forward, back = float((operator.apply(x) * y).sum()), float((x * operator.adjoint(y)).sum())
     if abs(forward - back) > 1e-4 * abs(forward):
-        raise DeviceError(f"Blur and adjoint disagree ({forward:.6g}, {back:.6g})", "Report it with these lines")
+        raise DeviceError(
+            f"Blur and adjoint disagree ({forward:.6g}, {back:.6g})", "Report it with these lines"
+        )
     return f"{operator.evaluation} evaluation, adjoint exact"
 
 

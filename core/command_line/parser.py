@@ -44,7 +44,11 @@ class _Whole:
         except ValueError:
             value = None
         if value is None or not self._low <= value <= self._high:
-            span = f"from {self._low} to {self._high}" if math.isfinite(self._high) else f"of at least {self._low}"
+            span = (
+                f"from {self._low} to {self._high}"
+                if math.isfinite(self._high)
+                else f"of at least {self._low}"
+            )
             raise argparse.ArgumentTypeError(f"'{text}' is no whole number {span}")
         return value
 
@@ -78,7 +82,9 @@ def _defaults(parser: argparse.ArgumentParser) -> argparse.ArgumentParser:
 
 def _add_machine(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--device", choices=("auto", "cpu", "cuda"), default="auto", help="where to compute")
-    parser.add_argument("--threads", type=whole(1, 1024), metavar="N", help="CPU threads; all cores if not given")
+    parser.add_argument(
+        "--threads", type=whole(1, 1024), metavar="N", help="CPU threads; all cores if not given"
+    )
 
 
 def _add_progress(parser: argparse.ArgumentParser) -> None:
@@ -114,8 +120,12 @@ def _add_reconstruct(commands: argparse._SubParsersAction[OneLineParser]) -> Non
         "--cameras", type=Path, metavar="MODEL",
         help="known cameras: folder of a COLMAP model or a transforms.json; found from the photos if not given",
     )  # fmt: skip
-    data.add_argument("--truth", type=Path, metavar="DIR", help="sharp photos of the same names, only for scoring")
-    data.add_argument("--masks", type=Path, metavar="DIR", help="images of the same names; black pixels do not count")
+    data.add_argument(
+        "--truth", type=Path, metavar="DIR", help="sharp photos of the same names, only for scoring"
+    )
+    data.add_argument(
+        "--masks", type=Path, metavar="DIR", help="images of the same names; black pixels do not count"
+    )
     data.add_argument(
         "--holdout-every", type=whole(0), default=8, metavar="N",
         help="keep views 0, N, 2N ... by sorted name out of the training to score them; 0 keeps none out",
@@ -132,7 +142,9 @@ def _add_reconstruct(commands: argparse._SubParsersAction[OneLineParser]) -> Non
                         help="spherical harmonics, 0 (no gloss) to 3; the preset's if not given")  # fmt: skip
     effort.add_argument("--loss", choices=("dgs", "paper"), default="dgs",
                         help="'paper' keeps the paper's own loss, for comparison")  # fmt: skip
-    effort.add_argument("--seed", type=whole(0, 2**31 - 1), default=0, metavar="N", help="same seed, same twin (CPU)")
+    effort.add_argument(
+        "--seed", type=whole(0, 2**31 - 1), default=0, metavar="N", help="same seed, same twin (CPU)"
+    )
     effort.add_argument("--resume", action="store_true", help="go on from the checkpoint in DIR")
     _add_machine(parser)
     _add_progress(parser)
@@ -149,7 +161,9 @@ def _add_render(commands: argparse._SubParsersAction[OneLineParser]) -> None:
                         help="folder of a COLMAP model or a transforms.json")  # fmt: skip
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for NAME.png")
     parser.add_argument("--psf", default="none", metavar="PSF", help="also blur, as in 'reconstruct'")
-    parser.add_argument("--blur-space", choices=("srgb", "linear"), default="srgb", help="where the blur acts")
+    parser.add_argument(
+        "--blur-space", choices=("srgb", "linear"), default="srgb", help="where the blur acts"
+    )
     _add_machine(parser)
     _add_progress(parser)
 
@@ -169,4 +183,3 @@ def _add_synthesize(commands: argparse._SubParsersAction[OneLineParser], asked: 
     add_arguments(parser)
     if not any(action.dest == "progress" for action in parser._actions):
         _add_progress(parser)
-

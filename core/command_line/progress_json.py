@@ -1,9 +1,9 @@
 """Progress as one JSON object a line, for programs that run the command (the panel does).
 
-    {"event": "stage", "name": "train", "total": 1000}
-    {"event": "advance", "stage": "train", "done": 40, "total": 1000, "seconds_left": 21.3, "loss": 0.04}
-    {"event": "note", "text": "..."}
-    {"event": "done", "result": {...}}      or      {"event": "error", "text": "...", "status": 2}
+{"event": "stage", "name": "train", "total": 1000}
+{"event": "advance", "stage": "train", "done": 40, "total": 1000, "seconds_left": 21.3, "loss": 0.04}
+{"event": "note", "text": "..."}
+{"event": "done", "result": {...}}      or      {"event": "error", "text": "...", "status": 2}
 """
 
 from __future__ import annotations
@@ -53,7 +53,13 @@ class JsonLines:
         left = None
         if self._total and done > 0:
             left = round((now - self._began) / done * max(0, self._total - done), 1)
-        event = {"event": "advance", "stage": self._name, "done": done, "total": self._total, "seconds_left": left}
+        event = {
+            "event": "advance",
+            "stage": self._name,
+            "done": done,
+            "total": self._total,
+            "seconds_left": left,
+        }
         # Figures come second so that none can overwrite the fields that readers rely on.
         self._write({**{key: _finite(value) for key, value in figures.items()}, **event})
 

@@ -25,7 +25,8 @@ def reconstruct_command(options: argparse.Namespace, progress: Reporting) -> int
     progress.finished(_result(settings, outcome.report))
     if outcome.cancelled:
         raise Cancelled(
-            f"Stopped; the twin so far and its report are in '{settings.out}'", "Add --resume to go on from there"
+            f"Stopped; the twin so far and its report are in '{settings.out}'",
+            "Add --resume to go on from there",
         )
     return 0
 

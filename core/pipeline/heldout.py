@@ -148,10 +148,14 @@ class ViewScorer:
                 f"The truth of '{name}' is {width} x {height} px, its photo {size[0]} x {size[1]}: not compared"
             )
             return None
-        self.progress.note(f"The truth of '{name}' was scaled from {width} x {height} to {size[0]} x {size[1]} px")
+        self.progress.note(
+            f"The truth of '{name}' was scaled from {width} x {height} to {size[0]} x {size[1]} px"
+        )
         return resized(truth, *size)
 
-    def _compare(self, scores: Scores, twin: NDArray[np.float64], truth: NDArray[np.float64], photo: Photo) -> None:
+    def _compare(
+        self, scores: Scores, twin: NDArray[np.float64], truth: NDArray[np.float64], photo: Photo
+    ) -> None:
         mask = photo.mask if photo.scale == (1.0, 1.0) else None
         scores.sharp = {
             "psnr": _number(psnr(twin, truth, mask)),
@@ -183,7 +187,9 @@ def _unit(pixels: NDArray[np.uint8] | NDArray[np.uint16]) -> NDArray[np.float64]
 
 
 def _eight_bit(pixels: NDArray[np.uint8] | NDArray[np.uint16]) -> NDArray[np.uint8]:
-    return pixels if pixels.dtype == np.uint8 else np.round(pixels / 257.0).astype(np.uint8)
+    if pixels.dtype == np.uint8:
+        return pixels.astype(np.uint8, copy=False)
+    return np.asarray(np.round(pixels / 257.0), np.uint8)
 
 
 def _number(value: float) -> float | None:

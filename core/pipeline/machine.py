@@ -48,7 +48,9 @@ def choose_device(asked: str) -> str:
 
     if not torch.cuda.is_available():
         if asked == "cuda":
-            raise DeviceError("There is no CUDA device that torch can use", "Use --device cpu, or install torch for CUDA")
+            raise DeviceError(
+                "There is no CUDA device that torch can use", "Use --device cpu, or install torch for CUDA"
+            )
         return "cpu"
     try:
         metadata.version("gsplat")

@@ -181,7 +181,8 @@ def _train(
     kept = [view for view in views if view.name not in held]
     if not kept:
         raise CameraError(
-            "Every photo with a camera is held out, so none is left to train on", "Use --holdout-every 0 or more photos"
+            "Every photo with a camera is held out, so none is left to train on",
+            "Use --holdout-every 0 or more photos",
         )
     changes: dict[str, Any] = {"max_gaussians": settings.max_gaussians, "sh_degree": settings.sh_degree}
     chosen = replace(
@@ -193,6 +194,8 @@ def _train(
         kept, [view for view in views if view.name in held], reconstruction.points, medium, chosen, progress,
         settings.out / "checkpoint.npz", settings.resume,
     )  # fmt: skip
+    if progress.cancelled() and trained.steps < chosen.steps:
+        trained.stopped = "cancelled"
     watch.lap("train")
     watch.seconds.update({name: round(float(trained.seconds[name]), 3) for name in ("compile", "train")})
     return trained

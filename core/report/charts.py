@@ -55,7 +55,9 @@ def line_chart(
         parts.append(_marker(marker, across, up))
     for index, (name, points) in enumerate(kept):
         path = " ".join(f"{across(a):.1f},{up(b):.1f}" for a, b in _thinned(points))
-        parts.append(f'<polyline class="line l{index}" points="{path}"><title>{escape(name)}</title></polyline>')
+        parts.append(
+            f'<polyline class="line l{index}" points="{path}"><title>{escape(name)}</title></polyline>'
+        )
         if len(points) <= 40:
             for a, b in points:
                 parts.append(

@@ -51,7 +51,9 @@ def page(
     cameras: Mapping[str, Camera],
 ) -> str:
     """The page as text; see `write_page`."""
-    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    environment = Environment(
+        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
     environment.filters["number"] = _number
     environment.filters["seconds"] = _seconds
     template = environment.from_string((_FOLDER / "report.html.j2").read_text("utf-8"))
@@ -87,7 +89,9 @@ def _charts(report: Mapping[str, Any], psf: PointSpread | None) -> list[dict[str
     history = [row for row in report["history"] if row.get("seconds") is not None]
     time = Axis("training time in s", low=0.0)
     loss = [(row["seconds"], row["loss"]) for row in history if row.get("loss") is not None]
-    accuracy = [(row["seconds"], row["heldout_psnr"]) for row in history if row.get("heldout_psnr") is not None]
+    accuracy = [
+        (row["seconds"], row["heldout_psnr"]) for row in history if row.get("heldout_psnr") is not None
+    ]
     charts = [
         ("Loss", "What the optimizer lowers, on the photos it trains on.",
          line_chart("Loss over time", [("loss", loss)], time, Axis("loss", logarithmic=True))),
@@ -96,6 +100,7 @@ def _charts(report: Mapping[str, Any], psf: PointSpread | None) -> list[dict[str
     ]  # fmt: skip
     bands = [band for band in report["heldout"]["bands"] if band["gain"] is not None]
     if bands:
+
         def centre(band: Mapping[str, float]) -> float:
             return math.sqrt(band["finest"] * band["coarsest"])
 
@@ -146,7 +151,9 @@ def _camera_row(camera: Camera) -> dict[str, Any]:
     return {
         "name": camera.name,
         "size": f"{camera.width} × {camera.height}",
-        "focal": f"{camera.fx:.1f}" if abs(camera.fx - camera.fy) < 0.05 else f"{camera.fx:.1f}, {camera.fy:.1f}",
+        "focal": f"{camera.fx:.1f}"
+        if abs(camera.fx - camera.fy) < 0.05
+        else f"{camera.fx:.1f}, {camera.fy:.1f}",
         "centre": ", ".join(f"{value:.4g}" for value in camera.centre),
     }
 

@@ -38,7 +38,7 @@ class ViewPictures:
     twin: Pixels = field(repr=False)
     degraded: Pixels = field(repr=False)
     truth: Pixels | None = field(default=None, repr=False)
-    scores: dict[str, dict[str, float] | None] = field(default_factory=dict)
+    scores: dict[str, dict[str, float | None] | None] = field(default_factory=dict)
 
     def named(self) -> list[tuple[str, str, Pixels]]:
         """(key, title, pixels) of the pictures that are there, in the order of the light's way."""
@@ -68,7 +68,10 @@ def embedded(views: list[ViewPictures], budget: int = BUDGET) -> list[dict[str, 
         if sum(len(data) for view in encoded for data in view.values()) <= budget:
             break
     return [
-        {key: "data:image/jpeg;base64," + base64.b64encode(data).decode("ascii") for key, data in view.items()}
+        {
+            key: "data:image/jpeg;base64," + base64.b64encode(data).decode("ascii")
+            for key, data in view.items()
+        }
         for view in encoded
     ]
 

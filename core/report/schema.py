@@ -100,7 +100,9 @@ def problems(report: dict[str, Any]) -> list[str]:
         if value is None:
             if not field.nullable:
                 found.append(f"{field.path} is null")
-        elif not isinstance(value, _KINDS[field.kind]) or (isinstance(value, bool) and field.kind != "boolean"):
+        elif not isinstance(value, _KINDS[field.kind]) or (
+            isinstance(value, bool) and field.kind != "boolean"
+        ):
             found.append(f"{field.path} is {type(value).__name__}, not {field.kind}")
     return found
 

@@ -113,6 +113,9 @@ def first_gaussians(
         all_colours.append(colours[keep].astype(np.float32) / 255.0)
     centres = np.concatenate(all_positions)
     rgb = np.clip(np.concatenate(all_colours), 0.0, 1.0)
+    if len(centres) > count:  # dense sparse points come on top of the lifted ones
+        keep = random.permutation(len(centres))[:count]
+        centres, rgb = centres[keep], rgb[keep]
     return gaussians_at(centres, rgb, sh_degree)
 
 

@@ -6,6 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from PIL import Image
+
 from dgs.core.camera import Camera
 from dgs.core.formats.colmap import write_model
 from dgs.core.gaussians import Gaussians
@@ -14,19 +16,18 @@ from dgs.core.imaging.operator import BlurOperator
 from dgs.core.imaging.psf import parse_psf
 from dgs.core.rasterizer import render
 from dgs.core.views import SparsePoints
-from PIL import Image
 
-WIDTH, HEIGHT, SIGMA = 160, 120, 2.0
+WIDTH, HEIGHT, SIGMA = 160, 120, 2.5
 
 
-def scene_gaussians(count: int = 300) -> Gaussians:
+def scene_gaussians(count: int = 2500) -> Gaussians:
     """Coloured blobs on a bumpy sheet."""
     random = torch.Generator().manual_seed(1)
     xy = torch.rand((count, 2), generator=random) * 4 - 2
     means = torch.cat([xy, 0.2 * torch.sin(3 * xy[:, :1])], dim=1)
     return Gaussians(
         means=means,
-        log_scales=torch.full((count, 3), -2.0) + 0.3 * torch.randn((count, 3), generator=random),
+        log_scales=torch.full((count, 3), -3.2) + 0.3 * torch.randn((count, 3), generator=random),
         quaternions=torch.randn((count, 4), generator=random),
         opacity_logits=torch.full((count,), 2.0),
         sh=torch.randn((count, 1, 3), generator=random),

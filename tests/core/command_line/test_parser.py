@@ -5,8 +5,9 @@ import sys
 import time
 from pathlib import Path
 
-import dgs
 import pytest
+
+import dgs
 from dgs.core.command_line import run
 from dgs.core.command_line.parser import build_parser, duration
 
