@@ -79,8 +79,8 @@ def find_cameras(
         )  # fmt: skip
         missing = sorted(set(names.values()) - {names[n] for n in poses})
         if missing:
-            progress.note(f"{len(missing)} of {len(photos)} photos could not be placed: {', '.join(missing[:8])}"
-                          + (", ..." if len(missing) > 8 else ""))  # fmt: skip
+            listed = ", ".join(missing[:8]) + (", ..." if len(missing) > 8 else "")
+            progress.note(f"{len(missing)} of {len(photos)} photos could not be placed: {listed}")
         return Reconstruction(
             {names[n]: p for n, p in poses.items()}, {names[n]: v for n, v in lenses.items()}, points, figures
         )
