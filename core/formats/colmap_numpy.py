@@ -1,0 +1,111 @@
+"""COLMAP camera models, text and binary, without native code.
+
+pycolmap ends the whole process when it is loaded into some builds of Blender. What Blender needs of a
+model is little: lenses and poses, read here with the standard library and numpy alone.
+Format: COLMAP's documentation, "Output Format".
+"""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+
+import numpy as np
+
+from ..conventions import rotation_from_quaternion
+from ..errors import FormatError
+from ..lens import MODELS, Lens
+from ..sfm.reconstruction import Pose
+from .colmap import model_folder
+
+#: Lens models by their number in binary files; None where `Lens` has no such model.
+_NUMBERS = (
+    "SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "OPENCV_FISHEYE", "FULL_OPENCV",
+    None, "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE",
+)  # fmt: skip
+
+
+def read_cameras(path: Path) -> tuple[dict[str, Lens], dict[str, Pose]]:
+    """Lenses and poses by image name; points and observations are passed over.
+
+    Args:
+        path: folder with cameras and images (.bin or .txt), or one above ('sparse/0', 'cameras', ...).
+
+    Raises:
+        FormatError: no model there, or a damaged one.
+    """
+    folder = model_folder(path)
+    if folder is None:
+        raise FormatError(
+            f"'{path}' holds no COLMAP model", "Name the folder with cameras.bin and images.bin (or .txt)"
+        )
+    try:
+        if (folder / "cameras.bin").is_file():
+            lenses = _binary_lenses((folder / "cameras.bin").read_bytes())
+            images = _binary_images((folder / "images.bin").read_bytes())
+        else:
+            lenses = _text_lenses((folder / "cameras.txt").read_text(encoding="utf-8"))
+            images = _text_images((folder / "images.txt").read_text(encoding="utf-8"))
+        return {name: lenses[camera] for name, (camera, _) in images.items()}, {
+            name: pose for name, (_, pose) in images.items()
+        }
+    except FormatError:
+        raise
+    except (OSError, struct.error, ValueError, IndexError, KeyError) as error:
+        raise FormatError(
+            f"The COLMAP model in '{folder}' is damaged ({type(error).__name__}: {error})", "Export it again"
+        ) from error
+
+
+def _pose(values: tuple[float, ...]) -> Pose:
+    return Pose(rotation_from_quaternion(np.array(values[:4])), np.array(values[4:7], float))
+
+
+def _binary_lenses(data: bytes) -> dict[int, Lens]:
+    (count,) = struct.unpack_from("<Q", data)
+    lenses, at = {}, 8
+    for _ in range(count):
+        number, model, width, height = struct.unpack_from("<iiQQ", data, at)
+        name = _NUMBERS[model] if 0 <= model < len(_NUMBERS) else None
+        if name is None:
+            raise FormatError(f"The lens model {model} is not supported", f"Use one of {', '.join(MODELS)}")
+        simple, distortion = MODELS[name]
+        size = (3 if simple else 4) + distortion
+        lenses[number] = Lens(name, width, height, struct.unpack_from(f"<{size}d", data, at + 24))
+        at += 24 + 8 * size
+    return lenses
+
+
+def _binary_images(data: bytes) -> dict[str, tuple[int, Pose]]:
+    (count,) = struct.unpack_from("<Q", data)
+    images, at = {}, 8
+    for _ in range(count):
+        pose = _pose(struct.unpack_from("<7d", data, at + 4))
+        (camera,) = struct.unpack_from("<i", data, at + 60)
+        end = data.index(b"\0", at + 64)
+        images[data[at + 64 : end].decode("utf-8")] = camera, pose
+        (observations,) = struct.unpack_from("<Q", data, end + 1)
+        at = end + 9 + 24 * observations
+    return images
+
+
+def _text_lenses(text: str) -> dict[int, Lens]:
+    lenses = {}
+    for line in text.splitlines():
+        if line.strip() and not line.startswith("#"):
+            number, model, width, height, *params = line.split()
+            lenses[int(number)] = Lens(model, int(width), int(height), tuple(map(float, params)))
+    return lenses
+
+
+def _text_images(text: str) -> dict[str, tuple[int, Pose]]:
+    # Two lines per image; the second, of observations, may be empty.
+    lines = [line for line in text.splitlines() if not line.startswith("#")]
+    while lines and not lines[0].strip():
+        lines.pop(0)
+    images = {}
+    for line in lines[::2]:
+        if line.strip():
+            _, *values = line.split(maxsplit=9)
+            images[values[8]] = int(values[7]), _pose(tuple(map(float, values[:7])))
+    return images

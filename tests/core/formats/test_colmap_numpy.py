@@ -1,0 +1,49 @@
+"""Camera models read without native code, against pycolmap's reader."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from dgs.core.errors import FormatError
+from dgs.core.formats.colmap import read_model, write_lenses
+from dgs.core.formats.colmap_numpy import read_cameras
+from dgs.core.lens import MODELS, Lens
+from dgs.core.sfm.reconstruction import Pose, no_points
+
+pytest.importorskip("pycolmap")
+
+
+def _write(folder: Path, binary: bool) -> None:
+    generator = np.random.default_rng(3)
+    lenses, poses = {}, {}
+    for index, (model, (simple, distortion)) in enumerate(MODELS.items()):
+        name = f"photo {index} ü.png"
+        head = (500.0, 320.5, 240.25) if simple else (500.0, 510.0, 320.5, 240.25)
+        lenses[name] = Lens(model, 640, 480, (*head, *(0.01 * (k + 1) for k in range(distortion))))
+        rotation = np.linalg.qr(generator.normal(size=(3, 3)))[0]
+        poses[name] = Pose(rotation * np.linalg.det(rotation), generator.normal(size=3))
+    write_lenses(folder, lenses, poses, no_points(), binary=binary)
+
+
+@pytest.mark.parametrize("binary", [True, False])
+def test_reads_every_lens_as_pycolmap_does(tmp_path: Path, binary: bool) -> None:
+    _write(tmp_path / "cameras", binary)
+    lenses, poses = read_cameras(tmp_path)
+    expected_lenses, expected_poses, _ = read_model(tmp_path)
+    assert lenses.keys() == expected_lenses.keys()
+    for name, lens in lenses.items():
+        expected = expected_lenses[name]
+        assert (lens.model, lens.width, lens.height) == (expected.model, expected.width, expected.height)
+        np.testing.assert_allclose(lens.params, expected.params, rtol=1e-12)
+    assert poses.keys() == expected_poses.keys()
+    for name, pose in poses.items():
+        np.testing.assert_allclose(pose.rotation, expected_poses[name].rotation, atol=1e-12)
+        np.testing.assert_allclose(pose.translation, expected_poses[name].translation, atol=1e-12)
+
+
+def test_a_cut_off_model_is_explained(tmp_path: Path) -> None:
+    _write(tmp_path, binary=True)
+    file = tmp_path / "images.bin"
+    file.write_bytes(file.read_bytes()[:150])
+    with pytest.raises(FormatError, match="damaged"):
+        read_cameras(tmp_path)
