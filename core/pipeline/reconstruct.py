@@ -26,7 +26,7 @@ from .summary import Facts, resolvable_period, summary
 from .views import Viewer
 
 if TYPE_CHECKING:
-    from ..training.trainer import Trained
+    from ..training.run import Trained
 
 #: Views shown in the page at most.
 SHOWN = 6
@@ -175,7 +175,7 @@ def _train(
 ) -> Trained:  # fmt: skip
     from ..photos.undistort import undistorted_views
     from ..training.settings import TrainingSettings
-    from ..training.trainer import train
+    from ..training.run import train
 
     views = undistorted_views(registered, reconstruction)
     kept = [view for view in views if view.name not in held]

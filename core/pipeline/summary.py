@@ -17,7 +17,7 @@ from .machine import peak_memory_mb, versions
 from .settings import ReconstructSettings
 
 if TYPE_CHECKING:
-    from ..training.trainer import Trained
+    from ..training.run import Trained
 
 #: Standard deviation of 8-bit rounding over the amplitude of typical detail (contrast one half).
 NOISE_TO_CONTRAST = 1.0 / (255.0 * math.sqrt(12.0)) / 0.5

@@ -22,8 +22,6 @@ TRANSPARENT = 0.01
 SPLIT_SHRINK = 1.6
 #: Gaussians larger than this quantile of all sizes are split rather than cloned.
 SPLIT_QUANTILE = 0.5
-#: The opacity of both halves is lowered so that together they cover what the one did.
-#: 1 - (1 - o')^2 = o.
 #: At most this share of the Gaussians is added at a time.
 GROWTH = 0.3
 
@@ -31,9 +29,10 @@ GROWTH = 0.3
 class DensityControl:
     """Collects how hard each Gaussian is pulled, and acts on it now and then."""
 
-    def __init__(self, count: int) -> None:
-        self.pull = torch.zeros(count)
-        self.views = torch.zeros(count)
+    def __init__(self, count: int, device: torch.device) -> None:
+        self.device = device
+        self.pull = torch.zeros(count, device=device)
+        self.views = torch.zeros(count, device=device)
         self.counts = {"pruned": 0, "cloned": 0, "split": 0}
 
     def collect(self, screen: ScreenStatistics) -> None:
@@ -53,7 +52,7 @@ class DensityControl:
         score = torch.where(alive, score, -1.0)
         living = int(alive.sum())
         wanted = max(0, min(target - living, int(math.ceil(GROWTH * living)), int((score > 0).sum())))
-        chosen = torch.topk(score, wanted).indices if wanted else torch.zeros(0, dtype=torch.long)
+        chosen = torch.topk(score, wanted).indices if wanted else torch.zeros(0, dtype=torch.long, device=self.device)
         size = g.log_scales.max(dim=1).values
         large = size[chosen] > torch.quantile(size[alive][:1_000_000], SPLIT_QUANTILE)
         keep_mask = alive.clone()
@@ -72,7 +71,7 @@ class DensityControl:
         self.counts["cloned"] += int((~large).sum())
         self.counts["split"] += int(large.sum())
         count = len(optimizer.gaussians)
-        self.pull, self.views = torch.zeros(count), torch.zeros(count)
+        self.pull, self.views = (torch.zeros(count, device=self.device) for _ in range(2))
 
 
 def _copies(g: Gaussians, rows: Tensor, shrink: float, random: np.random.Generator) -> Gaussians:

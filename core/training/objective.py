@@ -85,6 +85,12 @@ class Objective:
         if psf is not None and ratio is not None:
             self.inverse = Inverse(psf, height + 2 * margin, width + 2 * margin, ratio, device)
 
+    def degraded(self, image: Tensor) -> Tensor:
+        """The render as the medium would show it: [3, H + 2m, W + 2m] -> [3, H, W], sRGB."""
+        light = image if self.space == "srgb" else srgb_to_linear(image)
+        blurred = self.blur.apply(light)
+        return blurred if self.space == "srgb" else linear_to_srgb(blurred)
+
     def pull(self, image: Tensor, photo: Tensor, valid: Tensor | None) -> Pull:
         """How the photo [3, H, W] pulls at a render [3, H + 2m, W + 2m], both sRGB."""
         s = self.settings

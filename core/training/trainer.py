@@ -1,59 +1,38 @@
-"""The optimization: photos with cameras in, Gaussians out."""
+"""The optimization, step by step: render one photo's view, ask the objective, follow the gradient."""
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field, replace
-from pathlib import Path
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
 import torch
-from torch import Tensor
 
-from ..gaussians import Gaussians
 from ..colour import srgb_to_linear
+from ..gaussians import Gaussians
 from ..imaging.medium import Medium
 from ..imaging.spectrum import NoiseToSignal, noise_to_signal
-from ..progress import Progress
 from ..rasterizer import RasterSettings, render
 from ..views import SparsePoints, View
+from .checkpoint import Checkpoint
 from .density import DensityControl
-from .grid import GridView, grid_step
+from .footprint import widened
+from .grid import SMALLEST_SIDE, GridView, grid_step
+from .guards import EVERY, drop_non_finite
 from .initial import first_gaussians
 from .objective import Objective
 from .optimizer import Adam
 from .scale import SceneScale, scene_scale, views_per_point
 from .settings import TrainingSettings
 
-#: Largest margin (grid px) rendered beyond the photo for the blur's sake.
+#: The render reaches this many standard deviations of the PSF beyond the photo: light from there is
+#: in the photo's border.
 MARGIN_SIGMAS = 3.0
 #: Photos whose spectra are averaged for the noise-to-signal ratio.
 SPECTRUM_VIEWS = 12
-
-
-@dataclass
-class Trained:
-    """What `train` gives back.
-
-    Attributes:
-        gaussians: in the world of the cameras that came in.
-        low_pass: variance (photo px^2) that was added to every projected Gaussian while training.
-        history: one row per measurement: step, seconds, loss, gaussians, and heldout_psnr.
-        counters: what was repaired, refused, added and removed.
-        seconds: 'prepare', 'compile', 'train'.
-        stopped: 'done', 'time limit' or 'cancelled'.
-    """
-
-    gaussians: Gaussians
-    low_pass: float
-    history: list[dict[str, float]]
-    counters: dict[str, int]
-    seconds: dict[str, float]
-    steps: int
-    stopped: str
-    settings: TrainingSettings
+#: Held-out photos that are looked at while training.
+WATCHED_VIEWS = 4
 
 
 @dataclass
@@ -69,36 +48,44 @@ class Level:
 
 
 class Trainer:
-    """One run of the optimization, step by step."""
+    """One run of the optimization.
+
+    Args:
+        views: photos to fit; heldout: photos to watch only.
+        points: what structure from motion found.
+
+    Raises:
+        CameraError: no point lies in front of a camera.
+    """
 
     def __init__(self, views: Sequence[View], heldout: Sequence[View], points: SparsePoints, medium: Medium,
                  settings: TrainingSettings) -> None:  # fmt: skip
         self.settings, self.medium = settings, medium
-        self.device = torch.device("cpu")
+        self.device = torch.device(settings.device if settings.device != "auto" else "cpu")
+        self.views, self.heldout, self.points = views, heldout, points
         self.scale: SceneScale = scene_scale([v.camera for v in views], points)
-        w, h = views[0].camera.width, views[0].camera.height
-        self.step_size = grid_step(medium, w, h)
-        self.views, self.heldout = views, heldout
-        self.points = points
-        fine = self._level(self.step_size)
+        width, height = views[0].camera.width, views[0].camera.height
+        step = grid_step(medium, width, height)
+        fine = self._level(step)
         self.levels = [fine]
-        if settings.coarse_share > 0 and min(w, h) // (2 * self.step_size) >= 96:
-            self.levels = [self._level(2 * self.step_size), fine]
-        random = np.random.default_rng([settings.seed, 0])
-        level = self.levels[-1]
+        if settings.coarse_share > 0 and min(width, height) // (2 * step) >= SMALLEST_SIDE:
+            self.levels = [self._level(2 * step), fine]
         gaussians = first_gaussians(
-            [v.camera for v in level.views], lambda i: level.views[i].planes(),
+            [v.camera for v in fine.views], lambda i: fine.views[i].planes(),
             self.scale.points_to_unit(points.positions), points.colours, settings.max_gaussians,
-            settings.sh_degree, random, margin=level.margin,
+            settings.sh_degree, np.random.default_rng([settings.seed, 0]), margin=fine.margin,
         )  # fmt: skip
-        self.optimizer = Adam(gaussians)
-        self.density = DensityControl(len(gaussians))
+        self.optimizer = Adam(gaussians.to(self.device))
+        self.density = DensityControl(len(gaussians), self.device)
         self.step = 0
+        self.repairs: dict[str, int] = {}
 
     def _level(self, step: int) -> Level:
-        unit = self.scale.camera_to_unit
-        make = lambda v: GridView(v, unit(v.camera), step, self.medium.psf_for(v.name), self.medium.blur_space)  # noqa: E731
-        views, heldout = [make(v) for v in self.views], [make(v) for v in self.heldout]
+        def on_grid(view: View) -> GridView:
+            camera = self.scale.camera_to_unit(view.camera)
+            return GridView(view, camera, step, self.medium.psf_for(view.name), self.medium.blur_space)
+
+        views, heldout = [on_grid(v) for v in self.views], [on_grid(v) for v in self.heldout[:WATCHED_VIEWS]]
         sigma = max((float(np.linalg.eigvalsh(v.psf.covariance)[-1]) ** 0.5 for v in views if v.psf), default=0.0)
         return Level(step, views, heldout, int(np.ceil(MARGIN_SIGMAS * sigma)), self._ratio(views, step))
 
@@ -112,12 +99,12 @@ class Trainer:
             photos = [np.asarray(srgb_to_linear(p), np.float32) for p in photos]
         levels = float(np.iinfo(self.views[0].photo.dtype).max)
         measured = noise_to_signal(photos, psf, 1 / levels / 12**0.5 / step)
-        cameras = [v.camera for v in views]
-        return measured.shared_by(self.settings.noise_gain * views_per_point(cameras, self.scale, self.points))
+        shared = views_per_point([v.camera for v in views], self.scale, self.points)
+        return measured.shared_by(self.settings.noise_gain * shared)
 
     def objective(self, level: Level, view: GridView) -> Objective:
         """The objective for a view's size and point spread; made once."""
-        key = (view.camera.height, view.camera.width, id(view.psf) if self.medium.per_view else 0)
+        key = (view.camera.height, view.camera.width, view.name if self.medium.per_view else "")
         if key not in level.objectives:
             level.objectives[key] = Objective(
                 view.psf, view.camera.height, view.camera.width, level.margin, self.medium.blur_space,
@@ -129,13 +116,10 @@ class Trainer:
         """The low-pass is the same footprint on the photo whatever the grid."""
         return RasterSettings(low_pass=max(0.1, self.settings.low_pass / level.step**2))
 
-    def rates(self, progress: float) -> dict[str, float]:
+    def rates(self, share: float) -> dict[str, float]:
         """Step sizes at a share of the run."""
         r = self.settings.rates
-        return {
-            "means": r.means * (r.means_end / r.means) ** progress, "log_scales": r.log_scales,
-            "quaternions": r.quaternions, "opacity_logits": r.opacity_logits, "sh": r.sh, "sh_rest": r.sh_rest,
-        }  # fmt: skip
+        return {**asdict(r), "means": r.means * (r.means_end / r.means) ** min(share, 1.0)}
 
     def view_at(self, level: Level, step: int) -> GridView:
         """Every photo once per round, in an order that depends on seed and round only."""
@@ -143,47 +127,95 @@ class Trainer:
         order = np.random.default_rng([self.settings.seed, 1, step // n]).permutation(n)
         return level.views[order[step % n]]
 
-    def advance(self) -> float:
-        """One iteration; returns the photo's loss."""
+    def advance(self, share: float) -> float:
+        """One iteration at a share in [0, 1) of the run; returns the photo's loss."""
         s = self.settings
-        progress = self.step / s.steps
-        level = self.levels[0] if progress < s.coarse_share else self.levels[-1]
+        level = self.levels[0] if share < s.coarse_share else self.levels[-1]
         view = self.view_at(level, self.step)
         rendered = render(
             self.optimizer.gaussians, view.camera.with_margin(level.margin), settings=self.raster_settings(level)
         )
-        valid = None if view.valid is None else torch.from_numpy(view.valid)
-        pull = self.objective(level, view).pull(rendered.image.detach(), torch.from_numpy(view.planes()), valid)
-        torch.autograd.backward([rendered.image], [pull.gradient])
+        valid = None if view.valid is None else torch.from_numpy(view.valid).to(self.device)
+        photo = torch.from_numpy(view.planes()).to(self.device)
+        pull = self.objective(level, view).pull(rendered.image.detach(), photo, valid)
+        rendered.image.backward(pull.gradient)  # type: ignore[no-untyped-call]
         self.density.collect(rendered.screen)
-        self.optimizer.step(self.rates(progress))
+        self.optimizer.step(self.rates(share))
         self.step += 1
-        if self.step % s.density_every == 0 and self.step < s.density_until * s.steps:
-            random = np.random.default_rng([s.seed, 2, self.step])
-            self.density.act(self.optimizer, s.max_gaussians, random)
+        if self.step % EVERY == 0:
+            for name, count in drop_non_finite(self.optimizer, self.step).items():
+                self.repairs[f"dropped, non-finite {name}"] = self.repairs.get(f"dropped, non-finite {name}", 0) + count
+                self.density = DensityControl(len(self.optimizer.gaussians), self.device)
+        if self.step % s.density_every == 0 and share < s.density_until:
+            self.density.act(self.optimizer, s.max_gaussians, np.random.default_rng([s.seed, 2, self.step]))
         return pull.loss
 
+    def heldout_psnr(self) -> float | None:
+        """PSNR (dB) of the degraded render against held-out photos, on the finest grid."""
+        level = self.levels[-1]
+        errors = []
+        for view in level.heldout:
+            with torch.no_grad():
+                image = render(
+                    self.optimizer.gaussians, view.camera.with_margin(level.margin),
+                    settings=self.raster_settings(level),
+                ).image  # fmt: skip
+                degraded = self.objective(level, view).degraded(image).cpu().numpy()
+            error = (degraded - view.planes()) ** 2
+            errors.append(float(error[:, view.valid].mean() if view.valid is not None else error.mean()))
+        if not errors:
+            return None
+        return float(-10 * np.log10(max(np.mean(errors), 1e-10)))
 
-def train(views: Sequence[View], heldout: Sequence[View], points: SparsePoints, medium: Medium,
-          settings: TrainingSettings, progress: Progress, checkpoint: Path | None = None,
-          resume: bool = False) -> Trained:  # fmt: skip
-    """Optimizes Gaussians against photos through the medium."""
-    start = time.perf_counter()
-    trainer = Trainer(views, heldout, points, medium, settings)
-    prepared = time.perf_counter()
-    progress.stage("train", settings.steps)
-    history: list[dict[str, float]] = []
-    for step in range(settings.steps):
-        loss = trainer.advance()
-        if step % 50 == 0 or step == settings.steps - 1:
-            history.append({"step": step, "seconds": time.perf_counter() - start, "loss": loss, "gaussians": len(trainer.optimizer.gaussians)})
-            progress.advance(step + 1, loss=loss)
-        if progress.cancelled():
-            break
-    end = time.perf_counter()
-    return Trained(
-        gaussians=trainer.scale.to_world(trainer.optimizer.gaussians), low_pass=settings.low_pass, history=history,
-        counters=dict(trainer.density.counts) | {f"refused {k}": v for k, v in trainer.optimizer.refused.items()},
-        seconds={"prepare": prepared - start, "compile": 0.0, "train": end - prepared}, steps=trainer.step,
-        stopped="done", settings=settings,
-    )  # fmt: skip
+    def result(self) -> Gaussians:
+        """The twin so far: in the world of the cameras, as the usual viewers draw it."""
+        world = self.scale.to_world(self.optimizer.gaussians)
+        finite = torch.isfinite(torch.cat([t.reshape(len(world), -1) for _, t in world.named()], dim=1)).all(dim=1)
+        if not bool(finite.all()):
+            world = Gaussians(**{name: t[finite] for name, t in world.named()})
+        return widened(world, [v.camera for v in self.views], self.settings.low_pass)
+
+    def counters(self) -> dict[str, int]:
+        """What was added, removed, refused and repaired so far."""
+        refused = {f"refused, non-finite gradient of {n}": c for n, c in self.optimizer.refused.items()}
+        return {**self.density.counts, **refused, **self.repairs}
+
+    def fingerprint(self) -> dict[str, Any]:
+        """What a checkpoint must share with this run to be continued by it."""
+        settings = asdict(self.settings)
+        for free in ("threads", "time_limit", "device"):
+            settings.pop(free)
+        psf = self.medium.psf
+        return {
+            "settings": settings, "photos": [v.name for v in self.views],
+            "point spread": None if psf is None else np.round(psf.kernel(), 9).sum(axis=0).tolist(),
+            "blur space": self.medium.blur_space,
+        }  # fmt: skip
+
+    def state(self, seconds: float, history: list[dict[str, float]]) -> Checkpoint:
+        """Everything that is needed to go on."""
+        o, d = self.optimizer, self.density
+        arrays = {"pull": d.pull.cpu().numpy(), "views": d.views.cpu().numpy()}
+        for name, tensor in o.gaussians.named():
+            arrays[f"value.{name}"] = tensor.detach().cpu().numpy()
+            arrays[f"first.{name}"] = o.first[name].cpu().numpy()
+            arrays[f"second.{name}"] = o.second[name].cpu().numpy()
+        counters = {"steps": o.steps, **{f"density.{k}": v for k, v in d.counts.items()},
+                    **{f"refused.{k}": v for k, v in o.refused.items()},
+                    **{f"repair.{k}": v for k, v in self.repairs.items()}}  # fmt: skip
+        return Checkpoint(arrays, self.fingerprint(), self.step, seconds, history, counters)
+
+    def restore(self, checkpoint: Checkpoint) -> None:
+        """Goes on from `checkpoint`, exactly."""
+        take = lambda name: torch.from_numpy(checkpoint.arrays[name].copy()).to(self.device)  # noqa: E731
+        names = [name for name, _ in self.optimizer.gaussians.named()]
+        self.optimizer = Adam(Gaussians(**{name: take(f"value.{name}") for name in names}))
+        for name in names:
+            self.optimizer.first[name], self.optimizer.second[name] = take(f"first.{name}"), take(f"second.{name}")
+        group = lambda p: {k[len(p) :]: v for k, v in checkpoint.counters.items() if k.startswith(p)}  # noqa: E731
+        self.optimizer.steps = checkpoint.counters["steps"]
+        self.optimizer.refused, self.repairs = group("refused."), group("repair.")
+        self.density = DensityControl(len(self.optimizer.gaussians), self.device)
+        self.density.pull, self.density.views = take("pull"), take("views")
+        self.density.counts = group("density.")
+        self.step = checkpoint.step

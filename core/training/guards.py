@@ -1,0 +1,46 @@
+"""Nothing non-finite survives, and nothing is repaired in silence."""
+
+from __future__ import annotations
+
+import torch
+
+from ..errors import NonFiniteParameter
+from ..gaussians import Gaussians
+from .optimizer import Adam
+
+#: Steps between two looks at all parameters (a look costs half a millisecond).
+EVERY = 50
+
+
+def non_finite_rows(gaussians: Gaussians) -> dict[str, torch.Tensor]:
+    """[N] bool by parameter name, for the parameters that have a non-finite value at all."""
+    found = {}
+    for name, tensor in gaussians.named():
+        if not bool(torch.isfinite(tensor.detach().sum())):
+            bad = ~torch.isfinite(tensor.detach().reshape(len(tensor), -1)).all(dim=1)
+            if bool(bad.any()):
+                found[name] = bad
+    return found
+
+
+def drop_non_finite(optimizer: Adam, step: int) -> dict[str, int]:
+    """Removes Gaussians with a non-finite parameter; returns how many, by parameter name.
+
+    Raises:
+        NonFiniteParameter: every Gaussian is lost.
+    """
+    found = non_finite_rows(optimizer.gaussians)
+    if not found:
+        return {}
+    bad = torch.stack(list(found.values())).any(dim=0)
+    if bool(bad.all()):
+        names = ", ".join(found)
+        raise NonFiniteParameter(
+            f"All Gaussians became non-finite at step {step}, first in {names}",
+            "Lower the step sizes, or check the cameras and the photos",
+        )
+    g = optimizer.gaussians.detached()
+    optimizer.keep_and_append(
+        torch.nonzero(~bad)[:, 0], Gaussians(**{name: tensor[:0] for name, tensor in g.named()})
+    )
+    return {name: int(rows.sum()) for name, rows in found.items()}

@@ -1,0 +1,37 @@
+"""Compiles the numba kernels, or loads them from the disk cache, before the clock of training runs."""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+
+from ..camera import Camera
+from ..constants import SH_COEFFICIENTS
+from ..gaussians import Gaussians
+from ..imaging.operator import BlurOperator
+from ..imaging.psf import PointSpread
+from ..rasterizer import render
+from .optimizer import Adam
+from .photometric import PhotometricLoss
+from .settings import Rates
+from .variation import variation_gradient
+
+
+def compile_kernels(sh_degree: int = 1) -> None:
+    """One tiny iteration through every kernel that training uses on the CPU."""
+    side = 48
+    camera = Camera("warm-up", side, side, side, side, side / 2, side / 2, np.eye(3), np.zeros(3))
+    gaussians = Gaussians(
+        means=torch.tensor([[0.0, 0.0, 2.0], [0.1, 0.0, 2.0]]), log_scales=torch.full((2, 3), -2.0),
+        quaternions=torch.tensor([[1.0, 0.0, 0.0, 0.0]] * 2), opacity_logits=torch.zeros(2),
+        sh=torch.zeros(2, SH_COEFFICIENTS[sh_degree], 3),
+    )  # fmt: skip
+    optimizer = Adam(gaussians)
+    rendered = render(optimizer.gaussians, camera)
+    blur = BlurOperator(PointSpread("gaussian", 1.0, 1.0), side, side, 0, evaluation="separable")
+    _, slope = PhotometricLoss(torch.zeros(3, side, side)).value_and_gradient(blur.apply(rendered.image.detach()))
+    gradient = blur.adjoint(slope) + variation_gradient(rendered.image.detach())
+    rendered.image.backward(gradient)  # type: ignore[no-untyped-call]
+    rates = Rates()
+    optimizer.step({name: getattr(rates, name) for name in ("means", "log_scales", "quaternions",
+                                                            "opacity_logits", "sh", "sh_rest")})  # fmt: skip
