@@ -17,7 +17,8 @@ def _write(folder: Path, binary: bool) -> None:
     generator = np.random.default_rng(3)
     lenses, poses = {}, {}
     for index, (model, (simple, distortion)) in enumerate(MODELS.items()):
-        name = f"photo {index} ü.png"
+        # pycolmap itself cuts names at a blank in text files.
+        name = f"photo {index} ü.png" if binary else f"photo-{index}-ü.png"
         head = (500.0, 320.5, 240.25) if simple else (500.0, 510.0, 320.5, 240.25)
         lenses[name] = Lens(model, 640, 480, (*head, *(0.01 * (k + 1) for k in range(distortion))))
         rotation = np.linalg.qr(generator.normal(size=(3, 3)))[0]
