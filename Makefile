@@ -1,0 +1,41 @@
+# Everything runs in .venv, which `make setup` creates; every path is relative, so that the clone
+# may lie in a folder with any name.
+SHELL := /bin/bash
+.SHELLFLAGS := -eu -o pipefail -c
+.DEFAULT_GOAL := help
+PY := .venv/bin/python
+export PYTHON
+
+.PHONY: help setup demo test lint format bench bench-sfm extension clean
+
+help:  ## This list
+	@grep -E '^[a-z-]+:.*## ' Makefile | sed -E 's/:.*## /\t/' | expand -t 14
+
+setup:  ## Create .venv with the pinned packages (at once if it is there)
+	@tools/setup.sh
+
+demo: setup  ## Render a small blurred set of a ball, reconstruct it, write a .blend (demo_output/)
+	@$(PY) tools/demo.py
+
+test: setup  ## All tests (less than 10 minutes on 2 cores); ARGS="-k word" goes to pytest
+	@tools/test.sh $(ARGS)
+
+lint: setup  ## ruff and mypy
+	@tools/lint.sh
+
+format: setup  ## Let ruff rewrite the code
+	@$(PY) -m ruff check --fix .
+	@$(PY) -m ruff format .
+
+bench: setup  ## Measure speed; prints a table and writes benchmarks/results.json
+	@$(PY) benchmarks/speed.py $(ARGS)
+
+bench-sfm: setup  ## Measure structure from motion on the shared photo sets
+	@$(PY) benchmarks/sfm.py $(ARGS)
+
+extension: setup  ## Build the Blender extension into dist/
+	@$(PY) tools/extension.py
+
+clean:  ## Remove what can be made again, except .venv and demo_output
+	@rm -rf dist .lint .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	@find . -name __pycache__ -not -path './.venv/*' -prune -exec rm -rf {} +
