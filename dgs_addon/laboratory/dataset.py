@@ -1,0 +1,231 @@
+"""Writes a data set: photos through the medium, sharp pictures, cameras, and how it was made.
+
+    photos/NAME     through the medium, sRGB-encoded       sharp/NAME      the truth, same size
+    cameras/        COLMAP model with points on surfaces   transforms.json the same cameras
+    psf.json        the medium                             lines.json      painted lines, in the world
+    masks_ball/     255 where the ball is seen             depth/*.npy     metres along the camera's axis
+    manifest.json   all settings; `SynthesizeSettings.from_json(manifest["settings"])` repeats them
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import tempfile
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...core.camera import Camera
+from ...core.errors import Cancelled, DgsError
+from ...core.files import make_folder, write_json
+from ...core.formats.transforms import write_transforms
+from ...core.progress import Progress
+from ...core.views import SparsePoints
+from ..axes import matrix_to_engine
+from . import degrade, files, rail
+from .lines import LINES, centre_line
+from .settings import SynthesizeSettings
+from .shape import SHAPE, ball_pose
+
+#: Views whose depth gives the points of the camera model, and points taken from each.
+POINT_VIEWS, POINTS_PER_VIEW = 6, 1000
+
+
+def synthesize(settings: SynthesizeSettings, out: Path, progress: Progress) -> None:
+    """Renders and writes the data set, taking up an interrupted one of the same settings.
+
+    Raises:
+        PsfError: the point spread function makes no sense.
+        OutputError: a file cannot be written.
+        DgsError: this Python has no bpy.
+        Cancelled: the user asked to stop; finished frames stay and are taken up again.
+    """
+    kernel = degrade.kernel_of(settings.psf)
+    make_folder(out)
+    cameras = rail.cameras(settings.path, settings.views, settings.width, settings.height)
+    manifest = _manifest(settings, kernel)
+    if max(kernel.shape) // 2 > settings.overscan > 0 and kernel.size > 1:
+        progress.note(
+            f"The blur reaches {max(kernel.shape) // 2} px, the overscan {settings.overscan} px: "
+            "beyond it the outermost pixels are repeated"
+        )
+    _forget_other_settings(out, manifest)
+    write_json(out / "unfinished.json", manifest)
+    studio = _Studio(settings)
+    _photos(settings, cameras, kernel, out, studio, progress)
+    points = _geometry(settings, cameras, out, studio, progress)
+    progress.stage("save")
+    files.write_colmap_text(out / "cameras", cameras, points)
+    write_transforms(out / "transforms.json", {f"photos/{camera.name}": camera for camera in cameras})
+    write_json(out / "psf.json", _psf(settings, kernel))
+    write_json(out / "lines.json", _lines())
+    write_json(out / "manifest.json", manifest)
+    (out / "unfinished.json").unlink()
+
+
+class _Studio:
+    """Builds the scene when the first frame is needed: a finished set needs no Blender."""
+
+    def __init__(self, settings: SynthesizeSettings) -> None:
+        self.settings = settings
+        self.ready = False
+
+    def enter(self) -> Any:
+        try:
+            import bpy  # noqa: F401
+        except ImportError as error:
+            raise DgsError(
+                "This Python has no Blender in it (no module bpy)",
+                "Run `blender -b -P run_dgs.py -- synthesize ...`, or `make setup`, which installs bpy",
+            ) from error
+        from . import ball, render
+
+        if not self.ready:
+            ball.build(self.settings.seed)
+            if self.settings.denoise and not render.can_denoise():
+                raise DgsError("This build of Blender has no OpenImageDenoise", "Add --no-denoise and more --samples")
+            render.prepare(self.settings.samples, self.settings.denoise)
+            self.ready = True
+        return render
+
+
+def _photos(
+    settings: SynthesizeSettings,
+    cameras: list[Camera],
+    kernel: NDArray[np.float64],
+    out: Path,
+    studio: _Studio,
+    progress: Progress,
+) -> None:
+    for folder in ("photos", "sharp", *(["linear"] if settings.keep_linear else [])):
+        make_folder(out / folder)
+    progress.stage("render", len(cameras))
+    margin = settings.overscan
+    with tempfile.TemporaryDirectory(prefix="dgs-render-") as scratch:
+        for index, camera in enumerate(cameras):
+            kept = out / "linear" / f"{camera.name}.npy"
+            done = [out / "photos" / camera.name, out / "sharp" / camera.name]
+            if not all(path.is_file() for path in [*done, *([kept] if settings.keep_linear else [])]):
+                if progress.cancelled():
+                    raise Cancelled(f"Stopped after {index} of {len(cameras)} frames", "Run it again to go on")
+                if kept.is_file():
+                    linear = np.load(kept, allow_pickle=False)
+                else:
+                    seed = _frame_seed(settings.seed, index)
+                    linear = studio.enter().picture(camera.with_margin(margin), seed, Path(scratch))
+                if settings.keep_linear:
+                    files.write_array(kept, linear)
+                sharp = degrade.encode(degrade.blur(linear.astype(np.float64), np.ones((1, 1)), margin))
+                files.write_png(done[1], degrade.quantise(sharp, settings.bits))
+                photo = degrade.photograph(
+                    linear, kernel, blur_space=settings.blur_space, margin=margin,
+                    bits=settings.bits, noise=settings.noise, seed=(settings.seed, index),
+                )  # fmt: skip
+                files.write_png(done[0], photo)
+            progress.advance(index + 1)
+
+
+def _geometry(
+    settings: SynthesizeSettings, cameras: list[Camera], out: Path, studio: _Studio, progress: Progress
+) -> SparsePoints:
+    """Masks and depth where asked, and points on the surfaces that some views see."""
+    chosen = set(np.linspace(0, len(cameras) - 1, min(POINT_VIEWS, len(cameras))).astype(int).tolist())
+    everything = settings.masks or settings.depth
+    wanted = [i for i in range(len(cameras)) if everything or i in chosen]
+    generator = np.random.default_rng((settings.seed, 7))
+    positions, colours = [], []
+    progress.stage("geometry", len(wanted))
+    render = studio.enter()
+    from .ball import BALL_INDEX
+
+    for folder in (["masks_ball"] if settings.masks else []) + (["depth"] if settings.depth else []):
+        make_folder(out / folder)
+    with tempfile.TemporaryDirectory(prefix="dgs-render-") as scratch, render.geometry_only():
+        for done, index in enumerate(wanted, start=1):
+            camera = cameras[index]
+            if progress.cancelled():
+                raise Cancelled(f"Stopped after {done - 1} of {len(wanted)} depth maps", "Run it again to go on")
+            depth, objects = render.depth_and_index(camera, Path(scratch))
+            if settings.masks:
+                files.write_png(out / "masks_ball" / camera.name, np.uint8(255) * (objects == BALL_INDEX).astype(np.uint8))
+            if settings.depth:
+                files.write_array(out / "depth" / f"{Path(camera.name).stem}.npy", depth)
+            if index in chosen:
+                rows, columns = np.nonzero(np.isfinite(depth))
+                pick = generator.choice(len(rows), min(POINTS_PER_VIEW, len(rows)), replace=False)
+                rows, columns = rows[pick], columns[pick]
+                positions.append(_unproject(camera, rows, columns, depth[rows, columns]))
+                colours.append(files.read_png(out / "photos" / camera.name)[rows, columns])
+            progress.advance(done)
+    return SparsePoints(np.concatenate(positions), np.concatenate(colours))
+
+
+def _unproject(
+    camera: Camera, rows: NDArray[np.int64], columns: NDArray[np.int64], depth: NDArray[np.float32]
+) -> NDArray[np.float64]:
+    z = depth.astype(np.float64)
+    x = (columns + 0.5 - camera.cx) / camera.fx * z
+    y = (rows + 0.5 - camera.cy) / camera.fy * z
+    return (np.stack([x, y, z], -1) - camera.translation) @ camera.rotation
+
+
+def _frame_seed(seed: int, index: int) -> int:
+    return int(np.random.default_rng((seed, index)).integers(2**31 - 1))
+
+
+def _manifest(settings: SynthesizeSettings, kernel: NDArray[np.float64]) -> dict[str, Any]:
+    digest = hashlib.sha256(np.ascontiguousarray(kernel).tobytes()).hexdigest()[:16]
+    return {
+        "kind": "dgs synthetic data set", "version": 1, "settings": asdict(settings),
+        "fingerprint": f"{settings.fingerprint()}-{digest}", "render_fingerprint": settings.render_fingerprint(),
+        "world": "engine (COLMAP): x right, y down, z away; metres",
+        "photos": f"sRGB-encoded, {settings.bits} bit", "blur_space": settings.blur_space,
+    }  # fmt: skip
+
+
+def _psf(settings: SynthesizeSettings, kernel: NDArray[np.float64]) -> dict[str, Any]:
+    y, x = (np.arange(side) - side // 2 for side in kernel.shape)
+    variance = [float((kernel.sum(0) * x**2).sum()), float((kernel.sum(1) * y**2).sum())]
+    return {
+        "psf": settings.psf, "blur_space": settings.blur_space, "size": list(kernel.shape[::-1]),
+        "sigma_px": np.sqrt(variance).tolist(), "sampled": "at pixel centres, sum 1", "overscan_px": settings.overscan,
+    }  # fmt: skip
+
+
+def _lines() -> list[dict[str, Any]]:
+    matrix = matrix_to_engine(ball_pose())
+    result = []
+    for line in LINES:
+        points, across = centre_line(line, SHAPE)
+        normal = points / np.array([SHAPE.half_length, SHAPE.radius, SHAPE.radius]) ** 2
+        normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
+        result.append({
+            "name": line.name, "width_m": line.width, "points": (points @ matrix[:3, :3].T + matrix[:3, 3]).tolist(),
+            "across": (across @ matrix[:3, :3].T).tolist(), "normals": (normal @ matrix[:3, :3].T).tolist(),
+        })  # fmt: skip
+    return result
+
+
+def _forget_other_settings(out: Path, manifest: dict[str, Any]) -> None:
+    """Removes what an earlier run with other settings left under names that will be written."""
+    earlier: dict[str, Any] = {}
+    for name in ("unfinished.json", "manifest.json"):
+        if (out / name).is_file():
+            try:
+                earlier = json.loads((out / name).read_text(encoding="utf-8"))
+                break
+            except ValueError:
+                earlier = {}  # cut off while it was written: its frames cannot be trusted
+    if earlier.get("fingerprint") == manifest["fingerprint"]:
+        return
+    stale = ["photos", "sharp", "masks_ball", "depth"]
+    if earlier.get("render_fingerprint") != manifest["render_fingerprint"]:
+        stale.append("linear")
+    for folder in stale:
+        for path in sorted((out / folder).glob("view_*")):
+            path.unlink()
+    (out / "manifest.json").unlink(missing_ok=True)

@@ -1,0 +1,74 @@
+"""Camera paths, as the engine's cameras. Needs numpy only.
+
+Paths are laid out in Blender's world (z up, metres) and converted in one place, `axes`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...core.camera import Camera
+from ..axes import BlenderCamera, camera_to_engine
+
+#: What all cameras look at: the middle of the ball.
+TARGET = np.array([0.0, 0.0, 0.080])
+DISTANCE = 0.635
+#: The paper's straight rail of 420 mm: 2 atan(210 / 635) = 36.6 degrees.
+RAIL_LENGTH = 0.420
+ELEVATION = np.radians(30.0)
+#: Focal length as a share of the frame's width.
+FOCAL_SHARE = 1.2
+
+
+def rail(views: int) -> NDArray[np.float64]:
+    """Positions along a straight rail beside the table, [views, 3]."""
+    along = np.linspace(-RAIL_LENGTH / 2, RAIL_LENGTH / 2, views) if views > 1 else np.zeros(1)
+    back, up = DISTANCE * np.cos(ELEVATION), DISTANCE * np.sin(ELEVATION)
+    return np.stack([along, np.full(views, -back), np.full(views, up)], -1) + TARGET
+
+
+def orbit(views: int) -> NDArray[np.float64]:
+    """Positions on a full circle around the ball, [views, 3]."""
+    angle = np.arange(views) * (2 * np.pi / views) - np.pi / 2
+    return TARGET + DISTANCE * _on_sphere(angle, np.full(views, ELEVATION))
+
+
+def dome(views: int) -> NDArray[np.float64]:
+    """Positions spread over the upper hemisphere between 15 and 80 degrees, [views, 3]."""
+    low, high = np.sin(np.radians(15.0)), np.sin(np.radians(80.0))
+    height = low + (high - low) * (np.arange(views) + 0.5) / views
+    return TARGET + DISTANCE * _on_sphere(np.arange(views) * np.pi * (3 - np.sqrt(5)), np.arcsin(height))
+
+
+PATHS: dict[str, Callable[[int], NDArray[np.float64]]] = {"rail": rail, "orbit": orbit, "dome": dome}
+
+
+def cameras(path: str, views: int, width: int, height: int) -> list[Camera]:
+    """One camera per view, named view_000.png ..., all looking at the ball."""
+    digits = max(3, len(str(views - 1)))
+    return [
+        camera_to_engine(
+            BlenderCamera(matrix_world=_look_at(position), lens=36.0 * FOCAL_SHARE),
+            width, height, f"view_{index:0{digits}d}.png",
+        )
+        for index, position in enumerate(PATHS[path](views))
+    ]  # fmt: skip
+
+
+def _on_sphere(azimuth: NDArray[np.float64], elevation: NDArray[np.float64]) -> NDArray[np.float64]:
+    flat = np.cos(elevation)
+    return np.stack([flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(elevation)], -1)
+
+
+def _look_at(position: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Blender's camera-to-world matrix: -z towards the target, y as upright as it can be."""
+    backwards = (position - TARGET) / np.linalg.norm(position - TARGET)
+    right = np.cross([0.0, 0.0, 1.0], backwards)
+    right /= np.linalg.norm(right)
+    matrix = np.eye(4)
+    matrix[:3, :3] = np.stack([right, np.cross(backwards, right), backwards], axis=1)
+    matrix[:3, 3] = position
+    return matrix

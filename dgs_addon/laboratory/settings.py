@@ -1,0 +1,95 @@
+"""What a synthetic data set is made with; written into its manifest, and readable back."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import asdict, dataclass, fields
+from typing import Any, Literal
+
+from ...core.errors import DgsError, FormatError
+
+SCENES = ("rugby-ball",)
+PATH_NAMES = ("rail", "orbit", "dome")
+
+
+@dataclass(frozen=True)
+class SynthesizeSettings:
+    """Everything that decides the pixels of a data set.
+
+    Attributes:
+        scene: one of `SCENES`.
+        path: one of `PATH_NAMES`.
+        views: number of photos.
+        width, height: px.
+        psf: 'none', 'gaussian:SIGMA' or 'gaussian:SX,SY,ANGLE' (px, degrees from x towards y).
+        blur_space: 'srgb' blurs encoded values (most likely what the paper did), 'linear' light.
+        bits: 8 or 16 per channel of the photos; the sharp pictures have the same.
+        noise: standard deviation of Gaussian noise on encoded values, full scale being 1.
+        overscan: px rendered beyond each side before the blur, so that borders are physical.
+        samples: Cycles' paths per pixel.
+        denoise: clean the render with OpenImageDenoise.
+        seed: of the ball's pebbles, the table, the path tracer and the noise.
+        masks: also write where the ball is seen.
+        depth: also write depth along the camera's axis.
+        keep_linear: keep the rendered float pictures, so that another medium needs no rendering.
+    """
+
+    scene: str = "rugby-ball"
+    path: str = "rail"
+    views: int = 76
+    width: int = 800
+    height: int = 533
+    psf: str = "gaussian:5"
+    blur_space: Literal["srgb", "linear"] = "srgb"
+    bits: int = 8
+    noise: float = 0.0
+    overscan: int = 24
+    samples: int = 8
+    denoise: bool = True
+    seed: int = 0
+    masks: bool = False
+    depth: bool = False
+    keep_linear: bool = False
+
+    def __post_init__(self) -> None:
+        for name, value, allowed in (
+            ("scene", self.scene, SCENES),
+            ("path", self.path, PATH_NAMES),
+            ("blur space", self.blur_space, ("srgb", "linear")),
+            ("number of bits", self.bits, (8, 16)),
+        ):
+            if value not in allowed:
+                raise DgsError(f"There is no {name} '{value}'", f"Choose one of {', '.join(map(str, allowed))}")
+        for name, value, least in (
+            ("views", self.views, 1), ("width", self.width, 4), ("height", self.height, 4),
+            ("samples", self.samples, 1), ("overscan", self.overscan, 0), ("noise", self.noise, 0),
+            ("seed", self.seed, 0),
+        ):  # fmt: skip
+            if not value >= least:
+                raise DgsError(f"The laboratory's {name} must be at least {least}, not {value}", "Give another value")
+
+    def fingerprint(self) -> str:
+        """Identifies the settings; frames of another fingerprint are not reused."""
+        return _digest(asdict(self))
+
+    def render_fingerprint(self) -> str:
+        """As `fingerprint`, for what happens before the medium."""
+        after = {"psf", "blur_space", "bits", "noise", "masks", "depth", "keep_linear"}
+        return _digest({key: value for key, value in asdict(self).items() if key not in after})
+
+    @staticmethod
+    def from_json(values: dict[str, Any]) -> SynthesizeSettings:
+        """The settings of a manifest.
+
+        Raises:
+            FormatError: a key is unknown.
+        """
+        unknown = set(values) - {item.name for item in fields(SynthesizeSettings)}
+        if unknown:
+            raise FormatError(f"Unknown settings in the manifest: {', '.join(sorted(unknown))}", "Remove them")
+        return SynthesizeSettings(**values)
+
+
+def _digest(values: dict[str, Any]) -> str:
+    return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:16]
