@@ -1,1 +1,42 @@
+"""The Blender side: operators, panels and what they put into a scene.
 
+bpy is imported inside the functions: the command line reads parts of this package without Blender.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+#: What is registered now, in order; empty while the add-on is off.
+_registered: list[type] = []
+
+
+def register() -> None:
+    """Adds classes and menu entries; does nothing if they are there already."""
+    if _registered:
+        return
+    import bpy
+
+    from .. import operators, panels
+
+    for kind in _classes(operators, panels):
+        bpy.utils.register_class(kind)
+        _registered.append(kind)
+    operators.add_menus()
+
+
+def unregister() -> None:
+    """Takes everything out again in reverse order; does nothing if it is out already."""
+    if not _registered:
+        return
+    import bpy
+
+    from .. import operators
+
+    operators.remove_menus()
+    while _registered:
+        bpy.utils.unregister_class(_registered.pop())
+
+
+def _classes(*packages: Any) -> list[type]:
+    return [kind for package in packages for kind in package.CLASSES]

@@ -50,6 +50,10 @@ def _command(name: str) -> Callable[[argparse.Namespace, Reporting], int]:
         from .render_command import render_command
 
         return render_command
+    if name == "blend":
+        from .blend_command import blend_command
+
+        return blend_command
     if name == "synthesize":
         from .synthesize_command import synthesize_command
 

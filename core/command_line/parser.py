@@ -71,6 +71,7 @@ def build_parser(arguments: list[str]) -> argparse.ArgumentParser:
         "doctor", help="check this machine", description="Versions, device, and a self-check of the engine."
     )
     _add_machine(doctor)
+    _add_blend(commands)
     _add_synthesize(commands, asked="synthesize" in arguments[:1])
     return parser
 
@@ -166,6 +167,17 @@ def _add_render(commands: argparse._SubParsersAction[OneLineParser]) -> None:
     )
     _add_machine(parser)
     _add_progress(parser)
+
+
+def _add_blend(commands: argparse._SubParsersAction[OneLineParser]) -> None:
+    parser = commands.add_parser(
+        "blend", help="a .blend of a twin", description="Writes a Blender scene with a twin and its cameras."
+    )
+    parser.add_argument("twin", type=Path, metavar="TWIN.ply", help="3DGS PLY")
+    parser.add_argument("--cameras", type=Path, metavar="MODEL",
+                        help="folder of a COLMAP model or a transforms.json; one camera is placed if not given")  # fmt: skip
+    parser.add_argument("--photos", type=Path, metavar="DIR", help="photos to show behind the cameras")
+    parser.add_argument("--out", type=Path, required=True, metavar="FILE.blend", help="the scene to write")
 
 
 def _add_synthesize(commands: argparse._SubParsersAction[OneLineParser], asked: bool) -> None:

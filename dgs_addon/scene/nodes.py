@@ -27,15 +27,24 @@ COLOUR, OPACITY, GLOSS = "dgs_colour", "dgs_opacity", ("dgs_gloss_red", "dgs_glo
 SIZE_INPUT, THRESHOLD_INPUT, COUNT_INPUT, VIEWPORT_INPUT = (
     "Splat Size", "Opacity Threshold", "Max Count", "Max in Viewport",
 )  # fmt: skip
+_NAME = "Descatter Splats"
 #: More than a scene will hold.
 ALL = 100_000_000
 
 
 def splat_nodes(view_dependent: bool) -> Any:
     """The `bpy` node group for a twin's modifier, shared by all twins of its kind."""
-    name = "Descatter Splats, Glossy" if view_dependent else "Descatter Splats"
+    name = f"{_NAME}, Glossy" if view_dependent else _NAME
     existing = bpy.data.node_groups.get(name)
     return existing if existing is not None else _build(name, view_dependent)
+
+
+def splat_modifier(twin: Any) -> Any:
+    """The `bpy` modifier that shows a twin's splats, or None if the user has removed it."""
+    return next(
+        (m for m in twin.modifiers if m.type == "NODES" and m.node_group and m.node_group.name.startswith(_NAME)),
+        None,
+    )
 
 
 def _build(name: str, view_dependent: bool) -> Any:

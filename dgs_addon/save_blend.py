@@ -1,0 +1,73 @@
+"""A .blend with a twin and its cameras, written without a window."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+
+def save_blend(ply: Path, cameras: Path | None, out: Path, photos: Path | None = None) -> None:
+    """Writes a scene that renders the twin in Cycles as it is opened.
+
+    The process's own Blender scene is replaced.
+
+    Args:
+        ply: 3DGS PLY.
+        cameras: folder of a COLMAP model or a transforms.json; None places one camera before the twin.
+        out: the .blend, overwritten.
+        photos: folder of photos to show behind the cameras; they are linked, not packed.
+
+    Raises:
+        FormatError: the PLY or the cameras cannot be used.
+        OutputError: the .blend cannot be written.
+        DeviceError: this Python has no bpy.
+    """
+    from ..core.errors import DeviceError, OutputError
+    from ..core.files import make_folder
+    from ..core.formats.ply import read_ply
+
+    try:
+        import bpy
+    except ImportError as error:
+        raise DeviceError("This Python has no Blender (bpy)", "Install bpy, or run it as 'blender -b -P'") from error
+
+    from .scene.cameras import add_cameras
+    from .scene.material import prepare_scene
+    from .scene.twin import add_twin
+
+    cloud = read_ply(ply)
+    make_folder(out.parent)
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    scene = bpy.context.scene
+    twin = add_twin(cloud, ply.stem, scene.collection)
+    if cameras is not None:
+        add_cameras(cameras, photos, scene)
+    else:
+        _camera_before(twin, scene)
+    prepare_scene(scene)
+    scene.cycles.samples = 32
+    scene.cycles.use_denoising = False  # splats have no noise to remove, and not every build has a denoiser
+    bpy.context.view_layer.objects.active = twin
+    try:
+        bpy.ops.wm.save_as_mainfile(filepath=str(out.resolve()), compress=True)
+    except RuntimeError as error:
+        raise OutputError(f"'{out}' cannot be written ({error})", "Free space or choose another folder") from error
+
+
+def _camera_before(twin: Any, scene: Any) -> None:
+    """A camera where the engine's world has its front (along +z, y down), far enough to see nearly all."""
+    import numpy as np
+
+    from ..core.camera import Camera
+    from .axes import place_camera
+    from .scene.cameras import new_camera
+    from .scene.twin import read_twin
+
+    means = read_twin(twin).means.astype(np.float64)
+    centre = np.median(means, axis=0)
+    radius = max(float(np.quantile(np.linalg.norm(means - centre, axis=1), 0.95)), 1e-3)
+    translation = -centre + [0.0, 0.0, 3.0 * radius]
+    place_camera(
+        new_camera("Camera", scene), Camera("Camera", 1280, 720, 1280, 1280, 640, 360, np.eye(3), translation),
+        scene.render,
+    )  # fmt: skip

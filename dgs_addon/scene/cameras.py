@@ -1,0 +1,115 @@
+"""Cameras of a COLMAP model or a transforms.json in a Blender scene, each with its photo behind it.
+
+Blender's cameras are pinholes: they get a lens's focal length and principal point. A photo with strong
+distortion therefore lies exactly behind the twin only at its centre. A pixel aspect belongs to the
+scene's render settings in Blender, so that the first camera sets it for all.
+"""
+
+from __future__ import annotations
+
+import unicodedata
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from ...core.camera import Camera
+from ...core.errors import FormatError
+from ...core.formats.colmap_numpy import read_cameras
+from ...core.formats.transforms import read_transforms
+from ..axes import place_camera
+
+_PHOTOS = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".exr")
+
+
+def add_cameras(path: Path, photos: Path | None, scene: Any) -> list[Any]:
+    """Adds every camera of a model, in a collection of its own, and looks through the first.
+
+    Args:
+        path: folder of a COLMAP model (or one above), or a transforms.json.
+        photos: folder with the photos, matched by name without regard to case and ending; None for none.
+        scene: `bpy` scene; gets the frame size of the first camera.
+
+    Returns:
+        The new `bpy` camera objects by sorted photo name.
+
+    Raises:
+        FormatError: no cameras there, or damaged ones.
+    """
+    cameras = load_cameras(path)
+    pictures = _pictures(photos) if photos is not None else {}
+    collection = bpy.data.collections.new("Cameras")
+    scene.collection.children.link(collection)
+    objects = []
+    for name in sorted(cameras):
+        thing = bpy.data.objects.new(Path(name).stem, bpy.data.cameras.new(Path(name).stem))
+        collection.objects.link(thing)
+        place_camera(thing, cameras[name], scene.render if not objects else None)
+        thing["dgs_photo"] = name
+        picture = pictures.get(_key(name))
+        if picture is not None:
+            _show_behind(thing.data, picture)
+        objects.append(thing)
+    size = _display_size(objects)
+    for thing in objects:
+        thing.data.display_size = size
+    scene.camera = objects[0]
+    return objects
+
+
+def new_camera(name: str, scene: Any) -> Any:
+    """A `bpy` camera object that the scene looks through."""
+    thing = bpy.data.objects.new(name, bpy.data.cameras.new(name))
+    scene.collection.objects.link(thing)
+    scene.camera = thing
+    return thing
+
+
+def load_cameras(path: Path) -> dict[str, Camera]:
+    """Pinhole cameras by photo name, in the engine's axes; distortion is dropped.
+
+    Raises:
+        FormatError: no cameras there, or damaged ones.
+    """
+    if path.suffix.lower() == ".json" or (path / "transforms.json").is_file():
+        lenses, poses = read_transforms(path)
+    else:
+        lenses, poses = read_cameras(path if path.is_dir() else path.parent)
+    if not poses:
+        raise FormatError(f"'{path}' places no camera", "Choose another model")
+    return {
+        name: Camera(
+            name, lens.width, lens.height, lens.fx, lens.fy, lens.cx, lens.cy,
+            poses[name].rotation, poses[name].translation,
+        )
+        for name, lens in lenses.items()
+    }  # fmt: skip
+
+
+def _pictures(folder: Path) -> dict[str, Path]:
+    try:
+        return {_key(file.name): file for file in sorted(folder.iterdir()) if file.suffix.lower() in _PHOTOS}
+    except OSError as error:
+        raise FormatError(f"The photos in '{folder}' cannot be listed", "Choose another folder") from error
+
+
+def _key(name: str) -> str:
+    return unicodedata.normalize("NFC", Path(name.replace("\\", "/")).stem).casefold()
+
+
+def _show_behind(data: Any, picture: Path) -> None:
+    background = data.background_images.new()
+    # Opened when it is drawn: hundreds of photos must not fill the memory now.
+    background.image = bpy.data.images.load(str(picture), check_existing=True)
+    background.alpha = 0.5
+    background.display_depth = "FRONT"
+    background.frame_method = "FIT"
+    data.show_background_images = True
+
+
+def _display_size(objects: list[Any]) -> float:
+    """Camera cones of about half the distance between neighbours, whatever the model's unit is."""
+    centres = [thing.matrix_world.translation for thing in objects]
+    gaps = sorted((a - b).length for a, b in zip(centres, centres[1:], strict=False))
+    gap = gaps[len(gaps) // 2] if gaps else 0.0
+    return 0.5 * gap if gap > 1e-6 else 1.0

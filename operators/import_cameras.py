@@ -1,0 +1,40 @@
+"""Puts the cameras of a model into the scene, with the photos behind them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import bpy
+from bpy_extras.io_utils import ImportHelper
+
+from ..core.errors import DgsError
+
+
+class DGS_OT_import_cameras(bpy.types.Operator, ImportHelper):
+    """Import the cameras of a COLMAP model or a transforms.json, with their photos"""
+
+    bl_idname = "dgs.import_cameras"
+    bl_label = "Import Cameras"
+    bl_options = {"REGISTER", "UNDO"}
+
+    filename_ext = ""
+    filter_glob: bpy.props.StringProperty(  # type: ignore[valid-type]
+        default="*.bin;*.txt;*.json", options={"HIDDEN"}
+    )
+    photos: bpy.props.StringProperty(  # type: ignore[valid-type]
+        name="Photos", description="Folder of the photos to show behind the cameras", subtype="DIR_PATH"
+    )
+
+    def execute(self, context: Any) -> set[str]:
+        """Reads the model and looks through its first camera."""
+        from ..dgs_addon.scene.cameras import add_cameras
+
+        photos = Path(bpy.path.abspath(self.photos)) if self.photos else None
+        try:
+            cameras = add_cameras(Path(bpy.path.abspath(self.filepath)), photos, context.scene)
+        except DgsError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        self.report({"INFO"}, f"{len(cameras)} cameras")
+        return {"FINISHED"}

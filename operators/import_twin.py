@@ -1,0 +1,48 @@
+"""Puts a 3DGS PLY into the scene."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import bpy
+from bpy_extras.io_utils import ImportHelper
+
+from ..core.errors import DgsError
+
+
+class DGS_OT_import_twin(bpy.types.Operator, ImportHelper):
+    """Import 3D Gaussian splats from a PLY file"""
+
+    bl_idname = "dgs.import_twin"
+    bl_label = "Import Twin"
+    bl_options = {"REGISTER", "UNDO"}
+
+    filename_ext = ".ply"
+    filter_glob: bpy.props.StringProperty(default="*.ply", options={"HIDDEN"})  # type: ignore[valid-type]
+    prepare: bpy.props.BoolProperty(  # type: ignore[valid-type]
+        name="Set Up Rendering",
+        description="Choose Cycles, enough transparent bounces, and colours as in the photos",
+        default=True,
+    )
+
+    def execute(self, context: Any) -> set[str]:
+        """Reads the file and selects the new object."""
+        from ..core.formats.ply import read_ply
+        from ..dgs_addon.scene.material import prepare_scene
+        from ..dgs_addon.scene.twin import add_twin
+
+        path = Path(bpy.path.abspath(self.filepath))
+        try:
+            twin = add_twin(read_ply(path), path.stem, context.collection)
+        except DgsError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        if self.prepare:
+            prepare_scene(context.scene)
+        for other in context.selected_objects:
+            other.select_set(False)
+        twin.select_set(True)
+        context.view_layer.objects.active = twin
+        self.report({"INFO"}, f"{len(twin.data.vertices):,} splats from {path.name}")
+        return {"FINISHED"}

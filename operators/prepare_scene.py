@@ -1,0 +1,22 @@
+"""Sets up the scene so that splats render right."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+
+
+class DGS_OT_prepare_scene(bpy.types.Operator):
+    """Choose Cycles, enough transparent bounces, and the photos' own colours (Standard)"""
+
+    bl_idname = "dgs.prepare_scene"
+    bl_label = "Set Up Rendering"
+    bl_options = {"REGISTER", "UNDO"}
+
+    def execute(self, context: Any) -> set[str]:
+        """Changes the scene's render and colour settings."""
+        from ..dgs_addon.scene.material import prepare_scene
+
+        prepare_scene(context.scene)
+        return {"FINISHED"}
