@@ -1,0 +1,154 @@
+"""The house's rules, proved by reading the code: who may import whom, and what no file may name."""
+
+import ast
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+PACKAGES = ("core", "dgs_addon", "operators", "panels")
+BLENDER = {"bpy", "bpy_extras", "mathutils", "gpu", "gpu_extras", "bmesh", "blf", "bl_math", "aud", "idprop"}
+#: What Blender's own Python must be able to read: numpy is there, torch is not.
+WITHOUT_TORCH = (
+    "cloud", "camera", "conventions", "errors", "files", "progress", "formats.ply", "formats.colmap_numpy",
+)  # fmt: skip
+
+NAMES_BLENDER = "import numpy\nfrom mathutils import Vector\n"
+NAMES_ITSELF = "from dgs.core.camera import Camera\n"
+
+
+def sources(package: str) -> list[Path]:
+    return sorted((ROOT / package).rglob("*.py"))
+
+
+def imports(source: str) -> Iterator[str]:
+    """Full names of all absolute imports, wherever in the file they stand."""
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.level == 0:
+            yield node.module or ""
+        elif isinstance(node, ast.Call) and node.args and isinstance(node.args[0], ast.Constant):
+            called = getattr(node.func, "attr", getattr(node.func, "id", ""))
+            if called in ("import_module", "__import__"):
+                yield str(node.args[0].value)
+
+
+def tops(source: str) -> set[str]:
+    return {name.split(".")[0] for name in imports(source)}
+
+
+def tracked() -> list[Path]:
+    listing = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, check=False)
+    if listing.returncode:
+        pytest.skip("no git clone")
+    return [ROOT / name for name in listing.stdout.decode().split("\0") if name and (ROOT / name).is_file()]
+
+
+def test_the_reader_of_imports_sees_them():
+    assert "mathutils" in tops(NAMES_BLENDER)
+    assert "dgs" in tops(NAMES_ITSELF)
+    assert "bpy" in tops("def f():\n    import importlib\n    importlib.import_module('bpy.types')\n")
+    assert "bpy" in tops("if True:\n    import bpy.types as t\n")
+
+
+def test_the_engine_imports_nothing_of_blender():
+    files = sources("core")
+    assert len(files) > 30
+    wrong = {str(file): sorted(tops(file.read_text("utf-8")) & BLENDER) for file in files}
+    assert {file: names for file, names in wrong.items() if names} == {}
+
+
+def test_the_engine_reaches_the_blender_side_only_from_the_command_line():
+    """`blend` and `synthesize` call Blender's side; nothing else in the engine knows of it."""
+    outside = []
+    for file in sources("core"):
+        depth = len(file.relative_to(ROOT).parts) - 1
+        for node in ast.walk(ast.parse(file.read_text("utf-8"))):
+            if isinstance(node, ast.ImportFrom) and node.level > depth:
+                outside.append(file.relative_to(ROOT))
+    assert [file for file in outside if file.parts[1] != "command_line"] == []
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_packages_import_themselves_relatively(package):
+    own = {*PACKAGES, "dgs", "run_dgs"}
+    # A child process starts from a file, so that it has to mount the package itself.
+    files = [file for file in sources(package) if file != ROOT / "core/sfm/worker.py"]
+    wrong = {str(file): sorted(tops(file.read_text("utf-8")) & own) for file in files}
+    assert {file: names for file, names in wrong.items() if names} == {}
+
+
+def test_the_top_level_is_as_agreed():
+    files = (
+        "__init__.py", "blender_manifest.toml", "run_dgs.py", "pyproject.toml", "Makefile", "LICENSE",
+        "CHANGELOG.md", "README.md", ".ci/run", "docs/architecture.md", "docs/install.md",
+    )  # fmt: skip
+    folders = (*PACKAGES, "tests", "docs", "benchmarks")
+    assert [name for name in files if not (ROOT / name).is_file()] == []
+    assert [name for name in folders if not (ROOT / name).is_dir()] == []
+    assert os.access(ROOT / ".ci/run", os.X_OK)
+
+
+def test_the_root_only_registers():
+    tree = ast.parse((ROOT / "__init__.py").read_text("utf-8"))
+    assert not [node for node in tree.body if isinstance(node, (ast.Import, ast.ImportFrom))]
+    assert {node.name for node in tree.body if isinstance(node, ast.FunctionDef)} == {"register", "unregister"}
+
+
+def test_importing_the_root_loads_neither_blender_nor_torch():
+    code = "import run_dgs, sys; run_dgs.mount_package(); sys.exit(len({'bpy', 'torch'} & sys.modules.keys()))"
+    assert subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=False).returncode == 0
+
+
+def test_what_blender_reads_loads_no_torch():
+    names = ", ".join(f"dgs.core.{name}" for name in WITHOUT_TORCH)
+    code = f"import run_dgs, sys; run_dgs.mount_package(); import {names}; sys.exit('torch' in sys.modules)"
+    run = subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=False, capture_output=True, text=True)
+    assert run.returncode == 0, run.stderr
+
+
+def test_no_file_names_a_machine_or_a_registry():
+    # Written in pieces, so that this file does not name them either.
+    machine = re.compile(r"(?<![\w.}$])/(" + "|".join(["wo" + "rk/", "ro" + "ot/", "home/" + r"\w"]) + ")")
+    registry = re.compile("|".join([r"py" + r"pi\.org", r"python" + r"hosted\.", r"deb\." + r"debian\.org",
+                                    r"archive\." + r"ubuntu", r"download\." + r"pytorch"]))  # fmt: skip
+    wrong = []
+    for file in tracked():
+        try:
+            text = file.read_text("utf-8")
+        except UnicodeDecodeError:
+            continue  # a picture
+        found = [*machine.findall(text), *registry.findall(text)]
+        wrong += [f"{file.relative_to(ROOT)}: {name}" for name in found]
+    assert wrong == []
+
+
+def test_nothing_unpickles_and_no_shell_strings():
+    wrong = []
+    for file in (f for package in PACKAGES for f in sources(package)):
+        for node in ast.walk(ast.parse(file.read_text("utf-8"))):
+            if not isinstance(node, ast.Call):
+                continue
+            name = ast.unparse(node.func)
+            keywords = {k.arg: ast.unparse(k.value) for k in node.keywords}
+            if (
+                name in ("eval", "exec", "os.system", "os.popen", "pickle.load", "pickle.loads")
+                or keywords.get("shell") == "True"
+                or keywords.get("allow_pickle") == "True"
+                or (name == "torch.load" and keywords.get("weights_only") != "True")
+            ):
+                wrong.append(f"{file.relative_to(ROOT)}:{node.lineno}: {name}")
+    assert wrong == []
+
+
+def test_short_files():
+    """A file is short enough to read in one sitting; compiled kernels may be longer."""
+    files = [file for package in PACKAGES for file in sources(package) if "kernels" not in file.name]
+    lengths = {str(file.relative_to(ROOT)): len(file.read_text("utf-8").splitlines()) for file in files}
+    assert {name: length for name, length in lengths.items() if length > 350} == {}
