@@ -19,7 +19,7 @@ from numba.extending import intrinsic
 
 from ..compiled import inlined, kernel
 from ..constants import ALPHA_MAXIMUM, TILE, TRANSMITTANCE_STOP
-from .lanes_kernels import Buffer, Lanes, Running, choose, exponential, maximum, minimum, ramp
+from ..lanes_kernels import Buffer, Lanes, Running, choose, exponential, maximum, minimum, ramp
 
 f32 = np.float32
 _PIXELS = TILE * TILE

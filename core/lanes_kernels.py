@@ -7,7 +7,7 @@ as usual:
 
     alpha = minimum(opacity * exponential(power), ALPHA_MAXIMUM)
 
-Only `core.rasterizer.blending_kernels` writes such code, inside numba intrinsics.
+Such code stands inside numba intrinsics only (blending, blurs, the photometric loss).
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import Any
 
 from llvmlite import ir
 
-from ..constants import TILE
+from .constants import TILE
 
 FLOAT = ir.FloatType()
 VECTOR = ir.VectorType(FLOAT, TILE)
