@@ -1,0 +1,129 @@
+"""Twins in a scene: attributes, the import operator, .blend files."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+bpy = pytest.importorskip("bpy")
+
+import dgs  # noqa: E402
+from dgs.core.cloud import GaussianCloud  # noqa: E402
+from dgs.core.errors import FormatError  # noqa: E402
+from dgs.core.formats.ply import write_ply  # noqa: E402
+from dgs.dgs_addon.axes import points_to_blender  # noqa: E402
+from dgs.dgs_addon.scene.nodes import THRESHOLD_INPUT, splat_modifier  # noqa: E402
+from dgs.dgs_addon.scene.twin import add_twin, is_twin, read_twin  # noqa: E402
+
+
+@pytest.fixture
+def registered() -> Iterator[None]:
+    dgs.register()
+    yield
+    dgs.unregister()
+
+
+def _instances(twin: object) -> int:
+    graph = bpy.context.evaluated_depsgraph_get()
+    return sum(1 for item in graph.object_instances if item.is_instance)
+
+
+def test_attributes_come_back_as_they_went_in(cloud: GaussianCloud) -> None:
+    twin = add_twin(cloud, "twin", bpy.context.scene.collection)
+    back = read_twin(twin)
+    unit = cloud.quaternions / np.linalg.norm(cloud.quaternions, axis=1, keepdims=True)
+    np.testing.assert_array_equal(back.means, cloud.means)
+    np.testing.assert_array_equal(back.sh, cloud.sh)
+    np.testing.assert_allclose(back.log_scales, cloud.log_scales, atol=1e-6)
+    np.testing.assert_allclose(back.opacity_logits, cloud.opacity_logits, atol=1e-5)
+    np.testing.assert_allclose(back.quaternions, unit, atol=1e-6)
+
+
+def test_attributes_are_named_as_native_splats(cloud: GaussianCloud) -> None:
+    attributes = add_twin(cloud, "twin", bpy.context.scene.collection).data.attributes
+    expected = {"position", "scale", "rotation", "radiance:base", "radiance:sh_0", "radiance:sh_1", "radiance:sh_2"}
+    assert expected <= set(attributes.keys())
+    np.testing.assert_allclose(attributes["scale"].data[0].vector, np.exp(cloud.log_scales[0]), rtol=1e-6)
+    opacity = 1 / (1 + np.exp(-cloud.opacity_logits[0]))
+    assert attributes["radiance:base"].data[0].color[3] == pytest.approx(opacity, abs=1e-6)
+
+
+def test_the_object_stands_in_blenders_axes(cloud: GaussianCloud) -> None:
+    twin = add_twin(cloud, "twin", bpy.context.scene.collection)
+    bpy.context.view_layer.update()
+    graph = bpy.context.evaluated_depsgraph_get()
+    places = [np.array(i.matrix_world.translation) for i in graph.object_instances if i.is_instance]
+    assert len(places) == len(cloud)
+    np.testing.assert_allclose(places, points_to_blender(cloud.means), atol=1e-5)
+    assert is_twin(twin)
+
+
+def test_controls_reduce_what_is_shown(cloud: GaussianCloud) -> None:
+    twin = add_twin(cloud, "twin", bpy.context.scene.collection)
+    bpy.context.view_layer.update()
+    assert _instances(twin) == 9
+    modifier = splat_modifier(twin)
+    sockets = {item.name: item.identifier for item in modifier.node_group.interface.items_tree}
+    modifier[sockets["Max in Viewport"]] = 4
+    twin.update_tag()
+    bpy.context.view_layer.update()
+    assert _instances(twin) == 4
+    modifier[sockets[THRESHOLD_INPUT]] = 1.0
+    twin.update_tag()
+    bpy.context.view_layer.update()
+    assert _instances(twin) == 0
+
+
+def test_values_that_are_not_finite_are_left_out(cloud: GaussianCloud) -> None:
+    cloud.means[2, 1] = np.nan
+    assert len(add_twin(cloud, "twin", bpy.context.scene.collection).data.vertices) == 8
+    cloud.sh[:] = np.inf
+    with pytest.raises(FormatError, match="twin"):
+        add_twin(cloud, "twin", bpy.context.scene.collection)
+
+
+def test_a_million_splats_in_two_seconds() -> None:
+    count = 1_000_000
+    generator = np.random.default_rng(0)
+    many = GaussianCloud(
+        generator.random((count, 3), np.float32), np.full((count, 3), -6, np.float32),
+        generator.random((count, 4), np.float32), np.zeros(count, np.float32),
+        generator.random((count, 1, 3), np.float32),
+    )  # fmt: skip
+    started = time.thread_time()
+    add_twin(many, "many", bpy.context.scene.collection)
+    assert time.thread_time() - started < 2.0
+
+
+def test_the_operator_imports_and_prepares(cloud: GaussianCloud, tmp_path: Path, registered: None) -> None:
+    path = tmp_path / "ball of splats.ply"
+    write_ply(path, cloud)
+    assert bpy.ops.dgs.import_twin(filepath=str(path)) == {"FINISHED"}
+    twin = bpy.context.view_layer.objects.active
+    assert is_twin(twin) and twin.name == "ball of splats"
+    assert bpy.context.scene.render.engine == "CYCLES"
+    assert bpy.context.scene.view_settings.view_transform == "Standard"
+
+
+def test_the_operator_explains_a_wrong_file(tmp_path: Path, registered: None) -> None:
+    path = tmp_path / "no.ply"
+    path.write_text("this is no PLY")
+    with pytest.raises(RuntimeError, match=r"no\.ply"):
+        bpy.ops.dgs.import_twin(filepath=str(path))
+    assert not bpy.data.objects
+
+
+def test_a_blend_file_from_the_command_line(cloud: GaussianCloud, tmp_path: Path) -> None:
+    write_ply(tmp_path / "twin.ply", cloud)
+    out = tmp_path / "folder" / "twin.blend"
+    command = [sys.executable, str(Path(dgs.__path__[0]) / "run_dgs.py"), "blend", str(tmp_path / "twin.ply")]
+    subprocess.run([*command, "--out", str(out)], check=True, capture_output=True)
+    bpy.ops.wm.open_mainfile(filepath=str(out))
+    assert is_twin(bpy.data.objects["twin"]) and bpy.context.scene.camera is not None
+    assert bpy.data.materials["Descatter Splat"].users == 1
