@@ -181,6 +181,65 @@ class Buffer:
         self.builder.store(value.value, self._pointer(index, plane, FLOAT), align=4)
 
 
+class Rows:
+    """Float32 memory by address: rows whose addresses stand in an int64 table, or 16 floats per row."""
+
+    def __init__(self, builder: ir.IRBuilder, base: ir.Value, column: ir.Value | None = None) -> None:
+        """base: pointer to the table (with `column`: bytes into each row), or an address as integer."""
+        self.builder, self.base, self.column = builder, base, column
+
+    def pointer(self, index: ir.Value) -> ir.Value:
+        """Pointer to 16 floats of row `index`."""
+        builder = self.builder
+        if self.column is not None:
+            address = builder.add(builder.load(builder.gep(self.base, [index])), self.column)
+        else:
+            address = builder.add(self.base, builder.mul(index, ir.Constant(index.type, 4 * TILE)))
+        return builder.inttoptr(address, VECTOR.as_pointer())
+
+    def __getitem__(self, index: ir.Value) -> Lanes:
+        return Lanes(self.builder, self.builder.load(self.pointer(index), align=4))
+
+    def __setitem__(self, index: ir.Value, lanes: Lanes) -> None:
+        self.builder.store(lanes.value, self.pointer(index), align=4)
+
+
+def shuffled(left: Lanes, right: Lanes, order: list[int]) -> Lanes:
+    """Lanes picked from `left` (0 to 15) and `right` (16 to 31)."""
+    mask = ir.Constant(_INT_VECTOR, order)
+    return Lanes(left.builder, left.builder.shuffle_vector(left.value, right.value, mask))
+
+
+def transposed(rows: list[Lanes]) -> list[Lanes]:
+    """Column `k` of 16 rows as vector number `k`, in four rounds of shuffles that processors have."""
+    pairs = [shuffled(rows[i], rows[i + 1], _order(lambda b, part=part: [
+        4 * b + part, TILE + 4 * b + part, 4 * b + part + 1, TILE + 4 * b + part + 1]))
+        for i in range(0, TILE, 2) for part in (0, 2)]  # fmt: skip
+    fours = []  # fours[4 g + k]: block b holds column 4 b + k of rows 4 g to 4 g + 3
+    for g in range(4):
+        low, high, low2, high2 = pairs[4 * g : 4 * g + 4]
+        for a, b in ((low, low2), (high, high2)):
+            for part in (0, 2):
+                fours.append(shuffled(a, b, _order(lambda n, part=part: [
+                    4 * n + part, 4 * n + part + 1, TILE + 4 * n + part, TILE + 4 * n + part + 1])))  # fmt: skip
+    columns: list[Lanes] = [rows[0]] * TILE
+    for k in range(4):
+        for odd in (0, 1):
+            upper, lower = (shuffled(fours[4 * g + k], fours[4 * g + 4 + k], _blocks(odd)) for g in (0, 2))
+            for half in (0, 1):
+                columns[4 * (odd + 2 * half) + k] = shuffled(upper, lower, _blocks(half))
+    return columns
+
+
+def _order(block: Any) -> list[int]:
+    return [lane for n in range(4) for lane in block(n)]
+
+
+def _blocks(first: int) -> list[int]:
+    """Blocks of four lanes: number `first` and the next but one, of either vector."""
+    return [start + 4 * n + lane for start in (0, TILE) for n in (first, first + 2) for lane in range(4)]
+
+
 class Running:
     """Vectors that a loop adds to; they stay in registers."""
 

@@ -214,7 +214,7 @@ def _score(
     cameras = facts.reconstruction.cameras()
     viewer = Viewer(
         facts.trained.gaussians, scene_scale(list(cameras.values()), facts.reconstruction.points),
-        facts.machine["device"], facts.trained.low_pass,
+        facts.machine["device"], facts.trained.low_pass, facts.trained.background,
     )  # fmt: skip
     scorer = ViewScorer(
         viewer, facts.reconstruction, facts.medium, truth, resolvable_period(facts.medium), progress

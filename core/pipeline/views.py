@@ -33,11 +33,14 @@ class Viewer:
         device: where to render.
         low_pass: variance in px^2 that the projection adds; the training's, or the usual one of
             viewers.
+        background: sRGB colour behind the twin.
     """
 
     def __init__(
-        self, gaussians: Gaussians, scale: SceneScale, device: str, low_pass: float = LOW_PASS_VARIANCE
-    ) -> None:
+        self, gaussians: Gaussians, scale: SceneScale, device: str, low_pass: float = LOW_PASS_VARIANCE,
+        background: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    ) -> None:  # fmt: skip
+        self._background = torch.tensor(background, device=device)
         self._gaussians = scale.to_unit(gaussians).to(device)
         self._scale = scale
         self._low_pass = low_pass
@@ -66,7 +69,8 @@ class Viewer:
 
     def _pinhole(self, camera: Camera, settings: RasterSettings) -> Tensor:
         with torch.no_grad():
-            return render(self._gaussians, self._scale.camera_to_unit(camera), settings=settings).image
+            unit = self._scale.camera_to_unit(camera)
+            return render(self._gaussians, unit, background=self._background, settings=settings).image
 
 
 def to_pixels(planes: NDArray[np.float32]) -> NDArray[np.uint8]:

@@ -106,6 +106,8 @@ class Objective:
             gradient = self.blur.adjoint(slope * weight)
             if self.space == "linear":
                 gradient = gradient * _slope(srgb_to_linear, image)
+        if s.variation_weight and s.loss != "paper":
+            gradient += (s.variation_weight / photo.numel()) * variation_gradient(image)
         if self.inverse is None:
             return Pull(loss, gradient)
         known = photo if self.space == "srgb" else srgb_to_linear(photo)
@@ -126,8 +128,6 @@ class Objective:
         if valid is not None:
             d = d * valid
         gradient[inner] -= (s.inverse_weight / photo.numel()) * d
-        if s.variation_weight:
-            gradient += (s.variation_weight / photo.numel()) * variation_gradient(image)
         return Pull(loss, gradient)
 
     def _compare(self, image: Tensor, photo: Tensor, valid: Tensor | None, ssim_weight: float) -> tuple[float, Tensor]:

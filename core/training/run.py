@@ -35,6 +35,7 @@ class Trained:
     Attributes:
         gaussians: in the world of the cameras that came in, to be drawn with the usual low-pass.
         low_pass: variance (px^2) to draw them with.
+        background: [3] sRGB colour behind them.
         history: one row per look: step, seconds, loss, gaussians and, if photos are held out,
             heldout_psnr (dB, degraded render against photo).
         counters: what was added, removed, refused and repaired.
@@ -46,6 +47,7 @@ class Trained:
 
     gaussians: Gaussians
     low_pass: float
+    background: tuple[float, float, float]
     history: list[dict[str, float]]
     counters: dict[str, int]
     seconds: dict[str, float]
@@ -114,8 +116,10 @@ def train(views: Sequence[View], heldout: Sequence[View], points: SparsePoints, 
         history.append(_look(trainer, loss, before + end - prepared))
     if checkpoint is not None:
         save_checkpoint(checkpoint, trainer.state(before + end - prepared, history))
+    behind = trainer.background.cpu()
     return Trained(
-        gaussians=trainer.result(), low_pass=LOW_PASS_VARIANCE, history=history, counters=trainer.counters(),
+        gaussians=trainer.result(), low_pass=LOW_PASS_VARIANCE,
+        background=(float(behind[0]), float(behind[1]), float(behind[2])), history=history, counters=trainer.counters(),
         seconds={"compile": compiled_at - start, "prepare": prepared - compiled_at, "train": before + end - prepared},
         steps=trainer.step, stopped=stopped, settings=replace(settings),
     )  # fmt: skip

@@ -41,6 +41,7 @@ class TrainingSettings:
         base_weight, inverse_weight, variation_weight: of the paper's loss, of the inverted
             residual, and of the total variation of the sharp render.
         low_pass: variance added to every projected Gaussian, in px^2 of the PHOTO's grid.
+        grid_step: photo px per px of the training's grid; None for what the blur allows.
         seed: of everything random.
         threads: of kernels and torch.
         device: 'auto', 'cpu' or 'cuda'.
@@ -58,6 +59,8 @@ class TrainingSettings:
     ssim_weight: float = 0.2
     inverse_width: float = 0.0
     low_pass: float = 2.0
+    grid_step: int | None = None
+    backdrop: float = 0.5
     coarse_share: float = 0.12
     density_every: int = 100
     density_until: float = 0.6

@@ -65,7 +65,7 @@ class Trainer:
         self.views, self.heldout, self.points = views, heldout, points
         self.scale: SceneScale = scene_scale([v.camera for v in views], points)
         width, height = views[0].camera.width, views[0].camera.height
-        step = grid_step(medium, width, height)
+        step = settings.grid_step or grid_step(medium, width, height)
         fine = self._level(step)
         self.levels = [fine]
         if settings.coarse_share > 0 and min(width, height) // (2 * step) >= SMALLEST_SIDE:
@@ -77,6 +77,7 @@ class Trainer:
         )  # fmt: skip
         self.optimizer = Adam(gaussians.to(self.device))
         self.density = DensityControl(len(gaussians), self.device)
+        self.background = mean_colour(views).to(self.device)
         self.step = 0
         self.repairs: dict[str, int] = {}
 
@@ -127,14 +128,23 @@ class Trainer:
         order = np.random.default_rng([self.settings.seed, 1, step // n]).permutation(n)
         return level.views[order[step % n]]
 
+    def backdrop(self) -> torch.Tensor:
+        """[3] the colour behind the twin in this step: the photos' mean, shaken.
+
+        A fixed colour would be taken for part of the scene, which then stays translucent.
+        """
+        shake = self.settings.backdrop * np.random.default_rng([self.settings.seed, 3, self.step]).uniform(-1, 1, 3)
+        return self.background + torch.from_numpy(shake).to(self.background)
+
     def advance(self, share: float) -> float:
         """One iteration at a share in [0, 1) of the run; returns the photo's loss."""
         s = self.settings
         level = self.levels[0] if share < s.coarse_share else self.levels[-1]
         view = self.view_at(level, self.step)
         rendered = render(
-            self.optimizer.gaussians, view.camera.with_margin(level.margin), settings=self.raster_settings(level)
-        )
+            self.optimizer.gaussians, view.camera.with_margin(level.margin), background=self.backdrop(),
+            settings=self.raster_settings(level),
+        )  # fmt: skip
         valid = None if view.valid is None else torch.from_numpy(view.valid).to(self.device)
         photo = torch.from_numpy(view.planes()).to(self.device)
         pull = self.objective(level, view).pull(rendered.image.detach(), photo, valid)
@@ -157,7 +167,7 @@ class Trainer:
         for view in level.heldout:
             with torch.no_grad():
                 image = render(
-                    self.optimizer.gaussians, view.camera.with_margin(level.margin),
+                    self.optimizer.gaussians, view.camera.with_margin(level.margin), background=self.background,
                     settings=self.raster_settings(level),
                 ).image  # fmt: skip
                 degraded = self.objective(level, view).degraded(image).cpu().numpy()
@@ -219,3 +229,13 @@ class Trainer:
         self.density.pull, self.density.views = take("pull"), take("views")
         self.density.counts = group("density.")
         self.step = checkpoint.step
+
+
+def mean_colour(views: Sequence[View]) -> torch.Tensor:
+    """[3] float32 sRGB: the photos' mean, which stands behind the twin and where no photo has looked."""
+    sums = np.zeros(3)
+    for view in views[:: max(1, len(views) // SPECTRUM_VIEWS)]:
+        full = float(np.iinfo(view.photo.dtype).max)
+        pixels = view.photo if view.mask is None or not view.mask.any() else view.photo[view.mask]
+        sums += pixels.reshape(-1, 3).mean(axis=0) / full
+    return torch.from_numpy(sums / len(views[:: max(1, len(views) // SPECTRUM_VIEWS)])).float()
