@@ -6,7 +6,14 @@ from typing import Any
 
 import bpy
 
-from ..dgs_addon.scene.nodes import COUNT_INPUT, SIZE_INPUT, THRESHOLD_INPUT, VIEWPORT_INPUT, splat_modifier
+from ..dgs_addon.scene.nodes import (
+    COUNT_INPUT,
+    FACE_INPUT,
+    SIZE_INPUT,
+    THRESHOLD_INPUT,
+    VIEWPORT_INPUT,
+    splat_modifier,
+)
 from ..dgs_addon.scene.twin import is_twin
 
 
@@ -53,7 +60,7 @@ class DGS_PT_twin_look(bpy.types.Panel):
         modifier = splat_modifier(context.object)
         sockets = {item.name: item.identifier for item in modifier.node_group.interface.items_tree}
         column = layout.column()
-        for name in (SIZE_INPUT, THRESHOLD_INPUT, COUNT_INPUT, VIEWPORT_INPUT):
+        for name in (SIZE_INPUT, THRESHOLD_INPUT, COUNT_INPUT, VIEWPORT_INPUT, FACE_INPUT):
             if name in sockets:
                 column.prop(modifier, f'["{sockets[name]}"]', text=name)
         if context.scene.render.engine != "CYCLES":

@@ -8,8 +8,8 @@ while the finest band that the photos still hold is missing. The inverted residu
 
 is what is missing in x itself, in the band that the photos hold (|H|^2 > n), and nothing outside
 it. The residual is known inside the photo only and taken as zero beyond, so no border has to be
-invented. x is drawn towards x + d by MAE + SSIM, as robust against single wild pixels as the
-photo's own loss.
+invented. x is drawn towards x + d by a pseudo-Huber difference, so that a few photos that disagree
+do not outvote the rest.
 """
 
 from __future__ import annotations
@@ -121,10 +121,7 @@ class Objective:
             missing = missing / _slope(srgb_to_linear, image).clamp(min=0.1)
         inner = (slice(None), slice(m, m + photo.shape[1]), slice(m, m + photo.shape[2]))
         d = missing[inner]
-        if s.inverse_width:
-            d = d / (d.square() + s.inverse_width**2).sqrt()
-        else:
-            d = d.sign()
+        d = d / (d.square() + s.inverse_width**2).sqrt() if s.inverse_width else d.sign()
         if valid is not None:
             d = d * valid
         gradient[inner] -= (s.inverse_weight / photo.numel()) * d

@@ -5,7 +5,8 @@ passes the centre most closely, at |p x d| (p: point on the ball, d: direction, 
 
     alpha = opacity exp(-0.5 (3 |p x d|)^2)
 
-Every ball is crossed twice; only its front counts. The material gives off the twin's colour as light,
+Every ball is crossed twice; only its front counts. On a card (see `cards`) the distance is that to its
+middle, |p|. The material gives off the twin's colour as light,
 so that lamps leave it unchanged.
 """
 
@@ -51,18 +52,22 @@ def _build() -> Any:
     towards, back = incoming[4], incoming[6]
     emission = graph.node("ShaderNodeEmission", _linear(graph, _colour(graph, towards)), 1.0).outputs[0]
     clear = graph.node("ShaderNodeBsdfTransparent").outputs[0]
-    alpha = graph.math("MULTIPLY", _alpha(graph, towards), graph.math("SUBTRACT", 1.0, back))
+    card = _attribute(graph, "dgs_card", 2)
+    counts = graph.math("MAXIMUM", graph.math("SUBTRACT", 1.0, back), card)
+    alpha = graph.math("MULTIPLY", _alpha(graph, towards, card), counts)
     graph.node("ShaderNodeOutputMaterial", graph.node("ShaderNodeMixShader", alpha, clear, emission).outputs[0])
     return material
 
 
-def _alpha(graph: Graph, towards: Any) -> Any:
+def _alpha(graph: Graph, towards: Any, card: Any) -> Any:
     place = graph.node("ShaderNodeTexCoord").outputs[3]
     turned = graph.node(
         "ShaderNodeVectorTransform", towards, vector_type="VECTOR", convert_from="WORLD", convert_to="OBJECT"
     ).outputs[0]
     ray = graph.vector("NORMALIZE", turned)
-    distance = graph.vector("LENGTH", graph.vector("CROSS_PRODUCT", place, ray))
+    passing = graph.vector("LENGTH", graph.vector("CROSS_PRODUCT", place, ray))
+    more = graph.math("SUBTRACT", graph.vector("LENGTH", place), passing)
+    distance = graph.math("MULTIPLY_ADD", card, more, passing)
     # exp(-0.5 * 3^2 * distance^2)
     power = graph.math("MULTIPLY", graph.math("MULTIPLY", distance, distance), -4.5)
     return graph.math("MULTIPLY", graph.math("EXPONENT", power), _attribute(graph, "dgs_opacity", 2))

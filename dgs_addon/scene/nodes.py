@@ -1,4 +1,7 @@
-"""Geometry nodes that show a twin: one ball per Gaussian, reaching three standard deviations.
+"""Geometry nodes that show a twin: one ball or card per Gaussian, reaching three standard deviations.
+
+Final renders show cards that face the scene's camera (see `cards`). The viewport shows balls, which look
+the same from everywhere, as do renders with 'Face Camera' off (panoramas, mirrors, shadows).
 
 The harmonics of degree 1 are a dot product: colour_c = base_c + v_c . direction, with
 v_c = C1 (-sh_2, -sh_0, sh_1) of that channel. The nodes turn v_c by the object's own rotation, so that
@@ -12,6 +15,7 @@ from typing import Any
 import bpy
 
 from ...core.constants import SH_C0, SH_C1
+from .cards import View, cards, cards_exist
 from .graph import Graph
 from .material import splat_material
 
@@ -22,10 +26,11 @@ _AROUND = 1.08
 #: A ball is never flatter than this share of its length: its inverse matrix must stay usable.
 _FLATTEST = 0.01
 #: Named attributes that the nodes hand to the material.
-COLOUR, OPACITY, GLOSS = "dgs_colour", "dgs_opacity", ("dgs_gloss_red", "dgs_gloss_green", "dgs_gloss_blue")
+COLOUR, OPACITY, CARD = "dgs_colour", "dgs_opacity", "dgs_card"
+GLOSS = ("dgs_gloss_red", "dgs_gloss_green", "dgs_gloss_blue")
 
-SIZE_INPUT, THRESHOLD_INPUT, COUNT_INPUT, VIEWPORT_INPUT = (
-    "Splat Size", "Opacity Threshold", "Max Count", "Max in Viewport",
+SIZE_INPUT, THRESHOLD_INPUT, COUNT_INPUT, VIEWPORT_INPUT, FACE_INPUT = (
+    "Splat Size", "Opacity Threshold", "Max Count", "Max in Viewport", "Face Camera",
 )  # fmt: skip
 _NAME = "Descatter Splats"
 #: More than a scene will hold.
@@ -53,16 +58,42 @@ def _build(name: str, view_dependent: bool) -> Any:
     _interface(tree)
     graph = Graph(tree)
     given = graph.node("NodeGroupInput").outputs
-    points = _fewer(graph, given)
-    points = _colours(graph, points, view_dependent)
-    ball = graph.node("GeometryNodeMeshIcoSphere", _AROUND, 2).outputs[0]
-    ball = graph.node("GeometryNodeSetMaterial", ball, None, splat_material()).outputs[0]
-    instances = graph.node(
-        "GeometryNodeInstanceOnPoints", points, None, ball, None, None,
-        _named(graph, "QUATERNION", "rotation"), _radii(graph, given[1]),
-    ).outputs[0]  # fmt: skip
+    points = _store(graph, _fewer(graph, given), "FLOAT", OPACITY, _opacity(graph))
+    rotation, radii = _named(graph, "QUATERNION", "rotation"), _radii(graph, given[1])
+    slopes = _slopes(graph) if view_dependent else []
+    instances = _balls(graph, points, rotation, radii, slopes)
+    if cards_exist():
+        final = graph.math("SUBTRACT", 1.0, graph.node("GeometryNodeIsViewport").outputs[0])
+        facing = graph.math("MULTIPLY", final, given[5])
+        flat = _cards(graph, points, rotation, radii, slopes)
+        instances = graph.node("GeometryNodeSwitch", facing, instances, flat, input_type="GEOMETRY").outputs[0]
     graph.node("NodeGroupOutput", instances)
     return tree
+
+
+def _balls(graph: Graph, points: Any, rotation: Any, radii: Any, slopes: list[Any]) -> Any:
+    points = _store(graph, points, "FLOAT_VECTOR", COLOUR, _base(graph))
+    if slopes:
+        itself = graph.node("GeometryNodeSelfObject").outputs[0]
+        info = graph.node("GeometryNodeObjectInfo", itself, transform_space="ORIGINAL").outputs
+        turn = next(socket for socket in info if socket.name == "Rotation")
+        for name, slope in zip(GLOSS, slopes, strict=True):
+            turned = graph.node("FunctionNodeRotateVector", slope, turn).outputs[0]
+            points = _store(graph, points, "FLOAT_VECTOR", name, turned)
+    ball = graph.node("GeometryNodeMeshIcoSphere", _AROUND, 2).outputs[0]
+    ball = graph.node("GeometryNodeSetMaterial", ball, None, splat_material()).outputs[0]
+    return graph.node("GeometryNodeInstanceOnPoints", points, None, ball, None, None, rotation, radii).outputs[0]
+
+
+def _cards(graph: Graph, points: Any, rotation: Any, radii: Any, slopes: list[Any]) -> Any:
+    view = View(graph)
+    colour = _base(graph)
+    if slopes:
+        gloss = (graph.vector("DOT_PRODUCT", slope, view.towards) for slope in slopes)
+        colour = graph.vector("ADD", colour, graph.node("ShaderNodeCombineXYZ", *gloss).outputs[0])
+    points = _store(graph, points, "FLOAT_VECTOR", COLOUR, colour)
+    points = _store(graph, points, "FLOAT", CARD, 1.0)
+    return cards(graph, points, view, rotation, radii, splat_material())
 
 
 def _interface(tree: Any) -> None:
@@ -76,8 +107,12 @@ def _interface(tree: Any) -> None:
         (VIEWPORT_INPUT, "NodeSocketInt", 100_000, 0, ALL, "Most splats in the viewport, spread evenly"),
     ):
         socket = new(name, in_out="INPUT", socket_type=kind)
-        socket.default_value, socket.min_value, socket.max_value = default, low, high
         socket.description = text
+        socket.default_value, socket.min_value, socket.max_value = default, low, high
+    if cards_exist():
+        facing = new(FACE_INPUT, in_out="INPUT", socket_type="NodeSocketBool")
+        facing.default_value = True
+        facing.description = "Render exactly as trained, for the scene's camera; off for panoramas and mirrors"
 
 
 def _fewer(graph: Graph, given: Any) -> Any:
@@ -106,27 +141,24 @@ def _radii(graph: Graph, size: Any) -> Any:
     return graph.vector("SCALE", thick, graph.math("MULTIPLY", size, REACH))
 
 
-def _colours(graph: Graph, points: Any, view_dependent: bool) -> Any:
+def _base(graph: Graph) -> Any:
     base = _named(graph, "FLOAT_COLOR", "radiance:base")
-    grey = graph.vector("ADD", graph.vector("SCALE", base, SH_C0), (0.5, 0.5, 0.5))
-    points = _store(graph, points, "FLOAT_VECTOR", COLOUR, grey)
-    points = _store(graph, points, "FLOAT", OPACITY, _opacity(graph))
-    if not view_dependent:
-        return points
-    turn = graph.node(
-        "GeometryNodeObjectInfo", graph.node("GeometryNodeSelfObject").outputs[0], transform_space="ORIGINAL"
-    )
-    rotation = next(socket for socket in turn.outputs if socket.name == "Rotation")
+    return graph.vector("ADD", graph.vector("SCALE", base, SH_C0), (0.5, 0.5, 0.5))
+
+
+def _slopes(graph: Graph) -> list[Any]:
+    """v_c of red, green and blue in the twin's own axes."""
     first, second, third = (
         graph.node("ShaderNodeSeparateXYZ", _named(graph, "FLOAT_VECTOR", f"radiance:sh_{i}")).outputs
         for i in range(3)
     )
-    for channel, name in enumerate(GLOSS):
-        slope = graph.node("ShaderNodeCombineXYZ", third[channel], first[channel], second[channel]).outputs[0]
-        slope = graph.vector("MULTIPLY", slope, (-SH_C1, -SH_C1, SH_C1))
-        turned = graph.node("FunctionNodeRotateVector", slope, rotation).outputs[0]
-        points = _store(graph, points, "FLOAT_VECTOR", name, turned)
-    return points
+    return [
+        graph.vector(
+            "MULTIPLY", graph.node("ShaderNodeCombineXYZ", third[c], first[c], second[c]).outputs[0],
+            (-SH_C1, -SH_C1, SH_C1),
+        )
+        for c in range(3)
+    ]  # fmt: skip
 
 
 def _opacity(graph: Graph) -> Any:

@@ -126,4 +126,4 @@ def test_a_blend_file_from_the_command_line(cloud: GaussianCloud, tmp_path: Path
     subprocess.run([*command, "--out", str(out)], check=True, capture_output=True)
     bpy.ops.wm.open_mainfile(filepath=str(out))
     assert is_twin(bpy.data.objects["twin"]) and bpy.context.scene.camera is not None
-    assert bpy.data.materials["Descatter Splat"].users == 1
+    assert "Descatter Splat" in bpy.data.materials
