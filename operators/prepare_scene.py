@@ -8,15 +8,23 @@ import bpy
 
 
 class DGS_OT_prepare_scene(bpy.types.Operator):
-    """Choose Cycles, enough transparent bounces, and the photos' own colours (Standard)"""
+    """Choose Cycles, enough transparent bounces, and the photos' own colours"""
 
     bl_idname = "dgs.prepare_scene"
     bl_label = "Set Up Rendering"
     bl_options = {"REGISTER", "UNDO"}
 
+    blending: bpy.props.EnumProperty(  # type: ignore[valid-type]
+        name="Blending",
+        items=(
+            ("LIGHT", "As Light", "Splats give off light like any other object (view transform Standard)"),
+            ("TRAINED", "As Trained", "Exactly the engine's picture (view transform Raw); lit objects look wrong"),
+        ),
+    )
+
     def execute(self, context: Any) -> set[str]:
         """Changes the scene's render and colour settings."""
         from ..dgs_addon.scene.material import prepare_scene
 
-        prepare_scene(context.scene)
+        prepare_scene(context.scene, as_trained=self.blending == "TRAINED")
         return {"FINISHED"}

@@ -65,4 +65,6 @@ class DGS_PT_twin_look(bpy.types.Panel):
                 column.prop(modifier, f'["{sockets[name]}"]', text=name)
         if context.scene.render.engine != "CYCLES":
             layout.label(text="Splats look right in Cycles only", icon="ERROR")
-        layout.operator("dgs.prepare_scene")
+        row = layout.row(align=True)
+        row.operator("dgs.prepare_scene", text="Blend as Light").blending = "LIGHT"
+        row.operator("dgs.prepare_scene", text="As Trained").blending = "TRAINED"

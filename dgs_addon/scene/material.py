@@ -3,11 +3,14 @@
 In the ball's own space the Gaussian is round. The largest value that a view ray meets lies where it
 passes the centre most closely, at |p x d| (p: point on the ball, d: direction, both in that space):
 
-    alpha = opacity exp(-0.5 (3 |p x d|)^2)
+    alpha = opacity exp(-0.5 (REACH |p x d|)^2)
 
 Every ball is crossed twice; only its front counts. On a card (see `cards`) the distance is that to its
 middle, |p|. The material gives off the twin's colour as light,
 so that lamps leave it unchanged.
+
+Training blends sRGB-encoded colours; Cycles blends light. Where splats half cover each other the two
+differ (soft edges look wider and brighter as light). `prepare_scene` offers both.
 """
 
 from __future__ import annotations
@@ -19,6 +22,9 @@ import bpy
 from .graph import Graph
 
 NAME = "Descatter Splat"
+#: Splats end at this many standard deviations, where 1/255 of the opacity is left, as in the engine.
+REACH = 3.33
+_LIGHT = "Linear Light"
 #: A twin's look adds up behind this many crossings; each splat is crossed twice.
 TRANSPARENT_BOUNCES = 256
 
@@ -29,8 +35,13 @@ def splat_material() -> Any:
     return existing if existing is not None else _build()
 
 
-def prepare_scene(scene: Any) -> None:
+def prepare_scene(scene: Any, as_trained: bool = False) -> None:
     """Sets what splats need to look right.
+
+    Args:
+        scene: `bpy` scene.
+        as_trained: blend encoded colours, exactly as the engine does, and show them as they are ('Raw');
+            lit objects then look wrong. Else the twin gives off light like any other object.
 
     Cycles ends rays after few transparent surfaces and, with roulette, grainily: both show as black
     specks. Other view transforms than 'Standard' change the photos' colours.
@@ -38,8 +49,9 @@ def prepare_scene(scene: Any) -> None:
     scene.render.engine = "CYCLES"
     scene.cycles.transparent_max_bounces = max(scene.cycles.transparent_max_bounces, TRANSPARENT_BOUNCES)
     scene.cycles.min_transparent_bounces = TRANSPARENT_BOUNCES
-    scene.view_settings.view_transform = "Standard"
+    scene.view_settings.view_transform = "Raw" if as_trained else "Standard"
     scene.view_settings.look = "None"
+    splat_material().node_tree.nodes[_LIGHT].outputs[0].default_value = 0.0 if as_trained else 1.0
 
 
 def _build() -> Any:
@@ -68,8 +80,7 @@ def _alpha(graph: Graph, towards: Any, card: Any) -> Any:
     passing = graph.vector("LENGTH", graph.vector("CROSS_PRODUCT", place, ray))
     more = graph.math("SUBTRACT", graph.vector("LENGTH", place), passing)
     distance = graph.math("MULTIPLY_ADD", card, more, passing)
-    # exp(-0.5 * 3^2 * distance^2)
-    power = graph.math("MULTIPLY", graph.math("MULTIPLY", distance, distance), -4.5)
+    power = graph.math("MULTIPLY", graph.math("MULTIPLY", distance, distance), -0.5 * REACH**2)
     return graph.math("MULTIPLY", graph.math("EXPONENT", power), _attribute(graph, "dgs_opacity", 2))
 
 
@@ -82,7 +93,12 @@ def _colour(graph: Graph, towards: Any) -> Any:
 
 
 def _linear(graph: Graph, encoded: Any) -> Any:
-    """sRGB-encoded values in linear light, by the standard's two pieces; below 0 is 0."""
+    """sRGB-encoded values in linear light, by the standard's two pieces; below 0 is 0.
+
+    The node named by `_LIGHT` fades from the encoded values (0) to linear light (1).
+    """
+    light = graph.node("ShaderNodeValue", name=_LIGHT, label=_LIGHT).outputs[0]
+    light.default_value = 1.0
     channels = []
     for channel in graph.node("ShaderNodeSeparateXYZ", encoded).outputs:
         value = graph.math("MAXIMUM", channel, 0.0)
@@ -90,7 +106,8 @@ def _linear(graph: Graph, encoded: Any) -> Any:
         straight = graph.math("MULTIPLY", value, 1 / 12.92)
         bright = graph.math("GREATER_THAN", value, 0.04045)
         step = graph.math("SUBTRACT", curve, straight)
-        channels.append(graph.math("MULTIPLY_ADD", bright, step, straight))
+        linear = graph.math("MULTIPLY_ADD", bright, step, straight)
+        channels.append(graph.math("MULTIPLY_ADD", light, graph.math("SUBTRACT", linear, value), value))
     return graph.node("ShaderNodeCombineXYZ", *channels).outputs[0]
 
 

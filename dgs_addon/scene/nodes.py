@@ -1,4 +1,4 @@
-"""Geometry nodes that show a twin: one ball or card per Gaussian, reaching three standard deviations.
+"""Geometry nodes that show a twin: one ball or card per Gaussian.
 
 Final renders show cards that face the scene's camera (see `cards`). The viewport shows balls, which look
 the same from everywhere, as do renders with 'Face Camera' off (panoramas, mirrors, shadows).
@@ -17,10 +17,8 @@ import bpy
 from ...core.constants import SH_C0, SH_C1
 from .cards import View, cards, cards_exist
 from .graph import Graph
-from .material import splat_material
+from .material import REACH, splat_material
 
-#: Balls reach this many standard deviations, as the shader knows.
-REACH = 3.0
 #: Faces of the ball lie inside its vertices' sphere; this puts them around the sphere instead.
 _AROUND = 1.08
 #: A ball is never flatter than this share of its length: its inverse matrix must stay usable.
