@@ -175,7 +175,7 @@ def _add_blend(commands: argparse._SubParsersAction[OneLineParser]) -> None:
     )
     parser.add_argument("twin", type=Path, metavar="TWIN.ply", help="3DGS PLY")
     parser.add_argument("--cameras", type=Path, metavar="MODEL",
-                        help="folder of a COLMAP model or a transforms.json; one camera is placed if not given")  # fmt: skip
+                        help="folder of a COLMAP model or a transforms.json; one is placed if not given")  # fmt: skip
     parser.add_argument("--photos", type=Path, metavar="DIR", help="photos to show behind the cameras")
     parser.add_argument("--out", type=Path, required=True, metavar="FILE.blend", help="the scene to write")
 

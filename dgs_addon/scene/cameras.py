@@ -40,7 +40,7 @@ def add_cameras(path: Path, photos: Path | None, scene: Any) -> list[Any]:
     pictures = _pictures(photos) if photos is not None else {}
     collection = bpy.data.collections.new("Cameras")
     scene.collection.children.link(collection)
-    objects = []
+    objects: list[Any] = []
     for name in sorted(cameras):
         thing = bpy.data.objects.new(Path(name).stem, bpy.data.cameras.new(Path(name).stem))
         collection.objects.link(thing)

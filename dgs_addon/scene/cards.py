@@ -52,7 +52,8 @@ def cards(graph: Graph, points: Any, view: View, rotation: Any, radii: Any, mate
     card = graph.node("GeometryNodeMeshCircle", _CORNERS, 1.0824, fill_type="NGON").outputs[0]
     card = graph.node("GeometryNodeSetMaterial", card, None, material).outputs[0]
     instances = graph.node("GeometryNodeInstanceOnPoints", points, None, card).outputs[0]
-    return graph.node("GeometryNodeSetInstanceTransform", instances, None, _matrix(graph, view, rotation, radii)).outputs[0]
+    matrix = _matrix(graph, view, rotation, radii)
+    return graph.node("GeometryNodeSetInstanceTransform", instances, None, matrix).outputs[0]
 
 
 def _matrix(graph: Graph, view: View, rotation: Any, radii: Any) -> Any:

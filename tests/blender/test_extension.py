@@ -13,8 +13,8 @@ import pytest
 
 pytest.importorskip("bpy")
 
-import dgs  # noqa: E402
-from dgs.core.version import VERSION  # noqa: E402
+import dgs
+from dgs.core.version import VERSION
 
 ROOT = Path(dgs.__path__[0])
 
