@@ -174,8 +174,8 @@ def _train(
     medium: Medium, threads: int, device: str, progress: Progress, watch: Stopwatch,
 ) -> Trained:  # fmt: skip
     from ..photos.undistort import undistorted_views
-    from ..training.settings import TrainingSettings
     from ..training.run import train
+    from ..training.settings import TrainingSettings
 
     views = undistorted_views(registered, reconstruction)
     kept = [view for view in views if view.name not in held]

@@ -8,6 +8,6 @@
 
 from __future__ import annotations
 
-from .interface import BACKENDS, Rendered, RasterSettings, ScreenStatistics, render
+from .interface import BACKENDS, RasterSettings, Rendered, ScreenStatistics, render
 
 __all__ = ["BACKENDS", "RasterSettings", "Rendered", "ScreenStatistics", "render"]

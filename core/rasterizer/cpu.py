@@ -17,7 +17,7 @@ from ..errors import DeviceError
 from ..gaussians import Gaussians
 from .binning_kernels import begin_pairs, count_pairs, depth_order, place_pairs
 from .blending_kernels import DEPTH, RED, SLOT_WIDTH, SPLAT_WIDTH, backward_tiles, blend_tiles
-from .interface import Rendered, RasterSettings, ScreenStatistics
+from .interface import RasterSettings, Rendered, ScreenStatistics
 from .projection_kernels import BLOCK, CULL_REASONS, SEEN, VIEW_LENGTH, project, project_backward
 
 #: The depth order is cut into this many parts for the parallel counting sort; a constant, so that

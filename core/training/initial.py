@@ -41,7 +41,9 @@ def _seen(camera: Camera, positions: Array) -> tuple[Array, Array]:
     return uv[inside], p[inside, 2]
 
 
-def lifted_points(camera: Camera, positions: Array, count: int, margin: float, random: np.random.Generator) -> tuple[Array, Array]:
+def lifted_points(
+    camera: Camera, positions: Array, count: int, margin: float, random: np.random.Generator
+) -> tuple[Array, Array]:
     """Draws `count` pixels evenly over the frame and lifts them to the interpolated depth.
 
     Args:

@@ -16,7 +16,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
 import torch
 from torch import Tensor
 
@@ -78,7 +77,8 @@ class Objective:
     """
 
     def __init__(self, psf: PointSpread | None, height: int, width: int, margin: int, space: BlurSpace,
-                 settings: TrainingSettings, device: torch.device, ratio: NoiseToSignal | None = None) -> None:  # fmt: skip
+                 settings: TrainingSettings, device: torch.device,
+                 ratio: NoiseToSignal | None = None) -> None:  # fmt: skip
         self.settings, self.margin, self.space, self.device = settings, margin, space, device
         self.blur = BlurOperator(psf, height, width, margin, device)
         self.inverse = None
