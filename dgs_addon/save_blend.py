@@ -7,9 +7,10 @@ from typing import Any
 
 
 def save_blend(ply: Path, cameras: Path | None, out: Path, photos: Path | None = None) -> None:
-    """Writes a scene that renders the twin in Cycles as it is opened.
+    """Writes a scene that renders the twin in Cycles, with the engine's own colours, as it is opened.
 
-    The process's own Blender scene is replaced.
+    The process's own Blender scene is replaced. Lit objects added to the scene later need the panel's
+    'Blend as Light'.
 
     Args:
         ply: 3DGS PLY.
@@ -44,7 +45,7 @@ def save_blend(ply: Path, cameras: Path | None, out: Path, photos: Path | None =
         add_cameras(cameras, photos, scene)
     else:
         _camera_before(twin, scene)
-    prepare_scene(scene)
+    prepare_scene(scene, as_trained=True)
     scene.cycles.samples = 32
     scene.cycles.use_denoising = False  # splats have no noise to remove, and not every build has a denoiser
     bpy.context.view_layer.objects.active = twin

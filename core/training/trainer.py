@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
@@ -175,7 +176,7 @@ class Trainer:
             errors.append(float(error[:, view.valid].mean() if view.valid is not None else error.mean()))
         if not errors:
             return None
-        return float(-10 * np.log10(max(np.mean(errors), 1e-10)))
+        return -10.0 * math.log10(max(sum(errors) / len(errors), 1e-10))
 
     def result(self) -> Gaussians:
         """The twin so far: in the world of the cameras, as the usual viewers draw it."""

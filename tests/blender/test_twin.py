@@ -127,3 +127,4 @@ def test_a_blend_file_from_the_command_line(cloud: GaussianCloud, tmp_path: Path
     bpy.ops.wm.open_mainfile(filepath=str(out))
     assert is_twin(bpy.data.objects["twin"]) and bpy.context.scene.camera is not None
     assert "Descatter Splat" in bpy.data.materials
+    assert bpy.context.scene.view_settings.view_transform == "Raw"
