@@ -153,3 +153,14 @@ def test_short_files():
     files = [file for package in PACKAGES for file in sources(package) if "kernels" not in file.name]
     lengths = {str(file.relative_to(ROOT)): len(file.read_text("utf-8").splitlines()) for file in files}
     assert {name: length for name, length in lengths.items() if length > 350} == {}
+
+
+def test_every_pinned_requirement_is_locked_to_the_same_version():
+    def pins(name: str) -> dict[str, str]:
+        lines = (ROOT / name).read_text("utf-8").splitlines()
+        return dict(line.strip().split("==") for line in lines if "==" in line and not line.startswith("#"))
+
+    wanted = pins("requirements.txt") | pins("requirements-dev.txt")
+    locked = pins("requirements.lock")
+    assert len(wanted) > 10
+    assert {name: locked.get(name) for name in wanted} == wanted
