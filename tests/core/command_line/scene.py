@@ -6,8 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from PIL import Image
-
 from dgs.core.camera import Camera
 from dgs.core.formats.colmap import write_model
 from dgs.core.gaussians import Gaussians
@@ -16,6 +14,7 @@ from dgs.core.imaging.operator import BlurOperator
 from dgs.core.imaging.psf import parse_psf
 from dgs.core.rasterizer import render
 from dgs.core.views import SparsePoints
+from PIL import Image
 
 WIDTH, HEIGHT, SIGMA = 160, 120, 2.5
 

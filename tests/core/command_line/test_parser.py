@@ -5,9 +5,8 @@ import sys
 import time
 from pathlib import Path
 
-import pytest
-
 import dgs
+import pytest
 from dgs.core.command_line import run
 from dgs.core.command_line.parser import build_parser, duration
 

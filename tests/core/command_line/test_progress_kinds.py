@@ -6,7 +6,6 @@ import os
 import signal
 
 import pytest
-
 from dgs.core.command_line.interruption import Interruption
 from dgs.core.command_line.progress_bars import Bars
 from dgs.core.command_line.progress_json import JsonLines

@@ -7,13 +7,12 @@ import subprocess
 import sys
 from pathlib import Path
 
+import dgs
 import numpy as np
 import pytest
-from PIL import Image
-
-import dgs
 from dgs.core.formats.ply import read_ply
 from dgs.core.report.schema import problems
+from PIL import Image
 
 sys.path.insert(0, str(Path(__file__).parent))
 from scene import HEIGHT, SIGMA, WIDTH, write_scene

@@ -2,11 +2,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
-
 from dgs.core.camera import Camera
 from dgs.core.errors import CameraError
 from dgs.core.evaluation.poses import align_similarity, pose_errors, scene_depth
+from scipy.spatial.transform import Rotation
 
 POINTS = np.random.default_rng(1).uniform(-2, 2, (300, 3)) * [1, 1, 0.1]
 

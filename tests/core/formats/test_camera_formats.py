@@ -6,10 +6,6 @@ from pathlib import Path
 import numpy as np
 import pycolmap
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from scipy.spatial.transform import Rotation
-
 from dgs.core import conventions
 from dgs.core.camera import Camera
 from dgs.core.errors import CameraError, FormatError
@@ -20,6 +16,9 @@ from dgs.core.photos.load import Photo
 from dgs.core.sfm.known import load_cameras
 from dgs.core.sfm.reconstruction import Pose
 from dgs.core.views import SparsePoints
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 ROTATION = Rotation.from_rotvec([0.4, -0.2, 1.0]).as_matrix()
 PARAMS = {

@@ -7,11 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import tifffile
-from PIL import Image
-
 from dgs.core.errors import PhotoError
 from dgs.core.photos.load import load_photo, load_photos
 from dgs.core.progress import Silent
+from PIL import Image
 
 
 class Notes(Silent):

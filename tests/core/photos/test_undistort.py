@@ -1,10 +1,9 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.ndimage import gaussian_filter
-
 from dgs.core.lens import Lens
 from dgs.core.photos.undistort import Undistortion
+from scipy.ndimage import gaussian_filter
 
 BENT = Lens("SIMPLE_RADIAL", 160, 120, (150.0, 80.0, 60.0, -0.12))
 

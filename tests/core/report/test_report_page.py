@@ -5,10 +5,9 @@ import re
 from html.parser import HTMLParser
 from pathlib import Path
 
+import dgs
 import numpy as np
 import pytest
-
-import dgs
 from dgs.core.camera import Camera
 from dgs.core.imaging.psf import parse_psf
 from dgs.core.report.charts import Axis, Marker, line_chart

@@ -11,8 +11,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.ndimage import gaussian_filter, map_coordinates
-
 from dgs.core.camera import Camera
 from dgs.core.errors import CameraError, Cancelled, DegenerateMotion, NativeCrash, TooFewPhotos
 from dgs.core.evaluation.poses import pose_errors
@@ -20,6 +18,7 @@ from dgs.core.photos.load import Photo
 from dgs.core.progress import Silent
 from dgs.core.sfm import find
 from dgs.core.sfm.settings import SfmSettings
+from scipy.ndimage import gaussian_filter, map_coordinates
 
 WIDTH, HEIGHT, FOCAL, SIGMA = 400, 300, 420.0, 3.0
 
