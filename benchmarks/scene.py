@@ -35,7 +35,11 @@ def surface_points(count: int, random: np.random.Generator) -> np.ndarray:
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     ball = directions * [0.75, 0.5, 0.5]
     table = np.stack(
-        [random.uniform(-3, 3, count - on_ball), np.full(count - on_ball, 0.5), random.uniform(-1.6, 5, count - on_ball)],
+        [
+            random.uniform(-3, 3, count - on_ball),
+            np.full(count - on_ball, 0.5),
+            random.uniform(-1.6, 5, count - on_ball),
+        ],
         axis=1,
     )  # fmt: skip
     return np.concatenate([ball, table]) + random.normal(scale=0.004, size=(count, 3))

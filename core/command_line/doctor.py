@@ -14,7 +14,8 @@ def doctor_command(options: argparse.Namespace, progress: Reporting) -> int:
     """Prints a line per check; 2 if one fails, with the way out in its line."""
     from ..pipeline.machine import choose_device, machine, use_threads, versions
 
-    for name, value in versions().items():
+    facts: dict[str, object] = {**versions()}
+    for name, value in facts.items():
         print(f"{name:>14}  {value}")
     threads = use_threads(options.threads)
     device = choose_device(options.device)
@@ -62,6 +63,7 @@ def _rasterizer() -> str:
         image = render(gaussians, camera, backend=backend).image
         image.square().sum().backward()
         images.append(image.detach())
+        assert gaussians.means.grad is not None
         gradients.append(gaussians.means.grad)
     apart = float((images[0] - images[1]).abs().max())
     steep = float((gradients[0] - gradients[1]).abs().max() / gradients[0].abs().max())

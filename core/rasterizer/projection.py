@@ -164,7 +164,7 @@ def visible(
         index: [M] int64, ascending.
         culled: number of the others by the first reason that applied.
     """
-    culled = {}
+    culled: dict[str, int] = {}
     index = torch.arange(len(gaussians), device=gaussians.means.device)
 
     def keep(mask: Tensor, reason: str) -> None:

@@ -105,7 +105,8 @@ def _charts(report: Mapping[str, Any], psf: PointSpread | None) -> list[dict[str
             return math.sqrt(band["finest"] * band["coarsest"])
 
         charts.append(
-            ("Detail that came back", "Against the sharp truth: gain 1 is all of it, correlation 1 is nothing invented.",
+            ("Detail that came back",
+             "Against the sharp truth: gain 1 is all of it, correlation 1 is nothing invented.",
              line_chart(
                  "Gain and correlation by period",
                  [("gain", [(centre(b), b["gain"]) for b in bands]),

@@ -94,7 +94,8 @@ def test_the_page_needs_no_other_file():
 def test_the_page_says_what_a_user_must_know():
     text = page(REPORT, pictures(), parse_psf("gaussian:5"), cameras())
     for words in ("25.50", "38.25", "Detail finer than about 9.03 px", "took part in finding the cameras",
-                  "lost.jpg", "1\u202f234", "61 s", "1 h 1 min", "A &lt;note&gt;", "photos &amp; &lt;b&gt;more"):  # fmt: skip
+                  "lost.jpg", "1\u202f234", "61 s", "1 h 1 min", "A &lt;note&gt;",
+                  "photos &amp; &lt;b&gt;more"):  # fmt: skip
         assert words in text, words
     assert "prefers-color-scheme: dark" in text
     assert text.count("<svg") == 5  # loss, accuracy, bands, transfer, map
