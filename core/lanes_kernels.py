@@ -38,6 +38,11 @@ class Lanes:
         self.builder = builder
         self.value = value
 
+    @staticmethod
+    def kind() -> ir.Type:
+        """The type of 16 floats, for memory that holds them."""
+        return VECTOR
+
     @property
     def is_vector(self) -> bool:
         return isinstance(self.value.type, ir.VectorType)

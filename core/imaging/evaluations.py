@@ -16,12 +16,13 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from ..compiled import run
+from ..constants import TILE
 from .psf import PointSpread, gaussian_taps
 
 #: What the reduced-resolution blur may differ by, as a share of the frame's range.
 REDUCED_TOLERANCE = 1e-4
-#: Rows that are worth handing to a thread.
-_GRAIN = 24
+#: Blocks of 16 rows that are worth handing to a thread.
+_GRAIN = 4
 
 Array = NDArray[np.float64]
 
@@ -80,40 +81,43 @@ def folded(gradient: Tensor, vertical: int, horizontal: int) -> Tensor:
 
 
 class Separable:
-    """Vertical and horizontal taps in compiled code, for kernels that are symmetric along each axis."""
+    """Vertical and horizontal taps for kernels that are symmetric along each axis.
+
+    In compiled code for float32 and at least 16 columns; else as products of banded matrices.
+    """
 
     name = "separable"
 
     def __init__(self, vertical: Array, horizontal: Array, frame: Frame, dtype: torch.dtype) -> None:
         self.frame = frame
-        self.half_v, self.half_h = (_half(taps, dtype) for taps in (vertical, horizontal))
+        self.half_v, self.half_h = (t[t.size // 2 :].astype(np.float32) for t in (vertical, horizontal))
+        self.matrices: tuple[Tensor, Tensor] | None = None
+        if dtype != torch.float32 or frame.width < TILE:
+            down = torch.from_numpy(blur_matrix(vertical, frame.height, frame.margin))
+            across = torch.from_numpy(blur_matrix(horizontal, frame.width, frame.margin))
+            self.matrices = down.to(dtype), across.to(dtype)
 
     def apply(self, frame: Tensor) -> Tensor:
+        if self.matrices is not None:
+            return self.matrices[0] @ frame @ self.matrices[1].T
         from .blur_kernels import separable_apply
 
         f = self.frame
         out = torch.empty((frame.shape[0], f.height, f.width), dtype=frame.dtype)
         arguments = (_numpy(frame), out.numpy(), self.half_v, self.half_h, f.margin)
-        run(separable_apply, frame.shape[0] * f.height, *arguments, grain=_GRAIN)
+        run(separable_apply, frame.shape[0] * -(-f.height // TILE), *arguments, grain=_GRAIN)
         return out
 
     def adjoint(self, photo: Tensor) -> Tensor:
+        if self.matrices is not None:
+            return self.matrices[0].T @ photo @ self.matrices[1]
         from .blur_kernels import separable_adjoint
 
         f = self.frame
         out = torch.empty((photo.shape[0], *f.rendered), dtype=photo.dtype)
         arguments = (_numpy(photo), out.numpy(), self.half_v, self.half_h, f.margin)
-        run(separable_adjoint, photo.shape[0] * f.rendered[0], *arguments, grain=_GRAIN)
+        run(separable_adjoint, photo.shape[0] * -(-f.rendered[0] // TILE), *arguments, grain=_GRAIN)
         return out
-
-
-def _half(taps: Array, dtype: torch.dtype) -> NDArray[np.floating]:
-    from .blur_kernels import PAIRS
-
-    radius = taps.size // 2
-    padded = np.zeros(1 + -(-radius // PAIRS) * PAIRS)
-    padded[: radius + 1] = taps[radius:]
-    return padded.astype(np.float32 if dtype == torch.float32 else np.float64)
 
 
 class Direct:
