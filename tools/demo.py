@@ -19,9 +19,9 @@ OUT = Path("demo_output")
 SET, TWIN = OUT / "photos_of_a_ball", OUT / "twin"
 BLEND = OUT / "twin.blend"
 
-#: A rail of 24 views at 480x320; sigma 3 px there is what 5 px are at 800x533.
+#: A rail of 20 views at 480x320; sigma 3 px there is what 5 px are at 800x533.
 PSF = "gaussian:3"
-SYNTHESIZE = ["synthesize", "--out", str(SET), "--views", "24", "--size", "480x320", "--psf", PSF]
+SYNTHESIZE = ["synthesize", "--out", str(SET), "--views", "20", "--size", "480x320", "--psf", PSF]
 RECONSTRUCT = [
     "reconstruct", str(SET / "photos"), "--out", str(TWIN), "--psf", PSF,
     "--truth", str(SET / "sharp"), "--time-limit", "90s",
@@ -64,7 +64,7 @@ def main() -> int:
     else:
         shutil.rmtree(ROOT / TWIN, ignore_errors=True)
         (ROOT / BLEND).unlink(missing_ok=True)
-        run("Rendering 24 photos of a ball with Blender, through a medium that blurs", SYNTHESIZE)
+        run("Rendering 20 photos of a ball with Blender, through a medium that blurs", SYNTHESIZE)
         run("Reconstructing the ball from the blurred photos", RECONSTRUCT)
         (ROOT / OUT / "command.json").write_text(json.dumps([SYNTHESIZE, RECONSTRUCT]), "utf-8")
         figures = report()
