@@ -67,6 +67,7 @@ def find_cameras(
         )
     started = time.perf_counter()
     progress.stage("cameras", len(photos))
+    made = not work_dir.exists()
     work_dir.mkdir(parents=True, exist_ok=True)
     folder = Path(tempfile.mkdtemp(prefix="sfm-", dir=work_dir))
     try:
@@ -86,6 +87,8 @@ def find_cameras(
         )
     finally:
         shutil.rmtree(folder, ignore_errors=True)
+        if made and not any(work_dir.iterdir()):
+            work_dir.rmdir()
 
 
 def _environment(threads: int) -> dict[str, str]:
@@ -94,6 +97,8 @@ def _environment(threads: int) -> dict[str, str]:
     environment["PYTHONPATH"] = os.pathsep.join(p for p in sys.path if p)
     environment["OMP_WAIT_POLICY"] = "passive"
     environment["OMP_NUM_THREADS"] = str(threads)
+    # Small matrices only: scipy's threaded BLAS spins while it waits, and starves everything else.
+    environment["OPENBLAS_NUM_THREADS"] = "1"
     environment["GLOG_minloglevel"] = "3"
     return environment
 
@@ -111,7 +116,7 @@ def _run(
         attempts: list[Attempt] = []
         chosen: Attempt | None = None
         assert child.stdout is not None
-        for message in _messages(child.stdout, progress):
+        for message in _messages(child.stdout, progress, settings.hard_limit):
             if "joined" in message:
                 progress.advance(min(given, int(message["joined"])))
             elif "attempt" in message:
@@ -140,7 +145,7 @@ def _run(
                 stream.close()
 
 
-def _messages(stream: IO[bytes], progress: Progress) -> Any:
+def _messages(stream: IO[bytes], progress: Progress, limit: float) -> Any:
     """JSON lines of the child as they come; looks for the user's wish to stop ten times a second."""
     lines: queue.Queue[bytes | None] = queue.Queue()
 
@@ -150,9 +155,15 @@ def _messages(stream: IO[bytes], progress: Progress) -> Any:
         lines.put(None)
 
     threading.Thread(target=read, daemon=True).start()
+    deadline = time.perf_counter() + limit
     while True:
         if progress.cancelled():
             raise Cancelled("Stopped while finding the cameras")
+        if time.perf_counter() > deadline:
+            raise CameraError(
+                f"No cameras were found within {limit:g} s",
+                "Give fewer or smaller photos (--max-size), or known cameras with --cameras",
+            )
         try:
             line = lines.get(timeout=0.1)
         except queue.Empty:

@@ -19,6 +19,8 @@ from .sharpen import as_bytes, wiener
 
 #: A camera that moves by less than this share of the distance only turns, as far as photos can tell.
 STILL = 0.03
+#: Relative gain below which the mapper's own bundle adjustments stop.
+MAPPER_TOLERANCE = 1e-6
 
 
 def filtered_greys(job: Job, noise_to_signal: float) -> dict[str, NDArray[np.float32]]:
@@ -83,6 +85,7 @@ def match(job: Job, recipe: Recipe, database: Path) -> None:
     verification = pycolmap.TwoViewGeometryOptions()
     verification.min_num_inliers = recipe.min_inliers
     verification.ransac.random_seed = recipe.seed
+    verification.ransac.max_num_trials = recipe.trials
     names = None
     if len(job.images) >= job.settings.choose_pairs_from:
         names = choose_pairs(database, job.settings)
@@ -113,6 +116,7 @@ def map_incrementally(
     # The patch alignment and its adjustment come after; exactness here would be thrown away.
     options.ba_global_frames_ratio = options.ba_global_points_ratio = 1.4
     options.ba_global_max_refinements = 2
+    options.ba_global_function_tolerance = options.ba_local_function_tolerance = MAPPER_TOLERANCE
     output.mkdir(parents=True, exist_ok=True)
     models = pycolmap.incremental_mapping(database, images, output, options, next_image_callback=joined)
     return sorted(models.values(), key=lambda m: (-m.num_reg_images(), -m.num_points3D()))

@@ -85,6 +85,15 @@ def pixel_exact(model: Any, greys: dict[str, NDArray[np.float32]], settings: Ref
     return refined
 
 
+def compile_early(settings: RefineSettings) -> None:
+    """Compiles the kernel for the types that `_aligned` calls it with; does nothing else."""
+    align(
+        0, 0, np.zeros((1, 1, 1), np.float32), np.zeros((1, 2), np.int32), np.zeros((0, 2), np.int32),
+        np.zeros((0, 4)), np.zeros((0, 4)),
+        settings.radius, settings.stride, settings.steps, settings.reach, np.zeros((0, 4)),
+    )  # fmt: skip
+
+
 def _poses(model: Any, ids: list[int]) -> dict[str, Floats]:
     poses = [model.images[i].cam_from_world() for i in ids]
     rotations = np.array([p.rotation.matrix() for p in poses])
@@ -280,6 +289,7 @@ def _adjusted(model: Any, views: Views, tracks: Tracks, settings: RefineSettings
     options.ceres.loss_function_type = pycolmap.LossFunctionType.CAUCHY
     options.ceres.loss_function_scale = 0.5 * settings.inlier
     options.ceres.solver_options.max_num_iterations = settings.iterations
+    options.ceres.solver_options.function_tolerance = settings.tolerance
     for limit in (4.0 * settings.inlier, settings.inlier):
         pycolmap.bundle_adjustment(result, options)
         _drop_misfits(result, limit)

@@ -20,6 +20,7 @@ class Recipe:
         guided: match again along the epipolar lines that the first matches gave. Connects sets
             whose first matches are few (7 -> 14 of 14 on a ring of photos).
         min_inliers: matches that make a pair.
+        trials: of a pair's RANSAC at most; pairs without overlap would take all of COLMAP's 10,000.
         init_inliers: matches of the first pair.
         pose_inliers, pose_ratio: what a photo needs to join.
         seed: another seed takes another course through the same matches.
@@ -37,6 +38,7 @@ class Recipe:
     pose_inliers: int = 30
     pose_ratio: float = 0.25
     seed: int = 0
+    trials: int = 2000
 
 
 @dataclass(frozen=True)
@@ -53,7 +55,8 @@ class RefineSettings:
         observations: at most this many are kept in all, longest tracks first.
         rounds: alignment and bundle adjustment this often; 0 switches it off.
         inlier: largest reprojection error in px after the adjustment.
-        iterations: of one bundle adjustment.
+        iterations, tolerance: of one bundle adjustment: steps at most, and the relative gain that a
+            step must bring (COLMAP asks for none and always takes all steps).
     """
 
     radius: int = 6
@@ -67,6 +70,7 @@ class RefineSettings:
     rounds: int = 2
     inlier: float = 1.0
     iterations: int = 50
+    tolerance: float = 1e-6
 
 
 @dataclass(frozen=True)
@@ -82,6 +86,7 @@ class SfmSettings:
         vote_features, minimum_votes, partners: features per photo that vote for pairs, votes that
             beat chance, and pairs that a photo asks for.
         time_limit: seconds after which no further recipe is begun.
+        hard_limit: seconds after which the child process is ended, whatever it does.
         minimum_share: of registered photos below which the next recipe is tried.
         refine: the patch alignment.
     """
@@ -94,6 +99,7 @@ class SfmSettings:
     minimum_votes: int = 8
     partners: int = 16
     time_limit: float = 60.0
+    hard_limit: float = 300.0
     minimum_share: float = 0.75
     refine: RefineSettings = field(default_factory=RefineSettings)
 

@@ -45,10 +45,14 @@ def main(folder: Path) -> int:
     from dgs.core import compiled
     from dgs.core.sfm import attempts
     from dgs.core.sfm.job import read_job
+    from dgs.core.sfm.refine import compile_early
 
     job = read_job(folder)
     compiled.set_threads(job.settings.threads)
     started = time.perf_counter()
+    # Native code extracts features without the GIL meanwhile. No daemon: a process that ends amid a
+    # compilation may crash.
+    threading.Thread(target=compile_early, args=(job.settings.refine,)).start()
     outcome = attempts.run(job, say)
     say(**{outcome.kind: outcome.message, "seconds": time.perf_counter() - started})
     return 0

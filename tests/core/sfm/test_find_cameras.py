@@ -144,6 +144,13 @@ def test_cancelling_ends_the_child(blurred: tuple[dict[str, Camera], list[Photo]
     assert list(tmp_path.iterdir()) == []
 
 
+def test_the_search_ends_at_its_limit(blurred: tuple[dict[str, Camera], list[Photo]], tmp_path: Path) -> None:
+    work = tmp_path / "sfm"
+    with pytest.raises(CameraError, match="within 0.5 s"):
+        find.find_cameras(blurred[1], kernel(SIGMA), SfmSettings(hard_limit=0.5), work, Silent())
+    assert not work.exists()
+
+
 @pytest.mark.skipif(os.name != "posix", reason="signals")
 def test_an_abort_in_native_code_is_an_error(
     blurred: tuple[dict[str, Camera], list[Photo]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
