@@ -1,0 +1,24 @@
+"""Lets the training's tests import `training_scenes`."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+
+@pytest.fixture(autouse=True)
+def one_thread():
+    """Small frames gain nothing from threads; tests that compare thread counts set their own."""
+    import torch
+    from dgs.core import compiled
+
+    before, torch_before = compiled.threads(), torch.get_num_threads()
+    compiled.set_threads(1)
+    torch.set_num_threads(1)
+    yield
+    compiled.set_threads(before)
+    torch.set_num_threads(torch_before)
