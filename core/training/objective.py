@@ -112,9 +112,9 @@ class Objective:
             return Pull(loss, gradient)
         known = photo if self.space == "srgb" else srgb_to_linear(photo)
         residual = known - blurred
-        if not weight:
-            loss = float(residual.abs().nanmean())
         residual = torch.where(residual.isfinite() if valid is None else residual.isfinite() & valid, residual, 0.0)
+        if not weight:
+            loss = float(residual.abs().mean())
         m = self.margin
         missing = self.inverse.apply(torch.nn.functional.pad(residual, (m, m, m, m)))
         if self.space == "linear":

@@ -23,6 +23,8 @@ def variation_gradient(image: Tensor) -> Tensor:
     Args:
         image: [3, H, W] float32.
 
+    Pixels of the last row have no difference downwards; those of the last column have none at all.
+
     Returns:
         [3, H, W]; each value lies in [-4, 4].
     """
@@ -36,8 +38,8 @@ def variation_gradient(image: Tensor) -> Tensor:
         return torch.from_numpy(out)
     leaf = image.detach().requires_grad_()
     with torch.enable_grad():
-        right = leaf[:, :-1, 1:] - leaf[:, :-1, :-1]
-        down = leaf[:, 1:, :-1] - leaf[:, :-1, :-1]
+        right = leaf[:, :, 1:] - leaf[:, :, :-1]
+        down = torch.nn.functional.pad(leaf[:, 1:, :-1] - leaf[:, :-1, :-1], (0, 0, 0, 1))
         total = (right.square().sum(0) + down.square().sum(0) + SMOOTH**2).sqrt().sum()
         (gradient,) = torch.autograd.grad(total, leaf)
     return gradient
