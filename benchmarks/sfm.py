@@ -5,12 +5,14 @@
 
 FOLDER holds `blur5/` (photos) and, to compare with, `reference_cameras/` (a COLMAP model or a
 transforms.json); folders that are not there are skipped. px-eq: the error of a camera's centre over
-the depth of its scene times the focal length, after alignment (see core/evaluation/poses.py).
+the depth of its scene times the focal length, after alignment (see core/evaluation/poses.py). cpu: seconds
+of processor time in all threads, which other programs disturb less than the seconds on the clock.
 """
 
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 import tempfile
 import time
@@ -42,16 +44,22 @@ def gaussian(sigma: float) -> np.ndarray | None:
     return np.asarray(np.outer(line, line) / line.sum() ** 2)
 
 
+def _processor_time() -> float:
+    """Of this process and of its children that ended, in s."""
+    times = os.times()
+    return times.user + times.system + times.children_user + times.children_system
+
+
 def line(folder: Path, photos_name: str, sigma: float, threads: int) -> str:
     """The table's line for one data set."""
     photos = load_photos(folder / photos_name, None, Silent())
-    started = time.perf_counter()
+    started, spent = time.perf_counter(), _processor_time()
     with tempfile.TemporaryDirectory() as work:
         try:
             found = find_cameras(photos, gaussian(sigma), SfmSettings(threads=threads), Path(work), Silent())
         except DgsError as error:
             return f"{folder.name:12s}  {type(error).__name__}: {error}"
-    seconds = time.perf_counter() - started
+    seconds, spent = time.perf_counter() - started, _processor_time() - spent
     figures = found.figures
     text = f"{folder.name:12s} {len(found.names):4d} of {len(photos):3d}"
     reference = folder / "reference_cameras"
@@ -62,7 +70,7 @@ def line(folder: Path, photos_name: str, sigma: float, threads: int) -> str:
         text += f"  {np.median(errors.angle):6.3f}"
     else:
         text += f"  {figures.focal_px:6.0f} px       -       -"
-    return text + f"  {figures.reprojection_px:6.2f}  {seconds:6.1f}  {figures.attempts[-1].name}"
+    return text + f"  {figures.reprojection_px:6.2f}  {seconds:7.1f}  {spent:5.1f}  {figures.attempts[-1].name}"
 
 
 def main() -> int:
@@ -74,7 +82,7 @@ def main() -> int:
     parser.add_argument("--sigma", type=float, default=5.0, help="of the Gaussian blur in px; 0: none")
     parser.add_argument("--threads", type=int, default=2)
     options = parser.parse_args()
-    print(f"{'set':12s}  registered   focal    centre px-eq  angle deg  reproj px  seconds  recipe")
+    print(f"{'set':12s}  registered   focal    centre px-eq  angle deg  reproj px  seconds    cpu  recipe")
     for folder in options.data:
         if not (folder / options.photos).is_dir():
             print(f"{folder.name:12s}  skipped: there is no '{options.photos}' in it")
