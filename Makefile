@@ -6,7 +6,7 @@ SHELL := /bin/bash
 PY := .venv/bin/python
 export PYTHON
 
-.PHONY: help setup demo test lint format bench bench-sfm extension clean
+.PHONY: help setup demo test lint format bench bench-sfm accuracy extension clean
 
 help:  ## This list
 	@grep -E '^[a-z-]+:.*## ' Makefile | sed -E 's/:.*## /\t/' | expand -t 14
@@ -32,6 +32,9 @@ bench: setup  ## Measure speed; prints a table and writes benchmarks/results.jso
 
 bench-sfm: setup  ## Measure structure from motion on the shared photo sets
 	@$(PY) benchmarks/sfm.py $(ARGS)
+
+accuracy: setup  ## Measure accuracy against other ways; ARGS="--data FOLDER --seeds 3"
+	@$(PY) benchmarks/accuracy.py $(ARGS)
 
 extension: setup  ## Build the Blender extension into dist/
 	@$(PY) tools/extension.py
