@@ -31,7 +31,7 @@ class Recipe:
     noise_to_signal: float = 3.0e-4
     peak_threshold: float = 0.02 / 3
     first_octave: int = 0
-    max_features: int = 2000
+    max_features: int = 3000
     guided: bool = True
     min_inliers: int = 15
     init_inliers: int = 100
