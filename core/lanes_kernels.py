@@ -89,6 +89,17 @@ class Lanes:
     def __rmul__(self, other: float) -> Lanes:
         return self._apply("fmul", other, swap=True)
 
+    def rounded(self, operation: str, other: Lanes) -> Lanes:
+        """'fadd' or 'fmul' in exactly this order, where two ways to one number must agree to the bit."""
+        return Lanes(self.builder, getattr(self.builder, operation)(*self._pair(other)))
+
+    def fused(self, factor: Lanes | float, total: Lanes) -> Lanes:
+        """self * factor + total of vectors in exactly this order, in one instruction where there is one."""
+        left, right = self._pair(factor)
+        name = f"llvm.fmuladd.v{TILE}f32"
+        function = _declare(self.builder, name, VECTOR, [VECTOR, VECTOR, VECTOR])
+        return Lanes(self.builder, self.builder.call(function, [left, right, total.wide().value]))
+
     def compare(self, relation: str, other: Lanes | float) -> ir.Value:
         """A mask (or a single bit, for scalars) where `self relation other` holds."""
         left, right = self._pair(other)

@@ -2,8 +2,8 @@
 
 SSIM (Wang et al. 2004) uses an 11 x 11 Gaussian window of 1.5 px and the mean over all valid px, as
 3D Gaussian splatting does; beyond the frame both images count as black. A photo px that is masked,
-not finite or (if asked) saturated takes the photo's own value in the render, so that it adds no
-difference to any window, is left out of both means, and has a gradient of exactly 0.
+not finite or (if asked) saturated is grey in both, so that it adds no difference to any window
+whatever stood there, is left out of both means, and has a gradient of exactly 0.
 """
 
 from __future__ import annotations
@@ -15,9 +15,12 @@ import torch
 from torch import Tensor
 
 from ..compiled import run
+from ..constants import TILE
 
 #: Share of the SSIM term in the loss of 3D Gaussian splatting.
 SSIM_WEIGHT = 0.2
+#: What stands in photo and render where the photo does not count.
+FILL = 0.5
 
 
 def valid_pixels(photo: Tensor, mask: Tensor | None = None, saturation: float | None = None) -> Tensor:
@@ -38,7 +41,7 @@ def valid_pixels(photo: Tensor, mask: Tensor | None = None, saturation: float | 
 
 
 class PhotometricLoss:
-    """The loss against one photo; the photo's windowed statistics are computed once, here.
+    """The loss against one photo.
 
     Args:
         photo: [C, H, W] float32 on the CPU, sRGB in [0, 1]; NaN where unknown.
@@ -56,49 +59,46 @@ class PhotometricLoss:
     ) -> None:
         if photo.ndim != 3 or not 0.0 <= ssim_weight <= 1.0:
             raise ValueError(f"photo is [C, H, W] and w in [0, 1], not {list(photo.shape)} and {ssim_weight}")
-        valid = valid_pixels(photo, mask, saturation)
-        self.ssim_weight = ssim_weight
-        self.photo = torch.where(torch.isfinite(photo), photo, 0.0).float().contiguous()
-        self.count = int(valid.sum())
-        self._masked = self.count < valid.numel()
-        # Without a mask the kernels do not read it: any array of the right type does.
-        self.valid = valid.float().contiguous() if self._masked else self.photo
-        self._mean = torch.empty_like(self.photo)
-        self._square = torch.empty_like(self.photo)
-        if ssim_weight > 0:
-            from .photometric_kernels import window_means
+        self.ssim_weight, self.width = ssim_weight, photo.shape[2]
+        photo = photo.detach().float()
+        # A sum is finite only where every value is: nothing to sort out, in a single pass.
+        if mask is None and saturation is None and bool(torch.isfinite(photo.sum())):
+            self.count, self.valid = photo.numel(), None
+        else:
+            valid = valid_pixels(photo, mask, saturation)
+            self.count, self.valid = int(valid.sum()), self._padded(valid.expand(photo.shape))
+            photo = torch.where(valid, photo, FILL)
+        self.photo = self._padded(photo)
+        if self.valid is None:
+            self.weights = (torch.arange(self.photo.shape[2]) < self.width).float()[None, None]
+        else:
+            self.weights = self.valid.float()
 
-            arrays = (t.numpy() for t in (self.photo, self._mean, self._square))
-            run(window_means, self._tiles(), *arrays)
-
-    def _tiles(self) -> int:
-        from .photometric_kernels import BAND, STRIP
-
-        channels, height, width = self.photo.shape
-        return channels * -(-height // BAND) * -(-width // STRIP)
+    def _padded(self, values: Tensor) -> Tensor:
+        """With zeros on the right up to whole vectors."""
+        lack = -self.width % TILE
+        return torch.nn.functional.pad(values, (0, lack)) if lack else values.contiguous()
 
     def value_and_gradient(self, image: Tensor) -> tuple[float, Tensor]:
         """Loss, and its gradient [C, H, W] float32, of `image` [C, H, W] float32."""
-        if image.shape != self.photo.shape or image.dtype != torch.float32:
-            raise ValueError(
-                f"expected {list(self.photo.shape)} float32, got {list(image.shape)} {image.dtype}"
-            )
+        shape = *self.photo.shape[:2], self.width
+        if image.shape != shape or image.dtype != torch.float32:
+            raise ValueError(f"expected {list(shape)} float32, got {list(image.shape)} {image.dtype}")
         if self.count == 0:
-            return 0.0, torch.zeros_like(self.photo)
-        from .photometric_kernels import gradient, similarity
+            return 0.0, torch.zeros_like(image)
+        from .photometric_kernels import BAND, photometric
 
-        w, tiles = self.ssim_weight, self._tiles()
-        x, y, valid = image.detach().contiguous().numpy(), self.photo.numpy(), self.valid.numpy()
-        slopes = np.empty((3, *x.shape), np.float32) if w > 0 else np.zeros((3, *x.shape), np.float32)
-        sums = np.zeros((tiles, 2))
-        if w > 0:
-            statistics = (self._mean.numpy(), self._square.numpy())
-            run(similarity, tiles, x, y, valid, self._masked, *statistics, slopes, sums)
-        out = torch.empty_like(self.photo)
+        w, x = self.ssim_weight, self._padded(image.detach())
+        if self.valid is not None:
+            x = torch.where(self.valid, x, self.photo)
+        bands = max(1, round(shape[1] / BAND))
+        sums, out = np.zeros((shape[0] * bands, 2)), torch.empty_like(self.photo)
         weights = np.float32((1 - w) / self.count), np.float32(w / self.count)
-        run(gradient, tiles, x, y, valid, self._masked, slopes, *weights, out.numpy(), sums)
+        arrays = (t.numpy() for t in (x, self.photo, self.weights))
+        run(photometric, len(sums), bands, *arrays, *weights, out.numpy(), sums)
         structure, error = sums.sum(axis=0) / self.count
-        return float((1 - w) * error + (w * (1 - structure) if w > 0 else 0.0)), out
+        value = (1 - w) * error + (w * (1 - structure) if w > 0 else 0.0)
+        return float(value), out[:, :, : self.width].contiguous()
 
     def __call__(self, image: Tensor) -> Tensor:
         """The loss as a scalar tensor, differentiable in `image`."""
@@ -128,7 +128,7 @@ def photometric_reference(
 ) -> Tensor:
     """The same loss in plain torch: the specification. Any float dtype and device; differentiable."""
     valid = valid_pixels(photo, mask, saturation)
-    y = torch.where(torch.isfinite(photo), photo, 0.0)
+    y = torch.where(valid, photo, FILL)
     x = torch.where(valid, image, y)
     count = valid.sum().clamp(min=1)
     error = torch.where(valid, (x - y).abs(), 0.0).sum() / count
