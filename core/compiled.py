@@ -26,8 +26,12 @@ def _cache_folder() -> Path:
     digest = hashlib.sha256()
     for source in [core / "constants.py", *sorted(core.glob("**/*kernels*.py"))]:
         digest.update(source.read_bytes())
-    base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    return Path(base) / "dgs" / "numba" / digest.hexdigest()[:16]
+    return cache_base() / "numba" / digest.hexdigest()[:16]
+
+
+def cache_base() -> Path:
+    """The user's cache folder for what can be computed again."""
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "dgs"
 
 
 os.environ.setdefault("NUMBA_CACHE_DIR", str(_cache_folder()))

@@ -237,7 +237,8 @@ def photometric(begin, end, bands, image, photo, weights, by_error, by_similarit
             first = top - REACH + step * _STEP
             totals[:] = f32(0)
             for i in range(_REACHED):
-                xs[i], ys[i] = _address(image, c, first - REACH + i, blank), _address(photo, c, first - REACH + i, blank)
+                y = first - REACH + i
+                xs[i], ys[i] = _address(image, c, y, blank), _address(photo, c, y, blank)
             for i in range(_STEP):
                 y = first + i
                 counted[i] = f32(1) if top <= y < bottom else f32(0)
