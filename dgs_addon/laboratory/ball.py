@@ -10,18 +10,18 @@ import numpy as np
 from . import table
 from .lines import LINES
 from .materials import leather
-from .shape import SHAPE, ball_pose
+from .shape import ball_pose, shape_for
 from .surface import ball_surface
 
 #: Object index that the mask is made from.
 BALL_INDEX = 1
 
 
-def build(seed: int) -> None:
-    """Empties Blender's file and builds the scene in it, at Blender's origin, in metres."""
+def build(seed: int, width: int) -> None:
+    """Empties Blender's file and builds the scene in it, in metres, for frames of `width` px."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
-    _add_ball(scene, seed)
+    _add_ball(scene, seed, width)
     table.build(scene, seed)
     _add_lights(scene)
     camera = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))
@@ -30,8 +30,8 @@ def build(seed: int) -> None:
     scene.camera = camera
 
 
-def _add_ball(scene: Any, seed: int) -> None:
-    surface = ball_surface(SHAPE, seed)
+def _add_ball(scene: Any, seed: int, width: int) -> None:
+    surface = ball_surface(shape_for(width), seed)
     mesh = bpy.data.meshes.new("ball")
     count = len(surface.faces)
     mesh.vertices.add(len(surface.vertices))

@@ -53,6 +53,9 @@ def synthesize(settings: SynthesizeSettings, out: Path, progress: Progress) -> N
             f"The blur reaches {max(kernel.shape) // 2} px, the overscan {settings.overscan} px: "
             "beyond it the outermost pixels are repeated"
         )
+    if _finished(out, manifest, cameras):
+        progress.note(f"'{out}' holds this data set already")
+        return
     _forget_other_settings(out, manifest)
     write_json(out / "unfinished.json", manifest)
     studio = _Studio(settings)
@@ -85,7 +88,7 @@ class _Studio:
         from . import ball, render
 
         if not self.ready:
-            ball.build(self.settings.seed)
+            ball.build(self.settings.seed, self.settings.width)
             if self.settings.denoise and not render.can_denoise():
                 raise DgsError("This build of Blender has no OpenImageDenoise", "Add --no-denoise and more --samples")
             render.prepare(self.settings.samples, self.settings.denoise)
@@ -151,7 +154,8 @@ def _geometry(
                 raise Cancelled(f"Stopped after {done - 1} of {len(wanted)} depth maps", "Run it again to go on")
             depth, objects = render.depth_and_index(camera, Path(scratch))
             if settings.masks:
-                files.write_png(out / "masks_ball" / camera.name, np.uint8(255) * (objects == BALL_INDEX).astype(np.uint8))
+                ball = np.uint8(255) * (objects == BALL_INDEX).astype(np.uint8)
+                files.write_png(out / "masks_ball" / camera.name, ball)
             if settings.depth:
                 files.write_array(out / "depth" / f"{Path(camera.name).stem}.npy", depth)
             if index in chosen:
@@ -210,16 +214,24 @@ def _lines() -> list[dict[str, Any]]:
     return result
 
 
+def _finished(out: Path, manifest: dict[str, Any], cameras: list[Camera]) -> bool:
+    if (out / "unfinished.json").exists() or _read_json(out / "manifest.json") != manifest:
+        return False
+    return all((out / folder / camera.name).is_file() for folder in ("photos", "sharp") for camera in cameras)
+
+
+def _read_json(path: Path) -> dict[str, Any]:
+    """Content of a file of ours; empty if it is missing or was cut off (then nothing is trusted)."""
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except (FileNotFoundError, ValueError):
+        return {}
+    return content if isinstance(content, dict) else {}
+
+
 def _forget_other_settings(out: Path, manifest: dict[str, Any]) -> None:
     """Removes what an earlier run with other settings left under names that will be written."""
-    earlier: dict[str, Any] = {}
-    for name in ("unfinished.json", "manifest.json"):
-        if (out / name).is_file():
-            try:
-                earlier = json.loads((out / name).read_text(encoding="utf-8"))
-                break
-            except ValueError:
-                earlier = {}  # cut off while it was written: its frames cannot be trusted
+    earlier = _read_json(out / "unfinished.json") or _read_json(out / "manifest.json")
     if earlier.get("fingerprint") == manifest["fingerprint"]:
         return
     stale = ["photos", "sharp", "masks_ball", "depth"]

@@ -38,7 +38,7 @@ def prepare(samples: int, denoise: bool, threads: int = 0) -> None:
         scene.cycles.denoiser = "OPENIMAGEDENOISE"
         scene.cycles.denoising_input_passes = "RGB_ALBEDO_NORMAL"
         scene.cycles.denoising_prefilter = "FAST"
-        scene.cycles.denoising_quality = "HIGH"
+        scene.cycles.denoising_quality = "FAST"
     scene.cycles.max_bounces = 3
     scene.cycles.diffuse_bounces = 2
     scene.cycles.caustics_reflective = scene.cycles.caustics_refractive = False

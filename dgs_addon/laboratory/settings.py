@@ -10,6 +10,8 @@ from typing import Any, Literal
 from ...core.errors import DgsError, FormatError
 
 SCENES = ("rugby-ball",)
+#: Counts changes of scenes, paths and render settings: frames of another version are not reused.
+SCENE_VERSION = 2
 PATH_NAMES = ("rail", "orbit", "dome")
 
 
@@ -61,13 +63,13 @@ class SynthesizeSettings:
         ):
             if value not in allowed:
                 raise DgsError(f"There is no {name} '{value}'", f"Choose one of {', '.join(map(str, allowed))}")
-        for name, value, least in (
+        for name, amount, least in (
             ("views", self.views, 1), ("width", self.width, 4), ("height", self.height, 4),
             ("samples", self.samples, 1), ("overscan", self.overscan, 0), ("noise", self.noise, 0),
             ("seed", self.seed, 0),
         ):  # fmt: skip
-            if not value >= least:
-                raise DgsError(f"The laboratory's {name} must be at least {least}, not {value}", "Give another value")
+            if not amount >= least:
+                raise DgsError(f"The laboratory's {name} must be at least {least}, not {amount}", "Give another value")
 
     def fingerprint(self) -> str:
         """Identifies the settings; frames of another fingerprint are not reused."""
@@ -92,4 +94,4 @@ class SynthesizeSettings:
 
 
 def _digest(values: dict[str, Any]) -> str:
-    return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:16]
+    return hashlib.sha256(json.dumps([SCENE_VERSION, values], sort_keys=True).encode()).hexdigest()[:16]

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
 from .surface import BallShape
 
 SHAPE = BallShape()
+#: Vertices per pixel of the frame's width: an edge of the mesh then projects to about half a pixel.
+VERTICES_PER_PIXEL = 1.375
+
 #: Angle between the ball's long axis and the rail, so that rings are not seen edge on.
 TURN = np.radians(-14.0)
 
@@ -19,3 +24,9 @@ def ball_pose() -> NDArray[np.float64]:
     matrix[:2, :2] = [[cosine, -sine], [sine, cosine]]
     matrix[2, 3] = SHAPE.radius - SHAPE.height / 2  # pebbles sink a little into the cloth
     return matrix
+
+
+def shape_for(width: int) -> BallShape:
+    """The ball with a mesh as fine as a frame of `width` px can show."""
+    around = int(np.clip(round(VERTICES_PER_PIXEL * width), 48, 2200))
+    return replace(SHAPE, around=around, along=max(32, round(around * SHAPE.along / SHAPE.around)))
