@@ -1,6 +1,6 @@
-"""Blending tiles of 16 x 16 pixels, forward and backward.
+"""Blending tiles of 16 x 32 pixels, forward and backward.
 
-A tile's state (transmittance, colours, ...) lies in one float32 buffer, planes of 256 values behind
+A tile's state (transmittance, colours, ...) lies in one float32 buffer, planes of 512 values behind
 each other. A Gaussian touches only the rows that its ellipse reaches; in a row all 16 pixels are
 evaluated at once (`lanes_kernels`). The backward pass runs front to back as well: it knows the
 final colour, so what lies behind a Gaussian is the rest of a running sum, and nothing is ever
@@ -9,7 +9,6 @@ divided by transmittance.
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
@@ -18,15 +17,15 @@ from numba.core import cgutils, types
 from numba.extending import intrinsic
 
 from ..compiled import inlined, kernel
-from ..constants import ALPHA_MAXIMUM, TILE, TRANSMITTANCE_STOP
+from ..constants import ALPHA_MAXIMUM, TILE, TILE_ROWS, TRANSMITTANCE_STOP
 from ..lanes_kernels import Buffer, Lanes, Running, choose, exponential, maximum, minimum, ramp
 
 f32 = np.float32
-_PIXELS = TILE * TILE
+_PIXELS = TILE * TILE_ROWS
 _STOP = f32(TRANSMITTANCE_STOP)
 
 # Layout of a projected Gaussian (one cache line of 16 float32):
-X, Y, CONIC_A, CONIC_B, CONIC_C, OPACITY, CUTOFF, RED, GREEN, BLUE, DEPTH, HALF_HEIGHT = range(12)
+X, Y, CONIC_A, CONIC_B, CONIC_C, OPACITY, CUTOFF, RED, GREEN, BLUE, DEPTH, SLOPE, FIRST_ROW, LAST_ROW = range(14)
 SPLAT_WIDTH = 16
 # Layout of a gradient slot, one per (Gaussian, tile) pair:
 G_X, G_Y, G_A, G_B, G_C, G_OPACITY, G_RED, G_GREEN, G_BLUE = range(9)
@@ -52,7 +51,7 @@ class _Splat:
         self.left = left - read(X)
         self.top = top - read(Y)
         self.dx = self.left + ramp(builder)
-        self.slope = -1.0 * self.b / self.a  # the row's closest point to the centre, per unit of dy
+        self.slope = read(SLOPE)
 
     def touches(self, dy: Lanes) -> ir.Value:
         """Whether the ellipse a dx^2 + 2 b dx dy + c dy^2 <= cutoff meets the row at dy."""
@@ -159,15 +158,11 @@ def backward_splat(typing_context, state, splats, g, left, top, first, last, alp
 
 
 @inlined
-def first_row(y, half_height, top):  # type: ignore[no-untyped-def]
-    """First row of the tile at `top` that an ellipse around y can reach."""
-    return max(0, int(math.ceil(max(y - half_height - top - f32(0.5), f32(-1.0)))))
-
-
-@inlined
-def last_row(y, half_height, top):  # type: ignore[no-untyped-def]
-    """One past the last row of the tile at `top` that an ellipse around y can reach."""
-    return min(TILE, int(math.floor(min(y + half_height - top - f32(0.5), f32(TILE)))) + 1)
+def rows_in_tile(splats, g, top):  # type: ignore[no-untyped-def]
+    """First and one past the last row of the tile at `top` that the ellipse's box reaches."""
+    first = np.int64(splats[g, FIRST_ROW]) - top
+    last = np.int64(splats[g, LAST_ROW]) - top
+    return max(first, np.int64(0)), min(last, np.int64(TILE_ROWS))
 
 
 @intrinsic
@@ -177,7 +172,7 @@ def is_opaque(typing_context, state):  # type: ignore[no-untyped-def]
     def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
         tile = Buffer(context, builder, signature.args[0], arguments[0])
         clearest = tile.row(ir.Constant(ir.IntType(64), 0), _T)
-        for row in range(1, TILE):
+        for row in range(1, TILE_ROWS):
             clearest = maximum(clearest, tile.row(ir.Constant(ir.IntType(64), 0), _T + row * TILE))
         return clearest.maximum().compare("<", float(_STOP))
 
@@ -202,7 +197,7 @@ def blend_tiles(begin, end, splats, tile_starts, pair_gaussians, background, alp
     height, width = transmittance.shape
     state = np.empty(4 * _PIXELS, np.float32)
     for tile in range(begin, end):
-        top, left = (tile // tiles_x) * TILE, (tile % tiles_x) * TILE
+        top, left = (tile // tiles_x) * TILE_ROWS, (tile % tiles_x) * TILE
         x0, y0 = f32(left) + f32(0.5), f32(top) + f32(0.5)
         state[:_PIXELS] = f32(1.0)
         state[_PIXELS:] = f32(0.0)
@@ -213,14 +208,13 @@ def blend_tiles(begin, end, splats, tile_starts, pair_gaussians, background, alp
             while position < stop:
                 g = np.int64(pair_gaussians[position])
                 position += 1
-                y, half = splats[g, Y], splats[g, HALF_HEIGHT]
-                rows += blend_splat(state, splats, g, x0, y0, first_row(y, half, f32(top)),
-                                    last_row(y, half, f32(top)), alpha_minimum)  # fmt: skip
+                begin_row, end_row = rows_in_tile(splats, g, top)
+                rows += blend_splat(state, splats, g, x0, y0, begin_row, end_row, alpha_minimum)
             if is_opaque(state):
                 break
         blended[tile] = position - first
         evaluations[tile] = rows * TILE
-        for row in range(min(TILE, height - top)):
+        for row in range(min(TILE_ROWS, height - top)):
             for i in range(min(TILE, width - left)):
                 o = row * TILE + i
                 t = state[o]
@@ -243,14 +237,14 @@ def backward_tiles(begin, end, splats, tile_starts, pair_gaussians, pair_slots, 
     height, width = transmittance.shape
     state = np.empty(5 * _PIXELS, np.float32)
     for tile in range(begin, end):
-        top, left = (tile // tiles_x) * TILE, (tile % tiles_x) * TILE
+        top, left = (tile // tiles_x) * TILE_ROWS, (tile % tiles_x) * TILE
         x0, y0 = f32(left) + f32(0.5), f32(top) + f32(0.5)
         first, last = tile_starts[tile], tile_starts[tile + 1]
         if first == last:
             continue
         state[:_PIXELS] = f32(1.0)
         state[_PIXELS:] = f32(0.0)
-        for row in range(min(TILE, height - top)):
+        for row in range(min(TILE_ROWS, height - top)):
             for i in range(min(TILE, width - left)):
                 o = row * TILE + i
                 y, x = top + row, left + i
@@ -268,6 +262,5 @@ def backward_tiles(begin, end, splats, tile_starts, pair_gaussians, pair_slots, 
                 slots[slot, :] = f32(0.0)
                 continue
             g = np.int64(pair_gaussians[position])
-            y, half = splats[g, Y], splats[g, HALF_HEIGHT]
-            backward_splat(state, splats, g, x0, y0, first_row(y, half, f32(top)), last_row(y, half, f32(top)),
-                           alpha_minimum, slots, slot)  # fmt: skip
+            begin_row, end_row = rows_in_tile(splats, g, top)
+            backward_splat(state, splats, g, x0, y0, begin_row, end_row, alpha_minimum, slots, slot)

@@ -12,13 +12,13 @@ from torch import Tensor
 
 from ..camera import Camera
 from ..compiled import run
-from ..constants import TILE
+from ..constants import TILE, TILE_ROWS
 from ..errors import DeviceError
 from ..gaussians import Gaussians
 from .binning_kernels import begin_pairs, count_pairs, depth_order, place_pairs
 from .blending_kernels import DEPTH, RED, SLOT_WIDTH, SPLAT_WIDTH, backward_tiles, blend_tiles
 from .interface import RasterSettings, Rendered, ScreenStatistics
-from .projection_kernels import BLOCK, CULL_REASONS, SEEN, VIEW_LENGTH, project, project_backward
+from .projection_kernels import BLOCK, CULL_REASONS, KEPT_SPANS, SEEN, VIEW_LENGTH, project, project_backward
 
 #: The depth order is cut into this many parts for the parallel counting sort; a constant, so that
 #: nothing depends on the number of threads (nothing does: the sort is stable).
@@ -62,22 +62,24 @@ def project_and_sort(view: NDArray[np.float64], parameters: tuple[Floats, ...], 
     splats = np.empty((count, SPLAT_WIDTH), np.float32)
     status = np.empty(count, np.uint8)
     tile_counts = np.empty(count, np.int32)
-    run(project, -(-count // BLOCK), view, *parameters, splats, status, radius, tile_counts, grain=4)
+    spans = np.empty((count, 2 * KEPT_SPANS), np.int16)
+    run(project, -(-count // BLOCK), view, *parameters, splats, status, radius, tile_counts, spans,
+        grain=4)  # fmt: skip
     seen = np.flatnonzero(tile_counts).astype(np.int32)
     slot_starts = np.zeros(count + 1, np.int64)
     np.cumsum(tile_counts, out=slot_starts[1:])
     order = np.empty(len(seen), np.int32)
     depth_order(splats, seen, order)
 
-    tiles_x, tiles_y = -(-width // TILE), -(-height // TILE)
+    tiles_x, tiles_y = -(-width // TILE), -(-height // TILE_ROWS)
     chunk = max(1, -(-len(order) // _PARTS))
     places = np.empty((_PARTS, tiles_x * tiles_y), np.int32)
     tile_starts = np.empty(tiles_x * tiles_y + 1, np.int64)
-    run(count_pairs, _PARTS, splats, order, chunk, tiles_x, width, height, places)
+    run(count_pairs, _PARTS, splats, spans, order, chunk, tiles_x, width, places)
     begin_pairs(places, tile_starts)
     pairs = int(tile_starts[-1])
     pair_gaussians, pair_slots = np.empty(pairs, np.int32), np.empty(pairs, np.int32)
-    run(place_pairs, _PARTS, splats, order, chunk, tiles_x, width, height, slot_starts, places,
+    run(place_pairs, _PARTS, splats, spans, order, chunk, tiles_x, width, slot_starts, places,
         pair_gaussians, pair_slots)  # fmt: skip
     return Projected(view, parameters, splats, status, tile_starts, pair_gaussians, pair_slots, slot_starts,
                      tiles_x, np.float32(view[-1]))  # fmt: skip

@@ -25,6 +25,7 @@ from ..constants import (
     SH_C2,
     SH_C3,
     TILE,
+    TILE_ROWS,
 )
 from .blending_kernels import (
     BLUE,
@@ -42,16 +43,21 @@ from .blending_kernels import (
     G_RED,
     G_X,
     G_Y,
+    FIRST_ROW,
     GREEN,
-    HALF_HEIGHT,
+    LAST_ROW,
     OPACITY,
     RED,
+    SLOPE,
     SLOT_WIDTH,
     X,
     Y,
 )
 
 BLOCK = 256
+
+#: For so many rows of tiles the columns are kept from the projection; two tiles are 64 px high.
+KEPT_SPANS = 3
 
 # Status of a Gaussian after projection; the index into `CULL_REASONS` where it was culled.
 SEEN, NON_FINITE, BEHIND, TRANSPARENT, OUTSIDE, DEGENERATE = range(6)
@@ -225,7 +231,7 @@ def surely_outside(view, means, log_scales, g):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def project(begin, end, view, means, log_scales, quaternions, opacity_logits, sh, splats, status, radius, tile_counts):  # type: ignore[no-untyped-def]
+def project(begin, end, view, means, log_scales, quaternions, opacity_logits, sh, splats, status, radius, tile_counts, spans):  # type: ignore[no-untyped-def]
     """Projects blocks `begin` to `end` of `BLOCK` Gaussians.
 
     Args:
@@ -234,6 +240,7 @@ def project(begin, end, view, means, log_scales, quaternions, opacity_logits, sh
         status: [N] uint8 output.
         radius: [N] float32 output, half-extent in px, 0 where culled.
         tile_counts: [N] int32 output, how many tiles the ellipse meets.
+        spans: [N, 2 KEPT_SPANS] int16 output, first and one past the last tile of its first rows of tiles.
     """
     count = sh.shape[1]
     s = np.empty(SCRATCH, np.float64)
@@ -279,7 +286,9 @@ def project(begin, end, view, means, log_scales, quaternions, opacity_logits, sh
         # a hair more, so that rounding never skips a row whose alpha still counts
         splat[CUTOFF] = np.float32(cutoff * 1.0001 + 1e-4)
         splat[DEPTH] = np.float32(s[_P + 2])
-        splat[HALF_HEIGHT] = np.float32(half_y)
+        splat[SLOPE] = np.float32(b / c)  # dx of a row's nearest point to the centre, per unit of dy
+        splat[FIRST_ROW] = np.float32(min(max(math.ceil(y - half_y - 0.5), 0.0), view[V_HEIGHT]))
+        splat[LAST_ROW] = np.float32(min(max(math.floor(y + half_y - 0.5) + 1.0, 0.0), view[V_HEIGHT]))
         dx, dy, dz = means[g, 0] - centre[0], means[g, 1] - centre[1], means[g, 2] - centre[2]
         length = math.sqrt(dx * dx + dy * dy + dz * dz)
         harmonics(count, dx / length, dy / length, dz / length, basis)
@@ -290,11 +299,13 @@ def project(begin, end, view, means, log_scales, quaternions, opacity_logits, sh
             splat[RED + channel] = np.float32(max(value, 0.0))
         status[g] = SEEN
         radius[g] = np.float32(max(half_x, half_y))
-        first, last = tile_rows(splat, view[V_HEIGHT])
+        first, last = tile_rows(splat)
         met = 0
         for row in range(first, last):
             begin_x, end_x = tile_columns(splat, row, view[V_WIDTH])
             met += end_x - begin_x
+            if row - first < KEPT_SPANS:
+                spans[g, 2 * (row - first)], spans[g, 2 * (row - first) + 1] = begin_x, end_x
         tile_counts[g] = met
         if met == 0:
             status[g] = OUTSIDE
@@ -302,14 +313,12 @@ def project(begin, end, view, means, log_scales, quaternions, opacity_logits, sh
 
 
 @inlined
-def tile_rows(splat, height):  # type: ignore[no-untyped-def]
-    """First and one past the last row of tiles whose pixel centres the ellipse can reach."""
-    y, half = np.float64(splat[Y]), np.float64(splat[HALF_HEIGHT])
-    first = max(math.ceil(max(y - half, -1.0) - 0.5), 0.0)
-    last = min(math.floor(min(y + half, height + 1.0) - 0.5), height - 1)
-    if last < first:
+def tile_rows(splat):  # type: ignore[no-untyped-def]
+    """First and one past the last row of tiles whose pixel centres the ellipse's box reaches."""
+    first, last = int(splat[FIRST_ROW]), int(splat[LAST_ROW])
+    if last <= first:
         return 0, 0
-    return int(first) // TILE, int(last) // TILE + 1
+    return first // TILE_ROWS, (last - 1) // TILE_ROWS + 1
 
 
 @inlined
@@ -321,8 +330,8 @@ def tile_columns(splat, row, width):  # type: ignore[no-untyped-def]
     """
     a, b, c = np.float64(splat[CONIC_A]), np.float64(splat[CONIC_B]), np.float64(splat[CONIC_C])
     cutoff = np.float64(splat[CUTOFF])
-    low = row * TILE + 0.5 - splat[Y]
-    high = low + (TILE - 1)
+    low = row * TILE_ROWS + 0.5 - splat[Y]
+    high = low + (TILE_ROWS - 1)
     widest = math.sqrt(max(cutoff * c / max(a * c - b * b, 1e-300), 0.0))
     turn = -b / c * widest  # dy at the rightmost point; the leftmost is at -turn
     right = extent(a, b, c, cutoff, min(max(turn, low), high), 1.0)
@@ -334,6 +343,14 @@ def tile_columns(splat, row, width):  # type: ignore[no-untyped-def]
     if last < first:
         return 0, 0
     return int(first) // TILE, int(last) // TILE + 1
+
+
+@inlined
+def kept_columns(splats, spans, g, first, row, width):  # type: ignore[no-untyped-def]
+    """`tile_columns`, from the spans that `project` kept where it did."""
+    if row - first < KEPT_SPANS:
+        return np.int64(spans[g, 2 * (row - first)]), np.int64(spans[g, 2 * (row - first) + 1])
+    return tile_columns(splats[g], row, width)
 
 
 @inlined
