@@ -11,7 +11,7 @@ from ...core.errors import DgsError, FormatError
 
 SCENES = ("rugby-ball",)
 #: Counts changes of scenes, paths and render settings: frames of another version are not reused.
-SCENE_VERSION = 2
+SCENE_VERSION = 3
 PATH_NAMES = ("rail", "orbit", "dome")
 
 
