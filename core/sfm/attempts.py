@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pycolmap
+from numpy.typing import NDArray
 
 from . import pipeline
 from .job import Job
@@ -51,6 +52,7 @@ def run(job: Job, say: Say) -> Outcome:
         if number and time.perf_counter() - started > job.settings.time_limit:
             break
         begun = time.perf_counter()
+        recipe = lighter(recipe, job)
         model, geometry = _try(job, recipe, number, say)
         geometries.append(geometry)
         attempt = judge(model, geometry, job.settings, recipe)
@@ -69,6 +71,25 @@ def run(job: Job, say: Say) -> Outcome:
     output.mkdir(exist_ok=True)
     best[1].write_binary(str(output))
     return Outcome("done", asdict(best[2]))
+
+
+def lighter(recipe: Recipe, job: Job) -> Recipe:
+    """The recipe for large sets, whose photos are tied together many times over."""
+    settings = job.settings
+    if len(job.images) < settings.many:
+        return recipe
+    size = 0
+    if job.kernel is not None and recipe.noise_to_signal > 0 and _narrowest(job.kernel) >= settings.many_sigma:
+        size = max(np.load(next(iter(job.images.values())), allow_pickle=False).shape) // 2
+    return replace(
+        recipe, max_features=min(recipe.max_features, settings.many_features), guided=False, image_size=size
+    )
+
+
+def _narrowest(kernel: NDArray[np.float64]) -> float:
+    """Standard deviation (px) of a kernel along its narrower axis."""
+    at = [np.arange(n) - (n - 1) / 2 for n in kernel.shape]
+    return float(min(np.sqrt((kernel.sum(axis=1 - i) * x**2).sum()) for i, x in enumerate(at)))
 
 
 def _try(job: Job, recipe: Recipe, number: int, say: Say) -> tuple[Any, pipeline.PairGeometry]:

@@ -27,12 +27,13 @@ def choose_pairs(database: Path, settings: SfmSettings) -> list[tuple[str, str]]
     count = len(names)
     chance = float(np.median(votes[np.triu_indices(count, 1)]))
     chosen: set[tuple[int, int]] = set()
-    near = settings.partners // 2
+    partners = settings.partners if count < settings.many else settings.many_partners
+    near = partners // 2
     for i in range(count):
         order = [int(j) for j in np.argsort(-votes[i], kind="stable") if j != i]
         better = [j for j in order[near:] if votes[i, j] > max(chance, settings.minimum_votes)]
         spread = (
-            [better[k] for k in np.linspace(0, len(better) - 1, settings.partners - near).astype(int)]
+            [better[k] for k in np.linspace(0, len(better) - 1, partners - near).astype(int)]
             if better
             else []
         )

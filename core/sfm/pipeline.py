@@ -56,6 +56,8 @@ def extract(job: Job, recipe: Recipe, database: Path, images: Path) -> None:
     options.sift.max_num_features = recipe.max_features
     options.sift.peak_threshold = recipe.peak_threshold
     options.sift.first_octave = recipe.first_octave
+    if recipe.image_size:
+        options.max_image_size = recipe.image_size
     reader = pycolmap.ImageReaderOptions()
     reader.camera_model = job.settings.lens_model
     if job.masked:
@@ -114,7 +116,8 @@ def map_incrementally(
     options.mapper.abs_pose_min_num_inliers = recipe.pose_inliers
     options.mapper.abs_pose_min_inlier_ratio = recipe.pose_ratio
     # The patch alignment and its adjustment come after; exactness here would be thrown away.
-    options.ba_global_frames_ratio = options.ba_global_points_ratio = 1.4
+    options.ba_global_frames_ratio = options.ba_global_points_ratio = 2.0
+    options.ba_local_max_refinements = 1
     options.ba_global_max_refinements = 2
     options.ba_global_function_tolerance = options.ba_local_function_tolerance = MAPPER_TOLERANCE
     output.mkdir(parents=True, exist_ok=True)

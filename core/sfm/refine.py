@@ -24,6 +24,9 @@ from .settings import RefineSettings
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
+#: Fewer aligned points than this hold no bundle adjustment together.
+MINIMUM_POINTS = 30
+
 
 @dataclass(frozen=True)
 class Tracks:
@@ -73,9 +76,10 @@ def pixel_exact(model: Any, greys: dict[str, NDArray[np.float32]], settings: Ref
         A new reconstruction of the same images; its points are those that the photos agree on.
     """
     views = _views(model, greys)
-    tracks = _longest(_tracks(model, views), len(views.ids), settings.observations)
+    limit = max(settings.observations, settings.observations_per_photo * len(views.ids))
+    tracks = _longest(_tracks(model, views), len(views.ids), limit)
     tracks = _aligned(tracks, views, settings, settings.correlation)
-    if len(tracks.positions) < 3 * len(views.ids):
+    if len(tracks.point) < settings.fewest_per_photo * len(views.ids) or len(tracks.positions) < MINIMUM_POINTS:
         return model  # the patches do not agree: no reason to trust them more than the features
     refined = _adjusted(model, views, tracks, settings)
     for _ in range(settings.rounds - 1):
@@ -277,7 +281,8 @@ def _completed(model: Any, views: Views, settings: RefineSettings) -> Tracks:
         view=np.concatenate(view)[order],
         pixels=np.concatenate(pixels)[order],
     )
-    longer = _longest(longer, len(views.ids), 2 * settings.observations)
+    limit = max(settings.observations, settings.observations_per_photo * len(views.ids))
+    longer = _longest(longer, len(views.ids), 2 * limit)
     return _aligned(longer, views, replace(settings, reach=2.0), settings.new_correlation)
 
 
