@@ -48,10 +48,9 @@ class NoiseToSignal:
     colour: Array
     noise: float
 
-    def shared_by(self, views: float) -> NoiseToSignal:
-        """The ratio when `views` photos see every point: their noise averages."""
-        views = max(1.0, views)
-        return NoiseToSignal(self.brightness / views, self.colour / views, self.noise)
+    def trusted(self, gain: float) -> NoiseToSignal:
+        """The ratio when the photos are trusted `gain` times as much as their noise alone would allow."""
+        return NoiseToSignal(self.brightness / gain, self.colour / gain, self.noise)
 
 
 def frequencies() -> Array:

@@ -26,8 +26,9 @@ REPROJECTION_LIMIT = 1.5
 ANGLE_LIMIT = 1.0
 #: Share of pairs that a camera explains which only turned, above which no depth is believed.
 ROTATING_LIMIT = 0.8
-#: Points per registered photo below which a model hangs on chance.
-POINTS_PER_PHOTO = 8
+#: A photo that sees fewer points than this on average hangs on chance. (Points seen, not points in
+#: all: on a rail fifty photos may share the same few hundred.)
+POINTS_PER_PHOTO = 20
 
 Say = Callable[..., None]
 
@@ -151,7 +152,7 @@ def judge(model: Any, geometry: pipeline.PairGeometry, settings: SfmSettings, re
         verdict = "large reprojection error"
     elif attempt.angle_deg < ANGLE_LIMIT:
         verdict = "rays too parallel"
-    elif attempt.points < POINTS_PER_PHOTO * registered:
+    elif model.compute_num_observations() < POINTS_PER_PHOTO * registered:
         verdict = "too few points"
     elif registered < settings.minimum_share * given:
         verdict = "incomplete"

@@ -77,16 +77,3 @@ def scene_scale(cameras: Sequence[Camera], points: SparsePoints) -> SceneScale:
         )
     return SceneScale(np.median(positions, axis=0).astype(np.float64), float(np.median(seen)))
 
-
-def views_per_point(cameras: Sequence[Camera], scale: SceneScale, points: SparsePoints) -> float:
-    """In how many of the frames a sparse point lies, on average (cameras in unit coordinates)."""
-    positions = scale.points_to_unit(points.positions)
-    positions = positions[:: max(1, len(positions) // 2000)]
-    seen = 0
-    for camera in cameras:
-        p = positions @ camera.rotation.T + camera.translation
-        z = np.where(p[:, 2] > 0, p[:, 2], np.inf)
-        u, v = camera.fx * p[:, 0] / z + camera.cx, camera.fy * p[:, 1] / z + camera.cy
-        inside = np.isfinite(z) & (u >= 0) & (u < camera.width) & (v >= 0) & (v < camera.height)
-        seen += int(inside.sum())
-    return seen / max(1, len(positions))

@@ -24,7 +24,7 @@ from .guards import EVERY, drop_non_finite
 from .initial import first_gaussians
 from .objective import Objective
 from .optimizer import Adam
-from .scale import SceneScale, scene_scale, views_per_point
+from .scale import SceneScale, scene_scale
 from .settings import TrainingSettings
 
 #: The render reaches this many standard deviations of the PSF beyond the photo: light from there is
@@ -92,7 +92,7 @@ class Trainer:
         return Level(step, views, heldout, int(np.ceil(MARGIN_SIGMAS * sigma)), self._ratio(views, step))
 
     def _ratio(self, views: list[GridView], step: int) -> NoiseToSignal | None:
-        """Noise over signal of the photos on a grid, shared by the views that see one point."""
+        """Noise over signal of the photos on a grid, as far as they are trusted."""
         psf = next((v.psf for v in views if v.psf is not None), None)
         if psf is None or self.settings.loss == "paper":
             return None
@@ -100,9 +100,7 @@ class Trainer:
         if self.medium.blur_space == "linear":
             photos = [np.asarray(srgb_to_linear(p), np.float32) for p in photos]
         levels = float(np.iinfo(self.views[0].photo.dtype).max)
-        measured = noise_to_signal(photos, psf, 1 / levels / 12**0.5 / step)
-        shared = views_per_point([v.camera for v in views], self.scale, self.points)
-        return measured.shared_by(self.settings.noise_gain * shared)
+        return noise_to_signal(photos, psf, 1 / levels / 12**0.5 / step).trusted(self.settings.noise_gain)
 
     def objective(self, level: Level, view: GridView) -> Objective:
         """The objective for a view's size and point spread; made once."""

@@ -64,9 +64,9 @@ def test_rounded_photos_show_the_noise_of_rounding():
 def test_more_views_share_the_noise():
     frames, _ = scenes(2.0, 4.0, 0.005, 1)
     found = noise_to_signal(frames, PointSpread("gaussian", 4.0, 4.0), 0.001)
-    shared = found.shared_by(10.0)
+    shared = found.trusted(10.0)
     assert np.allclose(shared.brightness * 10, found.brightness) and shared.noise == found.noise
-    assert np.array_equal(found.shared_by(0.2).colour, found.colour), "fewer than one view is one"
+    assert np.allclose(found.trusted(0.2).colour, found.colour * 5.0)
 
 
 def test_nothing_but_noise_is_not_believed():
