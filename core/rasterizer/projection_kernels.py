@@ -34,6 +34,7 @@ from .blending_kernels import (
     CONIC_C,
     CUTOFF,
     DEPTH,
+    FIRST_ROW,
     G_A,
     G_B,
     G_BLUE,
@@ -43,7 +44,6 @@ from .blending_kernels import (
     G_RED,
     G_X,
     G_Y,
-    FIRST_ROW,
     GREEN,
     LAST_ROW,
     OPACITY,
@@ -231,7 +231,8 @@ def surely_outside(view, means, log_scales, g):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def project(begin, end, view, means, log_scales, quaternions, opacity_logits, sh, splats, status, radius, tile_counts, spans):  # type: ignore[no-untyped-def]
+def project(begin, end, view, means, log_scales, quaternions, opacity_logits, sh, splats, status, radius,
+            tile_counts, spans):  # type: ignore[no-untyped-def]  # fmt: skip
     """Projects blocks `begin` to `end` of `BLOCK` Gaussians.
 
     Args:
