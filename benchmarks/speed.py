@@ -194,7 +194,7 @@ def training_memory(row: Row) -> Row:
     trainer = Trainer(views, [], sparse, Medium(PointSpread(sigma_x=2.0, sigma_y=2.0)), settings)
     prepared = peak_memory_mb()
     for _ in range(20):
-        trainer.advance()
+        trainer.advance(0.5)
     return {
         **row, "gaussians": len(trainer.optimizer.gaussians), "prepared_mb": round(prepared),
         "peak_memory_mb": round(peak_memory_mb()),
