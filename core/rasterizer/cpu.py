@@ -18,7 +18,8 @@ from ..gaussians import Gaussians
 from .binning_kernels import begin_pairs, count_pairs, depth_order, place_pairs
 from .blending_kernels import DEPTH, RED, SLOT_WIDTH, SPLAT_WIDTH, backward_tiles, blend_tiles
 from .interface import RasterSettings, Rendered, ScreenStatistics
-from .projection_kernels import BLOCK, CULL_REASONS, KEPT_SPANS, SEEN, VIEW_LENGTH, project, project_backward
+from .projection_backward_kernels import project_backward
+from .projection_kernels import BLOCK, CULL_REASONS, KEPT_SPANS, SEEN, VIEW_LENGTH, project
 
 #: The depth order is cut into this many parts for the parallel counting sort; a constant, so that
 #: nothing depends on the number of threads (nothing does: the sort is stable).
