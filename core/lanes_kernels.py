@@ -1,7 +1,7 @@
 """Sixteen pixels at once: arithmetic on vectors, written as formulas and emitted as LLVM code.
 
 LLVM's own vectoriser gives up on the blending loops (it cannot prove that rows of a buffer do not
-overlap, and left the backward pass 13 times slower). Here a row of 16 pixels is ONE value of type
+overlap, and left the backward pass six times slower). Here a row of 16 pixels is ONE value of type
 <16 x float>; LLVM splits it into whatever the processor has (AVX-512, AVX2, NEON). Formulas read
 as usual:
 

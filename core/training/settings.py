@@ -39,12 +39,12 @@ class TrainingSettings:
         base_weight: of the paper's loss within 'dgs'; it keeps structure (SSIM) and the border.
         inverse_weight: of the inverted residual.
         inverse_width: its size (in [0, 1]) from which on it pulls no harder: photos that disagree
-            (light, moved leaves, wrong depth) would otherwise leave specks. Exact L1 (0) measured
-            0.4 dB worse, least squares 3 dB.
+            (light, moved leaves, wrong depth) would otherwise leave specks. In single
+            runs on one set, exact L1 (0) measured about half a dB worse, least squares 2 to 3 dB.
         noise_gain: how much more (> 1) or less the photos are trusted in the inversion than the noise of
-            ONE photo says. The mean of many views would allow more, cameras that are a sixth of a
-            pixel off allow less: on the ball, 0.03 to 0.2 measured best with cameras from structure
-            from motion (7: 1.2 dB worse), 5 with exact cameras (0.1: 0.3 dB worse).
+            ONE photo says. The mean of many views would allow more, cameras from structure from
+            motion allow less: on the ball (single runs, chosen on its held-out views) 0.03 to 0.2
+            measured best with those (7: 1.2 dB worse), 7 with exact cameras (0.1: 0.25 dB worse).
         variation_weight: of the total variation of the sharp render.
         ssim_weight: of 1 - SSIM against the mean absolute error (3DGS: 0.2).
         low_pass: variance added to every projected Gaussian, in px^2 of the PHOTO's grid.

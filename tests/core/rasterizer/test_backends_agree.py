@@ -23,7 +23,7 @@ VALUES = 2e-5
 GRADIENTS = 1e-3
 
 
-def compare(
+def check_agreement(
     scene: Gaussians, backend: str, width: int = 61, height: int = 45, settings: RasterSettings = DEFAULTS
 ) -> None:
     """Same image, alpha, depth, gradients of everything, and screen statistics."""
@@ -62,31 +62,31 @@ def compare(
 @pytest.mark.parametrize("degree", [0, 1, 2, 3])
 def test_every_degree_and_filter(backend: str, degree: int, antialias: bool) -> None:
     settings = RasterSettings(antialias=antialias, depth=True)
-    compare(random_scene(150, degree, seed=degree), backend, settings=settings)
+    check_agreement(random_scene(150, degree, seed=degree), backend, settings=settings)
 
 
 @pytest.mark.parametrize(
     ("width", "height"), [(1, 1), (1, 40), (16, 16), (17, 15), (32, 16), (33, 50), (100, 7)]
 )
 def test_sizes_that_are_no_multiple_of_the_tile(backend: str, width: int, height: int) -> None:
-    compare(random_scene(80, seed=3), backend, width, height, RasterSettings(depth=True))
+    check_agreement(random_scene(80, seed=3), backend, width, height, RasterSettings(depth=True))
 
 
 @pytest.mark.parametrize("count", [0, 1, 2])
 def test_few_gaussians(backend: str, count: int) -> None:
-    compare(random_scene(count, seed=4), backend, settings=RasterSettings(depth=True))
+    check_agreement(random_scene(count, seed=4), backend, settings=RasterSettings(depth=True))
 
 
 @pytest.mark.parametrize("low_pass", [0.0, 0.05, 2.0])
 def test_low_pass(backend: str, low_pass: float) -> None:
-    compare(random_scene(100, seed=5), backend, settings=RasterSettings(low_pass=low_pass))
+    check_agreement(random_scene(100, seed=5), backend, settings=RasterSettings(low_pass=low_pass))
 
 
 def test_dense_and_faint(backend: str) -> None:
     """Many thin layers: every pixel sums hundreds of evaluations."""
     scene = random_scene(1500, seed=6, size=-1.6)
     scene.opacity_logits -= 3.0
-    compare(scene, backend, settings=RasterSettings(depth=True))
+    check_agreement(scene, backend, settings=RasterSettings(depth=True))
 
 
 def test_opaque_scene_stops_early(backend: str) -> None:
@@ -94,16 +94,16 @@ def test_opaque_scene_stops_early(backend: str) -> None:
         pytest.skip("gsplat leaves out the Gaussian that crosses the transmittance stop")
     scene = random_scene(1500, seed=7, size=-1.6)
     scene.opacity_logits.clamp_(min=1.0)
-    compare(scene, backend, settings=RasterSettings(depth=True))
+    check_agreement(scene, backend, settings=RasterSettings(depth=True))
 
 
 def test_many_small_gaussians(backend: str) -> None:
     """Footprints of about a pixel, below and above the alpha cutoff."""
-    compare(random_scene(3000, seed=8, size=-4.2), backend, 128, 96)
+    check_agreement(random_scene(3000, seed=8, size=-4.2), backend, 128, 96)
 
 
 def test_without_alpha_cutoff() -> None:
-    compare(random_scene(60, seed=9), "cpu", settings=RasterSettings(alpha_minimum=0.0, depth=True))
+    check_agreement(random_scene(60, seed=9), "cpu", settings=RasterSettings(alpha_minimum=0.0, depth=True))
 
 
 def test_outputs_alone_have_their_own_gradients(backend: str) -> None:
