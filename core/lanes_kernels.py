@@ -5,7 +5,7 @@ overlap, and left the backward pass six times slower). Here a row of 16 pixels i
 <16 x float>; LLVM splits it into whatever the processor has (AVX-512, AVX2, NEON). Formulas read
 as usual:
 
-    alpha = minimum(opacity * exponential(power), ALPHA_MAXIMUM)
+    alpha = minimum(opacity * power_of_two(power), ALPHA_MAXIMUM)
 
 Such code stands inside numba intrinsics only (blending, blurs, the photometric loss).
 """
@@ -26,7 +26,6 @@ _INT_VECTOR = ir.VectorType(_INT, TILE)
 #: Sums may be contracted and reordered; NaN and infinity keep their meaning.
 _FLAGS = ("contract", "reassoc", "nsz", "arcp")
 
-_LOG2E = 1.4426950408889634
 #: Minimax polynomial of 2**f on [-0.5, 0.5], relative error 2e-7.
 _EXP2 = (1.0, 0.6931471805599453, 0.2402264791363012, 0.0555033247034520, 0.0096184373357674, 0.0013398874403006)
 
@@ -152,20 +151,19 @@ def maximum(left: Lanes, right: Lanes | float) -> Lanes:
     return Lanes(left.builder, left.builder.select(left.builder.fcmp_ordered(">", a, b), a, b))
 
 
-def exponential(x: Lanes) -> Lanes:
-    """exp(x) of a vector, relative error 3e-7, for x <= 87; below -87 as at -87 (1.6e-38)."""
+def power_of_two(x: Lanes) -> Lanes:
+    """2**x of a vector, relative error 3e-7, for x <= 127; below -126 as at -126 (1.2e-38)."""
     builder = x.builder
-    t = maximum(x, -87.0) * _LOG2E
+    x = maximum(x, -126.0)
     rounding = _declare(builder, f"llvm.rint.v{TILE}f32", VECTOR, [VECTOR])
-    n = Lanes(builder, builder.call(rounding, [t.value]))
-    f = t - n
+    n = Lanes(builder, builder.call(rounding, [x.value]))
+    f = x - n
     series = constant(builder, _EXP2[-1]).wide()
     for coefficient in reversed(_EXP2[:-1]):
         series = series * f + coefficient
-    whole = builder.fptosi(n.value, _INT_VECTOR)
-    biased = builder.add(whole, ir.Constant(_INT_VECTOR, [127] * TILE))
-    bits = builder.shl(biased, ir.Constant(_INT_VECTOR, [23] * TILE))
-    return series * Lanes(builder, builder.bitcast(bits, VECTOR))
+    whole = builder.shl(builder.fptosi(n.value, _INT_VECTOR), ir.Constant(_INT_VECTOR, [23] * TILE))
+    bits = builder.add(builder.bitcast(series.value, _INT_VECTOR), whole)  # times 2**n
+    return Lanes(builder, builder.bitcast(bits, VECTOR))
 
 
 class Buffer:

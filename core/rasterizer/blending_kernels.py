@@ -18,14 +18,18 @@ from numba.extending import intrinsic
 
 from ..compiled import inlined, kernel
 from ..constants import ALPHA_MAXIMUM, TILE, TILE_ROWS, TRANSMITTANCE_STOP
-from ..lanes_kernels import Buffer, Lanes, Running, choose, exponential, maximum, minimum, ramp
+from ..lanes_kernels import Buffer, Lanes, Running, choose, maximum, minimum, power_of_two, ramp
 
 f32 = np.float32
 _PIXELS = TILE * TILE_ROWS
 _STOP = f32(TRANSMITTANCE_STOP)
+_LOG2E = 1.4426950408889634
 
 # Layout of a projected Gaussian (one cache line of 16 float32):
-X, Y, CONIC_A, CONIC_B, CONIC_C, OPACITY, CUTOFF, RED, GREEN, BLUE, DEPTH, SLOPE, FIRST_ROW, LAST_ROW = range(14)
+# centre, conic, colour, depth; SHEAR, SQUEEZE, REACH, TIP describe the same ellipse row by row (see
+# `rows_in_tile`), FIRST_ROW and LAST_ROW its box.
+(X, Y, CONIC_A, CONIC_B, CONIC_C, OPACITY, RED, GREEN, BLUE, DEPTH, SHEAR, SQUEEZE, REACH, TIP, FIRST_ROW,
+ LAST_ROW) = range(16)  # fmt: skip
 SPLAT_WIDTH = 16
 # Layout of a gradient slot, one per (Gaussian, tile) pair:
 G_X, G_Y, G_A, G_B, G_C, G_OPACITY, G_RED, G_GREEN, G_BLUE = range(9)
@@ -40,29 +44,24 @@ _LOOK = 8
 
 
 class _Splat:
-    """One projected Gaussian as seen from a tile's top left pixel centre, and its rows there."""
+    """One projected Gaussian as seen from a tile's top left pixel centre."""
 
     def __init__(self, builder: ir.IRBuilder, splats: Buffer, at: ir.Value, left: Lanes, top: Lanes) -> None:
         self.builder = builder
         read = lambda column: splats.one(at, column)  # noqa: E731
-        self.a, self.b, self.c = read(CONIC_A), read(CONIC_B), read(CONIC_C)
-        self.opacity, self.cutoff = read(OPACITY), read(CUTOFF)
+        self.a, self.b, self.c, self.opacity = read(CONIC_A), read(CONIC_B), read(CONIC_C), read(OPACITY)
         self.red, self.green, self.blue = read(RED), read(GREEN), read(BLUE)
-        self.left = left - read(X)
         self.top = top - read(Y)
-        self.dx = self.left + ramp(builder)
-        self.slope = read(SLOPE)
-
-    def touches(self, dy: Lanes) -> ir.Value:
-        """Whether the ellipse a dx^2 + 2 b dx dy + c dy^2 <= cutoff meets the row at dy."""
-        nearest = minimum(maximum(self.slope * dy, self.left), self.left + float(TILE - 1))
-        form = (self.a * nearest + 2.0 * self.b * dy) * nearest + self.c * dy * dy
-        return form.compare("<=", self.cutoff)
+        self.dx = left - read(X) + ramp(builder)
+        # a dx^2 + 2 b dx dy + c dy^2 = c ((dy - shear dx)^2 + squeeze dx^2): nothing cancels in a long needle
+        self.steep = (-0.5 * _LOG2E) * self.c
+        self.base = self.steep * read(SQUEEZE) * self.dx * self.dx
+        self.leaning = read(SHEAR) * self.dx
 
     def raw_alpha(self, dy: Lanes) -> Lanes:
         """Opacity times the Gaussian's fall-off, before the limits."""
-        power = self.dx * (-0.5 * self.a * self.dx - self.b * dy) - 0.5 * self.c * dy * dy
-        return self.opacity * exponential(power)
+        u = dy - self.leaning
+        return self.opacity * power_of_two(self.base + self.steep * (u * u))
 
 
 def _limited(raw: Lanes, transmittance: Lanes, alpha_minimum: Lanes) -> Lanes:
@@ -73,40 +72,37 @@ def _limited(raw: Lanes, transmittance: Lanes, alpha_minimum: Lanes) -> Lanes:
 
 
 def _each_row(builder: ir.IRBuilder, splat: _Splat, first: ir.Value, last: ir.Value) -> Any:
-    """Loops over rows first..last that the ellipse meets; yields (row offset in the state, dy)."""
+    """Loops over rows first..last of the tile; yields (row offset in the state, dy)."""
 
     def rows() -> Any:
         step = ir.Constant(first.type, 1)
         with cgutils.for_range_slice(builder, first, last, step, inc=True) as (row, _):
             dy = splat.top + Lanes(builder, builder.sitofp(row, ir.FloatType()))
-            with builder.if_then(splat.touches(dy)):
-                yield builder.mul(row, ir.Constant(row.type, TILE)), dy
+            yield builder.mul(row, ir.Constant(row.type, TILE)), dy
 
     return rows()
 
 
 @intrinsic
 def blend_splat(typing_context, state, splats, g, left, top, first, last, alpha_minimum):  # type: ignore[no-untyped-def]
-    """Blends Gaussian `g` over rows `first` to `last` of a tile; returns how many rows it met."""
+    """Blends Gaussian `g` over rows `first` to `last` of a tile."""
 
     def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
         tile = Buffer(context, builder, signature.args[0], arguments[0])
         table = Buffer(context, builder, signature.args[1], arguments[1])
         at = builder.mul(arguments[2], ir.Constant(arguments[2].type, SPLAT_WIDTH))
         splat = _Splat(builder, table, at, Lanes(builder, arguments[3]), Lanes(builder, arguments[4]))
-        met = cgutils.alloca_once_value(builder, ir.Constant(ir.IntType(64), 0))
         for row, dy in _each_row(builder, splat, arguments[5], arguments[6]):
             transmittance = tile.row(row, _T)
             alpha = _limited(splat.raw_alpha(dy), transmittance, Lanes(builder, arguments[7]))
             weight = alpha * transmittance
             for plane, colour in ((_R, splat.red), (_G, splat.green), (_B, splat.blue)):
                 tile.put_row(row, plane, tile.row(row, plane) + weight * colour)
-            tile.put_row(row, _T, transmittance * (1.0 - alpha))
-            builder.store(builder.add(builder.load(met), ir.Constant(ir.IntType(64), 1)), met)
-        return builder.load(met)
+            tile.put_row(row, _T, transmittance - weight)
+        return context.get_dummy_value()
 
     f, i = types.float32, types.int64
-    return i(state, splats, i, f, f, i, i, f), generate
+    return types.void(state, splats, i, f, f, i, i, f), generate
 
 
 @intrinsic
@@ -131,7 +127,7 @@ def backward_splat(typing_context, state, splats, g, left, top, first, last, alp
             slope = alpha * (transmittance * colour - rest / through)
             slope = choose(raw.compare("<", ALPHA_MAXIMUM), slope, 0.0)
             tile.put_row(row, _REST, rest)
-            tile.put_row(row, _T, transmittance * through)
+            tile.put_row(row, _T, transmittance - weight)
             sums.add(0, slope)
             sums.add(1, slope * dy)
             sums.add(2, slope * (dy * dy))
@@ -158,11 +154,24 @@ def backward_splat(typing_context, state, splats, g, left, top, first, last, alp
 
 
 @inlined
-def rows_in_tile(splats, g, top):  # type: ignore[no-untyped-def]
-    """First and one past the last row of the tile at `top` that the ellipse's box reaches."""
-    first = np.int64(splats[g, FIRST_ROW]) - top
-    last = np.int64(splats[g, LAST_ROW]) - top
-    return max(first, np.int64(0)), min(last, np.int64(TILE_ROWS))
+def rows_in_tile(splats, g, left, top, rows):  # type: ignore[no-untyped-def]
+    """First and one past the last row that the ellipse meets in the tile whose first pixel centre is (left, top).
+
+    The ellipse is (dy - shear dx)^2 + squeeze dx^2 = reach; its lowest point, at dx = tip, or the edge of
+    the tile nearest to it, bounds the rows below, the opposite point those above.
+    """
+    near = left - splats[g, X]
+    far = near + f32(TILE - 1)
+    low = min(max(splats[g, TIP], near), far)
+    high = min(max(-splats[g, TIP], near), far)
+    shear, squeeze, reach = splats[g, SHEAR], splats[g, SQUEEZE], splats[g, REACH]
+    below, above = reach - squeeze * low * low, reach - squeeze * high * high
+    if not (below >= f32(0.0) and above >= f32(0.0)):
+        return np.int64(0), np.int64(0)
+    down = splats[g, Y] - top
+    first = np.ceil(max(shear * high - np.sqrt(above) + down, f32(0.0)))
+    last = np.floor(min(shear * low + np.sqrt(below) + down, f32(TILE_ROWS))) + f32(1.0)
+    return np.int64(first), min(np.int64(last), rows)
 
 
 @intrinsic
@@ -199,6 +208,7 @@ def blend_tiles(begin, end, splats, tile_starts, pair_gaussians, background, alp
     for tile in range(begin, end):
         top, left = (tile // tiles_x) * TILE_ROWS, (tile % tiles_x) * TILE
         x0, y0 = f32(left) + f32(0.5), f32(top) + f32(0.5)
+        height_here = min(np.int64(TILE_ROWS), np.int64(height - top))
         state[:_PIXELS] = f32(1.0)
         state[_PIXELS:] = f32(0.0)
         first, last = tile_starts[tile], tile_starts[tile + 1]
@@ -208,8 +218,10 @@ def blend_tiles(begin, end, splats, tile_starts, pair_gaussians, background, alp
             while position < stop:
                 g = np.int64(pair_gaussians[position])
                 position += 1
-                begin_row, end_row = rows_in_tile(splats, g, top)
-                rows += blend_splat(state, splats, g, x0, y0, begin_row, end_row, alpha_minimum)
+                begin_row, end_row = rows_in_tile(splats, g, x0, y0, height_here)
+                if begin_row < end_row:
+                    blend_splat(state, splats, g, x0, y0, begin_row, end_row, alpha_minimum)
+                    rows += end_row - begin_row
             if is_opaque(state):
                 break
         blended[tile] = position - first
@@ -239,6 +251,7 @@ def backward_tiles(begin, end, splats, tile_starts, pair_gaussians, pair_slots, 
     for tile in range(begin, end):
         top, left = (tile // tiles_x) * TILE_ROWS, (tile % tiles_x) * TILE
         x0, y0 = f32(left) + f32(0.5), f32(top) + f32(0.5)
+        height_here = min(np.int64(TILE_ROWS), np.int64(height - top))
         first, last = tile_starts[tile], tile_starts[tile + 1]
         if first == last:
             continue
@@ -262,5 +275,5 @@ def backward_tiles(begin, end, splats, tile_starts, pair_gaussians, pair_slots, 
                 slots[slot, :] = f32(0.0)
                 continue
             g = np.int64(pair_gaussians[position])
-            begin_row, end_row = rows_in_tile(splats, g, top)
+            begin_row, end_row = rows_in_tile(splats, g, x0, y0, height_here)
             backward_splat(state, splats, g, x0, y0, begin_row, end_row, alpha_minimum, slots, slot)

@@ -31,13 +31,15 @@ from .blending_kernels import (
     CONIC_A,
     CONIC_B,
     CONIC_C,
-    CUTOFF,
     DEPTH,
     FIRST_ROW,
     LAST_ROW,
     OPACITY,
+    REACH,
     RED,
-    SLOPE,
+    SHEAR,
+    SQUEEZE,
+    TIP,
     X,
     Y,
 )
@@ -272,10 +274,12 @@ def project(begin, end, view, means, log_scales, quaternions, opacity_logits, sh
         splat[CONIC_B] = np.float32(-b / s[_DET])
         splat[CONIC_C] = np.float32(a / s[_DET])
         splat[OPACITY] = np.float32(opacity)
-        # a hair more, so that rounding never skips a row whose alpha still counts
-        splat[CUTOFF] = np.float32(cutoff * 1.0001 + 1e-4)
         splat[DEPTH] = np.float32(s[_P + 2])
-        splat[SLOPE] = np.float32(b / c)  # dx of a row's nearest point to the centre, per unit of dy
+        splat[SHEAR] = np.float32(b / a)
+        splat[SQUEEZE] = np.float32(s[_DET] / (a * a))
+        # a hair more, so that rounding never skips a row whose alpha still counts
+        splat[REACH] = np.float32((cutoff * 1.0001 + 1e-4) * s[_DET] / a)
+        splat[TIP] = np.float32(b / c * half_y)
         splat[FIRST_ROW] = np.float32(min(max(math.ceil(y - half_y - 0.5), 0.0), view[V_HEIGHT]))
         splat[LAST_ROW] = np.float32(min(max(math.floor(y + half_y - 0.5) + 1.0, 0.0), view[V_HEIGHT]))
         dx, dy, dz = means[g, 0] - centre[0], means[g, 1] - centre[1], means[g, 2] - centre[2]
@@ -318,7 +322,7 @@ def tile_columns(splat, row, width):  # type: ignore[no-untyped-def]
     widest, if that lies in the band, else at the band's nearer edge.
     """
     a, b, c = np.float64(splat[CONIC_A]), np.float64(splat[CONIC_B]), np.float64(splat[CONIC_C])
-    cutoff = np.float64(splat[CUTOFF])
+    cutoff = np.float64(splat[REACH]) * c
     low = row * TILE_ROWS + 0.5 - splat[Y]
     high = low + (TILE_ROWS - 1)
     widest = math.sqrt(max(cutoff * c / max(a * c - b * b, 1e-300), 0.0))
