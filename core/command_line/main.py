@@ -37,6 +37,10 @@ def run(arguments: list[str]) -> int:
         return 2
     interruption = Interruption()
     progress = choose_progress(getattr(options, "progress", "none"), interruption)
+    if getattr(options, "control", False):
+        from .control import obey
+
+        obey(interruption)
     with interruption, progress:
         return _guarded(_command(options.command), options, progress)
 
@@ -46,6 +50,10 @@ def _command(name: str) -> Callable[[argparse.Namespace, Reporting], int]:
         from .reconstruct_command import reconstruct_command
 
         return reconstruct_command
+    if name == "cameras":
+        from .cameras_command import cameras_command
+
+        return cameras_command
     if name == "render":
         from .render_command import render_command
 

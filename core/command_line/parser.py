@@ -66,6 +66,7 @@ def build_parser(arguments: list[str]) -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"dgs {VERSION}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", parser_class=OneLineParser)
     _add_reconstruct(commands)
+    _add_cameras(commands)
     _add_render(commands)
     doctor = commands.add_parser(
         "doctor", help="check this machine", description="Versions, device, and a self-check of the engine."
@@ -93,6 +94,47 @@ def _add_progress(parser: argparse.ArgumentParser) -> None:
         "--progress", choices=("auto", "json", "none"), default="auto",
         help="bars on a terminal and lines elsewhere, one JSON object a line, or nothing",
     )  # fmt: skip
+    parser.add_argument(
+        "--control", action="store_true",
+        help="for programs: obey lines on standard input (cancel, pause, continue), and end when it is closed",
+    )  # fmt: skip
+
+
+def _add_medium(parser: argparse.ArgumentParser) -> None:
+    medium = parser.add_argument_group("what blurs the photos")
+    medium.add_argument(
+        "--psf", default="none", metavar="PSF",
+        help="point spread function: none | gaussian:SIGMA | gaussian:SX,SY,ANGLE (px of the photos as they "
+        "are, degrees) | file:PATH (.npy, .tif, .png, .fits)",
+    )  # fmt: skip
+    medium.add_argument(
+        "--blur-space", choices=("srgb", "linear"), default="srgb",
+        help="whether the blur acts on the photos' sRGB values or on linear light",
+    )  # fmt: skip
+
+
+def _add_photos(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("photos", type=Path, metavar="PHOTOS", help="folder of photos")
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for all results")
+
+
+def _add_cameras(commands: argparse._SubParsersAction[OneLineParser]) -> None:
+    parser = _defaults(
+        commands.add_parser(
+            "cameras",
+            help="only find the cameras",
+            description="Finds the cameras and writes DIR/cameras, which 'reconstruct --resume' goes on from.",
+        )
+    )
+    _add_photos(parser)
+    _add_medium(parser)
+    parser.add_argument(
+        "--masks", type=Path, metavar="DIR", help="images of the same names; black pixels do not count"
+    )
+    parser.add_argument("--max-size", type=whole(16), metavar="PIXELS",
+                        help="shrink photos to this longer side, with cameras and PSF")  # fmt: skip
+    _add_machine(parser)
+    _add_progress(parser)
 
 
 def _add_reconstruct(commands: argparse._SubParsersAction[OneLineParser]) -> None:
@@ -104,18 +146,8 @@ def _add_reconstruct(commands: argparse._SubParsersAction[OneLineParser]) -> Non
             "twin.ply, cameras/, renders/, report.html and report.json.",
         )
     )
-    parser.add_argument("photos", type=Path, metavar="PHOTOS", help="folder of photos")
-    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for all results")
-    medium = parser.add_argument_group("what blurs the photos")
-    medium.add_argument(
-        "--psf", default="none", metavar="PSF",
-        help="point spread function: none | gaussian:SIGMA | gaussian:SX,SY,ANGLE (px of the photos as they "
-        "are, degrees) | file:PATH (.npy, .tif, .png, .fits)",
-    )  # fmt: skip
-    medium.add_argument(
-        "--blur-space", choices=("srgb", "linear"), default="srgb",
-        help="whether the blur acts on the photos' sRGB values or on linear light",
-    )  # fmt: skip
+    _add_photos(parser)
+    _add_medium(parser)
     data = parser.add_argument_group("what is given")
     data.add_argument(
         "--cameras", type=Path, metavar="MODEL",
@@ -147,6 +179,8 @@ def _add_reconstruct(commands: argparse._SubParsersAction[OneLineParser]) -> Non
         "--seed", type=whole(0, 2**31 - 1), default=0, metavar="N", help="same seed, same twin (CPU)"
     )
     effort.add_argument("--resume", action="store_true", help="go on from the checkpoint in DIR")
+    effort.add_argument("--snapshots", action="store_true",
+                        help="now and then write the twin so far and a picture of it to DIR/snapshot")  # fmt: skip
     _add_machine(parser)
     _add_progress(parser)
 

@@ -67,6 +67,9 @@ class JsonLines:
         self._write({"event": "note", "text": text})
 
     def cancelled(self) -> bool:
+        paused = time.monotonic()
+        self._interruption.wait_while_paused()
+        self._began += time.monotonic() - paused  # so that a pause does not count as work in `seconds_left`
         return self._interruption.asked
 
     def finished(self, result: dict[str, object]) -> None:

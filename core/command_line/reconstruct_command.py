@@ -20,6 +20,7 @@ def reconstruct_command(options: argparse.Namespace, progress: Reporting) -> int
         max_size=options.max_size, preset=options.preset, loss=options.loss, time_limit=options.time_limit,
         max_gaussians=options.max_gaussians, sh_degree=options.sh_degree, seed=options.seed,
         device=options.device, threads=options.threads, resume=options.resume,
+        snapshots=options.snapshots,
     )  # fmt: skip
     outcome = reconstruct(settings, progress)
     progress.finished(_result(settings, outcome.report))

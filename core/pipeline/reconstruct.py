@@ -22,6 +22,7 @@ from ..sfm.reconstruction import Reconstruction
 from .heldout import Scores, TruthFolder, ViewScorer, heldout_names, render_names
 from .machine import choose_device, machine, use_threads
 from .settings import ReconstructSettings
+from .snapshots import Snapshots
 from .summary import Facts, resolvable_period, summary
 from .views import Viewer
 
@@ -109,7 +110,7 @@ def reconstruct(settings: ReconstructSettings, progress: Progress) -> Outcome:
         keeper.note(f"The point spread function: {note}")
     watch.lap("photos")
 
-    reconstruction, source = _cameras(settings, photos, medium, threads, keeper)
+    reconstruction, source = cameras_of(settings, photos, medium, threads, keeper)
     registered = [photo for photo in photos if photo.name in reconstruction.poses]
     watch.lap("sfm")
 
@@ -142,10 +143,17 @@ def medium_for(photos: list[Photo], psf: PointSpread | None, settings: Reconstru
     return replace(full, psf=own[photos[0].name], per_view=own)
 
 
-def _cameras(
+def cameras_of(
     settings: ReconstructSettings, photos: list[Photo], medium: Medium, threads: int, progress: Progress
 ) -> tuple[Reconstruction, str]:
-    """Known cameras, those of the run that is resumed, or cameras found from the photos."""
+    """Known cameras, those of the run that is resumed, or cameras found from the photos.
+
+    Written to `settings.out`/cameras; 'given' or 'sfm' tells where they come from.
+
+    Raises:
+        CameraError: no trustworthy cameras, or fewer than two.
+        OutputError: they cannot be written.
+    """
     from ..formats.colmap import write_lenses
     from ..sfm.settings import SfmSettings
 
@@ -193,6 +201,7 @@ def _train(
     trained = train(
         kept, [view for view in views if view.name in held], reconstruction.points, medium, chosen, progress,
         settings.out / "checkpoint.npz", settings.resume,
+        Snapshots(settings.out / "snapshot") if settings.snapshots else None,
     )  # fmt: skip
     if progress.cancelled() and trained.steps < chosen.steps:
         trained.stopped = "cancelled"

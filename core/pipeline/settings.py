@@ -26,6 +26,7 @@ class ReconstructSettings:
         max_gaussians, sh_degree: None for the preset's.
         seed, device, threads: threads None for all cores.
         resume: go on from the checkpoint in `out`.
+        snapshots: write the twin so far and a picture of it to `out`/snapshot while training.
     """
 
     photos: Path
@@ -46,6 +47,7 @@ class ReconstructSettings:
     device: Literal["auto", "cpu", "cuda"] = "auto"
     threads: int | None = None
     resume: bool = False
+    snapshots: bool = False
 
     def plain(self) -> dict[str, Any]:
         """For report.json: paths as text."""

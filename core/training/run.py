@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -58,7 +58,7 @@ class Trained:
 
 def train(views: Sequence[View], heldout: Sequence[View], points: SparsePoints, medium: Medium,
           settings: TrainingSettings, progress: Progress, checkpoint: Path | None = None,
-          resume: bool = False) -> Trained:  # fmt: skip
+          resume: bool = False, watch: Callable[[Trainer], None] | None = None) -> Trained:  # fmt: skip
     """Optimizes Gaussians against photos through the medium.
 
     Args:
@@ -67,6 +67,7 @@ def train(views: Sequence[View], heldout: Sequence[View], points: SparsePoints, 
         points: sparse points in the same world.
         checkpoint: file that the state is kept in; None for none.
         resume: go on from `checkpoint` if it is there.
+        watch: called after every iteration; may look, and must not change anything.
 
     Raises:
         CheckpointError: the checkpoint is damaged or belongs to another run.
@@ -108,6 +109,8 @@ def train(views: Sequence[View], heldout: Sequence[View], points: SparsePoints, 
             progress.advance(trainer.step, **history[-1])
         elif trainer.step % REPORT_EVERY == 0:
             progress.advance(trainer.step, loss=loss)
+        if watch is not None:
+            watch(trainer)
         if checkpoint is not None and time.perf_counter() - saved > CHECKPOINT_SECONDS:
             save_checkpoint(checkpoint, trainer.state(before + time.perf_counter() - prepared, history))
             saved = time.perf_counter()

@@ -1,0 +1,26 @@
+"""The first half of a run: cameras from photos, kept for the second."""
+
+from __future__ import annotations
+
+from ..files import check_writable
+from ..imaging.psf import parse_psf
+from ..photos.load import load_photos
+from ..progress import Progress
+from ..sfm.reconstruction import Reconstruction
+from .machine import use_threads
+from .reconstruct import cameras_of, medium_for
+from .settings import ReconstructSettings
+
+
+def only_cameras(settings: ReconstructSettings, progress: Progress) -> Reconstruction:
+    """Finds the cameras and writes them to `settings.out`/cameras.
+
+    Raises:
+        DgsError: one of its subclasses; nothing was written then.
+    """
+    psf = parse_psf(settings.psf)
+    check_writable(settings.out)
+    threads = use_threads(settings.threads)
+    photos = load_photos(settings.photos, settings.max_size, progress, settings.masks)
+    reconstruction, _ = cameras_of(settings, photos, medium_for(photos, psf, settings), threads, progress)
+    return reconstruction

@@ -1,0 +1,62 @@
+"""What a training looks like so far: a picture and the twin, for whoever watches it."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from ..files import make_folder
+from ..formats.ply import write_ply
+from ..rasterizer import render
+from .heldout import write_png
+from .views import to_pixels
+
+if TYPE_CHECKING:
+    from ..training.trainer import Trainer
+
+PICTURE, TWIN = "picture.png", "twin.ply"
+#: Seconds between two snapshots at least.
+INTERVAL = 2.0
+#: Snapshots take at most this share of the time.
+SHARE = 0.04
+
+
+class Snapshots:
+    """Writes `folder`/picture.png (a photo's view of the sharp twin) and twin.ply now and then.
+
+    Both are written whole or not at all, so that another program may read them at any moment.
+
+    Raises:
+        OutputError: the folder cannot be written to.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = make_folder(folder)
+        self._next = time.perf_counter() + INTERVAL
+
+    def __call__(self, trainer: Trainer) -> None:
+        """After an iteration: writes a snapshot if it is time."""
+        began = time.perf_counter()
+        if began < self._next:
+            return
+        write_png(self._folder / PICTURE, to_pixels(_picture(trainer)))
+        write_ply(self._folder / TWIN, trainer.result().cloud())
+        ended = time.perf_counter()
+        self._next = ended + max(INTERVAL, (ended - began) / SHARE)
+
+
+def _picture(trainer: Trainer) -> NDArray[np.float32]:
+    """[3, H, W] the sharp twin from a photo's place, on the training's finest grid."""
+    level = trainer.levels[-1]
+    view = (level.heldout or level.views)[0]
+    with torch.no_grad():
+        image = render(
+            trainer.optimizer.gaussians, view.camera, background=trainer.background,
+            settings=trainer.raster_settings(level),
+        ).image  # fmt: skip
+    return image.cpu().numpy()
