@@ -16,13 +16,21 @@ class View:
 
     Attributes:
         camera: pinhole camera; its width and height are the photo's.
-        photo: [H, W, 3] uint8 or uint16, sRGB-encoded, as in the file.
+        photo: [H, W, 3] uint8 or uint16, sRGB-encoded.
         mask: [H, W] bool, True where a pixel counts; None where all do.
+        levels: largest value of the file that the photo came from (255, 65535): `photo` may be finer, where it
+            was resampled; None for `photo`'s own.
     """
 
     camera: Camera
     photo: NDArray[np.uint8] | NDArray[np.uint16] = field(repr=False)
     mask: NDArray[np.bool_] | None = field(default=None, repr=False)
+    levels: int | None = None
+
+    @property
+    def rounding(self) -> float:
+        """Standard deviation of the file's rounding, in [0, 1] units: the least noise there can be."""
+        return 1.0 / (self.levels or int(np.iinfo(self.photo.dtype).max)) / 12.0**0.5
 
     @property
     def name(self) -> str:

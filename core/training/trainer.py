@@ -99,8 +99,7 @@ class Trainer:
         photos = [v.planes() for v in views[:: max(1, len(views) // SPECTRUM_VIEWS)]]
         if self.medium.blur_space == "linear":
             photos = [np.asarray(srgb_to_linear(p), np.float32) for p in photos]
-        levels = float(np.iinfo(self.views[0].photo.dtype).max)
-        return noise_to_signal(photos, psf, 1 / levels / 12**0.5 / step).trusted(self.settings.noise_gain)
+        return noise_to_signal(photos, psf, self.views[0].rounding / step).trusted(self.settings.noise_gain)
 
     def objective(self, level: Level, view: GridView) -> Objective:
         """The objective for a view's size and point spread; made once."""
