@@ -26,8 +26,9 @@ _INT_VECTOR = ir.VectorType(_INT, TILE)
 #: Sums may be contracted and reordered; NaN and infinity keep their meaning.
 _FLAGS = ("contract", "reassoc", "nsz", "arcp")
 
-#: Minimax polynomial of 2**f on [-0.5, 0.5], relative error 2e-7.
-_EXP2 = (1.0, 0.6931471805599453, 0.2402264791363012, 0.0555033247034520, 0.0096184373357674, 0.0013398874403006)
+#: Minimax polynomial of 2**f on [-0.5, 0.5], relative error 8e-8.
+_EXP2 = (1.0000000716546416, 0.6931469670652649, 0.2402211972396918, 0.0555071327287539, 0.0096755413310214,
+         0.0013276472167820)  # fmt: skip
 
 
 class Lanes:
@@ -99,6 +100,11 @@ class Lanes:
         function = _declare(self.builder, name, VECTOR, [VECTOR, VECTOR, VECTOR])
         return Lanes(self.builder, self.builder.call(function, [left, right, total.wide().value]))
 
+    def over(self, divisor: Lanes) -> Lanes:
+        """self / divisor where both are finite: a reciprocal estimate and one step, good to 2e-7, or a division."""
+        left, right = self._pair(divisor)
+        return Lanes(self.builder, self.builder.fdiv(left, right, flags=(*_FLAGS, "ninf")))
+
     def compare(self, relation: str, other: Lanes | float) -> ir.Value:
         """A mask (or a single bit, for scalars) where `self relation other` holds."""
         left, right = self._pair(other)
@@ -152,7 +158,7 @@ def maximum(left: Lanes, right: Lanes | float) -> Lanes:
 
 
 def power_of_two(x: Lanes) -> Lanes:
-    """2**x of a vector, relative error 3e-7, for x <= 127; below -126 as at -126 (1.2e-38)."""
+    """2**x of a vector, relative error 2e-7, for x <= 127; below -126 as at -126 (1.2e-38)."""
     builder = x.builder
     x = maximum(x, -126.0)
     rounding = _declare(builder, f"llvm.rint.v{TILE}f32", VECTOR, [VECTOR])
@@ -193,6 +199,22 @@ class Buffer:
     def put_one(self, index: ir.Value, plane: int, value: Lanes) -> None:
         """Stores a single value at element `index + plane`."""
         self.builder.store(value.value, self._pointer(index, plane, FLOAT), align=4)
+
+    def put_first(self, index: ir.Value, lanes: Lanes, count: int) -> None:
+        """Stores the first `count` lanes (at least 8) from element `index` on."""
+        builder, half = self.builder, ir.VectorType(FLOAT, 8)
+        eight = builder.shuffle_vector(lanes.value, lanes.value, ir.Constant(ir.VectorType(_INT, 8), list(range(8))))
+        builder.store(eight, self._pointer(index, 0, half), align=4)
+        for lane in range(8, count):
+            one = builder.extract_element(lanes.value, ir.Constant(_INT, lane))
+            builder.store(one, self._pointer(index, lane, FLOAT), align=4)
+
+    def prefetch(self, index: ir.Value) -> None:
+        """Asks for the cache line of element `index`."""
+        builder = self.builder
+        pointer = self._pointer(index, 0, ir.IntType(8))
+        function = _declare(builder, "llvm.prefetch.p0", ir.VoidType(), [pointer.type, _INT, _INT, _INT])
+        builder.call(function, [pointer, ir.Constant(_INT, 0), ir.Constant(_INT, 3), ir.Constant(_INT, 1)])
 
 
 class Rows:
@@ -245,6 +267,18 @@ def transposed(rows: list[Lanes]) -> list[Lanes]:
     return columns
 
 
+def sums_of(rows: list[Lanes]) -> Lanes:
+    """One vector whose lane `k` is the sum over `rows[k]` (at most 16), half the shuffles of as many `sum`s."""
+    count = len(rows)
+    for step in (8, 4, 2, 1):  # lanes without this bit go on with the left vector, lanes with it with the right
+        stay = [lane + (TILE if lane & step else 0) for lane in range(TILE)]
+        cross = [(lane ^ step) + (TILE if lane & step else 0) for lane in range(TILE)]
+        pairs = [(rows[i], rows[min(i + 1, len(rows) - 1)]) for i in range(0, len(rows), 2)]
+        rows = [shuffled(a, b, stay) + shuffled(a, b, cross) for a, b in pairs]
+    places = [int(f"{k:04b}"[::-1], 2) for k in range(TILE)]
+    return shuffled(rows[0], rows[0], [places[k] if k < count else 0 for k in range(TILE)])
+
+
 def _order(block: Any) -> list[int]:
     return [lane for n in range(4) for lane in block(n)]
 
@@ -273,3 +307,6 @@ class Running:
 
     def __getitem__(self, position: int) -> Lanes:
         return Lanes(self.builder, self.builder.load(self.slots[position]))
+
+    def __setitem__(self, position: int, lanes: Lanes) -> None:
+        self.builder.store(lanes.wide().value, self.slots[position])

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ..compiled import inlined, kernel
-from .blending_kernels import DEPTH, OPACITY, RED, X, Y
 from .projection_kernels import kept_columns, tile_rows
+from .splat_kernels import DEPTH, OPACITY, RED, X, Y
 
 _BITS = 11
 _BUCKETS = 1 << _BITS

@@ -16,10 +16,11 @@ from ..constants import TILE, TILE_ROWS
 from ..errors import DeviceError
 from ..gaussians import Gaussians
 from .binning_kernels import begin_pairs, count_pairs, depth_order, place_pairs
-from .blending_kernels import DEPTH, RED, SLOT_WIDTH, SPLAT_WIDTH, backward_tiles, blend_tiles
+from .blending_kernels import backward_tiles, blend_tiles
 from .interface import RasterSettings, Rendered, ScreenStatistics
 from .projection_backward_kernels import project_backward
 from .projection_kernels import BLOCK, CULL_REASONS, KEPT_SPANS, SEEN, VIEW_LENGTH, project
+from .splat_kernels import DEPTH, M_RED, RED, SLOT_WIDTH, SPLAT_WIDTH
 
 #: The depth order is cut into this many parts for the parallel counting sort; a constant, so that
 #: nothing depends on the number of threads (nothing does: the sort is stable).
@@ -158,9 +159,9 @@ class _Rasterize(torch.autograd.Function):
             gradient[0] = d_depth.numpy()
             more = _blend_backward(p, _depth_splats(p.splats), stack, ctx.transmittance, ctx.blended, gradient,
                                    np.zeros(shape, np.float32))  # fmt: skip
-            totals = np.concatenate(([0.0], np.cumsum(more[:, 6], dtype=np.float64)))
+            totals = np.concatenate(([0.0], np.cumsum(more[:, M_RED], dtype=np.float64)))
             depth_gradient = (totals[p.slot_starts[1:]] - totals[p.slot_starts[:-1]]).astype(np.float32)
-            more[:, 6:] = 0.0
+            more[:, M_RED:] = 0.0
             slots += more
         outputs = [np.empty_like(parameter) for parameter in p.parameters]
         d_screen = np.empty((count, 2), np.float32)

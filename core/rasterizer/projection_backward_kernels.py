@@ -11,7 +11,6 @@ import numpy as np
 
 from ..compiled import kernel
 from ..constants import LOG_SCALE_LIMIT
-from .blending_kernels import BLUE, G_A, G_B, G_BLUE, G_C, G_GREEN, G_OPACITY, G_RED, G_X, G_Y, GREEN, RED, SLOT_WIDTH
 from .projection_kernels import (
     _COMP,
     _D,
@@ -38,6 +37,21 @@ from .projection_kernels import (
     geometry,
     harmonics,
     harmonics_slope,
+)
+from .splat_kernels import (
+    BLUE,
+    GREEN,
+    M_ALL,
+    M_BLUE,
+    M_GREEN,
+    M_RED,
+    M_X,
+    M_XX,
+    M_XY,
+    M_Y,
+    M_YY,
+    RED,
+    SLOT_WIDTH,
 )
 
 
@@ -85,36 +99,38 @@ def project_backward(begin, end, view, means, log_scales, quaternions, opacity_l
             for slot in range(slot_starts[g], slot_starts[g + 1]):
                 for k in range(SLOT_WIDTH):
                     sums[k] += slots[slot, k]
-            x, y, z = s[_P], s[_P + 1], s[_P + 2]
-            fx, fy = view[V_FX], view[V_FY]
-            d_screen[g, 0], d_screen[g, 1] = np.float32(sums[G_X]), np.float32(sums[G_Y])
-            gradient_p[0] = fx / z * sums[G_X]
-            gradient_p[1] = fy / z * sums[G_Y]
-            gradient_p[2] = -(fx * x * sums[G_X] + fy * y * sums[G_Y]) / (z * z)
-            if with_depth:
-                gradient_p[2] += depth_gradient[g]
-
-            # conic -> covariance: H = -K G K with G = [[dA, dB / 2], [dB / 2, dC]]
-            splat = splats[g]
-            # (K anew in double: in float32 a long needle's small eigenvalue is lost)
+            # (the conic anew in double: in float32 a long needle's small eigenvalue is lost)
             a0 = s[_U] * s[_U] + s[_U + 1] * s[_U + 1] + s[_U + 2] * s[_U + 2]
             b0 = s[_U] * s[_U + 3] + s[_U + 1] * s[_U + 4] + s[_U + 2] * s[_U + 5]
             c0 = s[_U + 3] * s[_U + 3] + s[_U + 4] * s[_U + 4] + s[_U + 5] * s[_U + 5]
             low = view[V_LOW_PASS]
             ka, kb, kc = (c0 + low) / s[_DET], -b0 / s[_DET], (a0 + low) / s[_DET]
-            ga, gb, gc = sums[G_A], 0.5 * sums[G_B], sums[G_C]
+
+            # alpha = opacity exp(-0.5 d^T K d), d from the centre
+            g_x, g_y = ka * sums[M_X] + kb * sums[M_Y], kb * sums[M_X] + kc * sums[M_Y]
+            ga, gb, gc = -0.5 * sums[M_XX], -0.5 * sums[M_XY], -0.5 * sums[M_YY]
+            x, y, z = s[_P], s[_P + 1], s[_P + 2]
+            fx, fy = view[V_FX], view[V_FY]
+            d_screen[g, 0], d_screen[g, 1] = np.float32(g_x), np.float32(g_y)
+            gradient_p[0] = fx / z * g_x
+            gradient_p[1] = fy / z * g_y
+            gradient_p[2] = -(fx * x * g_x + fy * y * g_y) / (z * z)
+            if with_depth:
+                gradient_p[2] += depth_gradient[g]
+
+            # conic -> covariance: H = -K G K with G = [[dA, dB / 2], [dB / 2, dC]]
+            splat = splats[g]
             h00 = -(ka * (ka * ga + kb * gb) + kb * (ka * gb + kb * gc))
             h01 = -(ka * (kb * ga + kc * gb) + kb * (kb * gb + kc * gc))
             h11 = -(kb * (kb * ga + kc * gb) + kc * (kb * gb + kc * gc))
             opacity = s[_O]
-            d_opacity = sums[G_OPACITY] * s[_COMP]
             if view[V_ANTIALIAS] > 0 and s[_COMP] > 1e-6:
-                factor = sums[G_OPACITY] * opacity * 0.5 / s[_COMP] / s[_DET]
+                factor = sums[M_ALL] * 0.5 / (s[_COMP] * s[_COMP]) / s[_DET]
                 share = s[_D] / s[_DET]
                 h00 += factor * (c0 - share * (c0 + low))
                 h11 += factor * (a0 - share * (a0 + low))
                 h01 -= factor * b0 * (1.0 - share)
-            d_opacity_logits[g] = np.float32(d_opacity * opacity * (1.0 - opacity))
+            d_opacity_logits[g] = np.float32(sums[M_ALL] * (1.0 - opacity))
 
             # covariance = U U^T, U = J V, V = R Rq S
             d_u_z = d_w_z = d_scale_x = d_scale_y = 0.0
@@ -166,9 +182,9 @@ def project_backward(begin, end, view, means, log_scales, quaternions, opacity_l
             length = math.sqrt(vx * vx + vy * vy + vz * vz)
             vx, vy, vz = vx / length, vy / length, vz / length
             harmonics(count, vx, vy, vz, basis)
-            red = sums[G_RED] if splat[RED] > 0 else 0.0
-            green = sums[G_GREEN] if splat[GREEN] > 0 else 0.0
-            blue = sums[G_BLUE] if splat[BLUE] > 0 else 0.0
+            red = sums[M_RED] if splat[RED] > 0 else 0.0
+            green = sums[M_GREEN] if splat[GREEN] > 0 else 0.0
+            blue = sums[M_BLUE] if splat[BLUE] > 0 else 0.0
             for k in range(count):
                 d_sh[g, k, 0] = np.float32(basis[k] * red)
                 d_sh[g, k, 1] = np.float32(basis[k] * green)

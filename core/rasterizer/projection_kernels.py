@@ -27,11 +27,11 @@ from ..constants import (
     TILE,
     TILE_ROWS,
 )
-from .blending_kernels import (
+from .splat_kernels import (
     CONIC_A,
-    CONIC_B,
     CONIC_C,
     DEPTH,
+    FALL,
     FIRST_ROW,
     LAST_ROW,
     OPACITY,
@@ -271,7 +271,7 @@ def project(begin, end, view, means, log_scales, quaternions, opacity_logits, sh
         splat = splats[g]
         splat[X], splat[Y] = np.float32(x), np.float32(y)
         splat[CONIC_A] = np.float32(c / s[_DET])
-        splat[CONIC_B] = np.float32(-b / s[_DET])
+        splat[FALL] = np.float32(math.expm1(-a / s[_DET]))
         splat[CONIC_C] = np.float32(a / s[_DET])
         splat[OPACITY] = np.float32(opacity)
         splat[DEPTH] = np.float32(s[_P + 2])
@@ -321,7 +321,8 @@ def tile_columns(splat, row, width):  # type: ignore[no-untyped-def]
     The ellipse's x-extent within the band of pixel centres [low, high] is at the row where it is
     widest, if that lies in the band, else at the band's nearer edge.
     """
-    a, b, c = np.float64(splat[CONIC_A]), np.float64(splat[CONIC_B]), np.float64(splat[CONIC_C])
+    a, c = np.float64(splat[CONIC_A]), np.float64(splat[CONIC_C])
+    b = -c * splat[SHEAR]
     cutoff = np.float64(splat[REACH]) * c
     low = row * TILE_ROWS + 0.5 - splat[Y]
     high = low + (TILE_ROWS - 1)
