@@ -12,6 +12,7 @@ Such code stands inside numba intrinsics only (blending, blurs, the photometric 
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from llvmlite import ir
@@ -20,8 +21,11 @@ from .constants import TILE
 
 FLOAT = ir.FloatType()
 VECTOR = ir.VectorType(FLOAT, TILE)
+DOUBLE = ir.DoubleType()
+WIDE = ir.VectorType(DOUBLE, TILE)
 _INT = ir.IntType(32)
 _INT_VECTOR = ir.VectorType(_INT, TILE)
+_LONG_VECTOR = ir.VectorType(ir.IntType(64), TILE)
 
 #: Sums may be contracted and reordered; NaN and infinity keep their meaning.
 _FLAGS = ("contract", "reassoc", "nsz", "arcp")
@@ -32,7 +36,7 @@ _EXP2 = (1.0000000716546416, 0.6931469670652649, 0.2402211972396918, 0.055507132
 
 
 class Lanes:
-    """A float32 scalar or a vector of 16, with the operators of arithmetic."""
+    """A float32 (or float64) scalar or a vector of 16, with the operators of arithmetic."""
 
     def __init__(self, builder: ir.IRBuilder, value: ir.Value) -> None:
         self.builder = builder
@@ -47,17 +51,34 @@ class Lanes:
     def is_vector(self) -> bool:
         return isinstance(self.value.type, ir.VectorType)
 
+    @property
+    def element(self) -> ir.Type:
+        """The type of one lane."""
+        return self.value.type.element if self.is_vector else self.value.type
+
     def wide(self) -> Lanes:
         """This value in all 16 lanes."""
         if self.is_vector:
             return self
-        seed = self.builder.insert_element(ir.Constant(VECTOR, ir.Undefined), self.value, ir.Constant(_INT, 0))
-        zeros = ir.Constant(_INT_VECTOR, [0] * TILE)
-        return Lanes(self.builder, self.builder.shuffle_vector(seed, ir.Constant(VECTOR, ir.Undefined), zeros))
+        nothing = ir.Constant(ir.VectorType(self.element, TILE), ir.Undefined)
+        seed = self.builder.insert_element(nothing, self.value, ir.Constant(_INT, 0))
+        return Lanes(self.builder, self.builder.shuffle_vector(seed, nothing, ir.Constant(_INT_VECTOR, [0] * TILE)))
+
+    def like(self, number: float) -> Lanes:
+        """A constant of this one's kind."""
+        return Lanes(self.builder, ir.Constant(self.element, float(number)))
+
+    def double(self) -> Lanes:
+        """A vector in double precision."""
+        return Lanes(self.builder, self.builder.fpext(self.value, WIDE))
+
+    def single(self) -> Lanes:
+        """A vector rounded to float32."""
+        return Lanes(self.builder, self.builder.fptrunc(self.value, VECTOR))
 
     def _pair(self, other: Lanes | float) -> tuple[ir.Value, ir.Value]:
         if not isinstance(other, Lanes):
-            other = constant(self.builder, other)
+            other = self.like(other)
         if self.is_vector or other.is_vector:
             return self.wide().value, other.wide().value
         return self.value, other.value
@@ -79,6 +100,12 @@ class Lanes:
 
     def __truediv__(self, other: Lanes | float) -> Lanes:
         return self._apply("fdiv", other)
+
+    def __rtruediv__(self, other: float) -> Lanes:
+        return self._apply("fdiv", other, swap=True)
+
+    def __neg__(self) -> Lanes:
+        return -1.0 * self
 
     def __radd__(self, other: float) -> Lanes:
         return self._apply("fadd", other, swap=True)
@@ -172,12 +199,54 @@ def power_of_two(x: Lanes) -> Lanes:
     return Lanes(builder, builder.bitcast(bits, VECTOR))
 
 
+def root(x: Lanes) -> Lanes:
+    """The square root of a vector."""
+    kind = "f64" if x.element == DOUBLE else "f32"
+    function = _declare(x.builder, f"llvm.sqrt.v{TILE}{kind}", x.value.type, [x.value.type])
+    return Lanes(x.builder, x.builder.call(function, [x.value]))
+
+
+def exponential(x: Lanes) -> Lanes:
+    """exp(x) of a vector in double precision, relative error 1e-12; x is limited to +-600."""
+    builder = x.builder
+    x = minimum(maximum(x * (1.0 / math.log(2.0)), -865.0), 865.0)
+    n = Lanes(builder, builder.call(_declare(builder, f"llvm.rint.v{TILE}f64", WIDE, [WIDE]), [x.value]))
+    f = x - n
+    terms = [math.log(2.0) ** k / math.factorial(k) for k in range(11)]
+    series = f * terms[-1] + terms[-2]
+    for term in reversed(terms[:-2]):
+        series = series * f + term
+    whole = builder.sext(builder.fptosi(n.value, _INT_VECTOR), _LONG_VECTOR)
+    bits = builder.add(builder.bitcast(series.value, _LONG_VECTOR), builder.shl(whole, _long(52)))
+    return Lanes(builder, builder.bitcast(bits, WIDE))
+
+
+def logarithm(x: Lanes) -> Lanes:
+    """log(x) of a vector of normal positive doubles, error 1e-9."""
+    builder = x.builder
+    bits = builder.bitcast(x.value, _LONG_VECTOR)
+    whole = builder.trunc(builder.sub(builder.lshr(bits, _long(52)), _long(1023)), _INT_VECTOR)
+    bits = builder.or_(builder.and_(bits, _long((1 << 52) - 1)), _long(1023 << 52))
+    m = Lanes(builder, builder.bitcast(bits, WIDE))  # in [1, 2)
+    t = (m - math.sqrt(2.0)) / (m + math.sqrt(2.0))
+    tt = t * t
+    series = (((tt * (1 / 11) + 1 / 9) * tt + 1 / 7) * tt + 1 / 5) * tt + 1 / 3
+    exponent = Lanes(builder, builder.sitofp(whole, WIDE)) + 0.5
+    return exponent * math.log(2.0) + 2.0 * t * (series * tt + 1.0)
+
+
+def _long(number: int) -> ir.Constant:
+    return ir.Constant(_LONG_VECTOR, [number] * TILE)
+
+
 class Buffer:
-    """A float32 array seen as rows of 16."""
+    """A float32 (or float64) array seen as rows of 16."""
 
     def __init__(self, context: Any, builder: ir.IRBuilder, array_type: Any, array: ir.Value) -> None:
         self.builder = builder
         self.data = context.make_array(array_type)(context, builder, array).data
+        self.element = context.get_data_type(array_type.dtype)
+        self.vector = ir.VectorType(self.element, TILE)
 
     def _pointer(self, index: ir.Value, plane: int, kind: ir.Type) -> ir.Value:
         builder = self.builder
@@ -186,19 +255,19 @@ class Buffer:
 
     def row(self, index: ir.Value, plane: int = 0) -> Lanes:
         """16 values from element `index + plane` on."""
-        return Lanes(self.builder, self.builder.load(self._pointer(index, plane, VECTOR), align=4))
+        return Lanes(self.builder, self.builder.load(self._pointer(index, plane, self.vector), align=4))
 
     def put_row(self, index: ir.Value, plane: int, lanes: Lanes) -> None:
         """Stores 16 values from element `index + plane` on."""
-        self.builder.store(lanes.value, self._pointer(index, plane, VECTOR), align=4)
+        self.builder.store(lanes.value, self._pointer(index, plane, self.vector), align=4)
 
     def one(self, index: ir.Value, plane: int = 0) -> Lanes:
         """The single value at element `index + plane`."""
-        return Lanes(self.builder, self.builder.load(self._pointer(index, plane, FLOAT), align=4))
+        return Lanes(self.builder, self.builder.load(self._pointer(index, plane, self.element), align=4))
 
     def put_one(self, index: ir.Value, plane: int, value: Lanes) -> None:
         """Stores a single value at element `index + plane`."""
-        self.builder.store(value.value, self._pointer(index, plane, FLOAT), align=4)
+        self.builder.store(value.value, self._pointer(index, plane, self.element), align=4)
 
     def put_first(self, index: ir.Value, lanes: Lanes, count: int) -> None:
         """Stores the first `count` lanes (at least 8) from element `index` on."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..compiled import inlined, kernel
-from .projection_kernels import kept_columns, tile_rows
+from .projection_kernels import R_FIRST, R_ROWS, kept_columns
 from .splat_kernels import DEPTH, OPACITY, RED, X, Y
 
 _BITS = 11
@@ -60,15 +60,15 @@ def depth_order(splats, seen, order):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def count_pairs(begin, end, splats, spans, order, chunk, tiles_x, width, counts):  # type: ignore[no-untyped-def]
+def count_pairs(begin, end, splats, records, order, chunk, tiles_x, width, counts):  # type: ignore[no-untyped-def]
     """How many Gaussians each chunk of the depth order puts into each tile: counts [chunks, tiles]."""
     for part in range(begin, end):
         counts[part, :] = 0
         for i in range(part * chunk, min((part + 1) * chunk, order.shape[0])):
             g = order[i]
-            first, last = tile_rows(splats[g])
-            for row in range(first, last):
-                left, right = kept_columns(splats, spans, g, first, row, width)
+            first = np.int64(records[g, R_FIRST])
+            for row in range(first, first + np.int64(records[g, R_ROWS])):
+                left, right = kept_columns(splats, records, g, row, width)
                 for column in range(left, right):
                     counts[part, row * tiles_x + column] += 1
 
@@ -87,16 +87,16 @@ def begin_pairs(counts, tile_starts):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def place_pairs(begin, end, splats, spans, order, chunk, tiles_x, width, slot_starts, places,
+def place_pairs(begin, end, splats, records, order, chunk, tiles_x, width, slot_starts, places,
                 pair_gaussians, pair_slots):  # type: ignore[no-untyped-def]  # fmt: skip
     """Writes the tiles' lists: Gaussian and gradient slot of every pair."""
     for part in range(begin, end):
         for i in range(part * chunk, min((part + 1) * chunk, order.shape[0])):
             g = order[i]
             slot = slot_starts[g]
-            first, last = tile_rows(splats[g])
-            for row in range(first, last):
-                left, right = kept_columns(splats, spans, g, first, row, width)
+            first = np.int64(records[g, R_FIRST])
+            for row in range(first, first + np.int64(records[g, R_ROWS])):
+                left, right = kept_columns(splats, records, g, row, width)
                 for column in range(left, right):
                     to = places[part, row * tiles_x + column]
                     places[part, row * tiles_x + column] = to + 1

@@ -19,7 +19,8 @@ from .binning_kernels import begin_pairs, count_pairs, depth_order, place_pairs
 from .blending_kernels import backward_tiles, blend_tiles
 from .interface import RasterSettings, Rendered, ScreenStatistics
 from .projection_backward_kernels import project_backward
-from .projection_kernels import BLOCK, CULL_REASONS, KEPT_SPANS, SEEN, VIEW_LENGTH, project
+from .projection_kernels import BLOCK, CULL_REASONS, RECORD_WIDTH, SEEN, project
+from .shape_kernels import V_ALPHA_MINIMUM, V_CENTRE, V_T, VIEW_LENGTH
 from .splat_kernels import DEPTH, M_RED, RED, SLOT_WIDTH, SPLAT_WIDTH
 
 #: The depth order is cut into this many parts for the parallel counting sort; a constant, so that
@@ -46,11 +47,12 @@ class Projected:
 
 
 def view_vector(camera: Camera, pose: NDArray[np.float64] | None, settings: RasterSettings) -> NDArray[np.float64]:
-    """Camera and settings as the kernels take them, [22] float64."""
+    """Camera and settings as the kernels take them, [25] float64."""
     view = np.empty(VIEW_LENGTH, np.float64)
     view[:9] = (camera.rotation if pose is None else pose[:, :3]).reshape(9)
     view[9:12] = camera.translation if pose is None else pose[:, 3]
-    view[12:] = (
+    view[V_CENTRE:] = -(view[:9].reshape(3, 3).T @ view[V_T : V_T + 3])
+    view[12:V_CENTRE] = (
         camera.fx, camera.fy, camera.cx, camera.cy, camera.width, camera.height,
         settings.near, settings.low_pass, float(settings.antialias), settings.alpha_minimum,
     )  # fmt: skip
@@ -64,8 +66,8 @@ def project_and_sort(view: NDArray[np.float64], parameters: tuple[Floats, ...], 
     splats = np.empty((count, SPLAT_WIDTH), np.float32)
     status = np.empty(count, np.uint8)
     tile_counts = np.empty(count, np.int32)
-    spans = np.empty((count, 2 * KEPT_SPANS), np.int16)
-    run(project, -(-count // BLOCK), view, *parameters, splats, status, radius, tile_counts, spans,
+    records = np.empty((count, RECORD_WIDTH), np.int16)
+    run(project, -(-count // BLOCK), view, *parameters, splats, status, radius, tile_counts, records,
         grain=4)  # fmt: skip
     seen = np.flatnonzero(tile_counts).astype(np.int32)
     slot_starts = np.zeros(count + 1, np.int64)
@@ -77,14 +79,14 @@ def project_and_sort(view: NDArray[np.float64], parameters: tuple[Floats, ...], 
     chunk = max(1, -(-len(order) // _PARTS))
     places = np.empty((_PARTS, tiles_x * tiles_y), np.int32)
     tile_starts = np.empty(tiles_x * tiles_y + 1, np.int64)
-    run(count_pairs, _PARTS, splats, spans, order, chunk, tiles_x, width, places)
+    run(count_pairs, _PARTS, splats, records, order, chunk, tiles_x, np.float32(width), places)
     begin_pairs(places, tile_starts)
     pairs = int(tile_starts[-1])
     pair_gaussians, pair_slots = np.empty(pairs, np.int32), np.empty(pairs, np.int32)
-    run(place_pairs, _PARTS, splats, spans, order, chunk, tiles_x, width, slot_starts, places,
+    run(place_pairs, _PARTS, splats, records, order, chunk, tiles_x, np.float32(width), slot_starts, places,
         pair_gaussians, pair_slots)  # fmt: skip
     return Projected(view, parameters, splats, status, tile_starts, pair_gaussians, pair_slots, slot_starts,
-                     tiles_x, np.float32(view[-1]))  # fmt: skip
+                     tiles_x, np.float32(view[V_ALPHA_MINIMUM]))  # fmt: skip
 
 
 def _blend(p: Projected, splats: Floats, background: Floats, width: int, height: int) -> tuple[Any, ...]:
@@ -100,7 +102,9 @@ def _blend(p: Projected, splats: Floats, background: Floats, width: int, height:
 
 def _blend_backward(p: Projected, splats: Floats, image: Floats, transmittance: Floats, blended: Any,
                     image_gradient: Floats, alpha_gradient: Floats) -> Floats:  # fmt: skip
-    slots = np.empty((len(p.pair_slots), SLOT_WIDTH), np.float32)
+    # (two rows more, because vectors are read whole)
+    slots = np.empty((len(p.pair_slots) + 2, SLOT_WIDTH), np.float32)
+    slots[-2:] = 0.0
     run(backward_tiles, len(p.tile_starts) - 1, splats, p.tile_starts, p.pair_gaussians, p.pair_slots,
         p.alpha_minimum, p.tiles_x, image, transmittance, blended, image_gradient, alpha_gradient, slots,
         grain=8)  # fmt: skip
@@ -167,7 +171,7 @@ class _Rasterize(torch.autograd.Function):
         d_screen = np.empty((count, 2), np.float32)
         blocks = -(-count // BLOCK)
         d_view = np.empty((blocks, 12), np.float64)
-        run(project_backward, blocks, p.view, *p.parameters, p.splats, p.status, p.slot_starts, slots,
+        run(project_backward, blocks, p.view, *p.parameters, p.status, p.slot_starts, slots,
             depth_gradient, *outputs, d_screen, d_view, grain=4)  # fmt: skip
         ctx.screen.mean_gradient = torch.from_numpy(d_screen)
         d_pose = None

@@ -1,8 +1,4 @@
-"""Projecting Gaussians to the screen, forward and backward (Zwicker's EWA), in float64 inside.
-
-Parameters and results are float32; what happens between them is computed in double, which costs
-nothing in scalar code and keeps needles, discs and far-off splats exact (the determinant of a
-needle's covariance is a small difference of large products).
+"""Projecting Gaussians to the screen, sixteen at once (`shape_kernels`), and the tiles that each one meets.
 
 Items of the parallel loops are blocks of `BLOCK` Gaussians, a size that does not depend on the
 number of threads: partial sums for the pose are added in the same order on every machine.
@@ -10,347 +6,219 @@ number of threads: partial sums for the pose are added in the same order on ever
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
+from llvmlite import ir
+from numba.core import cgutils, types
+from numba.extending import intrinsic
 
-from ..compiled import inlined, kernel
-from ..constants import (
-    DETERMINANT_MINIMUM,
-    FRUSTUM_MARGIN,
-    LOG_SCALE_LIMIT,
-    QUATERNION_MINIMUM_NORM,
-    SH_C0,
-    SH_C1,
-    SH_C2,
-    SH_C3,
-    TILE,
-    TILE_ROWS,
+from ..compiled import exact, kernel
+from ..constants import TILE, TILE_ROWS
+from ..lanes_kernels import Running, choose, exponential, logarithm, maximum, root, transposed
+from .shape_kernels import (
+    P_LOGIT,
+    P_SH,
+    PARAMETER_PLANES,
+    V_ALPHA_MINIMUM,
+    V_CX,
+    V_CY,
+    V_HEIGHT,
+    V_WIDTH,
+    Planes,
+    Shape,
+    View,
+    gathered,
+    harmonics,
 )
 from .splat_kernels import (
-    CONIC_A,
-    CONIC_C,
+    BLUE,
+    CONIC,
     DEPTH,
     FALL,
-    FIRST_ROW,
-    LAST_ROW,
+    GREEN,
+    HALF_HEIGHT,
     OPACITY,
+    RATIO,
     REACH,
     RED,
     SHEAR,
+    SPLAT_WIDTH,
     SQUEEZE,
     TIP,
+    TURN,
     X,
     Y,
 )
 
+f32 = np.float32
 BLOCK = 256
 
 #: For so many rows of tiles the columns are kept from the projection; two tiles are 64 px high.
 KEPT_SPANS = 3
+# Layout of a Gaussian's record of tiles (16 bytes of int16): first row of tiles, number of rows, then first and one
+# past the last column of the first `KEPT_SPANS` rows.
+R_FIRST, R_ROWS, R_SPANS, RECORD_WIDTH = 0, 1, 2, 2 + 2 * KEPT_SPANS
+
+#: Where a splat ends when no alpha is too small (`projection.SMOOTH_ALPHA_EDGE`, which needs torch).
+_SMOOTH_EDGE = 1e-12
 
 # Status of a Gaussian after projection; the index into `CULL_REASONS` where it was culled.
 SEEN, NON_FINITE, BEHIND, TRANSPARENT, OUTSIDE, DEGENERATE = range(6)
 CULL_REASONS = ("", "non_finite", "behind", "transparent", "outside", "degenerate")
 
-# Layout of the view vector (float64): rotation row by row, translation, lens, frame, settings.
-V_T, V_FX, V_FY, V_CX, V_CY, V_WIDTH, V_HEIGHT, V_NEAR, V_LOW_PASS, V_ANTIALIAS, V_ALPHA_MINIMUM = (
-    9, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21)  # fmt: skip
-VIEW_LENGTH = 22
-
-_C2_0, _C2_1, _C2_2, _C2_3, _C2_4 = SH_C2
-_C3_0, _C3_1, _C3_2, _C3_3, _C3_4, _C3_5, _C3_6 = SH_C3
+# Planes that `_project` writes: 16 rows of splats, then these, then the harmonics.
+_STATUS, _RADIUS, _BASIS = 16, 17, 18
 
 
-@inlined
-def harmonics(count, x, y, z, basis):  # type: ignore[no-untyped-def]
-    """Real spherical harmonics of a unit direction into `basis` [16] (3DGS's signs and order)."""
-    basis[0] = SH_C0
-    if count > 1:
-        basis[1], basis[2], basis[3] = -SH_C1 * y, SH_C1 * z, -SH_C1 * x
-    if count > 4:
-        xx, yy, zz = x * x, y * y, z * z
-        basis[4], basis[5] = _C2_0 * x * y, _C2_1 * y * z
-        basis[6] = _C2_2 * (2.0 * zz - xx - yy)
-        basis[7], basis[8] = _C2_3 * x * z, _C2_4 * (xx - yy)
-        if count > 9:
-            basis[9] = _C3_0 * y * (3.0 * xx - yy)
-            basis[10] = _C3_1 * x * y * z
-            basis[11] = _C3_2 * y * (4.0 * zz - xx - yy)
-            basis[12] = _C3_3 * z * (2.0 * zz - 3.0 * xx - 3.0 * yy)
-            basis[13] = _C3_4 * x * (4.0 * zz - xx - yy)
-            basis[14] = _C3_5 * z * (xx - yy)
-            basis[15] = _C3_6 * x * (xx - 3.0 * yy)
+@intrinsic
+def _project(typing_context, view, parameters, count, out):  # type: ignore[no-untyped-def]
+    """Projects 16 Gaussians with `count` harmonics each: planes `parameters` -> planes `out`."""
 
+    def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+        view = View(context, builder, signature.args[0], arguments[0])
+        planes = Planes(context, builder, signature.args[1], arguments[1])
+        out = Planes(context, builder, signature.args[3], arguments[3])
+        shape = Shape(view, planes)
 
-@inlined
-def harmonics_slope(count, x, y, z, weight, out):  # type: ignore[no-untyped-def]
-    """Gradient of sum_k weight[k] basis_k w.r.t. the direction, into `out` [3]."""
-    gx = gy = gz = 0.0
-    if count > 1:
-        gy += -SH_C1 * weight[1]
-        gz += SH_C1 * weight[2]
-        gx += -SH_C1 * weight[3]
-    if count > 4:
-        w = weight
-        gx += _C2_0 * y * w[4] - 2.0 * _C2_2 * x * w[6] + _C2_3 * z * w[7] + 2.0 * _C2_4 * x * w[8]
-        gy += _C2_0 * x * w[4] + _C2_1 * z * w[5] - 2.0 * _C2_2 * y * w[6] - 2.0 * _C2_4 * y * w[8]
-        gz += _C2_1 * y * w[5] + 4.0 * _C2_2 * z * w[6] + _C2_3 * x * w[7]
-        if count > 9:
-            xx, yy, zz = x * x, y * y, z * z
-            gx += (_C3_0 * 6.0 * x * y * w[9] + _C3_1 * y * z * w[10] - _C3_2 * 2.0 * x * y * w[11]
-                   - _C3_3 * 6.0 * x * z * w[12] + _C3_4 * (4.0 * zz - 3.0 * xx - yy) * w[13]
-                   + _C3_5 * 2.0 * x * z * w[14] + _C3_6 * 3.0 * (xx - yy) * w[15])  # fmt: skip
-            gy += (_C3_0 * 3.0 * (xx - yy) * w[9] + _C3_1 * x * z * w[10] + _C3_2 * (4.0 * zz - xx - 3.0 * yy) * w[11]
-                   - _C3_3 * 6.0 * y * z * w[12] - _C3_4 * 2.0 * x * y * w[13]
-                   - _C3_5 * 2.0 * y * z * w[14] - _C3_6 * 6.0 * x * y * w[15])  # fmt: skip
-            gz += (_C3_1 * x * y * w[10] + _C3_2 * 8.0 * y * z * w[11]
-                   + _C3_3 * (6.0 * zz - 3.0 * xx - 3.0 * yy) * w[12] + _C3_4 * 8.0 * x * z * w[13]
-                   + _C3_5 * (xx - yy) * w[14])  # fmt: skip
-    out[0], out[1], out[2] = gx, gy, gz
+        basis = harmonics(*(component.single() for component in shape.look))
+        for k, value in enumerate(basis):
+            out[_BASIS + k] = value
+        running = Running(builder, 4)  # colour, and something that is 0 if every parameter is finite
+        one, zero = (ir.Constant(ir.IntType(64), n) for n in (1, 0))
+        row = lambda buffer, plane, index, step: buffer.row(  # noqa: E731
+            builder.mul(index, ir.Constant(index.type, step * TILE)), plane * TILE)  # fmt: skip
+        with cgutils.for_range_slice(builder, zero, arguments[2], one, inc=True) as (k, _):
+            value = row(out.buffer, _BASIS, k, 1)
+            for channel in range(3):
+                coefficient = row(planes.buffer, P_SH + channel, k, 3)
+                running.add(channel, value * coefficient)
+                running.add(3, coefficient * 0.0)
+        poison = running[3] + sum((planes[k] * 0.0 for k in range(1, P_LOGIT + 1)), planes[0] * 0.0)
 
+        least = view[V_ALPHA_MINIMUM]
+        least = choose(least.compare(">", 0.0), least, _SMOOTH_EDGE)
+        opacity = shape.opacity * root(shape.share)
+        cutoff = 2.0 * logarithm(opacity / least)
+        a, b, c = shape.a, shape.b, shape.c
+        x = shape.point[0] * shape.focal_x + view[V_CX]
+        y = shape.point[1] * shape.focal_y + view[V_CY]
+        half_x, half_y = root(maximum(cutoff * a, 0.0)), root(maximum(cutoff * c, 0.0))
+        beside = [(x + half_x).compare("<=", 0.0), (x - half_x).compare(">=", view[V_WIDTH]),
+                  (y + half_y).compare("<=", 0.0), (y - half_y).compare(">=", view[V_HEIGHT])]  # fmt: skip
+        status = planes[0].like(SEEN).wide()
+        for condition in beside:
+            status = choose(condition, status.like(OUTSIDE), status)
+        visible = opacity.compare(">", least)
+        for condition, reason in ((visible, TRANSPARENT), (shape.fits, DEGENERATE), (shape.in_front, BEHIND),
+                                  (poison.compare("==", 0.0), NON_FINITE)):  # fmt: skip
+            status = choose(condition, status, status.like(reason))
+        out[_STATUS] = status
+        out[_RADIUS] = maximum(half_x, half_y).single()
 
-@inlined
-def rotation_of(w, x, y, z, r):  # type: ignore[no-untyped-def]
-    """Rotation matrix [9] of a unit quaternion w x y z."""
-    r[0], r[1], r[2] = 1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)
-    r[3], r[4], r[5] = 2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)
-    r[6], r[7], r[8] = 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)
+        # a hair more, so that rounding never skips a row or a tile whose alpha still counts
+        margin = cutoff * 1.0001 + 1e-4
+        inverse_a, inverse_c = 1.0 / a, 1.0 / c
+        slim = shape.determinant * inverse_a
+        conic = a * shape.inverse_determinant
+        shear = b * inverse_a
+        columns = {
+            X: x, Y: y, OPACITY: opacity, DEPTH: shape.point[2], CONIC: conic, FALL: exponential(-conic) - 1.0,
+            SHEAR: shear, SQUEEZE: slim * inverse_a, REACH: margin * slim, RATIO: a * inverse_c,
+            TIP: b * inverse_c * root(margin * c), TURN: shear * root(margin * a), HALF_HEIGHT: root(margin * c),
+        }  # fmt: skip
+        rows = {column: lanes.single() for column, lanes in columns.items()}
+        for channel in range(3):
+            rows[(RED, GREEN, BLUE)[channel]] = maximum(running[channel] + 0.5, 0.0)
+        for i, splat in enumerate(transposed([rows[column] for column in range(SPLAT_WIDTH)])):
+            out[i] = splat
+        return context.get_dummy_value()
 
-
-@inlined
-def sigmoid(logit):  # type: ignore[no-untyped-def]
-    """1 / (1 + exp(-x)) without overflow."""
-    if logit >= 0:
-        return 1.0 / (1.0 + math.exp(-logit))
-    e = math.exp(logit)
-    return e / (1.0 + e)
-
-
-@inlined
-def all_finite(means, log_scales, quaternions, opacity_logits, sh, g):  # type: ignore[no-untyped-def]
-    """Whether every parameter of Gaussian g is finite (one sum: Inf - Inf and NaN both show)."""
-    total = np.float64(opacity_logits[g]) * 0.0
-    for i in range(3):
-        total += np.float64(means[g, i]) * 0.0 + np.float64(log_scales[g, i]) * 0.0
-    for i in range(4):
-        total += np.float64(quaternions[g, i]) * 0.0
-    for k in range(sh.shape[1]):
-        for i in range(3):
-            total += np.float64(sh[g, k, i]) * 0.0
-    return math.isfinite(total)
-
-
-# Scratch of one Gaussian's projection (float64), shared by forward and backward:
-_P, _RQ, _S, _V, _U, _RX, _RY, _QN, _IN_X, _IN_Y, _D, _DET, _COMP, _O = (
-    0, 3, 12, 15, 24, 30, 31, 32, 33, 34, 35, 36, 37, 38)  # fmt: skip
-SCRATCH = 40
-
-
-@inlined
-def geometry(view, means, log_scales, quaternions, opacity_logits, g, s):  # type: ignore[no-untyped-def]
-    """Everything about one Gaussian's shape on the screen, into scratch `s`; returns its status."""
-    for i in range(3):
-        s[_P + i] = (view[3 * i] * means[g, 0] + view[3 * i + 1] * means[g, 1] + view[3 * i + 2] * means[g, 2]
-                     + view[V_T + i])  # fmt: skip
-    x, y, z = s[_P], s[_P + 1], s[_P + 2]
-    if not z > view[V_NEAR]:
-        return BEHIND
-    qw, qx, qy, qz = (np.float64(quaternions[g, 0]), np.float64(quaternions[g, 1]),
-                      np.float64(quaternions[g, 2]), np.float64(quaternions[g, 3]))  # fmt: skip
-    norm = math.sqrt(qw * qw + qx * qx + qy * qy + qz * qz)
-    if not norm >= QUATERNION_MINIMUM_NORM:
-        return DEGENERATE
-    s[_QN] = norm
-    rotation_of(qw / norm, qx / norm, qy / norm, qz / norm, s[_RQ : _RQ + 9])
-    for j in range(3):
-        s[_S + j] = math.exp(min(max(np.float64(log_scales[g, j]), -LOG_SCALE_LIMIT), LOG_SCALE_LIMIT))
-    for i in range(3):
-        for j in range(3):
-            s[_V + 3 * i + j] = (view[3 * i] * s[_RQ + j] + view[3 * i + 1] * s[_RQ + 3 + j]
-                                 + view[3 * i + 2] * s[_RQ + 6 + j]) * s[_S + j]  # fmt: skip
-    fx, fy = view[V_FX], view[V_FY]
-    mx, my = FRUSTUM_MARGIN * view[V_WIDTH], FRUSTUM_MARGIN * view[V_HEIGHT]
-    rx, ry = x / z, y / z
-    s[_RX] = min(max(rx, -(view[V_CX] + mx) / fx), (view[V_WIDTH] - view[V_CX] + mx) / fx)
-    s[_RY] = min(max(ry, -(view[V_CY] + my) / fy), (view[V_HEIGHT] - view[V_CY] + my) / fy)
-    s[_IN_X] = 1.0 if s[_RX] == rx else 0.0
-    s[_IN_Y] = 1.0 if s[_RY] == ry else 0.0
-    for j in range(3):
-        s[_U + j] = fx / z * (s[_V + j] - s[_RX] * s[_V + 6 + j])
-        s[_U + 3 + j] = fy / z * (s[_V + 3 + j] - s[_RY] * s[_V + 6 + j])
-    u0, u1, u2, w0, w1, w2 = s[_U], s[_U + 1], s[_U + 2], s[_U + 3], s[_U + 4], s[_U + 5]
-    c0, c1, c2 = u1 * w2 - u2 * w1, u2 * w0 - u0 * w2, u0 * w1 - u1 * w0
-    # det(U U^T) = |u x w|^2 (Cauchy-Binet): exact for needles, where a c - b b cancels
-    s[_D] = c0 * c0 + c1 * c1 + c2 * c2
-    trace = u0 * u0 + u1 * u1 + u2 * u2 + w0 * w0 + w1 * w1 + w2 * w2
-    low = view[V_LOW_PASS]
-    s[_DET] = s[_D] + low * trace + low * low
-    # 1 / trace has to stay a normal float32; the determinant itself is never stored
-    if not (s[_DET] >= DETERMINANT_MINIMUM and trace < 1e36):
-        return DEGENERATE
-    s[_COMP] = math.sqrt(s[_D] / s[_DET]) if view[V_ANTIALIAS] > 0 else 1.0
-    s[_O] = sigmoid(np.float64(opacity_logits[g]))
-    return SEEN
-
-
-@inlined
-def surely_outside(view, means, log_scales, g):  # type: ignore[no-untyped-def]
-    """Whether even a fully opaque Gaussian of this size could not reach the frame: a cheap first test.
-
-    A row of the Jacobian is no longer than f / z sqrt(1 + r^2), r the clamped direction, so the
-    half-extent is at most sqrt(cutoff (|row|^2 s^2 + low_pass)) with s the largest scale.
-    """
-    x = view[0] * means[g, 0] + view[1] * means[g, 1] + view[2] * means[g, 2] + view[V_T]
-    y = view[3] * means[g, 0] + view[4] * means[g, 1] + view[5] * means[g, 2] + view[V_T + 1]
-    z = view[6] * means[g, 0] + view[7] * means[g, 1] + view[8] * means[g, 2] + view[V_T + 2]
-    if not z > view[V_NEAR]:
-        return False  # told apart from BEHIND elsewhere
-    fx, fy, width, height = view[V_FX] / z, view[V_FY] / z, view[V_WIDTH], view[V_HEIGHT]
-    u, v = fx * x + view[V_CX], fy * y + view[V_CY]
-    if u > 0 and u < width and v > 0 and v < height:
-        return False
-    alpha_minimum = view[V_ALPHA_MINIMUM] if view[V_ALPHA_MINIMUM] > 0 else 1e-12
-    cutoff = -2.0 * math.log(alpha_minimum)
-    largest = math.exp(min(max(log_scales[g, 0], log_scales[g, 1], log_scales[g, 2]), LOG_SCALE_LIMIT))
-    rx = (1.0 + FRUSTUM_MARGIN) * max(view[V_CX], width - view[V_CX], width) / view[V_FX]
-    ry = (1.0 + FRUSTUM_MARGIN) * max(view[V_CY], height - view[V_CY], height) / view[V_FY]
-    reach_x = math.sqrt(cutoff * (fx * fx * (1.0 + rx * rx) * largest * largest + view[V_LOW_PASS]))
-    reach_y = math.sqrt(cutoff * (fy * fy * (1.0 + ry * ry) * largest * largest + view[V_LOW_PASS]))
-    return u + reach_x < 0 or u - reach_x > width or v + reach_y < 0 or v - reach_y > height
+    return types.void(view, parameters, types.int64, out), generate
 
 
 @kernel
 def project(begin, end, view, means, log_scales, quaternions, opacity_logits, sh, splats, status, radius,
-            tile_counts, spans):  # type: ignore[no-untyped-def]  # fmt: skip
+            tile_counts, records):  # type: ignore[no-untyped-def]  # fmt: skip
     """Projects blocks `begin` to `end` of `BLOCK` Gaussians.
 
     Args:
-        view: [22] float64, see `V_*`.
-        splats: [N, 16] output rows for the blending kernels (only those with status SEEN).
+        view: [25] float64, see `V_*`.
+        splats: [N, 16] output rows for the blending kernels (only those with status SEEN hold anything).
         status: [N] uint8 output.
         radius: [N] float32 output, half-extent in px, 0 where culled.
         tile_counts: [N] int32 output, how many tiles the ellipse meets.
-        spans: [N, 2 KEPT_SPANS] int16 output, first and one past the last tile of its first rows of tiles.
+        records: [N, 8] int16 output, see `R_*`.
     """
-    count = sh.shape[1]
-    s = np.empty(SCRATCH, np.float64)
-    basis = np.empty(16, np.float64)
-    centre = np.empty(3, np.float64)
-    for i in range(3):
-        centre[i] = -(view[i] * view[V_T] + view[3 + i] * view[V_T + 1] + view[6 + i] * view[V_T + 2])
-    alpha_minimum = view[V_ALPHA_MINIMUM] if view[V_ALPHA_MINIMUM] > 0 else 1e-12
-    for g in range(begin * BLOCK, min(end * BLOCK, means.shape[0])):
-        radius[g] = np.float32(0)
-        tile_counts[g] = 0
-        if not all_finite(means, log_scales, quaternions, opacity_logits, sh, g):
-            status[g] = NON_FINITE
-            continue
-        if surely_outside(view, means, log_scales, g):
-            status[g] = OUTSIDE
-            continue
-        state = geometry(view, means, log_scales, quaternions, opacity_logits, g, s)
-        if state != SEEN:
-            status[g] = state
-            continue
-        opacity = s[_O] * s[_COMP]
-        if not opacity > alpha_minimum:
-            status[g] = TRANSPARENT
-            continue
-        cutoff = 2.0 * math.log(opacity / alpha_minimum)
-        low = view[V_LOW_PASS]
-        a = s[_U] * s[_U] + s[_U + 1] * s[_U + 1] + s[_U + 2] * s[_U + 2] + low
-        b = s[_U] * s[_U + 3] + s[_U + 1] * s[_U + 4] + s[_U + 2] * s[_U + 5]
-        c = s[_U + 3] * s[_U + 3] + s[_U + 4] * s[_U + 4] + s[_U + 5] * s[_U + 5] + low
-        x = view[V_FX] * s[_P] / s[_P + 2] + view[V_CX]
-        y = view[V_FY] * s[_P + 1] / s[_P + 2] + view[V_CY]
-        half_x, half_y = math.sqrt(cutoff * a), math.sqrt(cutoff * c)
-        if not (x + half_x > 0 and x - half_x < view[V_WIDTH] and y + half_y > 0 and y - half_y < view[V_HEIGHT]):
-            status[g] = OUTSIDE
-            continue
-        splat = splats[g]
-        splat[X], splat[Y] = np.float32(x), np.float32(y)
-        splat[CONIC_A] = np.float32(c / s[_DET])
-        splat[FALL] = np.float32(math.expm1(-a / s[_DET]))
-        splat[CONIC_C] = np.float32(a / s[_DET])
-        splat[OPACITY] = np.float32(opacity)
-        splat[DEPTH] = np.float32(s[_P + 2])
-        splat[SHEAR] = np.float32(b / a)
-        splat[SQUEEZE] = np.float32(s[_DET] / (a * a))
-        # a hair more, so that rounding never skips a row whose alpha still counts
-        splat[REACH] = np.float32((cutoff * 1.0001 + 1e-4) * s[_DET] / a)
-        splat[TIP] = np.float32(b / c * half_y)
-        splat[FIRST_ROW] = np.float32(min(max(math.ceil(y - half_y - 0.5), 0.0), view[V_HEIGHT]))
-        splat[LAST_ROW] = np.float32(min(max(math.floor(y + half_y - 0.5) + 1.0, 0.0), view[V_HEIGHT]))
-        dx, dy, dz = means[g, 0] - centre[0], means[g, 1] - centre[1], means[g, 2] - centre[2]
-        length = math.sqrt(dx * dx + dy * dy + dz * dz)
-        harmonics(count, dx / length, dy / length, dz / length, basis)
-        for channel in range(3):
-            value = 0.5
-            for k in range(count):
-                value += basis[k] * sh[g, k, channel]
-            splat[RED + channel] = np.float32(max(value, 0.0))
-        status[g] = SEEN
-        radius[g] = np.float32(max(half_x, half_y))
-        first, last = tile_rows(splat)
-        met = 0
-        for row in range(first, last):
-            begin_x, end_x = tile_columns(splat, row, view[V_WIDTH])
-            met += end_x - begin_x
-            if row - first < KEPT_SPANS:
-                spans[g, 2 * (row - first)], spans[g, 2 * (row - first) + 1] = begin_x, end_x
-        tile_counts[g] = met
-        if met == 0:
-            status[g] = OUTSIDE
-            radius[g] = np.float32(0)
+    parameters = np.empty(PARAMETER_PLANES * TILE, np.float32)
+    out = np.empty((_BASIS + 16) * TILE, np.float32)
+    rows = out[: SPLAT_WIDTH * TILE].reshape(TILE, SPLAT_WIDTH)
+    width, height = f32(view[V_WIDTH]), f32(view[V_HEIGHT])
+    stop = min(end * BLOCK, means.shape[0])
+    for first in range(begin * BLOCK, stop, TILE):
+        last = min(first + TILE, stop)
+        gathered(means, log_scales, quaternions, opacity_logits, sh, first, last, parameters)
+        _project(view, parameters, sh.shape[1], out)
+        splats[first:last] = rows[: last - first]
+        for g in range(first, last):
+            status[g] = np.uint8(out[_STATUS * TILE + g - first])
+            radius[g] = f32(0.0)
+            tile_counts[g] = 0
+            if status[g] != SEEN:
+                continue
+            begin_row, end_row = tile_rows(splats, g, height)
+            met = 0
+            for row in range(begin_row, end_row):
+                begin_column, end_column = tile_columns(splats, g, row, width)
+                met += end_column - begin_column
+                if row - begin_row < KEPT_SPANS:
+                    records[g, R_SPANS + 2 * (row - begin_row)] = begin_column
+                    records[g, R_SPANS + 2 * (row - begin_row) + 1] = end_column
+            records[g, R_FIRST], records[g, R_ROWS] = begin_row, end_row - begin_row
+            tile_counts[g] = met
+            if met > 0:
+                radius[g] = out[_RADIUS * TILE + g - first]
+            else:
+                status[g] = OUTSIDE
 
 
-@inlined
-def tile_rows(splat):  # type: ignore[no-untyped-def]
+@exact
+def tile_rows(splats, g, height):  # type: ignore[no-untyped-def]
     """First and one past the last row of tiles whose pixel centres the ellipse's box reaches."""
-    first, last = int(splat[FIRST_ROW]), int(splat[LAST_ROW])
-    if last <= first:
+    y, half = splats[g, Y] - f32(0.5), splats[g, HALF_HEIGHT]
+    first = np.ceil(min(max(y - half, f32(0.0)), height))
+    last = np.floor(min(max(y + half, f32(-1.0)), height - f32(1.0)))
+    if not first <= last:
         return 0, 0
-    return first // TILE_ROWS, (last - 1) // TILE_ROWS + 1
+    return int(first) // TILE_ROWS, int(last) // TILE_ROWS + 1
 
 
-@inlined
-def tile_columns(splat, row, width):  # type: ignore[no-untyped-def]
+@exact
+def tile_columns(splats, g, row, width):  # type: ignore[no-untyped-def]
     """First and one past the last tile in a row of tiles that the ellipse itself meets.
 
-    The ellipse's x-extent within the band of pixel centres [low, high] is at the row where it is
-    widest, if that lies in the band, else at the band's nearer edge.
+    The ellipse is (dx - shear dy)^2 + squeeze dy^2 = reach here. Its x-extent within the band of pixel
+    centres [low, high] is at the row where it is widest, if that lies in the band, else at the band's nearer edge.
     """
-    a, c = np.float64(splat[CONIC_A]), np.float64(splat[CONIC_C])
-    b = -c * splat[SHEAR]
-    cutoff = np.float64(splat[REACH]) * c
-    low = row * TILE_ROWS + 0.5 - splat[Y]
-    high = low + (TILE_ROWS - 1)
-    widest = math.sqrt(max(cutoff * c / max(a * c - b * b, 1e-300), 0.0))
-    turn = -b / c * widest  # dy at the rightmost point; the leftmost is at -turn
-    right = extent(a, b, c, cutoff, min(max(turn, low), high), 1.0)
-    left = extent(a, b, c, cutoff, min(max(-turn, low), high), -1.0)
-    if not left <= right:
+    ratio = splats[g, RATIO]
+    shear, squeeze, reach = splats[g, SHEAR] * ratio, splats[g, SQUEEZE] * ratio * ratio, splats[g, REACH] * ratio
+    low = f32(row * TILE_ROWS) + f32(0.5) - splats[g, Y]
+    high = low + f32(TILE_ROWS - 1)
+    right = min(max(splats[g, TURN], low), high)
+    left = min(max(-splats[g, TURN], low), high)
+    beyond, before = reach - squeeze * right * right, reach - squeeze * left * left
+    if not (beyond >= f32(0.0) and before >= f32(0.0)):
         return 0, 0
-    first = max(math.ceil(max(splat[X] + left - 0.5, -1.0)), 0.0)
-    last = min(math.floor(min(splat[X] + right - 0.5, width + 1.0)), width - 1)
-    if last < first:
+    x = splats[g, X] - f32(0.5)
+    first = np.ceil(min(max(x + shear * left - np.sqrt(before), f32(0.0)), width))
+    last = np.floor(min(max(x + shear * right + np.sqrt(beyond), f32(-1.0)), width - f32(1.0)))
+    if not first <= last:
         return 0, 0
     return int(first) // TILE, int(last) // TILE + 1
 
 
-@inlined
-def kept_columns(splats, spans, g, first, row, width):  # type: ignore[no-untyped-def]
-    """`tile_columns`, from the spans that `project` kept where it did."""
-    if row - first < KEPT_SPANS:
-        return np.int64(spans[g, 2 * (row - first)]), np.int64(spans[g, 2 * (row - first) + 1])
-    return tile_columns(splats[g], row, width)
-
-
-@inlined
-def extent(a, b, c, cutoff, dy, side):  # type: ignore[no-untyped-def]
-    """Where a dx^2 + 2 b dx dy + c dy^2 = cutoff crosses dy, on the given side; +-inf reversed if nowhere."""
-    root = b * dy * b * dy - a * (c * dy * dy - cutoff)
-    if root < 0:
-        return -side * math.inf
-    return (-b * dy + side * math.sqrt(root)) / a
+@exact
+def kept_columns(splats, records, g, row, width):  # type: ignore[no-untyped-def]
+    """`tile_columns`, from the record that `project` kept where it did."""
+    i = row - records[g, R_FIRST]
+    if i < KEPT_SPANS:
+        return np.int64(records[g, R_SPANS + 2 * i]), np.int64(records[g, R_SPANS + 2 * i + 1])
+    return tile_columns(splats, g, row, width)

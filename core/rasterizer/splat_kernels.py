@@ -23,11 +23,11 @@ f32 = np.float32
 PIXELS = TILE * TILE_ROWS
 _LOG2E = 1.4426950408889634
 
-# Layout of a projected Gaussian (one cache line of 16 float32):
-# centre, conic, colour, depth; SHEAR, SQUEEZE, REACH, TIP describe the same ellipse row by row (see
-# `rows_in_tile`), FIRST_ROW and LAST_ROW its box; FALL = exp(-CONIC_C) - 1.
-(X, Y, CONIC_A, FALL, CONIC_C, OPACITY, RED, GREEN, BLUE, DEPTH, SHEAR, SQUEEZE, REACH, TIP, FIRST_ROW,
- LAST_ROW) = range(16)  # fmt: skip
+# Layout of a projected Gaussian (one cache line of 16 float32): centre, opacity, colour and depth, and its
+# ellipse. SHEAR, SQUEEZE, REACH, TIP describe it row by row (see `rows_in_tile`); RATIO turns them into the same
+# column by column, where TURN takes the place of TIP (see `tile_columns`). CONIC is that of dy^2,
+# FALL = exp(-CONIC) - 1.
+(X, Y, CONIC, FALL, SHEAR, SQUEEZE, REACH, TIP, OPACITY, RED, GREEN, BLUE, DEPTH, RATIO, TURN, HALF_HEIGHT) = range(16)
 SPLAT_WIDTH = 16
 # Layout of a gradient slot, one per (Gaussian, tile) pair: sums of s dx, s dy, s dx^2, s dx dy, s dy^2 and s, where
 # s = alpha dL/dalpha and (dx, dy) reaches from the Gaussian's centre to the pixel, and dL/dcolour.
@@ -67,7 +67,7 @@ def rows_in_tile(splats, g, left, top, rows, alpha_minimum):  # type: ignore[no-
     # the largest |dy - shear dx| of any lane in these rows
     one, other = shear * near, shear * far
     away = max(last - f32(1.0) - down - min(one, other), max(one, other) - first + down)
-    steep = f32(0.5 * _LOG2E) * splats[g, CONIC_C]
+    steep = f32(0.5 * _LOG2E) * splats[g, CONIC]
     gentle = away * away * steep <= f32(_FALL) and steep <= f32(_STEEPEST) and alpha_minimum >= f32(_LEAST_ALPHA)
     return np.int64(first), min(np.int64(last), rows), np.int64(STRIDE) if gentle else np.int64(1)
 
@@ -83,7 +83,7 @@ class _Splat:
         self.top = top - read(Y)
         self.dx = left - read(X) + ramp(builder)
         # a dx^2 + 2 b dx dy + c dy^2 = c ((dy - shear dx)^2 + squeeze dx^2): nothing cancels in a long needle
-        self.steep = (-0.5 * _LOG2E) * read(CONIC_C)
+        self.steep = (-0.5 * _LOG2E) * read(CONIC)
         self.base = self.steep * read(SQUEEZE) * self.dx * self.dx
         self.leaning = read(SHEAR) * self.dx
         self.fall = read(FALL).wide()
