@@ -18,10 +18,12 @@ def register() -> None:
     import bpy
 
     from .. import operators, panels
+    from .properties import register_properties
 
     for kind in _classes(operators, panels):
         bpy.utils.register_class(kind)
         _registered.append(kind)
+    register_properties()
     operators.add_menus()
 
 
@@ -31,12 +33,23 @@ def unregister() -> None:
         return
     import bpy
 
-    from .. import operators
+    from .. import operators, panels
+    from .engine import install
+    from .job import pictures, runner
+    from .properties import unregister_properties
 
+    runner.stop()
+    install.stop()
+    pictures.clear()
+    panels.forget_thumbnails()
     operators.remove_menus()
+    unregister_properties()
     while _registered:
         bpy.utils.unregister_class(_registered.pop())
 
 
 def _classes(*packages: Any) -> list[type]:
-    return [kind for package in packages for kind in package.CLASSES]
+    from .preferences import DGS_AP_preferences
+    from .properties import DGS_PG_settings
+
+    return [DGS_PG_settings, DGS_AP_preferences, *(kind for package in packages for kind in package.CLASSES)]

@@ -6,23 +6,50 @@ from typing import Any
 
 import bpy
 
+from .add_results import DGS_OT_add_results
+from .cancel_job import DGS_OT_cancel_job
+from .choose_photos import DGS_OT_choose_photos
+from .drop_files import DGS_FH_photos, DGS_FH_twin
+from .engine import DGS_OT_cancel_install, DGS_OT_check_engine, DGS_OT_install_engine, DGS_OT_open_preferences
+from .export_twin import DGS_OT_export_twin
+from .find_cameras import DGS_OT_find_cameras
 from .import_cameras import DGS_OT_import_cameras
 from .import_twin import DGS_OT_import_twin
+from .open_report import DGS_OT_open_report
+from .optimize import DGS_OT_optimize
+from .pause_job import DGS_OT_pause_job
 from .prepare_scene import DGS_OT_prepare_scene
+from .render_twin import DGS_OT_render_twin
+from .resume_job import DGS_OT_resume_job
+from .show_cameras import DGS_OT_show_cameras
+from .show_log import DGS_OT_show_log
+from .view_twin import DGS_OT_view_twin
 
-CLASSES: tuple[type, ...] = (DGS_OT_import_twin, DGS_OT_import_cameras, DGS_OT_prepare_scene)
+CLASSES: tuple[type, ...] = (
+    DGS_OT_import_twin, DGS_OT_import_cameras, DGS_OT_export_twin, DGS_OT_prepare_scene,
+    DGS_OT_choose_photos, DGS_OT_find_cameras, DGS_OT_show_cameras, DGS_OT_optimize, DGS_OT_resume_job,
+    DGS_OT_pause_job, DGS_OT_cancel_job, DGS_OT_show_log, DGS_OT_add_results, DGS_OT_view_twin,
+    DGS_OT_render_twin, DGS_OT_open_report, DGS_OT_install_engine, DGS_OT_cancel_install, DGS_OT_check_engine,
+    DGS_OT_open_preferences, DGS_FH_photos, DGS_FH_twin,
+)  # fmt: skip
 
 
 def add_menus() -> None:
-    """Adds the imports to File > Import."""
+    """Adds the entries of File > Import and File > Export."""
     bpy.types.TOPBAR_MT_file_import.append(_import_entries)
+    bpy.types.TOPBAR_MT_file_export.append(_export_entries)
 
 
 def remove_menus() -> None:
-    """Takes the imports out of File > Import."""
+    """Takes the entries out again."""
     bpy.types.TOPBAR_MT_file_import.remove(_import_entries)
+    bpy.types.TOPBAR_MT_file_export.remove(_export_entries)
 
 
 def _import_entries(menu: Any, _context: Any) -> None:
     menu.layout.operator(DGS_OT_import_twin.bl_idname, text="Gaussian Splats (.ply)")
     menu.layout.operator(DGS_OT_import_cameras.bl_idname, text="Cameras and Photos (COLMAP, transforms.json)")
+
+
+def _export_entries(menu: Any, _context: Any) -> None:
+    menu.layout.operator(DGS_OT_export_twin.bl_idname, text="Gaussian Splats (.ply)")

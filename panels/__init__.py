@@ -2,6 +2,18 @@
 
 from __future__ import annotations
 
+from .cameras import DGS_PT_cameras
+from .images import DGS_PT_images
+from .main import DGS_PT_main
+from .medium import DGS_PT_medium
+from .optimize import DGS_PT_optimize
+from .thumbnails import forget_thumbnails
 from .twin import DGS_PT_twin, DGS_PT_twin_look
+from .validate import DGS_PT_validate
 
-CLASSES: tuple[type, ...] = (DGS_PT_twin, DGS_PT_twin_look)
+CLASSES: tuple[type, ...] = (
+    DGS_PT_main, DGS_PT_images, DGS_PT_cameras, DGS_PT_medium, DGS_PT_optimize, DGS_PT_twin, DGS_PT_twin_look,
+    DGS_PT_validate,
+)  # fmt: skip
+
+__all__ = ["CLASSES", "forget_thumbnails"]

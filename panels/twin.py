@@ -1,4 +1,4 @@
-"""Twin and cameras in, and how the active twin looks."""
+"""Step 5: the twin in the scene, and how it looks."""
 
 from __future__ import annotations
 
@@ -12,41 +12,47 @@ from ..dgs_addon.scene.nodes import (
     SIZE_INPUT,
     THRESHOLD_INPUT,
     VIEWPORT_INPUT,
+    splat_input,
     splat_modifier,
 )
 from ..dgs_addon.scene.twin import is_twin
+from .layout import Sidebar, Step, folded, ready, sentence, split
 
 
-class DGS_PT_twin(bpy.types.Panel):
-    """Imports."""
+class DGS_PT_twin(Step, bpy.types.Panel):
+    """In and out."""
 
     bl_idname = "DGS_PT_twin"
-    bl_label = "Twin"
-    bl_space_type = "VIEW_3D"
-    bl_region_type = "UI"
-    bl_category = "Descatter"
+    bl_label = "5  Twin"
+
+    def draw_header_preset(self, context: Any) -> None:
+        """Done once a twin is in the scene."""
+        ready(self.layout, any(is_twin(thing) for thing in context.scene.objects))
 
     def draw(self, context: Any) -> None:
-        """Draws the import buttons and says what is selected."""
-        column = self.layout.column(align=True)
-        column.operator("dgs.import_twin", text="Import Twin", icon="IMPORT")
-        column.operator("dgs.import_cameras", text="Import Cameras", icon="CAMERA_DATA")
+        """What is selected, and the ways in and out."""
+        layout = split(self.layout)
+        layout.operator("dgs.add_results", icon="ADD")
+        layout.operator("dgs.view_twin", icon="HIDE_OFF")
         twin = context.object
         if is_twin(twin):
-            self.layout.label(text=f"{twin.name}: {len(twin.data.vertices):,} splats", icon="POINTCLOUD_DATA")
+            layout.label(text=f"{twin.name}: {len(twin.data.vertices):,} splats", icon="POINTCLOUD_DATA")
         else:
-            self.layout.label(text="No twin selected", icon="INFO")
+            layout.label(text="No twin is selected", icon="INFO")
+        body = folded(layout, "twin", "Files")
+        if body is not None:
+            column = body.column(align=True)
+            column.operator("dgs.import_twin", text="Import Twin", icon="IMPORT")
+            column.operator("dgs.export_twin", text="Export Twin", icon="EXPORT")
+            column.operator("dgs.import_cameras", text="Import Cameras", icon="CAMERA_DATA")
 
 
-class DGS_PT_twin_look(bpy.types.Panel):
+class DGS_PT_twin_look(Sidebar, bpy.types.Panel):
     """The active twin's controls."""
 
     bl_idname = "DGS_PT_twin_look"
     bl_label = "Look"
     bl_parent_id = "DGS_PT_twin"
-    bl_space_type = "VIEW_3D"
-    bl_region_type = "UI"
-    bl_category = "Descatter"
 
     @classmethod
     def poll(cls, context: Any) -> bool:
@@ -54,17 +60,16 @@ class DGS_PT_twin_look(bpy.types.Panel):
         return is_twin(context.object) and splat_modifier(context.object) is not None
 
     def draw(self, context: Any) -> None:
-        """Draws the modifier's inputs and the render set-up."""
-        layout = self.layout
-        layout.use_property_split = True
+        """The modifier's inputs and the render set-up."""
+        layout = split(self.layout)
         modifier = splat_modifier(context.object)
-        sockets = {item.name: item.identifier for item in modifier.node_group.interface.items_tree}
         column = layout.column()
         for name in (SIZE_INPUT, THRESHOLD_INPUT, COUNT_INPUT, VIEWPORT_INPUT, FACE_INPUT):
-            if name in sockets:
-                column.prop(modifier, f'["{sockets[name]}"]', text=name)
+            place = splat_input(modifier, name)
+            if place is not None:
+                column.prop(*place, text=name)
         if context.scene.render.engine != "CYCLES":
-            layout.label(text="Splats look right in Cycles only", icon="ERROR")
+            sentence(layout, context, "Splats look right in Cycles only", "ERROR")
         row = layout.row(align=True)
         row.operator("dgs.prepare_scene", text="Blend as Light").blending = "LIGHT"
         row.operator("dgs.prepare_scene", text="As Trained").blending = "TRAINED"

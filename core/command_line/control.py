@@ -17,12 +17,16 @@ from .interruption import Interruption
 #: Exit status of a command whose master has gone.
 ORPHANED = 3
 _PR_SET_PDEATHSIG = 1
+#: How far our share of the processor steps back.
+_NICE = 10
 
 
 def obey(interruption: Interruption) -> None:
     """Starts listening to standard input, in a thread that does not keep the process alive."""
     if sys.platform == "linux":  # comes even while native code holds the interpreter
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+    if hasattr(os, "nice"):  # the master's window goes first; Windows has other means, and the master uses them
+        os.nice(_NICE)
     threading.Thread(target=_listen, args=(interruption,), name="control", daemon=True).start()
 
 

@@ -25,6 +25,7 @@ NAME = "Descatter Splat"
 #: Splats end at this many standard deviations, where 1/255 of the opacity is left, as in the engine.
 REACH = 3.33
 _LIGHT = "Linear Light"
+SAMPLES, PREVIEW_SAMPLES = 32, 8
 #: A twin's look adds up behind this many crossings; each splat is crossed twice.
 TRANSPARENT_BOUNCES = 256
 
@@ -46,7 +47,12 @@ def prepare_scene(scene: Any, as_trained: bool = False) -> None:
     Cycles ends rays after few transparent surfaces and, with roulette, grainily: both show as black
     specks. Other view transforms than 'Standard' change the photos' colours.
     """
-    scene.render.engine = "CYCLES"
+    if scene.render.engine != "CYCLES":
+        scene.render.engine = "CYCLES"
+        # Splats are smooth: many samples only cost time. They have no noise to remove, and not every build
+        # has a denoiser.
+        scene.cycles.samples, scene.cycles.preview_samples = SAMPLES, PREVIEW_SAMPLES
+        scene.cycles.use_denoising = scene.cycles.use_preview_denoising = False
     scene.cycles.transparent_max_bounces = max(scene.cycles.transparent_max_bounces, TRANSPARENT_BOUNCES)
     scene.cycles.min_transparent_bounces = TRANSPARENT_BOUNCES
     scene.view_settings.view_transform = "Raw" if as_trained else "Standard"

@@ -50,6 +50,36 @@ def splat_modifier(twin: Any) -> Any:
     )
 
 
+def splat_input(modifier: Any, name: str) -> tuple[Any, str] | None:
+    """Where a modifier of `splat_nodes` keeps an input: owner and property's path, as panels draw them.
+
+    None if it has no such input. From Blender 5.2 on, inputs are properties of their own.
+    """
+    items = modifier.node_group.interface.items_tree
+    identifier = next((item.identifier for item in items if item.name == name and item.in_out == "INPUT"), None)
+    if identifier is None:
+        return None
+    inputs = getattr(getattr(modifier, "properties", None), "inputs", None)
+    return (modifier, f'["{identifier}"]') if inputs is None else (getattr(inputs, identifier), "value")
+
+
+def set_splat_input(modifier: Any, name: str, value: float | bool) -> None:
+    """Sets an input by its name.
+
+    Raises:
+        KeyError: there is none of this name.
+    """
+    place = splat_input(modifier, name)
+    if place is None:
+        raise KeyError(name)
+    owner, path = place
+    if path == "value":
+        owner.value = value
+    else:
+        owner[path[2:-2]] = value
+    modifier.id_data.update_tag()
+
+
 def _build(name: str, view_dependent: bool) -> Any:
     tree = bpy.data.node_groups.new(name, "GeometryNodeTree")
     tree.is_modifier = True

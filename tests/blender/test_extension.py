@@ -43,7 +43,10 @@ def package() -> Path:
 
 def test_the_zip_holds_what_blender_needs_and_no_more(package: Path) -> None:
     names = zipfile.ZipFile(package).namelist()
-    for needed in ("__init__.py", "blender_manifest.toml", "run_dgs.py", "core/formats/ply.py", "panels/twin.py"):
+    for needed in (
+        "__init__.py", "blender_manifest.toml", "run_dgs.py", "core/formats/ply.py", "panels/twin.py",
+        "dgs_addon/engine/requirements.txt",
+    ):  # fmt: skip
         assert needed in names
     for name in names:
         assert not name.startswith(("tests/", ".", "benchmarks/", "docs/", "tools/")) and "__pycache__" not in name

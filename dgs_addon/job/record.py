@@ -1,0 +1,85 @@
+"""job.json beside the results: what a later Blender needs to know of a job. Knows no Blender."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from dataclasses import asdict, dataclass, field, fields
+from pathlib import Path
+from typing import Any
+
+from ...core.errors import FormatError
+from ...core.files import write_json
+
+NAME = "job.json"
+LOG = "job.log"
+
+
+@dataclass
+class Record:
+    """A job as it was asked for, and how it ended.
+
+    Attributes:
+        kind: 'cameras' or 'reconstruct'.
+        photos: folder of the photos.
+        count: photos in it when the job began.
+        arguments: of the engine, without the resumption.
+        phase: as in `JobState`; one that says 'running' while no process does was interrupted.
+        pid: of the engine's process.
+        error, result: as in `JobState`.
+    """
+
+    kind: str
+    photos: str
+    count: int
+    arguments: list[str]
+    phase: str = "running"
+    pid: int | None = None
+    error: str = ""
+    result: dict[str, Any] = field(default_factory=dict)
+
+    def save(self, out: Path) -> None:
+        """Writes OUT/job.json; raises OutputError."""
+        write_json(out / NAME, asdict(self))
+
+    @property
+    def interrupted(self) -> bool:
+        """Whether its process ended without a word: Blender was closed, killed, or lost power."""
+        return self.phase in ("running", "paused", "cancelling") and not _lives(self.pid)
+
+
+def read_record(out: Path) -> Record | None:
+    """What OUT/job.json says; None if there is none.
+
+    Raises:
+        FormatError: the file is damaged.
+    """
+    try:
+        value = json.loads((out / NAME).read_text("utf-8"))
+        known = {f.name for f in fields(Record)}
+        return Record(**{name: item for name, item in value.items() if name in known})
+    except FileNotFoundError:
+        return None
+    except (OSError, ValueError, TypeError, AttributeError) as error:
+        raise FormatError(f"'{out / NAME}' is damaged ({error})", "Delete it") from error
+
+
+def _lives(pid: int | None) -> bool:
+    # Windows knows no harmless signal; there, a job that is not ours counts as ended.
+    if pid is None or sys.platform == "win32":
+        return False
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    except PermissionError:
+        return True
+    return not _zombie(pid)
+
+
+def _zombie(pid: int) -> bool:
+    try:
+        return Path(f"/proc/{pid}/stat").read_text("ascii", "replace").rpartition(")")[2].split()[0] in ("Z", "X")
+    except (OSError, IndexError):
+        return False

@@ -1,0 +1,115 @@
+"""What the engine is asked to do, as its command line."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from ...core.errors import DgsError
+from ..paths import absolute, out_folder
+from ..photos import photo_folder
+
+RUN = Path(__file__).resolve().parents[2] / "run_dgs.py"
+Kind = Literal["cameras", "reconstruct"]
+
+
+@dataclass(frozen=True)
+class Request:
+    """One job.
+
+    Attributes:
+        kind: what the engine does.
+        photos, out: absolute folders.
+        arguments: of the engine, but for the resumption.
+        resume: whether to go on from the checkpoint in `out`.
+        known: whether the cameras in `out` belong to these photos; a new run takes them over.
+    """
+
+    kind: Kind
+    photos: Path
+    out: Path
+    arguments: list[str]
+    resume: bool = False
+    known: bool = False
+
+    def command(self, python: Path) -> list[str]:
+        """The whole command line."""
+        return [str(python), str(RUN), *self.arguments, *(["--resume"] if self.resume or self.known else [])]
+
+
+def request_of(kind: Kind, scene: Any) -> Request:
+    """A job from `scene.dgs`; the cameras of the scene are written to the results if they are asked for.
+
+    Raises:
+        DgsError: something is missing; it says what.
+    """
+    settings = scene.dgs
+    photos, out = absolute(settings.photos), out_folder(settings)
+    if photos is None or out is None:
+        raise DgsError("No photos are chosen", "Choose their folder in step 1")
+    problem = photo_folder(photos).problem
+    if problem:
+        raise DgsError(problem, "Choose another folder in step 1")
+    arguments = [kind, str(photos), "--out", str(out), *_medium(settings), *_images(settings)]
+    if kind == "reconstruct":
+        arguments += [*_cameras(scene, out), *_effort(settings), "--snapshots"]
+    arguments += ["--device", settings.device, *_number("--threads", settings.threads)]
+    return Request(kind, photos, out, [*arguments, "--progress", "json", "--control"])
+
+
+def psf_argument(settings: Any) -> str:
+    """The medium of `scene.dgs` in the engine's words.
+
+    Raises:
+        DgsError: a measured point spread function is wanted and none is chosen.
+    """
+    if settings.medium == "gaussian":
+        return f"gaussian:{settings.sigma:g}"
+    if settings.medium == "ellipse":
+        return f"gaussian:{settings.sigma:g},{settings.sigma_minor:g},{math.degrees(settings.angle):g}"
+    if settings.medium == "file":
+        path = absolute(settings.psf_file)
+        if path is None or not path.is_file():
+            raise DgsError("The file of the point spread function is not there", "Choose it in step 3")
+        return f"file:{path}"
+    return "none"
+
+
+def _medium(settings: Any) -> list[str]:
+    return ["--psf", psf_argument(settings), "--blur-space", settings.blur_space]
+
+
+def _images(settings: Any) -> list[str]:
+    masks = absolute(settings.masks)
+    return [*(["--masks", str(masks)] if masks else []), *_number("--max-size", settings.max_size)]
+
+
+def _cameras(scene: Any, out: Path) -> list[str]:
+    settings = scene.dgs
+    if settings.cameras == "model":
+        model = absolute(settings.model)
+        if model is None or not model.exists():
+            raise DgsError("The camera model is not there", "Choose it in step 2")
+        return ["--cameras", str(model)]
+    if settings.cameras == "scene":
+        from ..scene.scene_cameras import write_scene_cameras
+
+        return ["--cameras", str(write_scene_cameras(scene, absolute(settings.photos), out))]
+    return []
+
+
+def _effort(settings: Any) -> list[str]:
+    arguments = ["--preset", settings.preset, "--holdout-every", str(settings.holdout_every)]
+    arguments += ["--seed", str(settings.seed), *_number("--max-gaussians", settings.max_gaussians)]
+    if settings.time_limit > 0:
+        arguments += ["--time-limit", f"{settings.time_limit * 60:.1f}s"]
+    if settings.sh_degree != "preset":
+        arguments += ["--sh-degree", settings.sh_degree]
+    truth = absolute(settings.truth)
+    return [*arguments, *(["--truth", str(truth)] if truth else [])]
+
+
+def _number(name: str, value: int) -> list[str]:
+    return [name, str(value)] if value > 0 else []

@@ -1,0 +1,139 @@
+"""What a finished job puts into the scene: the twin with its provenance, and the cameras."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import bpy
+import numpy as np
+from mathutils import Matrix
+
+from ...core.cloud import GaussianCloud
+from ...core.errors import DgsError
+from ...core.formats.ply import read_ply
+from ..axes import matrix_to_blender
+from ..scene.cameras import add_cameras, load_cameras
+from ..scene.material import prepare_scene
+from ..scene.twin import add_twin, is_twin, splat_mesh
+
+if TYPE_CHECKING:
+    from .runner import Job
+
+#: Object properties that tell where a twin comes from.
+FOLDER, PHOTOS, SETTINGS, SCORE = "dgs_results", "dgs_photos", "dgs_settings", "dgs_score"
+
+
+def add_results(job: Job, scene: Any) -> Any:
+    """The twin of a job that has just ended; its Gaussians were read beside the window."""
+    return add_twin_of(job.request.out, scene, job.cloud)
+
+
+def add_twin_of(out: Path, scene: Any, cloud: GaussianCloud | None = None) -> Any:
+    """Puts OUT/twin.ply and OUT/cameras into the scene, in place of what came from there before.
+
+    Args:
+        out: folder of a finished run.
+        scene: `bpy` scene.
+        cloud: the twin's Gaussians, if they are read already.
+
+    Returns:
+        The twin, selected and active.
+
+    Raises:
+        FormatError: no twin there, or a damaged one.
+    """
+    cloud = cloud if cloud is not None else read_ply(out / "twin.ply")
+    twin = _place(cloud, out, scene)
+    _provenance(twin, out)
+    # The twin alone is worth having; the Cameras step tells what is wrong with its cameras.
+    with contextlib.suppress(DgsError):
+        add_cameras_of(out, Path(twin[PHOTOS]) if PHOTOS in twin else None, scene)
+    prepare_scene(scene)
+    return twin
+
+
+def show_live(job: Job, scene: Any) -> None:
+    """Shows the twin so far; the finished one takes its place."""
+    _place(job.cloud, job.request.out, scene)
+
+
+def twin_of(out: Path, scene: Any) -> Any:
+    """The scene's twin that came from this folder, or None."""
+    return next((o for o in scene.objects if is_twin(o) and o.get(FOLDER) == str(out)), None)
+
+
+def _place(cloud: GaussianCloud, out: Path, scene: Any) -> Any:
+    twin = twin_of(out, scene)
+    if twin is None:
+        name = out.name.removesuffix("-twin") or "twin"
+        twin = add_twin(cloud, f"{name} twin", scene.collection)
+        twin[FOLDER] = str(out)
+        _select(twin, scene)
+        return twin
+    before = twin.data
+    twin.data = splat_mesh(cloud, before.name)
+    bpy.data.meshes.remove(before)
+    return twin
+
+
+def _select(twin: Any, scene: Any) -> None:
+    """Where a window shows the scene; a timer has no context of its own."""
+    for layer in scene.view_layers:
+        layer.update()  # else it does not know the twin yet
+        if twin.name in layer.objects:
+            for other in list(layer.objects.selected):
+                other.select_set(False, view_layer=layer)
+            twin.select_set(True, view_layer=layer)
+            layer.objects.active = twin
+
+
+def _provenance(twin: Any, out: Path) -> None:
+    try:
+        report = json.loads((out / "report.json").read_text("utf-8"))
+    except (OSError, ValueError):
+        return  # a twin without a report is still a twin
+    twin[PHOTOS] = str(report["photos"]["folder"])
+    twin[SETTINGS] = json.dumps(report["settings"])
+    twin["dgs_psf"] = str(report["medium"]["psf"])
+    twin[SCORE] = json.dumps({key: report["heldout"][key] for key in ("degraded", "sharp")})
+
+
+def _cameras_name(out: Path) -> str:
+    return f"{out.name.removesuffix('-twin') or 'twin'} cameras"
+
+
+def add_cameras_of(out: Path, photos: Path | None, scene: Any) -> list[Any]:
+    """Puts OUT/cameras into the scene, with the photos behind them, in place of those that are there.
+
+    Raises:
+        FormatError: no cameras there, or damaged ones.
+    """
+    name = _cameras_name(out)
+    load_cameras(out / "cameras")  # before anything is taken out
+    before = bpy.data.collections.get(name)
+    if before is not None:
+        for thing in list(before.objects):
+            bpy.data.objects.remove(thing)
+        bpy.data.collections.remove(before)
+    cameras = add_cameras(out / "cameras", photos if photos and photos.is_dir() else None, scene)
+    cameras[0].users_collection[0].name = name
+    twin = twin_of(out, scene)
+    if twin is not None:
+        _attach(cameras, twin)
+    return cameras
+
+
+def _attach(cameras: list[Any], twin: Any) -> None:
+    """What scales, turns or moves the twin takes its cameras along.
+
+    They were recovered with the twin where `add_twin` puts it; it may have been moved since.
+    """
+    at_rest = Matrix(matrix_to_blender(np.eye(4)).tolist())
+    for camera in cameras:
+        world = camera.matrix_world.copy()
+        camera.parent = twin
+        camera.matrix_parent_inverse = at_rest.inverted()
+        camera.matrix_basis = world

@@ -1,0 +1,247 @@
+"""The one job of this Blender. Everything here runs on the main thread; the worker has its own.
+
+A timer drains the worker's queue; nothing else touches bpy. The job belongs to the process, not to a
+file: loading another .blend lets it go on, and its result goes to the scene that asked, if it is there.
+Without a window there is no timer: `wait` drains the queue itself.
+"""
+
+from __future__ import annotations
+
+import queue
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from ...core.errors import DgsError
+from ...core.files import make_folder
+from ..paths import out_folder
+from ..photos import photo_folder
+from .ending import outcome
+from .record import LOG, Record, read_record
+from .request import Request
+from .snapshot import SnapshotReader
+from .state import JobState
+from .worker import Ended, Extra, Worker
+
+#: Seconds between two looks at the queue.
+TICK = 0.1
+#: Seconds between two redraws of the panel while a job runs.
+REDRAW = 0.5
+#: Events taken from the queue at most in one tick: a backlog must not block the window.
+_MOST = 50
+#: Seconds after a wish to stop, in which the engine has not come to its safe point, until it is ended.
+PATIENCE = 120.0
+
+
+@dataclass
+class Job:
+    """A job that this Blender started.
+
+    Attributes:
+        scene: name of the scene that asked for it.
+        record: what is kept beside the results.
+        asked: when the user asked to stop, by the monotonic clock.
+        shown: when the panel was drawn last, by the monotonic clock.
+        cloud: the finished twin's Gaussians, or the latest snapshot's, once read.
+    """
+
+    request: Request
+    scene: str
+    worker: Worker
+    record: Record
+    snapshots: SnapshotReader
+    state: JobState = field(default_factory=JobState)
+    asked: float | None = None
+    cloud: Any = None
+    shown: float = 0.0
+
+    @property
+    def log(self) -> Path:
+        """File with the engine's words."""
+        return self.request.out / LOG
+
+
+_job: Job | None = None
+
+
+def current() -> Job | None:
+    """The job of this Blender that runs or ran last."""
+    return _job
+
+
+def running() -> bool:
+    """Whether a job works now."""
+    return _job is not None and _job.state.alive
+
+
+def start(request: Request, python: Path, scene: Any) -> Job:
+    """Starts the engine; returns at once.
+
+    Raises:
+        DgsError: another job runs, or the results' folder cannot be written to.
+    """
+    global _job
+    if running():
+        raise DgsError("A job is running already", "Wait for it or cancel it")
+    make_folder(request.out)
+    if not request.resume:
+        _start_afresh(request)
+    snapshots = SnapshotReader(request.out, scene.dgs.live and not bpy.app.background)
+    worker = Worker(request.command(python), request.out / LOG, snapshots.look)
+    record = Record(request.kind, str(request.photos), len(photo_folder(request.photos).files), list(request.arguments))
+    record.save(request.out)
+    _job = Job(request, scene.name, worker, record, snapshots)
+    worker.start()
+    if not bpy.app.timers.is_registered(_tick):
+        bpy.app.timers.register(_tick, first_interval=TICK, persistent=True)
+    return _job
+
+
+def resumable(out: Path) -> Record | None:
+    """The record of a job in `out` that ended before its time; None if there is none, or it is damaged."""
+    if _job is not None and _job.state.alive:
+        return None
+    try:
+        record = read_record(out)
+    except DgsError:
+        return None
+    if record is None or not (record.interrupted or record.phase in ("cancelled", "failed")):
+        return None
+    return record
+
+
+def cancel() -> None:
+    """Asks the engine to stop at its next safe point; what is done is kept. A second call ends it at once."""
+    if _job is None or not _job.state.alive:
+        return
+    if _job.asked is not None:
+        _job.worker.kill()
+        return
+    _job.asked, _job.state.phase = time.monotonic(), "cancelling"
+    _job.worker.tell("cancel")
+
+
+def pause(on: bool) -> None:
+    """Lets the engine wait, or go on."""
+    if _job is not None and _job.state.phase in ("running", "paused"):
+        _job.state.phase = "paused" if on else "running"
+        _job.worker.tell("pause" if on else "continue")
+
+
+def wait(seconds: float = float("inf")) -> bool:
+    """Drains the queue until the job has ended, for Blender without a window; False if it did not in time."""
+    until = time.monotonic() + seconds
+    while running():
+        if time.monotonic() > until:
+            return False
+        _drain()
+        time.sleep(0.02)
+    return True
+
+
+def stop() -> None:
+    """Ends the job at once, as when the add-on is switched off; its last checkpoint stays."""
+    global _job
+    if bpy.app.timers.is_registered(_tick):
+        bpy.app.timers.unregister(_tick)
+    if _job is not None and _job.state.alive:
+        _job.worker.kill()
+        _job.worker.join(5.0)
+    _job = None
+
+
+def _start_afresh(request: Request) -> None:
+    """A new run must not go on from another's checkpoint."""
+    for name in ("checkpoint.npz", "snapshot/picture.png", "snapshot/twin.ply"):
+        if request.kind == "reconstruct":
+            (request.out / name).unlink(missing_ok=True)
+
+
+def _tick() -> float | None:
+    _drain()
+    return TICK if running() else None
+
+
+def _drain() -> None:
+    job = _job
+    if job is None:
+        return
+    changed = False
+    for _ in range(_MOST):
+        try:
+            message = job.worker.events.get_nowait()
+        except queue.Empty:
+            break
+        changed = True
+        if isinstance(message, Ended):
+            _end(job, message.status)
+        elif isinstance(message, Extra):
+            job.cloud = message.value
+            _show_live(job)
+        else:
+            job.state.apply(message)
+    if job.asked is not None and job.state.alive and time.monotonic() - job.asked > PATIENCE:
+        job.worker.kill()
+    if not bpy.app.background:
+        _show(job, changed)
+
+
+def _end(job: Job, status: int) -> None:
+    phase, error = outcome(status, job.state.error, job.asked is not None)
+    job.state.end(phase, error)
+    job.record.phase, job.record.error, job.record.result = phase, error, job.state.result
+    try:
+        job.record.save(job.request.out)
+        if job.request.kind == "reconstruct" and job.state.result:
+            _finish(job)
+    except DgsError as failure:
+        job.state.end("failed", str(failure))
+
+
+def _finish(job: Job) -> None:
+    scene = _scene(job)
+    if scene is None or not scene.dgs.add_when_done:
+        return
+    from .results import add_results
+
+    add_results(job, scene)
+
+
+def _scene(job: Job) -> Any:
+    """The scene that asked, unless another file was loaded or other photos were chosen meanwhile."""
+    scene = bpy.data.scenes.get(job.scene)
+    return scene if scene is not None and out_folder(scene.dgs) == job.request.out else None
+
+
+def _show_live(job: Job) -> None:
+    scene = _scene(job)
+    if scene is None or not job.snapshots.live or not job.state.alive:
+        return
+    from .results import show_live
+
+    show_live(job, scene)
+
+
+def _show(job: Job, changed: bool) -> None:
+    """Keeps the panel up to date, rarely: drawing a sidebar draws the 3D view below it too."""
+    from . import pictures
+
+    now = time.monotonic()
+    if job.state.alive and (not changed or now - job.shown < REDRAW):
+        return
+    job.shown = now
+    pictures.refresh(job)
+    redraw()
+
+
+def redraw() -> None:
+    """The sidebars of all 3D views."""
+    for window in bpy.context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "VIEW_3D":
+                for region in area.regions:
+                    if region.type == "UI":
+                        region.tag_redraw()

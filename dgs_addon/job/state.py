@@ -1,0 +1,106 @@
+"""What is known of a job: changed by the engine's events only, read by panels. Knows no Blender."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+Phase = Literal["running", "paused", "cancelling", "done", "cancelled", "failed"]
+
+#: Phases of a job that still works.
+ALIVE = ("running", "paused", "cancelling")
+#: What the engine's stages are called in the panel.
+STAGES = {
+    "photos": "Reading photos", "cameras": "Finding cameras", "geometry": "Preparing surfaces",
+    "compile": "Compiling", "train": "Optimizing", "save": "Scoring and saving", "render": "Rendering",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Mark:
+    """One look at the run: iteration, loss, and PSNR in dB of held-out photos where there are any."""
+
+    step: int
+    loss: float
+    psnr: float | None
+
+
+@dataclass
+class JobState:
+    """Where a job stands.
+
+    Attributes:
+        stage: the engine's name of what it does now; '' before its first word.
+        done, total: steps of that stage; total None where it is not known.
+        seconds_left: of that stage, or None.
+        marks: looks at the optimization, in order.
+        notes: what the engine wants the user to know.
+        error: what went wrong, with the way out; '' as long as nothing did.
+        result: what was written, and key figures.
+        began, ended: seconds of the monotonic clock.
+    """
+
+    phase: Phase = "running"
+    stage: str = ""
+    done: int = 0
+    total: int | None = None
+    seconds_left: float | None = None
+    marks: list[Mark] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    error: str = ""
+    result: dict[str, Any] = field(default_factory=dict)
+    began: float = field(default_factory=time.monotonic)
+    ended: float | None = None
+
+    @property
+    def alive(self) -> bool:
+        """Whether the engine still works on it."""
+        return self.phase in ALIVE
+
+    @property
+    def factor(self) -> float:
+        """Share of the stage that is done, 0 to 1."""
+        return min(1.0, self.done / self.total) if self.total else 0.0
+
+    @property
+    def title(self) -> str:
+        """What happens now, for people."""
+        return STAGES.get(self.stage, self.stage.capitalize()) if self.stage else "Starting the engine"
+
+    def seconds(self) -> float:
+        """How long it has been going, or went."""
+        return (self.ended if self.ended is not None else time.monotonic()) - self.began
+
+    def apply(self, event: dict[str, Any]) -> None:
+        """Takes in one event of the engine (see docs/report.md); unknown ones are of no concern."""
+        kind = event.get("event")
+        if kind == "stage":
+            self.stage, self.total = str(event.get("name", "")), event.get("total")
+            self.done, self.seconds_left = 0, None
+        elif kind == "advance":
+            self.done, self.total = int(event.get("done") or 0), event.get("total")
+            self.seconds_left = event.get("seconds_left")
+            if event.get("stage") == "train" and event.get("loss") is not None:
+                self.marks.append(Mark(self.done, float(event["loss"]), event.get("heldout_psnr")))
+        elif kind == "note":
+            self.notes.append(str(event.get("text", "")))
+        elif kind == "done":
+            self.result = dict(event.get("result") or {})
+        elif kind == "error":
+            self.error = str(event.get("text", ""))
+
+    def end(self, phase: Phase, error: str = "") -> None:
+        """The process has ended."""
+        self.phase, self.ended = phase, time.monotonic()
+        self.error = error
+
+
+def duration_text(seconds: float) -> str:
+    """'8 s', '2 min 05 s' or '1 h 10 min'."""
+    whole = max(0, round(seconds))
+    if whole < 60:
+        return f"{whole} s"
+    if whole < 3600:
+        return f"{whole // 60} min {whole % 60:02} s"
+    return f"{whole // 3600} h {whole % 3600 // 60:02} min"

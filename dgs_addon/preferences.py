@@ -1,0 +1,67 @@
+"""The add-on's preferences: where the engine is, and how it gets there."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+
+from .engine.folder import engine_folder, is_installed
+from .engine.install import errand
+
+#: Last lines of a check that are shown; the whole of it is in the log.
+_SHOWN = 24
+
+
+class DGS_AP_preferences(bpy.types.AddonPreferences):
+    """Shown in Edit > Preferences > Add-ons."""
+
+    bl_idname = __package__.rsplit(".dgs_addon", 1)[0]
+
+    python: bpy.props.StringProperty(
+        name="Python of the Engine", subtype="FILE_PATH",
+        description="A Python 3.11 or newer that holds the engine's packages. Empty: the one installed below",
+    )  # fmt: skip
+    wheels: bpy.props.StringProperty(
+        name="Wheels", subtype="DIR_PATH",
+        description="Folder of downloaded wheels to install from without a network. Empty: from the network",
+    )  # fmt: skip
+
+    def draw(self, _context: Any) -> None:
+        """Where the engine is, the button that installs it, and what the last check said."""
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        layout.prop(self, "python")
+        if not self.python.strip():
+            self._draw_install(layout)
+        layout.operator("dgs.check_engine", icon="VIEWZOOM")
+        self._draw_errand(layout)
+
+    def _draw_install(self, layout: Any) -> None:
+        layout.prop(self, "wheels")
+        if engine_folder() is None:
+            layout.label(text="The engine can only be installed for an extension", icon="INFO")
+        elif is_installed():
+            layout.label(text="The engine is installed", icon="CHECKMARK")
+        else:
+            layout.label(text="Not installed: about 1 GB on disk, 3 GB with CUDA, outside Blender", icon="INFO")
+        layout.operator("dgs.install_engine", icon="IMPORT")
+
+    def _draw_errand(self, layout: Any) -> None:
+        work = errand()
+        if work is None:
+            return
+        if work.running:
+            row = layout.row()
+            row.progress(factor=work.done / work.total, type="BAR", text=work.title)
+            row.operator("dgs.cancel_install", text="", icon="X")
+        elif work.status == 0:
+            layout.label(text="All is well", icon="CHECKMARK")
+        else:
+            word = "Cancelled" if work.cancelled else f"{work.title} failed: see the last lines"
+            layout.label(text=word, icon="ERROR")
+        column = layout.box().column(align=True)
+        column.scale_y = 0.75
+        for line in list(work.lines)[-_SHOWN:]:
+            column.label(text=line[:160])

@@ -1,0 +1,159 @@
+"""What a scene remembers of its reconstruction: `scene.dgs`. Every length says its unit."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+
+_PRESETS = (
+    ("draft", "Draft", "300 steps, 25,000 Gaussians: a first look, about half a minute on two cores"),
+    ("balanced", "Balanced", "700 steps, 35,000 Gaussians: one to two minutes on two cores"),
+    ("fine", "Fine", "4,000 steps, 80,000 Gaussians: the finest detail, ten times as long"),
+)
+_MEDIA = (
+    ("none", "None", "Nothing lies before the object: ordinary Gaussian splatting"),
+    ("gaussian", "Gaussian", "Light is scattered alike in all directions, as by fog, frosted glass or thin tissue"),
+    ("ellipse", "Elliptic Gaussian", "Light is scattered further in one direction than in the other"),
+    ("file", "Measured", "A measured point spread function from a file (.npy, .tif, .png, .fits)"),
+)
+_CAMERAS = (
+    ("photos", "From Photos", "Find the cameras from the photos themselves (structure from motion)"),
+    ("model", "COLMAP or transforms.json", "Cameras that another program found"),
+    ("scene", "Scene Cameras", "Cameras of this scene that are named as the photos are"),
+)
+
+
+def _read_photos(settings: Any, _context: Any) -> None:
+    """Another folder: its own results and thumbnails."""
+    from .photos import forget
+
+    forget()
+
+
+class DGS_PG_settings(bpy.types.PropertyGroup):
+    """The settings of all steps; the panel shows them, the job reads them."""
+
+    photos: bpy.props.StringProperty(
+        name="Photos", subtype="DIR_PATH", update=_read_photos,
+        description="Folder with the photos: PNG, JPEG, TIFF, WebP or BMP, at least three",
+    )  # fmt: skip
+    masks: bpy.props.StringProperty(
+        name="Masks", subtype="DIR_PATH",
+        description="Folder with an image per photo, of the same name; what is black there does not count",
+    )  # fmt: skip
+    out: bpy.props.StringProperty(
+        name="Results", subtype="DIR_PATH",
+        description="Folder for everything that is written; beside the photos if empty",
+    )  # fmt: skip
+    max_size: bpy.props.IntProperty(
+        name="Longest Side", min=0, soft_max=8000, default=0, subtype="PIXEL",
+        description="Shrink photos to this longer side, in pixels; cameras and medium shrink along. 0: never",
+    )  # fmt: skip
+
+    cameras: bpy.props.EnumProperty(name="Cameras", items=_CAMERAS, description="Where the cameras come from")
+    model: bpy.props.StringProperty(
+        name="Model", subtype="FILE_PATH",
+        description="A transforms.json, or the folder of a COLMAP model (cameras.bin or cameras.txt)",
+    )  # fmt: skip
+
+    medium: bpy.props.EnumProperty(
+        name="Medium", items=_MEDIA, default="none", description="What lies between the cameras and the object"
+    )
+    sigma: bpy.props.FloatProperty(
+        name="Sigma", min=0.1, soft_max=20.0, max=200.0, default=3.0, precision=2,
+        description="Standard deviation of the blur, in pixels of the photos as they are in their files",
+    )  # fmt: skip
+    sigma_minor: bpy.props.FloatProperty(
+        name="Sigma Across", min=0.1, soft_max=20.0, max=200.0, default=2.0, precision=2,
+        description="Standard deviation of the blur across its long direction, in pixels of the photos",
+    )  # fmt: skip
+    angle: bpy.props.FloatProperty(
+        name="Angle", subtype="ANGLE", soft_min=-3.1416, soft_max=3.1416, default=0.0,
+        description="Direction of the widest blur, from the photo's x axis towards its y axis (down)",
+    )  # fmt: skip
+    psf_file: bpy.props.StringProperty(
+        name="Point Spread", subtype="FILE_PATH",
+        description="Image of a point seen through the medium, at the photos' pixel size, centred",
+    )  # fmt: skip
+    blur_space: bpy.props.EnumProperty(
+        name="Blur Acts On", description="The values that the medium mixes",
+        items=(
+            ("srgb", "Encoded Values", "The photos' sRGB values: made-up blur, or video-processed photos"),
+            ("linear", "Light", "Linear light: what a real medium mixes before the camera encodes it"),
+        ),
+    )  # fmt: skip
+
+    preset: bpy.props.EnumProperty(
+        name="Preset", items=_PRESETS, default="balanced", description="How much time to spend"
+    )
+    time_limit: bpy.props.FloatProperty(
+        name="Time Limit", min=0.0, soft_max=120.0, default=0.0, precision=1,
+        description="Minutes from the photos to the twin; 0 for no limit",
+    )  # fmt: skip
+    max_gaussians: bpy.props.IntProperty(
+        name="Most Gaussians", min=0, soft_max=1_000_000, default=0, description="0 for the preset's own number"
+    )
+    sh_degree: bpy.props.EnumProperty(
+        name="Gloss", default="preset", description="How finely colours change with the direction of view",
+        items=(
+            ("preset", "As the Preset", ""),
+            ("0", "None", "Matt surfaces only; the smallest files"),
+            ("1", "Simple", "Spherical harmonics up to degree 1; all that Blender shows"),
+            ("2", "Fine", "Up to degree 2; for other viewers"),
+            ("3", "Finest", "Up to degree 3; for other viewers, the largest files"),
+        ),
+    )  # fmt: skip
+    holdout_every: bpy.props.IntProperty(
+        name="Keep Out Every", min=0, soft_max=20, default=8,
+        description="Keep every n-th photo out of the optimization to measure accuracy on it; 0 keeps none out",
+    )  # fmt: skip
+    seed: bpy.props.IntProperty(
+        name="Seed", min=0, default=0, description="The same seed gives the same twin on the CPU"
+    )
+    device: bpy.props.EnumProperty(
+        name="Device", description="Where to compute",
+        items=(
+            ("auto", "Automatic", "CUDA if this machine and the engine have it"),
+            ("cpu", "CPU", ""),
+            ("cuda", "CUDA", "A graphics card by NVIDIA"),
+        ),
+    )  # fmt: skip
+    threads: bpy.props.IntProperty(
+        name="Threads", min=0, soft_max=64, default=0,
+        description="CPU threads of the engine; 0 for all cores. Fewer leave Blender more room",
+    )  # fmt: skip
+    add_when_done: bpy.props.BoolProperty(
+        name="Add Twin When Done", default=True,
+        description="Put the twin and its cameras into this scene as soon as they are there",
+    )  # fmt: skip
+    live: bpy.props.BoolProperty(
+        name="Live Twin", default=False,
+        description="Show the twin so far in the scene while it is optimized; costs a redraw every few seconds",
+    )  # fmt: skip
+
+    truth: bpy.props.StringProperty(
+        name="Sharp Photos", subtype="DIR_PATH",
+        description="Photos without the medium, of the same names: only to measure the twin against",
+    )  # fmt: skip
+    known_length: bpy.props.FloatProperty(
+        name="Known Length", subtype="DISTANCE", unit="LENGTH", min=1e-6, soft_max=100.0, default=1.0,
+        description="True distance between the two selected objects, or of the way through all cameras",
+    )  # fmt: skip
+    view_kind: bpy.props.EnumProperty(
+        name="Show", description="What the exact view shows",
+        items=(
+            ("sharp", "Sharp", "The twin as the engine sees it"),
+            ("medium", "Through the Medium", "The twin blurred by the medium, as the photos are"),
+        ),
+    )  # fmt: skip
+
+
+def register_properties() -> None:
+    """Adds `scene.dgs`."""
+    bpy.types.Scene.dgs = bpy.props.PointerProperty(type=DGS_PG_settings, name="Descatter")
+
+
+def unregister_properties() -> None:
+    """Takes `scene.dgs` out; what files hold of it stays in them."""
+    del bpy.types.Scene.dgs

@@ -1,0 +1,63 @@
+"""The scene's own cameras as known cameras of a reconstruction."""
+
+from __future__ import annotations
+
+import unicodedata
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...core.errors import CameraError
+from ...core.files import make_folder
+from ...core.formats.transforms import write_transforms
+from ..axes import BlenderCamera, camera_to_engine
+from ..photos import SUFFIXES, photo_folder
+
+#: Property of a camera object that names its photo; without it, the object's own name counts.
+PHOTO = "dgs_photo"
+
+
+def write_scene_cameras(scene: Any, photos: Path | None, out: Path) -> Path:
+    """Writes OUT/scene_cameras/transforms.json with every camera that is named as a photo is.
+
+    Raises:
+        CameraError: fewer than two photos have a camera, or their size is unknown.
+        OutputError: the file cannot be written.
+    """
+    found = photo_folder(photos) if photos is not None else None
+    files = found.files if found is not None else ()
+    size = found.size if found is not None else None
+    if size is None:
+        raise CameraError("The size of the photos is not known", "Save them as PNG or JPEG")
+    by_stem = {_key(path.name): path.name for path in files}
+    placed = {}
+    for thing in scene.objects:
+        name = by_stem.get(_key(str(thing.get(PHOTO, thing.name)))) if thing.type == "CAMERA" else None
+        if name is not None:
+            placed[name] = camera_to_engine(_settings(thing, scene.render), *size, name)
+    if len(placed) < 2:
+        raise CameraError(
+            f"{len(placed)} of {len(files)} photos have a camera of their name in this scene",
+            "Name each camera object as its photo",
+        )
+    path = make_folder(out / "scene_cameras") / "transforms.json"
+    write_transforms(path, placed)
+    return path
+
+
+def _settings(thing: Any, render: Any) -> BlenderCamera:
+    data = thing.data
+    return BlenderCamera(
+        matrix_world=np.array(thing.matrix_world.normalized(), dtype=np.float64),
+        lens=data.lens, sensor_width=data.sensor_width, sensor_height=data.sensor_height,
+        sensor_fit=data.sensor_fit, shift_x=data.shift_x, shift_y=data.shift_y,
+        pixel_aspect_x=render.pixel_aspect_x, pixel_aspect_y=render.pixel_aspect_y,
+    )  # fmt: skip
+
+
+def _key(name: str) -> str:
+    """Photos match cameras whatever the ending and the case."""
+    path = Path(name.replace("\\", "/"))
+    stem = path.stem if path.suffix.lower() in SUFFIXES else path.name
+    return unicodedata.normalize("NFC", stem).casefold()

@@ -1,0 +1,82 @@
+"""Where each step of the panel stands, read from the scene's settings and the results' folder."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from ..core.errors import DgsError
+from .job.record import Record, read_record
+from .paths import absolute, out_folder
+from .photos import photo_folder
+
+
+@dataclass(frozen=True)
+class Results:
+    """What a results' folder holds.
+
+    Attributes:
+        record: of the last job, or None.
+        cameras, twin: whether they are there.
+        report: content of report.json, {} if there is none.
+    """
+
+    record: Record | None = None
+    cameras: bool = False
+    twin: bool = False
+    report: dict[str, Any] = field(default_factory=dict)
+
+
+_NOTHING = Results()
+_known: tuple[object, Results] | None = None
+
+
+def results(scene: Any) -> Results:
+    """What the scene's results' folder holds; read again only when its files change."""
+    global _known
+    out = out_folder(scene.dgs)
+    if out is None:
+        return _NOTHING
+    files = (out / "job.json", out / "report.json", out / "twin.ply", out / "cameras")
+    key = (out, tuple(_changed(path) for path in files))
+    if _known is None or _known[0] != key:
+        _known = (key, _read(out))
+    return _known[1]
+
+
+def cameras_found(scene: Any) -> bool:
+    """Whether the results hold cameras that were found from these photos, so that they can be used again."""
+    settings = scene.dgs
+    held = results(scene)
+    if settings.cameras != "photos" or not held.cameras or held.record is None:
+        return False
+    photos, arguments = absolute(settings.photos), held.record.arguments
+    size = arguments[arguments.index("--max-size") + 1] if "--max-size" in arguments else "0"
+    return (
+        "--cameras" not in arguments
+        and photos is not None
+        and held.record.photos == str(photos)
+        and held.record.count == len(photo_folder(photos).files)
+        and int(size) == settings.max_size
+    )
+
+
+def _read(out: Path) -> Results:
+    try:
+        record = read_record(out)
+    except DgsError:
+        record = None
+    try:
+        report = json.loads((out / "report.json").read_text("utf-8"))
+    except (OSError, ValueError):
+        report = {}
+    return Results(record, (out / "cameras").is_dir(), (out / "twin.ply").is_file(), report)
+
+
+def _changed(path: Path) -> int | None:
+    try:
+        return path.stat().st_mtime_ns
+    except OSError:
+        return None

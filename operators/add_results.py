@@ -1,0 +1,48 @@
+"""Puts a finished twin into the scene."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+
+from ..core.errors import DgsError
+from ..dgs_addon.job import runner
+from ..dgs_addon.paths import out_folder
+
+
+class DGS_OT_add_results(bpy.types.Operator):
+    """Put the twin and its cameras into this scene, and set it up for rendering"""
+
+    bl_idname = "dgs.add_results"
+    bl_label = "Add Twin to Scene"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        """The results' folder holds a twin that is not being written."""
+        out = out_folder(context.scene.dgs)
+        if out is None:
+            reason = "Choose the folder of photos first (step 1)"
+        elif runner.running():
+            reason = "Wait for the job to end"
+        elif not (out / "twin.ply").is_file():
+            reason = "There is no twin yet: press Optimize (step 4)"
+        else:
+            reason = ""
+        cls.poll_message_set(reason)
+        return not reason
+
+    def execute(self, context: Any) -> set[str]:
+        """Reads the files; what came from the same folder before is replaced."""
+        from ..dgs_addon.job.results import add_twin_of
+
+        out = out_folder(context.scene.dgs)
+        assert out is not None
+        try:
+            twin = add_twin_of(out, context.scene)
+        except DgsError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        self.report({"INFO"}, f"{len(twin.data.vertices):,} splats")
+        return {"FINISHED"}

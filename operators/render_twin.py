@@ -1,0 +1,39 @@
+"""Renders the twin through the scene's camera."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+
+
+class DGS_OT_render_twin(bpy.types.Operator):
+    """Render the scene through its camera with Cycles, set up for splats"""
+
+    bl_idname = "dgs.render_twin"
+    bl_label = "Render Twin"
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        """There is a twin and a camera."""
+        from ..dgs_addon.scene.twin import is_twin
+
+        if not any(is_twin(thing) for thing in context.scene.objects):
+            reason = "There is no twin in this scene yet (step 5)"
+        elif context.scene.camera is None:
+            reason = "The scene has no camera: import or add one"
+        else:
+            reason = ""
+        cls.poll_message_set(reason)
+        return not reason
+
+    def execute(self, context: Any) -> set[str]:
+        """Renders; with a window, into Blender's own render window."""
+        from ..dgs_addon.scene.material import prepare_scene
+
+        scene = context.scene
+        if scene.render.engine != "CYCLES":
+            prepare_scene(scene)
+        if bpy.app.background:
+            return bpy.ops.render.render()
+        return bpy.ops.render.render("INVOKE_DEFAULT")

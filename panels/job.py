@@ -1,0 +1,93 @@
+"""The job as it runs and as it ended; drawn at the top, where no scrolling hides it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ..dgs_addon.job import pictures, runner
+from ..dgs_addon.job.state import JobState, duration_text
+from ..dgs_addon.paths import out_folder
+from .layout import sentence
+
+#: Notes of the engine that are shown; the log has all.
+_NOTES = 2
+#: Width of Blender's unit of layout in px, at a scale of 1.
+_UNIT = 20
+
+
+def draw_job(layout: Any, context: Any) -> None:
+    """The job of this Blender, or what one before left unfinished; nothing if there is neither."""
+    job = runner.current()
+    if job is not None and job.state.alive:
+        _running(layout.box(), context, job.state)
+    elif job is not None and job.request.out == out_folder(context.scene.dgs):
+        _ended(layout, context, job.state)
+    else:
+        _before(layout, context)
+
+
+def draw_picture(layout: Any, context: Any) -> None:
+    """The twin so far above its curves, as wide as the sidebar."""
+    if not pictures.icon():
+        return
+    width = context.region.width / context.preferences.system.ui_scale
+    layout.template_icon(icon_value=pictures.icon(), scale=max(5.0, (width - 70) / _UNIT))
+
+
+def _running(box: Any, context: Any, state: JobState) -> None:
+    left = f", {duration_text(state.seconds_left)} left" if state.seconds_left is not None else ""
+    words = {"paused": "Paused", "cancelling": "Stopping: what is done will be kept"}.get(state.phase, "")
+    box.progress(factor=state.factor, type="BAR", text=words or f"{state.title}{left}")
+    row = box.row(align=True)
+    paused = state.phase == "paused"
+    row.operator("dgs.pause_job", text="Continue" if paused else "Pause", icon="PLAY" if paused else "PAUSE")
+    row.operator("dgs.cancel_job", text="Stop Now" if state.phase == "cancelling" else "Cancel", icon="CANCEL")
+    row.operator("dgs.show_log", text="", icon="TEXT")
+    draw_picture(box, context)
+    draw_figures(box, state)
+    for note in state.notes[-_NOTES:]:
+        sentence(box, context, note, "INFO")
+
+
+def draw_figures(layout: Any, state: JobState) -> None:
+    """The curves' last values, in the curves' colours."""
+    if not state.marks:
+        return
+    accuracy = next((mark.psnr for mark in reversed(state.marks) if mark.psnr is not None), None)
+    row = layout.row()
+    row.label(text=f"Loss {state.marks[-1].loss:.4f}", icon="COLORSET_02_VEC")
+    if accuracy is not None:
+        row.label(text=f"{accuracy:.2f} dB", icon="COLORSET_04_VEC")
+
+
+def _ended(layout: Any, context: Any, state: JobState) -> None:
+    if state.phase == "failed":
+        box = layout.box()
+        sentence(box, context, state.error, "ERROR")
+        _ways_out(box)
+    elif state.phase == "cancelled":
+        box = layout.box()
+        sentence(box, context, "Cancelled; what was done is kept", "INFO")
+        _ways_out(box)
+
+
+def _before(layout: Any, context: Any) -> None:
+    """What a Blender before this one left behind."""
+    out = out_folder(context.scene.dgs)
+    record = runner.resumable(out) if out is not None else None
+    if record is None:
+        return
+    box = layout.box()
+    if record.interrupted:
+        sentence(box, context, "The last job was interrupted; its last checkpoint is kept", "ERROR")
+    elif record.error:
+        sentence(box, context, record.error, "ERROR")
+    else:
+        sentence(box, context, "The last job was cancelled; what was done is kept", "INFO")
+    _ways_out(box)
+
+
+def _ways_out(layout: Any) -> None:
+    row = layout.row(align=True)
+    row.operator("dgs.resume_job", icon="PLAY")
+    row.operator("dgs.show_log", icon="TEXT")

@@ -1,0 +1,39 @@
+"""Step 3: what blurs the photos."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+
+from .layout import Step, folded, ready, sentence, split
+
+
+class DGS_PT_medium(Step, bpy.types.Panel):
+    """Which medium."""
+
+    bl_idname = "DGS_PT_medium"
+    bl_label = "3  Medium"
+
+    def draw_header_preset(self, context: Any) -> None:
+        """Nothing need be chosen: photos may be sharp."""
+        ready(self.layout, True)
+
+    def draw(self, context: Any) -> None:
+        """Its kind and its figures."""
+        layout, settings = split(self.layout), context.scene.dgs
+        layout.prop(settings, "medium")
+        if settings.medium == "none":
+            sentence(layout, context, "Nothing is undone: ordinary splatting", "INFO")
+            return
+        if settings.medium == "gaussian":
+            layout.prop(settings, "sigma", text="Sigma (px)")
+        elif settings.medium == "ellipse":
+            layout.prop(settings, "sigma", text="Sigma Along (px)")
+            layout.prop(settings, "sigma_minor", text="Across (px)")
+            layout.prop(settings, "angle")
+        else:
+            layout.prop(settings, "psf_file")
+        body = folded(layout, "medium", "More")
+        if body is not None:
+            body.prop(settings, "blur_space")

@@ -1,0 +1,50 @@
+"""Step 4: the job's settings and its button."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+
+from ..dgs_addon.job import runner
+from ..dgs_addon.job.state import duration_text
+from ..dgs_addon.steps import results
+from .job import draw_figures, draw_picture
+from .layout import Step, folded, ready, sentence, split
+
+
+class DGS_PT_optimize(Step, bpy.types.Panel):
+    """Start it."""
+
+    bl_idname = "DGS_PT_optimize"
+    bl_label = "4  Optimize"
+
+    def draw_header_preset(self, context: Any) -> None:
+        """Done once there is a twin."""
+        ready(self.layout, results(context.scene).twin and not runner.running())
+
+    def draw(self, context: Any) -> None:
+        """How much effort, and the button."""
+        layout, settings = split(self.layout), context.scene.dgs
+        layout.prop(settings, "preset")
+        row = layout.row()
+        row.scale_y = 1.5
+        row.operator("dgs.optimize", icon="PLAY")
+        job = runner.current()
+        if runner.running():
+            sentence(layout, context, "It runs: see the top of this tab", "INFO")
+        elif job is not None and job.state.phase == "done":
+            layout.label(text=f"Done in {duration_text(job.state.seconds())}", icon="CHECKMARK")
+            draw_picture(layout, context)
+            draw_figures(layout, job.state)
+        _draw_more(layout, settings)
+
+
+def _draw_more(layout: Any, settings: Any) -> None:
+    body = folded(layout, "optimize", "More")
+    if body is None:
+        return
+    for name in ("time_limit", "max_gaussians", "sh_degree", "holdout_every", "device", "threads", "seed"):
+        body.prop(settings, name)
+    body.prop(settings, "add_when_done")
+    body.prop(settings, "live")

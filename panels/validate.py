@@ -1,0 +1,60 @@
+"""Step 6: how good the twin is."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+
+from ..dgs_addon.steps import results
+from .layout import Step, folded, ready, sentence, split
+
+
+class DGS_PT_validate(Step, bpy.types.Panel):
+    """Look at it and measure it."""
+
+    bl_idname = "DGS_PT_validate"
+    bl_label = "6  Validate"
+
+    def draw_header_preset(self, context: Any) -> None:
+        """Done once there are scores."""
+        ready(self.layout, bool(results(context.scene).report))
+
+    def draw(self, context: Any) -> None:
+        """The render button, the scores, the report."""
+        layout = split(self.layout)
+        layout.operator("dgs.render_twin", icon="RENDER_STILL")
+        layout.operator("dgs.open_report", icon="URL")
+        report = results(context.scene).report
+        if report:
+            _draw_scores(layout, context, report)
+        else:
+            sentence(layout, context, "Scores appear here after Optimize", "INFO")
+        body = folded(layout, "validate", "Sharp Photos")
+        if body is not None:
+            body.prop(context.scene.dgs, "truth")
+
+
+def _draw_scores(layout: Any, context: Any, report: dict[str, Any]) -> None:
+    try:
+        held = report["heldout"]
+        lines = [
+            ("Photos placed", f"{report['photos']['registered']} of {report['photos']['given']}"),
+            ("Gaussians", f"{report['gaussians']:,}"),
+            (f"Against {len(held['names'])} held-out photos", _decibel(held["degraded"]["psnr"])),
+            ("Against sharp photos", _decibel(held["sharp"]["psnr"])),
+            ("Finest detail in a photo", f"{report['resolvable_period_px']:.1f} px"),
+        ]
+    except (KeyError, TypeError, ValueError):
+        sentence(layout, context, "The report is of another version; run Optimize again", "INFO")
+        return
+    box = layout.box().column(align=True)
+    for name, value in lines:
+        if value:
+            row = box.split(factor=0.62)
+            row.label(text=name)
+            row.label(text=value)
+
+
+def _decibel(value: float | None) -> str:
+    return "" if value is None else f"{value:.2f} dB"

@@ -1,0 +1,131 @@
+"""Runs inside Blender: finds buttons by pointing at them, presses them, takes pictures. For `story.py`.
+
+A story is a generator that yields how many seconds to let Blender go on; a timer resumes it.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import time
+import traceback
+from collections.abc import Callable, Generator
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+Story = Generator[float, None, None]
+
+
+class Robot:
+    """What a story may do.
+
+    Args:
+        pictures: folder for screenshots.
+    """
+
+    def __init__(self, pictures: Path) -> None:
+        self.pictures = pictures
+        self.clicks = 0
+        self.gaps: list[float] = []
+        self._before: float | None = None
+
+    def tell(self, story: Story, done: Callable[[str], None]) -> None:
+        """Plays a story; `done` gets '' or its error, and Blender ends."""
+
+        def resume() -> float | None:
+            try:
+                return next(story)
+            except StopIteration:
+                done("")
+            except Exception:  # noqa: BLE001 (the test shows it)
+                done(traceback.format_exc())
+            bpy.ops.wm.quit_blender()
+            return None
+
+        bpy.app.timers.register(resume, first_interval=1.0, persistent=True)
+
+    def measure(self) -> None:
+        """Starts a timer of 0.05 s whose gaps are kept."""
+
+        def tick() -> float:
+            now = time.perf_counter()
+            if self._before is not None:
+                self.gaps.append(now - self._before)
+            self._before = now
+            return 0.05
+
+        bpy.app.timers.register(tick, persistent=True)
+
+    def area(self) -> Any:
+        """The 3D view."""
+        return next(a for a in bpy.context.window_manager.windows[0].screen.areas if a.type == "VIEW_3D")
+
+    def sidebar(self) -> Any:
+        """Its sidebar."""
+        return next(region for region in self.area().regions if region.type == "UI")
+
+    def open_tab(self, name: str, width: int = 0) -> Story:
+        """Opens the sidebar at a tab."""
+        self.area().spaces.active.show_region_ui = True
+        yield 0.5
+        self.sidebar().active_panel_category = name
+        self.sidebar().tag_redraw()
+        yield 1.0
+
+    def picture(self, name: str) -> Story:
+        """Takes a screenshot; the mouse is out of the way."""
+        _xdotool("mousemove", 5, 880)
+        yield 0.6
+        target = self.pictures / f"{name}.png"
+        command = f"xwd -root -silent | convert xwd:- '{target}'"
+        subprocess.run(["sh", "-c", command], check=True)
+        yield 0.1
+
+    def press(self, operator: str) -> Story:
+        """Clicks the sidebar's button of an operator ('dgs.optimize'); scrolls to it if need be.
+
+        Raises:
+            LookupError: there is no such button.
+        """
+        for _ in range(5):
+            place: list[int] = []
+            yield from self._find(operator, place)
+            if place:
+                _xdotool("mousemove", *place)
+                yield 0.3
+                _xdotool("click", 1)
+                self.clicks += 1
+                yield 0.5
+                return
+            _xdotool("mousemove", *self._point(0.5))
+            _xdotool("click", "--repeat", 5, "--delay", 30, 5)  # wheel down
+            yield 0.8
+        raise LookupError(f"the sidebar has no button {operator}")
+
+    def _find(self, operator: str, place: list[int]) -> Story:
+        region, window = self.sidebar(), bpy.context.window_manager.windows[0]
+        x = region.x + region.width // 2
+        for y in range(region.y + region.height - 12, region.y + 8, -14):
+            _xdotool("mousemove", x, window.height - y)
+            yield 0.12
+            if self._below_mouse() == operator:
+                place[:] = [x, window.height - y]
+                return
+
+    def _below_mouse(self) -> str:
+        """'dgs.optimize' if the mouse is above that button; Blender tells what it would run."""
+        window = bpy.context.window_manager.windows[0]
+        with bpy.context.temp_override(window=window, area=self.area(), region=self.sidebar()):
+            if not bpy.ops.ui.copy_python_command_button.poll():
+                return ""
+            bpy.ops.ui.copy_python_command_button()
+        return bpy.context.window_manager.clipboard.removeprefix("bpy.ops.").partition("(")[0]
+
+    def _point(self, share: float) -> tuple[int, int]:
+        region, window = self.sidebar(), bpy.context.window_manager.windows[0]
+        return region.x + region.width // 2, window.height - region.y - round(region.height * share)
+
+
+def _xdotool(*arguments: object) -> None:
+    subprocess.run(["xdotool", *map(str, arguments)], check=True)
