@@ -9,19 +9,22 @@ divided by transmittance.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from llvmlite import ir
-from numba.core import types
+from numba.core import cgutils, types
 from numba.extending import intrinsic
 
 from ..compiled import inlined, kernel
 from ..constants import TILE, TILE_ROWS, TRANSMITTANCE_STOP
-from ..lanes_kernels import Buffer, maximum
+from ..lanes_kernels import Buffer
 from .splat_kernels import (
     DB_,
     DG_,
     DR_,
     PIXELS,
+    PLANE,
     REST_,
     T_,
     backward_splat,
@@ -38,12 +41,28 @@ _LOOK = 8
 
 
 @inlined
-def look_ahead(splats, pair_gaussians, position, stop, last, left, top, rows, alpha_minimum, ahead):  # type: ignore[no-untyped-def]
-    """Rows and stride of pairs `position` to `stop` of a tile, into `ahead` [_LOOK, 3]."""
+def look_ahead(splats, pair_gaussians, position, stop, last, left, top, rows, alpha_minimum, pair_rows):  # type: ignore[no-untyped-def]
+    """Rows of pairs `position` to `stop` of a tile: first, one past the last, and the stride, a byte each."""
     for i in range(stop, min(stop + _LOOK, last)):
         prefetch_splat(splats, np.int64(pair_gaussians[i]))
     for i in range(position, stop):
-        ahead[i - position] = rows_in_tile(splats, np.int64(pair_gaussians[i]), left, top, rows, alpha_minimum)
+        first, end, stride = rows_in_tile(splats, np.int64(pair_gaussians[i]), left, top, rows, alpha_minimum)
+        pair_rows[i] = np.int32(first | end << 8 | stride << 16)
+
+
+@inlined
+def unpacked(rows):  # type: ignore[no-untyped-def]
+    """First row, one past the last, and stride, as `look_ahead` packed them."""
+    rows = np.int64(rows)
+    return rows & 255, (rows >> 8) & 255, rows >> 16
+
+
+@inlined
+def on_cache_lines(size):  # type: ignore[no-untyped-def]
+    """`size` float32 that begin at a cache line: a vector across two of them takes twice as long."""
+    room = np.empty(size + TILE, np.float32)
+    skip = (-np.int64(room.ctypes.data) % 64) // 4
+    return room[skip : skip + size]
 
 
 @intrinsic
@@ -52,17 +71,59 @@ def is_opaque(typing_context, state):  # type: ignore[no-untyped-def]
 
     def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
         tile = Buffer(context, builder, signature.args[0], arguments[0])
-        clearest = tile.row(ir.Constant(ir.IntType(64), 0), T_)
-        for row in range(1, TILE_ROWS):
-            clearest = maximum(clearest, tile.row(ir.Constant(ir.IntType(64), 0), T_ + row * TILE))
-        return clearest.maximum().compare("<", TRANSMITTANCE_STOP)
+        index, one = cgutils.alloca_once(builder, ir.IntType(64)), ir.Constant(ir.IntType(64), 1)
+        builder.store(ir.Constant(ir.IntType(64), 0), index)
+        look, done = builder.append_basic_block("look"), builder.append_basic_block("done")
+        builder.branch(look)
+        builder.position_at_end(look)  # the first row that is clear anywhere ends it: nearly always the first of all
+        row = builder.load(index)
+        after = builder.add(row, one)
+        builder.store(after, index)
+        clearest = tile.row(builder.mul(row, ir.Constant(row.type, TILE)), T_).maximum()
+        full = clearest.compare("<", TRANSMITTANCE_STOP)
+        more = builder.icmp_signed("<", after, ir.Constant(after.type, TILE_ROWS))
+        builder.cbranch(builder.and_(full, more), look, done)
+        builder.position_at_end(done)
+        return full
 
     return types.boolean(state), generate
 
 
+def _rows(builder: ir.IRBuilder, at: ir.Value, stride: ir.Value, count: ir.Value) -> Any:
+    """Loops over a tile's rows; yields (offset in the state, first element in an image)."""
+    zero, one = (ir.Constant(count.type, n) for n in (0, 1))
+    with cgutils.for_range_slice(builder, zero, count, one, inc=True) as (row, _):
+        yield builder.mul(row, ir.Constant(row.type, TILE)), builder.add(at, builder.mul(row, stride))
+
+
+@intrinsic
+def read_tile(typing_context, state, image, transmittance, image_gradient, alpha_gradient, at, stride, rows, plane):  # type: ignore[no-untyped-def]
+    """The state that the backward pass of a whole tile begins with (but T).
+
+    image = colours + T background and alpha = 1 - T: both are part of what still comes.
+    """
+
+    def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+        tile, image, transmittance, gradient, alpha_gradient = (
+            Buffer(context, builder, signature.args[n], arguments[n]) for n in range(5)
+        )
+        for offset, pixel in _rows(builder, *arguments[5:8]):
+            rest = -1.0 * alpha_gradient.row(pixel) * transmittance.row(pixel)
+            for plane in (DR_, DG_, DB_):
+                slope = gradient.row(pixel)
+                tile.put_row(offset, plane, slope)
+                rest = rest + slope * image.row(pixel)
+                pixel = builder.add(pixel, arguments[8])
+            tile.put_row(offset, REST_, rest)
+        return context.get_dummy_value()
+
+    i = types.int64
+    return types.void(state, image, transmittance, image_gradient, alpha_gradient, i, i, i, i), generate
+
+
 @kernel
 def blend_tiles(begin, end, splats, tile_starts, pair_gaussians, background, alpha_minimum, tiles_x,
-                image, transmittance, blended, evaluations):  # type: ignore[no-untyped-def]  # fmt: skip
+                image, transmittance, blended, evaluations, pair_rows):  # type: ignore[no-untyped-def]  # fmt: skip
     """Blends tiles `begin` to `end`.
 
     Args:
@@ -74,10 +135,10 @@ def blend_tiles(begin, end, splats, tile_starts, pair_gaussians, background, alp
         transmittance: [H, W] output.
         blended: [tiles] int32 output, how many of its list the tile took before it was opaque.
         evaluations: [tiles] int64 output, Gaussian-pixel pairs evaluated.
+        pair_rows: [P] int32 output, see `look_ahead`.
     """
     height, width = transmittance.shape
-    state = np.empty(4 * PIXELS, np.float32)
-    ahead = np.empty((_LOOK, 3), np.int64)
+    state = on_cache_lines(4 * PLANE)
     for tile in range(begin, end):
         top, left = (tile // tiles_x) * TILE_ROWS, (tile % tiles_x) * TILE
         x0, y0 = f32(left) + f32(0.5), f32(top) + f32(0.5)
@@ -87,11 +148,12 @@ def blend_tiles(begin, end, splats, tile_starts, pair_gaussians, background, alp
         first, last = tile_starts[tile], tile_starts[tile + 1]
         position, rows = first, 0
         while position < last:
-            group, stop = position, min(position + _LOOK, last)
-            look_ahead(splats, pair_gaussians, position, stop, last, x0, y0, height_here, alpha_minimum, ahead)
+            stop = min(position + _LOOK, last)
+            look_ahead(splats, pair_gaussians, position, stop, last, x0, y0, height_here, alpha_minimum,
+                       pair_rows)  # fmt: skip
             while position < stop:
                 g = np.int64(pair_gaussians[position])
-                begin_row, end_row, stride = ahead[position - group]
+                begin_row, end_row, stride = unpacked(pair_rows[position])
                 position += 1
                 if begin_row < end_row:
                     blend_splat(state, splats, g, x0, y0, begin_row, end_row, stride, alpha_minimum)
@@ -100,29 +162,29 @@ def blend_tiles(begin, end, splats, tile_starts, pair_gaussians, background, alp
                 break
         blended[tile] = position - first
         evaluations[tile] = rows * TILE
-        for row in range(min(TILE_ROWS, height - top)):
+        # (value by value: vectors across two cache lines, neither of them there, would wait for each other)
+        for row in range(height_here):
             for i in range(min(TILE, width - left)):
                 o = row * TILE + i
                 t = state[o]
                 transmittance[top + row, left + i] = t
                 for channel in range(3):
-                    image[channel, top + row, left + i] = state[(channel + 1) * PIXELS + o] + t * background[channel]
+                    image[channel, top + row, left + i] = state[(channel + 1) * PLANE + o] + t * background[channel]
 
 
 @kernel
 def backward_tiles(begin, end, splats, tile_starts, pair_gaussians, pair_slots, alpha_minimum, tiles_x,
-                   image, transmittance, blended, image_gradient, alpha_gradient, slots):  # type: ignore[no-untyped-def]  # fmt: skip
+                   image, transmittance, blended, pair_rows, image_gradient, alpha_gradient, slots):  # type: ignore[no-untyped-def]  # fmt: skip
     """Gradients of tiles `begin` to `end`, one slot per (Gaussian, tile) pair.
 
     Args:
-        image, transmittance, blended: what `blend_tiles` wrote.
+        image, transmittance, blended, pair_rows: what `blend_tiles` wrote.
         image_gradient: [3, H, W]; alpha_gradient: [H, W].
         pair_slots: [P] int32 row of `slots` that each pair writes.
         slots: [P, 9] output; pairs that were not blended are set to zero.
     """
     height, width = transmittance.shape
-    state = np.empty(5 * PIXELS, np.float32)
-    ahead = np.empty((_LOOK, 3), np.int64)
+    state = on_cache_lines(5 * PLANE)
     for tile in range(begin, end):
         top, left = (tile // tiles_x) * TILE_ROWS, (tile % tiles_x) * TILE
         x0, y0 = f32(left) + f32(0.5), f32(top) + f32(0.5)
@@ -132,24 +194,22 @@ def backward_tiles(begin, end, splats, tile_starts, pair_gaussians, pair_slots, 
             continue
         state[:PIXELS] = f32(1.0)
         state[PIXELS:] = f32(0.0)
-        for row in range(min(TILE_ROWS, height - top)):
-            for i in range(min(TILE, width - left)):
+        if left + TILE <= width:
+            read_tile(state, image, transmittance, image_gradient, alpha_gradient, top * width + left, width,
+                      height_here, height * width)  # fmt: skip
+        for row in range(height_here if left + TILE > width else 0):
+            for i in range(width - left):
                 o = row * TILE + i
                 y, x = top + row, left + i
                 r, g, b = image_gradient[0, y, x], image_gradient[1, y, x], image_gradient[2, y, x]
-                # image = colours + T background and alpha = 1 - T: both are part of what still comes
                 state[REST_ + o] = (r * image[0, y, x] + g * image[1, y, x] + b * image[2, y, x]
                                     - alpha_gradient[y, x] * transmittance[y, x])  # fmt: skip
-                state[DR_ + o] = r
-                state[DG_ + o] = g
-                state[DB_ + o] = b
+                state[DR_ + o], state[DG_ + o], state[DB_ + o] = r, g, b
         end_of_blending = first + blended[tile]
-        for group in range(first, end_of_blending, _LOOK):
-            stop = min(group + _LOOK, end_of_blending)
-            look_ahead(splats, pair_gaussians, group, stop, end_of_blending, x0, y0, height_here, alpha_minimum, ahead)
-            for position in range(group, stop):
-                begin_row, end_row, stride = ahead[position - group]
-                backward_splat(state, splats, np.int64(pair_gaussians[position]), x0, y0, begin_row, end_row, stride,
-                               alpha_minimum, slots, np.int64(pair_slots[position]))  # fmt: skip
+        for position in range(first, end_of_blending):
+            prefetch_splat(splats, np.int64(pair_gaussians[min(position + _LOOK, end_of_blending - 1)]))
+            begin_row, end_row, stride = unpacked(pair_rows[position])
+            backward_splat(state, splats, np.int64(pair_gaussians[position]), x0, y0, begin_row, end_row, stride,
+                           alpha_minimum, slots, np.int64(pair_slots[position]))  # fmt: skip
         for position in range(end_of_blending, last):
             slots[pair_slots[position], :] = f32(0.0)

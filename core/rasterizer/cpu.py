@@ -41,6 +41,7 @@ class Projected:
     tile_starts: NDArray[np.int64]
     pair_gaussians: NDArray[np.int32]
     pair_slots: NDArray[np.int32]
+    pair_rows: NDArray[np.int32]  # what blending finds
     slot_starts: NDArray[np.int64]  # [N + 1]
     tiles_x: int
     alpha_minimum: np.float32
@@ -59,11 +60,18 @@ def view_vector(camera: Camera, pose: NDArray[np.float64] | None, settings: Rast
     return view
 
 
+def _on_cache_lines(count: int) -> Floats:
+    """Room for `count` splats, each on a cache line of its own."""
+    room = np.empty((count + 1) * SPLAT_WIDTH, np.float32)
+    skip = -room.ctypes.data % 64 // 4
+    return room[skip : skip + count * SPLAT_WIDTH].reshape(count, SPLAT_WIDTH)
+
+
 def project_and_sort(view: NDArray[np.float64], parameters: tuple[Floats, ...], width: int, height: int,
                      radius: Floats) -> Projected:  # fmt: skip
     """Projection, depth order and the tiles' lists."""
     count = parameters[0].shape[0]
-    splats = np.empty((count, SPLAT_WIDTH), np.float32)
+    splats = _on_cache_lines(count)
     status = np.empty(count, np.uint8)
     tile_counts = np.empty(count, np.int32)
     records = np.empty((count, RECORD_WIDTH), np.int16)
@@ -85,8 +93,8 @@ def project_and_sort(view: NDArray[np.float64], parameters: tuple[Floats, ...], 
     pair_gaussians, pair_slots = np.empty(pairs, np.int32), np.empty(pairs, np.int32)
     run(place_pairs, _PARTS, splats, records, order, chunk, tiles_x, np.float32(width), slot_starts, places,
         pair_gaussians, pair_slots)  # fmt: skip
-    return Projected(view, parameters, splats, status, tile_starts, pair_gaussians, pair_slots, slot_starts,
-                     tiles_x, np.float32(view[V_ALPHA_MINIMUM]))  # fmt: skip
+    return Projected(view, parameters, splats, status, tile_starts, pair_gaussians, pair_slots,
+                     np.empty(pairs, np.int32), slot_starts, tiles_x, np.float32(view[V_ALPHA_MINIMUM]))  # fmt: skip
 
 
 def _blend(p: Projected, splats: Floats, background: Floats, width: int, height: int) -> tuple[Any, ...]:
@@ -96,7 +104,7 @@ def _blend(p: Projected, splats: Floats, background: Floats, width: int, height:
     blended = np.empty(tiles, np.int32)
     evaluations = np.empty(tiles, np.int64)
     run(blend_tiles, tiles, splats, p.tile_starts, p.pair_gaussians, background, p.alpha_minimum, p.tiles_x,
-        image, transmittance, blended, evaluations, grain=8)  # fmt: skip
+        image, transmittance, blended, evaluations, p.pair_rows, grain=8)  # fmt: skip
     return image, transmittance, blended, int(evaluations.sum())
 
 
@@ -106,8 +114,8 @@ def _blend_backward(p: Projected, splats: Floats, image: Floats, transmittance: 
     slots = np.empty((len(p.pair_slots) + 2, SLOT_WIDTH), np.float32)
     slots[-2:] = 0.0
     run(backward_tiles, len(p.tile_starts) - 1, splats, p.tile_starts, p.pair_gaussians, p.pair_slots,
-        p.alpha_minimum, p.tiles_x, image, transmittance, blended, image_gradient, alpha_gradient, slots,
-        grain=8)  # fmt: skip
+        p.alpha_minimum, p.tiles_x, image, transmittance, blended, p.pair_rows, image_gradient, alpha_gradient,
+        slots, grain=8)  # fmt: skip
     return slots
 
 

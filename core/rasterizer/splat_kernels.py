@@ -1,9 +1,9 @@
 """One splat over the rows of one tile, forward and backward, 16 pixels at once (`lanes_kernels`).
 
 From row to row of a Gaussian alpha changes by a ratio, and the ratio by a factor that is the same
-everywhere: alpha' = alpha r, r' = r + r (exp(-c) - 1). Two operations instead of an exponential. Rounding
-adds up, so both are computed anew every `STRIDE` rows; where an exponential on the way would leave
-float32's range (needles across the rows) they are computed anew in every row.
+everywhere: alpha' = alpha r, r' = r + r (exp(-c) - 1). Two operations instead of an exponential; over a
+tile's rows their rounding adds up to some 1e-6. Where an exponential on the way would leave float32's range
+(needles across the rows), both are computed anew in every row.
 """
 
 from __future__ import annotations
@@ -35,11 +35,13 @@ M_X, M_Y, M_XX, M_XY, M_YY, M_ALL, M_RED, M_GREEN, M_BLUE = range(9)
 SLOT_WIDTH = 9
 # Planes of a tile's state. Forward: T and the colours. Backward: T, what still comes (weighted by
 # the image gradient), and the image gradient.
-T_, R_, G_, B_ = 0, PIXELS, 2 * PIXELS, 3 * PIXELS
-REST_, DR_, DG_, DB_ = PIXELS, 2 * PIXELS, 3 * PIXELS, 4 * PIXELS
+#: (Not a power of two apart: a load would wait for a store whose address ends in the same bits.)
+PLANE = PIXELS + 128
+T_, R_, G_, B_ = 0, PLANE, 2 * PLANE, 3 * PLANE
+REST_, DR_, DG_, DB_ = PLANE, 2 * PLANE, 3 * PLANE, 4 * PLANE
 
-#: After so many rows alpha and its ratio are computed anew: their errors stay below 1e-5.
-STRIDE = 16
+#: After so many rows alpha and its ratio are computed anew: never within a tile.
+STRIDE = TILE_ROWS
 #: Powers of two: how far an exponential may fall on the way (float32 ends at -126), what is left of a pixel that
 #: counts in no row, and the least alpha_minimum and the steepest Gaussian for which that holds.
 _FALL, _GONE, _LEAST_ALPHA, _STEEPEST = 80.0, -30.0, 1e-4, 3.0
