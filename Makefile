@@ -6,7 +6,7 @@ SHELL := /bin/bash
 PY := .venv/bin/python
 export PYTHON
 
-.PHONY: help setup demo test lint format bench bench-sfm accuracy extension clean
+.PHONY: help setup demo test lint format bench bench-sfm accuracy extension window clean
 
 help:  ## This list
 	@grep -E '^[a-z-]+:.*## ' Makefile | sed -E 's/:.*## /\t/' | expand -t 14
@@ -38,6 +38,10 @@ accuracy: setup  ## Measure accuracy against other ways; ARGS="--data FOLDER --s
 
 extension: setup  ## Build the Blender extension into dist/
 	@$(PY) tools/extension.py
+
+window: setup  ## The panel in real Blenders with a window, 5.2 and 4.3 (needs root; 20 minutes at first)
+	@for suite in sid trixie; do tools/window_blender.sh $$suite && \
+	  DGS_WINDOW=$$suite DGS_WINDOW_PICTURES=demo_output/window/$$suite $(PY) -m pytest -s tests/gui $(ARGS); done
 
 clean:  ## Remove what can be made again, except .venv and demo_output
 	@rm -rf dist .lint .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -28,7 +28,9 @@ class Robot:
         self.pictures = pictures
         self.clicks = 0
         self.gaps: list[float] = []
+        self.drawn: list[bool] = []
         self._before: float | None = None
+        self._drew = False
 
     def tell(self, story: Story, done: Callable[[str], None]) -> None:
         """Plays a story; `done` gets '' or its error, and Blender ends."""
@@ -46,15 +48,20 @@ class Robot:
         bpy.app.timers.register(resume, first_interval=1.0, persistent=True)
 
     def measure(self) -> None:
-        """Starts a timer of 0.05 s whose gaps are kept."""
+        """Starts a timer of 0.05 s; `gaps` are the times between its ticks, `drawn` whether the view was in one."""
 
         def tick() -> float:
             now = time.perf_counter()
             if self._before is not None:
                 self.gaps.append(now - self._before)
-            self._before = now
+                self.drawn.append(self._drew)
+            self._before, self._drew = now, False
             return 0.05
 
+        def drew() -> None:
+            self._drew = True
+
+        bpy.types.SpaceView3D.draw_handler_add(drew, (), "WINDOW", "POST_PIXEL")
         bpy.app.timers.register(tick, persistent=True)
 
     def area(self) -> Any:

@@ -1,0 +1,204 @@
+"""The life of a job with the real engine: done, cancelled, killed, orphaned, resumed."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+bpy = pytest.importorskip("bpy")
+
+import dgs  # noqa: E402
+from dgs.core.formats.ply import read_ply  # noqa: E402
+from dgs.dgs_addon.job import runner  # noqa: E402
+from dgs.dgs_addon.job.record import read_record  # noqa: E402
+from dgs.dgs_addon.job.request import Request, request_of  # noqa: E402
+from dgs.dgs_addon.job.results import FOLDER, SCORE, SETTINGS  # noqa: E402
+from dgs.dgs_addon.scene.twin import is_twin  # noqa: E402
+
+ROOT = Path(dgs.__path__[0])
+sys.path.insert(0, str(ROOT / "tests" / "core" / "command_line"))
+from scene import SIGMA, write_scene  # noqa: E402
+
+
+@pytest.fixture(scope="module")
+def photo_set(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("photo set") / "ümläut"
+    write_scene(folder)
+    return folder
+
+
+@pytest.fixture
+def scene(photo_set: Path, tmp_path: Path) -> Iterator[object]:
+    """A scene whose settings ask for a quick twin with known cameras."""
+    dgs.register()
+    settings = bpy.context.scene.dgs
+    settings.photos, settings.out = str(photo_set / "photos"), str(tmp_path / "out")
+    settings.cameras, settings.model = "model", str(photo_set / "model")
+    settings.medium, settings.sigma = "gaussian", SIGMA
+    settings.preset, settings.max_gaussians, settings.holdout_every = "draft", 2000, 4
+    yield bpy.context.scene
+    dgs.unregister()
+
+
+def begin(scene: object, **changes: object) -> runner.Job:
+    """Starts a job and does not wait for it, as with a window."""
+    for name, value in changes.items():
+        setattr(scene.dgs, name, value)
+    return runner.start(request_of("reconstruct", scene), Path(sys.executable), scene)
+
+
+def until(true: Callable[[], object], seconds: float = 60.0) -> None:
+    end = time.monotonic() + seconds
+    while not true():
+        assert time.monotonic() < end, runner.current().state
+        runner.wait(0.02)
+
+
+def test_from_photos_to_a_twin_without_a_window(scene: object, tmp_path: Path) -> None:
+    assert bpy.ops.dgs.optimize() == {"FINISHED"}
+    job = runner.current()
+    assert job.state.phase == "done" and job.state.error == ""
+    assert [mark.step for mark in job.state.marks][-1] == 300
+    assert job.state.marks[-1].psnr > job.state.marks[0].loss
+    twin = next(thing for thing in scene.objects if is_twin(thing))
+    assert bpy.context.object == twin
+    assert len(twin.data.vertices) == len(read_ply(tmp_path / "out" / "twin.ply"))
+    assert twin[FOLDER] == str(tmp_path / "out")
+    assert json.loads(twin[SETTINGS])["run"]["psf"] == f"gaussian:{SIGMA:g}"
+    assert json.loads(twin[SCORE])["degraded"]["psnr"] > 15
+    assert scene.camera is not None and scene.camera.parent == twin
+    assert scene.render.engine == "CYCLES"
+    assert read_record(tmp_path / "out").phase == "done"
+    assert runner.resumable(tmp_path / "out") is None
+    # Once more: what is there is replaced, not doubled.
+    count = len(bpy.data.objects)
+    assert bpy.ops.dgs.add_results() == {"FINISHED"}
+    assert len(bpy.data.objects) == count
+
+
+def test_cancel_keeps_what_was_done_and_resume_ends_it(scene: object, tmp_path: Path) -> None:
+    job = begin(scene, preset="fine", add_when_done=False)
+    with pytest.raises(RuntimeError, match="A job is running"):
+        bpy.ops.dgs.optimize()
+    until(lambda: job.state.marks)
+    assert not read_record(tmp_path / "out").interrupted  # as another Blender would see it
+    runner.pause(True)
+    assert job.state.phase == "paused"
+    assert bpy.ops.dgs.cancel_job() == {"FINISHED"}
+    until(lambda: not job.state.alive)
+    assert job.state.phase == "cancelled" and job.state.error == ""
+    done = job.state.marks[-1].step
+    assert 0 < done < 4000 and len(read_ply(tmp_path / "out" / "twin.ply")) > 0
+    assert runner.resumable(tmp_path / "out").phase == "cancelled"
+    assert bpy.ops.dgs.resume_job.poll()
+    record = read_record(tmp_path / "out")
+    again = runner.start(
+        Request("reconstruct", Path(record.photos), tmp_path / "out", record.arguments, resume=True),
+        Path(sys.executable), scene,
+    )  # fmt: skip
+    until(lambda: again.state.marks)
+    assert again.state.marks[0].step >= done
+    runner.cancel()
+    until(lambda: not again.state.alive)
+
+
+def test_a_killed_engine_is_explained_and_costs_little(scene: object, tmp_path: Path) -> None:
+    job = begin(scene)
+    until(lambda: job.state.marks)
+    os.kill(job.worker.pid, signal.SIGKILL)
+    until(lambda: not job.state.alive)
+    assert job.state.phase == "failed"
+    assert "SIGKILL" in job.state.error and "Resume" in job.state.error
+    assert bpy.ops.dgs.resume_job() == {"FINISHED"}
+    assert runner.current().state.phase == "done"
+
+
+def test_another_file_lets_the_job_go_on_and_gets_nothing_of_it(scene: object, tmp_path: Path) -> None:
+    job = begin(scene)
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    until(lambda: not job.state.alive)
+    assert job.state.phase == "done"
+    assert not any(is_twin(thing) for thing in bpy.data.objects)
+    # The file that asked can still have it.
+    bpy.context.scene.dgs.out = str(tmp_path / "out")
+    assert bpy.ops.dgs.add_results() == {"FINISHED"}
+
+
+_ORPHAN = """
+import sys; sys.path.insert(0, sys.argv[1])
+import run_dgs; run_dgs.mount_package()
+import bpy, dgs, os
+from pathlib import Path
+dgs.register()
+from dgs.dgs_addon.job import runner
+from dgs.dgs_addon.job.request import Request
+photos, out, *arguments = sys.argv[2:]
+job = runner.start(Request("reconstruct", Path(photos), Path(out), arguments), Path(sys.executable), bpy.context.scene)
+while not job.state.marks:
+    runner.wait(0.05)
+print(job.worker.pid, flush=True)
+os.kill(os.getpid(), 9)
+"""
+
+
+def test_the_engine_dies_with_its_blender_and_the_next_one_can_resume(scene: object, tmp_path: Path) -> None:
+    request = request_of("reconstruct", scene)
+    out = tmp_path / "out"
+    done = subprocess.run(
+        [sys.executable, "-c", _ORPHAN, str(ROOT), str(request.photos), str(out), *request.arguments],
+        capture_output=True, text=True, timeout=120, check=False,
+    )  # fmt: skip
+    assert done.returncode == -signal.SIGKILL, done.stderr
+    pid = int(done.stdout.split()[-1])
+    end = time.monotonic() + 10
+    while Path(f"/proc/{pid}").exists() and time.monotonic() < end:
+        time.sleep(0.05)
+    record = runner.resumable(out)
+    assert record is not None and record.interrupted and record.pid == pid
+    assert bpy.ops.dgs.resume_job() == {"FINISHED"}
+
+
+def test_what_the_engine_refuses_is_said(scene: object, photo_set: Path, tmp_path: Path) -> None:
+    job = begin(scene, model=str(photo_set / "photos"))
+    until(lambda: not job.state.alive)
+    assert job.state.phase == "failed" and "camera" in job.state.error.lower()
+    assert "Traceback" not in job.log.read_text("utf-8")
+
+
+def test_an_engine_that_cannot_be_started_is_said(scene: object, tmp_path: Path) -> None:
+    job = runner.start(request_of("reconstruct", scene), tmp_path / "no python", scene)
+    until(lambda: not job.state.alive)
+    assert job.state.phase == "failed" and "cannot be started" in job.state.error
+
+
+def test_a_live_twin_is_shown_while_it_is_optimized(scene: object, tmp_path: Path) -> None:
+    # Without a window nothing is shown; this is what a window shows.
+    job = begin(scene, preset="fine")
+    job.snapshots.__init__(tmp_path / "out", True)
+    until(lambda: any(is_twin(thing) for thing in scene.objects))
+    assert job.state.alive
+    runner.cancel()
+    until(lambda: not job.state.alive)
+    assert sum(is_twin(thing) for thing in scene.objects) == 1
+
+
+def test_switching_the_add_on_off_ends_the_job(scene: object) -> None:
+    job = begin(scene, preset="fine")
+    until(lambda: job.state.marks)
+    dgs.unregister()
+    assert runner.current() is None and job.worker.join(5)
+    dgs.register()
+
+
+def test_known_cameras_are_taken_over(scene: object, tmp_path: Path) -> None:
+    request = replace(request_of("reconstruct", scene), known=True)
+    assert request.command(Path("python"))[-1] == "--resume"

@@ -1,0 +1,119 @@
+"""Every button: why it cannot be pressed, and what it says where it fails."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+bpy = pytest.importorskip("bpy")
+
+import dgs  # noqa: E402
+from dgs import operators  # noqa: E402
+from dgs.core.cloud import GaussianCloud  # noqa: E402
+from dgs.core.formats.ply import read_ply, write_ply  # noqa: E402
+
+
+@pytest.fixture(autouse=True)
+def add_on() -> Iterator[None]:
+    dgs.register()
+    yield
+    dgs.unregister()
+
+
+def refused(operator: str, words: str, **arguments: object) -> None:
+    """The operator cannot run, or fails, and says why."""
+    name = operator.removeprefix("dgs.")
+    with pytest.raises(RuntimeError, match=words):
+        getattr(bpy.ops.dgs, name)(**arguments)
+
+
+@pytest.mark.parametrize(
+    ("operator", "words"),
+    [
+        ("find_cameras", "Choose the folder of photos first"),
+        ("optimize", "Choose the folder of photos first"),
+        ("show_cameras", "No cameras yet"),
+        ("resume_job", "There is no unfinished job"),
+        ("pause_job", "No job is running"),
+        ("cancel_job", "No job is running"),
+        ("show_log", "No job has run yet"),
+        ("add_results", "Choose the folder of photos first"),
+        ("export_twin", "Select a twin first"),
+        ("view_twin", "no camera"),
+        ("render_twin", "There is no twin"),
+        ("open_report", "There is no report yet"),
+        ("install_engine", "Only an installed extension"),
+        ("cancel_install", "Nothing is running"),
+        ("open_preferences", "not enabled"),
+    ],
+)
+def test_in_an_empty_scene_a_button_says_what_is_missing(operator: str, words: str) -> None:
+    refused(operator, words)
+
+
+def test_no_operator_is_forgotten() -> None:
+    always = {"dgs.import_twin", "dgs.import_cameras", "dgs.prepare_scene", "dgs.choose_photos", "dgs.check_engine"}
+    source = Path(__file__).read_text("utf-8")
+    for kind in operators.CLASSES:
+        if issubclass(kind, bpy.types.Operator) and kind.bl_idname not in always:
+            assert f'"{kind.bl_idname.removeprefix("dgs.")}"' in source
+        if issubclass(kind, bpy.types.Operator):
+            assert kind.__doc__ and not kind.__doc__.endswith("."), "a tooltip has no full stop"
+
+
+def test_photos_that_are_not_there_are_refused(tmp_path: Path) -> None:
+    refused("choose_photos", "There is no folder", directory=str(tmp_path / "nowhere"))
+    refused("choose_photos", "No photos here", directory=str(tmp_path))
+    assert bpy.context.scene.dgs.photos == ""
+
+
+def test_few_photos_are_chosen_but_cannot_be_used(tmp_path: Path) -> None:
+    (tmp_path / "one.png").write_bytes(b"\x89PNG" + bytes(40))
+    assert bpy.ops.dgs.choose_photos(directory=str(tmp_path)) == {"FINISHED"}
+    refused("optimize", "Only 1 photo here")
+
+
+def test_without_an_engine_the_button_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in "abc":
+        (tmp_path / f"{name}.png").write_bytes(b"\x89PNG" + bytes(40))
+    bpy.context.scene.dgs.photos = str(tmp_path)
+    monkeypatch.setenv("DGS_ENGINE_PYTHON", str(tmp_path / "no python"))
+    refused("optimize", "is not there")
+    refused("check_engine", "is not there")
+
+
+def test_a_damaged_file_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "broken.ply").write_bytes(b"ply\nnonsense")
+    refused("import_twin", "broken.ply", filepath=str(tmp_path / "broken.ply"))
+    refused("import_cameras", "cameras", filepath=str(tmp_path / "nothing.bin"))
+    (tmp_path / "photos-twin").mkdir()
+    (tmp_path / "photos-twin" / "twin.ply").write_bytes(b"ply\nnonsense")
+    bpy.context.scene.dgs.photos = str(tmp_path / "photos")
+    refused("add_results", "twin.ply")
+    (tmp_path / "photos-twin" / "cameras").mkdir()
+    refused("show_cameras", "cameras")
+
+
+def test_what_is_exported_is_what_was_imported(cloud: GaussianCloud, tmp_path: Path) -> None:
+    write_ply(tmp_path / "in.ply", cloud)
+    bpy.ops.dgs.import_twin(filepath=str(tmp_path / "in.ply"))
+    refused("export_twin", "Cannot write|cannot be written", filepath=str(tmp_path / "in.ply" / "out.ply"))
+    assert bpy.ops.dgs.export_twin(filepath=str(tmp_path / "out.ply")) == {"FINISHED"}
+    out = read_ply(tmp_path / "out.ply")
+    assert out.means.tobytes() == cloud.means.tobytes() and out.sh.tobytes() == cloud.sh.tobytes()
+
+
+def test_a_render_without_a_camera_is_refused(cloud: GaussianCloud, tmp_path: Path) -> None:
+    write_ply(tmp_path / "in.ply", cloud)
+    bpy.ops.dgs.import_twin(filepath=str(tmp_path / "in.ply"))
+    refused("render_twin", "no camera")
+
+
+def test_the_log_becomes_a_text(tmp_path: Path) -> None:
+    (tmp_path / "photos-twin").mkdir()
+    (tmp_path / "photos-twin" / "job.log").write_text("words of the engine", "utf-8")
+    bpy.context.scene.dgs.photos = str(tmp_path / "photos")
+    assert bpy.ops.dgs.show_log() == {"FINISHED"}
+    assert "words of the engine" in bpy.data.texts["Descatter Log"].as_string()
