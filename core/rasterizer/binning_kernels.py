@@ -5,11 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from ..compiled import inlined, kernel
-from .projection_kernels import R_FIRST, R_ROWS, kept_columns
-from .splat_kernels import DEPTH, OPACITY, RED, X, Y
+from .projection_kernels import R_FIRST, R_ROWS, RECORD_WIDTH, kept_columns
+from .splat_kernels import DEPTH, GAUSSIAN, OPACITY, RED, SLOT, X, Y, prefetch
 
 _BITS = 11
 _BUCKETS = 1 << _BITS
+#: For how many Gaussians ahead memory is asked for: every branch here waits for it.
+_AHEAD = 16
 
 
 @inlined
@@ -60,46 +62,58 @@ def depth_order(splats, seen, order):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def count_pairs(begin, end, splats, records, order, chunk, tiles_x, width, counts):  # type: ignore[no-untyped-def]
-    """How many Gaussians each chunk of the depth order puts into each tile: counts [chunks, tiles]."""
+def count_pairs(begin, end, splats, records, order, chunk, tiles_x, width, steps):  # type: ignore[no-untyped-def]
+    """How many Gaussians each chunk of the depth order puts into each tile.
+
+    Args:
+        steps: [chunks, tiles_y, tiles_x + 1] int32 output, by how much a tile has more than its left neighbour.
+    """
     for part in range(begin, end):
-        counts[part, :] = 0
-        for i in range(part * chunk, min((part + 1) * chunk, order.shape[0])):
+        steps[part, :, :] = 0
+        stop = min((part + 1) * chunk, order.shape[0])
+        for i in range(part * chunk, stop):
+            prefetch(records, np.int64(order[min(i + _AHEAD, stop - 1)]) * RECORD_WIDTH)
             g = order[i]
             first = np.int64(records[g, R_FIRST])
             for row in range(first, first + np.int64(records[g, R_ROWS])):
                 left, right = kept_columns(splats, records, g, row, width)
-                for column in range(left, right):
-                    counts[part, row * tiles_x + column] += 1
+                steps[part, row, left] += 1
+                steps[part, row, right] -= 1
 
 
 @kernel
-def begin_pairs(counts, tile_starts):  # type: ignore[no-untyped-def]
-    """Turns counts into the place where each chunk writes in each tile, and tiles' starts [tiles + 1]."""
+def begin_pairs(places, tile_starts):  # type: ignore[no-untyped-def]
+    """Turns steps into the place where each chunk writes in each tile, and tiles' starts [tiles + 1]."""
+    parts, tiles_y, tiles_x = places.shape[0], places.shape[1], places.shape[2] - 1
     total = 0
-    for tile in range(counts.shape[1]):
-        tile_starts[tile] = total
-        for part in range(counts.shape[0]):
-            count = counts[part, tile]
-            counts[part, tile] = total
-            total += count
-    tile_starts[counts.shape[1]] = total
+    for row in range(tiles_y):
+        for column in range(tiles_x):
+            tile_starts[row * tiles_x + column] = total
+            for part in range(parts):
+                count = places[part, row, column]
+                places[part, row, column + 1] += count
+                places[part, row, column] = total
+                total += count
+    tile_starts[tiles_y * tiles_x] = total
 
 
 @kernel
-def place_pairs(begin, end, splats, records, order, chunk, tiles_x, width, slot_starts, places,
-                pair_gaussians, pair_slots):  # type: ignore[no-untyped-def]  # fmt: skip
+def place_pairs(begin, end, splats, records, order, chunk, tiles_x, width, slot_starts, places, pairs):  # type: ignore[no-untyped-def]
     """Writes the tiles' lists: Gaussian and gradient slot of every pair."""
     for part in range(begin, end):
-        for i in range(part * chunk, min((part + 1) * chunk, order.shape[0])):
+        stop = min((part + 1) * chunk, order.shape[0])
+        for i in range(part * chunk, stop):
+            ahead = np.int64(order[min(i + _AHEAD, stop - 1)])
+            prefetch(records, ahead * RECORD_WIDTH)
+            prefetch(slot_starts, ahead)
             g = order[i]
             slot = slot_starts[g]
             first = np.int64(records[g, R_FIRST])
             for row in range(first, first + np.int64(records[g, R_ROWS])):
                 left, right = kept_columns(splats, records, g, row, width)
                 for column in range(left, right):
-                    to = places[part, row * tiles_x + column]
-                    places[part, row * tiles_x + column] = to + 1
-                    pair_gaussians[to] = g
-                    pair_slots[to] = slot
+                    to = places[part, row, column]
+                    places[part, row, column] = to + 1
+                    pairs[to, GAUSSIAN] = g
+                    pairs[to, SLOT] = slot
                     slot += 1

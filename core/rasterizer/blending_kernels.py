@@ -23,13 +23,16 @@ from .splat_kernels import (
     DB_,
     DG_,
     DR_,
+    GAUSSIAN,
     PIXELS,
     PLANE,
     REST_,
+    SLOT,
+    SPLAT_WIDTH,
     T_,
     backward_splat,
     blend_splat,
-    prefetch_splat,
+    prefetch,
     rows_in_tile,
 )
 
@@ -41,12 +44,12 @@ _LOOK = 8
 
 
 @inlined
-def look_ahead(splats, pair_gaussians, position, stop, last, left, top, rows, alpha_minimum, pair_rows):  # type: ignore[no-untyped-def]
+def look_ahead(splats, pairs, position, stop, last, left, top, rows, alpha_minimum, pair_rows):  # type: ignore[no-untyped-def]
     """Rows of pairs `position` to `stop` of a tile: first, one past the last, and the stride, a byte each."""
     for i in range(stop, min(stop + _LOOK, last)):
-        prefetch_splat(splats, np.int64(pair_gaussians[i]))
+        prefetch(splats, np.int64(pairs[i, GAUSSIAN]) * SPLAT_WIDTH)
     for i in range(position, stop):
-        first, end, stride = rows_in_tile(splats, np.int64(pair_gaussians[i]), left, top, rows, alpha_minimum)
+        first, end, stride = rows_in_tile(splats, np.int64(pairs[i, GAUSSIAN]), left, top, rows, alpha_minimum)
         pair_rows[i] = np.int32(first | end << 8 | stride << 16)
 
 
@@ -122,14 +125,14 @@ def read_tile(typing_context, state, image, transmittance, image_gradient, alpha
 
 
 @kernel
-def blend_tiles(begin, end, splats, tile_starts, pair_gaussians, background, alpha_minimum, tiles_x,
+def blend_tiles(begin, end, splats, tile_starts, pairs, background, alpha_minimum, tiles_x,
                 image, transmittance, blended, evaluations, pair_rows):  # type: ignore[no-untyped-def]  # fmt: skip
     """Blends tiles `begin` to `end`.
 
     Args:
         splats: [N, 16] projected Gaussians.
-        tile_starts: [tiles + 1] where each tile's list begins in `pair_gaussians`.
-        pair_gaussians: [P] int32 Gaussians of each tile, front to back.
+        tile_starts: [tiles + 1] where each tile's list begins in `pairs`.
+        pairs: [P, 2] int32 Gaussian and gradient slot, each tile's front to back.
         background: [3].
         image: [3, H, W] output.
         transmittance: [H, W] output.
@@ -149,10 +152,10 @@ def blend_tiles(begin, end, splats, tile_starts, pair_gaussians, background, alp
         position, rows = first, 0
         while position < last:
             stop = min(position + _LOOK, last)
-            look_ahead(splats, pair_gaussians, position, stop, last, x0, y0, height_here, alpha_minimum,
+            look_ahead(splats, pairs, position, stop, last, x0, y0, height_here, alpha_minimum,
                        pair_rows)  # fmt: skip
             while position < stop:
-                g = np.int64(pair_gaussians[position])
+                g = np.int64(pairs[position, GAUSSIAN])
                 begin_row, end_row, stride = unpacked(pair_rows[position])
                 position += 1
                 if begin_row < end_row:
@@ -173,14 +176,13 @@ def blend_tiles(begin, end, splats, tile_starts, pair_gaussians, background, alp
 
 
 @kernel
-def backward_tiles(begin, end, splats, tile_starts, pair_gaussians, pair_slots, alpha_minimum, tiles_x,
+def backward_tiles(begin, end, splats, tile_starts, pairs, alpha_minimum, tiles_x,
                    image, transmittance, blended, pair_rows, image_gradient, alpha_gradient, slots):  # type: ignore[no-untyped-def]  # fmt: skip
     """Gradients of tiles `begin` to `end`, one slot per (Gaussian, tile) pair.
 
     Args:
         image, transmittance, blended, pair_rows: what `blend_tiles` wrote.
         image_gradient: [3, H, W]; alpha_gradient: [H, W].
-        pair_slots: [P] int32 row of `slots` that each pair writes.
         slots: [P, 9] output; pairs that were not blended are set to zero.
     """
     height, width = transmittance.shape
@@ -207,9 +209,9 @@ def backward_tiles(begin, end, splats, tile_starts, pair_gaussians, pair_slots, 
                 state[DR_ + o], state[DG_ + o], state[DB_ + o] = r, g, b
         end_of_blending = first + blended[tile]
         for position in range(first, end_of_blending):
-            prefetch_splat(splats, np.int64(pair_gaussians[min(position + _LOOK, end_of_blending - 1)]))
+            prefetch(splats, np.int64(pairs[min(position + _LOOK, end_of_blending - 1), GAUSSIAN]) * SPLAT_WIDTH)
             begin_row, end_row, stride = unpacked(pair_rows[position])
-            backward_splat(state, splats, np.int64(pair_gaussians[position]), x0, y0, begin_row, end_row, stride,
-                           alpha_minimum, slots, np.int64(pair_slots[position]))  # fmt: skip
+            backward_splat(state, splats, np.int64(pairs[position, GAUSSIAN]), x0, y0, begin_row, end_row, stride,
+                           alpha_minimum, slots, np.int64(pairs[position, SLOT]))  # fmt: skip
         for position in range(end_of_blending, last):
-            slots[pair_slots[position], :] = f32(0.0)
+            slots[pairs[position, SLOT], :] = f32(0.0)

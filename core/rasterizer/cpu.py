@@ -39,9 +39,8 @@ class Projected:
     splats: Floats  # [N, 16]
     status: NDArray[np.uint8]  # [N]
     tile_starts: NDArray[np.int64]
-    pair_gaussians: NDArray[np.int32]
-    pair_slots: NDArray[np.int32]
-    pair_rows: NDArray[np.int32]  # what blending finds
+    pairs: NDArray[np.int32]  # [P, 2] Gaussian and gradient slot
+    pair_rows: NDArray[np.int32]  # [P] what blending finds
     slot_starts: NDArray[np.int64]  # [N + 1]
     tiles_x: int
     alpha_minimum: np.float32
@@ -85,16 +84,15 @@ def project_and_sort(view: NDArray[np.float64], parameters: tuple[Floats, ...], 
 
     tiles_x, tiles_y = -(-width // TILE), -(-height // TILE_ROWS)
     chunk = max(1, -(-len(order) // _PARTS))
-    places = np.empty((_PARTS, tiles_x * tiles_y), np.int32)
+    places = np.empty((_PARTS, tiles_y, tiles_x + 1), np.int32)
     tile_starts = np.empty(tiles_x * tiles_y + 1, np.int64)
     run(count_pairs, _PARTS, splats, records, order, chunk, tiles_x, np.float32(width), places)
     begin_pairs(places, tile_starts)
-    pairs = int(tile_starts[-1])
-    pair_gaussians, pair_slots = np.empty(pairs, np.int32), np.empty(pairs, np.int32)
+    pairs = np.empty((int(tile_starts[-1]), 2), np.int32)
     run(place_pairs, _PARTS, splats, records, order, chunk, tiles_x, np.float32(width), slot_starts, places,
-        pair_gaussians, pair_slots)  # fmt: skip
-    return Projected(view, parameters, splats, status, tile_starts, pair_gaussians, pair_slots,
-                     np.empty(pairs, np.int32), slot_starts, tiles_x, np.float32(view[V_ALPHA_MINIMUM]))  # fmt: skip
+        pairs)  # fmt: skip
+    return Projected(view, parameters, splats, status, tile_starts, pairs, np.empty(len(pairs), np.int32),
+                     slot_starts, tiles_x, np.float32(view[V_ALPHA_MINIMUM]))  # fmt: skip
 
 
 def _blend(p: Projected, splats: Floats, background: Floats, width: int, height: int) -> tuple[Any, ...]:
@@ -103,7 +101,7 @@ def _blend(p: Projected, splats: Floats, background: Floats, width: int, height:
     tiles = len(p.tile_starts) - 1
     blended = np.empty(tiles, np.int32)
     evaluations = np.empty(tiles, np.int64)
-    run(blend_tiles, tiles, splats, p.tile_starts, p.pair_gaussians, background, p.alpha_minimum, p.tiles_x,
+    run(blend_tiles, tiles, splats, p.tile_starts, p.pairs, background, p.alpha_minimum, p.tiles_x,
         image, transmittance, blended, evaluations, p.pair_rows, grain=8)  # fmt: skip
     return image, transmittance, blended, int(evaluations.sum())
 
@@ -111,9 +109,9 @@ def _blend(p: Projected, splats: Floats, background: Floats, width: int, height:
 def _blend_backward(p: Projected, splats: Floats, image: Floats, transmittance: Floats, blended: Any,
                     image_gradient: Floats, alpha_gradient: Floats) -> Floats:  # fmt: skip
     # (two rows more, because vectors are read whole)
-    slots = np.empty((len(p.pair_slots) + 2, SLOT_WIDTH), np.float32)
+    slots = np.empty((len(p.pairs) + 2, SLOT_WIDTH), np.float32)
     slots[-2:] = 0.0
-    run(backward_tiles, len(p.tile_starts) - 1, splats, p.tile_starts, p.pair_gaussians, p.pair_slots,
+    run(backward_tiles, len(p.tile_starts) - 1, splats, p.tile_starts, p.pairs,
         p.alpha_minimum, p.tiles_x, image, transmittance, blended, p.pair_rows, image_gradient, alpha_gradient,
         slots, grain=8)  # fmt: skip
     return slots

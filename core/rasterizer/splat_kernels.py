@@ -33,6 +33,8 @@ SPLAT_WIDTH = 16
 # s = alpha dL/dalpha and (dx, dy) reaches from the Gaussian's centre to the pixel, and dL/dcolour.
 M_X, M_Y, M_XX, M_XY, M_YY, M_ALL, M_RED, M_GREEN, M_BLUE = range(9)
 SLOT_WIDTH = 9
+# Layout of a pair: its Gaussian, and its row in the gradient slots.
+GAUSSIAN, SLOT = 0, 1
 # Planes of a tile's state. Forward: T and the colours. Backward: T, what still comes (weighted by
 # the image gradient), and the image gradient.
 #: (Not a power of two apart: a load would wait for a store whose address ends in the same bits.)
@@ -181,12 +183,11 @@ def backward_splat(typing_context, state, splats, g, left, top, first, last, str
 
 
 @intrinsic
-def prefetch_splat(typing_context, splats, g):  # type: ignore[no-untyped-def]
-    """Asks for Gaussian `g`'s cache line, which will be needed soon."""
+def prefetch(typing_context, array, element):  # type: ignore[no-untyped-def]
+    """Asks for the cache line of an element, counted from the beginning of the array, that will be needed soon."""
 
     def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
-        table = Buffer(context, builder, signature.args[0], arguments[0])
-        table.prefetch(builder.mul(arguments[1], ir.Constant(arguments[1].type, SPLAT_WIDTH)))
+        Buffer(context, builder, signature.args[0], arguments[0]).prefetch(arguments[1])
         return context.get_dummy_value()
 
-    return types.void(splats, types.int64), generate
+    return types.void(array, types.int64), generate
