@@ -24,6 +24,27 @@ def comes_first(splats, left, right):  # type: ignore[no-untyped-def]
 
 
 @kernel
+def list_seen(status, tile_counts, seen, slot_starts, reasons):  # type: ignore[no-untyped-def]
+    """Who is seen, where everyone's gradient slots begin, and how many have which status.
+
+    Args:
+        seen: [N] int32 output, the indices of those that meet a tile; returns how many they are.
+        slot_starts: [N + 1] int64 output.
+        reasons: [statuses] int64 output.
+    """
+    count = total = 0
+    reasons[:] = 0
+    for g in range(status.shape[0]):
+        slot_starts[g] = total
+        total += tile_counts[g]
+        seen[count] = g
+        count += tile_counts[g] > 0
+        reasons[status[g]] += 1
+    slot_starts[status.shape[0]] = total
+    return count
+
+
+@kernel
 def depth_order(splats, seen, order):  # type: ignore[no-untyped-def]
     """Indices of the seen Gaussians from near to far, into `order` [M] int32.
 

@@ -15,7 +15,7 @@ from ..compiled import run
 from ..constants import TILE, TILE_ROWS
 from ..errors import DeviceError
 from ..gaussians import Gaussians
-from .binning_kernels import begin_pairs, count_pairs, depth_order, place_pairs
+from .binning_kernels import begin_pairs, count_pairs, depth_order, list_seen, place_pairs
 from .blending_kernels import backward_tiles, blend_tiles
 from .interface import RasterSettings, Rendered, ScreenStatistics
 from .projection_backward_kernels import project_backward
@@ -38,6 +38,7 @@ class Projected:
     parameters: tuple[Floats, ...]
     splats: Floats  # [N, 16]
     status: NDArray[np.uint8]  # [N]
+    reasons: NDArray[np.int64]  # how many have which status
     tile_starts: NDArray[np.int64]
     pairs: NDArray[np.int32]  # [P, 2] Gaussian and gradient slot
     pair_rows: NDArray[np.int32]  # [P] what blending finds
@@ -76,9 +77,9 @@ def project_and_sort(view: NDArray[np.float64], parameters: tuple[Floats, ...], 
     records = np.empty((count, RECORD_WIDTH), np.int16)
     run(project, -(-count // BLOCK), view, *parameters, splats, status, radius, tile_counts, records,
         grain=4)  # fmt: skip
-    seen = np.flatnonzero(tile_counts).astype(np.int32)
-    slot_starts = np.zeros(count + 1, np.int64)
-    np.cumsum(tile_counts, out=slot_starts[1:])
+    seen, slot_starts = np.empty(count, np.int32), np.empty(count + 1, np.int64)
+    reasons = np.empty(len(CULL_REASONS), np.int64)
+    seen = seen[: list_seen(status, tile_counts, seen, slot_starts, reasons)]
     order = np.empty(len(seen), np.int32)
     depth_order(splats, seen, order)
 
@@ -91,7 +92,7 @@ def project_and_sort(view: NDArray[np.float64], parameters: tuple[Floats, ...], 
     pairs = np.empty((int(tile_starts[-1]), 2), np.int32)
     run(place_pairs, _PARTS, splats, records, order, chunk, tiles_x, np.float32(width), slot_starts, places,
         pairs)  # fmt: skip
-    return Projected(view, parameters, splats, status, tile_starts, pairs, np.empty(len(pairs), np.int32),
+    return Projected(view, parameters, splats, status, reasons, tile_starts, pairs, np.empty(len(pairs), np.int32),
                      slot_starts, tiles_x, np.float32(view[V_ALPHA_MINIMUM]))  # fmt: skip
 
 
@@ -141,8 +142,8 @@ class _Rasterize(torch.autograd.Function):
         image, transmittance, blended, screen.evaluations = _blend(
             projected, projected.splats, behind, camera.width, camera.height
         )
-        counts = np.bincount(projected.status, minlength=len(CULL_REASONS))
-        screen.culled = {reason: int(n) for reason, n in zip(CULL_REASONS[1:], counts[1:], strict=True) if n}
+        culled = zip(CULL_REASONS[1:], projected.reasons[1:], strict=True)
+        screen.culled = {reason: int(n) for reason, n in culled if n}
         depth = np.zeros((0, 0), np.float32)
         if settings.depth:
             far = _depth_splats(projected.splats)

@@ -10,7 +10,7 @@ from torch import Tensor
 
 from ..compiled import run
 from ..gaussians import Gaussians
-from .adam_kernels import ROWS, adam_step
+from .adam_kernels import ROWS, RUN, adam_step
 
 BETA1, BETA2, EPSILON = 0.9, 0.999, 1e-15
 
@@ -53,9 +53,10 @@ class Adam:
             blocks = -(-tensor.shape[0] // ROWS)
             refused = np.zeros(blocks, np.int64)
             flat = lambda t: t.detach().reshape(-1).numpy()  # noqa: E731
+            rates_of_one = np.full(period, tail, np.float32)
+            rates_of_one[: 3 if name == "sh" else period] = rate
             run(adam_step, blocks, flat(tensor), flat(gradient.contiguous()), flat(self.first[name]),
-                flat(self.second[name]), np.float32(rate), np.float32(tail),
-                3 if name == "sh" else period, period, np.float32(BETA1), np.float32(BETA2),
+                flat(self.second[name]), np.tile(rates_of_one, RUN), period, np.float32(BETA1), np.float32(BETA2),
                 np.float32(bias2**-0.5), np.float32(EPSILON), refused)  # fmt: skip
             self._count(name, int(refused.sum()))
 
