@@ -34,10 +34,12 @@ def unregister() -> None:
     import bpy
 
     from .. import operators, panels
+    from . import exact
     from .engine import install
     from .job import pictures, runner
     from .properties import unregister_properties
 
+    exact.stop()
     runner.stop()
     install.stop()
     pictures.clear()

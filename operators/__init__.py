@@ -11,6 +11,7 @@ from .cancel_job import DGS_OT_cancel_job
 from .choose_photos import DGS_OT_choose_photos
 from .drop_files import DGS_FH_photos, DGS_FH_twin
 from .engine import DGS_OT_cancel_install, DGS_OT_check_engine, DGS_OT_install_engine, DGS_OT_open_preferences
+from .exact_view import DGS_OT_exact_view
 from .export_twin import DGS_OT_export_twin
 from .find_cameras import DGS_OT_find_cameras
 from .import_cameras import DGS_OT_import_cameras
@@ -28,7 +29,7 @@ from .view_twin import DGS_OT_view_twin
 CLASSES: tuple[type, ...] = (
     DGS_OT_import_twin, DGS_OT_import_cameras, DGS_OT_export_twin, DGS_OT_prepare_scene,
     DGS_OT_choose_photos, DGS_OT_find_cameras, DGS_OT_show_cameras, DGS_OT_optimize, DGS_OT_resume_job,
-    DGS_OT_pause_job, DGS_OT_cancel_job, DGS_OT_show_log, DGS_OT_add_results, DGS_OT_view_twin,
+    DGS_OT_pause_job, DGS_OT_cancel_job, DGS_OT_show_log, DGS_OT_add_results, DGS_OT_view_twin, DGS_OT_exact_view,
     DGS_OT_render_twin, DGS_OT_open_report, DGS_OT_install_engine, DGS_OT_cancel_install, DGS_OT_check_engine,
     DGS_OT_open_preferences, DGS_FH_photos, DGS_FH_twin,
 )  # fmt: skip

@@ -28,10 +28,15 @@ def draw_job(layout: Any, context: Any) -> None:
 
 def draw_picture(layout: Any, context: Any) -> None:
     """The twin so far above its curves, as wide as the sidebar."""
-    if not pictures.icon():
+    draw_square(layout, context, pictures.JOB)
+
+
+def draw_square(layout: Any, context: Any, name: str) -> None:
+    """One of the add-on's pictures, if it is there, as wide as the sidebar."""
+    if not pictures.icon(name):
         return
     width = context.region.width / context.preferences.system.ui_scale
-    layout.template_icon(icon_value=pictures.icon(), scale=max(5.0, (width - 70) / _UNIT))
+    layout.template_icon(icon_value=pictures.icon(name), scale=max(5.0, (width - 70) / _UNIT))
 
 
 def _running(box: Any, context: Any, state: JobState) -> None:

@@ -6,7 +6,9 @@ from typing import Any
 
 import bpy
 
+from ..dgs_addon import exact
 from ..dgs_addon.steps import results
+from .job import draw_square
 from .layout import Step, folded, ready, sentence, split
 
 
@@ -23,6 +25,10 @@ class DGS_PT_validate(Step, bpy.types.Panel):
     def draw(self, context: Any) -> None:
         """The render button, the scores, the report."""
         layout = split(self.layout)
+        row = layout.row(align=True)
+        row.prop(context.scene.dgs, "view_kind", expand=True)
+        layout.operator("dgs.exact_view", icon="IMAGE_DATA")
+        draw_square(layout, context, exact.IMAGE)
         layout.operator("dgs.render_twin", icon="RENDER_STILL")
         layout.operator("dgs.open_report", icon="URL")
         report = results(context.scene).report
@@ -41,9 +47,9 @@ def _draw_scores(layout: Any, context: Any, report: dict[str, Any]) -> None:
         lines = [
             ("Photos placed", f"{report['photos']['registered']} of {report['photos']['given']}"),
             ("Gaussians", f"{report['gaussians']:,}"),
-            (f"Against {len(held['names'])} held-out photos", _decibel(held["degraded"]["psnr"])),
-            ("Against sharp photos", _decibel(held["sharp"]["psnr"])),
-            ("Finest detail in a photo", f"{report['resolvable_period_px']:.1f} px"),
+            (f"Held-out photos ({len(held['names'])})", _decibel(held["degraded"]["psnr"])),
+            ("Sharp photos", _decibel(held["sharp"]["psnr"])),
+            ("Detail in the photos", f"{report['resolvable_period_px']:.1f} px"),
         ]
     except (KeyError, TypeError, ValueError):
         sentence(layout, context, "The report is of another version; run Optimize again", "INFO")

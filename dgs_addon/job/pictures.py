@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from .runner import Job
 
 RENDER, CURVES = "Descatter Render", "Descatter Curves"
+#: Name of the icon with both.
+JOB = "Descatter Job"
 #: Blender draws icons as squares of this many px: above the twin, below the curves.
 SIDE = curve.WIDTH
 
@@ -33,24 +35,32 @@ class _Shown:
 _shown = _Shown()
 
 
-def icon() -> int:
-    """Icon of the job's picture; 0 if there is none yet."""
+def icon(name: str) -> int:
+    """Icon of JOB or of a picture that `show` was given; 0 if there is none yet."""
     icons = _shown.icons
-    return int(icons["job"].icon_id) if icons is not None and "job" in icons else 0
+    return int(icons[name].icon_id) if icons is not None and name in icons else 0
 
 
 def clear() -> None:
-    """Frees the icon, as when the add-on is switched off."""
+    """Frees the icons, as when the add-on is switched off."""
     if _shown.icons is not None:
         bpy.utils.previews.remove(_shown.icons)
     _shown.__init__()  # type: ignore[misc]
 
 
+def show(path: Path, name: str) -> Any:
+    """Reads a picture into the image `name` and, with a window, into an icon of that name; returns the image."""
+    image, pixels = _load(path, name)
+    if pixels is not None and not bpy.app.background:
+        _set_icon(name, _fitted(pixels, SIDE, SIDE))
+    return image
+
+
 def refresh(job: Job) -> None:
     """Takes in what is new; needs a window."""
     if _shown.job is not job:
-        clear()
-        _shown.job = job
+        _shown.job, _shown.written, _shown.marks = job, None, 0
+        _shown.square[:] = 0.0
     changed = _refresh_render(job.request.out / "snapshot" / "picture.png")
     if len(job.state.marks) != _shown.marks:
         _shown.marks = len(job.state.marks)
@@ -59,7 +69,7 @@ def refresh(job: Job) -> None:
         _shown.square[: curve.HEIGHT] = pixels
         changed = True
     if changed:
-        _set_icon(_shown.square)
+        _set_icon(JOB, _shown.square)
 
 
 def _refresh_render(path: Path) -> bool:
@@ -70,19 +80,27 @@ def _refresh_render(path: Path) -> bool:
     if written == _shown.written:
         return False
     _shown.written = written
-    image = bpy.data.images.get(RENDER)
+    pixels = _load(path, RENDER)[1]
+    if pixels is None:
+        return False
+    _shown.square[curve.HEIGHT :] = _fitted(pixels, SIDE, SIDE - curve.HEIGHT)
+    return True
+
+
+def _load(path: Path, name: str) -> tuple[Any, NDArray[np.float32] | None]:
+    """The image of this name with a file's content, and its pixels [H, W, 4]; None if it holds none."""
+    image = bpy.data.images.get(name)
     if image is None:
         image = bpy.data.images.load(str(path))
-        image.name = RENDER
+        image.name = name
     image.filepath = str(path)
     image.reload()
     width, height = image.size
     if not width or not height:
-        return False
+        return image, None
     pixels = np.empty(width * height * 4, np.float32)
     image.pixels.foreach_get(pixels)
-    _shown.square[curve.HEIGHT :] = _fitted(pixels.reshape(height, width, 4), SIDE, SIDE - curve.HEIGHT)
-    return True
+    return image, pixels.reshape(height, width, 4)
 
 
 def _fitted(pixels: NDArray[np.float32], width: int, height: int) -> NDArray[np.float32]:
@@ -107,12 +125,12 @@ def _set_image(name: str, pixels: NDArray[np.float32]) -> None:
     image.update()
 
 
-def _set_icon(square: NDArray[np.float32]) -> None:
+def _set_icon(name: str, square: NDArray[np.float32]) -> None:
     import bpy.utils.previews  # not loaded by bpy itself
 
     if _shown.icons is None:
         _shown.icons = bpy.utils.previews.new()
     icons = _shown.icons
-    preview = icons["job"] if "job" in icons else icons.new("job")
+    preview = icons[name] if name in icons else icons.new(name)
     preview.image_size = (SIDE, SIDE)
     preview.image_pixels_float.foreach_set(square.reshape(-1))

@@ -40,7 +40,7 @@ def add_twin_of(out: Path, scene: Any, cloud: GaussianCloud | None = None) -> An
         cloud: the twin's Gaussians, if they are read already.
 
     Returns:
-        The twin, selected and active.
+        The twin, the active object now.
 
     Raises:
         FormatError: no twin there, or a damaged one.
@@ -86,7 +86,7 @@ def _select(twin: Any, scene: Any) -> None:
         if twin.name in layer.objects:
             for other in list(layer.objects.selected):
                 other.select_set(False, view_layer=layer)
-            twin.select_set(True, view_layer=layer)
+            # Active, not selected: outlines of thousands of splats hide what is between them.
             layer.objects.active = twin
 
 

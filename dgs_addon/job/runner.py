@@ -7,6 +7,7 @@ Without a window there is no timer: `wait` drains the queue itself.
 
 from __future__ import annotations
 
+import contextlib
 import queue
 import time
 from dataclasses import dataclass, field
@@ -90,9 +91,16 @@ def start(request: Request, python: Path, scene: Any) -> Job:
     if not request.resume:
         _start_afresh(request)
     snapshots = SnapshotReader(request.out, scene.dgs.live and not bpy.app.background)
-    worker = Worker(request.command(python), request.out / LOG, snapshots.look)
     record = Record(request.kind, str(request.photos), len(photo_folder(request.photos).files), list(request.arguments))
     record.save(request.out)
+
+    def began(pid: int) -> None:
+        # On the worker's thread: another Blender is to see that this job is in good hands.
+        record.pid = pid
+        with contextlib.suppress(DgsError):
+            record.save(request.out)
+
+    worker = Worker(request.command(python), request.out / LOG, snapshots.look, began)
     _job = Job(request, scene.name, worker, record, snapshots)
     worker.start()
     if not bpy.app.timers.is_registered(_tick):

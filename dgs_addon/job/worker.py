@@ -49,12 +49,16 @@ class Worker:
         log: file that its words go to; appended.
         look: called on the reading thread after every event; what it returns, unless None, comes out
             of `events` as `Extra`. For reading files where no window waits.
+        began: told the process's number on the reading thread, as soon as it has one.
     """
 
-    def __init__(self, command: Sequence[str], log: Path, look: Callable[[], Any] | None = None) -> None:
+    def __init__(
+        self, command: Sequence[str], log: Path, look: Callable[[], Any] | None = None,
+        began: Callable[[int], None] | None = None,
+    ) -> None:  # fmt: skip
         self.events: queue.Queue[Message] = queue.Queue()
         self.pid: int | None = None
-        self._command, self._log, self._look = list(command), log, look
+        self._command, self._log, self._look, self._told = list(command), log, look, began
         self._process: subprocess.Popen[str] | None = None
         self._orders: list[str] = []
         self._lock = threading.Lock()
@@ -114,6 +118,8 @@ class Worker:
             self._process, self.pid = process, process.pid
             for order in self._orders:
                 _write(process.stdin, order)
+        if self._told is not None:
+            self._told(process.pid)
 
     def _hear(self, line: str, log: IO[str]) -> None:
         event = _event(line)

@@ -86,8 +86,11 @@ class Robot:
         yield 0.6
         target = self.pictures / f"{name}.png"
         command = f"xwd -root -silent | convert xwd:- '{target}'"
-        subprocess.run(["sh", "-c", command], check=True)
-        yield 0.1
+        taking = subprocess.Popen(["sh", "-c", command])
+        while taking.poll() is None:  # Blender's own time is measured: it must not wait for this
+            yield 0.05
+        if taking.returncode:
+            raise RuntimeError(f"no picture {name}")
 
     def press(self, operator: str) -> Story:
         """Clicks the sidebar's button of an operator ('dgs.optimize'); scrolls to it if need be.

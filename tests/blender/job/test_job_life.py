@@ -12,17 +12,20 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 bpy = pytest.importorskip("bpy")
 
 import dgs  # noqa: E402
 from dgs.core.formats.ply import read_ply  # noqa: E402
+from dgs.dgs_addon import exact  # noqa: E402
 from dgs.dgs_addon.job import runner  # noqa: E402
 from dgs.dgs_addon.job.record import read_record  # noqa: E402
 from dgs.dgs_addon.job.request import Request, request_of  # noqa: E402
 from dgs.dgs_addon.job.results import FOLDER, SCORE, SETTINGS  # noqa: E402
 from dgs.dgs_addon.scene.twin import is_twin  # noqa: E402
+from mathutils import Matrix  # noqa: E402
 
 ROOT = Path(dgs.__path__[0])
 sys.path.insert(0, str(ROOT / "tests" / "core" / "command_line"))
@@ -63,6 +66,32 @@ def until(true: Callable[[], object], seconds: float = 60.0) -> None:
         runner.wait(0.02)
 
 
+def pixels(image: object) -> np.ndarray:
+    values = np.empty(len(image.pixels), np.float32)
+    image.pixels.foreach_get(values)
+    return values.reshape(image.size[1], image.size[0], 4)[..., :3]
+
+
+def exact_view_is_the_engines(scene: object, renders: Path) -> None:
+    """The panel's picture is the one that the run scored, wherever the twin was moved; the medium blurs it."""
+    name = Path(scene.camera["dgs_photo"]).stem
+    wanted = pixels(bpy.data.images.load(str(renders / f"{name}.png")))
+    twin = scene.camera.parent
+    twin.matrix_world = Matrix.Translation((3, 1, -2)) @ Matrix.Rotation(0.7, 4, "Z") @ Matrix.Scale(2.5, 4) @ (
+        twin.matrix_world
+    )
+    bpy.context.view_layer.update()
+    assert bpy.ops.dgs.exact_view() == {"FINISHED"}
+    sharp = pixels(bpy.data.images[exact.IMAGE])
+    assert sharp.shape == wanted.shape
+    inside = (slice(10, -10), slice(10, -10))  # the run put the photos' mean behind it, this one nothing
+    assert np.abs(sharp - wanted)[inside].mean() < 0.01
+    scene.dgs.view_kind = "medium"
+    assert bpy.ops.dgs.exact_view() == {"FINISHED"}
+    blurred = pixels(bpy.data.images[exact.IMAGE])
+    assert np.abs(np.diff(blurred, axis=1)).mean() < 0.7 * np.abs(np.diff(sharp, axis=1)).mean()
+
+
 def test_from_photos_to_a_twin_without_a_window(scene: object, tmp_path: Path) -> None:
     assert bpy.ops.dgs.optimize() == {"FINISHED"}
     job = runner.current()
@@ -79,6 +108,7 @@ def test_from_photos_to_a_twin_without_a_window(scene: object, tmp_path: Path) -
     assert scene.render.engine == "CYCLES"
     assert read_record(tmp_path / "out").phase == "done"
     assert runner.resumable(tmp_path / "out") is None
+    exact_view_is_the_engines(scene, tmp_path / "out" / "renders")
     # Once more: what is there is replaced, not doubled.
     count = len(bpy.data.objects)
     assert bpy.ops.dgs.add_results() == {"FINISHED"}

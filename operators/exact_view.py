@@ -1,0 +1,67 @@
+"""Makes the engine's own picture of the twin."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import bpy
+
+from ..core.errors import DgsError
+from ..dgs_addon import exact
+from ..dgs_addon.engine.interpreter import find_python, why_not
+from ..dgs_addon.job.runner import redraw
+
+
+class DGS_OT_exact_view(bpy.types.Operator):
+    """Let the engine draw the twin through the scene's camera, sharp or through the medium, into an image"""
+
+    bl_idname = "dgs.exact_view"
+    bl_label = "Exact View"
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        """There is a twin, a camera and an engine."""
+        if exact.scene_twin(context.scene, context.object) is None:
+            reason = "There is no twin in this scene yet (step 5)"
+        elif context.scene.camera is None or context.scene.camera.data.type != "PERSP":
+            reason = "The scene needs a perspective camera"
+        elif exact.busy():
+            reason = "The engine is drawing already"
+        else:
+            reason = why_not()
+        cls.poll_message_set(reason)
+        return not reason
+
+    def execute(self, context: Any) -> set[str]:
+        """Starts the engine; without a window it is waited for."""
+        twin = exact.scene_twin(context.scene, context.object)
+        try:
+            view = exact.start(twin, context.scene, find_python(), _done)
+        except DgsError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        if not bpy.app.background:
+            return {"FINISHED"}
+        while not view.ended:
+            view.drain()
+            time.sleep(0.02)
+        if view.error:
+            self.report({"ERROR"}, view.error)
+            return {"CANCELLED"}
+        return {"FINISHED"}
+
+
+def _done(view: exact.ExactView) -> None:
+    """Shows the image in an image editor that is open, and in the panel."""
+    for window in bpy.context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "IMAGE_EDITOR" and view.image is not None:
+                area.spaces.active.image = view.image
+    redraw()
+    if view.error:
+
+        def draw(menu: Any, _context: Any) -> None:
+            menu.layout.label(text=view.error)
+
+        bpy.context.window_manager.popup_menu(draw, title="Exact View", icon="ERROR")
