@@ -1,8 +1,8 @@
-"""Blending tiles of 16 x 32 pixels, forward and backward.
+"""Blending tiles of 16 x 64 pixels, forward and backward.
 
-A tile's state (transmittance, colours, ...) lies in one float32 buffer, planes of 512 values behind
-each other. A Gaussian touches only the rows that its ellipse reaches; in a row all 16 pixels are
-evaluated at once (`lanes_kernels`). The backward pass runs front to back as well: it knows the
+A tile's state (transmittance, colours, ...) lies in one float32 buffer, planes behind each other. A
+Gaussian touches only the rows that its ellipse reaches; in a row all 16 pixels are blended at once
+(`splat_kernels`). The backward pass runs front to back as well: it knows the
 final colour, so what lies behind a Gaussian is the rest of a running sum, and nothing is ever
 divided by transmittance.
 """
@@ -28,6 +28,7 @@ from .splat_kernels import (
     PLANE,
     REST_,
     SLOT,
+    SLOT_WIDTH,
     SPLAT_WIDTH,
     T_,
     backward_splat,
@@ -209,7 +210,9 @@ def backward_tiles(begin, end, splats, tile_starts, pairs, alpha_minimum, tiles_
                 state[DR_ + o], state[DG_ + o], state[DB_ + o] = r, g, b
         end_of_blending = first + blended[tile]
         for position in range(first, end_of_blending):
-            prefetch(splats, np.int64(pairs[min(position + _LOOK, end_of_blending - 1), GAUSSIAN]) * SPLAT_WIDTH)
+            ahead = min(position + _LOOK, end_of_blending - 1)
+            prefetch(splats, np.int64(pairs[ahead, GAUSSIAN]) * SPLAT_WIDTH)
+            prefetch(slots, np.int64(pairs[ahead, SLOT]) * SLOT_WIDTH)
             begin_row, end_row, stride = unpacked(pair_rows[position])
             backward_splat(state, splats, np.int64(pairs[position, GAUSSIAN]), x0, y0, begin_row, end_row, stride,
                            alpha_minimum, slots, np.int64(pairs[position, SLOT]))  # fmt: skip

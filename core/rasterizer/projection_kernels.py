@@ -52,7 +52,7 @@ from .splat_kernels import (
 f32 = np.float32
 BLOCK = 256
 
-#: For so many rows of tiles the columns are kept from the projection; two tiles are 64 px high.
+#: For so many rows of tiles the columns are kept from the projection: for all of an ellipse up to 128 px high.
 KEPT_SPANS = 3
 # Layout of a Gaussian's record of tiles (16 bytes of int16): first row of tiles, number of rows, then first and one
 # past the last column of the first `KEPT_SPANS` rows.
