@@ -116,7 +116,8 @@ class _Photometric(torch.autograd.Function):
     @staticmethod
     def backward(ctx: Any, upstream: Tensor) -> tuple[Tensor, None]:  # type: ignore[override]
         (gradient,) = ctx.saved_tensors
-        return upstream * gradient, None
+        # (nearly always 1, where a product would be one more image to write)
+        return gradient if float(upstream) == 1.0 else upstream * gradient, None
 
 
 def photometric_reference(
