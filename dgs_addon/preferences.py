@@ -45,7 +45,7 @@ class DGS_AP_preferences(bpy.types.AddonPreferences):
         elif is_installed():
             layout.label(text="The engine is installed", icon="CHECKMARK")
         else:
-            layout.label(text="Not installed: about 1 GB on disk, 3 GB with CUDA, outside Blender", icon="INFO")
+            layout.label(text="Not installed: 1.6 GB on disk, with CUDA several more; outside Blender", icon="INFO")
         layout.operator("dgs.install_engine", icon="IMPORT")
 
     def _draw_errand(self, layout: Any) -> None:

@@ -19,6 +19,7 @@ from .import_twin import DGS_OT_import_twin
 from .open_report import DGS_OT_open_report
 from .optimize import DGS_OT_optimize
 from .pause_job import DGS_OT_pause_job
+from .place_twin import DGS_OT_set_length, DGS_OT_set_up
 from .prepare_scene import DGS_OT_prepare_scene
 from .render_twin import DGS_OT_render_twin
 from .resume_job import DGS_OT_resume_job
@@ -27,11 +28,11 @@ from .show_log import DGS_OT_show_log
 from .view_twin import DGS_OT_view_twin
 
 CLASSES: tuple[type, ...] = (
-    DGS_OT_import_twin, DGS_OT_import_cameras, DGS_OT_export_twin, DGS_OT_prepare_scene,
-    DGS_OT_choose_photos, DGS_OT_find_cameras, DGS_OT_show_cameras, DGS_OT_optimize, DGS_OT_resume_job,
-    DGS_OT_pause_job, DGS_OT_cancel_job, DGS_OT_show_log, DGS_OT_add_results, DGS_OT_view_twin, DGS_OT_exact_view,
-    DGS_OT_render_twin, DGS_OT_open_report, DGS_OT_install_engine, DGS_OT_cancel_install, DGS_OT_check_engine,
-    DGS_OT_open_preferences, DGS_FH_photos, DGS_FH_twin,
+    DGS_OT_import_twin, DGS_OT_import_cameras, DGS_OT_export_twin, DGS_OT_prepare_scene, DGS_OT_choose_photos,
+    DGS_OT_find_cameras, DGS_OT_show_cameras, DGS_OT_optimize, DGS_OT_resume_job, DGS_OT_pause_job,
+    DGS_OT_cancel_job, DGS_OT_show_log, DGS_OT_add_results, DGS_OT_view_twin, DGS_OT_exact_view,
+    DGS_OT_set_length, DGS_OT_set_up, DGS_OT_render_twin, DGS_OT_open_report, DGS_OT_install_engine,
+    DGS_OT_cancel_install, DGS_OT_check_engine, DGS_OT_open_preferences, DGS_FH_photos, DGS_FH_twin,
 )  # fmt: skip
 
 

@@ -39,6 +39,11 @@ class DGS_PT_twin(Step, bpy.types.Panel):
             layout.label(text=f"{twin.name}: {len(twin.data.vertices):,} splats", icon="POINTCLOUD_DATA")
         else:
             layout.label(text="No twin is selected", icon="INFO")
+        body = folded(layout, "place", "Size and Up")
+        if body is not None:
+            body.prop(context.scene.dgs, "known_length")
+            body.operator("dgs.set_length", icon="DRIVER_DISTANCE")
+            body.operator("dgs.set_up", icon="ORIENTATION_NORMAL")
         body = folded(layout, "twin", "Files")
         if body is not None:
             column = body.column(align=True)

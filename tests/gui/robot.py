@@ -98,7 +98,7 @@ class Robot:
         Raises:
             LookupError: there is no such button.
         """
-        for _ in range(5):
+        for attempt in range(7):
             place: list[int] = []
             yield from self._find(operator, place)
             if place:
@@ -109,8 +109,11 @@ class Robot:
                 yield 0.5
                 return
             _xdotool("mousemove", *self._point(0.5))
-            _xdotool("click", "--repeat", 5, "--delay", 30, 5)  # wheel down
-            yield 0.8
+            if attempt == 0:  # from the top on, then downwards
+                _xdotool("click", "--repeat", 60, "--delay", 10, 4)
+            else:
+                _xdotool("click", "--repeat", 5, "--delay", 30, 5)
+            yield 1.5
         raise LookupError(f"the sidebar has no button {operator}")
 
     def _find(self, operator: str, place: list[int]) -> Story:

@@ -8,9 +8,12 @@ FOLDER/photos is the set; FOLDER/pictures gets the screenshots, FOLDER/story.jso
 from __future__ import annotations
 
 import json
+import os
+import signal
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import bpy
 
@@ -70,6 +73,30 @@ def story(robot: Robot) -> Story:
     yield 1.0
     yield from robot.picture("6-rendered")
     seen["rendered"] = True
+    yield from _killed(robot, runner)
+    yield from robot.press("dgs.exact_view")
+    yield from _until(lambda: "Descatter Exact View" in bpy.data.images, 60)
+    yield 1.0
+    yield from robot.picture("8-exact")
+    bpy.ops.dgs.open_preferences()
+    yield 2.0
+    yield from robot.picture("9-preferences")
+
+
+def _killed(robot: Robot, runner: Any) -> Story:
+    """The engine is killed; the panel says so and has the button that goes on."""
+    yield from robot.press("dgs.optimize")
+    yield from _until(lambda: runner.running() and len(runner.current().state.marks) > 3, 120)
+    os.kill(runner.current().worker.pid, signal.SIGKILL)
+    yield from _until(lambda: not runner.running(), 20)
+    seen["killed"] = runner.current().state.error
+    yield 1.0
+    yield from robot.picture("7-killed")
+    yield from robot.press("dgs.resume_job")
+    yield from _until(lambda: runner.running(), 10)
+    yield from _until(lambda: not runner.running(), 200)
+    seen["resumed"] = runner.current().state.phase
+    yield 2.0
 
 
 def _percentiles(gaps: list[float]) -> tuple[float, float]:

@@ -62,6 +62,10 @@ def test_from_an_empty_scene_to_a_rendered_twin(seen: dict[str, object]) -> None
     assert seen["clicks"] <= CLICKS
 
 
+def test_a_killed_engine_leaves_blender_alive_and_can_go_on(seen: dict[str, object]) -> None:
+    assert "SIGKILL" in seen["killed"] and seen["resumed"] == "done"
+
+
 def test_panels_draw_without_errors(seen: dict[str, object]) -> None:
     for word in ("Traceback", "script error", "property not found", "rna_uiItem"):
         assert word not in seen["words"], seen["words"]

@@ -1,0 +1,61 @@
+"""Gives a twin its true size and its up direction."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import bpy
+
+from ..core.errors import DgsError
+from ..dgs_addon.exact import scene_twin
+
+
+class _OfATwin:
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        """There is a twin."""
+        cls.poll_message_set("There is no twin in this scene yet")  # type: ignore[attr-defined]
+        return scene_twin(context.scene, context.object) is not None
+
+
+class DGS_OT_set_length(_OfATwin, bpy.types.Operator):
+    """Scale the twin until two selected objects on it, or else the way through its cameras, have the known length"""
+
+    bl_idname = "dgs.set_length"
+    bl_label = "Set Size"
+    bl_options = {"REGISTER", "UNDO"}
+
+    def execute(self, context: Any) -> set[str]:
+        """Scales the twin and its cameras."""
+        from ..dgs_addon.scene.placing import markers, set_length
+
+        twin = scene_twin(context.scene, context.object)
+        try:
+            factor = set_length(twin, markers(twin, context.selected_objects), context.scene.dgs.known_length)
+        except DgsError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        self.report({"INFO"}, f"Scaled by {factor:.4g}")
+        return {"FINISHED"}
+
+
+class DGS_OT_set_up(_OfATwin, bpy.types.Operator):
+    """Turn the twin until three selected objects on its floor lie level, or else its cameras stand upright"""
+
+    bl_idname = "dgs.set_up"
+    bl_label = "Set Up Direction"
+    bl_options = {"REGISTER", "UNDO"}
+
+    def execute(self, context: Any) -> set[str]:
+        """Turns the twin and its cameras."""
+        from ..dgs_addon.scene.placing import markers, set_up
+
+        twin = scene_twin(context.scene, context.object)
+        try:
+            angle = set_up(twin, markers(twin, context.selected_objects))
+        except DgsError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        self.report({"INFO"}, f"Turned by {math.degrees(angle):.1f} degrees")
+        return {"FINISHED"}
