@@ -1,4 +1,4 @@
-"""Files dropped onto a 3D view: photos bring their folder along, a PLY becomes a twin."""
+"""Files dropped onto a 3D view: photos bring their folder along, splats become a twin."""
 
 from __future__ import annotations
 
@@ -29,4 +29,4 @@ class DGS_FH_twin(_Drop):
     bl_idname = "DGS_FH_twin"
     bl_label = "Descatter: Gaussian Splats"
     bl_import_operator = "dgs.import_twin"
-    bl_file_extensions = ".ply"
+    bl_file_extensions = ".ply;.spz;.splat"

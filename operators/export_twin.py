@@ -1,4 +1,4 @@
-"""Writes the active twin as a 3DGS PLY."""
+"""Writes the active twin as a file of Gaussians."""
 
 from __future__ import annotations
 
@@ -18,8 +18,20 @@ class DGS_OT_export_twin(bpy.types.Operator, ExportHelper):
     bl_idname = "dgs.export_twin"
     bl_label = "Export Twin"
 
-    filename_ext = ".ply"
-    filter_glob: bpy.props.StringProperty(default="*.ply", options={"HIDDEN"})
+    filter_glob: bpy.props.StringProperty(default="*.ply;*.spz;*.splat", options={"HIDDEN"})
+    format: bpy.props.EnumProperty(
+        name="Format",
+        items=(
+            (".ply", "3DGS PLY", "Every value as it is; every viewer reads it"),
+            (".spz", "SPZ", "About a tenth of the size; colours, sizes and gloss are rounded"),
+            (".splat", "Splat", "32 bytes a splat, without gloss; for viewers in web pages"),
+        ),
+    )
+
+    @property
+    def filename_ext(self) -> str:
+        """The ending that Blender's file browser gives to the name."""
+        return str(self.format)
 
     @classmethod
     def poll(cls, context: Any) -> bool:
@@ -28,12 +40,12 @@ class DGS_OT_export_twin(bpy.types.Operator, ExportHelper):
         return is_twin(context.object)
 
     def execute(self, context: Any) -> set[str]:
-        """Writes the file."""
-        from ..core.formats.ply import write_ply
+        """Writes the file, in the format of its ending."""
+        from ..core.formats.gaussians import write_gaussians
 
         path = Path(bpy.path.abspath(self.filepath))
         try:
-            write_ply(path, read_twin(context.object))
+            write_gaussians(path, read_twin(context.object))
         except DgsError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}

@@ -1,4 +1,4 @@
-"""Puts a 3DGS PLY into the scene."""
+"""Puts a file of Gaussians into the scene."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from ..core.errors import DgsError
 
 
 class DGS_OT_import_twin(bpy.types.Operator, ImportHelper):
-    """Import 3D Gaussian splats from a PLY file"""
+    """Import 3D Gaussian splats from a PLY (3DGS), SPZ or .splat file"""
 
     bl_idname = "dgs.import_twin"
     bl_label = "Import Twin"
     bl_options = {"REGISTER", "UNDO"}
 
     filename_ext = ".ply"
-    filter_glob: bpy.props.StringProperty(default="*.ply", options={"HIDDEN"})  # type: ignore[valid-type]
+    filter_glob: bpy.props.StringProperty(default="*.ply;*.spz;*.splat", options={"HIDDEN"})  # type: ignore[valid-type]
     prepare: bpy.props.BoolProperty(  # type: ignore[valid-type]
         name="Set Up Rendering",
         description="Choose Cycles, enough transparent bounces, and colours as in the photos",
@@ -28,13 +28,13 @@ class DGS_OT_import_twin(bpy.types.Operator, ImportHelper):
 
     def execute(self, context: Any) -> set[str]:
         """Reads the file and selects the new object."""
-        from ..core.formats.ply import read_ply
+        from ..core.formats.gaussians import read_gaussians
         from ..dgs_addon.scene.material import prepare_scene
         from ..dgs_addon.scene.twin import add_twin
 
         path = Path(bpy.path.abspath(self.filepath))
         try:
-            twin = add_twin(read_ply(path), path.stem, context.collection)
+            twin = add_twin(read_gaussians(path), path.stem, context.collection)
         except DgsError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}

@@ -108,6 +108,16 @@ def test_what_is_exported_is_what_was_imported(cloud: GaussianCloud, tmp_path: P
     assert out.means.tobytes() == cloud.means.tobytes() and out.sh.tobytes() == cloud.sh.tobytes()
 
 
+@pytest.mark.parametrize("ending", [".spz", ".splat"])
+def test_small_formats_come_and_go(cloud: GaussianCloud, tmp_path: Path, ending: str) -> None:
+    write_ply(tmp_path / "in.ply", cloud)
+    bpy.ops.dgs.import_twin(filepath=str(tmp_path / "in.ply"))
+    assert bpy.ops.dgs.export_twin(filepath=str(tmp_path / f"out{ending}"), format=ending) == {"FINISHED"}
+    assert bpy.ops.dgs.import_twin(filepath=str(tmp_path / f"out{ending}")) == {"FINISHED"}
+    assert len(bpy.context.object.data.vertices) == len(cloud)
+    refused("import_twin", "known ending", filepath=str(tmp_path / "out.obj"))
+
+
 def test_a_render_without_a_camera_is_refused(cloud: GaussianCloud, tmp_path: Path) -> None:
     write_ply(tmp_path / "in.ply", cloud)
     bpy.ops.dgs.import_twin(filepath=str(tmp_path / "in.ply"))

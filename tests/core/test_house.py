@@ -15,7 +15,7 @@ PACKAGES = ("core", "dgs_addon", "operators", "panels")
 BLENDER = {"bpy", "bpy_extras", "mathutils", "gpu", "gpu_extras", "bmesh", "blf", "bl_math", "aud", "idprop"}
 #: What Blender's own Python must be able to read: numpy is there, torch is not.
 WITHOUT_TORCH = (
-    "cloud", "camera", "conventions", "errors", "files", "progress", "formats.ply", "formats.colmap_numpy",
+    "cloud", "camera", "conventions", "errors", "files", "progress", "formats.gaussians", "formats.colmap_numpy",
 )  # fmt: skip
 
 NAMES_BLENDER = "import numpy\nfrom mathutils import Vector\n"
