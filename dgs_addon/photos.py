@@ -6,7 +6,6 @@ Decoding is the engine's business; only the first bytes are read here, so that a
 from __future__ import annotations
 
 import struct
-import time
 from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,8 +16,8 @@ _SIGNATURES = {
     ".png": (b"\x89PNG",), ".jpg": (b"\xff\xd8",), ".jpeg": (b"\xff\xd8",), ".tif": (b"II", b"MM"),
     ".tiff": (b"II", b"MM"), ".webp": (b"RIFF",), ".bmp": (b"BM",),
 }  # fmt: skip
-#: A folder is looked at again after this many seconds.
-_FRESH = 5.0
+#: Enough of a file for a signature; enough for a JPEG's size, which lies behind its metadata.
+_SIGNATURE, _METADATA = 32, 65_536
 
 
 @dataclass(frozen=True)
@@ -38,17 +37,22 @@ class PhotoFolder:
     problem: str = ""
 
 
-_known: dict[Path, tuple[float, PhotoFolder]] = {}
+#: The folder that was looked at last, with the time of its last change.
+_known: dict[Path, tuple[int, PhotoFolder]] = {}
 
 
 def photo_folder(folder: Path) -> PhotoFolder:
-    """Looks at a folder, or remembers what it looked like a moment ago."""
+    """Looks at a folder, or remembers what it looked like if no file has come or gone."""
+    try:
+        changed = folder.stat().st_mtime_ns
+    except OSError:
+        changed = -1
     known = _known.get(folder)
-    if known is not None and time.monotonic() - known[0] < _FRESH:
+    if known is not None and known[0] == changed:
         return known[1]
     found = _look(folder)
     _known.clear()
-    _known[folder] = (time.monotonic(), found)
+    _known[folder] = (changed, found)
     return found
 
 
@@ -81,12 +85,12 @@ def _look(folder: Path) -> PhotoFolder:
 
 def _head(path: Path) -> tuple[bool, tuple[int, int] | None]:
     """Whether a file begins like a picture, and its size where that is cheap to learn."""
+    suffix = path.suffix.lower()
     try:
         with open(path, "rb") as stream:
-            data = stream.read(65_536)
+            data = stream.read(_METADATA if suffix in (".jpg", ".jpeg") else _SIGNATURE)
     except OSError:
         return False, None
-    suffix = path.suffix.lower()
     if not data.startswith(_SIGNATURES[suffix]):
         return False, None
     if suffix == ".png" and len(data) >= 24:

@@ -49,6 +49,10 @@ class Record:
         return self.phase in ("running", "paused", "cancelling") and not _lives(self.pid)
 
 
+#: What was read last, by file and time of its last change: a panel asks at every redraw.
+_known: dict[tuple[Path, int], Record] = {}
+
+
 def read_record(out: Path) -> Record | None:
     """What OUT/job.json says; None if there is none.
 
@@ -56,9 +60,14 @@ def read_record(out: Path) -> Record | None:
         FormatError: the file is damaged.
     """
     try:
-        value = json.loads((out / NAME).read_text("utf-8"))
-        known = {f.name for f in fields(Record)}
-        return Record(**{name: item for name, item in value.items() if name in known})
+        key = (out, (out / NAME).stat().st_mtime_ns)
+        if key not in _known:
+            value = json.loads((out / NAME).read_text("utf-8"))
+            names = {f.name for f in fields(Record)}
+            record = Record(**{name: item for name, item in value.items() if name in names})
+            _known.clear()
+            _known[key] = record
+        return _known[key]
     except FileNotFoundError:
         return None
     except (OSError, ValueError, TypeError, AttributeError) as error:

@@ -216,6 +216,10 @@ def _finish(job: Job) -> None:
     from .results import add_results
 
     add_results(job, scene)
+    windows = bpy.context.window_manager.windows
+    if windows and not bpy.app.background:  # else the next undo would take the twin out again
+        with bpy.context.temp_override(window=windows[0]):
+            bpy.ops.ed.undo_push(message="Descatter Twin")
 
 
 def _scene(job: Job) -> Any:

@@ -118,7 +118,7 @@ class Robot:
 
     def _find(self, operator: str, place: list[int]) -> Story:
         region, window = self.sidebar(), bpy.context.window_manager.windows[0]
-        x = region.x + region.width // 2
+        x = region.x + region.width // 3  # the left one of two beside each other
         for y in range(region.y + region.height - 12, region.y + 8, -14):
             _xdotool("mousemove", x, window.height - y)
             yield 0.12

@@ -21,6 +21,7 @@ ROOT = Path(dgs.__path__[0])
 sys.path.insert(0, str(ROOT / "tests" / "gui"))
 import window  # noqa: E402
 
+pytestmark = pytest.mark.timeout(900)
 SUITE = os.environ.get("DGS_WINDOW", "")
 #: Clicks that are allowed from the chosen folder to the rendered twin.
 CLICKS = 6
