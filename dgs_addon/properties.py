@@ -144,7 +144,7 @@ class DGS_PG_settings(bpy.types.PropertyGroup):
         name="Show", description="What the exact view shows",
         items=(
             ("sharp", "Sharp", "The twin as the engine sees it"),
-            ("medium", "Through Medium", "The twin blurred by the medium of step 3, as the photos are"),
+            ("medium", "Blurred", "The twin blurred by the medium of step 3, as the photos are"),
         ),
     )  # fmt: skip
 

@@ -6,6 +6,8 @@ from typing import Any
 
 import bpy
 
+from ..dgs_addon.exact import scene_twin
+
 
 class DGS_OT_view_twin(bpy.types.Operator):
     """Look through the scene's camera and show splats as they render; press again for the plain view"""
@@ -15,9 +17,17 @@ class DGS_OT_view_twin(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: Any) -> bool:
-        """There is a 3D view and a camera."""
-        cls.poll_message_set("The scene has no camera, or there is no 3D view here")
-        return context.scene.camera is not None and getattr(context.space_data, "type", "") == "VIEW_3D"
+        """There is a twin, a camera and a 3D view."""
+        if scene_twin(context.scene, context.object) is None:
+            reason = "There is no twin in this scene yet"
+        elif context.scene.camera is None:
+            reason = "The scene has no camera: import or add one"
+        elif getattr(context.space_data, "type", "") != "VIEW_3D":
+            reason = "This is no 3D view"
+        else:
+            reason = ""
+        cls.poll_message_set(reason)
+        return not reason
 
     def execute(self, context: Any) -> set[str]:
         """Changes the view, not the scene."""

@@ -36,7 +36,7 @@ class DGS_PT_cameras(Step, bpy.types.Panel):
     def _state(self, layout: Any, context: Any) -> None:
         held = results(context.scene)
         if not cameras_found(context.scene):
-            layout.label(text="Not found yet; Optimize finds them too", icon="INFO")
+            sentence(layout, context, "Not found yet; Optimize finds them too", "INFO")
         elif held.record is not None and "registered" in held.record.result:
             layout.label(text=f"{held.record.result['registered']} photos placed", icon="CHECKMARK")
         else:

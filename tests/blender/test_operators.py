@@ -41,7 +41,7 @@ def refused(operator: str, words: str, **arguments: object) -> None:
         ("show_log", "No job has run yet"),
         ("add_results", "Choose the folder of photos first"),
         ("export_twin", "Select a twin first"),
-        ("view_twin", "no camera"),
+        ("view_twin", "There is no twin"),
         ("render_twin", "There is no twin"),
         ("exact_view", "There is no twin"),
         ("set_length", "There is no twin"),
