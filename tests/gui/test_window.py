@@ -32,7 +32,6 @@ def seen(tmp_path_factory: pytest.TempPathFactory) -> dict[str, object]:
     """What the story saw; its pictures are kept in demo_output/window if that is wanted."""
     reason = window.why_not(SUITE) if SUITE else "DGS_WINDOW names no Blender with a window (see this file)"
     if reason:
-        print(f"skipped: {reason}")
         pytest.skip(reason)
     work = tmp_path_factory.mktemp("window")
     python = [sys.executable, str(ROOT / "run_dgs.py")]
