@@ -77,8 +77,10 @@ def story(robot: Robot) -> Story:
     yield from robot.picture("6-rendered")
     seen["rendered"] = True
     yield from _killed(robot, runner)
+    exact = import_module(f"{ADDON}.dgs_addon.exact")
     yield from robot.press("dgs.exact_view")
-    yield from _until(lambda: "Descatter Exact View" in bpy.data.images, 60)
+    yield from _until(lambda: exact.IMAGE in bpy.data.images or not exact.busy(), 60)
+    seen["exact"] = exact.IMAGE in bpy.data.images
     yield 1.0
     yield from robot.picture("8-exact")
     bpy.ops.dgs.open_preferences()

@@ -60,6 +60,7 @@ def test_from_an_empty_scene_to_a_rendered_twin(seen: dict[str, object]) -> None
     assert seen["phase"] == "done" and seen["rendered"]
     assert seen["objects"].count("CAMERA") == 12 + 1 and "MESH" in seen["objects"]
     assert seen["clicks"] <= CLICKS
+    assert seen["exact"]
 
 
 def test_a_killed_engine_leaves_blender_alive_and_can_go_on(seen: dict[str, object]) -> None:

@@ -61,9 +61,11 @@ def environment(work: Path) -> dict[str, str]:
         engine.chmod(0o755)
     resources = work / "resources"
     resources.mkdir(exist_ok=True)
+    (work / "tmp").mkdir(exist_ok=True)  # /tmp is another one for the engine
     return {
         "PATH": "/usr/local/bin:/usr/bin:/bin:/usr/games:/usr/sbin:/sbin", "HOME": str(work), "LANG": "C.UTF-8",
-        "DISPLAY": ":99", "LIBGL_ALWAYS_SOFTWARE": "1", "BLENDER_USER_RESOURCES": str(resources),
+        "TMPDIR": str(work / "tmp"), "DISPLAY": ":99", "LIBGL_ALWAYS_SOFTWARE": "1",
+        "BLENDER_USER_RESOURCES": str(resources),
         "DGS_ENGINE_PYTHON": str(engine), "OMP_WAIT_POLICY": "passive",
     }  # fmt: skip
 
