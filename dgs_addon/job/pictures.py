@@ -25,6 +25,10 @@ class _Shown:
     """What is shown now, to draw only what is new."""
 
     def __init__(self) -> None:
+        self.reset()
+
+    def reset(self) -> None:
+        """Nothing is shown."""
         self.icons: Any = None
         self.job: object = None
         self.written: int | None = None
@@ -45,7 +49,7 @@ def clear() -> None:
     """Frees the icons, as when the add-on is switched off."""
     if _shown.icons is not None:
         bpy.utils.previews.remove(_shown.icons)
-    _shown.__init__()  # type: ignore[misc]
+    _shown.reset()
 
 
 def show(path: Path, name: str) -> Any:

@@ -62,11 +62,15 @@ def story(robot: Robot) -> Story:
     yield from robot.picture("4-twin")
     # Each move of the mouse draws all balls by software: fewer do for pressing buttons.
     nodes = import_module(f"{ADDON}.dgs_addon.scene.nodes")
-    nodes.set_splat_input(nodes.splat_modifier(bpy.context.object), nodes.VIEWPORT_INPUT, 1000)
+    modifier = nodes.splat_modifier(bpy.context.object)
+    nodes.set_splat_input(modifier, nodes.VIEWPORT_INPUT, 1000)
     bpy.context.scene.cycles.samples = bpy.context.scene.cycles.preview_samples = 1
     yield from robot.press("dgs.view_twin")
-    yield 8.0
+    nodes.set_splat_input(modifier, nodes.VIEWPORT_INPUT, nodes.ALL)
+    yield 40.0
     yield from robot.picture("5-view")
+    nodes.set_splat_input(modifier, nodes.VIEWPORT_INPUT, 1000)
+    yield 2.0
     yield from robot.press("dgs.view_twin")
     yield from robot.press("dgs.render_twin")
     seen["clicks"] = robot.clicks
