@@ -10,6 +10,9 @@ is what is missing in x itself, in the band that the photos hold (|H|^2 > n), an
 it. The residual is known inside the photo only and taken as zero beyond, so no border has to be
 invented. x is drawn towards x + d by a pseudo-Huber difference, so that a few photos that disagree
 do not outvote the rest.
+
+A run starts on photos that were sharpened once and for all, y + W (y - H y): they show at once where
+edges lie, which the residual of a shapeless twin does not.
 """
 
 from __future__ import annotations
@@ -125,6 +128,24 @@ class Objective:
         if valid is not None:
             d = d * valid
         gradient[inner] -= (s.inverse_weight / photo.numel()) * d
+        return Pull(loss, gradient)
+
+    def start(self, image: Tensor, photo: Tensor, valid: Tensor | None) -> Pull:
+        """How the photo, its blur undone once and for all, pulls at a render; arguments as of `pull`."""
+        assert self.inverse is not None
+        s, m = self.settings, self.margin
+        known = photo if self.space == "srgb" else srgb_to_linear(photo)
+        if valid is not None:  # what does not count must not be blurred into what does
+            known = torch.where(valid, known, known[:, valid].mean(dim=1)[:, None, None])
+        wide = torch.nn.functional.pad(known[None], (m, m, m, m), mode="replicate")[0]
+        residual = known - self.blur.apply(wide)
+        inner = (slice(None), slice(m, m + photo.shape[1]), slice(m, m + photo.shape[2]))
+        sharp = known + self.inverse.apply(torch.nn.functional.pad(residual, (m, m, m, m)))[inner]
+        if self.space == "linear":
+            sharp = linear_to_srgb(sharp.clamp(min=0.0))
+        gradient = (s.variation_weight / photo.numel()) * variation_gradient(image)
+        loss, slope = self._compare(image[inner].contiguous(), sharp, valid, s.ssim_weight)
+        gradient[inner] += slope
         return Pull(loss, gradient)
 
     def _compare(self, image: Tensor, photo: Tensor, valid: Tensor | None, ssim_weight: float) -> tuple[float, Tensor]:

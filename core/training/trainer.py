@@ -25,7 +25,7 @@ from .initial import first_gaussians
 from .objective import Objective
 from .optimizer import Adam
 from .scale import SceneScale, scene_scale
-from .settings import TrainingSettings
+from .settings import TrainingSettings, trust
 
 #: The render reaches this many standard deviations of the PSF beyond the photo: light from there is
 #: in the photo's border.
@@ -99,7 +99,8 @@ class Trainer:
         photos = [v.planes() for v in views[:: max(1, len(views) // SPECTRUM_VIEWS)]]
         if self.medium.blur_space == "linear":
             photos = [np.asarray(srgb_to_linear(p), np.float32) for p in photos]
-        return noise_to_signal(photos, psf, self.views[0].rounding / step).trusted(self.settings.noise_gain)
+        gain = self.settings.noise_gain or trust(len(self.views))
+        return noise_to_signal(photos, psf, self.views[0].rounding / step).trusted(gain)
 
     def objective(self, level: Level, view: GridView) -> Objective:
         """The objective for a view's size and point spread; made once."""
@@ -145,7 +146,9 @@ class Trainer:
         )  # fmt: skip
         valid = None if view.valid is None else torch.from_numpy(view.valid).to(self.device)
         photo = torch.from_numpy(view.planes()).to(self.device)
-        pull = self.objective(level, view).pull(rendered.image.detach(), photo, valid)
+        objective = self.objective(level, view)
+        pulls = objective.start if objective.inverse is not None and share < s.start_share else objective.pull
+        pull = pulls(rendered.image.detach(), photo, valid)
         rendered.image.backward(pull.gradient)  # type: ignore[no-untyped-call]
         self.density.collect(rendered.screen)
         self.optimizer.step(self.rates(share))
