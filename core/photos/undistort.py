@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -88,6 +89,11 @@ class Undistortion:
         u, v = np.meshgrid(np.arange(lens.width) + 0.5, np.arange(lens.height) + 0.5)
         return np.asarray(lens.from_pixels(np.stack([u, v], -1)) * [lens.fx, lens.fy] + [lens.cx, lens.cy])
 
+    def prepare(self) -> None:
+        """Computes the maps now, before several threads ask for them at once."""
+        if not self.passes_through:
+            _ = self._sources, self.overscan
+
     def photo(
         self, pixels: NDArray[np.uint8] | NDArray[np.uint16], mask: NDArray[np.bool_] | None
     ) -> tuple[NDArray[np.uint8] | NDArray[np.uint16], NDArray[np.bool_] | None]:
@@ -161,13 +167,18 @@ def undistorted_views(photos: list[Photo], cameras: Reconstruction) -> list[View
 
     Photos without noticeable distortion share their pixels with the `Photo` (bitwise the same).
     """
-    shared: dict[Lens, Undistortion] = {}
-    views = []
-    for photo in photos:
-        if photo.name in cameras.poses:
-            lens = cameras.lenses[photo.name]
-            way = shared.setdefault(lens, Undistortion(lens))
-            pixels, mask = way.photo(photo.pixels, photo.mask)
-            levels = int(np.iinfo(photo.pixels.dtype).max)
-            views.append(View(way.camera(photo.name, cameras.poses[photo.name]), pixels, mask, levels))
-    return views
+    seen = [photo for photo in photos if photo.name in cameras.poses]
+    shared = {lens: Undistortion(lens) for lens in {cameras.lenses[photo.name] for photo in seen}}
+
+    def one(photo: Photo) -> View:
+        way = shared[cameras.lenses[photo.name]]
+        pixels, mask = way.photo(photo.pixels, photo.mask)
+        levels = int(np.iinfo(photo.pixels.dtype).max)
+        return View(way.camera(photo.name, cameras.poses[photo.name]), pixels, mask, levels)
+
+    if all(way.passes_through for way in shared.values()):
+        return [one(photo) for photo in seen]
+    for way in shared.values():
+        way.prepare()
+    with ThreadPoolExecutor(compiled.threads()) as pool:
+        return list(pool.map(one, seen))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -232,12 +233,17 @@ def _score(
     wanted = [name for name in facts.held if name in by_name]
     files, scores, pictures = render_names(wanted), [], []
     shown = set(spread(len(wanted), SHOWN))
-    for index, name in enumerate(wanted):
-        score, picture = scorer.score(by_name[name], True, facts.settings.out / "renders" / files[name])
-        scores.append(score)
-        if index in shown:
-            pictures.append(picture)
-        progress.advance(index + 1)
+
+    def one(name: str) -> tuple[Scores, ViewPictures]:
+        return scorer.score(by_name[name], True, facts.settings.out / "renders" / files[name])
+
+    # Interpolation, transforms and files wait for one core at a time: whole views side by side do not.
+    with ThreadPoolExecutor(facts.machine["threads"]) as pool:
+        for index, (score, picture) in enumerate(pool.map(one, wanted)):
+            scores.append(score)
+            if index in shown:
+                pictures.append(picture)
+            progress.advance(index + 1)
     if not wanted:
         names = sorted(by_name)
         pictures = [scorer.score(by_name[names[i]], False, None)[1] for i in spread(len(names), 3)]
