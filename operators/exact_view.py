@@ -53,11 +53,13 @@ class DGS_OT_exact_view(bpy.types.Operator):
 
 
 def _done(view: exact.ExactView) -> None:
-    """Shows the image in an image editor that is open, and in the panel."""
+    """Shows the image in the panel, and in image editors that show nothing else of the user's."""
     for window in bpy.context.window_manager.windows:
         for area in window.screen.areas:
             if area.type == "IMAGE_EDITOR" and view.image is not None:
-                area.spaces.active.image = view.image
+                shown = area.spaces.active.image
+                if shown is None or shown.type == "RENDER_RESULT":
+                    area.spaces.active.image = view.image
     redraw()
     if view.error:
 
