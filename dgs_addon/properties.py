@@ -8,7 +8,7 @@ import bpy
 
 _PRESETS = (
     ("draft", "Draft", "300 steps, 25,000 Gaussians: a first look, about half a minute on two cores"),
-    ("balanced", "Balanced", "700 steps, 35,000 Gaussians: one to two minutes on two cores"),
+    ("balanced", "Balanced", "1000 steps, 40,000 Gaussians: about a minute on two cores"),
     ("fine", "Fine", "4,000 steps, 80,000 Gaussians: the finest detail, ten times as long"),
 )
 _MEDIA = (

@@ -10,7 +10,6 @@ Runs in the child process only.
 
 from __future__ import annotations
 
-import copy
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -21,17 +20,13 @@ from numpy.typing import NDArray
 from .. import compiled
 from .refine_kernels import align
 from .settings import RefineSettings
+from .straight import adjustment, with_straight_lenses
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 #: Fewer aligned points than this hold no bundle adjustment together.
 MINIMUM_POINTS = 30
-#: Lenses that move a photo's corner by more than this (px) are not tried without.
-STRAIGHT_TRIED = 2.0
-#: The mean reprojection error may grow by this share without distortion: a hundredth of a tenth of a pixel.
-#: (The ball, rendered without any: 0.2 %.)
-STRAIGHT_LOSS = 0.01
 
 
 @dataclass(frozen=True)
@@ -93,33 +88,6 @@ def pixel_exact(model: Any, greys: dict[str, NDArray[np.float32]], settings: Ref
         tracks = _completed(refined, views, settings)
         refined = _adjusted(refined, views, tracks, settings)
     return with_straight_lenses(refined, settings)
-
-
-def with_straight_lenses(model: Any, settings: RefineSettings) -> Any:
-    """The model with lenses that do not bend light, if they explain the photos as well.
-
-    A coefficient that nothing calls for bends every photo by parts of a pixel: undoing that takes time and
-    interpolation, for nothing.
-
-    Args:
-        model: pycolmap.Reconstruction after bundle adjustment.
-
-    Returns:
-        A new reconstruction, or `model` itself where its lenses are called for.
-    """
-    for camera in model.cameras.values():
-        width, height, focal = camera.width, camera.height, camera.mean_focal_length()
-        corner = np.hypot(width, height) / 2.0 / focal
-        if camera.model.name != "SIMPLE_RADIAL" or abs(camera.params[3]) * corner**3 * focal > STRAIGHT_TRIED:
-            return model
-    straight = copy.deepcopy(model)
-    for camera in straight.cameras.values():
-        camera.params = [*camera.params[:3], 0.0]
-    options = _adjustment(settings)
-    options.refine_extra_params = False
-    pycolmap.bundle_adjustment(straight, options)
-    errors = [m.compute_mean_reprojection_error() for m in (model, straight)]
-    return straight if errors[1] <= errors[0] * (1.0 + STRAIGHT_LOSS) else model
 
 
 def compile_early(settings: RefineSettings) -> None:
@@ -322,22 +290,11 @@ def _completed(model: Any, views: Views, settings: RefineSettings) -> Tracks:
 def _adjusted(model: Any, views: Views, tracks: Tracks, settings: RefineSettings) -> Any:
     """Bundle adjustment of the tracks with a robust loss; drops misfits, and repeats."""
     result = _rebuilt(model, views, tracks)
-    options = _adjustment(settings)
+    options = adjustment(settings)
     for limit in (4.0 * settings.inlier, settings.inlier):
         pycolmap.bundle_adjustment(result, options)
         _drop_misfits(result, limit)
     return result
-
-
-def _adjustment(settings: RefineSettings) -> Any:
-    """Options of a bundle adjustment with a robust loss."""
-    options = pycolmap.BundleAdjustmentOptions()
-    options.print_summary = False
-    options.ceres.loss_function_type = pycolmap.LossFunctionType.CAUCHY
-    options.ceres.loss_function_scale = 0.5 * settings.inlier
-    options.ceres.solver_options.max_num_iterations = settings.iterations
-    options.ceres.solver_options.function_tolerance = settings.tolerance
-    return options
 
 
 def _rebuilt(model: Any, views: Views, tracks: Tracks) -> Any:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -25,7 +25,7 @@ from .initial import first_gaussians
 from .objective import Objective
 from .optimizer import Adam
 from .scale import SceneScale, scene_scale
-from .settings import TrainingSettings, trust
+from .settings import TrainingSettings, smoothness, trust
 
 #: The render reaches this many standard deviations of the PSF beyond the photo: light from there is
 #: in the photo's border.
@@ -61,6 +61,7 @@ class Trainer:
 
     def __init__(self, views: Sequence[View], heldout: Sequence[View], points: SparsePoints, medium: Medium,
                  settings: TrainingSettings) -> None:  # fmt: skip
+        settings = replace(settings, variation_weight=settings.variation_weight * smoothness(len(views)))
         self.settings, self.medium = settings, medium
         self.device = torch.device(settings.device if settings.device != "auto" else "cpu")
         self.views, self.heldout, self.points = views, heldout, points
