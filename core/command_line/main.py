@@ -66,6 +66,10 @@ def _command(name: str) -> Callable[[argparse.Namespace, Reporting], int]:
         from .synthesize_command import synthesize_command
 
         return synthesize_command
+    if name == "compare":
+        from .compare_command import compare_command
+
+        return compare_command
     from .doctor import doctor_command
 
     return doctor_command

@@ -74,6 +74,7 @@ def build_parser(arguments: list[str]) -> argparse.ArgumentParser:
     _add_machine(doctor)
     _add_blend(commands)
     _add_synthesize(commands, asked="synthesize" in arguments[:1])
+    _add_compare(commands)
     return parser
 
 
@@ -229,3 +230,19 @@ def _add_synthesize(commands: argparse._SubParsersAction[OneLineParser], asked: 
     add_arguments(parser)
     if not any(action.dest == "progress" for action in parser._actions):
         _add_progress(parser)
+
+
+def _add_compare(commands: argparse._SubParsersAction[OneLineParser]) -> None:
+    from .compare_command import add_arguments
+
+    parser = _defaults(
+        commands.add_parser(
+            "compare",
+            help="ways to a sharp twin, scored against the truth",
+            description="Trains twins from the same blurred photos in several ways (plain, Wiener or Richardson-Lucy "
+            "first, the paper's loss, DGS, and from the sharp photos) and scores them against the sharp photos.",
+        )
+    )
+    add_arguments(parser)
+    _add_machine(parser)
+    _add_progress(parser)
