@@ -23,7 +23,12 @@ def build(seed: int, width: int) -> None:
     scene = bpy.context.scene
     _add_ball(scene, seed, width)
     table.build(scene, seed)
-    _add_lights(scene)
+    add_lights(scene)
+    add_camera(scene)
+
+
+def add_camera(scene: Any) -> None:
+    """A sharp, still camera, through which everything is rendered."""
     camera = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))
     camera.data.clip_start, camera.data.clip_end = 0.01, 100.0
     scene.collection.objects.link(camera)
@@ -52,7 +57,8 @@ def _add_ball(scene: Any, seed: int, width: int) -> None:
     scene.collection.objects.link(ball)
 
 
-def _add_lights(scene: Any) -> None:
+def add_lights(scene: Any) -> None:
+    """The studio: a dim sky and three lamps."""
     world = bpy.data.worlds.new("studio")
     if world.node_tree is None:
         world.use_nodes = True

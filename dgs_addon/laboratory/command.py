@@ -15,8 +15,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     usual = SynthesizeSettings()
     add = parser.add_argument
     add("--out", type=Path, required=True, metavar="DIR", help="folder to write the data set into")
-    add("--scene", choices=SCENES, default=usual.scene)
-    add("--path", choices=PATH_NAMES, default=usual.path, help="where the cameras stand")
+    add("--scene", default=usual.scene, metavar="SCENE",
+        help=f"{', '.join(SCENES)}, or FILE.blend with its own lights and materials")  # fmt: skip
+    add("--mesh", default=usual.mesh, metavar="FILE",
+        help="an object instead of the ball: OBJ, PLY, STL, glTF, USD, FBX")  # fmt: skip
+    add("--path", choices=PATH_NAMES, default=usual.path, help="where the cameras stand; scene: the .blend's own")
     add("--views", type=int, default=usual.views, help="number of photos")
     add("--size", type=_size, default=(usual.width, usual.height), metavar="WxH", help="frame in pixels")
     add("--psf", default=usual.psf, help="none, gaussian:SIGMA, gaussian:SX,SY,ANGLE, disk:RADIUS or file:PATH")
@@ -29,6 +32,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--seed", type=int, default=usual.seed)
     add("--masks", action="store_true", help="also write where the ball is seen")
     add("--depth", action="store_true", help="also write depth maps")
+    add("--normals", action="store_true", help="also write normal maps")
+    add("--exposure-drift", type=float, default=usual.exposure_drift, metavar="STOPS",
+        help="largest change of exposure over the photos, up or down")  # fmt: skip
     add("--keep-linear", action="store_true", help="keep float renders, to try other media without rendering")
 
 
@@ -38,7 +44,7 @@ def settings_of(args: argparse.Namespace) -> SynthesizeSettings:
         scene=args.scene, path=args.path, views=args.views, width=args.size[0], height=args.size[1],
         psf=args.psf, blur_space=args.blur_space, bits=args.bits, noise=args.noise, overscan=args.overscan,
         samples=args.samples, denoise=args.denoise, seed=args.seed, masks=args.masks, depth=args.depth,
-        keep_linear=args.keep_linear,
+        keep_linear=args.keep_linear, mesh=args.mesh, exposure_drift=args.exposure_drift, normals=args.normals,
     )  # fmt: skip
 
 

@@ -3,7 +3,8 @@
     photos/NAME     through the medium, sRGB-encoded       sharp/NAME      the truth, same size
     cameras/        COLMAP model with points on surfaces   transforms.json the same cameras
     psf.json        the medium                             lines.json      painted lines, in the world
-    masks_ball/     255 where the ball is seen             depth/*.npy     metres along the camera's axis
+    masks_ball/     255 where the object is seen           depth/*.npy     metres along the camera's axis
+    normals/*.npy   unit normals in the engine's world     (lines.json only with the ball)
     manifest.json   all settings; `SynthesizeSettings.from_json(manifest["settings"])` repeats them
 """
 
@@ -12,7 +13,6 @@ from __future__ import annotations
 import hashlib
 import json
 import tempfile
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.camera import Camera
-from ...core.errors import Cancelled, DgsError
+from ...core.errors import Cancelled
 from ...core.files import make_folder, write_json
 from ...core.formats.transforms import write_transforms
 from ...core.progress import Progress
@@ -30,6 +30,7 @@ from . import degrade, files, rail
 from .lines import LINES, centre_line
 from .settings import SynthesizeSettings
 from .shape import SHAPE, ball_pose
+from .studio import Studio, source_digest
 
 #: Views whose depth gives the points of the camera model, and points taken from each.
 POINT_VIEWS, POINTS_PER_VIEW = 6, 1000
@@ -41,59 +42,35 @@ def synthesize(settings: SynthesizeSettings, out: Path, progress: Progress) -> N
     Raises:
         PsfError: the point spread function makes no sense.
         OutputError: a file cannot be written.
+        FormatError: Blender cannot read the mesh or the .blend.
         DgsError: this Python has no bpy.
         Cancelled: the user asked to stop; finished frames stay and are taken up again.
     """
     kernel = degrade.kernel_of(settings.psf)
     make_folder(out)
-    cameras = rail.cameras(settings.path, settings.views, settings.width, settings.height)
     manifest = _manifest(settings, kernel)
     if max(kernel.shape) // 2 > settings.overscan > 0 and kernel.size > 1:
         progress.note(
             f"The blur reaches {max(kernel.shape) // 2} px, the overscan {settings.overscan} px: "
             "beyond it the outermost pixels are repeated"
         )
-    if _finished(out, manifest, cameras):
+    if _finished(out, manifest, rail.names(settings.views)):
         progress.note(f"'{out}' holds this data set already")
         return
     _forget_other_settings(out, manifest)
     write_json(out / "unfinished.json", manifest)
-    studio = _Studio(settings)
+    studio = Studio(settings)
+    cameras = studio.cameras()
     _photos(settings, cameras, kernel, out, studio, progress)
     points = _geometry(settings, cameras, out, studio, progress)
     progress.stage("save")
     files.write_colmap_text(out / "cameras", cameras, points)
     write_transforms(out / "transforms.json", {f"photos/{camera.name}": camera for camera in cameras})
     write_json(out / "psf.json", _psf(settings, kernel))
-    write_json(out / "lines.json", _lines())
+    if settings.has_ball:
+        write_json(out / "lines.json", _lines())
     write_json(out / "manifest.json", manifest)
     (out / "unfinished.json").unlink()
-
-
-class _Studio:
-    """Builds the scene when the first frame is needed: a finished set needs no Blender."""
-
-    def __init__(self, settings: SynthesizeSettings) -> None:
-        self.settings = settings
-        self.ready = False
-
-    def enter(self) -> Any:
-        try:
-            import bpy  # noqa: F401
-        except ImportError as error:
-            raise DgsError(
-                "This Python has no Blender in it (no module bpy)",
-                "Run `blender -b -P run_dgs.py -- synthesize ...`, or `make setup`, which installs bpy",
-            ) from error
-        from . import ball, render
-
-        if not self.ready:
-            ball.build(self.settings.seed, self.settings.width)
-            if self.settings.denoise and not render.can_denoise():
-                raise DgsError("This build of Blender has no OpenImageDenoise", "Add --no-denoise and more --samples")
-            render.prepare(self.settings.samples, self.settings.denoise)
-            self.ready = True
-        return render
 
 
 def _photos(
@@ -101,13 +78,14 @@ def _photos(
     cameras: list[Camera],
     kernel: NDArray[np.float64],
     out: Path,
-    studio: _Studio,
+    studio: Studio,
     progress: Progress,
 ) -> None:
     for folder in ("photos", "sharp", *(["linear"] if settings.keep_linear else [])):
         make_folder(out / folder)
     progress.stage("render", len(cameras))
     margin = settings.overscan
+    gains = degrade.exposures(settings.views, settings.exposure_drift, settings.seed)
     with tempfile.TemporaryDirectory(prefix="dgs-render-") as scratch:
         for index, camera in enumerate(cameras):
             kept = out / "linear" / f"{camera.name}.npy"
@@ -127,13 +105,14 @@ def _photos(
                 photo = degrade.photograph(
                     linear, kernel, blur_space=settings.blur_space, margin=margin,
                     bits=settings.bits, noise=settings.noise, seed=(settings.seed, index),
+                    gain=float(gains[index]),
                 )  # fmt: skip
                 files.write_png(done[0], photo)
             progress.advance(index + 1)
 
 
 def _geometry(
-    settings: SynthesizeSettings, cameras: list[Camera], out: Path, studio: _Studio, progress: Progress
+    settings: SynthesizeSettings, cameras: list[Camera], out: Path, studio: Studio, progress: Progress
 ) -> SparsePoints:
     """Masks and depth where asked, and points on the surfaces that some views see."""
     chosen = set(np.linspace(0, len(cameras) - 1, min(POINT_VIEWS, len(cameras))).astype(int).tolist())
@@ -165,7 +144,21 @@ def _geometry(
                 positions.append(_unproject(camera, rows, columns, depth[rows, columns]))
                 colours.append(files.read_png(out / "photos" / camera.name)[rows, columns])
             progress.advance(done)
+    if settings.normals:
+        _normals(cameras, out, render, progress)
     return SparsePoints(np.concatenate(positions), np.concatenate(colours))
+
+
+def _normals(cameras: list[Camera], out: Path, render: Any, progress: Progress) -> None:
+    make_folder(out / "normals")
+    progress.stage("normals", len(cameras))
+    with tempfile.TemporaryDirectory(prefix="dgs-render-") as scratch, render.geometry_only("normals"):
+        for done, camera in enumerate(cameras, start=1):
+            if progress.cancelled():
+                raise Cancelled(f"Stopped after {done - 1} of {len(cameras)} normal maps", "Run it again to go on")
+            normals = render.surface_normals(camera, Path(scratch))
+            files.write_array(out / "normals" / f"{Path(camera.name).stem}.npy", normals)
+            progress.advance(done)
 
 
 def _unproject(
@@ -183,11 +176,18 @@ def _frame_seed(seed: int, index: int) -> int:
 
 def _manifest(settings: SynthesizeSettings, kernel: NDArray[np.float64]) -> dict[str, Any]:
     digest = hashlib.sha256(np.ascontiguousarray(kernel).tobytes()).hexdigest()[:16]
+    gains = degrade.exposures(settings.views, settings.exposure_drift, settings.seed)
+    more: dict[str, Any] = {} if settings.exposure_drift == 0 else {"exposure_gains": gains.round(6).tolist()}
+    source = source_digest(settings)
+    rendered = settings.render_fingerprint() + (f"-{source}" if source else "")
+    if source:
+        digest, more["source_sha256"] = f"{digest}-{source}", source
     return {
-        "kind": "dgs synthetic data set", "version": 1, "settings": asdict(settings),
-        "fingerprint": f"{settings.fingerprint()}-{digest}", "render_fingerprint": settings.render_fingerprint(),
+        "kind": "dgs synthetic data set", "version": 1, "settings": settings.to_json(),
+        "fingerprint": f"{settings.fingerprint()}-{digest}", "render_fingerprint": rendered,
         "world": "engine (COLMAP): x right, y down, z away; metres",
         "photos": f"sRGB-encoded, {settings.bits} bit", "blur_space": settings.blur_space,
+        **more,
     }  # fmt: skip
 
 
@@ -214,10 +214,10 @@ def _lines() -> list[dict[str, Any]]:
     return result
 
 
-def _finished(out: Path, manifest: dict[str, Any], cameras: list[Camera]) -> bool:
+def _finished(out: Path, manifest: dict[str, Any], names: list[str]) -> bool:
     if (out / "unfinished.json").exists() or _read_json(out / "manifest.json") != manifest:
         return False
-    return all((out / folder / camera.name).is_file() for folder in ("photos", "sharp") for camera in cameras)
+    return all((out / folder / name).is_file() for folder in ("photos", "sharp") for name in names)
 
 
 def _read_json(path: Path) -> dict[str, Any]:
@@ -234,7 +234,7 @@ def _forget_other_settings(out: Path, manifest: dict[str, Any]) -> None:
     earlier = _read_json(out / "unfinished.json") or _read_json(out / "manifest.json")
     if earlier.get("fingerprint") == manifest["fingerprint"]:
         return
-    stale = ["photos", "sharp", "masks_ball", "depth"]
+    stale = ["photos", "sharp", "masks_ball", "depth", "normals"]
     if earlier.get("render_fingerprint") != manifest["render_fingerprint"]:
         stale.append("linear")
     for folder in stale:

@@ -80,6 +80,7 @@ def photograph(
     bits: int,
     noise: float,
     seed: tuple[int, int],
+    gain: float = 1.0,
 ) -> NDArray[np.uint8] | NDArray[np.uint16]:
     """The photo through the medium: [H, W, 3] sRGB-encoded.
 
@@ -92,8 +93,9 @@ def photograph(
         bits: 8 or 16.
         noise: standard deviation, of encoded values in [0, 1], added before rounding.
         seed: of the noise: the data set's and the view's number.
+        gain: exposure of this photo, a factor on light.
     """
-    light = linear.astype(np.float64)
+    light = linear.astype(np.float64) * gain
     if blur_space == "linear":
         encoded = encode(blur(light, kernel, margin))
     else:
@@ -101,6 +103,17 @@ def photograph(
     if noise > 0:
         encoded = encoded + np.random.default_rng(seed).normal(0.0, noise, encoded.shape)
     return quantise(encoded, bits)
+
+
+def exposures(views: int, stops: float, seed: int) -> NDArray[np.float64]:
+    """[views] gains of photos whose exposure drifts: a smooth curve that reaches `stops` at most, up or down."""
+    if stops == 0 or views == 1:
+        return np.ones(views)
+    generator = np.random.default_rng((seed, 11))
+    at = np.arange(views) / views
+    waves = [generator.normal() / k * np.sin(2 * np.pi * (k * at + generator.random())) for k in (1, 2, 3)]
+    curve = np.sum(waves, axis=0)
+    return np.asarray(2.0 ** (stops * curve / np.abs(curve).max()))
 
 
 def quantise(encoded: NDArray[np.float64], bits: int) -> NDArray[np.uint8] | NDArray[np.uint16]:

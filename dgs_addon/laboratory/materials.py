@@ -164,3 +164,28 @@ def depth_and_index() -> Any:
     output = graph.node("ShaderNodeOutputMaterial")
     graph.tree.links.new(emission.outputs[0], output.inputs[0])
     return graph.material
+
+
+def normals() -> Any:
+    """Emits (n + 1) / 2, n being the unit normal in Blender's world, turned to the camera."""
+    graph = _Graph("normals")
+    graph.material.cycles.emission_sampling = "NONE"
+    scale = graph.node("ShaderNodeVectorMath", operation="MULTIPLY_ADD")
+    graph.put(scale.inputs[0], graph.node("ShaderNodeNewGeometry").outputs["Normal"])
+    scale.inputs[1].default_value = scale.inputs[2].default_value = (0.5, 0.5, 0.5)
+    emission = graph.node("ShaderNodeEmission")
+    graph.put(emission.inputs[0], scale.outputs[0])
+    output = graph.node("ShaderNodeOutputMaterial")
+    graph.tree.links.new(emission.outputs[0], output.inputs[0])
+    return graph.material
+
+
+def from_vertices(attribute: str) -> Any:
+    """Shows the colours that a mesh stores at its vertices."""
+    graph = _Graph(f"colours {attribute}")
+    surface = graph.node("ShaderNodeBsdfPrincipled")
+    graph.put(surface.inputs["Base Color"], graph.node("ShaderNodeVertexColor", layer_name=attribute).outputs["Color"])
+    surface.inputs["Roughness"].default_value = 0.6
+    output = graph.node("ShaderNodeOutputMaterial")
+    graph.tree.links.new(surface.outputs[0], output.inputs[0])
+    return graph.material

@@ -19,6 +19,7 @@ DISTANCE = 0.635
 #: The paper's straight rail of 420 mm: 2 atan(210 / 635) = 36.6 degrees.
 RAIL_LENGTH = 0.420
 ELEVATION = np.radians(30.0)
+SPIRAL_TURNS = 2.5
 #: Focal length as a share of the frame's width.
 FOCAL_SHARE = 1.2
 
@@ -43,19 +44,40 @@ def dome(views: int) -> NDArray[np.float64]:
     return TARGET + DISTANCE * _on_sphere(np.arange(views) * np.pi * (3 - np.sqrt(5)), np.arcsin(height))
 
 
-PATHS: dict[str, Callable[[int], NDArray[np.float64]]] = {"rail": rail, "orbit": orbit, "dome": dome}
+def spiral(views: int) -> NDArray[np.float64]:
+    """Positions on a spiral of `SPIRAL_TURNS` turns that climbs from 12 to 68 degrees, [views, 3]."""
+    share = np.linspace(0.0, 1.0, views)
+    return TARGET + DISTANCE * _on_sphere(share * SPIRAL_TURNS * 2 * np.pi - np.pi / 2, np.radians(12.0 + 56.0 * share))
 
 
-def cameras(path: str, views: int, width: int, height: int) -> list[Camera]:
-    """One camera per view, named view_000.png ..., all looking at the ball."""
+PATHS: dict[str, Callable[[int], NDArray[np.float64]]] = {
+    "rail": rail, "orbit": orbit, "dome": dome, "spiral": spiral,
+}  # fmt: skip
+
+
+def names(views: int) -> list[str]:
+    """view_000.png ..."""
     digits = max(3, len(str(views - 1)))
+    return [f"view_{index:0{digits}d}.png" for index in range(views)]
+
+
+def cameras(
+    path: str, views: int, width: int, height: int, target: NDArray[np.float64] = TARGET, size: float = 1.0
+) -> list[Camera]:
+    """One camera per view, all looking at the object.
+
+    Args:
+        path: one of `PATHS`.
+        target: [3] middle of the object in Blender's world, metres.
+        size: how many times larger than the ball the object is; distances grow with it.
+    """
+    places = target + size * (PATHS[path](views) - TARGET)
     return [
         camera_to_engine(
-            BlenderCamera(matrix_world=_look_at(position), lens=36.0 * FOCAL_SHARE),
-            width, height, f"view_{index:0{digits}d}.png",
+            BlenderCamera(matrix_world=_look_at(place, target), lens=36.0 * FOCAL_SHARE), width, height, name
         )
-        for index, position in enumerate(PATHS[path](views))
-    ]  # fmt: skip
+        for place, name in zip(places, names(views), strict=True)
+    ]
 
 
 def _on_sphere(azimuth: NDArray[np.float64], elevation: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -63,9 +85,9 @@ def _on_sphere(azimuth: NDArray[np.float64], elevation: NDArray[np.float64]) -> 
     return np.stack([flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(elevation)], -1)
 
 
-def _look_at(position: NDArray[np.float64]) -> NDArray[np.float64]:
+def _look_at(position: NDArray[np.float64], target: NDArray[np.float64]) -> NDArray[np.float64]:
     """Blender's camera-to-world matrix: -z towards the target, y as upright as it can be."""
-    backwards = (position - TARGET) / np.linalg.norm(position - TARGET)
+    backwards = (position - target) / np.linalg.norm(position - target)
     right = np.cross([0.0, 0.0, 1.0], backwards)
     right /= np.linalg.norm(right)
     matrix = np.eye(4)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ...core.camera import Camera
 from ...core.errors import OutputError
-from ..axes import place_camera
+from ..axes import place_camera, points_to_engine
 from . import materials
 
 
@@ -68,12 +68,16 @@ def picture(camera: Camera, seed: int, scratch: Path) -> NDArray[np.float32]:
 
 
 @contextmanager
-def geometry_only() -> Iterator[None]:
-    """Inside, `depth_and_index` works; entering costs a scene update, so do all views at once."""
+def geometry_only(of: str = "depth and index") -> Iterator[None]:
+    """Inside, `depth_and_index` works, or with 'normals' `surface_normals`.
+
+    Entering costs a scene update, so do all views at once.
+    """
     scene, layer = bpy.context.scene, bpy.context.view_layer
     cycles = scene.cycles
     kept = (cycles.samples, cycles.use_denoising, cycles.filter_width, scene.world)
-    layer.material_override = bpy.data.materials.get("depth and index") or materials.depth_and_index()
+    make = {"depth and index": materials.depth_and_index, "normals": materials.normals}[of]
+    layer.material_override = bpy.data.materials.get(of) or make()
     scene.world = None
     # One sample through the middle of each pixel: nothing to average, nothing to denoise.
     cycles.samples, cycles.use_denoising, cycles.filter_width = 1, False, 0.01
@@ -91,8 +95,18 @@ def depth_and_index(camera: Camera, scratch: Path) -> tuple[NDArray[np.float32],
     return depth, np.rint(pixels[..., 1]).astype(np.int32)
 
 
+def surface_normals(camera: Camera, scratch: Path) -> NDArray[np.float32]:
+    """[H, W, 3] unit normals in the ENGINE's world, turned to the camera; 0 in the void."""
+    pixels = _shoot(camera, scratch)
+    void = ~pixels.any(axis=-1)
+    turned = points_to_engine(2.0 * pixels - 1.0)
+    turned /= np.maximum(np.linalg.norm(turned, axis=-1, keepdims=True), 1e-6)
+    turned[void] = 0.0
+    return turned.astype(np.float32)
+
+
 @contextmanager
-def _quiet() -> Iterator[None]:
+def quiet() -> Iterator[None]:
     """Keeps Blender's own lines off standard output, where `--progress json` speaks."""
     sys.stdout.flush()
     library = ctypes.CDLL(None if os.name == "posix" else "ucrtbase")
@@ -113,7 +127,7 @@ def _shoot(camera: Camera, scratch: Path) -> NDArray[np.float32]:
     place_camera(scene.camera, camera, scene.render)
     file = scratch / "frame.exr"
     scene.render.filepath = str(file)
-    with _quiet():
+    with quiet():
         bpy.ops.render.render(write_still=True)
     if not file.is_file():
         raise OutputError(f"Blender wrote no frame to {file}", "Check the free space and the folder's permissions")

@@ -12,7 +12,9 @@ from ...core.errors import DgsError, FormatError
 SCENES = ("rugby-ball",)
 #: Counts changes of scenes, paths and render settings: frames of another version are not reused.
 SCENE_VERSION = 3
-PATH_NAMES = ("rail", "orbit", "dome")
+PATH_NAMES = ("rail", "orbit", "dome", "spiral", "scene")
+#: Settings that came later; where they are as before, manifests and fingerprints are too.
+_LATER = ("mesh", "exposure_drift", "normals")
 
 
 @dataclass(frozen=True)
@@ -20,8 +22,8 @@ class SynthesizeSettings:
     """Everything that decides the pixels of a data set.
 
     Attributes:
-        scene: one of `SCENES`.
-        path: one of `PATH_NAMES`.
+        scene: one of `SCENES`, or a .blend file with objects, lights and materials of its own.
+        path: one of `PATH_NAMES`; 'scene' is the animated camera of a .blend.
         views: number of photos.
         width, height: px.
         psf: 'none', 'gaussian:SIGMA' or 'gaussian:SX,SY,ANGLE' (px, degrees from x towards y).
@@ -35,6 +37,9 @@ class SynthesizeSettings:
         masks: also write where the ball is seen.
         depth: also write depth along the camera's axis.
         keep_linear: keep the rendered float pictures, so that another medium needs no rendering.
+        mesh: file of an object that takes the ball's place (scaled to its length); '' for the ball.
+        exposure_drift: stops that the photos' exposure drifts up or down at most, from view to view.
+        normals: also write normals of the surfaces.
     """
 
     scene: str = "rugby-ball"
@@ -53,10 +58,13 @@ class SynthesizeSettings:
     masks: bool = False
     depth: bool = False
     keep_linear: bool = False
+    mesh: str = ""
+    exposure_drift: float = 0.0
+    normals: bool = False
 
     def __post_init__(self) -> None:
         for name, value, allowed in (
-            ("scene", self.scene, SCENES),
+            ("scene", "rugby-ball" if self.from_blend else self.scene, (*SCENES, "FILE.blend")),
             ("path", self.path, PATH_NAMES),
             ("blur space", self.blur_space, ("srgb", "linear")),
             ("number of bits", self.bits, (8, 16)),
@@ -66,19 +74,39 @@ class SynthesizeSettings:
         for name, amount, least in (
             ("views", self.views, 1), ("width", self.width, 4), ("height", self.height, 4),
             ("samples", self.samples, 1), ("overscan", self.overscan, 0), ("noise", self.noise, 0),
-            ("seed", self.seed, 0),
+            ("seed", self.seed, 0), ("exposure drift", self.exposure_drift, 0),
         ):  # fmt: skip
             if not amount >= least:
                 raise DgsError(f"The laboratory's {name} must be at least {least}, not {amount}", "Give another value")
 
+        if self.path == "scene" and not self.from_blend:
+            raise DgsError("Only a .blend has an animated camera", "Give --scene FILE.blend, or another path")
+        if self.mesh and self.from_blend:
+            raise DgsError("A set is of a mesh or of a .blend, not of both", "Give --mesh or --scene")
+
+    @property
+    def from_blend(self) -> bool:
+        """Whether the scene is somebody's own .blend."""
+        return self.scene.lower().endswith(".blend")
+
+    @property
+    def has_ball(self) -> bool:
+        """Whether the object is the ball, whose lines are known."""
+        return not self.mesh and not self.from_blend
+
+    def to_json(self) -> dict[str, Any]:
+        """For the manifest; `from_json` reads it back."""
+        usual = {item.name: item.default for item in fields(self)}
+        return {k: v for k, v in asdict(self).items() if k not in _LATER or v != usual[k]}
+
     def fingerprint(self) -> str:
         """Identifies the settings; frames of another fingerprint are not reused."""
-        return _digest(asdict(self))
+        return _digest(self.to_json())
 
     def render_fingerprint(self) -> str:
         """As `fingerprint`, for what happens before the medium."""
-        after = {"psf", "blur_space", "bits", "noise", "masks", "depth", "keep_linear"}
-        return _digest({key: value for key, value in asdict(self).items() if key not in after})
+        after = {"psf", "blur_space", "bits", "noise", "masks", "depth", "keep_linear", "exposure_drift", "normals"}
+        return _digest({key: value for key, value in self.to_json().items() if key not in after})
 
     @staticmethod
     def from_json(values: dict[str, Any]) -> SynthesizeSettings:

@@ -103,7 +103,7 @@ def test_lines_are_where_they_are_painted(tmp_path):
 
 
 def test_errors_name_the_way_out(tmp_path):
-    for change in ({"views": 0}, {"bits": 12}, {"scene": "teapot"}, {"path": "spiral"}, {"noise": float("nan")}):
+    for change in ({"views": 0}, {"bits": 12}, {"scene": "teapot"}, {"path": "scene"}, {"noise": float("nan")}):
         with pytest.raises(DgsError, match=r"Choose|Give"):
             replace(TINY, **change)
     (tmp_path / "file").write_text("")

@@ -1,0 +1,94 @@
+"""Builds the scene when its first frame is needed: a finished set needs no Blender."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+from typing import Any
+
+from ...core.camera import Camera
+from ...core.errors import DgsError, FormatError
+from . import rail
+from .settings import SynthesizeSettings
+
+#: Radius (m) of the sphere around the ball, for which the paths were laid out.
+BALL_RADIUS = 0.17
+
+
+class Studio:
+    """The scene that the settings ask for, in Blender's current file."""
+
+    def __init__(self, settings: SynthesizeSettings) -> None:
+        self.settings = settings
+        self.ready = False
+        self._own: list[Camera] = []
+
+    def cameras(self) -> list[Camera]:
+        """One per view; the scene has to be opened for them only if it is somebody's own.
+
+        Raises:
+            DgsError: no bpy, or a scene without a camera.
+            FormatError: the scene cannot be read.
+        """
+        settings = self.settings
+        if not settings.from_blend:
+            return rail.cameras(settings.path, settings.views, settings.width, settings.height)
+        self.enter()
+        from . import own_scene
+
+        if settings.path == "scene":
+            return self._own
+        middle, radius = own_scene.extent()
+        return rail.cameras(
+            settings.path, settings.views, settings.width, settings.height, middle, radius / BALL_RADIUS
+        )
+
+    def enter(self) -> Any:
+        """The module `render`, with the scene built and ready."""
+        try:
+            import bpy  # noqa: F401
+        except ImportError as error:
+            raise DgsError(
+                "This Python has no Blender in it (no module bpy)",
+                "Run `blender -b -P run_dgs.py -- synthesize ...`, or `make setup`, which installs bpy",
+            ) from error
+        from . import render
+
+        if not self.ready:
+            self._build()
+            if self.settings.denoise and not render.can_denoise():
+                raise DgsError("This build of Blender has no OpenImageDenoise", "Add --no-denoise and more --samples")
+            render.prepare(self.settings.samples, self.settings.denoise)
+            self.ready = True
+        return render
+
+    def _build(self) -> None:
+        from . import ball, mesh, own_scene
+
+        settings = self.settings
+        if settings.mesh:
+            mesh.build(Path(settings.mesh), settings.seed)
+        elif settings.from_blend:
+            own_scene.build(Path(settings.scene))
+            if settings.path == "scene":
+                names = rail.names(settings.views)
+                self._own = own_scene.own_cameras(settings.views, settings.width, settings.height, names)
+            own_scene.enter_camera()
+        else:
+            ball.build(settings.seed, settings.width)
+
+
+def source_digest(settings: SynthesizeSettings) -> str:
+    """Identifies the content of the mesh or .blend; '' for the ball.
+
+    Raises:
+        FormatError: the file cannot be read.
+    """
+    name = settings.mesh or (settings.scene if settings.from_blend else "")
+    if not name:
+        return ""
+    try:
+        return hashlib.sha256(Path(name).read_bytes()).hexdigest()[:16]
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise FormatError(f"'{name}' cannot be read: {reason}", "Check the path") from error
