@@ -167,7 +167,9 @@ def cameras_of(
     else:
         kernel = None if medium.psf is None or medium.psf.is_identity else medium.psf.kernel()
         work = make_folder(settings.out / "sfm")
-        reconstruction = find_cameras(photos, kernel, SfmSettings(threads=threads), work, progress)
+        wanted = SfmSettings(threads=threads)
+        wanted = wanted.hurried() if settings.preset == "draft" else wanted
+        reconstruction = find_cameras(photos, kernel, wanted, work, progress)
         source = "sfm"
     if len(reconstruction.poses) < 2:
         raise CameraError(

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
+
+#: Observations per photo that a hurried refinement keeps.
+HURRIED_OBSERVATIONS = 120
 
 
 @dataclass(frozen=True)
@@ -108,8 +111,8 @@ class SfmSettings:
     one_lens: bool = True
     choose_pairs_from: int = 30
     many: int = 50
-    many_features: int = 800
-    many_partners: int = 8
+    many_features: int = 600
+    many_partners: int = 6
     many_sigma: float = 4.0
     vote_features: int = 300
     minimum_votes: int = 8
@@ -118,6 +121,11 @@ class SfmSettings:
     hard_limit: float = 300.0
     minimum_share: float = 0.75
     refine: RefineSettings = field(default_factory=RefineSettings)
+
+    def hurried(self) -> SfmSettings:
+        """For drafts: half the observations in the refinement. On the ball 4 s less, cameras as exact, but half
+        the points to start from (0.2 to 0.3 dB)."""
+        return replace(self, refine=replace(self.refine, observations_per_photo=HURRIED_OBSERVATIONS))
 
     def as_json(self) -> dict[str, Any]:
         """For the child process."""
