@@ -6,7 +6,7 @@ SHELL := /bin/bash
 PY := .venv/bin/python
 export PYTHON
 
-.PHONY: help setup demo test lint format bench bench-sfm accuracy extension window clean
+.PHONY: help setup demo test lint format bench bench-sfm accuracy paper extension window clean
 
 help:  ## This list
 	@grep -E '^[a-z-]+:.*## ' Makefile | sed -E 's/:.*## /\t/' | expand -t 14
@@ -35,6 +35,9 @@ bench-sfm: setup  ## Measure structure from motion on the shared photo sets
 
 accuracy: setup  ## Measure accuracy against other ways; ARGS="--data FOLDER --seeds 3"
 	@$(PY) benchmarks/accuracy.py $(ARGS)
+
+paper: setup  ## Repeat the paper's experiment (hours, resumable; ARGS="--quick": minutes) and write docs/paper.md
+	@$(PY) tools/paper.py $(ARGS)
 
 extension: setup  ## Build the Blender extension into dist/
 	@$(PY) tools/extension.py

@@ -23,7 +23,7 @@ from . import deconvolution
 from .dataset import Dataset
 
 RATIOS = ("1e-5", "3e-5", "1e-4", "3e-4", "1e-3", "measured")
-ITERATIONS = (20, 50)
+ITERATIONS = (50, 100, 200)
 VARIATIONS = (0.0, 0.1, 0.3)
 _QUICK_RATIOS, _QUICK_ITERATIONS = ("1e-4", "measured"), (10,)
 _KINDS = ("plain", "paper", "dgs", "oracle", "wiener", "rl")

@@ -110,29 +110,33 @@ def table_lines(facts: dict[str, Any], summary: dict[str, Any], only: Sequence[s
     return out
 
 
-def explanation(facts: dict[str, Any]) -> list[str]:
-    """What was compared and what the columns mean, as paragraphs."""
-    limits = ", ".join(f"{cut} cycles/px: {value} dB" for cut, value in facts["truth_low_passed_psnr"].items())
+def columns(facts: dict[str, Any]) -> str:
+    """What the columns of the table mean."""
+    return (
+        "PSNR (dB), SSIM: sharp render against sharp photo, held-out views, sRGB. Edges: slope across the truth's"
+        " strongest edges, 1 is the truth's. Bands: gain (1: all there) and correlation (1: all true) of detail with"
+        " periods in that range. " + DEFINITION + " A width is where the flanks pass half-way between line and"
+        " surroundings, measured alike in truth and render; a line that is not found counts as width 0."
+        + (" Depth: median over opaque pixels of held-out views." if facts.get("metres") else "")
+    )
+
+
+def conditions(facts: dict[str, Any]) -> list[str]:
+    """What was compared, as paragraphs."""
+    limits = ", ".join(f"{cut} cycles/px: {_plain(value)} dB" for cut, value in facts["truth_low_passed_psnr"].items())
     lines = [
         f"{facts['registered']} of {facts['photos']} photos of {facts['size'][0]} x {facts['size'][1]} px,"
         f" {len(facts['heldout'])} held out; PSF {facts['psf']} in {facts['blur_space']} values; cameras:"
         f" {facts['cameras']}; grid step {facts['grid_step']}, {facts['steps']} steps, at most"
         f" {facts['max_gaussians']} Gaussians, {facts['seeds']} seed{'s' if facts['seeds'] > 1 else ''}"
-        " (median ± standard deviation).",
-        "PSNR (dB), SSIM: sharp render against sharp photo, held-out views, sRGB. Edges: slope across the truth's"
-        " strongest edges, 1 is the truth's. Bands: gain (1: all there) and correlation (1: all true) of detail with"
-        " periods in that range. " + DEFINITION + " A width is where the flanks pass half-way between line and"
-        " surroundings, measured alike in truth and render.",
-        f"The sharp photos themselves without what is finer than {limits}.",
+        f" (median ± standard deviation). The sharp photos themselves without what is finer than {limits}."
     ]
-    if facts.get("quick"):
-        lines.insert(0, "**A quick run: small pictures and short trainings. It proves the machinery, not the method.**")
-    if facts.get("poses"):
+    if facts.get("poses") and facts["cameras"] != "known":
         poses = facts["poses"]
         lines.append(
-            f"Cameras against the set's own, after similarity alignment (medians): centre {poses['centre_px_median']}"
-            f" px-equivalent, orientation {poses['angle_degrees_median']} degrees, focal length"
-            f" {poses['focal_percent']} %."
+            f"Cameras against the set's own, after similarity alignment (medians): centre"
+            f" {_plain(poses['centre_px_median'])} px-equivalent, orientation {poses['angle_degrees_median']} degrees,"
+            f" focal length {poses['focal_percent']} %."
         )
     return lines
 
@@ -140,7 +144,10 @@ def explanation(facts: dict[str, Any]) -> list[str]:
 def write(path: Path, content: dict[str, Any]) -> None:
     """Writes the whole comparison as Markdown, with the pictures beside it."""
     facts = content["facts"]
-    parts = [f"# Comparison: {facts['set']}", *explanation(facts), "\n".join(table_lines(facts, content["methods"]))]
+    parts = [f"# Comparison: {facts['set']}"]
+    if facts.get("quick"):
+        parts.append("**A quick run: small pictures and short trainings. It proves the machinery, not the method.**")
+    parts += [*conditions(facts), columns(facts), "\n".join(table_lines(facts, content["methods"]))]
     parts += [f"![{title}]({file})" for file, title in content.get("pictures", {}).items()]
     write_text(path, "\n\n".join(parts) + "\n")
 

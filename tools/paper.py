@@ -1,0 +1,131 @@
+#!/usr/bin/env python3
+"""`make paper`: renders the ball, compares all methods on it, and writes docs/paper.md.
+
+    tools/paper.py [--quick] [--real FOLDER ...] [--seeds 3] [--page FILE]
+
+Everything is kept in benchmarks/runs/paper (--quick: paper_quick) and taken up again. The whole takes
+hours; --quick takes minutes, proves that everything runs, and writes its page beside its data.
+FOLDER is a set of real photos with blur5/ (sigma 5 px) and sharp/.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import shutil
+import sys
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parent.parent
+sys.path.insert(0, str(ROOT))
+os.environ.setdefault("OMP_WAIT_POLICY", "passive")
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import run_dgs  # noqa: E402
+
+#: What the set with blur in linear light and real sets are compared with: the Wiener row is the choosable one.
+FEW = ("plain", "paper", "dgs", "wiener measured v0.1", "oracle")
+
+
+class Failed(Exception):
+    """A command ended with this exit status; it has said why."""
+
+
+def command(*words: object) -> None:
+    """Runs one command of ours in this process."""
+    from dgs.core.command_line import run
+
+    print("run_dgs.py " + " ".join(map(str, words)), flush=True)
+    status = run([str(word) for word in words])
+    if status:
+        raise Failed(status)
+
+
+def read(path: Path) -> dict[str, Any]:
+    return json.loads(path.read_text("utf-8"))
+
+
+def render_sets(work: Path, quick: bool) -> tuple[Path, Path]:
+    """The ball blurred in sRGB, and from the same frames blurred in linear light."""
+    small = ("--views", 10, "--size", "192x128", "--psf", "gaussian:1.5", "--overscan", 10, "--samples", 4)
+    size = small if quick else ("--views", 76, "--size", "800x533", "--psf", "gaussian:5")
+    encoded, linear = work / "ball", work / "ball_linear"
+    shared = ("--masks", "--depth", "--keep-linear", *size)
+    command("synthesize", "--out", encoded, *shared)
+    if not (linear / "manifest.json").is_file() and not (linear / "unfinished.json").is_file():
+        shutil.rmtree(linear, ignore_errors=True)
+        shutil.copytree(encoded / "linear", linear / "linear")
+        shutil.copyfile(encoded / "manifest.json", linear / "manifest.json")  # tells that the frames are the same
+    command("synthesize", "--out", linear, *shared, "--blur-space", "linear")
+    return encoded, linear
+
+
+def compare(data: Path, out: Path, options: argparse.Namespace, *more: object, few: bool = False) -> dict[str, Any]:
+    """The table of one set, taking up what is there."""
+    only = [word for method in FEW for word in ("--only", method)] if few else []
+    quick = ("--quick", "--cameras", "known", "--steps", 80) if options.quick else ()
+    threads = ("--threads", options.threads) if options.threads else ()
+    command("compare", data, "--out", out, "--seeds", options.seeds, "--resume", *quick, *threads, *only, *more)
+    return read(out / ("mismatch.json" if "--mismatch" in more else "compare.json"))
+
+
+def pictures(out: Path, page: Path, label: str) -> dict[str, str]:
+    """Copies the pictures of a comparison beside the page; title by link."""
+    folder = page.parent / "images" / "paper"
+    folder.mkdir(parents=True, exist_ok=True)
+    links = {}
+    for line in (out / "compare.md").read_text("utf-8").splitlines():
+        if line.startswith("!["):
+            title, _, file = line[2:-1].rpartition("](")
+            shutil.copyfile(out / file, folder / f"{label}_{file}")
+            links[f"images/paper/{label}_{file}"] = title
+    return links
+
+
+def write(options: argparse.Namespace) -> None:
+    """All sets, all comparisons, the page."""
+    from dgs.core.comparison.paper import Chapter, page
+    from dgs.core.files import write_text
+
+    work = ROOT / "benchmarks" / "runs" / ("paper_quick" if options.quick else "paper")
+    target = options.page or (work / "paper.md" if options.quick else ROOT / "docs" / "paper.md")
+    encoded, linear = render_sets(work, options.quick)
+    content = compare(encoded, work / "compare_ball", options)
+    views = "{registered} views".format(**content["facts"])
+    main = Chapter(f"The ball, {views}", "Blurred in sRGB values, 8 bit, as the paper most likely did.", content,
+                   pictures(work / "compare_ball", target, "ball"))  # fmt: skip
+    more = [Chapter("The same ball, blurred in linear light", "As a medium blurs: light, not stored values.",
+                    compare(linear, work / "compare_ball_linear", options, few=True))]  # fmt: skip
+    for folder in options.real:
+        out = work / f"compare_{folder.name}"
+        real = compare(folder, out, options, "--psf", "gaussian:5", few=True)
+        more.append(Chapter(f"Real photos: {folder.name}", "Sharp photos blurred virtually by 5 px.", real,
+                            pictures(out, target, folder.name)))  # fmt: skip
+    few_seeds = argparse.Namespace(**{**vars(options), "seeds": 1})
+    wrong = compare(encoded, work / "compare_ball", few_seeds, "--mismatch")
+    write_text(target, page(main, more, wrong, options.quick))
+    print(f"wrote {target.relative_to(ROOT) if target.is_relative_to(ROOT) else target}")
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--quick", action="store_true")
+    parser.add_argument("--real", type=Path, action="append", default=[], metavar="FOLDER")
+    parser.add_argument("--seeds", type=int)
+    parser.add_argument("--threads", type=int)
+    parser.add_argument("--page", type=Path, metavar="FILE", help="docs/paper.md if not given")
+    options = parser.parse_args()
+    options.seeds = options.seeds or (1 if options.quick else 3)
+    options.page = options.page.resolve() if options.page else None
+    run_dgs.mount_package()
+    try:
+        write(options)
+    except Failed as stop:
+        return int(stop.args[0])
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
