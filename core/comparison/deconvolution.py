@@ -61,8 +61,8 @@ def lucy(photos: Sequence[Photo], medium: Medium, iterations: int, progress: Pro
     kernel = medium.psf.kernel().astype(np.float32)
     rows, columns = (side // 2 for side in kernel.shape)
     out = []
-    progress.stage(f"Richardson-Lucy, {iterations} iterations", len(photos))
-    for index, photo in enumerate(photos, start=1):
+    progress.note(f"Richardson-Lucy, {iterations} iterations on {len(photos)} photos")
+    for photo in photos:
         if progress.cancelled():
             raise Cancelled("Stopped while photos were deconvolved", "Run it again with --resume")
         blurred = _light(photo, medium).numpy()
@@ -71,7 +71,6 @@ def lucy(photos: Sequence[Photo], medium: Medium, iterations: int, progress: Pro
         sharp = np.stack([richardson_lucy(plane, kernel, num_iter=iterations) for plane in padded])
         inside = sharp[:, edge[0] : sharp.shape[1] - edge[0], edge[1] : sharp.shape[2] - edge[1]]
         out.append(_with(photo, torch.from_numpy(np.ascontiguousarray(inside, np.float32)), medium))
-        progress.advance(index)
     return out
 
 
