@@ -134,8 +134,10 @@ def one_run(
 
 
 def run_key(settings: CompareSettings, data: Dataset, base: TrainingSettings) -> str:
-    """Rows of other settings, another medium or other photos are other rows."""
+    """Rows of other settings, another medium, other cameras or other photos are other rows."""
     content = hashlib.sha256()
+    for name in data.cameras.names:
+        content.update(f"{name} {data.cameras.poses[name].centre.round(6).tolist()}".encode())
     for photo in data.photos:
         content.update(photo.name.encode() + photo.pixels[::7, ::7].tobytes())
     training = {name: value for name, value in asdict(base).items() if name not in ("threads", "seed")}
