@@ -49,6 +49,7 @@ class Lanes:
 
     @property
     def is_vector(self) -> bool:
+        """Whether this is 16 values rather than one."""
         return isinstance(self.value.type, ir.VectorType)
 
     @property

@@ -62,18 +62,22 @@ class Lens:
 
     @property
     def fx(self) -> float:
+        """Horizontal focal length in px."""
         return self.params[0]
 
     @property
     def fy(self) -> float:
+        """Vertical focal length in px."""
         return self.params[0 if MODELS[self.model][0] else 1]
 
     @property
     def cx(self) -> float:
+        """Column of the principal point in px."""
         return self.params[1 if MODELS[self.model][0] else 2]
 
     @property
     def cy(self) -> float:
+        """Row of the principal point in px."""
         return self.params[2 if MODELS[self.model][0] else 3]
 
     @property

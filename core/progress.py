@@ -31,4 +31,5 @@ class Silent:
     def note(self, text: str) -> None: ...
 
     def cancelled(self) -> bool:
+        """Whether the user asked to stop."""
         return False

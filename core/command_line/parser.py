@@ -17,6 +17,7 @@ class OneLineParser(argparse.ArgumentParser):
     """Says what is wrong in one line instead of printing the usage first."""
 
     def error(self, message: str) -> NoReturn:
+        """Ends with usage and one line, exit code 2."""
         self.exit(2, f"{message}. See '{self.prog} --help'.\n")
 
 

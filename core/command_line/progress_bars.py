@@ -52,22 +52,27 @@ class Bars:
         self._bars.stop()
 
     def stage(self, name: str, total: int | None = None) -> None:
+        """A new stage begins; `total` steps if they can be counted."""
         self._complete()
         self._task = self._bars.add_task(escape(name), total=total, figures="")
 
     def advance(self, done: int, **figures: float) -> None:
+        """So many steps of the stage are done; figures worth showing."""
         if self._task is None:
             return
         text = "  ".join(f"{key.replace('_', ' ')} {value:.4g}" for key, value in figures.items())
         self._bars.update(self._task, completed=done, figures=text)
 
     def note(self, text: str) -> None:
+        """Something the user should read, in one line."""
         self._bars.console.print(f"[yellow]•[/] {escape(text)}")
 
     def cancelled(self) -> bool:
+        """Whether the user asked to stop."""
         return self._interruption.asked
 
     def finished(self, result: dict[str, object]) -> None:
+        """The work is done: the last words."""
         self._complete()
         self._bars.stop()
         table = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
@@ -78,6 +83,7 @@ class Bars:
         Console(highlight=False, soft_wrap=True).print(table)
 
     def failed(self, line: str, status: int) -> None:
+        """The work ended with an error: what and the way out."""
         self._bars.stop()
 
     def _complete(self) -> None:

@@ -42,10 +42,12 @@ class JsonLines:
         return None
 
     def stage(self, name: str, total: int | None = None) -> None:
+        """A new stage begins; `total` steps if they can be counted."""
         self._name, self._total, self._began, self._written = name, total, time.monotonic(), -math.inf
         self._write({"event": "stage", "name": name, "total": total})
 
     def advance(self, done: int, **figures: float) -> None:
+        """So many steps of the stage are done; figures worth showing."""
         now = time.monotonic()
         if now - self._written < self._interval and done != self._total:
             return
@@ -64,18 +66,22 @@ class JsonLines:
         self._write({**{key: _finite(value) for key, value in figures.items()}, **event})
 
     def note(self, text: str) -> None:
+        """Something the user should read, in one line."""
         self._write({"event": "note", "text": text})
 
     def cancelled(self) -> bool:
+        """Whether the user asked to stop."""
         paused = time.monotonic()
         self._interruption.wait_while_paused()
         self._began += time.monotonic() - paused  # so that a pause does not count as work in `seconds_left`
         return self._interruption.asked
 
     def finished(self, result: dict[str, object]) -> None:
+        """The work is done: the last words."""
         self._write({"event": "done", "result": result})
 
     def failed(self, line: str, status: int) -> None:
+        """The work ended with an error: what and the way out."""
         self._write({"event": "error", "text": line, "status": status})
 
     def _write(self, event: dict[str, object]) -> None:

@@ -37,11 +37,13 @@ class Lines:
         return None
 
     def stage(self, name: str, total: int | None = None) -> None:
+        """A new stage begins; `total` steps if they can be counted."""
         self._name, self._total = name, total
         self._began = self._written = time.monotonic()
         self._say(f"{name} ({total})" if total else name)
 
     def advance(self, done: int, **figures: float) -> None:
+        """So many steps of the stage are done; figures worth showing."""
         now = time.monotonic()
         if now - self._written < INTERVAL:
             return
@@ -53,12 +55,15 @@ class Lines:
         self._say(f"  {self._name} {done}{f' of {self._total}' if self._total else ''}{values}{left}")
 
     def note(self, text: str) -> None:
+        """Something the user should read, in one line."""
         self._say(f"  note: {text}")
 
     def cancelled(self) -> bool:
+        """Whether the user asked to stop."""
         return self._interruption.asked
 
     def finished(self, result: dict[str, object]) -> None:
+        """The work is done: the last words."""
         if self._stream is None:
             return
         for key, value in result.items():
@@ -66,7 +71,7 @@ class Lines:
                 print(f"{key:>12}  {value}", file=self._results, flush=True)
 
     def failed(self, line: str, status: int) -> None:
-        return None
+        """The work ended with an error: what and the way out (the error itself is printed elsewhere)."""
 
     def _say(self, text: str) -> None:
         if self._stream is not None:

@@ -46,6 +46,7 @@ class Quiet:
     def note(self, text: str) -> None: ...
 
     def cancelled(self) -> bool:
+        """Whether the user asked to stop."""
         return self._progress.cancelled()
 
 

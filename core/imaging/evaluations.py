@@ -37,6 +37,7 @@ class Frame:
 
     @property
     def rendered(self) -> tuple[int, int]:
+        """[2] height and width of the frames that are rendered, margin included."""
         return self.height + 2 * self.margin, self.width + 2 * self.margin
 
 
@@ -98,6 +99,7 @@ class Separable:
             self.matrices = down.to(dtype), across.to(dtype)
 
     def apply(self, frame: Tensor) -> Tensor:
+        """The blur of a frame [C, H + 2m, W + 2m] -> [C, H, W]."""
         if self.matrices is not None:
             return self.matrices[0] @ frame @ self.matrices[1].T
         from .blur_kernels import separable_apply
@@ -109,6 +111,7 @@ class Separable:
         return out
 
     def adjoint(self, photo: Tensor) -> Tensor:
+        """Its transpose, [C, H, W] -> [C, H + 2m, W + 2m]."""
         if self.matrices is not None:
             return self.matrices[0].T @ photo @ self.matrices[1]
         from .blur_kernels import separable_adjoint
@@ -147,10 +150,12 @@ class Direct:
         return out
 
     def apply(self, frame: Tensor) -> Tensor:
+        """The blur of a frame [C, H + 2m, W + 2m] -> [C, H, W]."""
         rv, rh = (r - self.frame.margin for r in self.radius)
         return self._correlated(extended(frame, rv, rh), self.forward, self.frame.height, self.frame.width)
 
     def adjoint(self, photo: Tensor) -> Tensor:
+        """Its transpose, [C, H, W] -> [C, H + 2m, W + 2m]."""
         (rv, rh), f = self.radius, self.frame
         embedded = torch.nn.functional.pad(photo, (2 * rh, 2 * rh, 2 * rv, 2 * rv))
         spread = self._correlated(embedded, self.backward, f.height + 2 * rv, f.width + 2 * rh)
@@ -176,12 +181,14 @@ class Fourier:
         self.transfer = torch.from_numpy(np.fft.rfft2(placed)).to(device=device, dtype=complex_type)
 
     def apply(self, frame: Tensor) -> Tensor:
+        """The blur of a frame [C, H + 2m, W + 2m] -> [C, H, W]."""
         (rv, rh), f = self.radius, self.frame
         spectrum = torch.fft.rfft2(extended(frame, rv - f.margin, rh - f.margin), s=self.size)
         out = torch.fft.irfft2(spectrum * self.transfer, s=self.size)
         return out[:, rv : rv + f.height, rh : rh + f.width].contiguous()
 
     def adjoint(self, photo: Tensor) -> Tensor:
+        """Its transpose, [C, H, W] -> [C, H + 2m, W + 2m]."""
         (rv, rh), f = self.radius, self.frame
         embedded = torch.nn.functional.pad(photo, (rh, 0, rv, 0))
         out = torch.fft.irfft2(torch.fft.rfft2(embedded, s=self.size) * self.transfer.conj(), s=self.size)
@@ -215,9 +222,11 @@ class Reduced:
         self.down_v, self.up_v, self.down_h, self.up_h = factors
 
     def apply(self, frame: Tensor) -> Tensor:
+        """The blur of a frame [C, H + 2m, W + 2m] -> [C, H, W]."""
         return self.up_v @ (self.down_v @ frame @ self.down_h.T) @ self.up_h.T
 
     def adjoint(self, photo: Tensor) -> Tensor:
+        """Its transpose, [C, H, W] -> [C, H + 2m, W + 2m]."""
         return self.down_v.T @ (self.up_v.T @ photo @ self.up_h) @ self.down_h
 
 

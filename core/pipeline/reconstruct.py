@@ -59,16 +59,20 @@ class NoteKeeper:
         self.notes: list[str] = []
 
     def stage(self, name: str, total: int | None = None) -> None:
+        """A new stage begins; `total` steps if they can be counted."""
         self._progress.stage(name, total)
 
     def advance(self, done: int, **figures: float) -> None:
+        """So many steps of the stage are done; figures worth showing."""
         self._progress.advance(done, **figures)
 
     def note(self, text: str) -> None:
+        """Something the user should read, in one line."""
         self.notes.append(text)
         self._progress.note(text)
 
     def cancelled(self) -> bool:
+        """Whether the user asked to stop."""
         return self._progress.cancelled()
 
 
