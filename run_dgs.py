@@ -14,6 +14,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent
 PACKAGE = "dgs"
+#: Commands that need the engine's packages, which Blender's own Python does not have.
+ENGINE_WORK = {"reconstruct", "cameras", "render", "compare", "doctor"}
 
 
 def mount_package() -> None:
@@ -40,11 +42,20 @@ def main() -> int:
     # scipy's linear algebra here is a thousand 2 x 2 systems: threads only wait for each other (1 -> 30 s).
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     mount_package()
-    from dgs.core.command_line import run
-
     arguments = sys.argv[1:]
     if "--" in arguments:  # behind `blender -b -P run_dgs.py --`
         arguments = arguments[arguments.index("--") + 1 :]
+    if importlib.util.find_spec("torch") is None and ENGINE_WORK.intersection(arguments[:1]):
+        if importlib.util.find_spec("bpy") is None:
+            print(
+                "This Python lacks the engine's packages: run 'make setup', then use .venv/bin/python", file=sys.stderr,
+            )  # fmt: skip
+            return 2
+        from dgs.dgs_addon.engine.handover import hand_over
+
+        return hand_over(arguments)
+    from dgs.core.command_line import run
+
     return run(arguments)
 
 

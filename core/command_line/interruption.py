@@ -55,7 +55,8 @@ class Interruption:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         for number, handler in self._before.items():
-            signal.signal(number, handler)  # type: ignore[arg-type]
+            if handler is not None:  # None: one that was not set from Python (Blender's own)
+                signal.signal(number, handler)  # type: ignore[arg-type]
         self._before.clear()
 
     def _receive(self, number: int, frame: FrameType | None) -> None:

@@ -84,3 +84,12 @@ def test_the_manifest_has_the_same_version():
 
     manifest = ROOT / "blender_manifest.toml"
     assert tomllib.loads(manifest.read_text("utf-8"))["version"] == VERSION
+
+
+def test_a_python_without_the_engine_says_what_to_use() -> None:
+    """`-S` leaves out the installed packages, as a bare Python (or Blender's) would."""
+    done = subprocess.run(
+        [sys.executable, "-S", str(ROOT / "run_dgs.py"), "reconstruct", "photos", "--out", "x"],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 2 and "make setup" in done.stderr and "Traceback" not in done.stderr
