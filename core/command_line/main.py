@@ -70,6 +70,10 @@ def _command(name: str) -> Callable[[argparse.Namespace, Reporting], int]:
         from .compare_command import compare_command
 
         return compare_command
+    if name == "measure-psf":
+        from .measure_psf_command import measure_psf_command
+
+        return measure_psf_command
     from .doctor import doctor_command
 
     return doctor_command

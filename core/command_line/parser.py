@@ -76,6 +76,7 @@ def build_parser(arguments: list[str]) -> argparse.ArgumentParser:
     _add_blend(commands)
     _add_synthesize(commands, asked="synthesize" in arguments[:1])
     _add_compare(commands)
+    _add_measure_psf(commands)
     return parser
 
 
@@ -246,4 +247,19 @@ def _add_compare(commands: argparse._SubParsersAction[OneLineParser]) -> None:
     )
     add_arguments(parser)
     _add_machine(parser)
+    _add_progress(parser)
+
+
+def _add_measure_psf(commands: argparse._SubParsersAction[OneLineParser]) -> None:
+    from .measure_psf_command import add_arguments
+
+    parser = _defaults(
+        commands.add_parser(
+            "measure-psf",
+            help="the point spread from a calibration photo",
+            description="Measures what the medium does to a point of light, from a photo of one (pinhole, star, bead) "
+            "or of a slanted edge (ISO 12233); writes a kernel for --psf file:KERNEL.tif with a picture beside it.",
+        )
+    )
+    add_arguments(parser)
     _add_progress(parser)

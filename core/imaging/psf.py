@@ -22,6 +22,8 @@ TRUNCATION = 4.0
 THINNEST_TILTED = 0.3
 #: A kernel file with longer sides is refused: it is a picture rather than a point spread.
 LARGEST_KERNEL = 1025
+#: Kinds of file that `kernel_files` reads; such a path is a PSF without `file:` before it.
+KERNEL_SUFFIXES = frozenset({".npy", ".tif", ".tiff", ".png", ".fits", ".fit", ".fts"})
 #: Sum of a kernel file that counts as normalised.
 SUM_TOLERANCE = 1e-3
 
@@ -181,7 +183,7 @@ def gaussian_taps(sigma: float, truncation: float = TRUNCATION) -> Array:
 
 
 def parse_psf(text: str) -> PointSpread | None:
-    """Reads `none`, `gaussian:SIGMA`, `gaussian:SX,SY,ANGLE` (px, px, degrees) or `file:PATH`.
+    """Reads `none`, `gaussian:SIGMA`, `gaussian:SX,SY,ANGLE` (px, px, degrees), `file:PATH` or a kernel file's path.
 
     Returns:
         None for `none`.
@@ -203,10 +205,11 @@ def parse_psf(text: str) -> PointSpread | None:
         if sx < 0 or sy < 0:
             raise PsfError(f"The PSF '{text}' has a negative width", "Give standard deviations in pixels")
         return PointSpread(sigma_x=sx, sigma_y=sy, angle=angle, source=text.strip())
-    if kind == "file" and rest:
+    path = rest if kind == "file" else text.strip()
+    if path and (kind == "file" or Path(path).suffix.lower() in KERNEL_SUFFIXES):
         from .kernel_files import read_kernel
 
-        return point_spread_from_samples(read_kernel(Path(rest)), text.strip())
+        return point_spread_from_samples(read_kernel(Path(path)), text.strip())
     raise PsfError(
         f"There is no PSF '{text}'",
         "Write none, gaussian:5, gaussian:SX,SY,ANGLE or file:PATH (NPY, TIFF, PNG, FITS)",
