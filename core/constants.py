@@ -47,6 +47,14 @@ LOG_SCALE_LIMIT = 40.0
 #: Quaternions shorter than this have no direction; the splat is culled and counted.
 QUATERNION_MINIMUM_NORM = 1.0e-12
 
+#: Gaussians farther than this (scene units) are culled: what is shown there is sky, and their depth times a gradient
+#: of a frame's pixels leaves float32.
+FAR_PLANE = 1.0e12
+
+#: Gaussians whose harmonics are longer (root of the sum of squares; white is 1.8) are culled: a colour times
+#: the steepest slopes of a giant or a needle stays inside float32 below it. HDR values of 1e4 are far inside.
+HARMONICS_LIMIT = 1.0e6
+
 #: Determinants of a projected covariance below this cannot be inverted in float32. With the
 #: low-pass the determinant is at least LOW_PASS_VARIANCE**2 in exact arithmetic.
 DETERMINANT_MINIMUM = 1.0e-10

@@ -178,7 +178,8 @@ def gaussian_taps(sigma: float, truncation: float = TRUNCATION) -> Array:
     if radius == 0:
         return np.ones(1)
     # Divided before squaring, as a square underflows for tiny sigmas; 40 sigma are as far as infinity.
-    values = np.exp(-0.5 * np.clip(np.arange(-radius, radius + 1) / sigma, -40, 40) ** 2)
+    with np.errstate(over="ignore"):
+        values = np.exp(-0.5 * np.clip(np.arange(-radius, radius + 1) / sigma, -40, 40) ** 2)
     return np.asarray(values / values.sum())
 
 

@@ -17,7 +17,14 @@ import torch
 from torch import Tensor
 
 from ..camera import Camera
-from ..constants import DETERMINANT_MINIMUM, FRUSTUM_MARGIN, LOG_SCALE_LIMIT, QUATERNION_MINIMUM_NORM
+from ..constants import (
+    DETERMINANT_MINIMUM,
+    FAR_PLANE,
+    FRUSTUM_MARGIN,
+    HARMONICS_LIMIT,
+    LOG_SCALE_LIMIT,
+    QUATERNION_MINIMUM_NORM,
+)
 from ..gaussians import Gaussians
 from .harmonics import colours
 from .interface import RasterSettings
@@ -131,7 +138,8 @@ def project(gaussians: Gaussians, camera: Camera, pose: Tensor, settings: Raster
     xx, yy = xx + low_pass, yy + low_pass
     conic = torch.stack([yy, -xy, xx], dim=-1) / determinant[:, None]
 
-    opacity = torch.sigmoid(gaussians.opacity_logits)
+    # (as exp(log sigmoid), whose slope keeps its digits where sigmoid is 1 to rounding)
+    opacity = torch.nn.functional.logsigmoid(gaussians.opacity_logits).exp()
     if settings.antialias:
         share = bare / determinant
         # The square root has no slope at 0 (a needle seen end on, to rounding).
@@ -183,6 +191,8 @@ def visible(
     ]  # fmt: skip
     sound = torch.cat(results, dim=1).isfinite().all(dim=1)
     sound &= candidates.determinant * candidates.unit**2 >= DETERMINANT_MINIMUM
+    sound &= candidates.depth < FAR_PLANE
+    sound &= gaussians.sh[index].square().sum(dim=(1, 2)) <= HARMONICS_LIMIT**2
     opaque = candidates.opacity > (settings.alpha_minimum or SMOOTH_ALPHA_EDGE)
     frame = candidates.mean.new_tensor([camera.width, camera.height])
     beside = (candidates.mean + candidates.extent <= 0) | (candidates.mean - candidates.extent >= frame)

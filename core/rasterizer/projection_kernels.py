@@ -12,7 +12,7 @@ from numba.core import cgutils, types
 from numba.extending import intrinsic
 
 from ..compiled import exact, kernel
-from ..constants import TILE, TILE_ROWS
+from ..constants import HARMONICS_LIMIT, TILE, TILE_ROWS
 from ..lanes_kernels import Running, choose, exponential, logarithm, maximum, root, transposed
 from .shape_kernels import (
     P_LOGIT,
@@ -82,7 +82,8 @@ def _project(typing_context, view, parameters, count, out):  # type: ignore[no-u
         basis = harmonics(*(component.single() for component in shape.look))
         for k, value in enumerate(basis):
             out[_BASIS + k] = value
-        running = Running(builder, 4)  # colour, and something that is 0 if every parameter is finite
+        # colour, something that is 0 if every parameter is finite, and the harmonics' length
+        running = Running(builder, 5)
         one, zero = (ir.Constant(ir.IntType(64), n) for n in (1, 0))
         row = lambda buffer, plane, index, step: buffer.row(  # noqa: E731
             builder.mul(index, ir.Constant(index.type, step * TILE)), plane * TILE)  # fmt: skip
@@ -92,6 +93,7 @@ def _project(typing_context, view, parameters, count, out):  # type: ignore[no-u
                 coefficient = row(planes.buffer, P_SH + channel, k, 3)
                 running.add(channel, value * coefficient)
                 running.add(3, coefficient * 0.0)
+                running.add(4, coefficient * coefficient)
         poison = running[3] + sum((planes[k] * 0.0 for k in range(1, P_LOGIT + 1)), planes[0] * 0.0)
 
         least = view[V_ALPHA_MINIMUM]
@@ -108,7 +110,8 @@ def _project(typing_context, view, parameters, count, out):  # type: ignore[no-u
         for condition in beside:
             status = choose(condition, status.like(OUTSIDE), status)
         visible = opacity.compare(">", least)
-        for condition, reason in ((visible, TRANSPARENT), (shape.fits, DEGENERATE), (shape.in_front, BEHIND),
+        fits = builder.and_(shape.fits, running[4].compare("<=", HARMONICS_LIMIT**2))
+        for condition, reason in ((visible, TRANSPARENT), (fits, DEGENERATE), (shape.in_front, BEHIND),
                                   (poison.compare("==", 0.0), NON_FINITE)):  # fmt: skip
             status = choose(condition, status, status.like(reason))
         out[_STATUS] = status

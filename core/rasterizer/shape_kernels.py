@@ -14,6 +14,7 @@ from llvmlite import ir
 from ..compiled import inlined
 from ..constants import (
     DETERMINANT_MINIMUM,
+    FAR_PLANE,
     FRUSTUM_MARGIN,
     LOG_SCALE_LIMIT,
     QUATERNION_MINIMUM_NORM,
@@ -128,6 +129,7 @@ class Shape:
         self.a, self.c = self.a0 + low, self.c0 + low
         # 1 / trace has to stay a normal float32; the determinant itself is never stored
         sound = builder.and_(self.determinant.compare(">=", DETERMINANT_MINIMUM), trace.compare("<", 1e36))
+        sound = builder.and_(sound, z.compare("<", FAR_PLANE))
         self.fits = builder.and_(self.has_direction, sound)
         self.inverse_determinant = 1.0 / self.determinant
         self.antialias = view[V_ANTIALIAS].wide().compare(">", 0.0)
