@@ -7,6 +7,8 @@ from typing import Any
 
 import bpy
 
+from .photos import is_movie
+
 
 def absolute(text: str) -> Path | None:
     """A path property's value; None if it is empty. '//' is the .blend's folder."""
@@ -19,4 +21,6 @@ def out_folder(settings: Any) -> Path | None:
     if chosen is not None:
         return chosen
     photos = absolute(settings.photos)
-    return None if photos is None else photos.parent / f"{photos.name}-twin"
+    if photos is None:
+        return None
+    return photos.parent / f"{photos.stem if is_movie(photos) else photos.name}-twin"

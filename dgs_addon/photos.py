@@ -1,4 +1,5 @@
-"""The photos of a folder as the panel shows them: how many, which look unusable, thumbnails.
+"""The chosen photos as the panel shows them: how many, which look unusable. A folder, some of its
+files, or a movie.
 
 Decoding is the engine's business; only the first bytes are read here, so that a panel may ask often.
 """
@@ -9,9 +10,12 @@ import struct
 from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 #: As in `core.photos.load`, which cannot be imported here: it needs Pillow.
 SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp", ".bmp")
+#: As in `core.photos.movie`, for the same reason.
+MOVIES = (".mp4", ".mov", ".m4v", ".mkv", ".webm", ".avi", ".mpg", ".mpeg", ".mts", ".m2ts", ".ogv")
 _SIGNATURES = {
     ".png": (b"\x89PNG",), ".jpg": (b"\xff\xd8",), ".jpeg": (b"\xff\xd8",), ".tif": (b"II", b"MM"),
     ".tiff": (b"II", b"MM"), ".webp": (b"RIFF",), ".bmp": (b"BM",),
@@ -22,37 +26,66 @@ _SIGNATURE, _METADATA = 32, 65_536
 
 @dataclass(frozen=True)
 class PhotoFolder:
-    """What a folder holds.
+    """What a folder holds, or the chosen part of it.
 
     Attributes:
-        files: the photos, by name.
+        files: the photos, by name; none of a movie.
         size: (width, height) in px of most of them, where their headers tell.
         warnings: a sentence for every photo that will be left out or is unlike the others.
         problem: why the folder cannot be used; '' if it can.
+        movie: the movie that the photos are taken from, or None.
     """
 
     files: tuple[Path, ...] = ()
     size: tuple[int, int] | None = None
     warnings: tuple[str, ...] = field(default=())
     problem: str = ""
+    movie: Path | None = None
 
 
-#: The folder that was looked at last, with the time of its last change.
-_known: dict[Path, tuple[int, PhotoFolder]] = {}
+#: What was looked at last, with the time of its last change.
+_known: dict[tuple[Path, str], tuple[int, PhotoFolder]] = {}
 
 
-def photo_folder(folder: Path) -> PhotoFolder:
-    """Looks at a folder, or remembers what it looked like if no file has come or gone."""
+def chosen_photos(settings: Any) -> PhotoFolder | None:
+    """The photos of `scene.dgs`; None if none are chosen."""
+    from .paths import absolute
+
+    place = absolute(settings.photos)
+    return None if place is None else photo_folder(place, settings.selection)
+
+
+def pictures_folder(settings: Any) -> Path | None:
+    """The folder that holds the photos as files: of a movie, the one that the engine writes its frames to."""
+    from .paths import absolute, out_folder
+
+    place, out = absolute(settings.photos), out_folder(settings)
+    return out / "frames" if place is not None and out is not None and is_movie(place) else place
+
+
+def is_movie(path: Path) -> bool:
+    """Whether a path names a movie, by its ending."""
+    return path.suffix.lower() in MOVIES and not path.is_dir()
+
+
+def photo_folder(folder: Path, selection: str = "") -> PhotoFolder:
+    """Looks at a folder or movie, or remembers what it looked like if no file has come or gone.
+
+    Args:
+        folder: with photos; or a movie.
+        selection: names of the photos that count, one a line; all if empty.
+    """
     try:
         changed = folder.stat().st_mtime_ns
     except OSError:
         changed = -1
-    known = _known.get(folder)
+    key = (folder, selection)
+    known = _known.get(key)
     if known is not None and known[0] == changed:
         return known[1]
-    found = _look(folder)
+    found = _look_at_movie(folder) if is_movie(folder) else _look(folder, selection)
     _known.clear()
-    _known[folder] = (changed, found)
+    _known[key] = (changed, found)
     return found
 
 
@@ -61,10 +94,24 @@ def forget() -> None:
     _known.clear()
 
 
-def _look(folder: Path) -> PhotoFolder:
+def _look_at_movie(path: Path) -> PhotoFolder:
+    try:
+        with open(path, "rb") as stream:
+            empty = not stream.read(1)
+    except OSError as error:
+        return PhotoFolder(problem=f"This movie cannot be read: {(error.strerror or str(error)).lower()}", movie=path)
+    return PhotoFolder(problem="This movie is empty" if empty else "", movie=path)
+
+
+def _look(folder: Path, selection: str) -> PhotoFolder:
+    wanted = set(selection.splitlines())
     try:
         files = tuple(
-            sorted(p for p in folder.iterdir() if p.suffix.lower() in SUFFIXES and not p.name.startswith("."))
+            sorted(
+                p
+                for p in folder.iterdir()
+                if p.suffix.lower() in SUFFIXES and not p.name.startswith(".") and (not wanted or p.name in wanted)
+            )
         )
     except OSError as error:
         return PhotoFolder(problem=f"This folder cannot be read: {(error.strerror or str(error)).lower()}")
@@ -74,7 +121,8 @@ def _look(folder: Path) -> PhotoFolder:
     heads = {path: _head(path) for path in files}
     sizes = Counter(size for ok, size in heads.values() if ok and size is not None)
     usual = sizes.most_common(1)[0][0] if sizes else None
-    warnings = [f"{path.name}: no photo inside, it will be left out" for path, (ok, _) in heads.items() if not ok]
+    warnings = [f"{name}: it is not there any more" for name in sorted(wanted - {path.name for path in files})]
+    warnings += [f"{path.name}: no photo inside, it will be left out" for path, (ok, _) in heads.items() if not ok]
     warnings += [
         f"{path.name}: {size[0]} x {size[1]} px, unlike the others"
         for path, (ok, size) in heads.items()

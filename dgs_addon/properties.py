@@ -25,9 +25,10 @@ _CAMERAS = (
 
 
 def _read_photos(settings: Any, _context: Any) -> None:
-    """Another folder: its own results and thumbnails."""
+    """Another folder: all its photos count, and it has its own results and thumbnails."""
     from .photos import forget
 
+    settings.selection = ""
     forget()
 
 
@@ -36,7 +37,15 @@ class DGS_PG_settings(bpy.types.PropertyGroup):
 
     photos: bpy.props.StringProperty(
         name="Photos", subtype="DIR_PATH", update=_read_photos,
-        description="Folder with the photos: PNG, JPEG, TIFF, WebP or BMP, at least three",
+        description="Folder with the photos: PNG, JPEG, TIFF, WebP or BMP, at least three. Or a movie",
+    )  # fmt: skip
+    selection: bpy.props.StringProperty(
+        name="Chosen Photos", options={"HIDDEN"},
+        description="Names of the photos in the folder that count, one a line. Empty: all",
+    )  # fmt: skip
+    frames: bpy.props.IntProperty(
+        name="Frames", min=3, soft_max=300, default=60,
+        description="Frames of the movie that are used at most: the sharpest of as many equal stretches of time",
     )  # fmt: skip
     masks: bpy.props.StringProperty(
         name="Masks", subtype="DIR_PATH",

@@ -53,14 +53,20 @@ def cameras_found(scene: Any) -> bool:
     if settings.cameras != "photos" or not held.cameras or held.record is None:
         return False
     photos, arguments = absolute(settings.photos), held.record.arguments
-    size = arguments[arguments.index("--max-size") + 1] if "--max-size" in arguments else "0"
+    size = _value(arguments, "--max-size") or "0"
     return (
         "--cameras" not in arguments
         and photos is not None
         and held.record.photos == str(photos)
-        and held.record.count == len(photo_folder(photos).files)
+        and held.record.selection == settings.selection
+        and held.record.count == len(photo_folder(photos, settings.selection).files)
+        and _value(arguments, "--frames") in (None, str(settings.frames))
         and int(size) == settings.max_size
     )
+
+
+def _value(arguments: list[str], name: str) -> str | None:
+    return arguments[arguments.index(name) + 1] if name in arguments else None
 
 
 def _read(out: Path) -> Results:

@@ -1,4 +1,4 @@
-"""Chooses the folder of photos."""
+"""Chooses the photos: a folder, some files of one, or a movie."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from typing import Any
 
 import bpy
 
-from ..dgs_addon.photos import forget, photo_folder
+from ..dgs_addon.photos import SUFFIXES, forget, is_movie, photo_folder
 
 
 class DGS_OT_choose_photos(bpy.types.Operator):
-    """Choose the folder with the photos"""
+    """Choose the photos: a folder, several of its photos, or a movie. A single photo stands for its whole folder"""
 
     bl_idname = "dgs.choose_photos"
     bl_label = "Choose Photos"
@@ -21,28 +21,36 @@ class DGS_OT_choose_photos(bpy.types.Operator):
     files: bpy.props.CollectionProperty(type=bpy.types.OperatorFileListElement, options={"HIDDEN", "SKIP_SAVE"})
     filter_folder: bpy.props.BoolProperty(default=True, options={"HIDDEN"})
     filter_image: bpy.props.BoolProperty(default=True, options={"HIDDEN"})
+    filter_movie: bpy.props.BoolProperty(default=True, options={"HIDDEN"})
 
     def invoke(self, context: Any, _event: Any) -> set[str]:
-        """Opens the file browser; dropped photos bring their folder along."""
+        """Opens the file browser; what was dropped is known already."""
         if self.directory:
             return self.execute(context)
         context.window_manager.fileselect_add(self)
         return {"RUNNING_MODAL"}
 
     def execute(self, context: Any) -> set[str]:
-        """Remembers the folder and says what is in it."""
+        """Remembers what was chosen and says what is in it."""
         folder = Path(bpy.path.abspath(self.directory))
         if not self.directory or not folder.is_dir():
             self.report({"ERROR"}, f"There is no folder '{folder}'. Choose a folder of photos.")
             return {"CANCELLED"}
+        names = [file.name for file in self.files if file.name]
+        movie = next((name for name in names if is_movie(folder / name)), None)
+        chosen = [name for name in names if Path(name).suffix.lower() in SUFFIXES]
+        place = folder if movie is None else folder / movie
+        selection = "\n".join(sorted(chosen)) if movie is None and len(chosen) > 1 else ""
         forget()
-        found = photo_folder(folder)
-        if not found.files:
-            self.report({"ERROR"}, f"'{folder.name}': {found.problem}.")
+        found = photo_folder(place, selection)
+        if not found.files and found.problem:
+            self.report({"ERROR"}, f"'{place.name}': {found.problem}.")
             return {"CANCELLED"}
-        context.scene.dgs.photos = str(folder)
+        settings = context.scene.dgs
+        settings.photos = str(place)  # forgets the earlier selection
+        settings.selection = selection
         if found.problem:
             self.report({"WARNING"}, found.problem)
         else:
-            self.report({"INFO"}, f"{len(found.files)} photos")
+            self.report({"INFO"}, place.name if found.movie else f"{len(found.files)} photos")
         return {"FINISHED"}

@@ -1,10 +1,12 @@
-"""Files dropped onto a 3D view: photos bring their folder along, splats become a twin."""
+"""Files dropped onto a 3D view: a photo brings its folder along, splats become a twin."""
 
 from __future__ import annotations
 
 from typing import Any
 
 import bpy
+
+from ..dgs_addon.photos import MOVIES, SUFFIXES
 
 
 class _Drop(bpy.types.FileHandler):
@@ -15,12 +17,12 @@ class _Drop(bpy.types.FileHandler):
 
 
 class DGS_FH_photos(_Drop):
-    """Photos."""
+    """Photos, or a movie."""
 
     bl_idname = "DGS_FH_photos"
-    bl_label = "Descatter: Photos of This Folder"
+    bl_label = "Descatter: Photos"
     bl_import_operator = "dgs.choose_photos"
-    bl_file_extensions = ".png;.jpg;.jpeg;.tif;.tiff;.webp;.bmp"
+    bl_file_extensions = ";".join((*SUFFIXES, *MOVIES))
 
 
 class DGS_FH_twin(_Drop):

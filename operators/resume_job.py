@@ -41,5 +41,8 @@ class DGS_OT_resume_job(bpy.types.Operator):
         assert record is not None
         kind: Kind = "cameras" if record.kind == "cameras" else "reconstruct"
         # Cameras alone have no checkpoint: they are sought again.
-        request = Request(kind, Path(record.photos), out, record.arguments, resume=kind == "reconstruct")
+        request = Request(
+            kind, Path(record.photos), out, record.arguments, record.count, record.selection,
+            resume=kind == "reconstruct",
+        )  # fmt: skip
         return start_job(self, context, lambda: request)

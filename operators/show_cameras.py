@@ -7,7 +7,8 @@ from typing import Any
 import bpy
 
 from ..core.errors import DgsError
-from ..dgs_addon.paths import absolute, out_folder
+from ..dgs_addon.paths import out_folder
+from ..dgs_addon.photos import pictures_folder
 
 
 class DGS_OT_show_cameras(bpy.types.Operator):
@@ -32,7 +33,7 @@ class DGS_OT_show_cameras(bpy.types.Operator):
         out = out_folder(settings)
         assert out is not None
         try:
-            cameras = add_cameras_of(out, absolute(settings.photos), context.scene)
+            cameras = add_cameras_of(out, pictures_folder(settings), context.scene)
         except DgsError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}

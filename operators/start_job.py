@@ -11,18 +11,17 @@ from ..core.errors import DgsError
 from ..dgs_addon.engine.interpreter import find_python, why_not
 from ..dgs_addon.job import runner
 from ..dgs_addon.job.request import Request
-from ..dgs_addon.paths import absolute
-from ..dgs_addon.photos import photo_folder
+from ..dgs_addon.photos import chosen_photos
 
 
 def why_no_job(scene: Any) -> str:
     """Why no job can be started now; '' if one can."""
     if runner.running():
         return "A job is running: wait for it or cancel it"
-    photos = absolute(scene.dgs.photos)
-    if photos is None:
+    found = chosen_photos(scene.dgs)
+    if found is None:
         return "Choose the folder of photos first (step 1)"
-    return photo_folder(photos).problem or why_not()
+    return found.problem or why_not()
 
 
 def start_job(operator: Any, context: Any, make: Callable[[], Request]) -> set[str]:

@@ -6,18 +6,12 @@ from typing import Any
 
 import bpy
 
-from ..dgs_addon.paths import absolute
-from ..dgs_addon.photos import PhotoFolder, photo_folder
+from ..dgs_addon.photos import PhotoFolder, chosen_photos
 from .layout import Step, folded, ready, sentence, split
 from .thumbnails import thumbnails
 
 #: Warnings that are shown; the rest are counted.
 _WARNINGS = 4
-
-
-def _found(context: Any) -> PhotoFolder | None:
-    folder = absolute(context.scene.dgs.photos)
-    return photo_folder(folder) if folder is not None else None
 
 
 class DGS_PT_images(Step, bpy.types.Panel):
@@ -28,29 +22,23 @@ class DGS_PT_images(Step, bpy.types.Panel):
 
     def draw_header_preset(self, context: Any) -> None:
         """Done once there are enough photos."""
-        found = _found(context)
+        found = chosen_photos(context.scene.dgs)
         ready(self.layout, found is not None and not found.problem)
 
     def draw(self, context: Any) -> None:
         """The folder, what is in it, and what is wrong with it."""
         layout, settings = split(self.layout), context.scene.dgs
-        found = _found(context)
+        found = chosen_photos(context.scene.dgs)
         text = "Choose Photos" if found is None else "Choose Others"
         layout.operator("dgs.choose_photos", icon="FILE_FOLDER", text=text)
         if found is None:
-            sentence(layout, context, "Or drop photos here. 20 or more, from all sides you want to see.", "INFO")
+            sentence(layout, context, "Or drop photos or a movie here: 20 views or more, from all sides", "INFO")
             return
-        layout.prop(settings, "photos", text="Folder")
+        layout.prop(settings, "photos", text="Movie" if found.movie else "Folder")
         if found.problem:
             sentence(layout, context, found.problem, "ERROR")
             return
-        size = f", {found.size[0]} x {found.size[1]} px" if found.size else ""
-        layout.label(text=f"{len(found.files)} photos{size}", icon="IMAGE_DATA")
-        grid = layout.row(align=True)
-        folder = absolute(settings.photos)
-        assert folder is not None
-        for icon in thumbnails(folder, found.files):
-            grid.template_icon(icon_value=icon, scale=2.6)
+        self._draw_found(layout, settings, found)
         for warning in found.warnings[:_WARNINGS]:
             sentence(layout, context, warning, "ERROR")
         if len(found.warnings) > _WARNINGS:
@@ -60,3 +48,16 @@ class DGS_PT_images(Step, bpy.types.Panel):
             body.prop(settings, "masks")
             body.prop(settings, "max_size")
             body.prop(settings, "out")
+
+    def _draw_found(self, layout: Any, settings: Any, found: PhotoFolder) -> None:
+        grid = layout.row(align=True)
+        if found.movie is not None:
+            layout.prop(settings, "frames")
+            icons = thumbnails(found.movie.parent, (found.movie,))
+        else:
+            size = f", {found.size[0]} x {found.size[1]} px" if found.size else ""
+            some = "chosen photos" if settings.selection else "photos"
+            layout.label(text=f"{len(found.files)} {some}{size}", icon="IMAGE_DATA")
+            icons = thumbnails(found.files[0].parent, found.files)
+        for icon in icons:
+            grid.template_icon(icon_value=icon, scale=2.6 if found.movie is None else 6.0)

@@ -7,6 +7,8 @@ from typing import Any
 
 import bpy
 
+from ..dgs_addon.photos import is_movie
+
 #: Photos that are shown: evenly over the set.
 SHOWN = 5
 
@@ -23,19 +25,21 @@ _held = _Collection()
 
 
 def thumbnails(folder: Path, files: tuple[Path, ...]) -> list[int]:
-    """Icons of a few photos of a folder, as far as they are there already."""
+    """Icons of a few photos of a folder, or of a movie, as far as they are there already."""
     import bpy.utils.previews  # not loaded by bpy itself
 
     if _held.folder != folder:
         forget_thumbnails()
         _held.folder, _held.previews = folder, bpy.utils.previews.new()
     count = min(SHOWN, len(files))
+    if not files:
+        return []
     chosen = [files[round(i * (len(files) - 1) / max(count - 1, 1))] for i in range(count)]
     icons = []
     for path in chosen:
         name = path.name
         if name not in _held.previews:
-            _held.previews.load(name, str(path), "IMAGE")
+            _held.previews.load(name, str(path), "MOVIE" if is_movie(path) else "IMAGE")
         icons.append(int(_held.previews[name].icon_id))
     return icons
 

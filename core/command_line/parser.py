@@ -8,6 +8,7 @@ import re
 from pathlib import Path
 from typing import NoReturn
 
+from ..pipeline.settings import DEFAULT_FRAMES
 from ..version import VERSION
 
 _UNITS = {"": 1.0, "s": 1.0, "m": 60.0, "min": 60.0, "h": 3600.0}
@@ -117,7 +118,10 @@ def _add_medium(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_photos(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("photos", type=Path, metavar="PHOTOS", help="folder of photos")
+    parser.add_argument("photos", type=Path, metavar="PHOTOS",
+                        help="folder of photos, a list of them (.txt, one a line), or a movie")  # fmt: skip
+    parser.add_argument("--frames", type=whole(3), default=DEFAULT_FRAMES, metavar="N",
+                        help="of a movie, use at most N frames: the sharpest of N equal stretches")  # fmt: skip
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for all results")
 
 

@@ -17,6 +17,7 @@ def reconstruct_command(options: argparse.Namespace, progress: Reporting) -> int
     settings = ReconstructSettings(
         photos=options.photos, out=options.out, psf=options.psf, blur_space=options.blur_space,
         cameras=options.cameras, truth=options.truth, masks=options.masks, holdout_every=options.holdout_every,
+        frames=options.frames,
         max_size=options.max_size, preset=options.preset, loss=options.loss, time_limit=options.time_limit,
         max_gaussians=options.max_gaussians, sh_degree=options.sh_degree, seed=options.seed,
         device=options.device, threads=options.threads, resume=options.resume,

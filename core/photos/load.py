@@ -15,6 +15,7 @@ from PIL import Image, ImageOps
 
 from ..errors import Cancelled, PhotoError
 from ..progress import Progress
+from .listing import LIST, listed_files
 from .scale import resized, resized_mask, size_within
 
 SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp", ".bmp"})
@@ -58,11 +59,13 @@ class Photo:
 
 
 def photo_files(source: Path) -> list[Path]:
-    """The photos in a folder, sorted by name; hidden files do not count.
+    """The photos in a folder, sorted by name; hidden files do not count. Or those that a list (.txt) names.
 
     Raises:
-        PhotoError: the folder is missing, is no folder, or holds no photo.
+        PhotoError: the folder is missing, is no folder, or holds no photo; or the list is wrong.
     """
+    if source.suffix.lower() == LIST and source.is_file():
+        return listed_files(source)
     if not source.exists():
         raise PhotoError(f"There is no folder '{source}'", "Check the path of the photos")
     if not source.is_dir():
@@ -94,7 +97,7 @@ def load_photos(
     read are named in a note and left out.
 
     Args:
-        source: folder of photos.
+        source: folder of photos, or a list of them.
         max_size: longest side in px; larger photos are scaled down (area average in the sRGB
             encoding, as blur and loss work there). None keeps every pixel.
         progress: told of each photo; may cancel.

@@ -5,6 +5,7 @@ from __future__ import annotations
 from ..files import check_writable
 from ..imaging.psf import parse_psf
 from ..photos.load import load_photos
+from ..photos.source import photo_source
 from ..progress import Progress
 from ..sfm.reconstruction import Reconstruction
 from .machine import use_threads
@@ -21,6 +22,7 @@ def only_cameras(settings: ReconstructSettings, progress: Progress) -> Reconstru
     psf = parse_psf(settings.psf)
     check_writable(settings.out)
     threads = use_threads(settings.threads)
-    photos = load_photos(settings.photos, settings.max_size, progress, settings.masks)
+    source = photo_source(settings.photos, settings.out, settings.frames, progress)
+    photos = load_photos(source, settings.max_size, progress, settings.masks)
     reconstruction, _ = cameras_of(settings, photos, medium_for(photos, psf, settings), threads, progress)
     return reconstruction

@@ -14,6 +14,7 @@ from ..formats.ply import write_ply
 from ..imaging.medium import Medium
 from ..imaging.psf import PointSpread, parse_psf
 from ..photos.load import Photo, load_photos
+from ..photos.source import photo_source
 from ..progress import Progress
 from ..report.page import write_page
 from ..report.pictures import ViewPictures, spread
@@ -109,6 +110,7 @@ def reconstruct(settings: ReconstructSettings, progress: Progress) -> Outcome:
     truth = TruthFolder(settings.truth) if settings.truth is not None else None
     check_writable(settings.out)
     threads, device = use_threads(settings.threads), choose_device(settings.device)
+    settings = replace(settings, photos=photo_source(settings.photos, settings.out, settings.frames, keeper))
     photos = load_photos(settings.photos, settings.max_size, keeper, settings.masks)
     medium = medium_for(photos, psf, settings)
     for note in psf.notes if psf is not None else ():

@@ -6,19 +6,23 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, Literal
 
+#: Frames of a movie if nobody says how many: dense enough around an object, and a minute of cameras at most.
+DEFAULT_FRAMES = 60
+
 
 @dataclass(frozen=True)
 class ReconstructSettings:
     """One run, as the command line asks for it.
 
     Attributes:
-        photos: folder of photos.
+        photos: folder of photos, a list of them (.txt), or a movie.
         out: folder for all results.
         psf: point spread function, in px of the photos' files (see `core.imaging.psf.parse_psf`).
         blur_space: the values that the blur acts on.
         cameras: COLMAP model folder or transforms.json; None to find them from the photos.
         truth: folder of sharp photos of the same names, only for scoring.
         masks: folder of images of the same names; black does not count.
+        frames: frames of a movie that are used at most.
         holdout_every: views 0, n, 2n ... by sorted name are kept out of the training; 0: none.
         max_size: longest side in px that photos are shrunk to, with cameras and PSF.
         preset, loss: of the training.
@@ -36,6 +40,7 @@ class ReconstructSettings:
     cameras: Path | None = None
     truth: Path | None = None
     masks: Path | None = None
+    frames: int = DEFAULT_FRAMES
     holdout_every: int = 8
     max_size: int | None = None
     preset: Literal["draft", "balanced", "fine"] = "balanced"

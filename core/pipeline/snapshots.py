@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,8 +11,9 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from ..files import make_folder
+from ..files import make_folder, write_bytes
 from ..formats.ply import write_ply
+from ..photos.scale import resized, size_within
 from ..rasterizer import render
 from .heldout import write_png
 from .views import to_pixels
@@ -19,7 +21,9 @@ from .views import to_pixels
 if TYPE_CHECKING:
     from ..training.trainer import Trainer
 
-PICTURE, TWIN = "picture.png", "twin.ply"
+PICTURE, PREVIEW, TWIN = "picture.png", "preview.npy", "twin.ply"
+#: Longest side in px of the preview: whoever shows it need neither decode nor shrink it.
+PREVIEW_SIZE = 360
 #: Seconds between two snapshots at least.
 INTERVAL = 2.0
 #: Snapshots take at most this share of the time.
@@ -27,9 +31,10 @@ SHARE = 0.04
 
 
 class Snapshots:
-    """Writes `folder`/picture.png (a photo's view of the sharp twin) and twin.ply now and then.
+    """Writes `folder`/picture.png (a photo's view of the sharp twin), preview.npy (the same, small:
+    [H, W, 3] uint8 sRGB) and twin.ply now and then.
 
-    Both are written whole or not at all, so that another program may read them at any moment.
+    All are written whole or not at all, so that another program may read them at any moment.
 
     Raises:
         OutputError: the folder cannot be written to.
@@ -44,7 +49,11 @@ class Snapshots:
         began = time.perf_counter()
         if began < self._next:
             return
-        write_png(self._folder / PICTURE, to_pixels(_picture(trainer)))
+        pixels = to_pixels(_picture(trainer))
+        write_png(self._folder / PICTURE, pixels)
+        preview = io.BytesIO()
+        np.save(preview, resized(pixels, *size_within(pixels.shape[1], pixels.shape[0], PREVIEW_SIZE)))
+        write_bytes(self._folder / PREVIEW, preview.getvalue())
         write_ply(self._folder / TWIN, trainer.result().cloud())
         ended = time.perf_counter()
         self._next = ended + max(INTERVAL, (ended - began) / SHARE)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict, dataclass, is_dataclass
+from pathlib import Path
 from statistics import median
 from typing import TYPE_CHECKING, Any
 
@@ -65,7 +66,7 @@ def summary(facts: Facts, scores: list[Scores], seconds: dict[str, float], total
         "schema": SCHEMA_VERSION,
         "status": trained.stopped,
         "photos": {
-            "folder": str(settings.photos),
+            "folder": str(_folder(facts)),
             "given": len(names),
             "registered": len(cameras.poses),
             "unregistered": [name for name in names if name not in cameras.poses],
@@ -99,6 +100,12 @@ def summary(facts: Facts, scores: list[Scores], seconds: dict[str, float], total
     }
     plain_report: dict[str, Any] = plain(report)
     return plain_report
+
+
+def _folder(facts: Facts) -> Path:
+    """Where the photos lie, also those that a list named; the list if they lie in several folders."""
+    folders = {photo.path.parent for photo in facts.photos}
+    return folders.pop() if len(folders) == 1 else facts.settings.photos
 
 
 def _heldout(facts: Facts, scores: list[Scores]) -> dict[str, Any]:

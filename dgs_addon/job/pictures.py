@@ -1,4 +1,9 @@
-"""What the panel shows of a job: the twin so far above its curves, as images and as one icon."""
+"""What the panel shows of a job: the twin so far above its curves, as one icon and as two images.
+
+The icon is the panel's alone, so that a new one costs a drawing of the sidebar. A changed image makes
+Blender draw every 3D view, which takes far longer: images follow only while an editor shows them, and
+at the end.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import curve
+from .preview import SIDE, fitted
 
 if TYPE_CHECKING:
     from .runner import Job
@@ -17,8 +23,6 @@ if TYPE_CHECKING:
 RENDER, CURVES = "Descatter Render", "Descatter Curves"
 #: Name of the icon with both.
 JOB = "Descatter Job"
-#: Blender draws icons as squares of this many px: above the twin, below the curves.
-SIDE = curve.WIDTH
 
 
 class _Shown:
@@ -31,8 +35,10 @@ class _Shown:
         """Nothing is shown."""
         self.icons: Any = None
         self.job: object = None
-        self.written: int | None = None
+        self.picture: object = None
         self.marks = 0
+        self.image_written: int | None = None
+        self.image_marks = 0
         self.square = np.zeros((SIDE, SIDE, 4), np.float32)
 
 
@@ -56,39 +62,65 @@ def show(path: Path, name: str) -> Any:
     """Reads a picture into the image `name` and, with a window, into an icon of that name; returns the image."""
     image, pixels = _load(path, name)
     if pixels is not None and not bpy.app.background:
-        _set_icon(name, _fitted(pixels, SIDE, SIDE))
+        _set_icon(name, fitted(pixels, SIDE, SIDE))
     return image
 
 
 def refresh(job: Job) -> None:
     """Takes in what is new; needs a window."""
     if _shown.job is not job:
-        _shown.job, _shown.written, _shown.marks = job, None, 0
+        _shown.job, _shown.picture, _shown.marks = job, None, 0
+        _shown.image_written, _shown.image_marks = None, 0
         _shown.square[:] = 0.0
-    changed = _refresh_render(job.request.out / "snapshot" / "picture.png")
+    changed = job.picture is not None and job.picture is not _shown.picture
+    if changed:
+        _shown.picture = job.picture
+        _shown.square[curve.HEIGHT :] = job.picture
     if len(job.state.marks) != _shown.marks:
         _shown.marks = len(job.state.marks)
-        pixels = curve.draw(job.state.marks, job.state.total if job.state.stage == "train" else None)
-        _set_image(CURVES, pixels)
-        _shown.square[: curve.HEIGHT] = pixels
+        _shown.square[: curve.HEIGHT] = _curves(job)
         changed = True
     if changed:
         _set_icon(JOB, _shown.square)
+    _refresh_images(job)
 
 
-def _refresh_render(path: Path) -> bool:
+def _curves(job: Job) -> NDArray[np.float32]:
+    return curve.draw(job.state.marks, job.state.total if job.state.stage == "train" else None)
+
+
+def _refresh_images(job: Job) -> None:
+    seen = _images_in_editors()
+    if _shown.image_marks != _shown.marks and _wanted(CURVES, job, seen):
+        _shown.image_marks = _shown.marks
+        _set_image(CURVES, _curves(job))
+    path = job.request.out / "snapshot" / "picture.png"
+    if _shown.picture is not None and _wanted(RENDER, job, seen):
+        written = _time(path)
+        if written is not None and written != _shown.image_written:
+            _shown.image_written = written
+            _load(path, RENDER)
+
+
+def _wanted(name: str, job: Job, seen: set[str]) -> bool:
+    return name in seen or name not in bpy.data.images or not job.state.alive
+
+
+def _images_in_editors() -> set[str]:
+    editors = (
+        area.spaces.active
+        for window in bpy.context.window_manager.windows
+        for area in window.screen.areas
+        if area.type == "IMAGE_EDITOR"
+    )
+    return {editor.image.name for editor in editors if editor.image is not None}
+
+
+def _time(path: Path) -> int | None:
     try:
-        written = path.stat().st_mtime_ns
+        return path.stat().st_mtime_ns
     except OSError:
-        return False
-    if written == _shown.written:
-        return False
-    _shown.written = written
-    pixels = _load(path, RENDER)[1]
-    if pixels is None:
-        return False
-    _shown.square[curve.HEIGHT :] = _fitted(pixels, SIDE, SIDE - curve.HEIGHT)
-    return True
+        return None
 
 
 def _load(path: Path, name: str) -> tuple[Any, NDArray[np.float32] | None]:
@@ -105,17 +137,6 @@ def _load(path: Path, name: str) -> tuple[Any, NDArray[np.float32] | None]:
     pixels = np.empty(width * height * 4, np.float32)
     image.pixels.foreach_get(pixels)
     return image, pixels.reshape(height, width, 4)
-
-
-def _fitted(pixels: NDArray[np.float32], width: int, height: int) -> NDArray[np.float32]:
-    """[height, width, 4]: the whole picture as large as it fits, in the middle of nothing."""
-    scale = min(width / pixels.shape[1], height / pixels.shape[0])
-    columns, rows = max(1, int(pixels.shape[1] * scale)), max(1, int(pixels.shape[0] * scale))
-    near = pixels[(np.arange(rows) / scale).astype(int)][:, (np.arange(columns) / scale).astype(int)]
-    frame = np.zeros((height, width, 4), np.float32)
-    top, left = (height - rows) // 2, (width - columns) // 2
-    frame[top : top + rows, left : left + columns] = near
-    return frame
 
 
 def _set_image(name: str, pixels: NDArray[np.float32]) -> None:

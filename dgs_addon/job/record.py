@@ -25,6 +25,7 @@ class Record:
         photos: folder of the photos.
         count: photos in it when the job began.
         arguments: of the engine, without the resumption.
+        selection: names of the photos that count, one a line; '' for all of the folder.
         phase: as in `JobState`; one that says 'running' while no process does was interrupted.
         pid: of the engine's process.
         error, result: as in `JobState`.
@@ -35,6 +36,7 @@ class Record:
     count: int
     arguments: list[str]
     phase: str = "running"
+    selection: str = ""
     pid: int | None = None
     error: str = ""
     result: dict[str, Any] = field(default_factory=dict)

@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import Any, Literal
 
 from ...core.errors import DgsError
+from ...core.files import make_folder, write_text
 from ..paths import absolute, out_folder
-from ..photos import photo_folder
+from ..photos import PhotoFolder, chosen_photos, pictures_folder
 
 RUN = Path(__file__).resolve().parents[2] / "run_dgs.py"
 Kind = Literal["cameras", "reconstruct"]
@@ -21,9 +22,11 @@ class Request:
 
     Attributes:
         kind: what the engine does.
-        photos, out: absolute folders.
+        photos, out: absolute folders; `photos` may be a movie.
         arguments: of the engine, but for the resumption.
         resume: whether to go on from the checkpoint in `out`.
+        count: photos that count; 0 where only the engine knows, as of a movie.
+        selection: their names, one a line; '' for all in the folder.
         known: whether the cameras in `out` belong to these photos; a new run takes them over.
     """
 
@@ -31,6 +34,8 @@ class Request:
     photos: Path
     out: Path
     arguments: list[str]
+    count: int = 0
+    selection: str = ""
     resume: bool = False
     known: bool = False
 
@@ -46,17 +51,27 @@ def request_of(kind: Kind, scene: Any) -> Request:
         DgsError: something is missing; it says what.
     """
     settings = scene.dgs
-    photos, out = absolute(settings.photos), out_folder(settings)
-    if photos is None or out is None:
+    photos, out, found = absolute(settings.photos), out_folder(settings), chosen_photos(settings)
+    if photos is None or out is None or found is None:
         raise DgsError("No photos are chosen", "Choose their folder in step 1")
-    problem = photo_folder(photos).problem
-    if problem:
-        raise DgsError(problem, "Choose another folder in step 1")
-    arguments = [kind, str(photos), "--out", str(out), *_medium(settings), *_images(settings)]
+    if found.problem:
+        raise DgsError(found.problem, "Choose others in step 1")
+    source = photos if not settings.selection else _list(found, out)
+    arguments = [kind, str(source), "--out", str(out), *_medium(settings), *_images(settings)]
+    if found.movie is not None:
+        arguments += ["--frames", str(settings.frames)]
     if kind == "reconstruct":
         arguments += [*_cameras(scene, out), *_effort(settings), "--snapshots"]
     arguments += ["--device", settings.device, *_number("--threads", settings.threads)]
-    return Request(kind, photos, out, [*arguments, "--progress", "json", "--control"])
+    arguments += ["--progress", "json", "--control"]
+    return Request(kind, photos, out, arguments, len(found.files), settings.selection)
+
+
+def _list(found: PhotoFolder, out: Path) -> Path:
+    """OUT/photos.txt with the chosen photos, for the engine."""
+    path = make_folder(out) / "photos.txt"
+    write_text(path, "".join(f"{file}\n" for file in found.files))
+    return path
 
 
 def psf_argument(settings: Any) -> str:
@@ -96,7 +111,7 @@ def _cameras(scene: Any, out: Path) -> list[str]:
     if settings.cameras == "scene":
         from ..scene.scene_cameras import write_scene_cameras
 
-        return ["--cameras", str(write_scene_cameras(scene, absolute(settings.photos), out))]
+        return ["--cameras", str(write_scene_cameras(scene, pictures_folder(settings), out, settings.selection))]
     return []
 
 

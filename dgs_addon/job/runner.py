@@ -19,18 +19,22 @@ import bpy
 from ...core.errors import DgsError
 from ...core.files import make_folder
 from ..paths import out_folder
-from ..photos import photo_folder
 from .ending import outcome
+from .pace import Pace
 from .record import LOG, Record, read_record
 from .request import Request
-from .snapshot import SnapshotReader
+from .snapshot import News, SnapshotReader
 from .state import JobState
 from .worker import Ended, Extra, Worker
 
 #: Seconds between two looks at the queue.
 TICK = 0.1
-#: Seconds between two redraws of the panel while a job runs.
-REDRAW = 0.5
+#: Seconds between two redraws of the panel while a job runs: at least, and where drawing is slow, at most.
+REDRAW, SLOW_REDRAW = 0.5, 2.0
+#: Of the time, drawing the panel may take this share.
+DRAWING = 0.03
+#: The same for the live twin, each of which makes Blender evaluate and draw all splats.
+LIVE, SLOW_LIVE, LIVE_DRAWING = 2.0, 20.0, 0.05
 #: Events taken from the queue at most in one tick: a backlog must not block the window.
 _MOST = 50
 #: Seconds after a wish to stop, in which the engine has not come to its safe point, until it is ended.
@@ -45,8 +49,11 @@ class Job:
         scene: name of the scene that asked for it.
         record: what is kept beside the results.
         asked: when the user asked to stop, by the monotonic clock.
-        shown: when the panel was drawn last, by the monotonic clock.
+        pace, live_pace: how often the panel and the live twin are drawn.
         cloud: the finished twin's Gaussians, or the latest snapshot's, once read.
+        news: whether something happened that the panel does not show yet.
+        unseen: whether `cloud` is newer than the live twin.
+        picture: of the twin so far, as `preview.read_preview` makes it, once read.
     """
 
     request: Request
@@ -57,7 +64,11 @@ class Job:
     state: JobState = field(default_factory=JobState)
     asked: float | None = None
     cloud: Any = None
-    shown: float = 0.0
+    unseen: bool = False
+    news: bool = True
+    picture: Any = None
+    pace: Pace = field(default_factory=lambda: Pace(REDRAW, SLOW_REDRAW, DRAWING, TICK))
+    live_pace: Pace = field(default_factory=lambda: Pace(LIVE, SLOW_LIVE, LIVE_DRAWING, TICK))
 
     @property
     def log(self) -> Path:
@@ -91,7 +102,9 @@ def start(request: Request, python: Path, scene: Any) -> Job:
     if not request.resume:
         _start_afresh(request)
     snapshots = SnapshotReader(request.out, scene.dgs.live and not bpy.app.background)
-    record = Record(request.kind, str(request.photos), len(photo_folder(request.photos).files), list(request.arguments))
+    record = Record(
+        request.kind, str(request.photos), request.count, list(request.arguments), selection=request.selection
+    )
     record.save(request.out)
 
     def began(pid: int) -> None:
@@ -163,7 +176,7 @@ def stop() -> None:
 
 def _start_afresh(request: Request) -> None:
     """A new run must not go on from another's checkpoint."""
-    for name in ("checkpoint.npz", "snapshot/picture.png", "snapshot/twin.ply"):
+    for name in ("checkpoint.npz", "snapshot/picture.png", "snapshot/preview.npy", "snapshot/twin.ply"):
         if request.kind == "reconstruct":
             (request.out / name).unlink(missing_ok=True)
 
@@ -187,10 +200,10 @@ def _drain() -> None:
         if isinstance(message, Ended):
             _end(job, message.status)
         elif isinstance(message, Extra):
-            job.cloud = message.value
-            _show_live(job)
+            _take_in(job, message.value)
         else:
             job.state.apply(message)
+    _show_live(job)
     if job.asked is not None and job.state.alive and time.monotonic() - job.asked > PATIENCE:
         job.worker.kill()
     if not bpy.app.background:
@@ -228,13 +241,25 @@ def _scene(job: Job) -> Any:
     return scene if scene is not None and out_folder(scene.dgs) == job.request.out else None
 
 
+def _take_in(job: Job, news: News) -> None:
+    if news.picture is not None:
+        job.picture = news.picture
+    if news.cloud is not None:
+        job.cloud, job.unseen = news.cloud, True
+
+
 def _show_live(job: Job) -> None:
+    now = time.monotonic()
+    if not job.live_pace.due(now) or not job.unseen or not job.snapshots.live or not job.state.alive:
+        return
     scene = _scene(job)
-    if scene is None or not job.snapshots.live or not job.state.alive:
+    if scene is None:
         return
     from .results import show_live
 
+    job.unseen = False
     show_live(job, scene)
+    job.live_pace.drawn(now)
 
 
 def _show(job: Job, changed: bool) -> None:
@@ -242,9 +267,13 @@ def _show(job: Job, changed: bool) -> None:
     from . import pictures
 
     now = time.monotonic()
-    if job.state.alive and (not changed or now - job.shown < REDRAW):
+    job.news |= changed
+    if job.state.alive and not (job.pace.due(now) and job.news):
         return
-    job.shown = now
+    if not job.news:
+        return
+    job.news = False
+    job.pace.drawn(now)
     pictures.refresh(job)
     redraw()
 

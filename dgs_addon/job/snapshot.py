@@ -1,43 +1,77 @@
-"""Reads the twin so far, and the finished one, on the worker's thread. Knows no Blender."""
+"""Reads the twin so far, its picture, and the finished twin, on the worker's thread. Knows no Blender."""
 
 from __future__ import annotations
 
 import contextlib
+from dataclasses import dataclass
 from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
 
 from ...core.cloud import GaussianCloud
 from ...core.errors import DgsError
+from .preview import read_preview
+
+
+@dataclass(frozen=True)
+class News:
+    """What is new on the disk.
+
+    Attributes:
+        cloud: the latest twin, or None.
+        picture: of the twin so far, as `preview.read_preview` makes it, or None.
+    """
+
+    cloud: GaussianCloud | None = None
+    picture: NDArray[np.float32] | None = None
 
 
 class SnapshotReader:
-    """Tells when a twin is new on the disk, and reads it.
+    """Tells when a twin or its picture is new on the disk, and reads it.
 
     Args:
         out: folder of the results.
-        live: whether snapshots are wanted; else only the finished twin is read.
+        live: whether the twins of snapshots are wanted; else only the finished twin is read.
     """
 
     def __init__(self, out: Path, live: bool) -> None:
         self.live = live
-        self._final = out / "twin.ply"
-        self._files = [self._final, *([out / "snapshot" / "twin.ply"] if live else [])]
-        self._seen = {path: _time(path) for path in self._files}
+        self._final, self._preview = out / "twin.ply", out / "snapshot" / "preview.npy"
+        self._twins = [self._final, *([out / "snapshot" / "twin.ply"] if live else [])]
+        self._seen = {path: _time(path) for path in (*self._twins, self._preview)}
 
-    def look(self) -> GaussianCloud | None:
-        """The newest twin, or None if there is no news."""
-        for path in self._files:
-            written = _time(path)
-            if written is None or written == self._seen[path]:
+    def look(self) -> News | None:
+        """What is new, or None if nothing is."""
+        news = News(self._cloud(), self._picture())
+        return None if news.cloud is None and news.picture is None else news
+
+    def _cloud(self) -> GaussianCloud | None:
+        for path in self._twins:
+            if not self._changed(path):
                 continue
-            self._seen[path] = written
             if path == self._final:
-                self._files = [path]  # snapshots are older
+                self._twins = [path]  # snapshots are older
             # A damaged file is told of when it is added to the scene.
             with contextlib.suppress(DgsError, OSError):
                 from ...core.formats.ply import read_ply
 
                 return read_ply(path)
         return None
+
+    def _picture(self) -> NDArray[np.float32] | None:
+        if not self._changed(self._preview):
+            return None
+        with contextlib.suppress(OSError, ValueError):
+            return read_preview(self._preview)
+        return None
+
+    def _changed(self, path: Path) -> bool:
+        written = _time(path)
+        if written is None or written == self._seen[path]:
+            return False
+        self._seen[path] = written
+        return True
 
 
 def _time(path: Path) -> int | None:

@@ -12,8 +12,9 @@ Phase = Literal["running", "paused", "cancelling", "done", "cancelled", "failed"
 ALIVE = ("running", "paused", "cancelling")
 #: What the engine's stages are called in the panel.
 STAGES = {
-    "photos": "Reading photos", "cameras": "Finding cameras", "geometry": "Preparing surfaces",
-    "compile": "Compiling", "train": "Optimizing", "save": "Scoring and saving", "render": "Rendering",
+    "movie": "Choosing frames", "photos": "Reading photos", "cameras": "Finding cameras",
+    "geometry": "Preparing surfaces", "compile": "Compiling", "train": "Optimizing",
+    "save": "Scoring and saving", "render": "Rendering",
 }  # fmt: skip
 
 

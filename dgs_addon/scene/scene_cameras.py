@@ -18,14 +18,20 @@ from ..photos import SUFFIXES, photo_folder
 PHOTO = "dgs_photo"
 
 
-def write_scene_cameras(scene: Any, photos: Path | None, out: Path) -> Path:
+def write_scene_cameras(scene: Any, photos: Path | None, out: Path, selection: str = "") -> Path:
     """Writes OUT/scene_cameras/transforms.json with every camera that is named as a photo is.
+
+    Args:
+        scene: `bpy` scene.
+        photos: folder of the photos.
+        out: folder of the results.
+        selection: names of the photos that count, one a line; all if empty.
 
     Raises:
         CameraError: fewer than two photos have a camera, or their size is unknown.
         OutputError: the file cannot be written.
     """
-    found = photo_folder(photos) if photos is not None else None
+    found = photo_folder(photos, selection) if photos is not None else None
     files = found.files if found is not None else ()
     size = found.size if found is not None else None
     if size is None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -13,6 +14,8 @@ import dgs  # noqa: E402
 from dgs import operators  # noqa: E402
 from dgs.core.cloud import GaussianCloud  # noqa: E402
 from dgs.core.formats.ply import read_ply, write_ply  # noqa: E402
+from dgs.dgs_addon.paths import out_folder  # noqa: E402
+from dgs.dgs_addon.photos import chosen_photos, forget, pictures_folder  # noqa: E402
 
 
 @pytest.fixture(autouse=True)
@@ -70,6 +73,35 @@ def test_photos_that_are_not_there_are_refused(tmp_path: Path) -> None:
     refused("choose_photos", "There is no folder", directory=str(tmp_path / "nowhere"))
     refused("choose_photos", "No photos here", directory=str(tmp_path))
     assert bpy.context.scene.dgs.photos == ""
+
+
+def choose(folder: Path, *names: str) -> set[str]:
+    return bpy.ops.dgs.choose_photos(directory=str(folder), files=[{"name": name} for name in names])
+
+
+def test_a_folder_some_of_its_photos_or_a_movie_may_be_chosen(tmp_path: Path) -> None:
+    for name in "abcdef":
+        (tmp_path / f"{name}.png").write_bytes(b"\x89PNG" + bytes(12) + struct.pack(">II", 30, 20))
+    (tmp_path / "walk.MOV").write_bytes(b"movie")
+    settings = bpy.context.scene.dgs
+    assert choose(tmp_path, "b.png") == {"FINISHED"}  # one photo stands for its folder
+    assert settings.selection == "" and len(chosen_photos(settings).files) == 6
+    assert choose(tmp_path, "d.png", "a.png", "c.png", "f.png", "notes.txt") == {"FINISHED"}
+    assert [path.stem for path in chosen_photos(settings).files] == ["a", "c", "d", "f"]
+    (tmp_path / "c.png").unlink()
+    forget()
+    assert "c.png: it is not there any more" in chosen_photos(settings).warnings
+    (tmp_path / "d.png").unlink()
+    forget()
+    refused("optimize", "Only 2 photos here")
+    assert choose(tmp_path, "walk.MOV") == {"FINISHED"}
+    assert chosen_photos(settings).movie == tmp_path / "walk.MOV" and settings.selection == ""
+    assert out_folder(settings) == tmp_path / "walk-twin"
+    assert pictures_folder(settings) == tmp_path / "walk-twin" / "frames"
+    settings.photos = str(tmp_path)
+    assert pictures_folder(settings) == tmp_path and chosen_photos(settings).movie is None
+    (tmp_path / "empty.mp4").write_bytes(b"")
+    refused("choose_photos", "empty", directory=str(tmp_path), files=[{"name": "empty.mp4"}])
 
 
 def test_few_photos_are_chosen_but_cannot_be_used(tmp_path: Path) -> None:

@@ -122,6 +122,20 @@ def test_missing_things_are_named(settings: object, tmp_path: Path) -> None:
             request_of("reconstruct", scene)
 
 
+def test_chosen_photos_and_movies_reach_the_engine(settings: object, tmp_path: Path) -> None:
+    settings.selection = "1.png\n3.png\n2.png"
+    request = request_of("reconstruct", bpy.context.scene)
+    listed = Path(request.arguments[1])
+    assert [Path(line).name for line in listed.read_text("utf-8").splitlines()] == ["1.png", "2.png", "3.png"]
+    assert request.photos == tmp_path / "photos" and request.count == 3
+    assert "--frames" not in request.arguments
+    (tmp_path / "walk.mp4").write_bytes(b"movie")
+    settings.photos, settings.frames = str(tmp_path / "walk.mp4"), 25
+    request = request_of("cameras", bpy.context.scene)
+    assert request.arguments[1] == str(tmp_path / "walk.mp4")
+    assert request.arguments[request.arguments.index("--frames") + 1] == "25"
+
+
 def test_the_cameras_of_a_scene_are_given_to_the_engine(settings: object, tmp_path: Path) -> None:
     from dgs.core.formats.transforms import read_transforms
 

@@ -155,3 +155,26 @@ def test_masks_by_stem(tmp_path: Path) -> None:
     first, second = load_photos(photos, None, progress, masks)
     assert first.mask is not None and first.mask[:, 15:].all() and not first.mask[:, :15].any()
     assert second.mask is None and any("b.jpg" in note for note in progress.notes)
+
+
+def test_a_list_names_photos_wherever_they_lie(tmp_path: Path) -> None:
+    for name in ("a/1.png", "b/2.png", "b/1.png"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        Image.fromarray(picture()).save(tmp_path / name)
+    chosen = tmp_path / "chosen.txt"
+    chosen.write_text(f"# some\nb/2.png\n\n{tmp_path / 'a' / '1.png'}\nb/2.png\n", "utf-8")
+    assert [photo.name for photo in load_photos(chosen, None, Silent())] == ["1.png", "2.png"]
+    for words, expected in (("a/1.png\nb/1.png", "two photos"), ("a/3.png", "a/3.png"), ("#\n", "no photos")):
+        chosen.write_text(words, "utf-8")
+        with pytest.raises(PhotoError, match=expected):
+            load_photos(chosen, None, Silent())
+
+
+def test_only_a_movie_is_turned_into_frames(tmp_path: Path) -> None:
+    from dgs.core.photos.source import photo_source
+
+    assert photo_source(tmp_path, tmp_path / "out", 5, Silent()) == tmp_path
+    (tmp_path / "a folder.mp4").mkdir()
+    assert photo_source(tmp_path / "a folder.mp4", tmp_path / "out", 5, Silent()) == tmp_path / "a folder.mp4"
+    with pytest.raises(PhotoError, match=r"gone\.mov"):
+        photo_source(tmp_path / "gone.mov", tmp_path / "out", 5, Silent())
