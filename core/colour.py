@@ -1,19 +1,20 @@
 """sRGB and linear light, the one place that knows the curve (IEC 61966-2-1).
 
 Outside [0, 1] both curves go on monotonically: linearly below 0 (the curve's own first segment)
-and by the same power above 1. Slopes are finite everywhere.
+and by the same power above 1. Slopes are finite everywhere. Arrays need numpy only.
 """
 
 from __future__ import annotations
 
-from typing import TypeVar, cast
+from typing import TYPE_CHECKING, TypeVar, cast
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
-from torch import Tensor
 
-Values = TypeVar("Values", Tensor, NDArray[np.float32], NDArray[np.float64])
+if TYPE_CHECKING:
+    from torch import Tensor
+
+Values = TypeVar("Values", "Tensor", NDArray[np.float32], NDArray[np.float64])
 
 _SRGB_KNEE, _LINEAR_KNEE = 0.04045, 0.0031308
 _SLOPE, _OFFSET, _POWER = 12.92, 0.055, 2.4
@@ -21,7 +22,9 @@ _SLOPE, _OFFSET, _POWER = 12.92, 0.055, 2.4
 
 def srgb_to_linear(srgb: Values) -> Values:
     """Display values to linear light, elementwise, of the same type and dtype; differentiable in torch."""
-    if isinstance(srgb, Tensor):
+    if not isinstance(srgb, np.ndarray):
+        import torch
+
         # The power's branch is fed a harmless value where it is not used: NaN times 0 is NaN.
         safe = srgb.clamp(min=_SRGB_KNEE)
         curved = ((safe + _OFFSET) / (1 + _OFFSET)) ** _POWER
@@ -32,7 +35,9 @@ def srgb_to_linear(srgb: Values) -> Values:
 
 def linear_to_srgb(linear: Values) -> Values:
     """Linear light to display values, elementwise, of the same type and dtype; differentiable in torch."""
-    if isinstance(linear, Tensor):
+    if not isinstance(linear, np.ndarray):
+        import torch
+
         safe = linear.clamp(min=_LINEAR_KNEE)
         curved = (1 + _OFFSET) * safe ** (1 / _POWER) - _OFFSET
         return torch.where(linear > _LINEAR_KNEE, curved, linear * _SLOPE)

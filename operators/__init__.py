@@ -49,9 +49,9 @@ def remove_menus() -> None:
 
 
 def _import_entries(menu: Any, _context: Any) -> None:
-    menu.layout.operator(DGS_OT_import_twin.bl_idname, text="Gaussian Splats (.ply, .spz, .splat)")
+    menu.layout.operator(DGS_OT_import_twin.bl_idname, text="Gaussian Splats (.ply, .spz, .splat, .glb)")
     menu.layout.operator(DGS_OT_import_cameras.bl_idname, text="Cameras and Photos (COLMAP, transforms.json)")
 
 
 def _export_entries(menu: Any, _context: Any) -> None:
-    menu.layout.operator(DGS_OT_export_twin.bl_idname, text="Gaussian Splats (.ply, .spz, .splat)")
+    menu.layout.operator(DGS_OT_export_twin.bl_idname, text="Gaussian Splats (.ply, .glb, .spz, .splat)")

@@ -31,4 +31,4 @@ class DGS_FH_twin(_Drop):
     bl_idname = "DGS_FH_twin"
     bl_label = "Descatter: Gaussian Splats"
     bl_import_operator = "dgs.import_twin"
-    bl_file_extensions = ".ply;.spz;.splat"
+    bl_file_extensions = ".ply;.spz;.splat"  # glTF files are Blender's own to open

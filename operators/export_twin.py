@@ -18,11 +18,12 @@ class DGS_OT_export_twin(bpy.types.Operator, ExportHelper):
     bl_idname = "dgs.export_twin"
     bl_label = "Export Twin"
 
-    filter_glob: bpy.props.StringProperty(default="*.ply;*.spz;*.splat", options={"HIDDEN"})
+    filter_glob: bpy.props.StringProperty(default="*.ply;*.glb;*.spz;*.splat", options={"HIDDEN"})
     format: bpy.props.EnumProperty(
         name="Format",
         items=(
             (".ply", "3DGS PLY", "Every value as it is; every viewer reads it"),
+            (".glb", "glTF", "KHR_gaussian_splatting in one file (.glb): for web pages, game engines and archives"),
             (".spz", "SPZ", "About a tenth of the size; colours, sizes and gloss are rounded"),
             (".splat", "Splat", "32 bytes a splat, without gloss; for viewers in web pages"),
         ),

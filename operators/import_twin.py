@@ -12,14 +12,14 @@ from ..core.errors import DgsError
 
 
 class DGS_OT_import_twin(bpy.types.Operator, ImportHelper):
-    """Import 3D Gaussian splats from a PLY (3DGS), SPZ or .splat file"""
+    """Import 3D Gaussian splats from a PLY (3DGS), SPZ, .splat or glTF file"""
 
     bl_idname = "dgs.import_twin"
     bl_label = "Import Twin"
     bl_options = {"REGISTER", "UNDO"}
 
     filename_ext = ".ply"
-    filter_glob: bpy.props.StringProperty(default="*.ply;*.spz;*.splat", options={"HIDDEN"})  # type: ignore[valid-type]
+    filter_glob: bpy.props.StringProperty(default="*.ply;*.spz;*.splat;*.glb;*.gltf", options={"HIDDEN"})  # type: ignore[valid-type]
     prepare: bpy.props.BoolProperty(  # type: ignore[valid-type]
         name="Set Up Rendering",
         description="Choose Cycles, enough transparent bounces, and colours as in the photos",

@@ -6,18 +6,19 @@ from pathlib import Path
 
 from ..cloud import GaussianCloud
 from ..errors import FormatError
+from .gltf import read_gltf, write_gltf
 from .ply import read_ply, write_ply
 from .splat import read_splat, write_splat
 from .spz import read_spz, write_spz
 
-_READERS = {".ply": read_ply, ".spz": read_spz, ".splat": read_splat}
-_WRITERS = {".ply": write_ply, ".spz": write_spz, ".splat": write_splat}
+_READERS = {".ply": read_ply, ".spz": read_spz, ".splat": read_splat, ".glb": read_gltf, ".gltf": read_gltf}
+_WRITERS = {".ply": write_ply, ".spz": write_spz, ".splat": write_splat, ".glb": write_gltf, ".gltf": write_gltf}
 #: Endings that are understood.
 ENDINGS = tuple(_READERS)
 
 
 def read_gaussians(path: Path) -> GaussianCloud:
-    """Reads a .ply (3DGS), .spz or .splat.
+    """Reads a .ply (3DGS), .spz, .splat, .glb or .gltf.
 
     Raises:
         FormatError: another ending, no such file, or a damaged one.
@@ -26,10 +27,11 @@ def read_gaussians(path: Path) -> GaussianCloud:
 
 
 def write_gaussians(path: Path, cloud: GaussianCloud) -> None:
-    """Writes a .ply (3DGS, every value kept), .spz (lossy, small) or .splat (lossy, no gloss).
+    """Writes a .ply (3DGS, every value kept), .glb (the same for programs of all kinds), .spz (lossy, small) or
+    .splat (lossy, no gloss).
 
     Raises:
-        FormatError: another ending.
+        FormatError: another ending, or .gltf, which is read only.
         OutputError: the file cannot be written.
     """
     _WRITERS[_ending(path)](path, cloud)

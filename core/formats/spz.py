@@ -24,12 +24,11 @@ from ..cloud import GaussianCloud
 from ..constants import SH_COEFFICIENTS
 from ..errors import FormatError
 from ..files import write_bytes
+from .turning import FLIP
 
 _MAGIC = 0x5053474E
 _HEADER = struct.Struct("<IIIBBBB")
 _COLOUR = 0.15
-#: Signs of harmonics 1 to 15 when y and z are turned round.
-_FLIP = np.array([-1, -1, 1, -1, 1, 1, -1, 1, -1, 1, -1, -1, 1, -1, 1], np.float32)
 #: Buckets of 8-bit values: harmonics of degree 1 keep 5 bits, the others 4, as the format's own writer.
 _FIRST_BUCKET, _OTHER_BUCKET = 8, 16
 #: Most fraction bits of a position; small worlds need more than the usual 12.
@@ -63,7 +62,7 @@ def read_spz(path: Path) -> GaussianCloud:
     opacity = np.clip(opacities[:, 0] / 255.0, 0.5 / 255, 1 - 0.5 / 255)
     sh = np.empty((count, 1 + rest, 3), np.float32)
     sh[:, 0] = (colours / 255.0 - 0.5) / _COLOUR
-    sh[:, 1:] = (harmonics.reshape(count, rest, 3) - 128.0) / 128.0 * _FLIP[:rest, None]
+    sh[:, 1:] = (harmonics.reshape(count, rest, 3) - 128.0) / 128.0 * FLIP[:rest, None]
     turn = _first_three(rotations) if version == 2 else _smallest_three(rotations)
     return GaussianCloud(
         means=(_fixed(positions) / 2.0**fraction * (1, -1, -1)).astype(np.float32),
@@ -85,7 +84,7 @@ def write_spz(path: Path, cloud: GaussianCloud) -> None:
     fraction = int(np.clip(np.floor(np.log2((2**23 - 1) / reach)), 0, _FINEST))
     with np.errstate(over="ignore"):
         opacities = _byte(255.0 / (1.0 + np.exp(-cloud.opacity_logits)))
-    rest = cloud.sh[:, 1:] * _FLIP[: coefficients - 1, None]
+    rest = cloud.sh[:, 1:] * FLIP[: coefficients - 1, None]
     bucket = np.where(np.arange(coefficients - 1) < 3, _FIRST_BUCKET, _OTHER_BUCKET)[:, None]
     harmonics = np.clip((np.round(rest * 128.0) + 128 + bucket // 2) // bucket * bucket, 0, 255).astype(np.uint8)
     turn = cloud.quaternions[:, [1, 2, 3, 0]] * np.array((1, -1, -1, 1), np.float32)

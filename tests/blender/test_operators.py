@@ -140,7 +140,7 @@ def test_what_is_exported_is_what_was_imported(cloud: GaussianCloud, tmp_path: P
     assert out.means.tobytes() == cloud.means.tobytes() and out.sh.tobytes() == cloud.sh.tobytes()
 
 
-@pytest.mark.parametrize("ending", [".spz", ".splat"])
+@pytest.mark.parametrize("ending", [".spz", ".splat", ".glb"])
 def test_small_formats_come_and_go(cloud: GaussianCloud, tmp_path: Path, ending: str) -> None:
     write_ply(tmp_path / "in.ply", cloud)
     bpy.ops.dgs.import_twin(filepath=str(tmp_path / "in.ply"))

@@ -16,6 +16,7 @@ BLENDER = {"bpy", "bpy_extras", "mathutils", "gpu", "gpu_extras", "bmesh", "blf"
 #: What Blender's own Python must be able to read: numpy is there, torch is not.
 WITHOUT_TORCH = (
     "cloud", "camera", "conventions", "errors", "files", "progress", "formats.gaussians", "formats.colmap_numpy",
+    "colour",
 )  # fmt: skip
 
 NAMES_BLENDER = "import numpy\nfrom mathutils import Vector\n"

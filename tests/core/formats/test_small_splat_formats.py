@@ -67,7 +67,7 @@ def test_spz_turns_the_axes(tmp_path):
 
 def test_spz_harmonics_keep_their_meaning(tmp_path):
     """Each harmonic's sign is that of the real harmonic with y and z turned round."""
-    from dgs.core.formats.spz import _FLIP
+    from dgs.core.formats.turning import FLIP
 
     x, y, z = np.random.default_rng(0).normal(size=3)
 
@@ -77,7 +77,7 @@ def test_spz_harmonics_keep_their_meaning(tmp_path):
                          z * (2 * z * z - 3 * x * x - 3 * y * y), x * (4 * z * z - x * x - y * y),
                          z * (x * x - y * y), x * (x * x - 3 * y * y)])  # fmt: skip
 
-    np.testing.assert_allclose(real(x, -y, -z), _FLIP * real(x, y, z))
+    np.testing.assert_allclose(real(x, -y, -z), FLIP * real(x, y, z))
 
 
 def test_spz_version_2_is_read(tmp_path):
