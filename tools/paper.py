@@ -25,8 +25,10 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import run_dgs  # noqa: E402
 
-#: What the set with blur in linear light and real sets are compared with: the Wiener row is the choosable one.
-FEW = ("plain", "paper", "dgs", "wiener measured v0.1", "oracle")
+_REAL = (
+    "Sharp photos of a camera, blurred virtually by 5 px in sRGB values, cut by 24 px afterwards (so that light from"
+    " beyond the border is in them), 8 bit. The reference cameras were found from the sharp photos."
+)
 
 
 class Failed(Exception):
@@ -48,10 +50,14 @@ def read(path: Path) -> dict[str, Any]:
 
 
 def render_sets(work: Path, quick: bool) -> tuple[Path, Path]:
-    """The ball blurred in sRGB, and from the same frames blurred in linear light."""
+    """The ball blurred in sRGB, and from the same frames blurred in linear light.
+
+    The large one is benchmarks/data/ball: what is there of it is not rendered again.
+    """
     small = ("--views", 10, "--size", "192x128", "--psf", "gaussian:1.5", "--overscan", 10, "--samples", 4)
     size = small if quick else ("--views", 76, "--size", "800x533", "--psf", "gaussian:5")
-    encoded, linear = work / "ball", work / "ball_linear"
+    data = work if quick else ROOT / "benchmarks" / "data"
+    encoded, linear = data / "ball", data / "ball_linear"
     shared = ("--masks", "--depth", "--keep-linear", *size)
     command("synthesize", "--out", encoded, *shared)
     if not (linear / "manifest.json").is_file() and not (linear / "unfinished.json").is_file():
@@ -63,8 +69,11 @@ def render_sets(work: Path, quick: bool) -> tuple[Path, Path]:
 
 
 def compare(data: Path, out: Path, options: argparse.Namespace, *more: object, few: bool = False) -> dict[str, Any]:
-    """The table of one set, taking up what is there."""
-    only = [word for method in FEW for word in ("--only", method)] if few else []
+    """The table of one set, taking up what is there; `few` leaves out Richardson-Lucy and every search."""
+    from dgs.core.comparison.methods import WIENER_MEASURED
+
+    rows = ("plain", "paper", "dgs", WIENER_MEASURED, "oracle")
+    only = [word for method in rows for word in ("--only", method)] if few else []
     quick = ("--quick", "--cameras", "known", "--steps", 80) if options.quick else ()
     threads = ("--threads", options.threads) if options.threads else ()
     command("compare", data, "--out", out, "--seeds", options.seeds, "--resume", *quick, *threads, *only, *more)
@@ -72,15 +81,13 @@ def compare(data: Path, out: Path, options: argparse.Namespace, *more: object, f
 
 
 def pictures(out: Path, page: Path, label: str) -> dict[str, str]:
-    """Copies the pictures of a comparison beside the page; title by link."""
+    """Copies the pictures and movies of a comparison beside the page; title by link."""
     folder = page.parent / "images" / "paper"
     folder.mkdir(parents=True, exist_ok=True)
     links = {}
-    for line in (out / "compare.md").read_text("utf-8").splitlines():
-        if line.startswith("!["):
-            title, _, file = line[2:-1].rpartition("](")
-            shutil.copyfile(out / file, folder / f"{label}_{file}")
-            links[f"images/paper/{label}_{file}"] = title
+    for file, title in read(out / "pictures.json").items():
+        shutil.copyfile(out / file, folder / f"{label}_{file}")
+        links[f"images/paper/{label}_{file}"] = title
     return links
 
 
@@ -96,15 +103,15 @@ def write(options: argparse.Namespace) -> None:
     views = "{registered} views".format(**content["facts"])
     main = Chapter(f"The ball, {views}", "Blurred in sRGB values, 8 bit, as the paper most likely did.", content,
                    pictures(work / "compare_ball", target, "ball"))  # fmt: skip
+    one_seed = argparse.Namespace(**{**vars(options), "seeds": 1})
     more = [Chapter("The same ball, blurred in linear light", "As a medium blurs: light, not stored values.",
-                    compare(linear, work / "compare_ball_linear", options, few=True))]  # fmt: skip
+                    compare(linear, work / "compare_ball_linear", one_seed, few=True))]  # fmt: skip
     for folder in options.real:
         out = work / f"compare_{folder.name}"
         real = compare(folder, out, options, "--psf", "gaussian:5", few=True)
-        more.append(Chapter(f"Real photos: {folder.name}", "Sharp photos blurred virtually by 5 px.", real,
+        more.append(Chapter(f"Real photos: {folder.name}", _REAL, real,
                             pictures(out, target, folder.name)))  # fmt: skip
-    few_seeds = argparse.Namespace(**{**vars(options), "seeds": 1})
-    wrong = compare(encoded, work / "compare_ball", few_seeds, "--mismatch")
+    wrong = compare(encoded, work / "compare_ball", one_seed, "--mismatch")
     write_text(target, page(main, more, wrong, options.quick))
     print(f"wrote {target.relative_to(ROOT) if target.is_relative_to(ROOT) else target}")
 

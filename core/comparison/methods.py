@@ -3,7 +3,8 @@
     plain            Gaussian splatting of the blurred photos
     wiener N vW      Wiener's filter with noise-to-signal ratio N per photo, then splatting with total variation
                      W; N 'measured' is told by the photos' own spectra: the choice that needs no truth
-    rl N vW          N iterations of Richardson-Lucy per photo, then splatting with total variation W
+    rl N vW          N iterations of Richardson-Lucy per photo, then splatting with total variation W; N 'measured'
+                     is where the residual is as small as the photos' noise (`deconvolution.lucy_iterations`)
     paper            the paper's loss: MAE + SSIM on the degraded render
     dgs              ours
     oracle           Gaussian splatting of the sharp photos
@@ -11,10 +12,13 @@
 
 from __future__ import annotations
 
+import json
 import time
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 from ..errors import DgsError
+from ..files import write_json
 from ..imaging.medium import Medium
 from ..photos.load import Photo
 from ..progress import Progress
@@ -22,26 +26,29 @@ from ..training.settings import TrainingSettings
 from . import deconvolution
 from .dataset import Dataset
 
-RATIOS = ("1e-5", "3e-5", "1e-4", "3e-4", "1e-3", "measured")
-ITERATIONS = (50, 100, 200)
-VARIATIONS = (0.0, 0.1, 0.3)
-_QUICK_RATIOS, _QUICK_ITERATIONS = ("1e-4", "measured"), (10,)
+#: Weight of the total variation of all deconvolve-then-splat rows: our own method's.
+VARIATION = f"v{TrainingSettings().variation_weight:g}"
+WIENER_MEASURED, LUCY_MEASURED = f"wiener measured {VARIATION}", f"rl measured {VARIATION}"
+#: What the best by the truth is searched among.
+RATIOS, ITERATIONS = ("1e-5", "3e-5", "1e-4", "3e-4"), ("50", "100", "200")
+_QUICK_RATIOS, _QUICK_ITERATIONS = ("1e-4",), ("10",)
 _KINDS = ("plain", "paper", "dgs", "oracle", "wiener", "rl")
+#: The rows that matter most; every seed is run.
+MAIN = ("plain", "paper", "dgs", "oracle", WIENER_MEASURED, LUCY_MEASURED)
+#: Chosen without the truth.
+CHOSEN = (WIENER_MEASURED, LUCY_MEASURED)
+
+
+def searched(quick: bool = False) -> tuple[str, ...]:
+    """Rows among which the best by the truth is looked for with one seed, and the chosen ones without TV."""
+    ratios, iterations = (_QUICK_RATIOS, _QUICK_ITERATIONS) if quick else (RATIOS, ITERATIONS)
+    tried = (*(f"wiener {ratio} {VARIATION}" for ratio in ratios), *(f"rl {count} {VARIATION}" for count in iterations))
+    return tried if quick else (*tried, "wiener measured v0", "rl measured v0")
 
 
 def methods(quick: bool = False) -> list[str]:
     """All rows, in the order in which they are run."""
-    ratios, iterations = (_QUICK_RATIOS, _QUICK_ITERATIONS) if quick else (RATIOS, ITERATIONS)
-    variations = (TrainingSettings().variation_weight,) if quick else VARIATIONS
-    wiener = [f"wiener {ratio} v{weight:g}" for ratio in ratios for weight in variations]
-    lucy = [f"rl {count} v{weight:g}" for count in iterations for weight in variations]
-    return ["plain", "paper", "dgs", "oracle", *wiener, *lucy]
-
-
-def without_truth(methods_run: list[str]) -> str | None:
-    """The Wiener row that one could choose without knowing the truth: n as measured, our own method's W."""
-    name = f"wiener measured v{TrainingSettings().variation_weight:g}"
-    return name if name in methods_run else None
+    return [*MAIN, *searched(quick)]
 
 
 @dataclass(frozen=True)
@@ -53,26 +60,36 @@ class Ingredients:
         medium: what the training knows of.
         settings: of the training.
         seconds: what the deconvolution took.
+        told: what the photos themselves told, for the table.
     """
 
     photos: list[Photo]
     medium: Medium
     settings: TrainingSettings
     seconds: float = 0.0
+    told: str = ""
 
 
 class Kitchen:
-    """Prepares ingredients, and keeps the photos deconvolved last: seeds and TV weights share them."""
+    """Prepares ingredients, and keeps the photos deconvolved last: seeds and TV weights share them.
 
-    def __init__(self, data: Dataset, progress: Progress) -> None:
-        self._data, self._progress = data, progress
-        self._kept: tuple[str, list[Photo], float] = ("", [], 0.0)
+    Args:
+        data: the set; only photos that are trained on are deconvolved.
+        folder: where photos deconvolved slowly (Richardson-Lucy) are kept; None keeps none.
+        threads: of Richardson-Lucy.
+    """
+
+    def __init__(self, data: Dataset, progress: Progress, folder: Path | None = None, threads: int = 1) -> None:
+        self._data, self._progress, self._folder, self._threads = data, progress, folder, threads
+        self._made: tuple[str, list[Photo], float, str] = ("", [], 0.0, "")
+        self._iterations: tuple[int, float] | None = None
 
     def ingredients(self, method: str, base: TrainingSettings) -> Ingredients:
         """Of one method.
 
         Raises:
             DgsError: there is no such method.
+            Cancelled: the user stopped Richardson-Lucy.
         """
         photos, medium = self._data.photos, self._data.medium
         kind, *values = method.split()
@@ -90,20 +107,53 @@ class Kitchen:
             return Ingredients(sharp, Medium(None), plain)
         try:
             varied = replace(base, variation_weight=float(values[1].removeprefix("v")))
-            float(values[0] if values[0] != "measured" else 1)
+            if values[0] != "measured":
+                int(values[0]) if kind == "rl" else float(values[0])
         except ValueError as error:
-            raise DgsError(f"There is no method '{method}'", "Write such as 'wiener 1e-4 v0.1'") from error
-        made, seconds = self._deconvolved(f"{kind} {values[0]}", kind, values[0])
-        return Ingredients(made, Medium(None), varied, seconds)
+            example = LUCY_MEASURED.replace("measured", "50") if kind == "rl" else "wiener 1e-4 v0.1"
+            raise DgsError(f"There is no method '{method}'", f"Write such as '{example}'") from error
+        made, seconds, told = self._deconvolved(kind, values[0])
+        return Ingredients(made, Medium(None), varied, seconds, told)
 
-    def _deconvolved(self, key: str, kind: str, value: str) -> tuple[list[Photo], float]:
-        if self._kept[0] != key:
-            began = time.perf_counter()
-            if self._data.medium.psf is None or self._data.medium.psf.is_identity:
-                made = self._data.photos
-            elif kind == "wiener":
-                made = deconvolution.wiener(self._data.photos, self._data.medium, value)
+    def _deconvolved(self, kind: str, value: str) -> tuple[list[Photo], float, str]:
+        key = f"{kind} {value}"
+        if self._made[0] == key:
+            return self._made[1:]
+        began = time.perf_counter()
+        held = set(self._data.heldout)
+        photos = [photo for photo in self._data.photos if photo.name not in held]
+        medium, told = self._data.medium, ""
+        if medium.psf is None or medium.psf.is_identity:
+            made = photos
+        elif kind == "wiener":
+            made = deconvolution.wiener(photos, medium, value)
+        else:
+            if value == "measured":
+                iterations, residual = self._measured(photos)
+                told = f"{iterations} iterations, residual {residual:.2f} times the noise"
             else:
-                made = deconvolution.lucy(self._data.photos, self._data.medium, int(value), self._progress)
-            self._kept = (key, made, time.perf_counter() - began)
-        return self._kept[1:]
+                iterations = int(value)
+            made, seconds = self._lucy(photos, iterations)
+            self._made = (key, made, seconds, told)
+            return self._made[1:]
+        self._made = (key, made, time.perf_counter() - began, told)
+        return self._made[1:]
+
+    def _lucy(self, photos: list[Photo], iterations: int) -> tuple[list[Photo], float]:
+        """Photos, and the seconds that all of them took when they were made."""
+        kept = None if self._folder is None else self._folder / f"rl_{iterations}"
+        before = 0 if kept is None else len(list(kept.glob("*.npy")))
+        began = time.perf_counter()
+        made = deconvolution.lucy(photos, self._data.medium, iterations, self._progress, self._threads, kept)
+        seconds = (time.perf_counter() - began) * len(photos) / max(1, len(photos) - before)
+        file = None if kept is None else kept / "seconds.json"
+        if file is not None and before >= len(photos) and file.is_file():
+            seconds = float(json.loads(file.read_text(encoding="utf-8")))
+        elif file is not None:
+            write_json(file, round(seconds, 1))
+        return made, seconds
+
+    def _measured(self, photos: list[Photo]) -> tuple[int, float]:
+        if self._iterations is None:
+            self._iterations = deconvolution.lucy_iterations(photos, self._data.medium, self._threads)
+        return self._iterations

@@ -24,12 +24,13 @@ from ..progress import Progress
 from . import degrade, table
 from .dataset import Dataset, load_dataset, point_spread
 from .measure import Measure
+from .methods import WIENER_MEASURED
 from .runs import run_all, training_settings
 from .settings import CompareSettings
 
 #: Wrong by so many per cent: what DGS is told against what blurred the photos.
 WRONG_SIGMAS = (-20, -10, -5, 5, 10, 20)
-METHODS = ("plain", "wiener measured v0.1", "dgs")
+METHODS = ("plain", WIENER_MEASURED, "dgs")
 
 
 @dataclass(frozen=True)
@@ -110,7 +111,7 @@ def study(settings: CompareSettings, progress: Progress) -> dict[str, Any]:
         methods = METHODS if case.told == psf.sigma_x else METHODS[1:]
         base = training_settings(settings, own, threads, device)
         rows = run_all(methods, settings, own, Measure(own), base, progress, f"mismatch/{_folder(case.name)}")
-        results[case.name] = table.summarised(rows, None)["each"]
+        results[case.name] = table.summarised(rows)["each"]
     for case in chosen:  # plain splatting knows nothing of sigma: one run serves all that was told
         results[case.name].setdefault("plain", results["as told"]["plain"])
     content = {"psf": data.psf, "border": border, "seeds": settings.seeds, "quick": settings.quick, "cases": results}

@@ -57,6 +57,7 @@ def page(main: Chapter, more: list[Chapter], wrong: Mapping[str, Any] | None, qu
     parts = ["# The paper's experiment, repeated"]
     if quick:
         parts.append("**Written by a quick run: tiny pictures, short trainings. These are not results.**")
+    parts += table.shown({link: title for link, title in main.pictures.items() if _leads(link)})
     parts += [_introduction(), "## Beside the paper", "\n".join(_beside(main.content)), _caveats(main.content)]
     parts += ["## What we ask of it", "\n".join(verdict_lines(verdicts(main.content, wrong), quick))]
     for chapter in (main, *more):
@@ -64,13 +65,18 @@ def page(main: Chapter, more: list[Chapter], wrong: Mapping[str, Any] | None, qu
         parts += [f"## {chapter.title}", chapter.text, *table.conditions(dict(facts))]
         parts += [table.columns(dict(facts))] if chapter is main else []
         parts.append("\n".join(table.table_lines(dict(facts), dict(summary))))
-        parts += [f"![{title}]({link})" for link, title in chapter.pictures.items()]
+        parts += table.shown({k: v for k, v in chapter.pictures.items() if chapter is not main or not _leads(k)})
     if wrong is not None:
         parts += ["## When the medium is not what one thought", mismatch.explanation(dict(wrong))]
         parts.append("\n".join(mismatch.table_lines(dict(wrong))))
     machine = main.content["facts"]["machine"]
     parts.append(f"Measured on {machine['processor']}, {machine['threads']} threads, device {machine['device']}.")
     return "\n\n".join(parts) + "\n"
+
+
+def _leads(link: str) -> bool:
+    """The pictures that say most come before any word."""
+    return link.endswith(("_turntable.gif", "_crops.png"))
 
 
 def verdicts(content: Mapping[str, Any], wrong: Mapping[str, Any] | None) -> list[Verdict]:

@@ -15,12 +15,17 @@ from ..evaluation.profiles import Sampler, intensity_profile
 from ..files import replacing
 from .dataset import Dataset
 from .measure import Measure, render_file
+from .turntable import FRAMES, QUICK_FRAMES, write_movies
 
 Picture = NDArray[np.float64]
 
 #: Colour and name of what pictures show, in this order.
 _LOOKS = {"truth": "black", "plain": "tab:orange", "wiener": "tab:green", "rl": "tab:olive", "paper": "tab:purple",
           "dgs": "tab:blue", "oracle": "tab:gray"}  # fmt: skip
+#: What movies call the methods, and which of them are shown side by side.
+_TITLES = {"plain": "plain GS", "wiener": "Wiener, then GS", "rl": "Richardson-Lucy, then GS",
+           "paper": "the paper's loss", "dgs": "DGS", "oracle": "GS of sharp photos"}  # fmt: skip
+_BESIDE = ("plain", "dgs", "oracle")
 #: Side of a crop as a share of the frame's height.
 _CROP = 0.35
 
@@ -54,11 +59,21 @@ def write_pictures(out: Path, data: Dataset, measure: Measure, content: dict[str
         file = f"widths_{line.replace(' ', '_')}.png"
         if _widths(out / file, rows, methods, line):
             written[file] = f"Width of the {line} line from every measured viewpoint"
-    for method in ("plain", "dgs"):
-        file = f"views_{method}.gif"
-        if method in methods and _movie(out / file, out / "renders" / method, measure.held):
-            written[file] = f"Held-out views of the twin, {method}"
-    return written
+    return {**_movies(out, data, rows, methods, content["facts"].get("quick", False)), **written}
+
+
+def _movies(
+    out: Path, data: Dataset, rows: Sequence[dict[str, Any]], methods: Sequence[str], quick: bool
+) -> dict[str, str]:
+    """Turntables of the twins on disk; title by file name."""
+    twins: dict[str, tuple[str, Path, Sequence[float]]] = {}
+    for method in methods:
+        row = next((row for row in rows if row["method"] == method and row["seed"] == 0), None)
+        file = out / "twins" / f"{method.replace(' ', '_')}.ply"
+        if row is not None and "background" in row and file.is_file():
+            kind = method.split()[0]
+            twins[kind] = (_TITLES.get(kind, method), file, row["background"])
+    return write_movies(out, twins, _BESIDE, data.cameras, QUICK_FRAMES if quick else FRAMES) if twins else {}
 
 
 def _renders(out: Path, methods: Sequence[str], view: str) -> dict[str, Picture]:
@@ -155,23 +170,6 @@ def _crops(path: Path, pictures: dict[str, Picture], middle: NDArray[np.float64]
         spot.imshow(np.clip(picture[top : top + side, left : left + side], 0, 1), interpolation="nearest")
         spot.set_title(name, fontsize=9)
     _save(figure, path)
-
-
-def _movie(path: Path, folder: Path, views: Sequence[str], longest: int = 480) -> bool:
-    """A GIF there and back through the rendered views."""
-    files = [folder / render_file(view) for view in views]
-    frames = []
-    for file in (file for file in files if file.is_file()):
-        with Image.open(file) as picture:
-            frame = picture.convert("RGB")
-            frame.thumbnail((longest, longest))
-            frames.append(frame)
-    if len(frames) < 2:
-        return False
-    frames += frames[-2:0:-1]
-    with replacing(path) as temporary:
-        frames[0].save(temporary, "GIF", save_all=True, append_images=frames[1:], duration=150, loop=0)
-    return True
 
 
 def _save(figure: Any, path: Path) -> None:

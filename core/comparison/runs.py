@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import shutil
 import time
 from collections.abc import Sequence
 from dataclasses import asdict, replace
@@ -13,6 +14,7 @@ from typing import Any
 from ..errors import Cancelled, DgsError
 from ..evaluation.metrics import low_passed_truth_psnr
 from ..files import make_folder, write_json
+from ..formats.ply import write_ply
 from ..photos.undistort import undistorted_views
 from ..pipeline.heldout import mean_of
 from ..pipeline.machine import choose_device, machine, use_threads
@@ -23,7 +25,7 @@ from ..training.settings import TrainingSettings
 from . import table
 from .dataset import Dataset, load_dataset
 from .measure import Measure
-from .methods import Kitchen, methods, without_truth
+from .methods import CHOSEN, LUCY_MEASURED, MAIN, VARIATION, Kitchen, searched
 from .pictures import write_pictures
 from .settings import CompareSettings
 
@@ -31,6 +33,8 @@ from .settings import CompareSettings
 CUTOFFS = (0.11, 0.125)
 #: What --quick spends on each twin.
 QUICK_STEPS, QUICK_GAUSSIANS = 120, 4000
+#: Folder of photos that took long to deconvolve, until the comparison is finished.
+DECONVOLVED = "deconvolved"
 
 
 class Quiet:
@@ -62,18 +66,40 @@ def compare(settings: CompareSettings, progress: Progress) -> dict[str, Any]:
     make_folder(settings.out)
     data = load_dataset(settings, threads, progress)
     base = training_settings(settings, data, threads, device)
-    wanted = [method for method in methods(settings.quick) if not settings.only or method in settings.only]
-    wanted += [method for method in settings.only if method not in wanted]
     if data.reference is None:
         progress.note("The set has no cameras of its own: no pose errors and no line widths")
     measure = Measure(data)
-    rows = run_all(wanted, settings, data, measure, base, progress)
+    rows = _rows(settings, data, measure, base, progress)
     facts = _facts(settings, data, measure, base, threads, device)
-    content = {"facts": facts, "methods": table.summarised(rows, without_truth(wanted)), "rows": rows}
+    content = {"facts": facts, "methods": table.summarised(rows, CHOSEN), "rows": rows}
     write_json(settings.out / "compare.json", content)
     content["pictures"] = write_pictures(settings.out, data, measure, content)
+    write_json(settings.out / "pictures.json", content["pictures"])
     table.write(settings.out / "compare.md", content)
+    shutil.rmtree(settings.out / DECONVOLVED, ignore_errors=True)
     return content
+
+
+def _rows(
+    settings: CompareSettings, data: Dataset, measure: Measure, base: TrainingSettings, progress: Progress
+) -> list[dict[str, Any]]:
+    """The main methods with all seeds; a search with one; and the best that it finds with all seeds again."""
+    if settings.only:
+        return run_all(settings.only, settings, data, measure, base, progress)
+    rows = run_all(MAIN, settings, data, measure, base, progress)
+    told = next((row["told"] for row in rows if row["method"] == LUCY_MEASURED), "")
+    search = [method for method in searched(settings.quick) if not told.startswith(f"{_count(method)} iterations")]
+    rows += run_all(search, settings, data, measure, base, progress, seeds=range(1))
+    each = table.summarised(rows, CHOSEN)["each"]
+    alike = {name: entry for name, entry in each.items() if name.endswith(VARIATION)}
+    best = [name for kind in ("wiener", "rl") if (name := table.best(alike, kind)) in search]
+    return rows + run_all(best, settings, data, measure, base, progress, seeds=range(1, settings.seeds))
+
+
+def _count(method: str) -> str:
+    """Of Richardson-Lucy's iterations; a dash for other methods and for those without TV."""
+    kind, *values = method.split()
+    return values[0] if kind == "rl" and values[-1] == VARIATION else "-"
 
 
 def training_settings(settings: CompareSettings, data: Dataset, threads: int, device: str) -> TrainingSettings:
@@ -88,22 +114,28 @@ def training_settings(settings: CompareSettings, data: Dataset, threads: int, de
 
 def run_all(
     wanted: Sequence[str], settings: CompareSettings, data: Dataset, measure: Measure, base: TrainingSettings,
-    progress: Progress, folder: str = "rows",
+    progress: Progress, folder: str = "rows", seeds: Sequence[int] | None = None,
 ) -> list[dict[str, Any]]:  # fmt: skip
     """One row for each method and seed; those on disk are read if the settings are the same."""
     key = run_key(settings, data, base)
-    kitchen = Kitchen(data, progress)
+    main = folder == "rows"
+    kitchen = Kitchen(data, progress, settings.out / DECONVOLVED / key if main else None, base.threads)
     rows = []
-    todo = [(method, seed) for method in wanted for seed in range(settings.seeds)]
+    todo = [(method, seed) for method in wanted for seed in (range(settings.seeds) if seeds is None else seeds)]
+    if not todo:
+        return []
+    if main:
+        _prepare(todo, kitchen, settings, base, folder, key)
     progress.stage("compare", len(todo))
     for number, (method, seed) in enumerate(todo, start=1):
         file = settings.out / folder / f"{method.replace(' ', '_')}-{seed}.json"
         row = _kept(file, key) if settings.resume else None
-        if row is None:
+        twin = settings.out / "twins" / f"{method.replace(' ', '_')}.ply" if seed == 0 and main else None
+        if row is None or not (twin is None or twin.is_file()):
             if progress.cancelled():
                 raise Cancelled(f"Stopped after {number - 1} of {len(todo)} runs", "Go on with --resume")
-            renders = settings.out / "renders" / method.replace(" ", "_") if seed == 0 and folder == "rows" else None
-            row = {"key": key, **one_run(method, seed, data, measure, kitchen, base, renders, progress)}
+            renders = settings.out / "renders" / method.replace(" ", "_") if twin is not None else None
+            row = {"key": key, **one_run(method, seed, data, measure, kitchen, base, progress, renders, twin)}
             write_json(file, row)
         rows.append(row)
         progress.advance(number, psnr=row["heldout"]["psnr"] or float("nan"))
@@ -112,9 +144,9 @@ def run_all(
 
 def one_run(
     method: str, seed: int, data: Dataset, measure: Measure, kitchen: Kitchen, base: TrainingSettings,
-    renders: Path | None, progress: Progress,
+    progress: Progress, renders: Path | None = None, twin: Path | None = None,
 ) -> dict[str, Any]:  # fmt: skip
-    """Trains one twin and measures it; one row.
+    """Trains one twin and measures it; one row. Its held-out renders and the twin itself are kept if asked.
 
     Raises:
         Cancelled: the user stopped the training.
@@ -127,11 +159,26 @@ def one_run(
     trained = train(views, [], data.cameras.points, ready.medium, ready.settings, Quiet(progress))
     if trained.steps < ready.settings.steps and progress.cancelled():
         raise Cancelled(f"Stopped while '{method}' was trained", "Go on with --resume")
+    if twin is not None:
+        make_folder(twin.parent)
+        write_ply(twin, trained.gaussians.cloud())
     seconds = {"deconvolution": ready.seconds, "wall": time.perf_counter() - wall, "cpu": time.process_time() - cpu}
     return {
         "method": method, "seed": seed, "seconds": {name: round(value, 1) for name, value in seconds.items()},
-        "gaussians": len(trained.gaussians), "steps": trained.steps, **measure.twin(trained, renders),
+        "gaussians": len(trained.gaussians), "steps": trained.steps, "told": ready.told,
+        "background": list(trained.background), **measure.twin(trained, renders),
     }  # fmt: skip
+
+
+def _prepare(
+    todo: Sequence[tuple[str, int]], kitchen: Kitchen, settings: CompareSettings, base: TrainingSettings, folder: str,
+    key: str,
+) -> None:  # fmt: skip
+    """What takes long to deconvolve comes first, so that the time left of the trainings can be told."""
+    for method, seed in todo:
+        file = settings.out / folder / f"{method.replace(' ', '_')}-{seed}.json"
+        if method.startswith("rl ") and seed == 0 and not (settings.resume and _kept(file, key)):
+            kitchen.ingredients(method, base)
 
 
 def run_key(settings: CompareSettings, data: Dataset, base: TrainingSettings) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from statistics import median, pstdev
 from typing import Any
@@ -42,20 +42,21 @@ def figures(row: Row) -> dict[str, float | None]:
     return out
 
 
-def summarised(rows: Sequence[Row], choosable: str | None) -> dict[str, Any]:
+def summarised(rows: Sequence[Row], choosable: Sequence[str] = ()) -> dict[str, Any]:
     """Median and spread of every figure by method, and which baselines stand out.
 
     Args:
-        choosable: the Wiener row that one could choose without the truth.
+        choosable: rows of deconvolved photos that one could choose without the truth.
 
     Returns:
-        'each': by method {'seeds', 'median': {figure: value}, 'spread': {figure: standard deviation}};
-        'best_wiener' and 'best_rl': by the truth's PSNR; 'wiener_without_truth'.
+        'each': by method {'seeds', 'told', 'median': {figure: value}, 'spread': {figure: standard deviation}};
+        'best_wiener' and 'best_rl': by the truth's PSNR; 'without_truth': those of `choosable` that were run.
     """
     each: dict[str, Any] = {}
+    told = {row["method"]: row.get("told", "") for row in rows}
     for method in dict.fromkeys(row["method"] for row in rows):
         own = [figures(row) for row in rows if row["method"] == method]
-        entry: dict[str, Any] = {"seeds": len(own), "median": {}, "spread": {}}
+        entry: dict[str, Any] = {"seeds": len(own), "told": told.get(method, ""), "median": {}, "spread": {}}
         for name in dict.fromkeys(name for one in own for name in one):
             known = [value for one in own if (value := one.get(name)) is not None]
             entry["median"][name] = round(median(known), 7) if known else None
@@ -63,7 +64,7 @@ def summarised(rows: Sequence[Row], choosable: str | None) -> dict[str, Any]:
         each[method] = entry
     return {
         "each": each, "best_wiener": best(each, "wiener"), "best_rl": best(each, "rl"),
-        "wiener_without_truth": choosable if choosable in each else None,
+        "without_truth": [method for method in choosable if method in each],
     }  # fmt: skip
 
 
@@ -91,7 +92,7 @@ def table_lines(facts: dict[str, Any], summary: dict[str, Any], only: Sequence[s
     for name in names:
         heads += [f"{name}: concordance", "width, true -> rendered (px)"]
     heads += ["depth error (mm)" if facts.get("metres") else "depth error"] if depth else []
-    heads += ["seconds"]
+    heads += ["seconds", "seeds"]
     out = ["| " + " | ".join(heads) + " |", "|" + "---|" * len(heads)]
     for method, entry in summary["each"].items():
         if only is not None and method not in only:
@@ -105,7 +106,7 @@ def table_lines(facts: dict[str, Any], summary: dict[str, Any], only: Sequence[s
             cells.append(f"{_plain(middle.get(f'{name} true_mean'))} -> {_plain(middle.get(f'{name} rendered_mean'))}")
         if depth:
             cells.append(cell(entry, "depth median", 2, 1000.0 if facts.get("metres") else 1.0))
-        cells.append(cell(entry, "seconds", 1))
+        cells += [cell(entry, "seconds", 1), str(entry["seeds"])]
         out.append("| " + " | ".join(cells) + " |")
     return out
 
@@ -148,17 +149,26 @@ def write(path: Path, content: dict[str, Any]) -> None:
     if facts.get("quick"):
         parts.append("**A quick run: small pictures and short trainings. It proves the machinery, not the method.**")
     parts += [*conditions(facts), columns(facts), "\n".join(table_lines(facts, content["methods"]))]
-    parts += [f"![{title}]({file})" for file, title in content.get("pictures", {}).items()]
+    parts += shown(content.get("pictures", {}))
     write_text(path, "\n\n".join(parts) + "\n")
+
+
+def shown(pictures: Mapping[str, str]) -> list[str]:
+    """Pictures (title by link) as paragraphs of Markdown: movies that pages cannot show are links in one line."""
+    parts = [f"![{title}]({link})" for link, title in pictures.items() if not link.endswith(".mp4")]
+    movies = [f"[{title}]({link})" for link, title in pictures.items() if link.endswith(".mp4")]
+    return parts + ([" · ".join(movies)] if movies else [])
 
 
 def _named(method: str, summary: dict[str, Any]) -> str:
     marks = []
     if method in (summary["best_wiener"], summary["best_rl"]):
         marks.append("best by the truth")
-    if method == summary["wiener_without_truth"]:
+    if method in summary["without_truth"]:
         marks.append("chosen without truth")
-    return f"{method} ({', '.join(marks)})" if marks else method
+    if summary["each"][method]["told"]:
+        marks.append(summary["each"][method]["told"])
+    return f"{method} ({'; '.join(marks)})" if marks else method
 
 
 def _plain(value: float | None) -> str:

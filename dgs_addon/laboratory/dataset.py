@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.camera import Camera
-from ...core.errors import Cancelled
+from ...core.errors import Cancelled, DgsError
 from ...core.files import make_folder, write_json
 from ...core.formats.transforms import write_transforms
 from ...core.progress import Progress
@@ -28,12 +28,27 @@ from ...core.views import SparsePoints
 from ..axes import matrix_to_engine
 from . import degrade, files, rail
 from .lines import LINES, centre_line
-from .settings import SynthesizeSettings
+from .settings import EXTRAS, SynthesizeSettings
 from .shape import SHAPE, ball_pose
 from .studio import Studio, source_digest
 
 #: Views whose depth gives the points of the camera model, and points taken from each.
 POINT_VIEWS, POINTS_PER_VIEW = 6, 1000
+
+
+def _same(name: str) -> str:
+    return name
+
+
+def _array(name: str) -> str:
+    return f"{Path(name).stem}.npy"
+
+
+#: What can stand beside the photos: its setting, its folder, and how its files are called after the photo's.
+_BESIDE = (
+    ("masks", "masks_ball", _same), ("depth", "depth", _array), ("normals", "normals", _array),
+    ("keep_linear", "linear", lambda name: f"{name}.npy"),
+)  # fmt: skip
 
 
 def synthesize(settings: SynthesizeSettings, out: Path, progress: Progress) -> None:
@@ -98,7 +113,7 @@ def _photos(
                 else:
                     seed = _frame_seed(settings.seed, index)
                     linear = studio.enter().picture(camera.with_margin(margin), seed, Path(scratch))
-                if settings.keep_linear:
+                if settings.keep_linear and not kept.is_file():
                     files.write_array(kept, linear)
                 sharp = degrade.encode(degrade.blur(linear.astype(np.float64), np.ones((1, 1)), margin))
                 files.write_png(done[1], degrade.quantise(sharp, settings.bits))
@@ -131,12 +146,16 @@ def _geometry(
             camera = cameras[index]
             if progress.cancelled():
                 raise Cancelled(f"Stopped after {done - 1} of {len(wanted)} depth maps", "Run it again to go on")
-            depth, objects = render.depth_and_index(camera, Path(scratch))
-            if settings.masks:
-                ball = np.uint8(255) * (objects == BALL_INDEX).astype(np.uint8)
-                files.write_png(out / "masks_ball" / camera.name, ball)
-            if settings.depth:
-                files.write_array(out / "depth" / f"{Path(camera.name).stem}.npy", depth)
+            mask, kept = out / "masks_ball" / camera.name, out / "depth" / _array(camera.name)
+            there = (mask.is_file() or not settings.masks) and kept.is_file() and settings.depth
+            if there:
+                depth = np.load(kept, allow_pickle=False)
+            else:
+                depth, objects = render.depth_and_index(camera, Path(scratch))
+                if settings.masks:
+                    files.write_png(mask, np.uint8(255) * (objects == BALL_INDEX).astype(np.uint8))
+                if settings.depth:
+                    files.write_array(kept, depth)
             if index in chosen:
                 rows, columns = np.nonzero(np.isfinite(depth))
                 pick = generator.choice(len(rows), min(POINTS_PER_VIEW, len(rows)), replace=False)
@@ -156,8 +175,9 @@ def _normals(cameras: list[Camera], out: Path, render: Any, progress: Progress) 
         for done, camera in enumerate(cameras, start=1):
             if progress.cancelled():
                 raise Cancelled(f"Stopped after {done - 1} of {len(cameras)} normal maps", "Run it again to go on")
-            normals = render.surface_normals(camera, Path(scratch))
-            files.write_array(out / "normals" / f"{Path(camera.name).stem}.npy", normals)
+            file = out / "normals" / _array(camera.name)
+            if not file.is_file():
+                files.write_array(file, render.surface_normals(camera, Path(scratch)))
             progress.advance(done)
 
 
@@ -215,9 +235,26 @@ def _lines() -> list[dict[str, Any]]:
 
 
 def _finished(out: Path, manifest: dict[str, Any], names: list[str]) -> bool:
-    if (out / "unfinished.json").exists() or _read_json(out / "manifest.json") != manifest:
+    there = _read_json(out / "manifest.json")
+    if (out / "unfinished.json").exists() or not _same_photos(there, manifest):
         return False
-    return all((out / folder / name).is_file() for folder in ("photos", "sharp") for name in names)
+    wanted = ["photos", "sharp", *(folder for extra, folder, _ in _BESIDE if manifest["settings"].get(extra))]
+    if any(manifest["settings"].get(extra) and not there["settings"].get(extra) for extra in EXTRAS):
+        return False
+    endings = {folder: ending for _, folder, ending in _BESIDE}
+    return all((out / folder / endings.get(folder, _same)(name)).is_file() for folder in wanted for name in names)
+
+
+def _same_photos(earlier: dict[str, Any], manifest: dict[str, Any]) -> bool:
+    """Whether two manifests describe the same photos, whatever is written beside them."""
+    try:
+        before, now = (SynthesizeSettings.from_json(one["settings"]) for one in (earlier, manifest))
+        first, second = earlier["fingerprint"], manifest["fingerprint"]
+    except (KeyError, TypeError, DgsError):
+        return False
+    if first.partition("-")[0] != before.fingerprint():  # made by another version of the scenes
+        return False
+    return before.photos_fingerprint() == now.photos_fingerprint() and first.split("-")[1:] == second.split("-")[1:]
 
 
 def _read_json(path: Path) -> dict[str, Any]:
@@ -232,7 +269,7 @@ def _read_json(path: Path) -> dict[str, Any]:
 def _forget_other_settings(out: Path, manifest: dict[str, Any]) -> None:
     """Removes what an earlier run with other settings left under names that will be written."""
     earlier = _read_json(out / "unfinished.json") or _read_json(out / "manifest.json")
-    if earlier.get("fingerprint") == manifest["fingerprint"]:
+    if _same_photos(earlier, manifest):
         return
     stale = ["photos", "sharp", "masks_ball", "depth", "normals"]
     if earlier.get("render_fingerprint") != manifest["render_fingerprint"]:

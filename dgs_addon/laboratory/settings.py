@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from typing import Any, Literal
 
 from ...core.errors import DgsError, FormatError
@@ -15,6 +15,8 @@ SCENE_VERSION = 3
 PATH_NAMES = ("rail", "orbit", "dome", "spiral", "scene")
 #: Settings that came later; where they are as before, manifests and fingerprints are too.
 _LATER = ("mesh", "exposure_drift", "normals")
+#: What is written beside the photos and changes none of them: it can be added to a set that is there.
+EXTRAS = ("masks", "depth", "normals", "keep_linear")
 
 
 @dataclass(frozen=True)
@@ -105,8 +107,12 @@ class SynthesizeSettings:
 
     def render_fingerprint(self) -> str:
         """As `fingerprint`, for what happens before the medium."""
-        after = {"psf", "blur_space", "bits", "noise", "masks", "depth", "keep_linear", "exposure_drift", "normals"}
+        after = {"psf", "blur_space", "bits", "noise", "exposure_drift", *EXTRAS}
         return _digest({key: value for key, value in self.to_json().items() if key not in after})
+
+    def photos_fingerprint(self) -> str:
+        """As `fingerprint`, whatever is written beside the photos."""
+        return replace(self, masks=False, depth=False, normals=False, keep_linear=False).fingerprint()
 
     @staticmethod
     def from_json(values: dict[str, Any]) -> SynthesizeSettings:

@@ -28,14 +28,14 @@ def content(dgs=26.3):
              "poses": {"centre_px_median": 0.4, "angle_degrees_median": 0.01, "focal_percent": 0.2, "cameras": 76},
              "machine": {"processor": "P", "threads": 2, "device": "cpu"},
              "truth_low_passed_psnr": {"0.11": 25.7, "0.125": 26.6}}  # fmt: skip
-    return {"facts": facts, "methods": table.summarised(rows, "wiener 1e-5 v0.1"), "rows": rows}
+    return {"facts": facts, "methods": table.summarised(rows, ["wiener 1e-5 v0.1"]), "rows": rows}
 
 
 def wrong(lead):
     cases = {}
     for name in ("as told", "sigma told -20 %", "sigma told +20 %"):
         each = table.summarised([row("plain", 0, 21.0, 4, 2), row("dgs", 0, 21.0 + lead, 50, 30),
-                                 row("wiener measured v0.1", 0, 24.0, 9, 9)], None)["each"]  # fmt: skip
+                                 row("wiener measured v0.1", 0, 24.0, 9, 9)])["each"]  # fmt: skip
         cases[name] = each
     return {"psf": "gaussian:5", "border": 40, "seeds": 1, "quick": False, "cases": cases}
 
@@ -67,7 +67,7 @@ def test_verdicts_are_missed_where_the_figures_are_not():
 def test_what_was_not_measured_is_not_judged():
     bare = copy.deepcopy(content())
     bare["rows"] = [{**one, "lines": {}} for one in bare["rows"]]
-    bare["methods"] = table.summarised([one for one in bare["rows"] if one["method"] in ("plain", "dgs")], None)
+    bare["methods"] = table.summarised([one for one in bare["rows"] if one["method"] in ("plain", "dgs")])
     found = paper.verdicts(bare, None)
     assert len(found) == 6 and found[1].met is None and found[3].met is None
 
