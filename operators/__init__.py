@@ -9,6 +9,7 @@ import bpy
 from .add_results import DGS_OT_add_results
 from .cancel_job import DGS_OT_cancel_job
 from .choose_photos import DGS_OT_choose_photos
+from .crop_twin import DGS_OT_crop_twin
 from .drop_files import DGS_FH_photos, DGS_FH_twin
 from .engine import DGS_OT_cancel_install, DGS_OT_check_engine, DGS_OT_install_engine, DGS_OT_open_preferences
 from .exact_view import DGS_OT_exact_view
@@ -31,7 +32,7 @@ CLASSES: tuple[type, ...] = (
     DGS_OT_import_twin, DGS_OT_import_cameras, DGS_OT_export_twin, DGS_OT_prepare_scene, DGS_OT_choose_photos,
     DGS_OT_find_cameras, DGS_OT_show_cameras, DGS_OT_optimize, DGS_OT_resume_job, DGS_OT_pause_job,
     DGS_OT_cancel_job, DGS_OT_show_log, DGS_OT_add_results, DGS_OT_view_twin, DGS_OT_exact_view,
-    DGS_OT_set_length, DGS_OT_set_up, DGS_OT_render_twin, DGS_OT_open_report, DGS_OT_install_engine,
+    DGS_OT_set_length, DGS_OT_set_up, DGS_OT_crop_twin, DGS_OT_render_twin, DGS_OT_open_report, DGS_OT_install_engine,
     DGS_OT_cancel_install, DGS_OT_check_engine, DGS_OT_open_preferences, DGS_FH_photos, DGS_FH_twin,
 )  # fmt: skip
 

@@ -6,8 +6,11 @@ from typing import Any
 
 import bpy
 
+from ..dgs_addon.scene.crop import crop_box
 from ..dgs_addon.scene.nodes import (
+    BOX_INPUT,
     COUNT_INPUT,
+    CROP_INPUT,
     FACE_INPUT,
     SIZE_INPUT,
     THRESHOLD_INPUT,
@@ -73,6 +76,11 @@ class DGS_PT_twin_look(Sidebar, bpy.types.Panel):
             place = splat_input(modifier, name)
             if place is not None:
                 column.prop(*place, text=name)
+        if crop_box(context.object) is None:
+            layout.operator("dgs.crop_twin", icon="CUBE")
+        else:
+            column.prop(*splat_input(modifier, CROP_INPUT), text=CROP_INPUT)
+            column.prop(*splat_input(modifier, BOX_INPUT), text="Box")
         if context.scene.render.engine != "CYCLES":
             sentence(layout, context, "Splats look right in Cycles only", "ERROR")
         row = layout.row(align=True)

@@ -16,6 +16,7 @@ from ..conventions import rotation_from_quaternion
 from ..errors import FormatError
 from ..lens import MODELS, Lens
 from ..sfm.reconstruction import Pose
+from ..views import SparsePoints
 from .colmap import model_folder
 
 #: Lens models by their number in binary files; None where `Lens` has no such model.
@@ -55,6 +56,49 @@ def read_cameras(path: Path) -> tuple[dict[str, Lens], dict[str, Pose]]:
         raise FormatError(
             f"The COLMAP model in '{folder}' is damaged ({type(error).__name__}: {error})", "Export it again"
         ) from error
+
+
+def read_points(path: Path) -> SparsePoints:
+    """The model's points; none where it has no file of them.
+
+    Args:
+        path: as for `read_cameras`.
+
+    Raises:
+        FormatError: no model there, or damaged points.
+    """
+    folder = model_folder(path)
+    if folder is None:
+        raise FormatError(f"'{path}' holds no COLMAP model", "Name the folder with cameras.bin and points3D.bin")
+    try:
+        if (folder / "points3D.bin").is_file():
+            rows = _binary_points((folder / "points3D.bin").read_bytes())
+        elif (folder / "points3D.txt").is_file():
+            rows = _text_points((folder / "points3D.txt").read_text(encoding="utf-8"))
+        else:
+            rows = []
+        values = np.array(rows, np.float64).reshape(-1, 6)
+    except (OSError, struct.error, ValueError, IndexError) as error:
+        raise FormatError(
+            f"The points in '{folder}' are damaged ({type(error).__name__}: {error})", "Export them again"
+        ) from error
+    return SparsePoints(values[:, :3].copy(), values[:, 3:].astype(np.uint8))
+
+
+def _binary_points(data: bytes) -> list[tuple[float, ...]]:
+    """Rows of x y z r g b."""
+    (count,) = struct.unpack_from("<Q", data)
+    rows, at = [], 8
+    for _ in range(count):
+        *row, _error, track = struct.unpack_from("<3d3BdQ", data, at + 8)
+        rows.append(tuple(row))
+        at += 51 + 8 * track
+    return rows
+
+
+def _text_points(text: str) -> list[tuple[float, ...]]:
+    lines = (line.split() for line in text.splitlines() if line.strip() and not line.startswith("#"))
+    return [tuple(map(float, line[1:7])) for line in lines]
 
 
 def _pose(values: tuple[float, ...]) -> Pose:

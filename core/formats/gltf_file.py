@@ -68,7 +68,8 @@ class Asset:
             count, row = int(accessor["count"]), kind.itemsize * width
             stride = int(view.get("byteStride", row))
             start = int(view.get("byteOffset", 0)) + int(accessor.get("byteOffset", 0))
-            values: NDArray[Any] = np.ndarray((count, width), kind, self._buffer(view["buffer"]), start, (stride, kind.itemsize))
+            strides, buffer = (stride, kind.itemsize), self._buffer(view["buffer"])
+            values: NDArray[Any] = np.ndarray((count, width), kind, buffer, start, strides)
             whole = values.astype(np.float64)
         except (IndexError, KeyError, TypeError, ValueError, AttributeError) as error:
             raise self._damaged(error) from error

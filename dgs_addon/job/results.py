@@ -17,6 +17,7 @@ from ...core.formats.ply import read_ply
 from ..axes import matrix_to_blender
 from ..scene.cameras import add_cameras, load_cameras
 from ..scene.material import prepare_scene
+from ..scene.points import add_points
 from ..scene.twin import add_twin, is_twin, splat_mesh
 
 if TYPE_CHECKING:
@@ -106,7 +107,7 @@ def _cameras_name(out: Path) -> str:
 
 
 def add_cameras_of(out: Path, photos: Path | None, scene: Any) -> list[Any]:
-    """Puts OUT/cameras into the scene, with the photos behind them, in place of those that are there.
+    """Puts OUT/cameras into the scene, with the photos behind them and their points, in place of those there.
 
     Raises:
         FormatError: no cameras there, or damaged ones.
@@ -119,21 +120,27 @@ def add_cameras_of(out: Path, photos: Path | None, scene: Any) -> list[Any]:
             bpy.data.objects.remove(thing)
         bpy.data.collections.remove(before)
     cameras = add_cameras(out / "cameras", photos if photos and photos.is_dir() else None, scene)
-    cameras[0].users_collection[0].name = name
+    collection = cameras[0].users_collection[0]
+    collection.name = name
     twin = twin_of(out, scene)
+    with contextlib.suppress(DgsError):  # cameras are worth having without points
+        points = add_points(out / "cameras", f"{name} points", collection)
+        if points is not None and twin is not None:
+            points.hide_viewport = True  # the twin shows more
+            _attach([points], twin)
     if twin is not None:
         _attach(cameras, twin)
     return cameras
 
 
-def _attach(cameras: list[Any], twin: Any) -> None:
-    """What scales, turns or moves the twin takes its cameras along.
+def _attach(things: list[Any], twin: Any) -> None:
+    """What scales, turns or moves the twin takes its cameras and points along.
 
     They were recovered with the twin where `add_twin` puts it; it may have been moved since.
     """
     at_rest = Matrix(matrix_to_blender(np.eye(4)).tolist())
-    for camera in cameras:
-        world = camera.matrix_world.copy()
-        camera.parent = twin
-        camera.matrix_parent_inverse = at_rest.inverted()
-        camera.matrix_basis = world
+    for thing in things:
+        world = thing.matrix_world.copy()
+        thing.parent = twin
+        thing.matrix_parent_inverse = at_rest.inverted()
+        thing.matrix_basis = world

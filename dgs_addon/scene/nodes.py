@@ -27,8 +27,8 @@ _FLATTEST = 0.01
 COLOUR, OPACITY, CARD = "dgs_colour", "dgs_opacity", "dgs_card"
 GLOSS = ("dgs_gloss_red", "dgs_gloss_green", "dgs_gloss_blue")
 
-SIZE_INPUT, THRESHOLD_INPUT, COUNT_INPUT, VIEWPORT_INPUT, FACE_INPUT = (
-    "Splat Size", "Opacity Threshold", "Max Count", "Max in Viewport", "Face Camera",
+SIZE_INPUT, THRESHOLD_INPUT, COUNT_INPUT, VIEWPORT_INPUT, FACE_INPUT, CROP_INPUT, BOX_INPUT = (
+    "Splat Size", "Opacity Threshold", "Max Count", "Max in Viewport", "Face Camera", "Crop", "Crop Box",
 )  # fmt: skip
 _NAME = "Descatter Splats"
 #: More than a scene will hold.
@@ -63,7 +63,7 @@ def splat_input(modifier: Any, name: str) -> tuple[Any, str] | None:
     return (modifier, f'["{identifier}"]') if inputs is None else (getattr(inputs, identifier), "value")
 
 
-def set_splat_input(modifier: Any, name: str, value: float | bool) -> None:
+def set_splat_input(modifier: Any, name: str, value: Any) -> None:
     """Sets an input by its name.
 
     Raises:
@@ -86,7 +86,8 @@ def _build(name: str, view_dependent: bool) -> Any:
     _interface(tree)
     graph = Graph(tree)
     given = graph.node("NodeGroupInput").outputs
-    points = _store(graph, _fewer(graph, given), "FLOAT", OPACITY, _opacity(graph))
+    points = _fewer(graph, _cropped(graph, given), given)
+    points = _store(graph, points, "FLOAT", OPACITY, _opacity(graph))
     rotation, radii = _named(graph, "QUATERNION", "rotation"), _radii(graph, given[1])
     slopes = _slopes(graph) if view_dependent else []
     instances = _balls(graph, points, rotation, radii, slopes)
@@ -141,11 +142,30 @@ def _interface(tree: Any) -> None:
         facing = new(FACE_INPUT, in_out="INPUT", socket_type="NodeSocketBool")
         facing.default_value = True
         facing.description = "Render exactly as trained, for the scene's camera; off for panoramas and mirrors"
+    crop = new(CROP_INPUT, in_out="INPUT", socket_type="NodeSocketBool")
+    crop.description = "Show only the splats whose centres lie in the box"
+    new(BOX_INPUT, in_out="INPUT", socket_type="NodeSocketObject").description = (
+        "An object whose own space from -1 to 1 is the box: an empty cube, or a mesh cube as Blender adds it"
+    )
 
 
-def _fewer(graph: Graph, given: Any) -> Any:
+def _cropped(graph: Graph, given: Any) -> Any:
+    """The points inside the box, wherever box and twin were moved, turned or scaled."""
+    crop, box = (next(s for s in given if s.name == name) for name in (CROP_INPUT, BOX_INPUT))
+    info = graph.node("GeometryNodeObjectInfo", box, transform_space="RELATIVE").outputs
+    place = next(socket for socket in info if socket.name == "Transform")
+    back = graph.node("FunctionNodeInvertMatrix", place).outputs[0]
+    position = graph.node("GeometryNodeInputPosition").outputs[0]
+    inside = graph.node("FunctionNodeTransformPoint", position, back).outputs[0]
+    x, y, z = graph.node("ShaderNodeSeparateXYZ", graph.vector("ABSOLUTE", inside)).outputs
+    beyond = graph.math("GREATER_THAN", graph.math("MAXIMUM", graph.math("MAXIMUM", x, y), z), 1.0)
+    kept = graph.math("SUBTRACT", 1.0, graph.math("MULTIPLY", beyond, crop))
+    return graph.node("GeometryNodeSeparateGeometry", given[0], kept).outputs[0]
+
+
+def _fewer(graph: Graph, points: Any, given: Any) -> Any:
     """The points that are opaque enough, at most as many as wanted."""
-    total = graph.node("GeometryNodeAttributeDomainSize", given[0]).outputs[0]
+    total = graph.node("GeometryNodeAttributeDomainSize", points).outputs[0]
     most = graph.node(
         "GeometryNodeSwitch", graph.node("GeometryNodeIsViewport").outputs[0], given[3],
         graph.math("MINIMUM", given[3], given[4]), input_type="INT",
@@ -157,7 +177,7 @@ def _fewer(graph: Graph, given: Any) -> Any:
     counted = graph.math("GREATER_THAN", after, before)
     faint = graph.math("LESS_THAN", _opacity(graph), given[2])
     wanted = graph.math("GREATER_THAN", counted, faint)
-    return graph.node("GeometryNodeSeparateGeometry", given[0], wanted).outputs[0]
+    return graph.node("GeometryNodeSeparateGeometry", points, wanted).outputs[0]
 
 
 def _radii(graph: Graph, size: Any) -> Any:

@@ -49,6 +49,7 @@ def refused(operator: str, words: str, **arguments: object) -> None:
         ("exact_view", "There is no twin"),
         ("set_length", "There is no twin"),
         ("set_up", "There is no twin"),
+        ("crop_twin", "There is no twin"),
         ("open_report", "There is no report yet"),
         ("install_engine", "Only an installed extension"),
         ("cancel_install", "Nothing is running"),

@@ -14,12 +14,18 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 import dgs  # noqa: E402
+from dgs.core.camera import Camera  # noqa: E402
 from dgs.core.cloud import GaussianCloud  # noqa: E402
 from dgs.core.errors import FormatError  # noqa: E402
+from dgs.core.formats.colmap import write_model  # noqa: E402
 from dgs.core.formats.ply import write_ply  # noqa: E402
+from dgs.core.views import SparsePoints  # noqa: E402
 from dgs.dgs_addon.axes import points_to_blender  # noqa: E402
-from dgs.dgs_addon.scene.nodes import THRESHOLD_INPUT, splat_modifier  # noqa: E402
+from dgs.dgs_addon.scene.crop import add_crop_box, crop_box  # noqa: E402
+from dgs.dgs_addon.scene.nodes import CROP_INPUT, THRESHOLD_INPUT, set_splat_input, splat_modifier  # noqa: E402
+from dgs.dgs_addon.scene.points import add_points  # noqa: E402
 from dgs.dgs_addon.scene.twin import add_twin, is_twin, read_twin  # noqa: E402
+from mathutils import Matrix  # noqa: E402
 
 
 @pytest.fixture
@@ -78,6 +84,46 @@ def test_controls_reduce_what_is_shown(cloud: GaussianCloud) -> None:
     twin.update_tag()
     bpy.context.view_layer.update()
     assert _instances(twin) == 0
+
+
+def test_a_box_limits_what_is_shown_wherever_both_are(cloud: GaussianCloud) -> None:
+    twin = add_twin(cloud, "twin", bpy.context.scene.collection)
+    twin.matrix_world = Matrix.Translation((3, -1, 2)) @ Matrix.Rotation(0.8, 4, "Y") @ twin.matrix_world
+    twin.scale *= 2.5
+    box = add_crop_box(twin, bpy.context.scene.collection)
+    assert crop_box(twin) == box
+    bpy.context.view_layer.update()
+    assert 1 <= _instances(twin) <= 9
+    # A turned box around the middle column, in the world: the same splats as numpy finds inside.
+    box.parent = None
+    turn = Matrix.Translation((0, 0, 5)) @ Matrix.Rotation(0.3, 4, "Z")
+    box.matrix_world = twin.matrix_world @ turn @ Matrix.Diagonal((0.7, 9, 9, 1))
+    bpy.context.view_layer.update()
+    to_box = np.array(box.matrix_world.inverted() @ twin.matrix_world)
+    inside = (np.abs(cloud.means @ to_box[:3, :3].T + to_box[:3, 3]) <= 1).all(axis=1)
+    assert 0 < inside.sum() < 9
+    twin.update_tag()
+    bpy.context.view_layer.update()
+    assert _instances(twin) == inside.sum()
+    set_splat_input(splat_modifier(twin), CROP_INPUT, False)
+    bpy.context.view_layer.update()
+    assert _instances(twin) == 9
+
+
+def test_points_of_a_model_are_shown_in_their_colours(tmp_path: Path) -> None:
+    pytest.importorskip("pycolmap")
+    points = SparsePoints(np.array([[1.0, 2, 3], [4, 5, 6]]), np.array([[255, 0, 0], [10, 200, 128]], np.uint8))
+    camera = Camera("a.png", 64, 48, 50, 50, 32, 24, np.eye(3), np.zeros(3))
+    write_model(tmp_path, {"a.png": camera}, points)
+    thing = add_points(tmp_path, "points", bpy.context.scene.collection)
+    bpy.context.view_layer.update()
+    np.testing.assert_allclose([tuple(v.co) for v in thing.data.vertices], points_to_blender(points.positions))
+    colour = thing.data.attributes["colour"].data[1].color_srgb
+    np.testing.assert_allclose(np.array(colour[:3]) * 255, points.colours[1], atol=0.6)
+    graph = bpy.context.evaluated_depsgraph_get()
+    assert len(thing.evaluated_get(graph).evaluated_geometry().pointcloud.points) == 2 and thing.hide_render
+    write_model(tmp_path, {"a.png": camera}, SparsePoints(np.zeros((0, 3)), np.zeros((0, 3), np.uint8)))
+    assert add_points(tmp_path, "points", bpy.context.scene.collection) is None
 
 
 def test_values_that_are_not_finite_are_left_out(cloud: GaussianCloud) -> None:

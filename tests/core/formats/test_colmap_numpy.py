@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from dgs.core.errors import FormatError
 from dgs.core.formats.colmap import read_model, write_lenses
-from dgs.core.formats.colmap_numpy import read_cameras
+from dgs.core.formats.colmap_numpy import read_cameras, read_points
 from dgs.core.lens import MODELS, Lens
 from dgs.core.sfm.reconstruction import Pose, no_points
+from dgs.core.views import SparsePoints
 
 pytest.importorskip("pycolmap")
 
@@ -40,6 +41,23 @@ def test_reads_every_lens_as_pycolmap_does(tmp_path: Path, binary: bool) -> None
     for name, pose in poses.items():
         np.testing.assert_allclose(pose.rotation, expected_poses[name].rotation, atol=1e-12)
         np.testing.assert_allclose(pose.translation, expected_poses[name].translation, atol=1e-12)
+
+
+@pytest.mark.parametrize("binary", [True, False])
+def test_reads_points_as_pycolmap_does(tmp_path: Path, binary: bool) -> None:
+    generator = np.random.default_rng(5)
+    lens, pose = Lens("PINHOLE", 64, 48, (50.0, 50.0, 32.0, 24.0)), Pose(np.eye(3), np.zeros(3))
+    points = SparsePoints(generator.normal(size=(50, 3)), generator.integers(0, 256, (50, 3)).astype(np.uint8))
+    write_lenses(tmp_path, {"a": lens}, {"a": pose}, points, binary=binary)
+    read = read_points(tmp_path)
+    np.testing.assert_allclose(read.positions, points.positions, atol=1e-9)
+    np.testing.assert_array_equal(read.colours, points.colours)
+    file = tmp_path / ("points3D.bin" if binary else "points3D.txt")
+    file.write_bytes(file.read_bytes()[: -30 if binary else -25])
+    with pytest.raises(FormatError, match="damaged"):
+        read_points(tmp_path)
+    file.unlink()
+    assert len(read_points(tmp_path).positions) == 0
 
 
 def test_a_cut_off_model_is_explained(tmp_path: Path) -> None:
