@@ -30,6 +30,7 @@ MODELS = {
     "OPENCV_FISHEYE": (False, 4),
 }
 
+_EXPORT = "Export the cameras again, or let them be found from the photos"
 _NEWTON_STEPS = 20
 _NEWTON_TOLERANCE = 1.0e-10
 
@@ -56,9 +57,9 @@ class Lens:
             )
         simple, distortion = MODELS[self.model]
         if len(self.params) != (3 if simple else 4) + distortion:
-            raise FormatError(f"A lens '{self.model}' cannot have {len(self.params)} parameters")
+            raise FormatError(f"A lens '{self.model}' cannot have {len(self.params)} parameters", _EXPORT)
         if not np.isfinite(self.params).all() or self.fx <= 0 or self.fy <= 0:
-            raise FormatError(f"A lens '{self.model}' has the parameters {self.params}, which make no sense")
+            raise FormatError(f"A lens '{self.model}' has the parameters {self.params}, which make no sense", _EXPORT)
 
     @property
     def fx(self) -> float:

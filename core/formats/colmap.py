@@ -1,4 +1,4 @@
-"""COLMAP camera models, text and binary, through pycolmap."""
+"""COLMAP camera models, text and binary; written through pycolmap."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from ..camera import Camera
 from ..errors import FormatError, OutputError
 from ..lens import Lens
-from ..sfm.reconstruction import Pose, from_pycolmap
+from ..sfm.reconstruction import Pose
 from ..views import SparsePoints
 
 _FOLDERS = (".", "sparse/0", "sparse", "0", "cameras", "colmap/sparse/0")
@@ -35,27 +35,13 @@ def read_model(path: Path) -> tuple[dict[str, Lens], dict[str, Pose], SparsePoin
     Raises:
         FormatError: no model there, or a damaged one.
     """
-    import pycolmap
+    # (pycolmap goes on reading for ever, or for minutes, in some files that were cut off)
+    from .colmap_numpy import read_cameras, read_points
 
-    folder = model_folder(path)
-    if folder is None:
-        raise FormatError(
-            f"'{path}' holds no COLMAP model", "Name the folder with cameras.bin and images.bin (or .txt)"
-        )
-    model = pycolmap.Reconstruction()
-    try:
-        model.read(str(folder))
-        lenses, poses, points = from_pycolmap(model)
-    except FormatError:
-        raise
-    except Exception as error:  # pycolmap raises ValueError, IndexError, RuntimeError, ...
-        raise FormatError(
-            f"The COLMAP model in '{folder}' is damaged ({type(error).__name__}: {str(error)[:160]})",
-            "Export it again",
-        ) from error
+    lenses, poses = read_cameras(path)
     if not poses:
-        raise FormatError(f"The COLMAP model in '{folder}' places no image", "Choose another model")
-    return lenses, poses, points
+        raise FormatError(f"The COLMAP model in '{model_folder(path)}' places no image", "Choose another model")
+    return lenses, poses, read_points(path)
 
 
 def write_model(path: Path, cameras: Mapping[str, Camera], points: SparsePoints, binary: bool = True) -> None:

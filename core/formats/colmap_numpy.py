@@ -77,20 +77,24 @@ def read_points(path: Path) -> SparsePoints:
             rows = _text_points((folder / "points3D.txt").read_text(encoding="utf-8"))
         else:
             rows = []
-        values = np.array(rows, np.float64).reshape(-1, 6)
+        values = np.array(rows, np.float64).reshape(-1, 7)
     except (OSError, struct.error, ValueError, IndexError) as error:
         raise FormatError(
             f"The points in '{folder}' are damaged ({type(error).__name__}: {error})", "Export them again"
         ) from error
-    return SparsePoints(values[:, :3].copy(), values[:, 3:].astype(np.uint8))
+    finite = np.isfinite(values).all(axis=1)
+    if not finite.all():
+        raise FormatError(f"{int((~finite).sum())} points in '{folder}' are not finite", "Export them again")
+    values = values[np.argsort(values[:, 0], kind="stable")]  # by their number, in whichever order they were written
+    return SparsePoints(values[:, 1:4].copy(), values[:, 4:].astype(np.uint8))
 
 
 def _binary_points(data: bytes) -> list[tuple[float, ...]]:
-    """Rows of x y z r g b."""
+    """Rows of number x y z r g b."""
     (count,) = struct.unpack_from("<Q", data)
     rows, at = [], 8
     for _ in range(count):
-        *row, _error, track = struct.unpack_from("<3d3BdQ", data, at + 8)
+        *row, _error, track = struct.unpack_from("<Q3d3BdQ", data, at)
         rows.append(tuple(row))
         at += 51 + 8 * track
     return rows
@@ -98,10 +102,12 @@ def _binary_points(data: bytes) -> list[tuple[float, ...]]:
 
 def _text_points(text: str) -> list[tuple[float, ...]]:
     lines = (line.split() for line in text.splitlines() if line.strip() and not line.startswith("#"))
-    return [tuple(map(float, line[1:7])) for line in lines]
+    return [tuple(map(float, line[:7])) for line in lines]
 
 
 def _pose(values: tuple[float, ...]) -> Pose:
+    if not np.isfinite(values).all():
+        raise ValueError("a pose that is not finite")
     return Pose(rotation_from_quaternion(np.array(values[:4])), np.array(values[4:7], float))
 
 

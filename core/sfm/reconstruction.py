@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -106,32 +105,3 @@ class Reconstruction:
 def no_points() -> SparsePoints:
     """Not a single point."""
     return SparsePoints(np.zeros((0, 3)), np.zeros((0, 3), np.uint8))
-
-
-def from_pycolmap(
-    model: Any, names: dict[str, str] | None = None
-) -> tuple[dict[str, Lens], dict[str, Pose], SparsePoints]:
-    """Lenses, poses and points of a pycolmap.Reconstruction.
-
-    Args:
-        model: the reconstruction.
-        names: photo name per image name in the model; the same if None.
-    """
-    poses: dict[str, Pose] = {}
-    lenses: dict[str, Lens] = {}
-    for image_id in model.reg_image_ids():
-        image = model.images[image_id]
-        camera = model.cameras[image.camera_id]
-        pose = image.cam_from_world()
-        name = image.name if names is None else names[image.name]
-        poses[name] = Pose(np.array(pose.rotation.matrix(), float), np.array(pose.translation, float))
-        model_name = str(camera.model).split(".")[-1]
-        lenses[name] = Lens(
-            model_name, int(camera.width), int(camera.height), tuple(float(p) for p in camera.params)
-        )
-    kept = [model.points3D[i] for i in sorted(model.point3D_ids())]
-    if not kept:
-        return lenses, poses, no_points()
-    positions = np.array([p.xyz for p in kept], float)
-    colours = np.array([p.color for p in kept], np.uint8)
-    return lenses, poses, SparsePoints(positions, colours)
