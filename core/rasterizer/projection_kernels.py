@@ -79,6 +79,8 @@ def _project(typing_context, view, parameters, count, out):  # type: ignore[no-u
         out = Planes(context, builder, signature.args[3], arguments[3])
         shape = Shape(view, planes)
 
+        # (times 0 one by one: a sum of large numbers, then times 0, would be NaN)
+        none = planes[0].like(0.0)
         basis = harmonics(*(component.single() for component in shape.look))
         for k, value in enumerate(basis):
             out[_BASIS + k] = value
@@ -92,9 +94,9 @@ def _project(typing_context, view, parameters, count, out):  # type: ignore[no-u
             for channel in range(3):
                 coefficient = row(planes.buffer, P_SH + channel, k, 3)
                 running.add(channel, value * coefficient)
-                running.add(3, coefficient * 0.0)
+                running.add(3, coefficient.rounded("fmul", none))
                 running.add(4, coefficient * coefficient)
-        poison = running[3] + sum((planes[k] * 0.0 for k in range(1, P_LOGIT + 1)), planes[0] * 0.0)
+        poison = sum((planes[k].rounded("fmul", none) for k in range(P_LOGIT + 1)), running[3])
 
         least = view[V_ALPHA_MINIMUM]
         least = choose(least.compare(">", 0.0), least, _SMOOTH_EDGE)

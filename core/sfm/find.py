@@ -171,7 +171,10 @@ def _messages(stream: IO[bytes], progress: Progress, limit: float) -> Any:
         if line is None:
             return
         if line.startswith(b"{"):  # native code may write lines of its own
-            yield json.loads(line)
+            try:
+                yield json.loads(line)
+            except ValueError:
+                continue
 
 
 def _crash(status: int, log: Path) -> CameraError:

@@ -63,6 +63,10 @@ def extract(job: Job, recipe: Recipe, database: Path, images: Path) -> None:
     if job.masked:
         reader.mask_path = str(job.folder / "masks")
     mode = pycolmap.CameraMode.PER_FOLDER if job.settings.one_lens else pycolmap.CameraMode.PER_IMAGE
+    # Threads that finish in any order would number the images in any order, and the mapper goes by number.
+    with pycolmap.Database.open(database):
+        pass  # makes the file
+    pycolmap.import_images(database, images, camera_mode=mode, options=reader)
     pycolmap.extract_features(
         database, images, camera_mode=mode, reader_options=reader, extraction_options=options
     )
@@ -106,7 +110,7 @@ def map_incrementally(
 ) -> list[Any]:
     """COLMAP's incremental mapper (Schoenberger & Frahm 2016); models, the largest first."""
     options = pycolmap.IncrementalPipelineOptions()
-    options.num_threads = job.settings.threads
+    options.num_threads = 1  # sums of several threads differ from run to run
     options.random_seed = recipe.seed
     options.min_num_matches = recipe.min_inliers
     options.min_model_size = 3

@@ -26,6 +26,7 @@ def adjustment(settings: RefineSettings) -> Any:
     options.print_summary = False
     options.ceres.loss_function_type = pycolmap.LossFunctionType.CAUCHY
     options.ceres.loss_function_scale = 0.5 * settings.inlier
+    options.ceres.solver_options.num_threads = 1  # sums of several threads differ from run to run
     options.ceres.solver_options.max_num_iterations = settings.iterations
     options.ceres.solver_options.function_tolerance = settings.tolerance
     return options

@@ -221,7 +221,7 @@ def photometric(begin, end, bands, image, photo, weights, by_error, by_similarit
     """
     _, height, width = image.shape
     rows = -(-height // (bands * _STEP)) * _STEP
-    one_row = weights.shape[1] == 1 and height > 1
+    one_row = weights.shape[0] == 1 and weights.shape[1] == 1
     kept = _aligned(3 * _KEPT * width)
     slots = _aligned(5 * _STEP * _SLOTS * TILE)
     blank, spare = np.zeros(width, np.float32), np.empty(width, np.float32)
