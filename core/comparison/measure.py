@@ -108,6 +108,17 @@ class Measure:
         out["depth"] = self._depth(trained)
         return out
 
+    def true_width(self, line: str, name: str) -> TrueWidth | None:
+        """Of any photo; None where the line is not seen, or without a reference."""
+        camera = self.data.reference_cameras().get(name)
+        painted = next((one for one in self.data.lines if one.name == line), None)
+        if camera is None or painted is None:
+            return None
+        if name in self.true_widths.get(line, {}):
+            return self.true_widths[line][name]
+        pixels = self.data.truth.pixels(name)
+        return self._true_width(painted, camera, Sampler.of(pixels / np.float64(np.iinfo(pixels.dtype).max)))
+
     def _true_widths(self, reference: dict[str, Camera]) -> dict[str, dict[str, TrueWidth]]:
         chosen = [line for line in self.data.lines if line.name in LINES] or self.data.lines[:2]
         found: dict[str, dict[str, TrueWidth]] = {line.name: {} for line in chosen}

@@ -1,13 +1,13 @@
 """The ways to a twin that are compared, and what each of them trains on.
 
-    plain            Gaussian splatting of the blurred photos
-    wiener N vW      Wiener's filter with noise-to-signal ratio N per photo, then splatting with total variation
-                     W; N 'measured' is told by the photos' own spectra: the choice that needs no truth
-    rl N vW          N iterations of Richardson-Lucy per photo, then splatting with total variation W; N 'measured'
-                     is where the residual is as small as the photos' noise (`deconvolution.lucy_iterations`)
-    paper            the paper's loss: MAE + SSIM on the degraded render
-    dgs              ours
-    oracle           Gaussian splatting of the sharp photos
+plain            Gaussian splatting of the blurred photos
+wiener N vW      Wiener's filter with noise-to-signal ratio N per photo, then splatting with total variation
+                 W; N 'measured' is told by the photos' own spectra: the choice that needs no truth
+rl N vW          N iterations of Richardson-Lucy per photo, then splatting with total variation W; N 'measured'
+                 is where the residual is as small as the photos' noise (`deconvolution.lucy_iterations`)
+paper            the paper's loss: MAE + SSIM on the degraded render
+dgs              ours
+oracle           Gaussian splatting of the sharp photos
 """
 
 from __future__ import annotations
@@ -130,7 +130,8 @@ class Kitchen:
         else:
             if value == "measured":
                 iterations, residual = self._measured(photos)
-                told = f"{iterations} iterations, residual {residual:.2f} times the noise"
+                most = ", the most that was tried" if iterations == deconvolution.LADDER[-1] else ""
+                told = f"{iterations} iterations{most}: residual {residual:.2f} times the noise"
             else:
                 iterations = int(value)
             made, seconds = self._lucy(photos, iterations)

@@ -73,7 +73,7 @@ def compare(settings: CompareSettings, progress: Progress) -> dict[str, Any]:
     facts = _facts(settings, data, measure, base, threads, device)
     content = {"facts": facts, "methods": table.summarised(rows, CHOSEN), "rows": rows}
     write_json(settings.out / "compare.json", content)
-    content["pictures"] = write_pictures(settings.out, data, measure, content)
+    content["pictures"] = write_pictures(settings.out, data, measure, content, progress)
     write_json(settings.out / "pictures.json", content["pictures"])
     table.write(settings.out / "compare.md", content)
     shutil.rmtree(settings.out / DECONVOLVED, ignore_errors=True)

@@ -47,6 +47,15 @@ class Path3D:
     degrees: float
 
 
+@dataclass(frozen=True)
+class Twin:
+    """A twin on disk: what movies call it, its PLY, and the sRGB colour behind it."""
+
+    title: str
+    file: Path
+    background: tuple[float, float, float]
+
+
 def camera_path(cameras: Reconstruction, frames: int = FRAMES) -> Path3D:
     """A smooth closed path at the cameras' own distance and height, looking at what they look at."""
     poses = list(cameras.poses.values())
@@ -78,12 +87,15 @@ def camera_path(cameras: Reconstruction, frames: int = FRAMES) -> Path3D:
     return Path3D([_looking(place, target, up) for place in places], degrees)
 
 
-def frames_of(twin: Path, background: Sequence[float], cameras: Reconstruction, path: Path3D) -> list[Image.Image]:
-    """Renders a twin's PLY along the path with the first photo's lens, at the photos' size."""
-    gaussians = Gaussians.from_cloud(read_ply(twin))
+def viewer_of(twin: Twin, cameras: Reconstruction) -> Viewer:
+    """Renders a twin on disk as photos of the set would see it."""
     scale = scene_scale(list(cameras.cameras().values()), cameras.points)
-    red, green, blue = background
-    viewer = Viewer(gaussians, scale, "cpu", background=(red, green, blue))
+    return Viewer(Gaussians.from_cloud(read_ply(twin.file)), scale, "cpu", background=twin.background)
+
+
+def frames_of(twin: Twin, cameras: Reconstruction, path: Path3D) -> list[Image.Image]:
+    """Renders a twin along the path with the first photo's lens, at the photos' size."""
+    viewer = viewer_of(twin, cameras)
     lens = next(iter(cameras.lenses.values()))
     drawn: dict[bytes, Image.Image] = {}  # to and fro: half of the frames come twice
     out = []
@@ -96,35 +108,34 @@ def frames_of(twin: Path, background: Sequence[float], cameras: Reconstruction, 
 
 
 def write_movies(
-    out: Path, twins: Mapping[str, tuple[str, Path, Sequence[float]]], beside: Sequence[str], cameras: Reconstruction,
-    frames: int = FRAMES,
-) -> dict[str, str]:  # fmt: skip
+    out: Path, twins: Mapping[str, Twin], beside: Sequence[str], cameras: Reconstruction, frames: int = FRAMES
+) -> dict[str, str]:
     """Writes turntable_NAME.mp4 (or .gif) for every twin, and turntable.gif with those of `beside` side by side.
 
     Args:
-        twins: by short name: title, PLY and background.
+        twins: by short name.
 
     Returns:
         Title by file name.
     """
     path = camera_path(cameras, frames)
     how = f"{path.degrees:.0f} degrees" if path.degrees < 360 else "a full turn"
-    rendered = {name: frames_of(ply, behind, cameras, path) for name, (_, ply, behind) in twins.items()}
+    rendered = {name: frames_of(twin, cameras, path) for name, twin in twins.items()}
     written: dict[str, str] = {}
     shown = [name for name in beside if name in rendered]
     if len(shown) > 1:
         rows = [
-            _beside([_titled(_scaled(rendered[name][i], SIDE_WIDTH), twins[name][0]) for name in shown])
+            _beside([_titled(_scaled(rendered[name][i], SIDE_WIDTH), twins[name].title) for name in shown])
             for i in range(frames)
         ]
         write_gif(out / "turntable.gif", rows)
-        written["turntable.gif"] = f"The twins side by side, {how}: " + " | ".join(twins[name][0] for name in shown)
+        written["turntable.gif"] = f"The twins side by side, {how}: " + " | ".join(twins[name].title for name in shown)
     for name, pictures in rendered.items():
         file, small = f"turntable_{name}.mp4", [_scaled(picture, WIDTH) for picture in pictures]
         if not write_mp4(out / file, small):
             file = f"turntable_{name}.gif"
             write_gif(out / file, small)
-        written[file] = f"Turntable of {twins[name][0]}, {how}"
+        written[file] = f"{twins[name].title}, {how}"
     return written
 
 

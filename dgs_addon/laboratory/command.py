@@ -35,6 +35,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--normals", action="store_true", help="also write normal maps")
     add("--exposure-drift", type=float, default=usual.exposure_drift, metavar="STOPS",
         help="largest change of exposure over the photos, up or down")  # fmt: skip
+    add("--aperture", type=float, default=usual.aperture, metavar="N",
+        help="f-number of a rendered lens: depth of field; a pinhole if not given")  # fmt: skip
+    add("--focus", type=float, default=usual.focus, metavar="METRES", help="depth that is sharp; the object's middle")
+    add("--camera-motion", type=float, default=usual.camera_motion, metavar="MM",
+        help="way of the camera along its path during each exposure")  # fmt: skip
+    add("--object-motion", type=_motion, default=usual.object_motion, metavar="X,Y,Z",
+        help="way of the object in mm during each exposure, Blender's axes")  # fmt: skip
+    add("--fog", type=float, default=usual.fog, metavar="PER_METRE",
+        help="rendered fog: how often light is scattered per metre")  # fmt: skip
+    add("--fog-anisotropy", type=float, default=usual.fog_anisotropy, metavar="G",
+        help="-0.99 scatters back, 0 evenly, 0.99 on")  # fmt: skip
+    add("--full-well", type=float, default=usual.full_well, metavar="ELECTRONS",
+        help="count photons: electrons that white is (shot noise)")  # fmt: skip
+    add("--read-noise", type=float, default=usual.read_noise, metavar="ELECTRONS", help="rms of reading the sensor")
+    add("--jpeg", type=int, default=usual.jpeg, metavar="QUALITY", help="compress the photos, 1 to 100")
     add("--keep-linear", action="store_true", help="keep float renders, to try other media without rendering")
 
 
@@ -45,6 +60,9 @@ def settings_of(args: argparse.Namespace) -> SynthesizeSettings:
         psf=args.psf, blur_space=args.blur_space, bits=args.bits, noise=args.noise, overscan=args.overscan,
         samples=args.samples, denoise=args.denoise, seed=args.seed, masks=args.masks, depth=args.depth,
         keep_linear=args.keep_linear, mesh=args.mesh, exposure_drift=args.exposure_drift, normals=args.normals,
+        aperture=args.aperture, focus=args.focus, camera_motion=args.camera_motion, object_motion=args.object_motion,
+        fog=args.fog, fog_anisotropy=args.fog_anisotropy, full_well=args.full_well, read_noise=args.read_noise,
+        jpeg=args.jpeg,
     )  # fmt: skip
 
 
@@ -52,6 +70,14 @@ def run(args: argparse.Namespace, progress: Progress) -> int:
     """Makes the data set and returns the exit status; errors are `DgsError`s."""
     synthesize(settings_of(args), args.out, progress)
     return 0
+
+
+def _motion(text: str) -> tuple[float, float, float]:
+    try:
+        x, y, z = (float(part) for part in text.split(","))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"'{text}' is no motion; write millimetres as X,Y,Z") from None
+    return x, y, z
 
 
 def _size(text: str) -> tuple[int, int]:

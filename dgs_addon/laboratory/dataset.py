@@ -96,34 +96,77 @@ def _photos(
     studio: Studio,
     progress: Progress,
 ) -> None:
+    """Sharp pictures and photos; where Cycles renders the medium, sharp ones first and photos of their own after."""
+    apart = settings.rendered_medium
     for folder in ("photos", "sharp", *(["linear"] if settings.keep_linear else [])):
         make_folder(out / folder)
-    progress.stage("render", len(cameras))
-    margin = settings.overscan
-    gains = degrade.exposures(settings.views, settings.exposure_drift, settings.seed)
+    progress.stage("render", len(cameras) * (1 + apart))
     with tempfile.TemporaryDirectory(prefix="dgs-render-") as scratch:
         for index, camera in enumerate(cameras):
             kept = out / "linear" / f"{camera.name}.npy"
-            done = [out / "photos" / camera.name, out / "sharp" / camera.name]
+            done = [out / "sharp" / camera.name, *([] if apart else [out / "photos" / camera.name])]
             if not all(path.is_file() for path in [*done, *([kept] if settings.keep_linear else [])]):
                 if progress.cancelled():
                     raise Cancelled(f"Stopped after {index} of {len(cameras)} frames", "Run it again to go on")
                 if kept.is_file():
                     linear = np.load(kept, allow_pickle=False)
                 else:
-                    seed = _frame_seed(settings.seed, index)
-                    linear = studio.enter().picture(camera.with_margin(margin), seed, Path(scratch))
+                    linear = _frame(settings, camera, index, studio, Path(scratch))
                 if settings.keep_linear and not kept.is_file():
                     files.write_array(kept, linear)
-                sharp = degrade.encode(degrade.blur(linear.astype(np.float64), np.ones((1, 1)), margin))
-                files.write_png(done[1], degrade.quantise(sharp, settings.bits))
-                photo = degrade.photograph(
-                    linear, kernel, blur_space=settings.blur_space, margin=margin,
-                    bits=settings.bits, noise=settings.noise, seed=(settings.seed, index),
-                    gain=float(gains[index]),
-                )  # fmt: skip
-                files.write_png(done[0], photo)
+                sharp = degrade.encode(degrade.blur(linear.astype(np.float64), np.ones((1, 1)), settings.overscan))
+                files.write_png(done[0], degrade.quantise(sharp, settings.bits))
+                if not apart:
+                    files.write_png(done[1], _photo(settings, linear, kernel, index))
             progress.advance(index + 1)
+        if apart and not all((out / "photos" / camera.name).is_file() for camera in cameras):
+            _through_the_medium(settings, cameras, kernel, out, studio, progress, Path(scratch))
+
+
+def _through_the_medium(
+    settings: SynthesizeSettings, cameras: list[Camera], kernel: NDArray[np.float64], out: Path, studio: Studio,
+    progress: Progress, scratch: Path,
+) -> None:  # fmt: skip
+    """Photos that Cycles renders through a lens, in motion or in fog; the rest of the medium comes on top."""
+    studio.enter()
+    from . import effects
+
+    ways = effects.travel(cameras)
+    with effects.rendered_medium(settings, cameras, studio.target):
+        for index, camera in enumerate(cameras):
+            file = out / "photos" / camera.name
+            if not file.is_file():
+                if progress.cancelled():
+                    raise Cancelled(f"Stopped after {index} of {len(cameras)} photos", "Run it again to go on")
+                with effects.frame(settings, camera, ways[index], studio.target):
+                    linear = _frame(settings, camera, index, studio, scratch)
+                files.write_png(file, _photo(settings, linear, kernel, index))
+            progress.advance(len(cameras) + index + 1)
+
+
+def _frame(
+    settings: SynthesizeSettings, camera: Camera, index: int, studio: Studio, scratch: Path
+) -> NDArray[np.float32]:
+    """[H + 2 overscan, W + 2 overscan, 3] linear light, rendered with a seed of the view's own."""
+    wide = camera.with_margin(settings.overscan)
+    linear: NDArray[np.float32] = studio.enter().picture(wide, _frame_seed(settings.seed, index), scratch)
+    return linear
+
+
+def _photo(
+    settings: SynthesizeSettings, linear: NDArray[np.float32], kernel: NDArray[np.float64], index: int
+) -> NDArray[np.uint8] | NDArray[np.uint16]:
+    gains = degrade.exposures(settings.views, settings.exposure_drift, settings.seed)
+    photo = degrade.photograph(
+        linear, kernel, blur_space=settings.blur_space, margin=settings.overscan, bits=settings.bits,
+        noise=settings.noise, seed=(settings.seed, index), gain=float(gains[index]),
+        full_well=settings.full_well, read_noise=settings.read_noise,
+    )  # fmt: skip
+    if not settings.jpeg:
+        return photo
+    from .jpeg import compressed
+
+    return compressed(photo, settings.jpeg)
 
 
 def _geometry(

@@ -71,6 +71,12 @@ def encode(linear: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
 
 
+def decode(encoded: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The inverse of `encode` in [0, 1]."""
+    values = np.clip(encoded, 0.0, 1.0)
+    return np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
+
+
 def photograph(
     linear: NDArray[np.float32],
     kernel: NDArray[np.float64],
@@ -81,6 +87,8 @@ def photograph(
     noise: float,
     seed: tuple[int, int],
     gain: float = 1.0,
+    full_well: float = 0.0,
+    read_noise: float = 0.0,
 ) -> NDArray[np.uint8] | NDArray[np.uint16]:
     """The photo through the medium: [H, W, 3] sRGB-encoded.
 
@@ -94,12 +102,18 @@ def photograph(
         noise: standard deviation, of encoded values in [0, 1], added before rounding.
         seed: of the noise: the data set's and the view's number.
         gain: exposure of this photo, a factor on light.
+        full_well: electrons that white is: light is counted in whole ones, with Poisson's noise; 0 for no counting.
+        read_noise: electrons rms that are added to the count.
     """
     light = linear.astype(np.float64) * gain
     if blur_space == "linear":
         encoded = encode(blur(light, kernel, margin))
     else:
         encoded = blur(encode(light), kernel, margin)
+    if full_well > 0:
+        generator = np.random.default_rng((*seed, 23))
+        electrons = generator.poisson(np.clip(decode(encoded), 0.0, 1.0) * full_well)
+        encoded = encode((electrons + generator.normal(0.0, read_noise, electrons.shape)) / full_well)
     if noise > 0:
         encoded = encoded + np.random.default_rng(seed).normal(0.0, noise, encoded.shape)
     return quantise(encoded, bits)

@@ -7,6 +7,8 @@ import json
 from dataclasses import asdict, dataclass, fields, replace
 from typing import Any, Literal
 
+import numpy as np
+
 from ...core.errors import DgsError, FormatError
 
 SCENES = ("rugby-ball",)
@@ -14,7 +16,10 @@ SCENES = ("rugby-ball",)
 SCENE_VERSION = 3
 PATH_NAMES = ("rail", "orbit", "dome", "spiral", "scene")
 #: Settings that came later; where they are as before, manifests and fingerprints are too.
-_LATER = ("mesh", "exposure_drift", "normals")
+_LATER = (
+    "mesh", "exposure_drift", "normals", "aperture", "focus", "camera_motion", "object_motion", "fog",
+    "fog_anisotropy", "full_well", "read_noise", "jpeg",
+)  # fmt: skip
 #: What is written beside the photos and changes none of them: it can be added to a set that is there.
 EXTRAS = ("masks", "depth", "normals", "keep_linear")
 
@@ -42,6 +47,15 @@ class SynthesizeSettings:
         mesh: file of an object that takes the ball's place (scaled to its length); '' for the ball.
         exposure_drift: stops that the photos' exposure drifts up or down at most, from view to view.
         normals: also write normals of the surfaces.
+        aperture: f-number of a lens before a sensor 36 mm wide (of 43 mm on our own paths); 0 is a pinhole.
+        focus: depth that is sharp, in the scene's units; 0 is the object's middle.
+        camera_motion: millimetres that the camera travels along its path during each exposure.
+        object_motion: [3] millimetres that the object moves during each exposure, in Blender's world.
+        fog: scattering coefficient of even fog between cameras and object, per unit of length; none is absorbed.
+        fog_anisotropy: Henyey and Greenstein's g, -1 (back) to 1 (on).
+        full_well: electrons that white is; photons are then counted (Poisson). 0 counts none.
+        read_noise: electrons rms that reading the sensor adds.
+        jpeg: quality that the photos have been compressed with, 1 to 100; 0 for not at all.
     """
 
     scene: str = "rugby-ball"
@@ -63,6 +77,15 @@ class SynthesizeSettings:
     mesh: str = ""
     exposure_drift: float = 0.0
     normals: bool = False
+    aperture: float = 0.0
+    focus: float = 0.0
+    camera_motion: float = 0.0
+    object_motion: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    fog: float = 0.0
+    fog_anisotropy: float = 0.0
+    full_well: float = 0.0
+    read_noise: float = 0.0
+    jpeg: int = 0
 
     def __post_init__(self) -> None:
         for name, value, allowed in (
@@ -76,11 +99,19 @@ class SynthesizeSettings:
         for name, amount, least in (
             ("views", self.views, 1), ("width", self.width, 4), ("height", self.height, 4),
             ("samples", self.samples, 1), ("overscan", self.overscan, 0), ("noise", self.noise, 0),
-            ("seed", self.seed, 0), ("exposure drift", self.exposure_drift, 0),
+            ("seed", self.seed, 0), ("exposure drift", self.exposure_drift, 0), ("aperture", self.aperture, 0),
+            ("focus", self.focus, 0), ("camera motion", self.camera_motion, 0), ("fog", self.fog, 0),
+            ("fog anisotropy", self.fog_anisotropy, -0.99), ("full well", self.full_well, 0),
+            ("read noise", self.read_noise, 0), ("JPEG quality", self.jpeg, 0),
         ):  # fmt: skip
             if not amount >= least:
                 raise DgsError(f"The laboratory's {name} must be at least {least}, not {amount}", "Give another value")
-
+        if self.fog_anisotropy > 0.99 or self.jpeg > 100 or not np.isfinite(self.object_motion).all():
+            raise DgsError("Anisotropy ends at 0.99, JPEG quality at 100, and motion is finite", "Give other values")
+        if self.read_noise > 0 and self.full_well == 0:
+            raise DgsError("Read noise is counted in electrons", "Say with --full-well how many electrons white is")
+        if self.jpeg and self.bits != 8:
+            raise DgsError("A JPEG has 8 bits", "Leave out --bits 16 or --jpeg")
         if self.path == "scene" and not self.from_blend:
             raise DgsError("Only a .blend has an animated camera", "Give --scene FILE.blend, or another path")
         if self.mesh and self.from_blend:
@@ -96,6 +127,16 @@ class SynthesizeSettings:
         """Whether the object is the ball, whose lines are known."""
         return not self.mesh and not self.from_blend
 
+    @property
+    def moves(self) -> bool:
+        """Whether something moves during the exposure."""
+        return self.camera_motion > 0 or any(self.object_motion)
+
+    @property
+    def rendered_medium(self) -> bool:
+        """Whether Cycles renders the photos otherwise than the sharp pictures."""
+        return self.aperture > 0 or self.fog > 0 or self.moves
+
     def to_json(self) -> dict[str, Any]:
         """For the manifest; `from_json` reads it back."""
         usual = {item.name: item.default for item in fields(self)}
@@ -107,7 +148,7 @@ class SynthesizeSettings:
 
     def render_fingerprint(self) -> str:
         """As `fingerprint`, for what happens before the medium."""
-        after = {"psf", "blur_space", "bits", "noise", "exposure_drift", *EXTRAS}
+        after = {"psf", "blur_space", "bits", "noise", "exposure_drift", "full_well", "read_noise", "jpeg", *EXTRAS}
         return _digest({key: value for key, value in self.to_json().items() if key not in after})
 
     def photos_fingerprint(self) -> str:
@@ -124,7 +165,8 @@ class SynthesizeSettings:
         unknown = set(values) - {item.name for item in fields(SynthesizeSettings)}
         if unknown:
             raise FormatError(f"Unknown settings in the manifest: {', '.join(sorted(unknown))}", "Remove them")
-        return SynthesizeSettings(**values)
+        motion = values.get("object_motion", (0.0, 0.0, 0.0))
+        return SynthesizeSettings(**{**values, "object_motion": tuple(motion)})
 
 
 def _digest(values: dict[str, Any]) -> str:

@@ -6,6 +6,9 @@ import hashlib
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ...core.camera import Camera
 from ...core.errors import DgsError, FormatError
 from . import rail
@@ -22,6 +25,8 @@ class Studio:
         self.settings = settings
         self.ready = False
         self._own: list[Camera] = []
+        #: [3] middle of the object in Blender's world, once `cameras` was called.
+        self.target: NDArray[np.float64] = rail.TARGET
 
     def cameras(self) -> list[Camera]:
         """One per view; the scene has to be opened for them only if it is somebody's own.
@@ -36,9 +41,10 @@ class Studio:
         self.enter()
         from . import own_scene
 
+        middle, radius = own_scene.extent()
+        self.target = middle
         if settings.path == "scene":
             return self._own
-        middle, radius = own_scene.extent()
         return rail.cameras(
             settings.path, settings.views, settings.width, settings.height, middle, radius / BALL_RADIUS
         )

@@ -53,7 +53,7 @@ def test_descattering_beats_plain_splatting_and_the_oracle_has_the_true_width(co
 def test_table_and_pictures_are_there(compared):
     text = (compared / "compare.md").read_text()
     assert "chosen without truth" in text and "mean |rendered width - true width|" in text and "26.3" in text
-    for name in ("profile.png", "crops.png", "widths_red.png", "turntable_dgs.gif", "turntable.gif"):
+    for name in ("profile.png", "crops.png", "widths.png", "bands.png", "turntable_dgs.mp4", "turntable.gif"):
         assert (compared / name).stat().st_size > 1000
         assert f"({name})" in text
 
