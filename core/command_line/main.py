@@ -70,10 +70,18 @@ def _command(name: str) -> Callable[[argparse.Namespace, Reporting], int]:
         from .compare_command import compare_command
 
         return compare_command
+    if name == "inspect":
+        from .inspect_command import inspect_command
+
+        return inspect_command
     if name == "measure-psf":
         from .measure_psf_command import measure_psf_command
 
         return measure_psf_command
+    if name == "stress":
+        from .stress_command import stress_command
+
+        return stress_command
     from .doctor import doctor_command
 
     return doctor_command

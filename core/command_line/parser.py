@@ -74,9 +74,11 @@ def build_parser(arguments: list[str]) -> argparse.ArgumentParser:
         "doctor", help="check this machine", description="Versions, device, and a self-check of the engine."
     )
     _add_machine(doctor)
+    _add_stress(commands)
     _add_blend(commands)
     _add_synthesize(commands, asked="synthesize" in arguments[:1])
     _add_compare(commands)
+    _add_inspect(commands)
     _add_measure_psf(commands)
     return parser
 
@@ -238,6 +240,21 @@ def _add_synthesize(commands: argparse._SubParsersAction[OneLineParser], asked: 
         _add_progress(parser)
 
 
+def _add_stress(commands: argparse._SubParsersAction[OneLineParser]) -> None:
+    from .stress_command import add_arguments
+
+    parser = _defaults(
+        commands.add_parser(
+            "stress",
+            help="hard cases on this machine",
+            description="Runs every known hard case (poison, needles, giants, ties, wide blurs, rails, damaged files, ...) "
+            "on this machine and device; one line each with its error and what is allowed. Ends with 2 if one fails.",
+        )
+    )
+    add_arguments(parser)
+    _add_machine(parser)
+
+
 def _add_compare(commands: argparse._SubParsersAction[OneLineParser]) -> None:
     from .compare_command import add_arguments
 
@@ -266,4 +283,20 @@ def _add_measure_psf(commands: argparse._SubParsersAction[OneLineParser]) -> Non
         )
     )
     add_arguments(parser)
+    _add_progress(parser)
+
+
+def _add_inspect(commands: argparse._SubParsersAction[OneLineParser]) -> None:
+    from .inspect_command import add_arguments
+
+    parser = _defaults(
+        commands.add_parser(
+            "inspect",
+            help="which effects the photos show",
+            description="Looks for blur, defocus, motion, haze, differing exposure, vignetting, noise, clipping and "
+            "gloss in the photos, before anything is trained: size, uncertainty and evidence of each.",
+        )
+    )
+    add_arguments(parser)
+    _add_machine(parser)
     _add_progress(parser)

@@ -1,0 +1,1 @@
+"""Which effects the photos show, by cheap evidence, before anything is trained."""

@@ -1,0 +1,1 @@
+"""One file per effect: `inspect(photos)` gives its `Evidence`."""

@@ -1,0 +1,136 @@
+"""How blur varies with depth and over the frame, from tiles of all photos at once.
+
+    variance(tile) = a + b q + c q^2 + d r^2,     q = 1 / depth, r = distance from the photo's middle
+
+Defocus is a parabola in q (a thin lens's circle of confusion is linear in 1 / depth, its variance quadratic); what
+the optics do over the frame goes with r^2. Both are fitted together, as the middle of a photo is often nearer.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .photo_set import PhotoSet
+
+Array = NDArray[np.float64]
+
+DRAWS = 100
+FEWEST = 40
+#: Bins of equally many tiles. Scenes' own spectra differ from bin to bin by this much variance, px^2, and this share.
+BINS, SCENE, SCENE_SHARE = 10, 0.15, 0.15
+
+
+@dataclass(frozen=True)
+class LocalBlur:
+    """Blur by depth and place; variances in px^2.
+
+    Attributes:
+        depth_known: whether depths could be used.
+        sharpest: least variance over the depths there are.
+        defocus, defocus_error: standard deviation (px) that the blurriest depth has beyond the sharpest.
+        corner, corner_error: variance at the corner minus that in the middle, px^2.
+        depths, variances: [n] tiles with a known depth, for pictures; curve: [2, 50] depth and fitted variance.
+    """
+
+    depth_known: bool
+    sharpest: float
+    defocus: float
+    defocus_error: float
+    corner: float
+    corner_error: float
+    depths: Array = field(repr=False)
+    variances: Array = field(repr=False)
+    curve: Array = field(repr=False)
+
+    @property
+    def defocus_significant(self) -> bool:
+        """Whether blur changes with depth by more than the smallest visible."""
+        from .effects.defocus import SMALLEST
+        from .evidence import judged
+
+        return judged("", self.defocus, self.defocus_error, SMALLEST, "px", "").needed
+
+
+def fit_local_blur(photos: PhotoSet) -> LocalBlur | None:
+    """The joint fit; None with too few tiles. Kept with the photos."""
+    kept = photos.__dict__
+    if "_local_blur" not in kept:
+        kept["_local_blur"] = _fit(photos)
+    found: LocalBlur | None = kept["_local_blur"]
+    return found
+
+
+def _fit(photos: PhotoSet) -> LocalBlur | None:
+    tiles = photos.tiles
+    height, width = photos.greys[0].shape
+    r2 = ((tiles.x - width / 2) ** 2 + (tiles.y - height / 2) ** 2) / ((width / 2) ** 2 + (height / 2) ** 2)
+    known = np.isfinite(tiles.depth)
+    by_depth = known.sum() >= FEWEST and np.ptp(np.quantile(tiles.depth[known], [0.1, 0.9])) > 0.1
+    use = known if by_depth else np.ones(len(r2), bool)
+    if use.sum() < FEWEST:
+        return None
+    v, r2 = tiles.variance[use], r2[use]
+    q = 1.0 / tiles.depth[use] if by_depth else np.zeros(len(v))
+    low, high = np.quantile(q, [0.05, 0.95])
+    middle, off_axis = (low + high) / 2, r2 - float(np.median(r2))
+    grid = np.linspace(low, high, 50)
+    random = np.random.default_rng(0)
+    # Tiles at one place of neighbouring photos show the same thing: whole places are drawn, not tiles.
+    place = np.round(tiles.x[use] / 8).astype(int) * 1000 + np.round(tiles.y[use] / 8).astype(int)
+    groups = np.unique(place)
+    members = [np.flatnonzero(place == g) for g in groups]
+
+    def solve(rows: NDArray[np.int64]) -> Array:
+        """Parabola in q and slope in r^2 by turns, each through medians of bins."""
+        vr, qr, rr = v[rows], q[rows] - middle, off_axis[rows]
+        slope, parabola = 0.0, np.zeros(3)
+        for _ in range(3):
+            if by_depth:
+                x, y, sd = _binned(qr, vr - slope * rr)
+                parabola = _polynomial(x, y, sd, 2)
+            else:
+                parabola = np.array([np.median(vr - slope * rr), 0.0, 0.0])
+            x, y, sd = _binned(rr, vr - np.polyval(parabola[::-1], qr))
+            slope = float(_polynomial(x, y, sd, 1)[1])
+        return np.array([*parabola, slope])
+
+    def curve(solution: Array) -> Array:
+        return np.asarray(np.polyval(solution[2::-1], grid - middle))
+
+    best = solve(np.arange(len(v)))
+    draws = [solve(np.concatenate([members[g] for g in random.integers(0, len(groups), len(groups))]))
+             for _ in range(DRAWS)]  # fmt: skip
+    fitted = curve(best)
+    lift = max(float(np.ptp(fitted)), 0.0) if by_depth else 0.0
+    # The range of a noisy curve is larger than that of the true one: what noise alone gives is taken off.
+    ranges = np.array([float(np.ptp(curve(d))) for d in draws])
+    noise = float(np.mean([np.ptp(curve(d) - fitted) for d in draws]))
+    lift_error = float(ranges.std())
+    clean = max(lift - noise, 0.0)
+    defocus = float(np.sqrt(clean))
+    error = max(lift_error / max(2 * defocus, 1.0), 0.1) if by_depth else float("inf")
+    return LocalBlur(
+        by_depth, float(max(fitted.min(), 0.0)), defocus, error, float(best[-1]),
+        float(np.std([d[-1] for d in draws])), tiles.depth[use] if by_depth else np.zeros(0), v,
+        np.stack([1.0 / grid, fitted]) if by_depth else np.zeros((2, 0)),
+    )  # fmt: skip
+
+
+def _binned(x: Array, y: Array) -> tuple[Array, Array, Array]:
+    """Median x, median y and its standard deviation in bins that hold equally many: tiles' scatter has long tails."""
+    order = np.argsort(x, kind="stable")
+    parts = [part for part in np.array_split(order, BINS) if len(part) >= 3]
+    middles = np.array([float(np.median(y[part])) for part in parts])
+    scatter = np.array([1.4826 * float(np.median(np.abs(y[part] - m))) for part, m in zip(parts, middles, strict=True)])
+    counts = np.array([len(part) for part in parts])
+    deviation = np.sqrt(1.57 * scatter**2 / counts + SCENE**2 + (SCENE_SHARE * np.abs(middles)) ** 2)
+    return np.array([float(np.median(x[part])) for part in parts]), middles, deviation
+
+
+def _polynomial(x: Array, y: Array, deviation: Array, degree: int) -> Array:
+    """Coefficients, constant first, weighted by 1 / deviation."""
+    matrix = np.vander(x, degree + 1, increasing=True) / deviation[:, None]
+    return np.asarray(np.linalg.lstsq(matrix, y / deviation, rcond=None)[0])

@@ -1,0 +1,163 @@
+"""The photos under inspection, and what several effects look at, each computed once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..photos.load import Photo
+from ..sfm.reconstruction import Reconstruction
+from .noise_level import noise_of
+from .photometry import Photometry, fit_photometry
+from .spectra import Blur, fit_blur, polar_power
+from .tracks import Tracks, find_tracks
+
+Array = NDArray[np.float64]
+
+#: Photos whose spectra are looked at; more tell little more.
+MOST_PHOTOS = 24
+#: Tiles along the photo's shorter side, and their least and largest size in px.
+TILES, SMALLEST_TILE, LARGEST_TILE = 4, 48, 160
+
+
+@dataclass(frozen=True)
+class Tiles:
+    """Blur of one region of one photo each.
+
+    Attributes:
+        photo: [N] index into `PhotoSet.looked_at`.
+        x, y: [N] middle, px.
+        variance, error: [N] px^2.
+        depth: [N] median depth of the points in it over the set's median; NaN where unknown.
+    """
+
+    photo: NDArray[np.int64] = field(repr=False)
+    x: Array = field(repr=False)
+    y: Array = field(repr=False)
+    variance: Array = field(repr=False)
+    error: Array = field(repr=False)
+    depth: Array = field(repr=False)
+
+
+@dataclass
+class PhotoSet:
+    """Photos, and cameras if there are any.
+
+    Attributes:
+        photos: all of them.
+        cameras: None where none were given or found; why: the reason then.
+    """
+
+    photos: Sequence[Photo]
+    cameras: Reconstruction | None = None
+    why: str = ""
+
+    @cached_property
+    def looked_at(self) -> list[Photo]:
+        """The photos whose spectra are read: evenly spread over the set, of the commonest size."""
+        sizes = [photo.size for photo in self.photos]
+        commonest = max(set(sizes), key=lambda size: (sizes.count(size), size))
+        same = [photo for photo in self.photos if photo.size == commonest]
+        picked = np.linspace(0, len(same) - 1, min(MOST_PHOTOS, len(same))).round().astype(int)
+        return [same[i] for i in picked]
+
+    @cached_property
+    def greys(self) -> list[NDArray[np.float32]]:
+        """[H, W] mean of the channels, sRGB, of `looked_at`; what a mask hides is filled with the rest's mean."""
+        out = []
+        for photo in self.looked_at:
+            grey = photo.pixels.mean(axis=2, dtype=np.float32) / np.float32(np.iinfo(photo.pixels.dtype).max)
+            if photo.mask is not None and photo.mask.any():
+                grey = np.where(photo.mask, grey, grey[photo.mask].mean())
+            out.append(grey)
+        return out
+
+    @cached_property
+    def rounding(self) -> float:
+        """Standard deviation of the files' rounding, in [0, 1]."""
+        return 1.0 / float(np.iinfo(self.photos[0].pixels.dtype).max) / 12.0**0.5
+
+    @cached_property
+    def grey_noise(self) -> list[float]:
+        """Standard deviation of the noise of each of `greys`."""
+        return [noise_of(grey, self.rounding / 3.0**0.5) for grey in self.greys]
+
+    @cached_property
+    def blurs(self) -> list[Blur | None]:
+        """Blur of each of `looked_at`, over the whole frame."""
+        return self.blurs_below(0.5)
+
+    def blurs_below(self, highest: float) -> list[Blur | None]:
+        """Blur of each of `looked_at`, from frequencies up to `highest` cycles/px."""
+        return [
+            fit_blur(power, (grey.shape[0], grey.shape[1]), noise**2, highest=highest)
+            for power, grey, noise in zip(self.powers, self.greys, self.grey_noise, strict=True)
+        ]
+
+    @cached_property
+    def powers(self) -> list[Array]:
+        """Polar spectrum of each of `greys`."""
+        return [polar_power(grey) for grey in self.greys]
+
+    @cached_property
+    def sigma(self) -> float:
+        """Standard deviation of the photos' blur, px, median over the photos; at least 0.3."""
+        known = [blur.variance for blur in self.blurs if blur is not None]
+        return max(float(np.median(known)), 0.09) ** 0.5 if known else 0.3
+
+    @cached_property
+    def tiles(self) -> Tiles:
+        """Blur of overlapping tiles of `looked_at`."""
+        rows: list[tuple[float, ...]] = []
+        height, width = self.greys[0].shape
+        side = int(np.clip(min(height, width) / TILES, SMALLEST_TILE, LARGEST_TILE))
+        side = min(side, height, width)
+        ys = np.linspace(0, height - side, max(1, round(height / side * 1.5))).round().astype(int)
+        xs = np.linspace(0, width - side, max(1, round(width / side * 1.5))).round().astype(int)
+        for index, (grey, noise) in enumerate(zip(self.greys, self.grey_noise, strict=True)):
+            pixel, depth = self._seen(index)
+            for y in ys:
+                for x in xs:
+                    blur = fit_blur(polar_power(grey[y : y + side, x : x + side]), (side, side), noise**2)
+                    if blur is None:
+                        continue
+                    inside = (np.abs(pixel - [x + side / 2, y + side / 2]) < side / 2).all(axis=1)
+                    place = (index, x + side / 2, y + side / 2)
+                    rows.append((*place, blur.variance, blur.variance_error, _depth_of(depth[inside])))
+        table = np.array(rows, float).reshape(-1, 6)
+        return Tiles(table[:, 0].astype(int), table[:, 1], table[:, 2], table[:, 3], table[:, 4], table[:, 5])
+
+    def _seen(self, index: int) -> tuple[Array, Array]:
+        """px [n, 2] and relative depth [n] of the observed points in one of `looked_at`."""
+        tracks, name = self.tracks, self.looked_at[index].name
+        if tracks is None or name not in tracks.names:
+            return np.zeros((0, 2)), np.zeros(0)
+        mine = tracks.photo == tracks.names.index(name)
+        return tracks.pixel[mine], tracks.depth[mine]
+
+    @cached_property
+    def tracks(self) -> Tracks | None:
+        """Points in several photos; None without cameras or points."""
+        return None if self.cameras is None else find_tracks(self.photos, self.cameras, self.sigma)
+
+    @cached_property
+    def photometry(self) -> Photometry | None:
+        """Gains, vignetting and haze out of the tracks."""
+        return None if self.tracks is None else fit_photometry(self.tracks)
+
+    @property
+    def no_tracks(self) -> str:
+        """Why there are no tracks, as a sentence."""
+        return self.why or "too few points are seen in three photos"
+
+
+def _depth_of(depths: Array) -> float:
+    """The depth of a tile: the median where the points in it lie at much the same depth, else NaN."""
+    if len(depths) < 4:
+        return float("nan")
+    low, middle, high = np.quantile(depths, [0.25, 0.5, 0.75])
+    return float(middle) if high - low <= 0.15 * middle else float("nan")

@@ -1,0 +1,121 @@
+"""Gains, vignetting and haze together, from the colours of the same points in several photos.
+
+For a point seen in several photos, with light I, gain g of the photo, distance r from its middle and depth d,
+all differences from the point's own mean being small:
+
+    I - mean = mean (dg_photo - v d(r^2)) - beta mean d(d) + beta A d(d)
+
+The point's own colour drops out. All unknowns are linear: one robust least squares per channel. What two effects
+could both explain shows in the uncertainty of both, which comes from drawing regions of space again and again.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .tracks import Tracks
+
+Array = NDArray[np.float64]
+
+#: Rounds of reweighting, draws of the bootstrap, and weak priors that keep unseen directions finite.
+ROUNDS, DRAWS = 6, 200
+PRIOR_GAIN, PRIOR_VIGNETTE, PRIOR_HAZE = 0.5, 0.7, 1.0
+
+
+@dataclass(frozen=True)
+class Photometry:
+    """What the tracks say, per channel (red, green, blue), with draws for its uncertainty.
+
+    Attributes:
+        gains: [V, 3] natural log of each photo's gain, mean 0 over the photos.
+        vignette: [3] share of light lost where r = 1 (the corner).
+        attenuation: [3] beta, per median depth.
+        backscatter: [3] beta A, light per median depth.
+        *_draws: the same with a first axis of `DRAWS`.
+        residual: [N, 3] what is left, relative to the point's mean; weight: [N, 3] in [0, 1].
+        spread: robust standard deviation of the residuals.
+    """
+
+    gains: Array = field(repr=False)
+    vignette: Array
+    attenuation: Array
+    backscatter: Array
+    gains_draws: Array = field(repr=False)
+    vignette_draws: Array = field(repr=False)
+    attenuation_draws: Array = field(repr=False)
+    backscatter_draws: Array = field(repr=False)
+    residual: Array = field(repr=False)
+    weight: Array = field(repr=False)
+    spread: float = 0.0
+
+
+def fit_photometry(tracks: Tracks, seed: int = 0) -> Photometry:
+    """The joint fit; see the module."""
+    photos = len(tracks.names)
+    blocks = int(tracks.block.max()) + 1
+    picks = np.random.default_rng(seed).multinomial(blocks, np.full(blocks, 1.0 / blocks), size=DRAWS)
+    found, drawn, residuals, weights = [], [], [], []
+    for channel in range(3):
+        solution, draws, residual, weight = _fit(tracks, channel, photos, blocks, picks)
+        found.append(solution)
+        drawn.append(draws)
+        residuals.append(residual)
+        weights.append(weight)
+    s, d = np.stack(found), np.stack(drawn, axis=1)  # [3, K], [DRAWS, 3, K]
+    gains = s[:, :photos].T
+    gains_draws = d[:, :, :photos].transpose(0, 2, 1)
+    residual_all, weight_all = np.stack(residuals, 1), np.stack(weights, 1)
+    return Photometry(
+        gains - gains.mean(axis=0), s[:, photos], s[:, photos + 1], s[:, photos + 2],
+        gains_draws - gains_draws.mean(axis=1, keepdims=True), d[:, :, photos], d[:, :, photos + 1],
+        d[:, :, photos + 2], residual_all, weight_all, 1.4826 * float(np.median(np.abs(residual_all))),
+    )  # fmt: skip
+
+
+def _fit(
+    tracks: Tracks, channel: int, photos: int, blocks: int, picks: NDArray[np.int64]
+) -> tuple[Array, Array, Array, Array]:
+    point, photo = tracks.point, tracks.photo
+    light = tracks.light[:, channel]
+    total = int(point.max()) + 1
+    weight = np.ones(len(light))
+    prior = np.concatenate([np.full(photos, PRIOR_GAIN), [PRIOR_VIGNETTE, PRIOR_HAZE, 0.5 * PRIOR_HAZE]]) ** -2.0
+    solution = np.zeros(photos + 3)
+    design, target = np.zeros((len(light), photos + 3)), np.zeros(len(light))
+    scale = 0.05
+    for _ in range(ROUNDS):
+        sums = np.maximum(np.bincount(point, weight, total), 1e-12)
+
+        def centred(values: Array, w: Array = weight, s: Array = sums) -> Array:
+            return values - (np.bincount(point, w * values, total) / s)[point]
+
+        mean = np.maximum((np.bincount(point, weight * light, total) / sums)[point], 1e-3)
+        target = centred(light) / mean
+        design = np.zeros((len(light), photos + 3))
+        indicator = np.zeros((len(light), photos))
+        indicator[np.arange(len(light)), photo] = 1.0
+        shares = np.zeros((total, photos))
+        np.add.at(shares, (point, photo), weight)
+        design[:, :photos] = indicator - (shares / sums[:, None])[point]
+        design[:, photos] = -centred(tracks.radius**2)
+        depth = centred(tracks.depth)
+        design[:, photos + 1], design[:, photos + 2] = -depth, depth / mean
+        normal = design.T @ (design * weight[:, None]) / scale**2 + np.diag(prior)
+        solution = np.linalg.solve(normal, design.T @ (weight * target) / scale**2)
+        rest = target - design @ solution
+        scale = max(1.4826 * float(np.median(np.abs(rest))), 0.003)
+        weight = np.where(np.abs(rest) < 4.7 * scale, (1 - (rest / (4.7 * scale)) ** 2) ** 2, 0.0)  # Tukey's biweight
+    matrices = np.zeros((blocks, photos + 3, photos + 3))
+    vectors = np.zeros((blocks, photos + 3))
+    for block in range(blocks):
+        inside = tracks.block == block
+        part = design[inside]
+        matrices[block] = part.T @ (part * weight[inside, None]) / scale**2
+        vectors[block] = part.T @ (weight[inside] * target[inside]) / scale**2
+    draws = np.stack(
+        [np.linalg.solve(np.tensordot(p, matrices, 1) + np.diag(prior), p @ vectors) for p in picks.astype(float)]
+    )
+    return solution, draws, target - design @ solution, weight

@@ -1,0 +1,161 @@
+"""The blur of a picture, read off its spectrum.
+
+Scenes with edges have power that falls as a power of frequency (Field 1987), the same in all directions but for a
+factor; a blur of covariance C multiplies it by the square of its transfer:
+
+    log P(f) = a(direction) - b log |f| - 4 pi^2 f' C f,        noise of known power taken off first.
+
+The blur's term grows with f^2, the scene's does not: least squares tell them apart. What looks like blur but is a
+scene without edges (clouds, a wall out of paint) cannot be told from it by any one photo.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import digamma, polygamma
+
+Array = NDArray[np.float64]
+
+#: Polar bins: radial, and directions over half a turn.
+RADII, DIRECTIONS = 40, 12
+#: Lowest and highest frequency used, cycles/px; at the lowest a tile holds this many periods at least.
+HIGHEST, FEWEST_PERIODS = 0.49, 2.5
+#: A bin counts where its power is this many times the noise's.
+CLEAR = 3.0
+#: Exponent of scenes' power, mean and standard deviation; how far log power scatters around the law.
+SLOPE, SLOPE_SPREAD, SCATTER = 2.3, 0.45, 0.3
+#: Fewest bins for a fit.
+FEWEST = 18
+
+
+@dataclass(frozen=True)
+class Blur:
+    """A fitted blur.
+
+    Attributes:
+        covariance: [3] of the blur: xx, yy, xy, px^2; may be negative by noise.
+        uncertainty: [3, 3] covariance of these three.
+        slope: exponent of the scene's power.
+        highest: frequency (cycles/px) up to which the picture stands clear of its noise.
+    """
+
+    covariance: Array = field(repr=False)
+    uncertainty: Array = field(repr=False)
+    slope: float
+    highest: float
+
+    @property
+    def variance(self) -> float:
+        """Mean over directions, px^2 (may be negative by noise)."""
+        return float(self.covariance[0] + self.covariance[1]) / 2
+
+    @property
+    def variance_error(self) -> float:
+        """Standard deviation of `variance`."""
+        j = np.array([0.5, 0.5, 0.0])
+        return float(np.sqrt(j @ self.uncertainty @ j))
+
+
+def polar_power(values: NDArray[np.floating]) -> Array:
+    """Power [RADII, DIRECTIONS] of [H, W]; white noise of variance v gives v, bins without a coefficient are 0."""
+    h, w = values.shape
+    window, index, counts = _layout(h, w)
+    v = np.asarray(values, np.float64)
+    mean = float((v * window).sum() / window.sum())
+    power = np.abs(np.fft.rfft2((v - mean) * window)) ** 2 / np.square(window).sum()
+    used = index >= 0
+    sums = np.bincount(index[used], power[used], minlength=RADII * DIRECTIONS)
+    return (sums / np.maximum(counts, 1)).reshape(RADII, DIRECTIONS)
+
+
+def bin_counts(h: int, w: int) -> Array:
+    """[RADII, DIRECTIONS] number of coefficients in each bin of `polar_power`."""
+    return _layout(h, w)[2].reshape(RADII, DIRECTIONS)
+
+
+@lru_cache(maxsize=8)
+def _chance(h: int, w: int, pictures: int) -> tuple[Array, Array]:
+    """What the mean of chance does to the log of a bin's power: its shift, and its variance."""
+    # Neighbouring coefficients under a Hann window are not independent: about 2.25 of them say what one would.
+    k = np.maximum(bin_counts(h, w) * pictures / 2.25, 0.5)
+    return digamma(k) - np.log(k), polygamma(1, k)
+
+
+@lru_cache(maxsize=8)
+def _layout(h: int, w: int) -> tuple[Array, NDArray[np.int64], Array]:
+    window = np.outer(np.hanning(h + 2)[1:-1], np.hanning(w + 2)[1:-1])
+    fy, fx = np.fft.fftfreq(h)[:, None], np.fft.rfftfreq(w)[None, :]
+    radius = np.hypot(fx, fy)
+    lowest = FEWEST_PERIODS / min(h, w)
+    edges = np.geomspace(lowest, HIGHEST, RADII + 1)
+    ring = np.searchsorted(edges, radius, side="right") - 1
+    turn = np.floor((np.arctan2(fy, fx) % np.pi) / np.pi * DIRECTIONS + 0.5).astype(int) % DIRECTIONS
+    inside = (ring >= 0) & (ring < RADII)
+    index = np.where(inside, ring * DIRECTIONS + turn, -1)
+    counts = np.bincount(index[inside], minlength=RADII * DIRECTIONS).astype(float)
+    return window, index, counts
+
+
+@lru_cache(maxsize=8)
+def _frequencies(shortest: int) -> tuple[Array, Array, Array]:
+    """|f|, fx, fy of the bins' middles, [RADII, DIRECTIONS] each."""
+    edges = np.geomspace(FEWEST_PERIODS / shortest, HIGHEST, RADII + 1)
+    f = np.sqrt(edges[1:] * edges[:-1])[:, None] * np.ones(DIRECTIONS)
+    angle = np.arange(DIRECTIONS) * np.pi / DIRECTIONS
+    return f, f * np.cos(angle), f * np.sin(angle)
+
+
+def fit_blur(
+    power: Array, shape: tuple[int, int], noise: float, pictures: int = 1, highest: float = HIGHEST
+) -> Blur | None:
+    """Fits scene and blur to a polar spectrum; None where too little stands clear of the noise.
+
+    Args:
+        power: from `polar_power`, averaged over `pictures` of one size.
+        shape: (height, width) of the pictures.
+        noise: variance of the noise.
+        highest: frequency up to which the spectrum is used, cycles/px.
+    """
+    f, fx, fy = _frequencies(min(shape))
+    counts, (shift, variance) = bin_counts(*shape), _chance(*shape, pictures)
+    radial = (power * counts).sum(axis=1) / np.maximum(counts.sum(axis=1), 1)
+    drowned = np.flatnonzero((radial < CLEAR * noise) & (counts.sum(axis=1) > 0))
+    end = drowned[0] if drowned.size else RADII
+    clear = (counts > 0) & (power > 2.0 * noise) & (f <= highest)
+    clear[end:] = False
+    if clear.sum() < FEWEST or end < 5:
+        return None
+    y = np.log((power - noise)[clear]) - shift[clear]
+    angle = np.arctan2(fy, fx)[clear]
+    columns = [
+        np.ones(clear.sum()), *(g(n * angle) for n in (2, 4) for g in (np.cos, np.sin)), -np.log(f[clear]),
+        *(-4 * np.pi**2 * t[clear] for t in (fx * fx, fy * fy, 2 * fx * fy)),
+    ]  # fmt: skip
+    matrix = np.stack(columns, axis=1)
+    relative = noise / np.maximum(power - noise, 1e-30)[clear]
+    weight = 1.0 / np.sqrt(variance[clear] * (1 + relative) ** 2 + SCATTER**2)
+    prior = np.zeros((5, 9))
+    prior[0, 5] = 1.0 / SLOPE_SPREAD
+    prior[1:, 1:5] = np.eye(4) / 0.7  # a scene's directions differ by a factor of two, seldom more
+    aim = np.zeros(5)
+    aim[0] = SLOPE / SLOPE_SPREAD
+    for _ in range(3):
+        a = np.vstack([matrix * weight[:, None], prior])
+        b = np.append(y * weight, aim)
+        normal = a.T @ a
+        solution = np.linalg.solve(normal, a.T @ b)
+        rest = np.abs(y - matrix @ solution) * weight
+        weight = weight * np.sqrt(np.minimum(1.0, 2.5 / np.maximum(rest, 1e-9)))
+    # Rings scatter together (the scene's own bumps): as many independent values as rings, not as bins.
+    inflate = clear.sum() / max(1.0, float(clear.any(axis=1).sum()))
+    uncertainty = np.linalg.inv(normal)[6:, 6:] * min(inflate, 6.0)
+    return Blur(solution[6:].copy(), uncertainty, float(solution[5]), float(f[end - 1, 0]))
+
+
+def middle_frequencies(shortest: int) -> Array:
+    """[RADII] frequencies of the rings' middles, cycles/px, of pictures whose shorter side is `shortest` px."""
+    return _frequencies(shortest)[0][:, 0].copy()

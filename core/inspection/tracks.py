@@ -1,0 +1,203 @@
+"""Which photo shows which point, with what colour: the points of the cameras looked up in all photos.
+
+Camera files seldom say which photo saw a point, so every point is projected into every photo, and a photo counts as
+seeing it where the surroundings look the same (normalised correlation of small patches) as in the others. Colours
+come in linear light, as gains, vignetting and haze are laws of light.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from ..colour import srgb_to_linear
+from ..photos.load import Photo
+from ..sfm.reconstruction import Reconstruction
+
+Array = NDArray[np.float64]
+
+#: Points looked up at most, photos per point at most and at least.
+MOST_POINTS, MOST_VIEWS, FEWEST_VIEWS = 2500, 16, 3
+#: Half side of the patch that is correlated, samples.
+_HALF = 4
+#: Standard deviation of the window that a colour is the mean of, px of the farthest photo; and over the half side.
+WINDOW, WINDOW_SHARE = 1.8, 0.45
+#: Patches must agree this well, and vary by this (in [0, 1]) to be told apart from anything else.
+ALIKE, VARIED = 0.85, 0.02
+#: Values outside are left out: mostly noise (linear light), or clipped (sRGB).
+DARKEST, BRIGHTEST = 0.005, 0.97
+
+
+@dataclass(frozen=True)
+class Tracks:
+    """Observations of points.
+
+    Attributes:
+        point, photo: [N] indices; photos in the order of `names`.
+        light: [N, 3] linear light around the projection.
+        depth: [N] along the optical axis, divided by the median over all observations.
+        radius: [N] distance from the photo's middle over half its diagonal.
+        direction: [N, 3] unit vector from the point to the camera (world).
+        pixel: [N, 2] px.
+        block: [N] region of space that the point belongs to: errors within one are alike.
+        names: photos.
+    """
+
+    point: NDArray[np.int64] = field(repr=False)
+    photo: NDArray[np.int64] = field(repr=False)
+    light: Array = field(repr=False)
+    depth: Array = field(repr=False)
+    radius: Array = field(repr=False)
+    direction: Array = field(repr=False)
+    pixel: Array = field(repr=False)
+    block: NDArray[np.int64] = field(repr=False)
+    names: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.point)
+
+
+def find_tracks(photos: Sequence[Photo], cameras: Reconstruction, blur: float, seed: int = 0) -> Tracks | None:
+    """Looks the cameras' points up in the photos; None where too few are seen often enough.
+
+    Args:
+        blur: standard deviation of the photos' blur, px: patches grow with it.
+    """
+    random = np.random.default_rng(seed)
+    used = [photo for photo in photos if photo.name in cameras.poses]
+    positions = cameras.points.positions
+    if len(used) < FEWEST_VIEWS or len(positions) < 50:
+        return None
+    if len(positions) > MOST_POINTS:
+        positions = positions[np.sort(random.choice(len(positions), MOST_POINTS, replace=False))]
+    pixels, depths = _projected(used, cameras, positions, 2.5 * max(WINDOW, 1.3 * blur))
+    steps = _steps(depths, blur)
+    patches = np.full((*depths.shape, (2 * _HALF + 1) ** 2), np.nan, np.float32)
+    for v, shot in enumerate(used):
+        there = np.isfinite(depths[:, v])
+        patches[there, v] = _samples(_grey(shot), pixels[there, v], steps[there, v], _HALF)
+    seen = _agreeing(patches)
+    point, photo = np.nonzero(seen)
+    if len(point) < 100:
+        return None
+    centres = np.stack([cameras.poses[p.name].centre for p in used])
+    light, valid = _colours(used, pixels, steps, seen)
+    light, point, photo = light[valid], point[valid], photo[valid]
+    counts = np.bincount(point, minlength=len(positions))
+    keep = counts[point] >= FEWEST_VIEWS
+    light, point, photo = light[keep], point[keep], photo[keep]
+    if len(point) < 100:
+        return None
+    away = centres[photo] - positions[point]
+    at = pixels[point, photo]
+    size = np.array([p.size for p in used], float)[photo]
+    depth = depths[point, photo]
+    return Tracks(
+        point, photo, light, depth / float(np.median(depth)),
+        np.linalg.norm(at - size / 2, axis=1) / (np.linalg.norm(size, axis=1) / 2),
+        away / np.linalg.norm(away, axis=1, keepdims=True), at, _blocks(positions, random)[point],
+        tuple(p.name for p in used),
+    )  # fmt: skip
+
+
+def _projected(
+    photos: Sequence[Photo], cameras: Reconstruction, positions: Array, border: float
+) -> tuple[Array, Array]:
+    """px [P, V, 2] (NaN where a point is not well inside the frame) and depths [P, V]."""
+    pixels = np.full((len(positions), len(photos), 2), np.nan)
+    depths = np.full(pixels.shape[:2], np.nan)
+    for v, photo in enumerate(photos):
+        pose, lens = cameras.poses[photo.name], cameras.lenses[photo.name]
+        local = positions @ pose.rotation.T + pose.translation
+        ahead = local[:, 2] > 1e-6
+        uv = np.full((len(positions), 2), np.nan)
+        uv[ahead] = lens.to_pixels(local[ahead, :2] / local[ahead, 2:])
+        with np.errstate(invalid="ignore"):
+            inside = ahead & (uv > border).all(axis=1) & (uv < np.array(photo.size) - border).all(axis=1)
+        if photo.mask is not None:
+            column, row = uv[inside].astype(int).T
+            inside[np.flatnonzero(inside)[~photo.mask[row, column]]] = False
+        pixels[inside, v], depths[inside, v] = uv[inside], local[inside, 2]
+    return pixels, depths
+
+
+def _steps(depths: Array, blur: float) -> Array:
+    """[P, V] px between samples, so that window and blur together cover the same piece of surface at any distance.
+
+    Were it the same px, a point farther away would be mixed with more of its surroundings, and fade as in haze.
+    """
+    with np.errstate(invalid="ignore"):
+        farthest = np.nanmax(np.where(np.isfinite(depths), depths, -np.inf), axis=1, keepdims=True)
+    total = max(WINDOW, 1.3 * blur) * np.clip(farthest / depths, 1.0, 3.0)
+    return np.asarray(np.sqrt(np.maximum(total**2 - blur**2, 0.25)) / (WINDOW_SHARE * _HALF))
+
+
+def _samples(plane: NDArray[np.float32], at: Array, steps: Array, half: int) -> NDArray[np.float32]:
+    """[n, (2 half + 1)^2] values around px `at` [n, 2], `steps` [n] px apart."""
+    t = np.arange(-half, half + 1)
+    dy, dx = (g.ravel() for g in np.meshgrid(t, t, indexing="ij"))
+    rows = at[:, 1, None] - 0.5 + steps[:, None] * dy
+    columns = at[:, 0, None] - 0.5 + steps[:, None] * dx
+    return np.asarray(ndimage.map_coordinates(plane, [rows, columns], order=1, mode="nearest"), np.float32)
+
+
+def _grey(photo: Photo) -> NDArray[np.float32]:
+    return photo.pixels.mean(axis=2, dtype=np.float32) / np.float32(np.iinfo(photo.pixels.dtype).max)
+
+
+def _agreeing(patches: NDArray[np.float32]) -> NDArray[np.bool_]:
+    """[P, V] which photos show what most others show, for each point."""
+    centred = patches - patches.mean(axis=2, keepdims=True)
+    spread = np.sqrt(np.square(centred).mean(axis=2))
+    unit = centred / np.maximum(spread, 1e-6)[:, :, None] / np.sqrt(patches.shape[2])
+    good = np.isfinite(spread) & (spread > VARIED)
+    unit = np.where(good[:, :, None], unit, 0.0)
+    alike = np.einsum("pvn,pwn->pvw", unit, unit, optimize=True)
+    best = np.argmax(alike.clip(min=0.5).sum(axis=2), axis=1)
+    out: NDArray[np.bool_] = np.take_along_axis(alike, best[:, None, None], axis=2)[:, :, 0] > ALIKE
+    out &= good
+    # More photos of one point than this add little and cost much.
+    too_many = out.sum(axis=1) > MOST_VIEWS
+    for p in np.flatnonzero(too_many):
+        seen = np.flatnonzero(out[p])
+        out[p, seen[(np.arange(len(seen)) * 7919 + p) % len(seen) >= MOST_VIEWS]] = False
+    return out
+
+
+def _colours(
+    photos: Sequence[Photo], pixels: Array, steps: Array, seen: NDArray[np.bool_]
+) -> tuple[Array, NDArray[np.bool_]]:
+    """[N, 3] linear light at every observation (in the order of nonzero), and whether it can be used."""
+    light = np.zeros((*seen.shape, 3))
+    valid = np.zeros(seen.shape, bool)
+    t = np.arange(-_HALF, _HALF + 1)
+    window = np.exp(-0.5 * (t[:, None] ** 2 + t[None, :] ** 2) / (WINDOW_SHARE * _HALF) ** 2).ravel()
+    window /= window.sum()
+    for v, photo in enumerate(photos):
+        points = np.flatnonzero(seen[:, v])
+        if not len(points):
+            continue
+        unit = photo.pixels.astype(np.float32) / np.float32(np.iinfo(photo.pixels.dtype).max)
+        for c in range(3):
+            encoded = _samples(unit[..., c], pixels[points, v], steps[points, v], _HALF)
+            light[points, v, c] = srgb_to_linear(encoded) @ window
+            clean = encoded.max(axis=1) < BRIGHTEST
+            valid[points, v] = clean if c == 0 else valid[points, v] & clean
+        valid[points, v] &= light[points, v].min(axis=1) > DARKEST
+    return light[seen], valid[seen]
+
+
+def _blocks(positions: Array, random: np.random.Generator, count: int = 40) -> NDArray[np.int64]:
+    """Region of space of every point: a few rounds of k-means."""
+    centres = positions[random.choice(len(positions), min(count, len(positions)), replace=False)]
+    nearest = np.zeros(len(positions), np.int64)
+    for _ in range(6):
+        nearest = np.argmin(((positions[:, None] - centres[None]) ** 2).sum(axis=2), axis=1)
+        for k in range(len(centres)):
+            if (nearest == k).any():
+                centres[k] = positions[nearest == k].mean(axis=0)
+    return nearest

@@ -1,0 +1,92 @@
+"""What the inspection finds in photos whose effects are known, and what it leaves alone."""
+
+import json
+
+import numpy as np
+import pytest
+from dgs.core.inspection.evidence import judged
+from dgs.core.inspection.inspect import inspect_photos
+from dgs.core.inspection.registry import INSPECTIONS
+from dgs.core.progress import Silent
+from PIL import Image
+
+
+def found(photos, only=None):
+    return {e.name: e for e in inspect_photos(photos, Silent(), only)}
+
+
+def test_clean_photos_call_for_nothing(taken):
+    evidence = found(taken())
+    assert list(evidence) == list(INSPECTIONS)
+    assert [name for name, e in evidence.items() if e.needed] == []
+    for e in evidence.values():
+        assert e.estimate["value"] is not None and 0.9 < e.confidence <= 1.0, e
+        assert e.evidence and e.seconds >= 0
+        json.dumps(e.plain(), allow_nan=False)
+
+
+@pytest.mark.parametrize(
+    ("name", "effects", "truth", "within"),
+    [
+        ("blur", {"psf": (2.5, 2.5, 0.0), "space": "srgb"}, 2.5, 0.1),
+        ("defocus", {"defocus": 3.0}, 2.2, 0.4),
+        ("motion", {"motion": 8.0}, 8.0, 0.5),
+        ("haze", {"haze": 0.4}, 0.4, 0.25),
+        ("exposure", {"exposure": 0.1}, 0.1, 0.1),
+        ("white_balance", {"white_balance": 0.06}, 0.06, 0.15),
+        ("vignetting", {"vignetting": 0.25}, 0.25, 0.15),
+        ("noise", {"noise": 4.0}, 4.0, 0.6),
+        ("saturation", {"saturation": 0.02}, 0.02, 2.0),
+    ],
+)
+def test_an_effect_is_found_with_its_size(taken, name, effects, truth, within):
+    evidence = found(taken(**effects))
+    assert evidence[name].needed and evidence[name].confidence > 0.9
+    assert evidence[name].estimate["value"] == pytest.approx(truth, rel=within)
+    brought = {"defocus": {"blur", "field_blur"}, "motion": {"blur"}}.get(name, set())
+    assert {n for n, e in evidence.items() if e.needed} <= {name, *brought}
+
+
+def test_two_widths_of_blur_and_their_direction(taken):
+    estimate = found(taken(psf=(4.0, 2.0, 30.0), space="srgb"), ["blur"])["blur"].estimate
+    assert estimate["sigma_x"] == pytest.approx(4.0, rel=0.15) and estimate["sigma_y"] == pytest.approx(2.0, rel=0.2)
+    assert estimate["angle"] == pytest.approx(30.0, abs=8.0)
+
+
+def test_without_cameras_it_says_so(taken):
+    from dgs.core.inspection.photo_set import PhotoSet
+
+    alone = PhotoSet(taken(exposure=0.1).photos, None, "no cameras were found")
+    evidence = found(alone)
+    assert not evidence["exposure"].needed and evidence["exposure"].confidence == 0.0
+    assert evidence["exposure"].estimate["value"] is None and "no cameras" in evidence["exposure"].evidence
+    assert evidence["blur"].estimate["value"] is not None
+
+
+def test_the_decision_follows_value_and_error():
+    assert judged("x", 2.0, 0.1, 1.0, "", "").needed and judged("x", 2.0, 0.1, 1.0, "", "").confidence > 0.99
+    assert not judged("x", 0.0, 0.1, 1.0, "", "").needed and judged("x", 0.0, 0.1, 1.0, "", "").confidence > 0.99
+    unsure = judged("x", 1.1, 1.0, 1.0, "", "")
+    assert not unsure.needed and 0.4 < unsure.confidence < 0.5
+    assert judged("x", float("nan"), 1.0, 1.0, "", "").estimate["value"] is None
+
+
+def test_the_command_prints_a_table_and_json_and_draws(tmp_path, scene, capsys):
+    from dgs.core.command_line import run
+    from effect_scenes import Truth, degrade, write_set
+
+    write_set(tmp_path / "set", scene, degrade(scene, Truth(exposure=0.15)))
+    call = ["inspect", str(tmp_path / "set/photos"), "--threads", "1"]
+    known = ["--cameras", str(tmp_path / "set/cameras")]
+    assert run([*call, *known, "--json", "--out", str(tmp_path / "out")]) == 0
+    content = json.loads(capsys.readouterr().out)
+    assert content == json.loads((tmp_path / "out/inspection.json").read_text())
+    first = next(e for e in content["effects"] if e["name"] == "exposure")
+    assert set(first) == {"name", "needed", "estimate", "confidence", "evidence", "seconds"} and first["needed"]
+    for name in ("blur_map", "spectrum", "photos"):
+        assert np.asarray(Image.open(tmp_path / f"out/{name}.png")).std() > 5
+    assert run([*call, "--without-cameras"]) == 0
+    out = capsys.readouterr().out
+    assert "not measured" in out and "cameras were not asked for" in out
+    assert run([*call, "--cameras", str(tmp_path / "none")]) == 2
+    assert "none" in capsys.readouterr().err
