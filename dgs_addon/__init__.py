@@ -19,11 +19,13 @@ def register() -> None:
 
     from .. import operators, panels
     from .properties import register_properties
+    from .translations import register_translations
 
     for kind in _classes(operators, panels):
         bpy.utils.register_class(kind)
         _registered.append(kind)
     register_properties()
+    register_translations()
     operators.add_menus()
 
 
@@ -38,6 +40,7 @@ def unregister() -> None:
     from .engine import install
     from .job import pictures, runner
     from .properties import unregister_properties
+    from .translations import unregister_translations
 
     exact.stop()
     runner.stop()
@@ -45,6 +48,7 @@ def unregister() -> None:
     pictures.clear()
     panels.forget_thumbnails()
     operators.remove_menus()
+    unregister_translations()
     unregister_properties()
     while _registered:
         bpy.utils.unregister_class(_registered.pop())

@@ -12,6 +12,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from bpy.app.translations import pgettext_rpt as rpt_
+
 #: As in `core.photos.load`, which cannot be imported here: it needs Pillow.
 SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp", ".bmp")
 #: As in `core.photos.movie`, for the same reason.
@@ -99,8 +101,9 @@ def _look_at_movie(path: Path) -> PhotoFolder:
         with open(path, "rb") as stream:
             empty = not stream.read(1)
     except OSError as error:
-        return PhotoFolder(problem=f"This movie cannot be read: {(error.strerror or str(error)).lower()}", movie=path)
-    return PhotoFolder(problem="This movie is empty" if empty else "", movie=path)
+        reason = (error.strerror or str(error)).lower()
+        return PhotoFolder(problem=rpt_("This movie cannot be read: {reason}").format(reason=reason), movie=path)
+    return PhotoFolder(problem=rpt_("This movie is empty") if empty else "", movie=path)
 
 
 def _look(folder: Path, selection: str) -> PhotoFolder:
@@ -114,17 +117,24 @@ def _look(folder: Path, selection: str) -> PhotoFolder:
             )
         )
     except OSError as error:
-        return PhotoFolder(problem=f"This folder cannot be read: {(error.strerror or str(error)).lower()}")
+        reason = (error.strerror or str(error)).lower()
+        return PhotoFolder(problem=rpt_("This folder cannot be read: {reason}").format(reason=reason))
     if len(files) < 3:
-        count = "no photos" if not files else f"only {len(files)} photo{'s' if len(files) > 1 else ''}"
-        return PhotoFolder(files, problem=f"{count.capitalize()} here; at least 3 are needed, 20 or more are better")
+        words = (
+            rpt_("No photos here; at least 3 are needed, 20 or more are better"),
+            rpt_("Only 1 photo here; at least 3 are needed, 20 or more are better"),
+            rpt_("Only 2 photos here; at least 3 are needed, 20 or more are better"),
+        )
+        return PhotoFolder(files, problem=words[len(files)])
     heads = {path: _head(path) for path in files}
     sizes = Counter(size for ok, size in heads.values() if ok and size is not None)
     usual = sizes.most_common(1)[0][0] if sizes else None
-    warnings = [f"{name}: it is not there any more" for name in sorted(wanted - {path.name for path in files})]
-    warnings += [f"{path.name}: no photo inside, it will be left out" for path, (ok, _) in heads.items() if not ok]
+    gone = sorted(wanted - {path.name for path in files})
+    warnings = [rpt_("{name}: it is not there any more").format(name=name) for name in gone]
+    damaged = [path.name for path, (ok, _) in heads.items() if not ok]
+    warnings += [rpt_("{name}: no photo inside, it will be left out").format(name=name) for name in damaged]
     warnings += [
-        f"{path.name}: {size[0]} x {size[1]} px, unlike the others"
+        rpt_("{name}: {width} x {height} px, unlike the others").format(name=path.name, width=size[0], height=size[1])
         for path, (ok, size) in heads.items()
         if ok and size is not None and size not in (usual, usual[::-1] if usual else None)
     ]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import bpy
+from bpy.app.translations import pgettext_rpt as rpt_
 
 from .engine.folder import engine_folder, is_installed
 from .engine.install import errand
@@ -59,9 +60,9 @@ class DGS_AP_preferences(bpy.types.AddonPreferences):
         elif work.status == 0:
             layout.label(text="All is well", icon="CHECKMARK")
         else:
-            word = "Cancelled" if work.cancelled else f"{work.title} failed: see the last lines"
-            layout.label(text=word, icon="ERROR")
+            word = rpt_("{step} failed: see the last lines").format(step=rpt_(work.title))
+            layout.label(text=rpt_("Cancelled") if work.cancelled else word, icon="ERROR", translate=False)
         column = layout.box().column(align=True)
         column.scale_y = 0.75
         for line in list(work.lines)[-_SHOWN:]:
-            column.label(text=line[:160])
+            column.label(text=line[:160], translate=False)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import bpy
+from bpy.app.translations import pgettext_rpt as rpt_
 
 from ..core.errors import DgsError
 from ..dgs_addon.job import runner
@@ -44,5 +45,5 @@ class DGS_OT_add_results(bpy.types.Operator):
         except DgsError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
-        self.report({"INFO"}, f"{len(twin.data.vertices):,} splats")
+        self.report({"INFO"}, rpt_("{count:,} splats").format(count=len(twin.data.vertices)))
         return {"FINISHED"}

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import bpy
+from bpy.app.translations import pgettext_rpt as rpt_
 
 from ..dgs_addon.photos import SUFFIXES, forget, is_movie, photo_folder
 
@@ -34,7 +35,7 @@ class DGS_OT_choose_photos(bpy.types.Operator):
         """Remembers what was chosen and says what is in it."""
         folder = Path(bpy.path.abspath(self.directory))
         if not self.directory or not folder.is_dir():
-            self.report({"ERROR"}, f"There is no folder '{folder}'. Choose a folder of photos.")
+            self.report({"ERROR"}, rpt_("There is no folder '{path}'. Choose a folder of photos.").format(path=folder))
             return {"CANCELLED"}
         names = [file.name for file in self.files if file.name]
         movie = next((name for name in names if is_movie(folder / name)), None)
@@ -52,5 +53,6 @@ class DGS_OT_choose_photos(bpy.types.Operator):
         if found.problem:
             self.report({"WARNING"}, found.problem)
         else:
-            self.report({"INFO"}, place.name if found.movie else f"{len(found.files)} photos")
+            words = place.name if found.movie else rpt_("{count} photos").format(count=len(found.files))
+            self.report({"INFO"}, words)
         return {"FINISHED"}

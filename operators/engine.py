@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import bpy
+from bpy.app.translations import pgettext_rpt as rpt_
 
 from ..core.errors import DgsError
 from ..dgs_addon.engine import install
@@ -38,7 +39,8 @@ class DGS_OT_install_engine(bpy.types.Operator):
         """Starts the installation; without a window it is waited for."""
         wheels = absolute(preferences().wheels)
         if wheels is not None and not wheels.is_dir():
-            self.report({"ERROR"}, f"There is no folder '{wheels}'. Choose the folder of wheels.")
+            words = rpt_("There is no folder '{path}'. Choose the folder of wheels.")
+            self.report({"ERROR"}, words.format(path=wheels))
             return {"CANCELLED"}
         return _wait(self, install.install_engine(wheels))
 
@@ -110,6 +112,7 @@ def _wait(operator: Any, work: Any) -> set[str]:
     for line in work.lines:
         print(line)
     if work.status != 0:
-        operator.report({"ERROR"}, f"{work.title} failed: {work.lines[-1] if work.lines else 'no words'}")
+        last = work.lines[-1] if work.lines else rpt_("no words")
+        operator.report({"ERROR"}, rpt_("{step} failed: {words}").format(step=rpt_(work.title), words=last))
         return {"CANCELLED"}
     return {"FINISHED"}

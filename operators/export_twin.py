@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import bpy
+from bpy.app.translations import pgettext_rpt as rpt_
 from bpy_extras.io_utils import ExportHelper
 
 from ..core.errors import DgsError
@@ -50,5 +51,10 @@ class DGS_OT_export_twin(bpy.types.Operator, ExportHelper):
         except DgsError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
-        self.report({"INFO"}, f"{len(context.object.data.vertices):,} splats in {path.name}")
+        self.report({"INFO"}, _done(len(context.object.data.vertices), path))
         return {"FINISHED"}
+
+
+def _done(count: int, path: Path) -> str:
+    words: str = rpt_("{count:,} splats in {name}").format(count=count, name=path.name)
+    return words

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import bpy
+from bpy.app.translations import pgettext_rpt as rpt_
 from bpy_extras.io_utils import ImportHelper
 
 from ..core.errors import DgsError
@@ -36,5 +37,5 @@ class DGS_OT_import_cameras(bpy.types.Operator, ImportHelper):
         except DgsError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
-        self.report({"INFO"}, f"{len(cameras)} cameras")
+        self.report({"INFO"}, rpt_("{count} cameras").format(count=len(cameras)))
         return {"FINISHED"}

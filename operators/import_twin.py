@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import bpy
+from bpy.app.translations import pgettext_rpt as rpt_
 from bpy_extras.io_utils import ImportHelper
 
 from ..core.errors import DgsError
@@ -44,5 +45,6 @@ class DGS_OT_import_twin(bpy.types.Operator, ImportHelper):
             other.select_set(False)
         twin.select_set(True)
         context.view_layer.objects.active = twin
-        self.report({"INFO"}, f"{len(twin.data.vertices):,} splats from {path.name}")
+        words = rpt_("{count:,} splats from {name}").format(count=len(twin.data.vertices), name=path.name)
+        self.report({"INFO"}, words)
         return {"FINISHED"}

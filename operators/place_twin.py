@@ -6,6 +6,7 @@ import math
 from typing import Any
 
 import bpy
+from bpy.app.translations import pgettext_rpt as rpt_
 
 from ..core.errors import DgsError
 from ..dgs_addon.exact import scene_twin
@@ -36,7 +37,7 @@ class DGS_OT_set_length(_OfATwin, bpy.types.Operator):
         except DgsError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
-        self.report({"INFO"}, f"Scaled by {factor:.4g}")
+        self.report({"INFO"}, rpt_("Scaled by {factor:.4g}").format(factor=factor))
         return {"FINISHED"}
 
 
@@ -57,5 +58,5 @@ class DGS_OT_set_up(_OfATwin, bpy.types.Operator):
         except DgsError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
-        self.report({"INFO"}, f"Turned by {math.degrees(angle):.1f} degrees")
+        self.report({"INFO"}, rpt_("Turned by {angle:.1f} degrees").format(angle=math.degrees(angle)))
         return {"FINISHED"}

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import bpy
+from bpy.app.translations import pgettext_rpt as rpt_
 
 from ..core.errors import DgsError
 from ..dgs_addon.paths import out_folder
@@ -37,5 +38,5 @@ class DGS_OT_show_cameras(bpy.types.Operator):
         except DgsError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
-        self.report({"INFO"}, f"{len(cameras)} cameras")
+        self.report({"INFO"}, rpt_("{count} cameras").format(count=len(cameras)))
         return {"FINISHED"}

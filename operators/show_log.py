@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import bpy
+from bpy.app.translations import pgettext_rpt as rpt_
 
 from ..dgs_addon.job.record import LOG
 from ..dgs_addon.paths import out_folder
@@ -35,7 +36,8 @@ class DGS_OT_show_log(bpy.types.Operator):
         try:
             words = log.read_text("utf-8", "replace")[-_SHOWN:]
         except OSError as error:
-            self.report({"ERROR"}, f"'{log}' cannot be read ({error.strerror}).")
+            words = rpt_("'{path}' cannot be read ({reason}).").format(path=log, reason=error.strerror)
+            self.report({"ERROR"}, words)
             return {"CANCELLED"}
         text = bpy.data.texts.get(_NAME) or bpy.data.texts.new(_NAME)
         text.clear()

@@ -7,7 +7,7 @@ from typing import Any
 import bpy
 
 from ..dgs_addon.steps import cameras_found, results
-from .layout import Step, ready, sentence, split
+from .layout import Step, figures, ready, sentence, split
 
 
 class DGS_PT_cameras(Step, bpy.types.Panel):
@@ -38,6 +38,6 @@ class DGS_PT_cameras(Step, bpy.types.Panel):
         if not cameras_found(context.scene):
             sentence(layout, context, "Not found yet; Optimize finds them too", "INFO")
         elif held.record is not None and "registered" in held.record.result:
-            layout.label(text=f"{held.record.result['registered']} photos placed", icon="CHECKMARK")
+            figures(layout, "{count} photos placed", "CHECKMARK", count=held.record.result["registered"])
         else:
             layout.label(text="Found", icon="CHECKMARK")

@@ -7,7 +7,7 @@ from typing import Any
 import bpy
 
 from ..dgs_addon.photos import PhotoFolder, chosen_photos
-from .layout import Step, folded, ready, sentence, split
+from .layout import Step, figures, folded, ready, sentence, split
 from .thumbnails import thumbnails
 
 #: Warnings that are shown; the rest are counted.
@@ -42,7 +42,7 @@ class DGS_PT_images(Step, bpy.types.Panel):
         for warning in found.warnings[:_WARNINGS]:
             sentence(layout, context, warning, "ERROR")
         if len(found.warnings) > _WARNINGS:
-            layout.label(text=f"and {len(found.warnings) - _WARNINGS} more", icon="BLANK1")
+            figures(layout, "and {count} more", "BLANK1", count=len(found.warnings) - _WARNINGS)
         body = folded(layout, "images", "More")
         if body is not None:
             body.prop(settings, "masks")
@@ -56,8 +56,8 @@ class DGS_PT_images(Step, bpy.types.Panel):
             icons = thumbnails(found.movie.parent, (found.movie,))
         else:
             size = f", {found.size[0]} x {found.size[1]} px" if found.size else ""
-            some = "chosen photos" if settings.selection else "photos"
-            layout.label(text=f"{len(found.files)} {some}{size}", icon="IMAGE_DATA")
+            text = "{count} chosen photos{size}" if settings.selection else "{count} photos{size}"
+            figures(layout, text, "IMAGE_DATA", count=len(found.files), size=size)
             icons = thumbnails(found.files[0].parent, found.files)
         for icon in icons:
             grid.template_icon(icon_value=icon, scale=2.6 if found.movie is None else 6.0)

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from typing import Any
 
+from bpy.app.translations import pgettext_iface as iface_
+
 from ..dgs_addon.job import pictures, runner
 from ..dgs_addon.job.state import JobState, duration_text
 from ..dgs_addon.paths import out_folder
-from .layout import sentence
+from .layout import figures, sentence
 
 #: Notes of the engine that are shown; the log has all.
 _NOTES = 2
+_PHASES = {"paused": "Paused", "cancelling": "Stopping: what is done will be kept"}
 #: Width of Blender's unit of layout in px, at a scale of 1.
 _UNIT = 20
 
@@ -40,9 +43,10 @@ def draw_square(layout: Any, context: Any, name: str) -> None:
 
 
 def _running(box: Any, context: Any, state: JobState) -> None:
-    left = f", {duration_text(state.seconds_left)} left" if state.seconds_left is not None else ""
-    words = {"paused": "Paused", "cancelling": "Stopping: what is done will be kept"}.get(state.phase, "")
-    box.progress(factor=state.factor, type="BAR", text=words or f"{state.title}{left}")
+    words = iface_(_PHASES.get(state.phase, state.title))
+    if state.phase == "running" and state.seconds_left is not None:
+        words = iface_("{stage}, {time} left").format(stage=words, time=duration_text(state.seconds_left))
+    box.progress(factor=state.factor, type="BAR", text=words, translate=False)
     row = box.row(align=True)
     paused = state.phase == "paused"
     row.operator("dgs.pause_job", text="Continue" if paused else "Pause", icon="PLAY" if paused else "PAUSE")
@@ -60,9 +64,9 @@ def draw_figures(layout: Any, state: JobState) -> None:
         return
     accuracy = next((mark.psnr for mark in reversed(state.marks) if mark.psnr is not None), None)
     row = layout.row()
-    row.label(text=f"Loss {state.marks[-1].loss:.4f}", icon="COLORSET_02_VEC")
+    figures(row, "Loss {value:.4f}", "COLORSET_02_VEC", value=state.marks[-1].loss)
     if accuracy is not None:
-        row.label(text=f"{accuracy:.2f} dB", icon="COLORSET_04_VEC")
+        figures(row, "{value:.2f} dB", "COLORSET_04_VEC", value=accuracy)
 
 
 def _ended(layout: Any, context: Any, state: JobState) -> None:

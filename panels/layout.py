@@ -6,6 +6,7 @@ import textwrap
 from typing import Any
 
 import bpy
+from bpy.app.translations import pgettext_iface as iface_
 
 #: Width of a character and of the panel's borders in px, at a scale of 1.
 _CHARACTER, _BORDER = 6.2, 62
@@ -26,13 +27,20 @@ class Step(Sidebar):
 
 
 def sentence(layout: Any, context: Any, text: str, icon: str = "NONE") -> None:
-    """A text over as many lines as the sidebar's width needs; labels do not wrap by themselves."""
+    """A text, in the user's language, over as many lines as the sidebar's width needs: labels do not wrap."""
+    text = iface_(text)
     scale = context.preferences.system.ui_scale
     width = max(20, int((context.region.width / scale - _BORDER) / _CHARACTER))
     column = layout.column(align=True)
     column.scale_y = 0.8
     for number, line in enumerate(textwrap.wrap(text, width) or [""]):
-        column.label(text=line, icon=icon if number == 0 else "BLANK1" if icon != "NONE" else "NONE")
+        mark = icon if number == 0 else "BLANK1" if icon != "NONE" else "NONE"
+        column.label(text=line, icon=mark, translate=False)
+
+
+def figures(layout: Any, text: str, icon: str = "NONE", **values: object) -> None:
+    """A label with `values` in the places of `text`, whose words are translated before."""
+    layout.label(text=iface_(text).format(**values), icon=icon, translate=False)
 
 
 def ready(header: Any, done: bool) -> None:

@@ -10,7 +10,7 @@ from ..dgs_addon.job import runner
 from ..dgs_addon.job.state import duration_text
 from ..dgs_addon.steps import results
 from .job import draw_figures, draw_picture
-from .layout import Step, folded, ready, sentence, split
+from .layout import Step, figures, folded, ready, sentence, split
 
 
 class DGS_PT_optimize(Step, bpy.types.Panel):
@@ -34,7 +34,7 @@ class DGS_PT_optimize(Step, bpy.types.Panel):
         if runner.running():
             sentence(layout, context, "It runs: see the top of this tab", "INFO")
         elif job is not None and job.state.phase == "done":
-            layout.label(text=f"Done in {duration_text(job.state.seconds())}", icon="CHECKMARK")
+            figures(layout, "Done in {time}", "CHECKMARK", time=duration_text(job.state.seconds()))
             draw_picture(layout, context)
             draw_figures(layout, job.state)
         _draw_more(layout, settings)

@@ -19,7 +19,7 @@ from ..dgs_addon.scene.nodes import (
     splat_modifier,
 )
 from ..dgs_addon.scene.twin import is_twin
-from .layout import Sidebar, Step, folded, ready, sentence, split
+from .layout import Sidebar, Step, figures, folded, ready, sentence, split
 
 
 class DGS_PT_twin(Step, bpy.types.Panel):
@@ -39,7 +39,9 @@ class DGS_PT_twin(Step, bpy.types.Panel):
         layout.operator("dgs.view_twin", icon="HIDE_OFF")
         twin = context.object
         if is_twin(twin):
-            layout.label(text=f"{twin.name}: {len(twin.data.vertices):,} splats", icon="POINTCLOUD_DATA")
+            figures(
+                layout, "{name}: {count:,} splats", "POINTCLOUD_DATA", name=twin.name, count=len(twin.data.vertices)
+            )
         else:
             layout.label(text="No twin is selected", icon="INFO")
         body = folded(layout, "place", "Size and Up")

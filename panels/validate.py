@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import bpy
+from bpy.app.translations import pgettext_iface as iface_
 
 from ..dgs_addon import exact
 from ..dgs_addon.steps import results
@@ -45,12 +46,14 @@ def _draw_scores(layout: Any, context: Any, report: dict[str, Any]) -> None:
     try:
         held = report["heldout"]
         lines = [
-            ("Photos placed", f"{report['photos']['registered']} of {report['photos']['given']}"),
+            ("Photos placed", iface_("{part} of {all}").format(
+                part=report["photos"]["registered"], all=report["photos"]["given"]
+            )),
             ("Gaussians", f"{report['gaussians']:,}"),
-            (f"Held-out photos ({len(held['names'])})", _decibel(held["degraded"]["psnr"])),
+            (iface_("Held-out photos ({count})").format(count=len(held["names"])), _decibel(held["degraded"]["psnr"])),
             ("Sharp photos", _decibel(held["sharp"]["psnr"])),
             ("Detail in the photos", f"{report['resolvable_period_px']:.1f} px"),
-        ]
+        ]  # fmt: skip
     except (KeyError, TypeError, ValueError):
         sentence(layout, context, "The report is of another version; run Optimize again", "INFO")
         return

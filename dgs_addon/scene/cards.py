@@ -12,14 +12,20 @@ an ellipse with the axes u = n' x d' (length 1) and v = n' x u (length 1 / d'.n'
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import bpy
 
+from ...core.constants import ALPHA_MINIMUM
 from .graph import Graph
+from .material import OPACITY, PLACE, REACH
 
+_SHARE = "dgs_share"
 #: Corners of a card; more cost time, fewer waste area.
 _CORNERS = 8
+#: Attributes of a twin that its cards need no more: each would be copied to every corner.
+_SPENT = ("scale", "rotation", "radiance:base", OPACITY, *(f"radiance:sh_{index}" for index in range(15)))
 #: Cards whose ray leaves the camera's axis by more than acos of this are dropped: their projection explodes.
 _LEAST_COSINE = 0.1
 
@@ -45,15 +51,38 @@ class View:
 
 
 def cards(graph: Graph, points: Any, view: View, rotation: Any, radii: Any, material: Any) -> Any:
-    """Instances of one card on `points`; the sockets `rotation` and `radii` are fields of the points."""
+    """A mesh with a card for each of `points`; the sockets `rotation` and `radii` are fields of the points.
+
+    One mesh, not instances: a renderer then has one tree of triangles to search instead of one within another.
+    A faint splat's card is smaller: it ends where ALPHA_MINIMUM is left of it, as in the engine.
+    """
+    points = graph.store(points, "FLOAT", _SHARE, _share(graph))
+    radii = graph.vector("SCALE", radii, graph.named("FLOAT", _SHARE))
     cosine = graph.vector("DOT_PRODUCT", view.towards, view.forward)
     ahead = graph.math("GREATER_THAN", cosine, _LEAST_COSINE)
     points = graph.node("GeometryNodeSeparateGeometry", points, ahead).outputs[0]
     card = graph.node("GeometryNodeMeshCircle", _CORNERS, 1.0824, fill_type="NGON").outputs[0]
     card = graph.node("GeometryNodeSetMaterial", card, None, material).outputs[0]
+    card = graph.store(card, "FLOAT_VECTOR", PLACE, graph.node("GeometryNodeInputPosition").outputs[0])
     instances = graph.node("GeometryNodeInstanceOnPoints", points, None, card).outputs[0]
     matrix = _matrix(graph, view, rotation, radii)
-    return graph.node("GeometryNodeSetInstanceTransform", instances, None, matrix).outputs[0]
+    instances = graph.node("GeometryNodeSetInstanceTransform", instances, None, matrix).outputs[0]
+    for name in _SPENT:
+        node = graph.node("GeometryNodeRemoveAttribute", instances)
+        graph.plug(node.inputs["Name"], name)  # its place differs between versions
+        instances = node.outputs[0]
+    mesh = graph.node("GeometryNodeRealizeInstances", instances).outputs[0]
+    place = graph.vector("SCALE", graph.named("FLOAT_VECTOR", PLACE), graph.named("FLOAT", _SHARE))
+    return graph.store(mesh, "FLOAT_VECTOR", PLACE, place)
+
+
+def _share(graph: Graph) -> Any:
+    """How much of REACH a splat's opacity fills."""
+    opacity = graph.named("FLOAT", OPACITY)
+    ratio = graph.math("MAXIMUM", graph.math("MULTIPLY", opacity, 1.0 / ALPHA_MINIMUM), 1.001)
+    reach = graph.math("SQRT", graph.math("MULTIPLY", graph.math("LOGARITHM", ratio, math.e), 2.0))
+    return graph.math("MINIMUM", graph.math("DIVIDE", reach, REACH), 1.0)
+
 
 
 def _matrix(graph: Graph, view: View, rotation: Any, radii: Any) -> Any:

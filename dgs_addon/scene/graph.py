@@ -46,3 +46,14 @@ class Graph:
             # SCALE takes its factor in the fourth socket.
             self.plug(node.inputs[3 if operation == "SCALE" and index == 1 else index], value)
         return node.outputs[1 if operation in ("DOT_PRODUCT", "LENGTH") else 0]
+
+    def named(self, kind: str, name: str) -> Any:
+        """A named attribute of the geometry, as a field of data type `kind`."""
+        node = self.node("GeometryNodeInputNamedAttribute", name, data_type=kind)
+        return next(socket for socket in node.outputs if socket.enabled)
+
+    def store(self, geometry: Any, kind: str, name: str, value: Any) -> Any:
+        """`geometry` with a named attribute on its points."""
+        node = self.node("GeometryNodeStoreNamedAttribute", geometry, None, name, data_type=kind, domain="POINT")
+        self.plug(next(s for s in node.inputs if s.name == "Value" and s.enabled), value)
+        return node.outputs[0]

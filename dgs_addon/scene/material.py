@@ -6,8 +6,8 @@ passes the centre most closely, at |p x d| (p: point on the ball, d: direction, 
     alpha = opacity exp(-0.5 (REACH |p x d|)^2)
 
 Every ball is crossed twice; only its front counts. On a card (see `cards`) the distance is that to its
-middle, |p|. The material gives off the twin's colour as light,
-so that lamps leave it unchanged.
+middle, |p|, and the colour is known already. The materials give off the twin's colour as light, so that
+lamps leave it unchanged.
 
 Training blends sRGB-encoded colours; Cycles blends light. Where splats half cover each other the two
 differ (soft edges look wider and brighter as light). `prepare_scene` offers both.
@@ -21,11 +21,14 @@ import bpy
 
 from .graph import Graph
 
-NAME = "Descatter Splat"
+NAME, CARD_NAME = "Descatter Splat", "Descatter Card"
+#: Attributes that the nodes hand over: a ball's encoded colour or a card's shown one, and a card's own coordinates.
+COLOUR, OPACITY, PLACE = "dgs_colour", "dgs_opacity", "dgs_place"
 #: Splats end at this many standard deviations, where 1/255 of the opacity is left, as in the engine.
 REACH = 3.33
 _LIGHT = "Linear Light"
-SAMPLES, PREVIEW_SAMPLES = 32, 8
+#: Splats are smooth and their blending is exact in every sample: few are enough for smooth borders.
+SAMPLES, PREVIEW_SAMPLES = 16, 4
 #: A twin's look adds up behind this many crossings; each splat is crossed twice.
 TRANSPARENT_BOUNCES = 256
 
@@ -34,6 +37,19 @@ def splat_material() -> Any:
     """The `bpy` material that all twins share."""
     existing = bpy.data.materials.get(NAME)
     return existing if existing is not None else _build()
+
+
+def card_material() -> Any:
+    """The `bpy` material of all cards: as little as can be, for it runs at every crossing of a ray."""
+    existing = bpy.data.materials.get(CARD_NAME)
+    if existing is not None:
+        return existing
+    graph = _empty(CARD_NAME)
+    shown = graph.node("ShaderNodeAttribute", attribute_name=COLOUR).outputs
+    place = graph.node("ShaderNodeAttribute", attribute_name=PLACE).outputs[1]
+    power = graph.math("MULTIPLY", graph.vector("DOT_PRODUCT", place, place), -0.5 * REACH**2)
+    alpha = graph.math("MULTIPLY", graph.math("EXPONENT", power), shown[3])
+    return _output(graph, shown[0], alpha)
 
 
 def prepare_scene(scene: Any, as_trained: bool = False) -> None:
@@ -57,37 +73,46 @@ def prepare_scene(scene: Any, as_trained: bool = False) -> None:
     scene.cycles.min_transparent_bounces = TRANSPARENT_BOUNCES
     scene.view_settings.view_transform = "Raw" if as_trained else "Standard"
     scene.view_settings.look = "None"
-    splat_material().node_tree.nodes[_LIGHT].outputs[0].default_value = 0.0 if as_trained else 1.0
+    splat_material()
+    for tree in (*(material.node_tree for material in bpy.data.materials), *bpy.data.node_groups):
+        if tree is not None and _LIGHT in tree.nodes:
+            tree.nodes[_LIGHT].outputs[0].default_value = 0.0 if as_trained else 1.0
 
 
-def _build() -> Any:
-    material = bpy.data.materials.new(NAME)
+def _empty(name: str) -> Graph:
+    """A new material without nodes."""
+    material = bpy.data.materials.new(name)
     if material.node_tree is None:  # always there from Blender 5 on
         material.use_nodes = True
     material.node_tree.nodes.clear()
-    graph = Graph(material.node_tree)
+    return Graph(material.node_tree)
+
+
+def _output(graph: Graph, colour: Any, alpha: Any) -> Any:
+    """Light of this colour where the splat is, nothing where it is not; the `bpy` material."""
+    emission = graph.node("ShaderNodeEmission", colour, 1.0).outputs[0]
+    clear = graph.node("ShaderNodeBsdfTransparent").outputs[0]
+    graph.node("ShaderNodeOutputMaterial", graph.node("ShaderNodeMixShader", alpha, clear, emission).outputs[0])
+    return next(m for m in bpy.data.materials if m.node_tree == graph.tree)
+
+
+def _build() -> Any:
+    graph = _empty(NAME)
     incoming = graph.node("ShaderNodeNewGeometry").outputs
     towards, back = incoming[4], incoming[6]
-    emission = graph.node("ShaderNodeEmission", _linear(graph, _colour(graph, towards)), 1.0).outputs[0]
-    clear = graph.node("ShaderNodeBsdfTransparent").outputs[0]
-    card = _attribute(graph, "dgs_card", 2)
-    counts = graph.math("MAXIMUM", graph.math("SUBTRACT", 1.0, back), card)
-    alpha = graph.math("MULTIPLY", _alpha(graph, towards, card), counts)
-    graph.node("ShaderNodeOutputMaterial", graph.node("ShaderNodeMixShader", alpha, clear, emission).outputs[0])
-    return material
+    alpha = graph.math("MULTIPLY", _alpha(graph, towards), graph.math("SUBTRACT", 1.0, back))
+    return _output(graph, linear_light(graph, _colour(graph, towards)), alpha)
 
 
-def _alpha(graph: Graph, towards: Any, card: Any) -> Any:
+def _alpha(graph: Graph, towards: Any) -> Any:
     place = graph.node("ShaderNodeTexCoord").outputs[3]
     turned = graph.node(
         "ShaderNodeVectorTransform", towards, vector_type="VECTOR", convert_from="WORLD", convert_to="OBJECT"
     ).outputs[0]
     ray = graph.vector("NORMALIZE", turned)
-    passing = graph.vector("LENGTH", graph.vector("CROSS_PRODUCT", place, ray))
-    more = graph.math("SUBTRACT", graph.vector("LENGTH", place), passing)
-    distance = graph.math("MULTIPLY_ADD", card, more, passing)
-    power = graph.math("MULTIPLY", graph.math("MULTIPLY", distance, distance), -0.5 * REACH**2)
-    return graph.math("MULTIPLY", graph.math("EXPONENT", power), _attribute(graph, "dgs_opacity", 2))
+    across = graph.vector("CROSS_PRODUCT", place, ray)
+    power = graph.math("MULTIPLY", graph.vector("DOT_PRODUCT", across, across), -0.5 * REACH**2)
+    return graph.math("MULTIPLY", graph.math("EXPONENT", power), _attribute(graph, OPACITY, 2))
 
 
 def _colour(graph: Graph, towards: Any) -> Any:
@@ -95,11 +120,11 @@ def _colour(graph: Graph, towards: Any) -> Any:
     along = graph.vector("SCALE", towards, -1.0)
     slopes = [_attribute(graph, f"dgs_gloss_{name}", 1) for name in ("red", "green", "blue")]
     gloss = graph.node("ShaderNodeCombineXYZ", *(graph.vector("DOT_PRODUCT", s, along) for s in slopes)).outputs[0]
-    return graph.vector("ADD", _attribute(graph, "dgs_colour", 1), gloss)
+    return graph.vector("ADD", _attribute(graph, COLOUR, 1), gloss)
 
 
-def _linear(graph: Graph, encoded: Any) -> Any:
-    """sRGB-encoded values in linear light, by the standard's two pieces; below 0 is 0.
+def linear_light(graph: Graph, encoded: Any) -> Any:
+    """sRGB-encoded values in linear light, by the standard's two pieces; below 0 is 0. In any tree of nodes.
 
     The node named by `_LIGHT` fades from the encoded values (0) to linear light (1).
     """

@@ -17,14 +17,13 @@ import bpy
 from ...core.constants import SH_C0, SH_C1
 from .cards import View, cards, cards_exist
 from .graph import Graph
-from .material import REACH, splat_material
+from .material import COLOUR, OPACITY, REACH, card_material, linear_light, splat_material
 
 #: Faces of the ball lie inside its vertices' sphere; this puts them around the sphere instead.
 _AROUND = 1.08
 #: A ball is never flatter than this share of its length: its inverse matrix must stay usable.
 _FLATTEST = 0.01
-#: Named attributes that the nodes hand to the material.
-COLOUR, OPACITY, CARD = "dgs_colour", "dgs_opacity", "dgs_card"
+#: Named attributes that the nodes hand to the material of balls.
 GLOSS = ("dgs_gloss_red", "dgs_gloss_green", "dgs_gloss_blue")
 
 SIZE_INPUT, THRESHOLD_INPUT, COUNT_INPUT, VIEWPORT_INPUT, FACE_INPUT, CROP_INPUT, BOX_INPUT = (
@@ -87,8 +86,8 @@ def _build(name: str, view_dependent: bool) -> Any:
     graph = Graph(tree)
     given = graph.node("NodeGroupInput").outputs
     points = _fewer(graph, _cropped(graph, given), given)
-    points = _store(graph, points, "FLOAT", OPACITY, _opacity(graph))
-    rotation, radii = _named(graph, "QUATERNION", "rotation"), _radii(graph, given[1])
+    points = graph.store(points, "FLOAT", OPACITY, _opacity(graph))
+    rotation, radii = graph.named("QUATERNION", "rotation"), _radii(graph, given[1])
     slopes = _slopes(graph) if view_dependent else []
     instances = _balls(graph, points, rotation, radii, slopes)
     if cards_exist():
@@ -101,28 +100,30 @@ def _build(name: str, view_dependent: bool) -> Any:
 
 
 def _balls(graph: Graph, points: Any, rotation: Any, radii: Any, slopes: list[Any]) -> Any:
-    points = _store(graph, points, "FLOAT_VECTOR", COLOUR, _base(graph))
+    points = graph.store(points, "FLOAT_VECTOR", COLOUR, _base(graph))
     if slopes:
         itself = graph.node("GeometryNodeSelfObject").outputs[0]
         info = graph.node("GeometryNodeObjectInfo", itself, transform_space="ORIGINAL").outputs
         turn = next(socket for socket in info if socket.name == "Rotation")
         for name, slope in zip(GLOSS, slopes, strict=True):
             turned = graph.node("FunctionNodeRotateVector", slope, turn).outputs[0]
-            points = _store(graph, points, "FLOAT_VECTOR", name, turned)
+            points = graph.store(points, "FLOAT_VECTOR", name, turned)
     ball = graph.node("GeometryNodeMeshIcoSphere", _AROUND, 2).outputs[0]
     ball = graph.node("GeometryNodeSetMaterial", ball, None, splat_material()).outputs[0]
     return graph.node("GeometryNodeInstanceOnPoints", points, None, ball, None, None, rotation, radii).outputs[0]
 
 
 def _cards(graph: Graph, points: Any, rotation: Any, radii: Any, slopes: list[Any]) -> Any:
+    """All that one view needs is worked out here, once a splat, and not at every crossing of a ray with a card."""
     view = View(graph)
     colour = _base(graph)
     if slopes:
         gloss = (graph.vector("DOT_PRODUCT", slope, view.towards) for slope in slopes)
         colour = graph.vector("ADD", colour, graph.node("ShaderNodeCombineXYZ", *gloss).outputs[0])
-    points = _store(graph, points, "FLOAT_VECTOR", COLOUR, colour)
-    points = _store(graph, points, "FLOAT", CARD, 1.0)
-    return cards(graph, points, view, rotation, radii, splat_material())
+    red, green, blue = graph.node("ShaderNodeSeparateXYZ", linear_light(graph, colour)).outputs
+    shown = graph.node("FunctionNodeCombineColor", red, green, blue, _opacity(graph)).outputs[0]
+    points = graph.store(points, "FLOAT_COLOR", COLOUR, shown)
+    return cards(graph, points, view, rotation, radii, card_material())
 
 
 def _interface(tree: Any) -> None:
@@ -181,7 +182,7 @@ def _fewer(graph: Graph, points: Any, given: Any) -> Any:
 
 
 def _radii(graph: Graph, size: Any) -> Any:
-    scale = _named(graph, "FLOAT_VECTOR", "scale")
+    scale = graph.named("FLOAT_VECTOR", "scale")
     x, y, z = graph.node("ShaderNodeSeparateXYZ", scale).outputs
     longest = graph.math("MAXIMUM", graph.math("MAXIMUM", x, y), z)
     shortest = graph.math("MULTIPLY", longest, _FLATTEST)
@@ -190,14 +191,14 @@ def _radii(graph: Graph, size: Any) -> Any:
 
 
 def _base(graph: Graph) -> Any:
-    base = _named(graph, "FLOAT_COLOR", "radiance:base")
+    base = graph.named("FLOAT_COLOR", "radiance:base")
     return graph.vector("ADD", graph.vector("SCALE", base, SH_C0), (0.5, 0.5, 0.5))
 
 
 def _slopes(graph: Graph) -> list[Any]:
     """v_c of red, green and blue in the twin's own axes."""
     first, second, third = (
-        graph.node("ShaderNodeSeparateXYZ", _named(graph, "FLOAT_VECTOR", f"radiance:sh_{i}")).outputs
+        graph.node("ShaderNodeSeparateXYZ", graph.named("FLOAT_VECTOR", f"radiance:sh_{i}")).outputs
         for i in range(3)
     )
     return [
@@ -210,16 +211,5 @@ def _slopes(graph: Graph) -> list[Any]:
 
 
 def _opacity(graph: Graph) -> Any:
-    base = _named(graph, "FLOAT_COLOR", "radiance:base")
+    base = graph.named("FLOAT_COLOR", "radiance:base")
     return graph.node("FunctionNodeSeparateColor", base).outputs[3]
-
-
-def _named(graph: Graph, kind: str, name: str) -> Any:
-    node = graph.node("GeometryNodeInputNamedAttribute", name, data_type=kind)
-    return next(socket for socket in node.outputs if socket.enabled)
-
-
-def _store(graph: Graph, points: Any, kind: str, name: str, value: Any) -> Any:
-    node = graph.node("GeometryNodeStoreNamedAttribute", points, None, name, data_type=kind, domain="POINT")
-    graph.plug(next(s for s in node.inputs if s.name == "Value" and s.enabled), value)
-    return node.outputs[0]
