@@ -15,7 +15,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent
 PACKAGE = "dgs"
 #: Commands that need the engine's packages, which Blender's own Python does not have.
-ENGINE_WORK = {"reconstruct", "cameras", "render", "compare", "doctor", "measure-psf", "inspect"}
+ENGINE_WORK = {"reconstruct", "cameras", "render", "compare", "doctor", "stress", "measure-psf", "inspect"}
 
 
 def mount_package() -> None:

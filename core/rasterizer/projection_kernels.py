@@ -79,12 +79,10 @@ def _project(typing_context, view, parameters, count, out):  # type: ignore[no-u
         out = Planes(context, builder, signature.args[3], arguments[3])
         shape = Shape(view, planes)
 
-        # (times 0 one by one: a sum of large numbers, then times 0, would be NaN)
-        none = planes[0].like(0.0)
         basis = harmonics(*(component.single() for component in shape.look))
         for k, value in enumerate(basis):
             out[_BASIS + k] = value
-        # colour, something that is 0 if every parameter is finite, and the harmonics' length
+        # colour, something that is 0 if every harmonic is finite, and their length
         running = Running(builder, 5)
         one, zero = (ir.Constant(ir.IntType(64), n) for n in (1, 0))
         row = lambda buffer, plane, index, step: buffer.row(  # noqa: E731
@@ -94,9 +92,12 @@ def _project(typing_context, view, parameters, count, out):  # type: ignore[no-u
             for channel in range(3):
                 coefficient = row(planes.buffer, P_SH + channel, k, 3)
                 running.add(channel, value * coefficient)
-                running.add(3, coefficient.rounded("fmul", none))
+                running.add(3, coefficient * 0.0)
                 running.add(4, coefficient * coefficient)
-        poison = sum((planes[k].rounded("fmul", none) for k in range(P_LOGIT + 1)), running[3])
+        # (one by one: a sum of large numbers, then times 0, would be NaN)
+        finite = running[3].compare("==", 0.0)
+        for k in range(P_LOGIT + 1):
+            finite = builder.and_(finite, (planes[k] * 0.0).compare("==", 0.0))
 
         least = view[V_ALPHA_MINIMUM]
         least = choose(least.compare(">", 0.0), least, _SMOOTH_EDGE)
@@ -114,7 +115,7 @@ def _project(typing_context, view, parameters, count, out):  # type: ignore[no-u
         visible = opacity.compare(">", least)
         fits = builder.and_(shape.fits, running[4].compare("<=", HARMONICS_LIMIT**2))
         for condition, reason in ((visible, TRANSPARENT), (fits, DEGENERATE), (shape.in_front, BEHIND),
-                                  (poison.compare("==", 0.0), NON_FINITE)):  # fmt: skip
+                                  (finite, NON_FINITE)):  # fmt: skip
             status = choose(condition, status, status.like(reason))
         out[_STATUS] = status
         out[_RADIUS] = maximum(half_x, half_y).single()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import torch
 
+from ..constants import LOG_SCALE_LIMIT
 from ..errors import NonFiniteParameter
 from ..gaussians import Gaussians
 from .optimizer import Adam
@@ -21,6 +22,14 @@ def non_finite_rows(gaussians: Gaussians) -> dict[str, torch.Tensor]:
             if bool(bad.any()):
                 found[name] = bad
     return found
+
+
+def out_of_range(gaussians: Gaussians) -> int:
+    """How many Gaussians have a scale that the projection clamps (`LOG_SCALE_LIMIT`)."""
+    largest = gaussians.log_scales.detach().abs().max() if len(gaussians) else 0.0
+    if not largest >= LOG_SCALE_LIMIT:
+        return 0
+    return int((gaussians.log_scales.detach().abs() >= LOG_SCALE_LIMIT).any(dim=1).sum())
 
 
 def drop_non_finite(optimizer: Adam, step: int) -> dict[str, int]:

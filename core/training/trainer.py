@@ -15,17 +15,18 @@ from ..gaussians import Gaussians
 from ..imaging.medium import Medium
 from ..imaging.spectrum import NoiseToSignal, noise_to_signal
 from ..rasterizer import RasterSettings, render
-from ..views import SparsePoints, View
+from ..views import SparsePoints, View, distinct
 from .checkpoint import Checkpoint
+from .contrast import scene_contrast
 from .density import DensityControl
 from .footprint import widened
 from .grid import SMALLEST_SIDE, GridView, grid_step
-from .guards import EVERY, drop_non_finite
+from .guards import EVERY, drop_non_finite, out_of_range
 from .initial import first_gaussians
 from .objective import Objective
 from .optimizer import Adam
 from .scale import SceneScale, scene_scale
-from .settings import TrainingSettings, smoothness, trust
+from .settings import TrainingSettings, smoothness, start_share, trust
 
 #: The render reaches this many standard deviations of the PSF beyond the photo: light from there is
 #: in the photo's border.
@@ -34,6 +35,14 @@ MARGIN_SIGMAS = 3.0
 SPECTRUM_VIEWS = 12
 #: Held-out photos that are looked at while training.
 WATCHED_VIEWS = 4
+
+
+#: What the projection culls because it has to; what is merely not seen (outside, transparent) is no repair.
+_CULLED = {
+    "non_finite": "non-finite parameters (Gaussian-views)",
+    "degenerate": "without a shape, too bright or too far (Gaussian-views)",
+    "behind": "behind the camera (Gaussian-views)",
+}
 
 
 @dataclass
@@ -45,6 +54,7 @@ class Level:
     heldout: list[GridView]
     margin: int
     ratio: NoiseToSignal | None = None
+    contrast: float = 0.2
     objectives: dict[Any, Objective] = field(default_factory=dict)
 
 
@@ -61,7 +71,11 @@ class Trainer:
 
     def __init__(self, views: Sequence[View], heldout: Sequence[View], points: SparsePoints, medium: Medium,
                  settings: TrainingSettings) -> None:  # fmt: skip
-        settings = replace(settings, variation_weight=settings.variation_weight * smoothness(len(views)))
+        self.distinct = distinct(views)  # copies average no noise away
+        settings = replace(
+            settings, variation_weight=settings.variation_weight * smoothness(self.distinct),
+            start_share=settings.start_share * start_share(self.distinct),
+        )  # fmt: skip
         self.settings, self.medium = settings, medium
         self.device = torch.device(settings.device if settings.device != "auto" else "cpu")
         self.views, self.heldout, self.points = views, heldout, points
@@ -82,6 +96,7 @@ class Trainer:
         self.background = mean_colour(views).to(self.device)
         self.step = 0
         self.repairs: dict[str, int] = {}
+        self.culled: dict[str, int] = {}
 
     def _level(self, step: int) -> Level:
         def on_grid(view: View) -> GridView:
@@ -90,7 +105,8 @@ class Trainer:
 
         views, heldout = [on_grid(v) for v in self.views], [on_grid(v) for v in self.heldout[:WATCHED_VIEWS]]
         sigma = max((float(np.linalg.eigvalsh(v.psf.covariance)[-1]) ** 0.5 for v in views if v.psf), default=0.0)
-        return Level(step, views, heldout, int(np.ceil(MARGIN_SIGMAS * sigma)), self._ratio(views, step))
+        contrast = scene_contrast(views[:: max(1, len(views) // SPECTRUM_VIEWS)])
+        return Level(step, views, heldout, int(np.ceil(MARGIN_SIGMAS * sigma)), self._ratio(views, step), contrast)
 
     def _ratio(self, views: list[GridView], step: int) -> NoiseToSignal | None:
         """Noise over signal of the photos on a grid, as far as they are trusted."""
@@ -100,7 +116,7 @@ class Trainer:
         photos = [v.planes() for v in views[:: max(1, len(views) // SPECTRUM_VIEWS)]]
         if self.medium.blur_space == "linear":
             photos = [np.asarray(srgb_to_linear(p), np.float32) for p in photos]
-        gain = self.settings.noise_gain or trust(len(self.views))
+        gain = self.settings.noise_gain or trust(self.distinct)
         return noise_to_signal(photos, psf, self.views[0].rounding / step).trusted(gain)
 
     def objective(self, level: Level, view: GridView) -> Objective:
@@ -109,7 +125,7 @@ class Trainer:
         if key not in level.objectives:
             level.objectives[key] = Objective(
                 view.psf, view.camera.height, view.camera.width, level.margin, self.medium.blur_space,
-                self.settings, self.device, level.ratio,
+                self.settings, self.device, level.ratio, level.contrast,
             )  # fmt: skip
         return level.objectives[key]
 
@@ -152,9 +168,15 @@ class Trainer:
         pull = pulls(rendered.image.detach(), photo, valid)
         rendered.image.backward(pull.gradient)  # type: ignore[no-untyped-call]
         self.density.collect(rendered.screen)
+        for reason, count in rendered.screen.culled.items():
+            self.culled[reason] = self.culled.get(reason, 0) + count
         self.optimizer.step(self.rates(share))
         self.step += 1
         if self.step % EVERY == 0:
+            clamped = out_of_range(self.optimizer.gaussians)
+            self.repairs["most scales clamped at a look"] = max(
+                self.repairs.get("most scales clamped at a look", 0), clamped
+            )  # fmt: skip
             for name, count in drop_non_finite(self.optimizer, self.step).items():
                 self.repairs[f"dropped, non-finite {name}"] = self.repairs.get(f"dropped, non-finite {name}", 0) + count
                 self.density = DensityControl(len(self.optimizer.gaussians), self.device)
@@ -184,13 +206,17 @@ class Trainer:
         world = self.scale.to_world(self.optimizer.gaussians)
         finite = torch.isfinite(torch.cat([t.reshape(len(world), -1) for _, t in world.named()], dim=1)).all(dim=1)
         if not bool(finite.all()):
+            self.repairs["left out of the twin, non-finite"] = int((~finite).sum())
             world = Gaussians(**{name: t[finite] for name, t in world.named()})
         return widened(world, [v.camera for v in self.views], self.settings.low_pass)
 
     def counters(self) -> dict[str, int]:
         """What was added, removed, refused and repaired so far."""
-        refused = {f"refused, non-finite gradient of {n}": c for n, c in self.optimizer.refused.items()}
-        return {**self.density.counts, **refused, **self.repairs}
+        names = {f"refused, non-finite gradient of {n}": c for n, c in self.optimizer.refused.items()}
+        refused = {"refused, non-finite gradients": sum(names.values()), **names}
+        culled = {f"culled, {_CULLED[reason]}": self.culled.get(reason, 0) for reason in _CULLED}
+        always = {"dropped, non-finite Gaussians": 0, "most scales clamped at a look": 0, **self.repairs}
+        return {**self.density.counts, **refused, **always, **culled}
 
     def fingerprint(self) -> dict[str, Any]:
         """What a checkpoint must share with this run to be continued by it."""
@@ -214,6 +240,7 @@ class Trainer:
             arrays[f"second.{name}"] = o.second[name].cpu().numpy()
         counters = {"steps": o.steps, **{f"density.{k}": v for k, v in d.counts.items()},
                     **{f"refused.{k}": v for k, v in o.refused.items()},
+                    **{f"culled.{k}": v for k, v in self.culled.items()},
                     **{f"repair.{k}": v for k, v in self.repairs.items()}}  # fmt: skip
         return Checkpoint(arrays, self.fingerprint(), self.step, seconds, history, counters)
 
@@ -226,7 +253,7 @@ class Trainer:
             self.optimizer.first[name], self.optimizer.second[name] = take(f"first.{name}"), take(f"second.{name}")
         group = lambda p: {k[len(p) :]: v for k, v in checkpoint.counters.items() if k.startswith(p)}  # noqa: E731
         self.optimizer.steps = checkpoint.counters["steps"]
-        self.optimizer.refused, self.repairs = group("refused."), group("repair.")
+        self.optimizer.refused, self.repairs, self.culled = group("refused."), group("repair."), group("culled.")
         self.density = DensityControl(len(self.optimizer.gaussians), self.device)
         self.density.pull, self.density.views = take("pull"), take("views")
         self.density.counts = group("density.")
