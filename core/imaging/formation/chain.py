@@ -1,0 +1,100 @@
+"""Effects in the order in which light meets them, around the medium's blur."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import torch
+from torch import Tensor
+
+from ...colour import linear_to_srgb, srgb_to_linear
+from ..medium import Medium
+from .effect import Effect, Shot
+
+
+@dataclass
+class Formation:
+    """The chain.
+
+    Attributes:
+        effects: in any order; those before the blur come first, each group in the given order.
+    """
+
+    effects: Sequence[Effect] = field(default_factory=tuple)
+
+    def __bool__(self) -> bool:
+        return bool(self.effects)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of what is on."""
+        return tuple(effect.name for effect in self.effects)
+
+    @property
+    def light(self) -> list[Effect]:
+        """Effects before the blur."""
+        return [effect for effect in self.effects if effect.place == "light"]
+
+    @property
+    def sensor(self) -> list[Effect]:
+        """Effects behind the blur."""
+        return [effect for effect in self.effects if effect.place == "sensor"]
+
+    def degrade(self, frame: Tensor, blur: Callable[[Tensor], Tensor], medium: Medium, shot: Shot) -> Tensor:
+        """[3, H + 2m, W + 2m] sRGB render -> [3, H, W] sRGB photo; without effects exactly `Medium.degrade`."""
+        if not self.effects:
+            return medium.degrade(frame, blur)
+        photo = medium.degrade(self.reached(frame, shot), blur)
+        return self.filed(photo, shot)
+
+    def reached(self, frame: Tensor, shot: Shot) -> Tensor:
+        """The sharp frame (sRGB) as its light reaches the blurring medium; the very same tensor where nothing is on."""
+        effects = self.light
+        if not effects:
+            return frame
+        light = srgb_to_linear(frame)
+        for effect in effects:
+            light = effect.forward(light, shot)
+        return linear_to_srgb(light)
+
+    def reached_gradient(self, upstream: Tensor, frame: Tensor, shot: Shot) -> Tensor:
+        """Gradient in `frame`, given that in `reached(frame)`; adds those in the effects' parameters."""
+        effects = self.light
+        if not effects:
+            return upstream
+        stages = [srgb_to_linear(frame)]
+        for effect in effects:
+            stages.append(effect.forward(stages[-1], shot))
+        gradient = upstream * slope(linear_to_srgb, stages[-1])
+        for effect, light in zip(reversed(effects), reversed(stages[:-1]), strict=True):
+            gradient = effect.gradient(gradient, light, shot)
+        return gradient * slope(srgb_to_linear, frame)
+
+    def filed(self, photo: Tensor, shot: Shot) -> Tensor:
+        """What the camera files of a blurred view (sRGB): gains and losses of lens and sensor, then clipping."""
+        effects = self.sensor
+        if not effects:
+            return photo
+        light = srgb_to_linear(photo)
+        for effect in effects:
+            light = effect.forward(light, shot)
+        return linear_to_srgb(light).clamp(0.0, 1.0)
+
+    def unfiled(self, photo: Tensor, shot: Shot) -> Tensor:
+        """A filed photo (sRGB) with the effects of lens and sensor undone; may pass 1 where the photo was dark."""
+        effects = self.sensor
+        if not effects:
+            return photo
+        light = srgb_to_linear(photo)
+        for effect in reversed(effects):
+            light = effect.undone(light, shot)
+        return linear_to_srgb(light)
+
+
+def slope(curve: Callable[[Tensor], Tensor], at: Tensor) -> Tensor:
+    """Derivative of an elementwise function."""
+    leaf = at.detach().requires_grad_()
+    with torch.enable_grad():
+        (out,) = torch.autograd.grad(curve(leaf).sum(), leaf)
+    return out

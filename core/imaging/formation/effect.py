@@ -1,0 +1,80 @@
+"""What every effect of image formation can do."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import ClassVar, Literal
+
+from torch import Tensor
+
+
+@dataclass(frozen=True)
+class Shot:
+    """One photo that is being formed.
+
+    Attributes:
+        name: the photo's.
+        height, width: of the photo, px; frames with a margin are larger by 2 margin.
+        margin: px around the photo.
+        middle: (column, row) of the optical axis, px of the photo.
+        depth: [H + 2m, W + 2m] of the sharp render along the optical axis, in median depths; None if not at hand.
+    """
+
+    name: str
+    height: int
+    width: int
+    margin: int = 0
+    middle: tuple[float, float] | None = None
+    depth: Tensor | None = field(default=None, repr=False)
+
+
+class Effect(ABC):
+    """One effect on linear light.
+
+    Attributes:
+        name: as `--effects` takes it; physics: one sentence; place: 'light' before the medium's blur (frames with
+            margin), 'sensor' behind it (the photo's own px).
+        multiplications: per px and channel, forward and gradient together: its price in the loop.
+        parameters: float32 tensors; gradients: of the loss, of the same shapes, added up by `gradient`.
+    """
+
+    name: ClassVar[str]
+    physics: ClassVar[str]
+    place: ClassVar[Literal["light", "sensor"]]
+    multiplications: ClassVar[int]
+
+    def __init__(self, parameters: dict[str, Tensor]) -> None:
+        self.parameters = parameters
+        self.gradients: dict[str, Tensor] = {}
+
+    @abstractmethod
+    def forward(self, light: Tensor, shot: Shot) -> Tensor:
+        """[3, h, w] linear light in, the same out; differentiable in `light` and in `parameters`."""
+
+    @abstractmethod
+    def gradient(self, upstream: Tensor, light: Tensor, shot: Shot) -> Tensor:
+        """Gradient of the loss in `light`, given that in the output; adds those in the parameters to `gradients`."""
+
+    def undone(self, light: Tensor, shot: Shot) -> Tensor:
+        """The inverse, for effects of the sensor: what would have been there without it."""
+        raise NotImplementedError(f"'{self.name}' cannot be undone on a photo")
+
+    def settle(self) -> None:  # noqa: B027 (most effects have no gauge)
+        """Puts parameters that the photos cannot tell apart from the scene's onto their convention."""
+
+    def described(self) -> Mapping[str, object]:
+        """Parameters for reports, as plain numbers."""
+        return {name: value.detach().cpu().numpy().round(5).tolist() for name, value in self.parameters.items()}
+
+    def _add(self, name: str, value: Tensor) -> None:
+        self.gradients[name] = value if name not in self.gradients else self.gradients[name] + value
+
+
+def index_of(names: Sequence[str], name: str) -> int | None:
+    """Where a photo stands, or None for one that the effect knows nothing of."""
+    try:
+        return list(names).index(name)
+    except ValueError:
+        return None

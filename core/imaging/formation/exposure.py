@@ -1,0 +1,68 @@
+"""Exposure and white balance of every photo: a gain and an offset for each channel."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import torch
+from torch import Tensor
+
+from .effect import Effect, Shot, index_of
+
+
+class Exposure(Effect):
+    """light -> exp(g) light + o, with g and o [V, 3] of V photos.
+
+    A common factor of all photos cannot be told from a brighter scene: mean gain 1 (mean g 0) and mean offset 0 over
+    the photos are the convention. Photos that are not named pass unchanged.
+    """
+
+    name = "exposure"
+    physics = "Shutter, aperture, sensitivity and white balance multiply the light of each photo by factors of its own."
+    place = "sensor"
+    multiplications = 2
+
+    def __init__(self, names: Sequence[str], log_gains: Tensor, offsets: Tensor | None = None) -> None:
+        zero = torch.zeros_like(log_gains)
+        super().__init__({"log_gains": log_gains, "offsets": zero if offsets is None else offsets})
+        self.names = tuple(names)
+
+    def _of(self, shot: Shot) -> tuple[int, Tensor, Tensor] | None:
+        index = index_of(self.names, shot.name)
+        if index is None:
+            return None
+        gain = self.parameters["log_gains"][index].exp()[:, None, None]
+        return index, gain, self.parameters["offsets"][index][:, None, None]
+
+    def forward(self, light: Tensor, shot: Shot) -> Tensor:
+        """See `Effect`."""
+        found = self._of(shot)
+        return light if found is None else found[1] * light + found[2]
+
+    def gradient(self, upstream: Tensor, light: Tensor, shot: Shot) -> Tensor:
+        """See `Effect`."""
+        found = self._of(shot)
+        if found is None:
+            return upstream
+        index, gain, _ = found
+        for name, value in (("log_gains", upstream * gain * light), ("offsets", upstream)):
+            whole = torch.zeros_like(self.parameters[name])
+            whole[index] = value.sum(dim=(1, 2))
+            self._add(name, whole)
+        return gain * upstream
+
+    def undone(self, light: Tensor, shot: Shot) -> Tensor:
+        """See `Effect`."""
+        found = self._of(shot)
+        return light if found is None else (light - found[2]) / found[1]
+
+    def settle(self) -> None:
+        """Mean of the log gains and of the offsets 0."""
+        with torch.no_grad():
+            for value in self.parameters.values():
+                value -= value.mean(dim=0, keepdim=True)
+
+    def described(self) -> dict[str, object]:
+        """Gain of each channel by photo."""
+        return {name: [round(float(v), 4) for v in row.exp()] for name, row in
+                zip(self.names, self.parameters["log_gains"].detach(), strict=True)}  # fmt: skip

@@ -1,0 +1,134 @@
+"""Effects of image formation: gradients, inverses, gauges, and that off is free."""
+
+import math
+
+import pytest
+import torch
+from dgs.core.imaging.formation.chain import Formation
+from dgs.core.imaging.formation.effect import Effect, Shot
+from dgs.core.imaging.formation.exposure import Exposure
+from dgs.core.imaging.formation.haze import Haze
+from dgs.core.imaging.formation.registry import EFFECTS
+from dgs.core.imaging.formation.vignetting import Vignetting
+from dgs.core.imaging.medium import Medium
+from dgs.core.imaging.operator import BlurOperator
+from dgs.core.imaging.psf import parse_psf
+from torch.utils._python_dispatch import TorchDispatchMode
+
+H, W, M = 14, 18, 3
+
+
+def shot(name: str = "b.png", dtype: torch.dtype = torch.float64) -> Shot:
+    depth = torch.linspace(0.5, 2.5, (H + 2 * M) * (W + 2 * M), dtype=dtype).reshape(H + 2 * M, W + 2 * M)
+    return Shot(name, H, W, M, depth=depth)
+
+
+def made(name: str) -> Effect:
+    random = torch.Generator().manual_seed(1)
+
+    def near(value: float, *size: int) -> torch.Tensor:
+        return value + 0.1 * torch.randn(size, generator=random, dtype=torch.float64)
+
+    if name == "exposure":
+        return Exposure(("a.png", "b.png", "c.png"), near(0.1, 3, 3), near(0.0, 3, 3))
+    return {"vignetting": lambda: Vignetting(near(0.4, 3)), "haze": lambda: Haze(near(0.5, 3), near(0.6, 3))}[name]()
+
+
+def picture(margin: int = 0) -> torch.Tensor:
+    size = (3, H + 2 * margin, W + 2 * margin)
+    return torch.rand(size, generator=torch.Generator().manual_seed(0), dtype=torch.float64) * 0.8 + 0.1
+
+
+@pytest.mark.parametrize("name", list(EFFECTS))
+def test_gradients_are_those_of_the_forward_pass(name):
+    effect = made(name)
+    margin = M if effect.place == "light" else 0
+    light = picture(margin).requires_grad_()
+    for value in effect.parameters.values():
+        value.requires_grad_()
+    weight = torch.randn(light.shape, generator=torch.Generator().manual_seed(2), dtype=torch.float64)
+    (effect.forward(light, shot()) * weight).sum().backward()
+    with torch.no_grad():
+        gradient = effect.gradient(weight, light.detach(), shot())
+    assert torch.allclose(gradient, light.grad, rtol=1e-10, atol=1e-12)
+    assert set(effect.gradients) == set(effect.parameters)
+    for key, value in effect.parameters.items():
+        assert torch.allclose(effect.gradients[key], value.grad, rtol=1e-10, atol=1e-10), key
+
+
+@pytest.mark.parametrize("name", list(EFFECTS))
+def test_every_effect_says_its_physics_and_price(name):
+    effect = made(name)
+    assert effect.name == name and effect.physics.endswith(".") and len(effect.physics) > 40
+    assert effect.multiplications > 0 and effect.described()
+    if effect.place == "sensor":
+        light = picture()
+        assert torch.allclose(effect.undone(effect.forward(light, shot()), shot()), light, atol=1e-12)
+
+
+def test_haze_is_koschmieder_s_law():
+    haze = Haze(torch.tensor([0.5] * 3), torch.tensor([0.8] * 3))
+    dark = torch.full((3, 1, 1), 0.2)
+    near, far = (haze.forward(dark, Shot("", 1, 1, depth=torch.full((1, 1), d))) for d in (0.0, 50.0))
+    assert torch.allclose(near, torch.tensor(0.2)) and torch.allclose(far, torch.tensor(0.8))
+    once = haze.forward(dark, Shot("", 1, 1, depth=torch.ones(1, 1)))
+    assert float(once[0]) == pytest.approx(0.2 * math.exp(-0.5) + 0.8 * (1 - math.exp(-0.5)))
+
+
+def test_vignetting_takes_from_the_corners_only():
+    passed = Vignetting(torch.tensor([0.3] * 3)).forward(torch.ones(3, 101, 151), Shot("", 101, 151))
+    assert float(passed[0, 50, 75]) == pytest.approx(1.0, abs=1e-3)
+    assert float(passed[0, 0, 0]) == pytest.approx(0.7, abs=0.01)
+
+
+def test_exposure_keeps_its_gauge_and_leaves_strangers_alone():
+    exposure = made("exposure")
+    exposure.settle()
+    assert float(exposure.parameters["log_gains"].mean(dim=0).abs().max()) < 1e-12
+    light = picture()
+    assert exposure.forward(light, shot("unknown.png")) is light
+
+
+@pytest.mark.parametrize("space", ["srgb", "linear"])
+def test_the_chain_s_gradient(space):
+    formation = Formation([made("haze"), made("vignetting"), made("exposure")])
+    frame = picture(M).requires_grad_()
+    weight = torch.randn(frame.shape, generator=torch.Generator().manual_seed(3), dtype=torch.float64)
+    (formation.reached(frame, shot()) * weight).sum().backward()
+    gradient = formation.reached_gradient(weight, frame.detach(), shot())
+    assert torch.allclose(gradient, frame.grad, rtol=1e-9, atol=1e-12)
+    blur = BlurOperator(parse_psf("gaussian:0.7"), H, W, M, dtype=torch.float64)
+    photo = formation.degrade(frame.detach(), blur.apply, Medium(parse_psf("gaussian:0.7"), space), shot())
+    assert photo.shape == (3, H, W)
+    inner = Medium(parse_psf("gaussian:0.7"), space).degrade(formation.reached(frame.detach(), shot()), blur.apply)
+    unclipped = (photo > 0.001) & (photo < 0.999)
+    assert unclipped.any() and torch.allclose(formation.unfiled(photo, shot())[unclipped], inner[unclipped], atol=1e-9)
+
+
+class Operations(TorchDispatchMode):
+    def __init__(self):
+        super().__init__()
+        self.names = []
+
+    def __torch_dispatch__(self, func, types, args=(), kwargs=None):
+        self.names.append(str(func))
+        return func(*args, **(kwargs or {}))
+
+
+@pytest.mark.parametrize("space", ["srgb", "linear"])
+@pytest.mark.parametrize("psf", ["none", "gaussian:1"])
+def test_off_is_free(space, psf):
+    medium, frame = Medium(parse_psf(psf), space), picture(M).float()
+    blur, here = BlurOperator(medium.psf, H, W, M), shot()
+    with Operations() as plain:
+        expected = medium.degrade(frame, blur.apply)
+    with Operations() as off:
+        found = Formation().degrade(frame, blur.apply, medium, here)
+    assert torch.equal(found, expected) and off.names == plain.names
+    with Operations() as nothing:
+        assert Formation().reached(frame, here) is frame and Formation().unfiled(expected, here) is expected
+        assert Formation().reached_gradient(frame, frame, here) is frame
+    assert nothing.names == [] and not Formation()
+    with Operations() as on:
+        Formation([Vignetting(torch.tensor([0.2] * 3))]).degrade(frame, blur.apply, medium, here)
+    assert len(on.names) > len(plain.names)  # the counter does count
