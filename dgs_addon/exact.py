@@ -136,6 +136,16 @@ def camera_in(twin: Any, scene: Any) -> Camera:
     return camera_to_engine(settings, int(render.resolution_x * share), int(render.resolution_y * share), _NAME)
 
 
+def photo_behind(camera: Any) -> Path | None:
+    """The photo that a recovered camera shows behind the scene; None if it has none, or it is gone."""
+    pictures = camera.data.background_images if camera is not None and camera.type == "CAMERA" else ()
+    for picture in pictures:
+        if picture.image is not None and picture.image.filepath:
+            path = Path(bpy.path.abspath(picture.image.filepath))
+            return path if path.is_file() else None
+    return None
+
+
 def scene_twin(scene: Any, active: Any) -> Any:
     """The active twin, else any of the scene's; None if it has none."""
     from .scene.twin import is_twin

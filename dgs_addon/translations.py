@@ -1,17 +1,24 @@
-"""The add-on's texts in other languages than English.
+"""The add-on's texts in other languages than English: languages/LOCALE.json, English text to translation.
 
 Texts with figures hold places for them ('{count} photos'): code translates first and fills in then, so
 that a language may change their order. What the engine itself says stays English, like its log.
-A new language is a table like `GERMAN`, and a line in `messages`.
+A new language is a new file.
 """
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
+
 import bpy
 
-GERMAN = {
-    "Optimize": "Optimieren",
-}
+LANGUAGES = Path(__file__).with_name("languages")
+
+
+def table(locale: str) -> dict[str, str]:
+    """English texts and their translations."""
+    words: dict[str, str] = json.loads((LANGUAGES / f"{locale}.json").read_text("utf-8"))
+    return words
 
 
 def messages() -> dict[str, dict[tuple[str, str], str]]:
@@ -19,10 +26,9 @@ def messages() -> dict[str, dict[tuple[str, str], str]]:
 
     Operators' names have a context of their own in Blender; all else has the usual one.
     """
-    tables = {"de_DE": GERMAN}
     return {
-        locale: {(context, text): word for text, word in table.items() for context in ("*", "Operator")}
-        for locale, table in tables.items()
+        path.stem: {(context, text): word for text, word in table(path.stem).items() for context in ("*", "Operator")}
+        for path in sorted(LANGUAGES.glob("*.json"))
     }
 
 

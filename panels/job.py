@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 from bpy.app.translations import pgettext_iface as iface_
@@ -10,6 +11,7 @@ from ..dgs_addon.job import pictures, runner
 from ..dgs_addon.job.state import JobState, duration_text
 from ..dgs_addon.paths import out_folder
 from .layout import figures, sentence
+from .thumbnails import photo_icon
 
 #: Notes of the engine that are shown; the log has all.
 _NOTES = 2
@@ -40,6 +42,19 @@ def draw_square(layout: Any, context: Any, name: str) -> None:
         return
     width = context.region.width / context.preferences.system.ui_scale
     layout.template_icon(icon_value=pictures.icon(name), scale=max(5.0, (width - 70) / _UNIT))
+
+
+def draw_beside(layout: Any, context: Any, name: str, photo: Path | None) -> None:
+    """One of the add-on's pictures, and a photo beside it where there is one."""
+    if photo is None or not pictures.icon(name):
+        draw_square(layout, context, name)
+        return
+    width = context.region.width / context.preferences.system.ui_scale
+    row = layout.row(align=True)
+    for icon, text in ((pictures.icon(name), "Twin"), (photo_icon(photo), "Photo")):
+        column = row.column(align=True)
+        column.template_icon(icon_value=icon, scale=max(4.0, (width - 80) / 2 / _UNIT))
+        column.label(text=text)
 
 
 def _running(box: Any, context: Any, state: JobState) -> None:

@@ -20,32 +20,40 @@ class _Collection:
         self.folder: Path | None = None
         self.previews: Any = None
 
+    def icon(self, folder: Path, path: Path) -> int:
+        """The icon of a file; a small picture comes as soon as Blender has made it."""
+        import bpy.utils.previews  # not loaded by bpy itself
 
-_held = _Collection()
+        if self.folder != folder:
+            self.forget()
+            self.folder, self.previews = folder, bpy.utils.previews.new()
+        if str(path) not in self.previews:
+            self.previews.load(str(path), str(path), "MOVIE" if is_movie(path) else "IMAGE")
+        return int(self.previews[str(path)].icon_id)
+
+    def forget(self) -> None:
+        """Frees them."""
+        if self.previews is not None:
+            bpy.utils.previews.remove(self.previews)
+        self.folder = self.previews = None
+
+
+_set, _photos = _Collection(), _Collection()
 
 
 def thumbnails(folder: Path, files: tuple[Path, ...]) -> list[int]:
     """Icons of a few photos of a folder, or of a movie, as far as they are there already."""
-    import bpy.utils.previews  # not loaded by bpy itself
-
-    if _held.folder != folder:
-        forget_thumbnails()
-        _held.folder, _held.previews = folder, bpy.utils.previews.new()
     count = min(SHOWN, len(files))
-    if not files:
-        return []
     chosen = [files[round(i * (len(files) - 1) / max(count - 1, 1))] for i in range(count)]
-    icons = []
-    for path in chosen:
-        name = path.name
-        if name not in _held.previews:
-            _held.previews.load(name, str(path), "MOVIE" if is_movie(path) else "IMAGE")
-        icons.append(int(_held.previews[name].icon_id))
-    return icons
+    return [_set.icon(folder, path) for path in chosen]
+
+
+def photo_icon(path: Path) -> int:
+    """The icon of one photo, wherever it lies."""
+    return _photos.icon(path.parent, path)
 
 
 def forget_thumbnails() -> None:
-    """Frees them."""
-    if _held.previews is not None:
-        bpy.utils.previews.remove(_held.previews)
-    _held.folder = _held.previews = None
+    """Frees all."""
+    _set.forget()
+    _photos.forget()

@@ -80,9 +80,14 @@ class Robot:
         self.sidebar().tag_redraw()
         yield 1.0
 
-    def picture(self, name: str) -> Story:
-        """Takes a screenshot; the mouse is out of the way."""
-        _xdotool("mousemove", 5, 880)
+    def escape(self) -> None:
+        """Presses Escape."""
+        _xdotool("key", "Escape")
+
+    def picture(self, name: str, out_of_the_way: bool = True) -> Story:
+        """Takes a screenshot; the mouse is out of the way, unless that would close what is to be seen."""
+        if out_of_the_way:
+            _xdotool("mousemove", 5, 880)
         yield 0.6
         target = self.pictures / f"{name}.png"
         command = f"xwd -root -silent | convert xwd:- '{target}'"

@@ -32,8 +32,8 @@ def story(robot: Robot) -> Story:
     runner = import_module(f"{ADDON}.dgs_addon.job.runner")
     yield from robot.open_tab("Descatter")
     yield from robot.picture("1-empty")
-    bpy.ops.dgs.choose_photos(directory=str(FOLDER / "photos"))
     settings = bpy.context.scene.dgs
+    seen["dropped"] = _drop(robot, sorted((FOLDER / "photos").iterdir())[0]) and settings.photos
     settings.medium, settings.sigma, settings.preset = "gaussian", 1.5, "draft"
     yield 2.0
     yield from robot.picture("2-photos")
@@ -87,14 +87,61 @@ def story(robot: Robot) -> Story:
     seen["exact"] = exact.IMAGE in bpy.data.images
     yield 1.0
     yield from robot.picture("8-exact")
+    yield from _files(robot)
+    yield from _german(robot)
     bpy.ops.dgs.open_preferences()
     yield 2.0
     yield from robot.picture("9-preferences")
 
 
+def _drop(robot: Robot, path: Path) -> bool:
+    """Drops a file onto the sidebar: Blender's own operator of a drop, which asks the file handlers."""
+    window = bpy.context.window_manager.windows[0]
+    with bpy.context.temp_override(window=window, area=robot.area(), region=robot.sidebar()):
+        files = [{"name": path.name}]
+        done = bpy.ops.wm.drop_import_file("INVOKE_DEFAULT", directory=str(path.parent), files=files)
+    return done == {"FINISHED"}
+
+
+def _files(robot: Robot) -> Story:
+    """A twin leaves as SPZ and comes back by a drop; the menus have the entries."""
+    before = set(bpy.data.objects)
+    bpy.context.view_layer.objects.active = next(o for o in before if "dgs_harmonics" in o)
+    bpy.ops.dgs.export_twin(filepath=str(FOLDER / "again.spz"), format=".spz")
+    _drop(robot, FOLDER / "again.spz")
+    yield 1.0
+    added = [thing for thing in bpy.data.objects if thing not in before]
+    seen["dropped_twin"] = [len(thing.data.vertices) for thing in added]
+    for thing in added:
+        bpy.data.objects.remove(thing)
+    for name in ("import", "export"):
+        with bpy.context.temp_override(window=bpy.context.window_manager.windows[0], area=robot.area()):
+            bpy.ops.wm.call_menu(name=f"TOPBAR_MT_file_{name}")
+        yield from robot.picture(f"menu-{name}", out_of_the_way=False)
+        robot.escape()
+        yield 0.5
+
+
+def _german(robot: Robot) -> Story:
+    view = bpy.context.preferences.view
+    before = view.language
+    try:
+        view.language = "de_DE"
+    except TypeError:  # a Blender without its languages
+        return
+    view.use_translate_interface = True
+    yield 1.0
+    seen["german"] = bpy.app.translations.pgettext_iface("Find Cameras", "Operator")
+    yield from robot.picture("german")
+    view.language = before
+    yield 0.5
+
+
 def _killed(robot: Robot, runner: Any) -> Story:
     """The engine is killed; the panel says so and has the button that goes on."""
+    bpy.context.scene.dgs.live = True
     yield from robot.press("dgs.optimize")
+    first = len(robot.gaps)
     yield from _until(lambda: runner.running() and len(runner.current().state.marks) > 3, 120)
     os.kill(runner.current().worker.pid, signal.SIGKILL)
     yield from _until(lambda: not runner.running(), 20)
@@ -104,6 +151,7 @@ def _killed(robot: Robot, runner: Any) -> Story:
     yield from robot.press("dgs.resume_job")
     yield from _until(lambda: runner.running(), 10)
     yield from _until(lambda: not runner.running(), 200)
+    seen["live_usual"], seen["live_worst"] = _percentiles(robot.gaps[first:])
     seen["resumed"] = runner.current().state.phase
     yield 2.0
 

@@ -63,6 +63,17 @@ def test_from_an_empty_scene_to_a_rendered_twin(seen: dict[str, object]) -> None
     assert seen["exact"]
 
 
+def test_what_is_dropped_is_taken_in(seen: dict[str, object]) -> None:
+    assert str(seen["dropped"]).endswith("photos")
+    assert len(seen["dropped_twin"]) == 1 and seen["dropped_twin"][0] > 100
+
+
+def test_it_speaks_german(seen: dict[str, object]) -> None:
+    if "german" not in seen:
+        pytest.skip("this Blender was built without languages")
+    assert seen["german"] == "Kameras finden"
+
+
 def test_a_killed_engine_leaves_blender_alive_and_can_go_on(seen: dict[str, object]) -> None:
     assert "SIGKILL" in seen["killed"] and seen["resumed"] == "done"
 
@@ -78,6 +89,7 @@ def test_the_window_stays_alive(seen: dict[str, object]) -> None:
         f"Blender {seen['blender']}: gaps of a 0.05 s timer, 99th percentile and worst: before the job "
         f"{seen['idle_usual']:.3f} and {seen['idle_worst']:.3f} s, during it {seen['usual_gap']:.3f} and "
         f"{seen['worst_gap']:.3f} s; in {seen['undrawn']:.0%} of the ticks nothing was drawn, with "
-        f"{seen['undrawn_usual']:.3f} and {seen['undrawn_worst']:.3f} s"
+        f"{seen['undrawn_usual']:.3f} and {seen['undrawn_worst']:.3f} s; with the live twin, over a kill and its "
+        f"resumption, {seen['live_usual']:.3f} and {seen['live_worst']:.3f} s (load {os.getloadavg()[0]:.1f})"
     )
     assert seen["undrawn_usual"] < 0.2

@@ -1,0 +1,32 @@
+"""The engine is killed at random moments: Blender lives, says so, and little is lost (tools/kill_engine.py: 20 times)."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("bpy")
+
+import dgs
+
+ROOT = Path(dgs.__path__[0])
+sys.path[:0] = [str(ROOT / "tools"), str(ROOT / "tests" / "core" / "command_line")]
+import kill_engine  # noqa: E402
+from scene import write_scene  # noqa: E402
+
+
+@pytest.mark.timeout(300)
+def test_killed_at_random_moments(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(kill_engine, "LATEST", 12.0)
+    dgs.register()
+    try:
+        write_scene(tmp_path / "set")
+        kills, phase = kill_engine.kill_jobs(tmp_path / "set", tmp_path / "out", 4, seed=1)
+    finally:
+        dgs.unregister()
+    print(kill_engine.table(kills))
+    assert phase == "done" and len(kills) >= 2
+    assert all(kill.alive for kill in kills)
+    assert max(kill.lost for kill in kills) <= kill_engine.ALLOWED
