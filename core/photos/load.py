@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import unicodedata
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -43,6 +43,8 @@ class Photo:
             half does not count, and neither does black in the mask folder.
         scale: (x, y) size in memory / size in the file, (1, 1) unless `max_size` made it smaller.
         focal_px: focal length in px of `pixels` that EXIF tells, or None. A hint, never the truth.
+        not_finite, clipped: px of a floating-point file that were NaN or infinite (they do not count), and
+            those outside [0, 1] (they were cut).
     """
 
     name: str
@@ -51,11 +53,24 @@ class Photo:
     mask: NDArray[np.bool_] | None = field(default=None, repr=False)
     scale: tuple[float, float] = (1.0, 1.0)
     focal_px: float | None = None
+    not_finite: int = 0
+    clipped: int = 0
 
     @property
     def size(self) -> tuple[int, int]:
         """(width, height) in px."""
         return self.pixels.shape[1], self.pixels.shape[0]
+
+
+@dataclass
+class _Decoded:
+    """A file's picture, [H, W, 3] and alpha [H, W] in [0, 1] or None, and what was put right."""
+
+    pixels: Pixels
+    alpha: NDArray[np.float32] | None = None
+    focal_35mm: float | None = None
+    not_finite: int = 0
+    clipped: int = 0
 
 
 def photo_files(source: Path) -> list[Path]:
@@ -133,6 +148,12 @@ def load_photos(
         progress.advance(index + 1)
     if masks is not None and not any(_stem(p.path) in mask_files for p in photos):
         raise PhotoError(f"No mask in '{masks}' has the name of a photo", "Give each mask its photo's name")
+    for count, what in (
+        (sum(p.not_finite for p in photos), "are not finite and do not count"),
+        (sum(p.clipped for p in photos), "lie outside [0, 1] and were cut"),
+    ):
+        if count:
+            progress.note(f"{count} px of the photos {what}")
     if len(photos) < minimum:
         listed = ", ".join(failures[:5]) + (", ..." if len(failures) > 5 else "")
         named = f" (could not be read: {listed})" if failures else ""
@@ -150,7 +171,7 @@ def load_photo(path: Path, max_size: int | None = None) -> Photo:
         PhotoError: the file is unreadable, truncated or holds no picture.
     """
     try:
-        pixels, alpha, focal_35mm = _read(path)
+        read = _read(path)
     except PhotoError:
         raise
     except Exception as error:  # decoders raise whatever they like; the file's name is what helps
@@ -158,6 +179,7 @@ def load_photo(path: Path, max_size: int | None = None) -> Photo:
         raise PhotoError(
             f"'{path.name}' cannot be read as a photo ({reason})", "Replace or remove the file"
         ) from error
+    pixels, alpha, focal_35mm = read.pixels, read.alpha, read.focal_35mm
     height, width = pixels.shape[:2]
     mask = None if alpha is None or bool((alpha >= HALF).all()) else alpha >= HALF
     new_width, new_height = size_within(width, height, max_size)
@@ -168,17 +190,18 @@ def load_photo(path: Path, max_size: int | None = None) -> Photo:
         None if focal_35mm is None else focal_35mm / _DIAGONAL_35MM * float(np.hypot(new_width, new_height))
     )
     name = unicodedata.normalize("NFC", path.name)
-    return Photo(name, path, pixels, mask, (new_width / width, new_height / height), focal)
+    scale = new_width / width, new_height / height
+    return Photo(name, path, pixels, mask, scale, focal, read.not_finite, read.clipped)
 
 
-def _read(path: Path) -> tuple[Pixels, NDArray[np.float32] | None, float | None]:
+def _read(path: Path) -> _Decoded:
     if path.suffix.lower() in {".tif", ".tiff"}:
         # Pillow has no 16-bit RGB; tifffile does, but knows no EXIF rotation of its own.
-        pixels, alpha = _read_tiff(path)
-        return pixels, alpha, None
+        return _read_tiff(path)
     if path.suffix.lower() == ".png" and _png_depth(path) == 16:
-        pixels, alpha = _read_png16(path)
-        return pixels, alpha, None
+        from .png16 import read_png16  # Pillow would cut 16 bits to 8
+
+        return _from_array(read_png16(path))
     with Image.open(path) as opened:
         exif = opened.getexif()
         focal = exif.get_ifd(_EXIF_IFD).get(_FOCAL_35MM)
@@ -186,13 +209,13 @@ def _read(path: Path) -> tuple[Pixels, NDArray[np.float32] | None, float | None]
         image: Image.Image = ImageOps.exif_transpose(opened) or opened
         if image.mode in {"I;16", "I;16B", "I;16L", "I", "F"}:
             grey = np.asarray(image)
-            return _from_array(grey.astype(np.uint16) if grey.dtype.kind in "iu" else grey)[0], None, None
+            return _from_array(grey.astype(np.uint16) if grey.dtype.kind in "iu" else grey)
         alpha = None
         if image.mode in {"RGBA", "LA", "PA", "RGBa", "La"} or "transparency" in image.info:
             rgba = image.convert("RGBA")
             alpha = np.asarray(rgba.getchannel("A")).astype(np.float32) / np.float32(255)
             image = rgba
-        return np.asarray(image.convert("RGB")).copy(), alpha, float(focal) if focal else None
+        return _Decoded(np.asarray(image.convert("RGB")).copy(), alpha, float(focal) if focal else None)
 
 
 def _png_depth(path: Path) -> int:
@@ -201,14 +224,7 @@ def _png_depth(path: Path) -> int:
     return header[24] if len(header) == 26 else 0
 
 
-def _read_png16(path: Path) -> tuple[Pixels, NDArray[np.float32] | None]:
-    """16-bit PNG, which Pillow would cut to 8 bits."""
-    from .png16 import read_png16
-
-    return _from_array(read_png16(path))
-
-
-def _read_tiff(path: Path) -> tuple[Pixels, NDArray[np.float32] | None]:
+def _read_tiff(path: Path) -> _Decoded:
     logging.getLogger("tifffile").setLevel(logging.CRITICAL)  # its complaints come as our PhotoError
     with tifffile.TiffFile(path) as tiff:
         page = tiff.pages[0]
@@ -219,15 +235,17 @@ def _read_tiff(path: Path) -> tuple[Pixels, NDArray[np.float32] | None]:
             with Image.open(path) as opened:
                 opened.load()
                 upright = ImageOps.exif_transpose(opened) or opened
-                return np.asarray(upright.convert("RGB")).copy(), None
+                return _Decoded(np.asarray(upright.convert("RGB")).copy())
         array = page.asarray()
         if int(page.planarconfig) == 2 and array.ndim == 3:
             array = array.transpose(1, 2, 0)
     if photometric == 0:  # white is zero
         array = np.iinfo(array.dtype).max - array if array.dtype.kind == "u" else 1.0 - array
-    pixels, alpha = _from_array(array)
+    read = _from_array(array)
     turn = int(orientation.value) if orientation is not None else 1
-    return _upright(pixels, turn), None if alpha is None else _upright(alpha, turn)
+    read.pixels = _upright(read.pixels, turn)
+    read.alpha = None if read.alpha is None else _upright(read.alpha, turn)
+    return read
 
 
 def _upright(array: NDArray[Any], orientation: int) -> NDArray[Any]:
@@ -241,17 +259,21 @@ def _upright(array: NDArray[Any], orientation: int) -> NDArray[Any]:
     return np.ascontiguousarray(array)
 
 
-def _from_array(array: NDArray[Any]) -> tuple[Pixels, NDArray[np.float32] | None]:
-    """Any [H, W] or [H, W, 1..4] array -> ([H, W, 3] uint8/uint16, alpha in [0, 1] or None)."""
+def _from_array(array: NDArray[Any]) -> _Decoded:
+    """Any [H, W] or [H, W, 1..4] array; px that are not finite get alpha 0."""
     if array.ndim == 2:
         array = array[:, :, None]
     if array.ndim != 3 or array.shape[2] not in (1, 2, 3, 4) or 0 in array.shape:
         raise PhotoError(f"A picture of shape {array.shape} is no photo")
     if array.dtype == np.bool_:
         array = array.astype(np.uint8) * np.uint8(255)
+    finite, clipped = None, 0
     if array.dtype.kind == "f":
-        array = np.nan_to_num(np.clip(array.astype(np.float64), 0.0, 1.0)) * 65535.0 + 0.5
-        array = array.astype(np.uint16)
+        finite = np.isfinite(array).all(axis=2)
+        mean = array[finite].mean(axis=0, dtype=np.float64) if finite.any() else 0.0  # it may bleed into neighbours
+        known = np.where(finite[:, :, None], array, mean).astype(np.float64)
+        clipped = int(((known < 0.0) | (known > 1.0)).any(axis=2)[finite].sum())
+        array = (np.clip(known, 0.0, 1.0) * 65535.0 + 0.5).astype(np.uint16)
     if array.dtype not in (np.uint8, np.uint16):
         raise PhotoError(f"Pixels of type {array.dtype} are not understood")
     alpha = None
@@ -261,7 +283,10 @@ def _from_array(array: NDArray[Any]) -> tuple[Pixels, NDArray[np.float32] | None
         array = array[:, :, :-1]
     if array.shape[2] == 1:
         array = np.repeat(array, 3, axis=2)
-    return np.ascontiguousarray(array), alpha
+    not_finite = 0 if finite is None else int((~finite).sum())
+    if finite is not None and not_finite:
+        alpha = finite.astype(np.float32) if alpha is None else np.where(finite, alpha, np.float32(0))
+    return _Decoded(np.ascontiguousarray(array), alpha, None, not_finite, clipped)
 
 
 def _stem(path: Path) -> str:
@@ -293,4 +318,4 @@ def _with_mask(photo: Photo, path: Path | None, progress: Progress) -> Photo:
         mask &= photo.mask
     if not mask.any():
         progress.note(f"The mask '{path.name}' leaves no pixel of '{photo.name}'")
-    return Photo(photo.name, photo.path, photo.pixels, mask, photo.scale, photo.focal_px)
+    return replace(photo, mask=mask)

@@ -21,12 +21,14 @@ from ..report.pictures import ViewPictures, spread
 from ..sfm.find import find_cameras
 from ..sfm.known import load_cameras
 from ..sfm.reconstruction import Reconstruction
+from ..views import fingerprint
 from .heldout import Scores, TruthFolder, ViewScorer, heldout_names, render_names
 from .machine import choose_device, machine, use_threads
 from .settings import ReconstructSettings
 from .snapshots import Snapshots
 from .summary import Facts, resolvable_period, summary
 from .views import Viewer
+from .world import near_origin
 
 if TYPE_CHECKING:
     from ..training.run import Trained
@@ -166,7 +168,15 @@ def cameras_of(
 
     folder = settings.out / "cameras"
     if settings.cameras is not None:
-        reconstruction, source = load_cameras(settings.cameras, photos), "given"
+        reconstruction, offset = near_origin(load_cameras(settings.cameras, photos))
+        source = "given"
+        if offset is not None:
+            progress.note(
+                "The cameras lie too far from their origin for files of float32: cameras and twin were moved; "
+                f"add ({', '.join(f'{value:g}' for value in offset)}) to return to the world that was given"
+            )
+        if reconstruction.figures.scattered:
+            progress.note("The cameras came without points: random ones stand where the cameras look")
     elif settings.resume and folder.is_dir():
         reconstruction, source = load_cameras(folder, photos), "sfm"
         progress.note("The cameras are those of the run that is resumed")
@@ -195,7 +205,11 @@ def _train(
     from ..training.settings import TrainingSettings
 
     views = undistorted_views(registered, reconstruction)
-    kept = [view for view in views if view.name not in held]
+    seen = {fingerprint(view.photo) for view in views if view.name in held}
+    kept = [view for view in views if view.name not in held and fingerprint(view.photo) not in seen]
+    copies = len(views) - len(kept) - sum(view.name in held for view in views)
+    if copies:
+        progress.note(f"{copies} photos are copies of held-out ones and were not trained on")
     if not kept:
         raise CameraError(
             "Every photo with a camera is held out, so none is left to train on",

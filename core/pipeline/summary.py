@@ -13,6 +13,7 @@ from ..imaging.psf import PointSpread
 from ..photos.load import Photo
 from ..report.schema import SCHEMA_VERSION
 from ..sfm.reconstruction import Reconstruction
+from ..views import fingerprint
 from .heldout import BANDS, Scores, mean_of
 from .machine import peak_memory_mb, versions
 from .settings import ReconstructSettings
@@ -79,6 +80,8 @@ def summary(facts: Facts, scores: list[Scores], seconds: dict[str, float], total
             "focal_px": round(median(lens.fx for lens in cameras.lenses.values()), 3),
             "reprojection_error_px": cameras.figures.reprojection_px,
             "points": len(cameras.points.positions),
+            "points_scattered": cameras.figures.scattered,
+            "world_offset": None if cameras.figures.offset is None else list(cameras.figures.offset),
             "attempts": [asdict(attempt) for attempt in cameras.figures.attempts],
         },
         "medium": {"psf": settings.psf, "blur_space": facts.medium.blur_space},
@@ -94,7 +97,7 @@ def summary(facts: Facts, scores: list[Scores], seconds: dict[str, float], total
         "settings": {"run": settings.plain(), "training": trained.settings},
         "versions": versions(),
         "machine": facts.machine,
-        "counters": dict(trained.counters),
+        "counters": {**_before_training(facts.photos), **trained.counters},
         "notes": list(facts.notes),
         "history": list(trained.history),
     }
@@ -106,6 +109,15 @@ def _folder(facts: Facts) -> Path:
     """Where the photos lie, also those that a list named; the list if they lie in several folders."""
     folders = {photo.path.parent for photo in facts.photos}
     return folders.pop() if len(folders) == 1 else facts.settings.photos
+
+
+def _before_training(photos: list[Photo]) -> dict[str, int]:
+    """What was masked or cut in the photos, and which of them are no photos of their own."""
+    return {
+        "photo px not finite, masked": sum(photo.not_finite for photo in photos),
+        "photo px outside [0, 1], cut": sum(photo.clipped for photo in photos),
+        "photos that are copies of others": len(photos) - len({fingerprint(photo.pixels) for photo in photos}),
+    }
 
 
 def _heldout(facts: Facts, scores: list[Scores]) -> dict[str, Any]:

@@ -35,4 +35,6 @@ def near_origin(reconstruction: Reconstruction) -> tuple[Reconstruction, NDArray
         for name, pose in reconstruction.poses.items()
     }
     points = replace(reconstruction.points, positions=reconstruction.points.positions - offset)
-    return replace(reconstruction, poses=poses, points=points), offset
+    x, y, z = (float(value) for value in offset)
+    figures = replace(reconstruction.figures, offset=(x, y, z))
+    return replace(reconstruction, poses=poses, points=points, figures=figures), offset

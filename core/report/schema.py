@@ -40,6 +40,8 @@ FIELDS = (
     Field("cameras.focal_px", "number", "median focal length in px of the photos as used", True),
     Field("cameras.reprojection_error_px", "number", "mean reprojection error of the sparse points in px", True),
     Field("cameras.points", "integer", "sparse points that the training started from"),
+    Field("cameras.points_scattered", "boolean", "whether they are random ones, because the cameras came without any"),
+    Field("cameras.world_offset", "list", "x, y, z taken from all positions, where float32 could not hold them", True),
     Field("medium.psf", "text", "the point spread function as asked for; 'none' without"),
     Field("medium.blur_space", "text", "'srgb' or 'linear': the values that the blur acts on"),
     Field("gaussians", "integer", "Gaussians in the twin", True),
@@ -69,7 +71,7 @@ FIELDS = (
     Field("settings", "object", "all settings that the run used"),
     Field("versions", "object", "program and library versions"),
     Field("machine", "object", "system, processor, cores, threads, device"),
-    Field("counters", "object", "how often something had to be repaired or removed in training"),
+    Field("counters", "object", "what was culled, clamped, refused, masked or left out, and how often"),
     Field("notes", "list", "sentences that the run said"),
     Field("history", "list", "training over time: step, seconds, loss, heldout_psnr where measured"),
 )  # fmt: skip

@@ -80,7 +80,9 @@ def _given(
         source, len(photos), len(chosen), focal, float("nan"), float("nan"), time.perf_counter() - started
     )
     found = Reconstruction({n: poses[c] for n, c in chosen.items()}, fitted, points, figures)
-    return found if len(points.positions) else replace(found, points=scattered_points(found, photos))
+    if len(points.positions):
+        return found
+    return replace(found, points=scattered_points(found, photos), figures=replace(figures, scattered=True))
 
 
 def _key(name: str) -> str:

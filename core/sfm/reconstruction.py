@@ -59,6 +59,8 @@ class Figures:
         angle_deg: median over the points of the widest angle between two of their rays.
         seconds: wall time.
         attempts: everything that was tried, in order.
+        offset: what was taken from all positions, where the world lay too far from its origin for float32.
+        scattered: whether the points are random ones, because the cameras came without any.
     """
 
     source: str
@@ -69,6 +71,8 @@ class Figures:
     angle_deg: float
     seconds: float
     attempts: tuple[Attempt, ...] = ()
+    offset: tuple[float, float, float] | None = None
+    scattered: bool = False
 
 
 @dataclass(frozen=True)
