@@ -77,12 +77,14 @@ class Objective:
         height, width: the photos' size on this grid.
         margin: px the render is larger on every side.
         ratio: noise over signal of the photos on this grid; None where nothing is inverted.
+        contrast: of the sharp scene on this grid (`contrast.scene_contrast`), the unit of differences.
     """
 
     def __init__(self, psf: PointSpread | None, height: int, width: int, margin: int, space: BlurSpace,
                  settings: TrainingSettings, device: torch.device,
-                 ratio: NoiseToSignal | None = None) -> None:  # fmt: skip
+                 ratio: NoiseToSignal | None = None, contrast: float = 0.2) -> None:  # fmt: skip
         self.settings, self.margin, self.space, self.device = settings, margin, space, device
+        self.knee, self.inverse_width = settings.variation_knee * contrast, settings.inverse_width * contrast
         self.blur = BlurOperator(psf, height, width, margin, device)
         self.inverse = None
         if psf is not None and ratio is not None:
@@ -110,7 +112,7 @@ class Objective:
             if self.space == "linear":
                 gradient = gradient * _slope(srgb_to_linear, image)
         if s.variation_weight and s.loss != "paper":
-            gradient += (s.variation_weight / photo.numel()) * variation_gradient(image)
+            gradient += (s.variation_weight / photo.numel()) * variation_gradient(image, self.knee)
         if self.inverse is None:
             return Pull(loss, gradient)
         known = photo if self.space == "srgb" else srgb_to_linear(photo)
@@ -124,7 +126,7 @@ class Objective:
             missing = missing / _slope(srgb_to_linear, image).clamp(min=0.1)
         inner = (slice(None), slice(m, m + photo.shape[1]), slice(m, m + photo.shape[2]))
         d = missing[inner]
-        d = d / (d.square() + s.inverse_width**2).sqrt() if s.inverse_width else d.sign()
+        d = d / (d.square() + self.inverse_width**2).sqrt() if self.inverse_width else d.sign()
         if valid is not None:
             d = d * valid
         gradient[inner] -= (s.inverse_weight / photo.numel()) * d
@@ -143,7 +145,7 @@ class Objective:
         sharp = known + self.inverse.apply(torch.nn.functional.pad(residual, (m, m, m, m)))[inner]
         if self.space == "linear":
             sharp = linear_to_srgb(sharp.clamp(min=0.0))
-        gradient = (s.variation_weight / photo.numel()) * variation_gradient(image)
+        gradient = (s.variation_weight / photo.numel()) * variation_gradient(image, self.knee)
         loss, slope = self._compare(image[inner].contiguous(), sharp, valid, s.ssim_weight)
         gradient[inner] += slope
         return Pull(loss, gradient)

@@ -12,9 +12,10 @@ f32 = np.float32
 
 
 @kernel
-def edge_directions(begin, end, image, epsilon, horizontal, vertical):  # type: ignore[no-untyped-def]
-    """Unit-limited differences to the right and down of rows `begin` to `end`: grad / |grad|."""
+def edge_directions(begin, end, image, epsilon, knee, horizontal, vertical):  # type: ignore[no-untyped-def]
+    """Differences to the right and down of rows `begin` to `end`, limited: grad / |grad| / (1 + |grad| / knee)."""
     _, height, width = image.shape
+    fall = f32(1) / knee
     for y in range(begin, end):
         below = min(y + 1, height - 1)
         r, g, b = image[0, y], image[1, y], image[2, y]
@@ -22,7 +23,8 @@ def edge_directions(begin, end, image, epsilon, horizontal, vertical):  # type: 
         for x in range(width - 1):
             hr, hg, hb = r[x + 1] - r[x], g[x + 1] - g[x], b[x + 1] - b[x]
             vr, vg, vb = r2[x] - r[x], g2[x] - g[x], b2[x] - b[x]
-            scale = f32(1) / f32(math.sqrt(hr * hr + hg * hg + hb * hb + vr * vr + vg * vg + vb * vb + epsilon))
+            size = f32(math.sqrt(hr * hr + hg * hg + hb * hb + vr * vr + vg * vg + vb * vb + epsilon))
+            scale = f32(1) / (size * (f32(1) + size * fall))
             horizontal[0, y, x], horizontal[1, y, x], horizontal[2, y, x] = hr * scale, hg * scale, hb * scale
             vertical[0, y, x], vertical[1, y, x], vertical[2, y, x] = vr * scale, vg * scale, vb * scale
         for c in range(3):

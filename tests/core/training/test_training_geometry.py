@@ -1,5 +1,7 @@
 """First Gaussians, grids, footprints, and the variation's gradient."""
 
+import math
+
 import numpy as np
 import pytest
 import torch
@@ -96,15 +98,17 @@ def test_widened_twin_looks_in_viewers_as_it_did_in_training(low_pass):
         assert error < 0.25 * float((unchanged - trained).square().mean().sqrt())
 
 
+@pytest.mark.parametrize("knee", [math.inf, 0.1])
 @pytest.mark.parametrize("size", [(2, 2), (9, 7), (40, 60)])
-def test_variation_gradient_is_that_of_its_formula(size):
+def test_variation_gradient_is_that_of_its_formula(size, knee):
     image = torch.rand(3, *size, generator=torch.Generator().manual_seed(0))
     image[:, : size[0] // 2] = 0.5  # flat parts, where the root is smoothed
     leaf = image.double().requires_grad_()
     right = leaf[:, :, 1:] - leaf[:, :, :-1]
     down = torch.nn.functional.pad(leaf[:, 1:, :-1] - leaf[:, :-1, :-1], (0, 0, 0, 1))
-    total = (right.square().sum(0) + down.square().sum(0) + SMOOTH**2).sqrt().sum()
+    each = (right.square().sum(0) + down.square().sum(0) + SMOOTH**2).sqrt()
+    total = (each if math.isinf(knee) else knee * torch.log1p(each / knee)).sum()
     (expected,) = torch.autograd.grad(total, leaf)
-    found = variation_gradient(image)
+    found = variation_gradient(image, knee)
     assert found.shape == image.shape and float(found.abs().max()) <= 4
     torch.testing.assert_close(found.double(), expected, rtol=1e-4, atol=1e-4)
