@@ -109,13 +109,13 @@ def bands(path: Path, pictures: Mapping[str, Picture], middle: Picture, share: f
     window = _window(pictures["truth"], middle, share)
     size = (1.75 * len(pictures), 2.0 * len(_BANDS))
     figure, axes = pyplot.subplots(len(_BANDS), len(pictures), figsize=size, layout="constrained", squeeze=False)
-    for row, (coarsest, finest) in zip(axes, _BANDS, strict=True):
+    for number, (row, (coarsest, finest)) in enumerate(zip(axes, _BANDS, strict=True)):
         most = _CONTRAST * float(_only(pictures["truth"].mean(2), coarsest, finest)[window].std())
         for spot, (name, picture) in zip(row, pictures.items(), strict=True):
             detail = _only(picture.mean(2), coarsest, finest)[window]
             spot.imshow(detail, cmap="gray", vmin=-most, vmax=most, interpolation="nearest")
             spot.set(xticks=[], yticks=[])
-            if row is axes[0]:
+            if number == 0:
                 spot.set_title(title(name), fontsize=8)
         row[0].set_ylabel(f"{coarsest:g} to {finest:g} px", fontsize=9)
     save(figure, path)

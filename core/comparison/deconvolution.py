@@ -88,15 +88,16 @@ def lucy(
             if progress.cancelled():
                 raise Cancelled("Stopped while photos were deconvolved", "Run it again with --resume")
             file = None if folder is None else folder / f"{photo.name}.npy"
-            pixels = _kept(file, photo)
+            pixels: NDArray[np.uint8] | NDArray[np.uint16] | None = _kept(file, photo)
             if pixels is None:
                 blurred = _light(photo, medium).numpy()
                 sharp = np.stack(list(pool.map(lambda plane: _lucy_plane(plane, medium, iterations), blurred)))
-                pixels = _with(photo, torch.from_numpy(np.clip(sharp, 0, 1)), medium).pixels
+                made = _with(photo, torch.from_numpy(np.clip(sharp, 0, 1)), medium).pixels
                 if file is not None:
                     buffer = io.BytesIO()
-                    np.save(buffer, pixels, allow_pickle=False)
+                    np.save(buffer, made, allow_pickle=False)
                     write_bytes(file, buffer.getvalue())
+                pixels = made
             out.append(replace(photo, pixels=pixels))
             progress.advance(number)
     return out

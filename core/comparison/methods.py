@@ -108,7 +108,7 @@ class Kitchen:
         try:
             varied = replace(base, variation_weight=float(values[1].removeprefix("v")))
             if values[0] != "measured":
-                int(values[0]) if kind == "rl" else float(values[0])
+                (int if kind == "rl" else float)(values[0])
         except ValueError as error:
             example = LUCY_MEASURED.replace("measured", "50") if kind == "rl" else "wiener 1e-4 v0.1"
             raise DgsError(f"There is no method '{method}'", f"Write such as '{example}'") from error
