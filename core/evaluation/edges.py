@@ -24,6 +24,8 @@ Array = NDArray[np.float64]
 CLEAREST_NOISE = 3.0
 #: Blur (px) of the steepest step that samples can tell from an infinitely steep one.
 STEEPEST = 0.15
+#: Relative change at which a fit stops: positions then move by less than 0.01 px, in half the time of 1e-8.
+TOLERANCE = 1e-5
 _FEWEST_SAMPLES = 8
 
 
@@ -91,6 +93,7 @@ def fit_edge(positions: ArrayLike, values: ArrayLike) -> Edge | None:
         fit = least_squares(
             residual, [np.clip(levels[0], low, high), np.clip(levels[1], low, high), start, 0.1 * span],
             bounds=([low, low, x[0], STEEPEST], [high, high, x[-1], span]), x_scale=[spread, spread, 1.0, 1.0],
+            ftol=TOLERANCE, xtol=TOLERANCE, gtol=TOLERANCE,
         )  # fmt: skip
     except (ValueError, OptimizeWarning):
         return None
