@@ -6,7 +6,7 @@ SHELL := /bin/bash
 PY := .venv/bin/python
 export PYTHON
 
-.PHONY: help setup demo test lint format bench bench-sfm accuracy paper extension window clean
+.PHONY: help setup demo test mutants stress lint format bench bench-sfm accuracy paper extension window clean
 
 help:  ## This list
 	@grep -E '^[a-z-]+:.*## ' Makefile | sed -E 's/:.*## /\t/' | expand -t 14
@@ -19,6 +19,12 @@ demo: setup  ## Render a small blurred set of a ball, reconstruct it, write a .b
 
 test: setup  ## All tests (less than 10 minutes on 2 cores); ARGS="-k word" goes to pytest
 	@tools/test.sh $(ARGS)
+
+mutants: setup  ## Break a copy of the tree in known ways: the tests of hard cases must see each (minutes)
+	@$(PY) tools/mutants.py $(ARGS)
+
+stress: setup  ## Every hard case on this machine; ARGS="--torture" or "--fuzz 100000"
+	@$(PY) run_dgs.py stress $(ARGS)
 
 lint: setup  ## ruff and mypy
 	@tools/lint.sh

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Runs tests/core in one process and every other test file in a process of its own (bpy keeps global
-# state that a test file may not inherit), and sums up.
+# Runs tests/core in one process, tests/hard_cases in another, and every other test file in a process of
+# its own (bpy keeps global state that a test file may not inherit), and sums up.
 # usage: tools/test.sh [pytest arguments]
 set -u -o pipefail
 cd "$(dirname "$0")/.."
@@ -23,9 +23,10 @@ run_tests() {  # target, then pytest arguments
 }
 
 run_tests tests/core "$@"
+run_tests tests/hard_cases "$@"
 while IFS= read -r file; do
   run_tests "$file" "$@"
-done < <(find tests -name 'test_*.py' -not -path 'tests/core/*' | sort)
+done < <(find tests -name 'test_*.py' -not -path 'tests/core/*' -not -path 'tests/hard_cases/*' | sort)
 
 printf '\n== Summary\n'
 printf '%s\n' "${summary[@]:-no test was selected}"

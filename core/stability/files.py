@@ -67,7 +67,7 @@ def nan_pixels(place: Place) -> float:
     planes[3, 4, 1] = math.inf
     bad[3, 4] = True
     for name in ("a.tif", "b.tif"):
-        tifffile.imwrite(place.folder / name, planes)
+        tifffile.imwrite(place.folder / name, planes, photometric="rgb")
 
     class Notes(Silent):
         texts: list[str] = []
@@ -92,7 +92,7 @@ def hdr_photo(place: Place) -> float:
 
     planes = np.full((20, 30, 3), 0.5, np.float32)
     planes[0, 0], planes[0, 1, 2] = 1e4, -3.0
-    tifffile.imwrite(place.folder / "a.tif", planes)
+    tifffile.imwrite(place.folder / "a.tif", planes, photometric="rgb")
     photo = load_photo(place.folder / "a.tif")
     right = photo.pixels[0, 0, 0] == 65535 and photo.pixels[0, 1, 2] == 0 and photo.mask is None
     return float(photo.clipped != 2) + float(not right)

@@ -24,7 +24,7 @@ from ..sfm.settings import SfmSettings
 from .case import Place, case, explained
 from .photographed import looking, sharp_photo, texture
 
-WIDTH, HEIGHT, FOCAL, SIGMA = 320, 240, 330.0, 2.0
+WIDTH, HEIGHT, FOCAL, SIGMA = 280, 210, 290.0, 2.0
 SETTINGS = SfmSettings(time_limit=20.0, hard_limit=60.0)
 
 

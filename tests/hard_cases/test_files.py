@@ -1,0 +1,9 @@
+"""Hard cases: files. The cases themselves are in core/stability/files.py."""
+
+import pytest
+from case_rows import rows
+
+
+@pytest.mark.parametrize(("one", "backend"), rows("files"))
+def test_case(one, backend, holds):
+    holds(one, backend)

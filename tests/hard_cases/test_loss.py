@@ -1,0 +1,9 @@
+"""Hard cases: loss. The cases themselves are in core/stability/loss.py."""
+
+import pytest
+from case_rows import rows
+
+
+@pytest.mark.parametrize(("one", "backend"), rows("loss"))
+def test_case(one, backend, holds):
+    holds(one, backend)

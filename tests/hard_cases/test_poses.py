@@ -1,0 +1,9 @@
+"""Hard cases: poses. The cases themselves are in core/stability/poses.py."""
+
+import pytest
+from case_rows import rows
+
+
+@pytest.mark.parametrize(("one", "backend"), rows("poses"))
+def test_case(one, backend, holds):
+    holds(one, backend)

@@ -1,0 +1,9 @@
+"""Hard cases: psf. The cases themselves are in core/stability/psf.py."""
+
+import pytest
+from case_rows import rows
+
+
+@pytest.mark.parametrize(("one", "backend"), rows("psf"))
+def test_case(one, backend, holds):
+    holds(one, backend)

@@ -1,0 +1,9 @@
+"""Hard cases: rasterizer. The cases themselves are in core/stability/rasterizer.py."""
+
+import pytest
+from case_rows import rows
+
+
+@pytest.mark.parametrize(("one", "backend"), rows("rasterizer"))
+def test_case(one, backend, holds):
+    holds(one, backend)

@@ -1,0 +1,9 @@
+"""Hard cases: scale. The cases themselves are in core/stability/scale.py."""
+
+import pytest
+from case_rows import rows
+
+
+@pytest.mark.parametrize(("one", "backend"), rows("scale"))
+def test_case(one, backend, holds):
+    holds(one, backend)

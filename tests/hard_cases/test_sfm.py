@@ -1,0 +1,9 @@
+"""Hard cases: sfm. The cases themselves are in core/stability/sfm.py."""
+
+import pytest
+from case_rows import rows
+
+
+@pytest.mark.parametrize(("one", "backend"), rows("sfm"))
+def test_case(one, backend, holds):
+    holds(one, backend)
