@@ -132,3 +132,34 @@ def test_points_are_optional_in_the_model(tmp_path):
     empty = SparsePoints(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.uint8))
     files.write_colmap_text(tmp_path, rail.cameras("rail", 1, 32, 24), empty)
     assert (tmp_path / "points3D.txt").read_text() == ""
+
+
+def test_depth_masks_and_frames_are_added_to_a_set_that_is_there(made, tmp_path):
+    """What stands beside the photos leaves them alone, and taking less asks for nothing."""
+    bare = replace(TINY, masks=False, depth=False, keep_linear=False)
+    synthesize(bare, tmp_path)
+    stamps = {path: path.stat().st_mtime_ns for path in (tmp_path / "photos").iterdir()}
+    synthesize(replace(bare, depth=True, masks=True), tmp_path)
+    assert {path: path.stat().st_mtime_ns for path in (tmp_path / "photos").iterdir()} == stamps
+    synthesize(replace(TINY, normals=True), tmp_path)
+    for name in ("photos/view_000.png", "masks_ball/view_001.png", "depth/view_001.npy", "linear/view_000.png.npy"):
+        assert (tmp_path / name).read_bytes() == (made / name).read_bytes()
+    assert json.loads((tmp_path / "manifest.json").read_text())["settings"]["normals"] is True
+    stamps = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*")}
+    synthesize(bare, tmp_path)
+    assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*")} == stamps
+    synthesize(replace(bare, psf="none"), tmp_path)
+    assert not list((tmp_path / "depth").iterdir()), "another medium is another set"
+
+
+def test_frames_of_another_version_of_the_scenes_are_not_taken_over(tmp_path, monkeypatch):
+    from dgs.dgs_addon.laboratory import settings as module
+
+    bare = replace(TINY, views=1, masks=False, depth=False, keep_linear=False)
+    monkeypatch.setattr(module, "SCENE_VERSION", -1)
+    synthesize(bare, tmp_path)
+    photo = tmp_path / "photos" / "view_000.png"
+    before = photo.stat().st_mtime_ns
+    monkeypatch.undo()
+    synthesize(replace(bare, masks=True), tmp_path)
+    assert photo.stat().st_mtime_ns != before
