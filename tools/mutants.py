@@ -46,7 +46,8 @@ MUTATIONS = (
              "tx = (x / z).clamp(-(camera.cx + mx) / camera.fx, (camera.width - camera.cx + mx) / camera.fx)",
              "tx = x / z", "clamped"),
     Mutation("geometry", "colours without a limit", "core/rasterizer/projection.py",
-             "    sound &= gaussians.sh[index].square().sum(dim=(1, 2)) <= HARMONICS_LIMIT**2\n", "", "must and culled and reference"),
+             "    sound &= gaussians.sh[index].square().sum(dim=(1, 2)) <= HARMONICS_LIMIT**2\n", "",
+             "must and culled and reference"),
     Mutation("rasterizer", "backward clamps alpha elsewhere than forward", "core/rasterizer/splat_kernels.py",
              'slope = choose(raw.compare("<", ALPHA_MAXIMUM), slope, 0.0)',
              'slope = choose(raw.compare("<", 0.999), slope, 0.0)', "cap and cpu"),
@@ -66,7 +67,8 @@ MUTATIONS = (
     Mutation("sfm", "copies of a photo count as photos", "core/views.py",
              "return len({fingerprint(view.photo) for view in views})", "return len(views)", "copies"),
     Mutation("sfm", "a line of native code is taken for a message", "core/sfm/find.py",
-             "            except ValueError:\n                continue\n", "            except KeyError:\n                continue\n", "aborts"),
+             "            except ValueError:\n                continue\n",
+             "            except KeyError:\n                continue\n", "aborts"),
     Mutation("scale", "the world is not moved to its origin", "core/training/scale.py",
              "SceneScale(np.median(positions, axis=0).astype(np.float64), float(np.median(seen)))",
              "SceneScale(np.zeros(3), float(np.median(seen)))", "away and world"),
@@ -122,7 +124,10 @@ def main() -> int:
         for mutation in chosen:
             began = time.perf_counter()
             verdicts.append(judged(mutation, folder))
-            print(f"{mutation.family:<11}{mutation.what:<52}{verdicts[-1]} ({time.perf_counter() - began:.0f} s)", flush=True)
+            print(
+                f"{mutation.family:<11}{mutation.what:<52}{verdicts[-1]} ({time.perf_counter() - began:.0f} s)",
+                flush=True,
+            )
     missed = sum(verdict != "caught" for verdict in verdicts)
     print(f"{len(verdicts) - missed} of {len(verdicts)} mutants caught")
     return 1 if missed or not verdicts else 0

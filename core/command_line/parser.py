@@ -157,6 +157,11 @@ def _add_reconstruct(commands: argparse._SubParsersAction[OneLineParser]) -> Non
     )
     _add_photos(parser)
     _add_medium(parser)
+    parser.add_argument(
+        "--effects", default="none", metavar="EFFECTS",
+        help="besides the blur: auto (what the photos call for and a short trial confirms) | none | all | names with "
+        "commas out of haze, vignetting, exposure, saturation (auto,haze forces one on, auto,-haze off)",
+    )  # fmt: skip
     data = parser.add_argument_group("what is given")
     data.add_argument(
         "--cameras", type=Path, metavar="MODEL",
@@ -247,8 +252,8 @@ def _add_stress(commands: argparse._SubParsersAction[OneLineParser]) -> None:
         commands.add_parser(
             "stress",
             help="hard cases on this machine",
-            description="Runs every known hard case (poison, needles, giants, ties, wide blurs, rails, damaged files, ...) "
-            "on this machine and device; one line each with its error and what is allowed. Ends with 2 if one fails.",
+            description="Runs every known hard case (poison, needles, giants, ties, wide blurs, rails, damaged files) on "
+            "this machine and device; a line each with its error and what is allowed. Ends with 2 if one fails.",
         )
     )
     add_arguments(parser)

@@ -39,7 +39,11 @@ def stress_command(options: argparse.Namespace, progress: Reporting) -> int:
     from ..stability.fuzz import fuzz
 
     threads, device = use_threads(options.threads), choose_device(options.device)
-    cases = [c for c in all_cases() if not options.only or any(w.lower() in f"{c.family} {c.name}".lower() for w in options.only)]
+    cases = [
+        c
+        for c in all_cases()
+        if not options.only or any(w.lower() in f"{c.family} {c.name}".lower() for w in options.only)
+    ]
     if options.list:
         for one in cases:
             print(f"{one.family:<11}{one.name}: {one.states}")

@@ -206,7 +206,8 @@ def damaged_cameras(place: Place) -> float:
         with explained(FormatError):
             read_transforms(path)
     for focal in ("0", "-5", "NaN", "1e999", '"x"', "null"):
-        text = f'{{"w": 64, "h": 48, "fl_x": {focal}, "frames": [{{"file_path": "a.png", "transform_matrix": {identity}}}]}}'
+        frame = f'{{"file_path": "a.png", "transform_matrix": {identity}}}'
+        text = f'{{"w": 64, "h": 48, "fl_x": {focal}, "frames": [{frame}]}}'
         path.write_text(text, "utf-8")
         with explained(FormatError):
             read_transforms(path)

@@ -69,7 +69,11 @@ def values(random: np.random.Generator, shape: tuple[int, ...], mean: float, spr
 
 def any_splats(random: np.random.Generator) -> Gaussians:
     """0 to 12 Gaussians of any degree, around three units before a camera at the origin."""
-    count, coefficients, rate = int(random.integers(0, MOST + 1)), SH_COEFFICIENTS[random.integers(0, 4)], random.choice(RATES)
+    count, coefficients, rate = (
+        int(random.integers(0, MOST + 1)),
+        SH_COEFFICIENTS[random.integers(0, 4)],
+        random.choice(RATES),
+    )
     return Gaussians(
         means=values(random, (count, 3), 0.0, 1.0, rate) + torch.tensor([0.0, 0.0, float(random.choice([0.0, 3.0]))]),
         log_scales=values(random, (count, 3), -2.0, 1.5, rate), quaternions=values(random, (count, 4), 0.0, 1.0, rate),
@@ -102,7 +106,8 @@ def _kernels() -> list[PointSpread]:
     """Narrow, wide, tilted, round; none wider than half the smallest frame allows."""
     return [
         PointSpread("gaussian", 0.4, 0.4), PointSpread("gaussian", 0.5, 0.2, 30.0), PointSpread("gaussian", 1e-6, 0.3),
-        point_spread_from_samples(disc(0.4)), PointSpread("gaussian", 2.0, 2.0), PointSpread("gaussian", 2.4, 0.7, 70.0),
+        point_spread_from_samples(disc(0.4)), PointSpread("gaussian", 2.0, 2.0),
+        PointSpread("gaussian", 2.4, 0.7, 70.0),
         point_spread_from_samples(disc(2.0)),
     ]  # fmt: skip
 

@@ -26,7 +26,7 @@ SHAPES = {
 @case("geometry", "poison in every slot", "finite, or culled and counted; the others undisturbed", 0.0,
       "a count of violations", ALL)  # fmt: skip
 def poison_in_every_slot(place: Place) -> float:
-    """NaN, infinities, the largest and the smallest float and 0 in every parameter of one Gaussian of twelve. Elsewhere:
+    """NaN, infinities, the largest and the smallest float and 0 in every parameter of one of twelve. Elsewhere:
     NaN radii, reads out of bounds."""
     clean, camera = random_scene(12, 1, seed=1), make_camera()
     rest = drawn(rows(clean, torch.arange(1, 12)), camera, place.backend).image
@@ -169,7 +169,7 @@ def sweep_through_the_camera(place: Place) -> float:
 @case("geometry", "grazing and beside the frame: gradients", "float32 equals float64, relative", 1e-3,
       "the target", OWN)  # fmt: skip
 def grazing_gradients(place: Place) -> float:
-    """Large Gaussians whose centre is far beside the frame: the Jacobian's direction is clamped, and its gradient ends."""
+    """Large Gaussians centred far beside the frame: the Jacobian's direction is clamped, its gradient ends."""
     places = [(0.6, 0.1, 0.9), (-2.0, 0.3, 1.0), (0.2, 4.0, 1.0), (10.0, -5.0, 1.0)]
     return max(against_float64(_at(p, 0.35 * abs(p[0]) + 0.2), make_camera(), place)[1] for p in places)
 

@@ -1,4 +1,4 @@
-"""The loss and what follows its gradient: flat images, poison, masks, Adam, and a medium that is not what it was said."""
+"""The loss and what follows its gradient: flat images, poison, masks, Adam, a medium that is not as it was said."""
 
 from __future__ import annotations
 
@@ -74,7 +74,13 @@ def hard_images_gradient(place: Place) -> float:
     return max(_loss_errors(gradients=True))
 
 
-@case("loss", "masked, NaN and saturated pixels", "their gradient is exactly 0, the rest undisturbed", 0.0, "a count of violations")
+@case(
+    "loss",
+    "masked, NaN and saturated pixels",
+    "their gradient is exactly 0, the rest undisturbed",
+    0.0,
+    "a count of violations",
+)
 def dead_pixels(place: Place) -> float:
     """One NaN in a photo poisons a whole loss elsewhere."""
     photo, image = _noise(3, 40, 50, seed=3), _noise(3, 40, 50, seed=4)
@@ -162,7 +168,13 @@ def poisoned_gradients(place: Place) -> float:
     return float(violations + (spoiled.refused != {"means": 150}) + (clean.refused != {}))
 
 
-@case("loss", "non-finite Gaussians in training", "taken out and counted; all lost is a typed error", 0.0, "a count of violations")
+@case(
+    "loss",
+    "non-finite Gaussians in training",
+    "taken out and counted; all lost is a typed error",
+    0.0,
+    "a count of violations",
+)
 def lost_rows(place: Place) -> float:
     """A parameter that became NaN all the same."""
     from ..errors import NonFiniteParameter
@@ -202,18 +214,18 @@ def density_of_extremes(place: Place) -> float:
 @case("loss", "another medium than was said", "training ends finite and closer to the photos than it began", 1.0,
       "loss at the end over loss at the start, for the worst of three")  # fmt: skip
 def wrong_medium(place: Place) -> float:
-    """The inverse crime: data made by the renderer that explains it. Here photos come from rays that meet textured planes,
+    """The inverse crime: data made by the renderer that explains it. Here photos come from rays on textured planes,
     quantised, with noise, and the point spread is 20 % too wide, 20 % too narrow, or a disc said to be a Gaussian."""
     from ..imaging.medium import Medium
 
     cameras = [looking(centre, np.zeros(3), f"{i}.png") for i, centre in enumerate(arc(6))]
     worst = 0.0
     for kernel in (1.25, 1.875, disc(3.0)):
-        views, begun = photographs(cameras, kernel), []
-        medium = Medium(PointSpread("gaussian", 1.5, 1.5))
-        trainer = trained_steps(views, corner_points(200), medium, 60, lambda t, b=begun: b.append(misfit(t)))  # type: ignore[misc]
+        views, medium = photographs(cameras, kernel), Medium(PointSpread("gaussian", 1.5, 1.5))
+        before = misfit(trained_steps(views, corner_points(200), medium, 0))
+        trainer = trained_steps(views, corner_points(200), medium, 60)
         bad = sum(non_finite(t) for _, t in trainer.optimizer.gaussians.named())
-        worst = max(worst, math.inf if bad else misfit(trainer) / begun[0])
+        worst = max(worst, math.inf if bad else misfit(trainer) / before)
     return worst
 
 

@@ -38,7 +38,9 @@ def arc(count: int, radius: float = 3.0) -> list[Array]:
     return [radius * np.array([np.sin(a), 0.2 * np.cos(7 * a), -np.cos(a)]) for a in angles]
 
 
-def looking(centre: Array, at: Array, name: str, width: int = WIDTH, height: int = HEIGHT, focal: float = FOCAL) -> Camera:
+def looking(
+    centre: Array, at: Array, name: str, width: int = WIDTH, height: int = HEIGHT, focal: float = FOCAL
+) -> Camera:
     """A camera that looks at a point, upright."""
     forward = (at - centre) / np.linalg.norm(at - centre)
     right = np.cross([0.0, 1.0, 0.0], forward)
@@ -125,7 +127,9 @@ def moved_world(
     views: Sequence[View], points: SparsePoints, size: float, offset: Array
 ) -> tuple[list[View], SparsePoints]:
     """The same photos in another world: x' = size x + offset."""
-    cameras = [v.camera.moved(v.camera.rotation, size * v.camera.translation - v.camera.rotation @ offset) for v in views]
+    cameras = [
+        v.camera.moved(v.camera.rotation, size * v.camera.translation - v.camera.rotation @ offset) for v in views
+    ]
     there = [replace(view, camera=camera) for view, camera in zip(views, cameras, strict=True)]
     return there, replace(points, positions=points.positions * size + offset)
 
@@ -156,5 +160,7 @@ def misfit(trainer: Trainer) -> float:
             ).image  # fmt: skip
             degraded = trainer.objective(level, view).degraded(image).cpu()
         mask = None if view.valid is None else torch.from_numpy(view.valid)
-        losses.append(PhotometricLoss(torch.from_numpy(view.planes()), mask).value_and_gradient(degraded.contiguous())[0])
+        losses.append(
+            PhotometricLoss(torch.from_numpy(view.planes()), mask).value_and_gradient(degraded.contiguous())[0]
+        )
     return float(np.mean(losses))

@@ -44,7 +44,7 @@ def _elsewhere(cameras: dict[str, Camera], size: float, offset: float, seed: int
 
 @case("poses", "gauge: any similarity", "no pose error after alignment, in units of the scene", 1e-9, "float64")
 def gauge(place: Place) -> float:
-    """Where the world's origin lies and how long a unit is, photos cannot tell; scoring without alignment punishes it."""
+    """Photos tell neither where the world's origin lies nor how long a unit is; scores without alignment punish it."""
     truth, errors = _set(arc(7)), []
     for size, offset in ((1e-3, 0.0), (1e3, 0.0), (1.0, 10.0), (1e3, 1e3)):
         found = pose_errors(_elsewhere(truth, size, offset), truth)
@@ -52,7 +52,13 @@ def gauge(place: Place) -> float:
     return max(errors)
 
 
-@case("poses", "gauge at UTM coordinates", "no pose error after alignment", 1e-7, "float64 keeps 1e-10 of 1e6, the scene is 3 units")
+@case(
+    "poses",
+    "gauge at UTM coordinates",
+    "no pose error after alignment",
+    1e-7,
+    "float64 keeps 1e-10 of 1e6, the scene is 3 units",
+)
 def gauge_utm(place: Place) -> float:
     """The estimate stands a thousand kilometres from the truth."""
     found = pose_errors(_elsewhere(_set(arc(7)), 1.0, 1e6), _set(arc(7)))
@@ -70,7 +76,13 @@ def rail(place: Place) -> float:
     return max(float(found.centre.max()), math.radians(float(found.angle.max())))
 
 
-@case("poses", "ranks of camera sets", "0 in one place, 1 on a rail, 2 in a plane, 3 in space", 0.0, "a count of violations")
+@case(
+    "poses",
+    "ranks of camera sets",
+    "0 in one place, 1 on a rail, 2 in a plane, 3 in space",
+    0.0,
+    "a count of violations",
+)
 def ranks(place: Place) -> float:
     """All photos from one place fix no scale: no division by zero."""
     flat = [np.array([x, y, -3.0]) for x in (-1.0, 0.0, 1.0) for y in (-0.7, 0.6)]

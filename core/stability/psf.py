@@ -91,7 +91,7 @@ def constant_image(place: Place) -> float:
 
 @case("psf", "kernels are normalised", "sum is 1, also where they are cut off", 1e-12, "float64's rounding")
 def normalised(place: Place) -> float:
-    """A cut at 3 sigma loses 0.54 % of a Gaussian's light unless the rest is renormalised; a kernel from a file may have
+    """A cut at 3 sigma loses 0.54 % of the light unless the rest is renormalised; a kernel from a file may have
     any sum, which is told."""
     errors = [abs(float(_spread(text).kernel().sum()) - 1.0) for text, _ in SPREADS]
     errors += [abs(float(gaussian_taps(5.0, cut).sum()) - 1.0) for cut in (1.0, 3.0, 4.0)]
@@ -105,7 +105,13 @@ def normalised(place: Place) -> float:
     return max(errors)
 
 
-@case("psf", "even or off-centre kernels", "centroid of the blurred point is 0 px off", 1e-4, "cubic interpolation, cut at 0")
+@case(
+    "psf",
+    "even or off-centre kernels",
+    "centroid of the blurred point is 0 px off",
+    1e-4,
+    "cubic interpolation, cut at 0",
+)
 def centred(place: Place) -> float:
     """Half a pixel of shift would be taken up by the poses."""
     random, errors = np.random.default_rng(0), []
@@ -159,7 +165,13 @@ def evaluations_agree(place: Place) -> float:
     return max(errors)
 
 
-@case("psf", "reduced resolution", "differs from the exact blur by less than it promises", REDUCED_TOLERANCE, "its own bound")
+@case(
+    "psf",
+    "reduced resolution",
+    "differs from the exact blur by less than it promises",
+    REDUCED_TOLERANCE,
+    "its own bound",
+)
 def reduced(place: Place) -> float:
     """Wide blurs are computed on a coarse grid."""
     psf, frame = _spread("gaussian:9"), _noise(3, 80, 90, seed=2)
@@ -209,7 +221,13 @@ def two_tone_edge(place: Place) -> float:
     return max(errors)
 
 
-@case("psf", "colour curve at 0, at 1 and beyond", "finite slopes, inverse of each other", 2e-6, "float32's rounding, relative")
+@case(
+    "psf",
+    "colour curve at 0, at 1 and beyond",
+    "finite slopes, inverse of each other",
+    2e-6,
+    "float32's rounding, relative",
+)
 def colour_curve(place: Place) -> float:
     """The power's slope at 0 is infinite; renders overshoot below 0 and above 1."""
     values = torch.tensor([-1e4, -1.0, -1e-7, 0.0, 1e-12, 0.0031308, 0.04045, 0.5, 1.0, 2.0, 1e4], requires_grad=True)
@@ -218,7 +236,9 @@ def colour_curve(place: Place) -> float:
         (slope,) = torch.autograd.grad(forth(values).sum(), values)
         again = back(forth(values)).detach()
         finite = bool(slope.isfinite().all() and (slope > 0).all())
-        errors.append(float(((again - values.detach()).abs() / (values.detach().abs() + 1)).max()) if finite else math.inf)
+        errors.append(
+            float(((again - values.detach()).abs() / (values.detach().abs() + 1)).max()) if finite else math.inf
+        )
     return max(errors)
 
 
@@ -240,7 +260,13 @@ def inverse_at_nulls(place: Place) -> float:
     return max(errors)
 
 
-@case("psf", "coarser grids", "variance is (sigma^2 + (s^2 - 1) / 12) / s^2, sum 1, centred", 1e-3, "px^2, of cubic resampling")
+@case(
+    "psf",
+    "coarser grids",
+    "variance is (sigma^2 + (s^2 - 1) / 12) / s^2, sum 1, centred",
+    1e-3,
+    "px^2, of cubic resampling",
+)
 def coarser_grids(place: Place) -> float:
     """Training works on a grid of its own: the point spread must follow exactly."""
     errors = []
@@ -258,7 +284,14 @@ def senseless(place: Place) -> float:
     """Negative, NaN, infinite, dark, of one row, far off its middle, larger than a photo; texts with nan and inf."""
     ring = np.zeros((21, 21))
     ring[0, 0] = 1.0
-    bad = [np.full((5, 5), np.nan), np.full((5, 5), np.inf), -np.ones((5, 5)), np.zeros((5, 5)), ring, np.ones((2, 1200))]
+    bad = [
+        np.full((5, 5), np.nan),
+        np.full((5, 5), np.inf),
+        -np.ones((5, 5)),
+        np.zeros((5, 5)),
+        ring,
+        np.ones((2, 1200)),
+    ]
     for kernel in bad:
         with explained(PsfError):
             point_spread_from_samples(kernel)

@@ -45,7 +45,9 @@ def stack_image(place: Place) -> float:
     return max(against_float64(opaque_stack(logit), make_camera(), place)[0] for logit in (3.0, 12.0))
 
 
-@case("rasterizer", "64 opaque splats in a stack: gradients", "float32 equals float64, relative", 1e-3, "the target", OWN)
+@case(
+    "rasterizer", "64 opaque splats in a stack: gradients", "float32 equals float64, relative", 1e-3, "the target", OWN
+)
 def stack_gradients(place: Place) -> float:
     """Where forward and backward clamp alpha differently, the recovered transmittance is off by up to 10 times."""
     return max(against_float64(opaque_stack(logit), make_camera(), place)[1] for logit in (3.0, 12.0))
@@ -101,7 +103,7 @@ def smooth_mode(place: Place) -> float:
 @case("rasterizer", "no splat is dead for good", "density control acts, and leaves none below the cutoff", 0.0,
       "a count of violations")  # fmt: skip
 def no_splat_is_dead_for_good(place: Place) -> float:
-    """Opacity resets elsewhere never happen, or zero gradients for ever. There is none here: what fell below the cutoff,
+    """Opacity resets elsewhere never happen, or zero gradients for ever. Here is none: what fell below the cutoff,
     and with it lost its gradient, is taken out at the next density control instead."""
     from ..training.density import TRANSPARENT
     from .photographed import small_set, trained_steps
@@ -163,7 +165,14 @@ def odd_sizes(place: Place) -> float:
     return max(errors)
 
 
-@case("rasterizer", "a view that sees nothing", "background, and gradients of exactly 0", 0.0, "a count of violations", ALL)
+@case(
+    "rasterizer",
+    "a view that sees nothing",
+    "background, and gradients of exactly 0",
+    0.0,
+    "a count of violations",
+    ALL,
+)
 def empty_view(place: Place) -> float:
     """All Gaussians beside the frame, or none at all."""
     violations = 0
@@ -198,7 +207,9 @@ def law_permutation(place: Place) -> float:
     scene, camera = random_scene(120, 1, seed=11), make_camera()
     order = torch.randperm(120, generator=torch.Generator().manual_seed(1))
     one, other = (drawn(s, camera, place.backend) for s in (scene, rows(scene, order)))
-    slopes = [worst(other.gradients[n], g[order]) / float(g.abs().max()) for n, g in one.gradients.items() if n != "twist"]
+    slopes = [
+        worst(other.gradients[n], g[order]) / float(g.abs().max()) for n, g in one.gradients.items() if n != "twist"
+    ]
     return max(worst(other.image, one.image), *slopes)
 
 
@@ -220,7 +231,14 @@ def _turned(scene: Gaussians, camera: Camera) -> tuple[Gaussians, Camera]:
     return out, camera.moved(rotation, camera.translation - rotation @ shift)
 
 
-@case("rasterizer", "law: turned and shifted world", "same image", 5e-5, "centres of float32, 1e-7 of 5 units at 20 px/unit", ALL)
+@case(
+    "rasterizer",
+    "law: turned and shifted world",
+    "same image",
+    5e-5,
+    "centres of float32, 1e-7 of 5 units at 20 px/unit",
+    ALL,
+)
 def law_rigid_world(place: Place) -> float:
     """World and camera move together."""
     scene, camera = random_scene(100, 0, seed=12), make_camera()
@@ -239,13 +257,15 @@ def law_scaled_world(place: Place) -> float:
         other.means *= unit
         other.log_scales += math.log(unit)
         moved = camera.moved(camera.rotation, camera.translation * unit)
-        errors.append(pixels_apart(drawn(other, moved, place.backend, RasterSettings(near=NEAR_PLANE * unit)).image, one.image))
+        errors.append(
+            pixels_apart(drawn(other, moved, place.backend, RasterSettings(near=NEAR_PLANE * unit)).image, one.image)
+        )
     return max(errors)
 
 
 @case("rasterizer", "law: twice the resolution", "every second px is the same", 2e-5, "rounding", OWN)
 def law_resolution(place: Place) -> float:
-    """Twice as many px along each side, four times the low-pass, and the lens shifted by half a px: every second px looks
+    """Twice as many px along each side, four times the low-pass, the lens shifted by half a px: every second px looks
     along the same ray."""
     scene, camera = random_scene(100, 1, seed=14, size=-1.8), make_camera()
     scene.means[:, :2] *= 0.5

@@ -41,9 +41,7 @@ def random_scene(count: int, degree: int = 1, seed: int = 0, size: float = -2.3)
 
     means = normal(count, 3) * torch.tensor([1.1, 0.8, 0.7]) + torch.tensor([0.0, 0.0, 3.5])
     sh = normal(count, SH_COEFFICIENTS[degree], 3) * 0.3
-    return Gaussians(
-        means, normal(count, 3) * 0.5 + size, normal(count, 4), (normal(count) * 1.5).clamp(max=3.0), sh
-    )
+    return Gaussians(means, normal(count, 3) * 0.5 + size, normal(count, 4), (normal(count) * 1.5).clamp(max=3.0), sh)
 
 
 def single(
@@ -60,9 +58,7 @@ def single(
 
 def joined(*parts: Gaussians) -> Gaussians:
     """Several sets of Gaussians as one."""
-    return Gaussians(
-        **{name: torch.cat([getattr(p, name) for p in parts]) for name, _ in parts[0].named()}
-    )
+    return Gaussians(**{name: torch.cat([getattr(p, name) for p in parts]) for name, _ in parts[0].named()})
 
 
 def rows(gaussians: Gaussians, index: Tensor) -> Gaussians:

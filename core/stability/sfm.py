@@ -34,7 +34,9 @@ def _photo(name: str, planes: np.ndarray) -> Photo:
 
 
 def _cameras(count: int) -> dict[str, Camera]:
-    centres = [3.2 * np.array([math.sin(a), 0.15 * math.cos(5 * a), -math.cos(a)]) for a in np.linspace(-0.4, 0.4, count)]
+    centres = [
+        3.2 * np.array([math.sin(a), 0.15 * math.cos(5 * a), -math.cos(a)]) for a in np.linspace(-0.4, 0.4, count)
+    ]
     return {f"{i}.png": looking(c, np.zeros(3), f"{i}.png", WIDTH, HEIGHT, FOCAL) for i, c in enumerate(centres)}
 
 
@@ -97,7 +99,13 @@ def panorama(place: Place) -> float:
     return 0.0
 
 
-@case("sfm", "planar scene", "right cameras (a tenth of the distance), or a typed error", 0.1, "share of the viewing distance")
+@case(
+    "sfm",
+    "planar scene",
+    "right cameras (a tenth of the distance), or a typed error",
+    0.1,
+    "share of the viewing distance",
+)
 def planar(place: Place) -> float:
     """A wall leaves two solutions per pair; COLMAP may abort the process on such sets."""
     truth = _cameras(6)
@@ -129,7 +137,13 @@ def abort(place: Place) -> float:
     return 0.0
 
 
-@case("sfm", "one photo ten times", "the others' cameras stay, in px of the photo", 1.5, "SfM's own scatter on this set is 0.3 px")
+@case(
+    "sfm",
+    "one photo ten times",
+    "the others' cameras stay, in px of the photo",
+    1.5,
+    "SfM's own scatter on this set is 0.3 px",
+)
 def repeated_photo(place: Place) -> float:
     """Copies look like the best matches of all: false confidence."""
     truth = _cameras(7)
@@ -143,7 +157,9 @@ def repeated_photo(place: Place) -> float:
     # Copies must stand where their original stands.
     middle = found.poses["3.png"].centre
     spread = np.ptp([found.poses[n].centre for n in named], axis=0).max()
-    away = max((np.linalg.norm(found.poses[c.name].centre - middle) for c in copies if c.name in found.poses), default=0.0)
+    away = max(
+        (np.linalg.norm(found.poses[c.name].centre - middle) for c in copies if c.name in found.poses), default=0.0
+    )
     return max(float(np.median(errors.centre_px)), float(away / spread) * 100.0)
 
 

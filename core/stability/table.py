@@ -66,7 +66,11 @@ def failures(results: Sequence[Result], found: Fuzzed | None, outcomes: Sequence
 
 
 def as_json(
-    results: Sequence[Result], found: Fuzzed | None, outcomes: Sequence[Outcome], machine: Mapping[str, Any], seconds: float
+    results: Sequence[Result],
+    found: Fuzzed | None,
+    outcomes: Sequence[Outcome],
+    machine: Mapping[str, Any],
+    seconds: float,
 ) -> dict[str, Any]:
     """The same for programs: plain values, NaN as null."""
 
@@ -87,7 +91,8 @@ def as_json(
         ],
         "fuzz": None if found is None else {
             "scenes": found.scenes, "splats": found.splats, "non_finite": found.non_finite,
-            "uncounted": found.uncounted, "culled": found.culled, "seconds": round(found.seconds, 1), "seeds": found.worst,
+            "uncounted": found.uncounted, "culled": found.culled, "seconds": round(found.seconds, 1),
+            "seeds": found.worst,
         },
         "torture": [
             {
@@ -100,7 +105,11 @@ def as_json(
 
 
 def markdown(
-    results: Sequence[Result], found: Fuzzed | None, outcomes: Sequence[Outcome], machine: Mapping[str, Any], seconds: float
+    results: Sequence[Result],
+    found: Fuzzed | None,
+    outcomes: Sequence[Outcome],
+    machine: Mapping[str, Any],
+    seconds: float,
 ) -> str:
     """The tables with the machine that they were measured on."""
     text = [f"Measured on {described(machine)}, in {seconds:.0f} s.", ""]
@@ -121,7 +130,8 @@ def markdown(
     if outcomes:
         text += ["### Trainings on bad scenes", "", "| scene | loss before | after | |", "|---|---|---|---|"]
         text += [
-            f"| {o.name} | {figure(o.before)} | {o.stopped or figure(o.after)} | {verdict(o.passed)} |" for o in outcomes
+            f"| {o.name} | {figure(o.before)} | {o.stopped or figure(o.after)} | {verdict(o.passed)} |"
+            for o in outcomes
         ]
         text.append("")
     return "\n".join(text)

@@ -24,6 +24,8 @@ def holds() -> Callable[[Case, str], None]:
                 pytest.skip("no CUDA device with a working gsplat on this machine")
         result = measured(one, backend)  # type: ignore[arg-type]
         assert not result.raised, result.raised
-        assert result.error <= one.tolerance, f"{one.invariant}: {result.error:.3g} > {one.tolerance:.3g} ({one.reason})"
+        assert result.error <= one.tolerance, (
+            f"{one.invariant}: {result.error:.3g} > {one.tolerance:.3g} ({one.reason})"
+        )
 
     return check

@@ -54,7 +54,9 @@ def test_any_parameters(backend, drawn):
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
-@given(scale=st.floats(1.0, 1e12), turn=arrays(np.float32, 4, elements=st.floats(-1, 1, width=32)), logit=st.floats(-4, 8))
+@given(
+    scale=st.floats(1.0, 1e12), turn=arrays(np.float32, 4, elements=st.floats(-1, 1, width=32)), logit=st.floats(-4, 8)
+)
 @QUICK
 def test_a_giant_before_the_camera_must_not_be_culled(backend, scale, turn, logit):
     if np.linalg.norm(turn) < 1e-6:
@@ -84,12 +86,18 @@ def test_what_is_not_before_the_near_plane_must_be_culled(backend, z, x, y):
 def test_any_gaussian_point_spread(sigma, angle, margin, seed):
     psf = PointSpread("gaussian", float(sigma[0]), float(sigma[1]), angle)
     try:
-        blurs = [BlurOperator(psf, 21, 30, margin, evaluation="fourier"), BlurOperator(psf, 21, 30, margin, evaluation="auto")]
+        blurs = [
+            BlurOperator(psf, 21, 30, margin, evaluation="fourier"),
+            BlurOperator(psf, 21, 30, margin, evaluation="auto"),
+        ]
     except PsfError as error:
         assert error.way_out and float(np.sqrt(np.diag(psf.covariance).max())) > 10
         return
     random = torch.Generator().manual_seed(seed)
-    frame, photo = torch.rand(3, 21 + 2 * margin, 30 + 2 * margin, generator=random), torch.rand(3, 21, 30, generator=random)
+    frame, photo = (
+        torch.rand(3, 21 + 2 * margin, 30 + 2 * margin, generator=random),
+        torch.rand(3, 21, 30, generator=random),
+    )
     for blur in blurs:
         out, back = blur.apply(frame), blur.adjoint(photo)
         assert bool(out.isfinite().all() and back.isfinite().all())
@@ -112,7 +120,9 @@ def test_any_kernel_is_normalised_and_centred_or_refused(values):
     assert all(n % 2 for n in kernel.shape)
 
 
-@given(text=st.one_of(st.text(max_size=30), st.builds("gaussian:{}".format, st.text("0123456789.,-+einfa", max_size=12))))
+@given(
+    text=st.one_of(st.text(max_size=30), st.builds("gaussian:{}".format, st.text("0123456789.,-+einfa", max_size=12)))
+)
 @QUICK
 def test_any_text_for_a_point_spread(text):
     try:
@@ -125,7 +135,8 @@ def test_any_text_for_a_point_spread(text):
 
 @given(photo=arrays(np.float32, (3, 13, 18), elements=st.one_of(st.floats(0, 1, width=32), st.sampled_from(
            [np.nan, np.inf, -np.inf, 1.0, 0.0, 1e4]))),
-       image=arrays(np.float32, (3, 13, 18), elements=st.floats(-1e4, 1e4, width=32)), weight=st.floats(0, 1))  # fmt: skip
+       image=arrays(np.float32, (3, 13, 18), elements=st.floats(-1e4, 1e4, width=32)),
+       weight=st.floats(0, 1))  # fmt: skip
 @QUICK
 def test_any_photo_and_any_finite_image(photo, image, weight):
     y, x = torch.from_numpy(photo), torch.from_numpy(image)
@@ -133,7 +144,9 @@ def test_any_photo_and_any_finite_image(photo, image, weight):
     assert math.isfinite(value) and value > -1e-5
     assert bool(slope.isfinite().all())
     assert float(slope[~y.isfinite()].abs().sum()) == 0.0
-    assert value == pytest.approx(float(photometric_reference(x.double(), y.double(), ssim_weight=weight)), rel=1e-3, abs=1e-4)
+    assert value == pytest.approx(
+        float(photometric_reference(x.double(), y.double(), ssim_weight=weight)), rel=1e-3, abs=1e-4
+    )
 
 
 @pytest.mark.parametrize(("backend", "count"), [("cpu", 400), ("reference", 100)])

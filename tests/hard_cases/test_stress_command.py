@@ -15,7 +15,12 @@ def test_the_table_as_lines_json_and_document(tmp_path, capsys):
     lines = capsys.readouterr().out.splitlines()
     assert sum(" pass " in line for line in lines) == 2 and lines[-1].startswith("2 of 2 hold, 0 failed")
     text = document.read_text("utf-8")
-    assert text.startswith("before\n") and text.endswith("after\n") and "previous" not in text and "SSIM of flat images" in text
+    assert (
+        text.startswith("before\n")
+        and text.endswith("after\n")
+        and "previous" not in text
+        and "SSIM of flat images" in text
+    )
     assert run(["stress", "--only", "half a circle", "--json"]) == 0
     content = json.loads(capsys.readouterr().out)
     assert content["failed"] == 0 and content["cases"][0]["passed"] and content["machine"]["cores"] >= 1
@@ -25,8 +30,8 @@ def test_failures_are_seen(monkeypatch, capsys):
     def broken(place):
         raise RuntimeError("no\nway")
 
-    bad = [Case(n, "scale", "", "holds", 1.0, "", m) for n, m in (("nan", lambda p: float("nan")), ("big", lambda p: 2.0),
-                                                                ("raised", broken))]  # fmt: skip
+    kinds = {"nan": lambda place: float("nan"), "big": lambda place: 2.0, "raised": broken}
+    bad = [Case(name, "scale", "", "holds", 1.0, "", measure) for name, measure in kinds.items()]
     monkeypatch.setattr(case_module, "_CASES", bad)
     assert run(["stress", "--only", "scale"]) == 2
     said = capsys.readouterr().out
