@@ -2,10 +2,11 @@
 
     .venv/bin/python tools/kill_engine.py [--kills 20] [--seed 0]
 
-One set of a dozen small photos; each job runs to a random moment, is killed, and is resumed to the next
-moment, until all kills are done; the last job runs to its end. Blender (pip's bpy, this process) must live
-through all of it and say what happened each time. Lost work is what has to be computed again: the seconds
-between the last checkpoint and the kill, or all of a stage that keeps none.
+One set of a dozen small photos; each job runs to a random moment of its preparation or its optimization,
+is killed, and is resumed to the next moment, until all kills are done; the last job runs to its end.
+Blender (pip's bpy, this process) must live through all of it and say what happened each time. Lost work is
+what has to be computed again: the seconds between the last checkpoint and the kill, or all of a stage that
+keeps none.
 """
 
 from __future__ import annotations
@@ -24,8 +25,10 @@ from typing import Any
 ROOT = Path(__file__).resolve().parent.parent
 #: Gaussians and photos are few, so that a job takes seconds and most kills hit the optimization.
 GAUSSIANS = 2000
-#: Latest moment of a kill, in seconds after the engine was started.
-LATEST = 20.0
+#: Share of the kills that wait for the optimization to begin; the others come while the engine still prepares.
+TRAINING = 0.7
+#: Latest moment of a kill, in seconds after the engine was started, or after the optimization has begun.
+LATEST = 10.0
 #: What may be lost, in seconds.
 ALLOWED = 30.0
 
@@ -70,8 +73,11 @@ def kill_jobs(photos: Path, out: Path, kills: int, seed: int) -> tuple[list[Kill
     request = request_of("reconstruct", bpy.context.scene)
     for _ in range(kills):
         job = runner.start(request, Path(sys.executable), bpy.context.scene)
-        began, after = time.monotonic(), moments.uniform(0.2, LATEST)
-        while job.state.alive and time.monotonic() - began < after:
+        began, training, after = time.monotonic(), moments.random() < TRAINING, moments.uniform(0.1, LATEST)
+        while job.state.alive and training and not job.state.marks:
+            runner.wait(0.02)
+        ready = time.monotonic()
+        while job.state.alive and time.monotonic() - ready < after:
             runner.wait(0.02)
         if not job.state.alive:  # it was done before its moment: begin anew
             request = request_of("reconstruct", bpy.context.scene)

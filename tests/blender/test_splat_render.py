@@ -17,7 +17,7 @@ from dgs.core.rasterizer import RasterSettings, render  # noqa: E402
 from dgs.dgs_addon.axes import place_camera  # noqa: E402
 from dgs.dgs_addon.scene.cameras import new_camera  # noqa: E402
 from dgs.dgs_addon.scene.material import prepare_scene  # noqa: E402
-from dgs.dgs_addon.scene.nodes import FACE_INPUT, splat_modifier  # noqa: E402
+from dgs.dgs_addon.scene.nodes import FACE_INPUT, set_splat_input, splat_modifier  # noqa: E402
 from dgs.dgs_addon.scene.twin import add_twin  # noqa: E402
 from mathutils import Matrix, Vector  # noqa: E402
 from numpy.typing import NDArray  # noqa: E402
@@ -69,10 +69,7 @@ def test_apart_splats_have_the_references_shape_and_colour(cloud: GaussianCloud,
 
 def test_balls_for_any_direction_come_close(cloud: GaussianCloud, tmp_path: Path) -> None:
     twin = add_twin(cloud, "twin", bpy.context.scene.collection)
-    modifier = splat_modifier(twin)
-    sockets = {item.name: item.identifier for item in modifier.node_group.interface.items_tree}
-    modifier[sockets[FACE_INPUT]] = False
-    twin.update_tag()
+    set_splat_input(splat_modifier(twin), FACE_INPUT, False)
     seen = _cycles(tmp_path)
     image, alpha = _reference(cloud, low_pass=0.0, alpha_minimum=0.0)
     assert np.abs(seen[..., 3] - alpha).max() < 0.04

@@ -80,9 +80,9 @@ class Robot:
         self.sidebar().tag_redraw()
         yield 1.0
 
-    def escape(self) -> None:
-        """Presses Escape."""
-        _xdotool("key", "Escape")
+    def key(self, name: str) -> None:
+        """Presses a key."""
+        _xdotool("key", name)
 
     def picture(self, name: str, out_of_the_way: bool = True) -> Story:
         """Takes a screenshot; the mouse is out of the way, unless that would close what is to be seen."""

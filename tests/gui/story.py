@@ -33,7 +33,13 @@ def story(robot: Robot) -> Story:
     yield from robot.open_tab("Descatter")
     yield from robot.picture("1-empty")
     settings = bpy.context.scene.dgs
-    seen["dropped"] = _drop(robot, sorted((FOLDER / "photos").iterdir())[0]) and settings.photos
+    _drop(robot, sorted((FOLDER / "photos").iterdir())[0])
+    yield 1.0
+    if not settings.photos:  # Blender has a use of its own for pictures, and asks
+        yield from robot.picture("drop-menu", out_of_the_way=False)
+        robot.key("c")  # Choose Photos
+        yield 1.0
+    seen["dropped"] = settings.photos
     settings.medium, settings.sigma, settings.preset = "gaussian", 1.5, "draft"
     yield 2.0
     yield from robot.picture("2-photos")
@@ -44,10 +50,10 @@ def story(robot: Robot) -> Story:
     seen["idle_usual"], seen["idle_worst"] = _percentiles(robot.gaps)
     yield from robot.press("dgs.optimize")
     first = len(robot.gaps)
-    yield from _until(lambda: runner.running(), 10)
-    yield from _until(lambda: len(runner.current().state.marks) > 10, 120)
+    yield from _until(lambda: runner.running(), 60)
+    yield from _until(lambda: len(runner.current().state.marks) > 10, 500)
     yield from robot.picture("3-optimizing")
-    yield from _until(lambda: not runner.running(), 300)
+    yield from _until(lambda: not runner.running(), 600)
     job = runner.current()
     gaps, drawn = robot.gaps[first:], robot.drawn[first:]
     free = [gap for gap, was in zip(gaps, drawn, strict=True) if not was]
@@ -76,14 +82,14 @@ def story(robot: Robot) -> Story:
     seen["clicks"] = robot.clicks
     rendered: list[object] = []
     bpy.app.handlers.render_complete.append(lambda *_: rendered.append(1))
-    yield from _until(lambda: rendered, 120)
+    yield from _until(lambda: rendered, 400)
     yield 1.0
     yield from robot.picture("6-rendered")
     seen["rendered"] = True
     yield from _killed(robot, runner)
     exact = import_module(f"{ADDON}.dgs_addon.exact")
     yield from robot.press("dgs.exact_view")
-    yield from _until(lambda: exact.IMAGE in bpy.data.images or not exact.busy(), 60)
+    yield from _until(lambda: exact.IMAGE in bpy.data.images or not exact.busy(), 300)
     seen["exact"] = exact.IMAGE in bpy.data.images
     yield 1.0
     yield from robot.picture("8-exact")
@@ -94,13 +100,12 @@ def story(robot: Robot) -> Story:
     yield from robot.picture("9-preferences")
 
 
-def _drop(robot: Robot, path: Path) -> bool:
+def _drop(robot: Robot, path: Path) -> None:
     """Drops a file onto the sidebar: Blender's own operator of a drop, which asks the file handlers."""
     window = bpy.context.window_manager.windows[0]
     with bpy.context.temp_override(window=window, area=robot.area(), region=robot.sidebar()):
         files = [{"name": path.name}]
-        done = bpy.ops.wm.drop_import_file("INVOKE_DEFAULT", directory=str(path.parent), files=files)
-    return done == {"FINISHED"}
+        bpy.ops.wm.drop_import_file("INVOKE_DEFAULT", directory=str(path.parent), files=files)
 
 
 def _files(robot: Robot) -> Story:
@@ -118,7 +123,7 @@ def _files(robot: Robot) -> Story:
         with bpy.context.temp_override(window=bpy.context.window_manager.windows[0], area=robot.area()):
             bpy.ops.wm.call_menu(name=f"TOPBAR_MT_file_{name}")
         yield from robot.picture(f"menu-{name}", out_of_the_way=False)
-        robot.escape()
+        robot.key("Escape")
         yield 0.5
 
 
@@ -142,15 +147,15 @@ def _killed(robot: Robot, runner: Any) -> Story:
     bpy.context.scene.dgs.live = True
     yield from robot.press("dgs.optimize")
     first = len(robot.gaps)
-    yield from _until(lambda: runner.running() and len(runner.current().state.marks) > 3, 120)
+    yield from _until(lambda: runner.running() and len(runner.current().state.marks) > 3, 400)
     os.kill(runner.current().worker.pid, signal.SIGKILL)
     yield from _until(lambda: not runner.running(), 20)
     seen["killed"] = runner.current().state.error
     yield 1.0
     yield from robot.picture("7-killed")
     yield from robot.press("dgs.resume_job")
-    yield from _until(lambda: runner.running(), 10)
-    yield from _until(lambda: not runner.running(), 200)
+    yield from _until(lambda: runner.running(), 60)
+    yield from _until(lambda: not runner.running(), 600)
     seen["live_usual"], seen["live_worst"] = _percentiles(robot.gaps[first:])
     seen["resumed"] = runner.current().state.phase
     yield 2.0
