@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 
-def _cache_folder() -> Path:
+def cache_folder() -> Path:
     """Cache of compiled code, keyed by the kernels' sources.
 
     numba notices a change in a kernel's own file only; a changed constant or inlined helper in
@@ -34,7 +34,7 @@ def cache_base() -> Path:
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "dgs"
 
 
-os.environ.setdefault("NUMBA_CACHE_DIR", str(_cache_folder()))
+os.environ.setdefault("NUMBA_CACHE_DIR", str(cache_folder()))
 
 import numba  # noqa: E402  (reads NUMBA_CACHE_DIR when it is imported)
 
