@@ -74,6 +74,10 @@ def _command(name: str) -> Callable[[argparse.Namespace, Reporting], int]:
         from .inspect_command import inspect_command
 
         return inspect_command
+    if name == "estimate":
+        from .estimate_command import estimate_command
+
+        return estimate_command
     if name == "measure-psf":
         from .measure_psf_command import measure_psf_command
 

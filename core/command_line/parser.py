@@ -10,6 +10,7 @@ from typing import NoReturn
 
 from ..pipeline.settings import DEFAULT_FRAMES
 from ..version import VERSION
+from .quality import quality
 
 _UNITS = {"": 1.0, "s": 1.0, "m": 60.0, "min": 60.0, "h": 3600.0}
 
@@ -79,6 +80,7 @@ def build_parser(arguments: list[str]) -> argparse.ArgumentParser:
     _add_synthesize(commands, asked="synthesize" in arguments[:1])
     _add_compare(commands)
     _add_inspect(commands)
+    _add_estimate(commands)
     _add_measure_psf(commands)
     return parser
 
@@ -183,7 +185,13 @@ def _add_reconstruct(commands: argparse._SubParsersAction[OneLineParser]) -> Non
     effort.add_argument("--preset", choices=("draft", "balanced", "fine"), default="balanced",
                         help="how much time to spend")  # fmt: skip
     effort.add_argument("--time-limit", type=duration, metavar="TIME",
-                        help="from the photos to the twin, such as 120s or 2m; none if not given")  # fmt: skip
+                        help="from the command to the report, such as 120s or 2m: steps, Gaussians and grid are "
+                        "planned for it instead of the preset's, and everything is saved by then")  # fmt: skip
+    effort.add_argument("--until-quality", type=quality, metavar="QUALITY",
+                        help="end before, on a plateau ('plateau') or at a PSNR in dB on the photos held out; "
+                        "without --time-limit at most four times the preset's steps")  # fmt: skip
+    effort.add_argument("--min-steps", type=whole(0), default=0, metavar="N",
+                        help="neither time nor quality ends the training before N steps")  # fmt: skip
     effort.add_argument("--max-gaussians", type=whole(100), metavar="N", help="the preset's if not given")
     effort.add_argument("--sh-degree", type=whole(0, 3), metavar="D",
                         help="spherical harmonics, 0 (no gloss) to 3; the preset's if not given")  # fmt: skip
@@ -302,6 +310,24 @@ def _add_inspect(commands: argparse._SubParsersAction[OneLineParser]) -> None:
             "gloss in the photos, before anything is trained: size, uncertainty and evidence of each.",
         )
     )
+    add_arguments(parser)
+    _add_machine(parser)
+    _add_progress(parser)
+
+
+def _add_estimate(commands: argparse._SubParsersAction[OneLineParser]) -> None:
+    from .estimate_command import add_arguments
+
+    parser = _defaults(
+        commands.add_parser(
+            "estimate",
+            help="what a run would take and reach",
+            description="Tries a few iterations on some of the photos and predicts seconds, memory and accuracy of every "
+            "preset; past runs on this machine calibrate it.",
+        )
+    )
+    parser.add_argument("photos", type=Path, metavar="PHOTOS", help="folder of photos, or a list of them (.txt)")
+    _add_medium(parser)
     add_arguments(parser)
     _add_machine(parser)
     _add_progress(parser)

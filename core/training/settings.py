@@ -92,7 +92,12 @@ class TrainingSettings:
         seed: of everything random.
         threads: of kernels and torch; 0 leaves them as they are.
         device: 'auto', 'cpu' or 'cuda'.
-        time_limit: seconds for the optimization, None for no limit.
+        time_limit: seconds for the optimization, None for no limit. With one, the time is the plan (`Schedule`) and
+            `steps` what is expected to fit.
+        until: 'plateau', or a PSNR in dB on held-out photos, at which the run may end before; None to go on.
+        min_steps: neither time nor quality ends the run before so many steps.
+        blur_evaluation: how the point spread is computed (`BlurOperator`), or 'splats': each projected Gaussian is
+            widened by it instead of blurring the picture, which is quick and only nearly the same.
     """
 
     steps: int = 1000
@@ -118,6 +123,9 @@ class TrainingSettings:
     threads: int = 0
     device: str = "auto"
     time_limit: float | None = None
+    until: float | Literal["plateau"] | None = None
+    min_steps: int = 0
+    blur_evaluation: str = "auto"
 
     @staticmethod
     def preset(name: PresetName) -> TrainingSettings:
