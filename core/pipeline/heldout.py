@@ -14,12 +14,14 @@ from PIL import Image
 from ..errors import DgsError
 from ..evaluation.metrics import band, edge_sharpness, low_passed_truth_psnr, psnr, ssim
 from ..files import replacing
+from ..imaging.formation.chain import Formation
 from ..imaging.medium import Medium
 from ..photos.load import Photo, load_photo, photo_files
 from ..photos.scale import resized
 from ..progress import Progress
 from ..report.pictures import ViewPictures
 from ..sfm.reconstruction import Reconstruction
+from .effects.matched import matched_psnr
 from .views import Viewer, to_pixels
 
 #: Bands of periods (coarsest, finest) in px that are compared with the truth.
@@ -94,6 +96,7 @@ class ViewScorer:
         truth: sharp photos, or None.
         period: finest period in px that one photo holds.
         progress: hears of what could not be compared.
+        formation: effects besides the point spread.
     """
 
     viewer: Viewer
@@ -102,6 +105,7 @@ class ViewScorer:
     truth: TruthFolder | None
     period: float
     progress: Progress
+    formation: Formation = field(default_factory=Formation)
 
     def score(self, photo: Photo, heldout: bool, path: Path | None) -> tuple[Scores, ViewPictures]:
         """Renders one view, sharp (written to `path`) and degraded, and compares both."""
@@ -110,12 +114,13 @@ class ViewScorer:
         twin = to_pixels(self.viewer.sharp(lens.resized(*size), pose, finer=1.0 / photo.scale[0]))
         if path is not None:
             write_png(path, twin)
-        degraded = to_pixels(self.viewer.degraded(lens, pose, self.medium, photo.name))
+        degraded = to_pixels(self.viewer.degraded(lens, pose, self.medium, photo.name, self.formation))
         scores = Scores(photo.name)
         taken = _unit(photo.pixels)
         scores.degraded = {
             "psnr": _number(psnr(_unit(degraded), taken, photo.mask)),
             "ssim": _number(ssim(_unit(degraded), taken, photo.mask)),
+            "psnr_matched": _number(matched_psnr(_planes(degraded), _planes(photo.pixels), photo.mask)),
         }
         truth = self._true(photo.name, size)
         if truth is not None:
@@ -184,6 +189,10 @@ def mean_of(values: Sequence[float | None]) -> float | None:
 
 def _unit(pixels: NDArray[np.uint8] | NDArray[np.uint16]) -> NDArray[np.float64]:
     return pixels.astype(np.float64) / np.iinfo(pixels.dtype).max
+
+
+def _planes(pixels: NDArray[np.uint8] | NDArray[np.uint16]) -> NDArray[np.float64]:
+    return _unit(pixels).transpose(2, 0, 1)
 
 
 def _eight_bit(pixels: NDArray[np.uint8] | NDArray[np.uint16]) -> NDArray[np.uint8]:

@@ -12,11 +12,13 @@ from torch import Tensor
 from ..camera import Camera
 from ..constants import LOW_PASS_VARIANCE
 from ..gaussians import Gaussians
+from ..imaging.formation.chain import Formation
+from ..imaging.formation.effect import Shot
 from ..imaging.medium import Medium
 from ..imaging.operator import BlurOperator
 from ..lens import Lens
 from ..photos.undistort import Undistortion
-from ..rasterizer import RasterSettings, render
+from ..rasterizer import RasterSettings, Rendered, render
 from ..sfm.reconstruction import Pose
 from ..training.scale import SceneScale
 
@@ -56,21 +58,29 @@ class Viewer:
         frame = self._pinhole(undistortion.camera("", pose).with_margin(margin), settings)
         return undistortion.render(frame.cpu().numpy(), margin)
 
-    def degraded(self, lens: Lens, pose: Pose, medium: Medium, name: str) -> NDArray[np.float32]:
-        """[3, H, W] sRGB: what the camera would see of the twin through the medium."""
+    def degraded(
+        self, lens: Lens, pose: Pose, medium: Medium, name: str, formation: Formation = Formation()
+    ) -> NDArray[np.float32]:
+        """[3, H, W] sRGB: what the camera would file of the twin through the medium, and the other effects."""
         psf = medium.psf_for(name)
         undistortion = _undistortion(lens)
         margin = undistortion.overscan + _SPLINE
         reach = 0 if psf is None or psf.is_identity else max(psf.radius)
         camera = undistortion.camera("", pose).with_margin(margin)
-        frame = self._pinhole(camera.with_margin(reach), RasterSettings(low_pass=self._low_pass))
+        settings = RasterSettings(low_pass=self._low_pass, depth=bool(formation.light))
+        rendered = self._rendered(camera.with_margin(reach), settings)
+        frame = rendered.image
         blur = BlurOperator(psf, camera.height, camera.width, reach, frame.device, frame.dtype)
-        return undistortion.render(medium.degrade(frame, blur.apply).cpu().numpy(), margin)
+        shot = Shot(name, lens.height, lens.width, margin + reach, (lens.cx, lens.cy), rendered.mean_depth)
+        return undistortion.render(formation.degrade(frame, blur.apply, medium, shot).cpu().numpy(), margin)
 
     def _pinhole(self, camera: Camera, settings: RasterSettings) -> Tensor:
+        return self._rendered(camera, settings).image
+
+    def _rendered(self, camera: Camera, settings: RasterSettings) -> Rendered:
         with torch.no_grad():
             unit = self._scale.camera_to_unit(camera)
-            return render(self._gaussians, unit, background=self._background, settings=settings).image
+            return render(self._gaussians, unit, background=self._background, settings=settings)
 
 
 def to_pixels(planes: NDArray[np.float32]) -> NDArray[np.uint8]:

@@ -14,6 +14,8 @@ from ..errors import DeviceError
 from ..gaussians import Gaussians
 
 Backend = Literal["auto", "reference", "cpu", "cuda"]
+#: Opacity from which on a pixel has a depth worth dividing by.
+OPAQUE_ENOUGH = 0.05
 BACKENDS: tuple[Backend, ...] = ("reference", "cpu", "cuda")
 
 
@@ -72,6 +74,16 @@ class Rendered:
     alpha: Tensor
     depth: Tensor | None
     screen: ScreenStatistics
+
+    @property
+    def mean_depth(self) -> Tensor | None:
+        """[H, W] mean depth of what is seen, without gradient; the frame's median where next to nothing is."""
+        if self.depth is None:
+            return None
+        alpha, depth = self.alpha.detach(), self.depth.detach()
+        mean = depth / alpha.clamp(min=OPAQUE_ENOUGH)
+        seen = alpha > OPAQUE_ENOUGH
+        return mean.where(seen, mean[seen].median() if bool(seen.any()) else mean.new_ones(()))
 
 
 def render(

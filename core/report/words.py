@@ -5,6 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+_EFFECTS = {
+    "haze": "Haze: light that is lost with depth and light that the medium adds, in every step.",
+    "vignetting": "Vignetting, undone on the photos before the training.",
+    "exposure": "Exposure and white balance of every photo, undone on the photos before the training.",
+    "saturation": "Clipped pixels: they do not count.",
+}
+
 
 def simulated(report: Mapping[str, Any]) -> list[str]:
     """What the image formation of this run contains."""
@@ -24,6 +31,7 @@ def simulated(report: Mapping[str, Any]) -> list[str]:
     )
     return [
         blur,
+        *(_EFFECTS[effect["name"]] for effect in report.get("effects", ()) if effect["on"]),
         "Perspective and lens distortion of each photo, with the light from just outside the frame.",
         gloss,
         "Opacity and occlusion of the Gaussians in depth order.",
@@ -32,9 +40,12 @@ def simulated(report: Mapping[str, Any]) -> list[str]:
 
 def not_simulated(report: Mapping[str, Any]) -> list[str]:
     """What a real scene may have and this run does not know."""
+    on = {effect["name"] for effect in report.get("effects", ()) if effect["on"]}
     missing = [
         "Blur that changes with depth, over the frame, or from photo to photo",
-        "Haze: light that the medium adds, absorbs or colours",
+        *([] if "haze" in on else ["Haze: light that the medium adds, absorbs or colours"]),
+        *([] if "exposure" in on else ["Exposure and white balance that differ from photo to photo"]),
+        *([] if "vignetting" in on else ["Vignetting: the lens's loss of light towards the corners"]),
         "Noise of the camera beyond the rounding of the files, and clipped highlights",
         "Anything that moved between the photos",
     ]

@@ -12,9 +12,11 @@ import torch
 
 from ..colour import srgb_to_linear
 from ..gaussians import Gaussians
+from ..imaging.formation.chain import Formation
+from ..imaging.formation.effect import Shot
 from ..imaging.medium import Medium
 from ..imaging.spectrum import NoiseToSignal, noise_to_signal
-from ..rasterizer import RasterSettings, render
+from ..rasterizer import RasterSettings, Rendered, render
 from ..views import SparsePoints, View, distinct
 from .checkpoint import Checkpoint
 from .contrast import scene_contrast
@@ -64,19 +66,21 @@ class Trainer:
     Args:
         views: photos to fit; heldout: photos to watch only.
         points: what structure from motion found.
+        formation: effects besides the point spread; those before the blur are simulated in every step, with depths in
+            the scene's unit. Those of the sensor are to be undone on the photos beforehand.
 
     Raises:
         CameraError: no point lies in front of a camera.
     """
 
     def __init__(self, views: Sequence[View], heldout: Sequence[View], points: SparsePoints, medium: Medium,
-                 settings: TrainingSettings) -> None:  # fmt: skip
+                 settings: TrainingSettings, formation: Formation = Formation()) -> None:  # fmt: skip
         self.distinct = distinct(views)  # copies average no noise away
         settings = replace(
             settings, variation_weight=settings.variation_weight * smoothness(self.distinct),
             start_share=settings.start_share * start_share(self.distinct),
         )  # fmt: skip
-        self.settings, self.medium = settings, medium
+        self.settings, self.medium, self.formation = settings, medium, formation
         self.device = torch.device(settings.device if settings.device != "auto" else "cpu")
         self.views, self.heldout, self.points = views, heldout, points
         self.scale: SceneScale = scene_scale([v.camera for v in views], points)
@@ -131,7 +135,13 @@ class Trainer:
 
     def raster_settings(self, level: Level) -> RasterSettings:
         """The low-pass is the same footprint on the photo whatever the grid."""
-        return RasterSettings(low_pass=max(0.1, self.settings.low_pass / level.step**2))
+        low_pass = max(0.1, self.settings.low_pass / level.step**2)
+        return RasterSettings(low_pass=low_pass, depth=bool(self.formation.light))
+
+    def shot(self, view: GridView, level: Level, rendered: Rendered) -> Shot:
+        """What the effects of image formation know of a view."""
+        camera = view.camera
+        return Shot(view.name, camera.height, camera.width, level.margin, (camera.cx, camera.cy), rendered.mean_depth)
 
     def rates(self, share: float) -> dict[str, float]:
         """Step sizes at a share of the run."""
@@ -165,8 +175,11 @@ class Trainer:
         photo = torch.from_numpy(view.planes()).to(self.device)
         objective = self.objective(level, view)
         pulls = objective.start if objective.inverse is not None and share < s.start_share else objective.pull
-        pull = pulls(rendered.image.detach(), photo, valid)
-        rendered.image.backward(pull.gradient)  # type: ignore[no-untyped-call]
+        sharp = rendered.image.detach()
+        shot = self.shot(view, level, rendered)
+        pull = pulls(self.formation.reached(sharp, shot), photo, valid)
+        gradient = self.formation.reached_gradient(pull.gradient, sharp, shot)
+        rendered.image.backward(gradient)  # type: ignore[no-untyped-call]
         self.density.collect(rendered.screen)
         for reason, count in rendered.screen.culled.items():
             self.culled[reason] = self.culled.get(reason, 0) + count
@@ -190,11 +203,12 @@ class Trainer:
         errors = []
         for view in level.heldout:
             with torch.no_grad():
-                image = render(
+                rendered = render(
                     self.optimizer.gaussians, view.camera.with_margin(level.margin), background=self.background,
                     settings=self.raster_settings(level),
-                ).image  # fmt: skip
-                degraded = self.objective(level, view).degraded(image).cpu().numpy()
+                )  # fmt: skip
+                reached = self.formation.reached(rendered.image, self.shot(view, level, rendered))
+                degraded = self.objective(level, view).degraded(reached).cpu().numpy()
             error = (degraded - view.planes()) ** 2
             errors.append(float(error[:, view.valid].mean() if view.valid is not None else error.mean()))
         if not errors:
@@ -221,13 +235,14 @@ class Trainer:
     def fingerprint(self) -> dict[str, Any]:
         """What a checkpoint must share with this run to be continued by it."""
         settings = asdict(self.settings)
-        for free in ("threads", "time_limit", "device"):
+        for free in ("threads", "time_limit", "device", "steps", "until", "min_steps"):
             settings.pop(free)
         psf = self.medium.psf
         return {
             "settings": settings, "photos": [v.name for v in self.views],
             "point spread": None if psf is None else np.round(psf.kernel(), 9).sum(axis=0).tolist(),
             "blur space": self.medium.blur_space,
+            **({"effects": {e.name: e.described() for e in self.formation.effects}} if self.formation else {}),
         }  # fmt: skip
 
     def state(self, seconds: float, history: list[dict[str, float]]) -> Checkpoint:

@@ -1,0 +1,1 @@
+"""Which effects a run simulates: evidence proposes, a short ablation confirms, the report says all of it."""

@@ -1,0 +1,42 @@
+"""Photos as they would be without what lens and sensor did: undone once, so that it costs the training nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import torch
+
+from ...imaging.formation.chain import Formation
+from ...imaging.formation.effect import Shot
+from ...views import View
+
+
+def corrected(views: Sequence[View], formation: Formation, saturation: bool) -> list[View]:
+    """The views that the twin is fitted to; the very same ones where nothing is on.
+
+    Args:
+        formation: its effects of the sensor are undone, in 16 bit. Px that become brighter than white, because
+            their photo was darker than the others, are masked.
+        saturation: mask px with a clipped channel.
+    """
+    if not formation.sensor and not saturation:
+        return list(views)
+    return [_one(view, formation, saturation) for view in views]
+
+
+def _one(view: View, formation: Formation, saturation: bool) -> View:
+    top = int(np.iinfo(view.photo.dtype).max)
+    levels = view.levels or top
+    mask = np.ones(view.photo.shape[:2], bool) if view.mask is None else view.mask.copy()
+    if saturation:
+        mask &= ~(view.photo >= top - top // levels).any(axis=2)
+    photo = view.photo
+    if formation.sensor:
+        camera = view.camera
+        shot = Shot(view.name, camera.height, camera.width, middle=(camera.cx, camera.cy))
+        clear = formation.unfiled(torch.from_numpy(view.planes()), shot).numpy()
+        mask &= (clear <= 1.0).all(axis=0)
+        photo = np.ascontiguousarray(np.round(clear.clip(0.0, 1.0) * 65535.0).astype(np.uint16).transpose(1, 2, 0))
+    return replace(view, photo=photo, mask=None if mask.all() else mask, levels=levels)

@@ -1,0 +1,56 @@
+"""From the inspection's evidence to effects that can be simulated."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+import torch
+
+from ...imaging.formation.effect import Effect
+from ...imaging.formation.exposure import Exposure
+from ...imaging.formation.haze import Haze
+from ...imaging.formation.vignetting import Vignetting
+from ...inspection.evidence import Evidence
+from ...inspection.photo_set import PhotoSet
+
+#: Which evidence speaks for an effect.
+SPEAKS = {
+    "exposure": ("exposure", "white_balance"), "vignetting": ("vignetting",), "haze": ("haze",),
+    "saturation": ("saturation",),
+}  # fmt: skip
+#: A channel's gain that is less certain than this (natural log) is not taken.
+LEAST_CERTAIN = 0.1
+#: Least attenuation (per median depth) that a veil is divided by.
+_THINNEST = 0.02
+
+
+def proposed(found: Iterable[Evidence]) -> list[str]:
+    """Effects that the evidence calls needed, the most certain first."""
+    needed = {e.name: e.confidence for e in found if e.needed}
+    sure = {name: max((needed[s] for s in speakers if s in needed), default=0.0) for name, speakers in SPEAKS.items()}
+    return sorted((name for name in sure if sure[name] > 0), key=lambda name: -sure[name])
+
+
+def build(name: str, photos: PhotoSet) -> Effect | None:
+    """The effect with the parameters that the photos' tracks tell; None where they tell none."""
+    fit, tracks = photos.photometry, photos.tracks
+    if fit is None or tracks is None:
+        return None
+    if name == "exposure":
+        certain = fit.gains_draws.std(axis=0) < LEAST_CERTAIN
+        # A channel that few points tell goes with the photo's others; a photo that none tell keeps gain 1.
+        others = (fit.gains * certain).sum(axis=1, keepdims=True) / np.maximum(certain.sum(axis=1, keepdims=True), 1)
+        gains = np.where(certain, fit.gains, others)
+        exposure = Exposure(tracks.names, torch.tensor(gains, dtype=torch.float32))
+        exposure.settle()
+        return exposure
+    if name == "vignetting":
+        # One glass for all channels: their mean is three times as certain as each of them.
+        return Vignetting(torch.full((3,), float(np.clip(fit.vignette.mean(), 0.0, 0.8))))
+    if name == "haze":
+        attenuation = np.maximum(fit.attenuation, _THINNEST)
+        veil = np.clip(fit.backscatter / attenuation, 0.0, 1.0)
+        as_float = [torch.tensor(v, dtype=torch.float32) for v in (attenuation, veil)]
+        return Haze(*as_float)
+    return None

@@ -1,0 +1,122 @@
+"""Which effects a run simulates: what was asked, what the photos call for, what a trial confirms."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from dgs.core.errors import DgsError
+from dgs.core.imaging.formation.chain import Formation
+from dgs.core.imaging.medium import Medium
+from dgs.core.photos.undistort import undistorted_views
+from dgs.core.pipeline.effects import ablation
+from dgs.core.pipeline.effects.choose import choose_effects
+from dgs.core.pipeline.effects.corrected import corrected
+from dgs.core.pipeline.effects.decision import parse_effects
+from dgs.core.pipeline.effects.matched import matched_psnr
+from dgs.core.progress import Silent
+from dgs.core.training.settings import TrainingSettings
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[4] / "benchmarks"))
+import effects as validation
+from effect_scenes import Truth, degrade, make_scene
+
+SETTINGS = TrainingSettings(steps=30, max_gaussians=2000, sh_degree=0, threads=1)
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return make_scene(3, width=192, height=128, views=12, finer=2)
+
+
+@pytest.fixture(scope="module")
+def dim(scene):
+    """Photos whose exposure and corners differ."""
+    return validation.photo_set(scene, degrade(scene, Truth(exposure=0.2, vignetting=0.3), seed=1))
+
+
+def chosen(asked, photos):
+    views = undistorted_views(list(photos.photos), photos.cameras)
+    return choose_effects(asked, photos.photos, photos.cameras, views, Medium(), SETTINGS, Silent()), views
+
+
+def test_what_can_be_asked_for():
+    assert parse_effects("auto") == ("auto", ()) and parse_effects("none") == ("none", ())
+    assert parse_effects("haze, exposure") == ("named", ("haze", "exposure"))
+    assert parse_effects("auto,haze,-exposure") == ("auto", ("haze", "-exposure"))
+    for text in ("", "fog", "none,haze", "auto,fog"):
+        with pytest.raises(DgsError) as caught:
+            parse_effects(text)
+        assert "vignetting" in caught.value.way_out
+
+
+def test_none_looks_at_nothing_and_changes_nothing(dim):
+    none, views = chosen("none", dim)
+    assert not none.formation and none.plain() == []
+    assert all(a is b for a, b in zip(corrected(views, none.formation, none.saturation), views, strict=True))
+
+
+def test_forced_effects_undo_what_was_done(dim, scene):
+    on, views = chosen("exposure,vignetting", dim)
+    assert on.formation.names == ("vignetting", "exposure")
+    clean = degrade(scene, Truth(), seed=1)
+    before, after = [], []
+    for view, fixed, truth in zip(views, corrected(views, on.formation, False), clean, strict=True):
+        assert fixed.photo.dtype == np.uint16 and fixed.levels == 255
+        known = np.ones(truth.shape[:2], bool) if fixed.mask is None else fixed.mask
+        planes = truth.transpose(2, 0, 1) / 255.0
+        before.append(matched_psnr(view.planes(), planes, known))
+        after.append(np.mean((fixed.planes() - planes)[:, known]))
+    # One common factor is left (the gauge); the photos agree with one another again.
+    assert np.std(after) < 0.012, after
+    lines = {d.name: d for d in on.decisions}
+    assert lines["exposure"].on and lines["exposure"].parameters and not lines["haze"].on
+    assert lines["vignetting"].parameters["strength"][0] == pytest.approx(0.3, abs=0.05)
+
+
+def test_auto_tries_only_what_the_photos_call_for(dim, monkeypatch):
+    tried = []
+
+    def scores(self, formation, saturation):
+        tried.append(formation.names)
+        n = 6
+        return np.full(n, 30.0 + 0.5 * ("exposure" in formation.names)) + 0.01 * np.arange(n) * len(formation.names)
+
+    monkeypatch.setattr(ablation.Ablation, "_scores", scores)
+    auto, _ = chosen("auto", dim)
+    lines = {d["name"]: d for d in auto.plain()}
+    assert lines["exposure"]["on"] and lines["exposure"]["gain_db"] > 0.4 and "confirmed" in lines["exposure"]["why"]
+    assert not any("haze" in names for names in tried) and lines["haze"]["why"] == "not needed"
+    assert lines["haze"]["evidence"]["estimate"]["value"] is not None
+    assert {"blur", "defocus", "noise", "view_dependence"} <= set(lines)  # seen, and said to be not needed
+    assert auto.formation.names[-1] == "exposure"
+    off, _ = chosen("auto,-exposure", dim)
+    assert {d.name: d.why for d in off.decisions}["exposure"] == "forced off"
+
+
+def test_a_gain_must_stand_out_of_chance():
+    assert ablation.Comparison(np.array([0.2, 0.3, 0.25, 0.22])).confirms
+    assert not ablation.Comparison(np.array([0.2, -0.3, 0.5, -0.1])).confirms
+    assert not ablation.Comparison(np.array([-0.2, -0.21, -0.22])).confirms
+    assert ablation.Comparison(np.arange(2)).needed > ablation.Comparison(np.arange(8)).needed > 2.0
+
+
+def test_the_trial_trains_and_judges_for_real(dim):
+    """Real trainings, too short to be good: photos that were judged were not fitted, and both arms share them."""
+    views = undistorted_views(list(dim.photos), dim.cameras)
+    trial = ablation.Ablation(views, dim.cameras.points, Medium(), SETTINGS)
+    assert trial.possible and not set(trial.judged(0)) & set(trial.judged(1))
+    result = trial.compare(Formation(), Formation())
+    assert len(result.differences) == 6 and (result.differences == 0).all() and not result.confirms
+    assert not ablation.Ablation(views[:4], dim.cameras.points, Medium(), SETTINGS).possible
+
+
+def test_matched_scores_take_the_photo_s_own_gain():
+    random = np.random.default_rng(0)
+    picture = random.uniform(0.2, 0.7, (3, 40, 40))
+    from dgs.core.colour import linear_to_srgb, srgb_to_linear
+
+    darker = linear_to_srgb(0.6 * srgb_to_linear(picture))
+    assert matched_psnr(picture, darker) > 60
+    noisy = darker + 0.02 * random.standard_normal(darker.shape)
+    assert 30 < matched_psnr(picture, noisy) < 40
