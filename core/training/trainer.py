@@ -11,6 +11,7 @@ import numpy as np
 import torch
 
 from ..colour import srgb_to_linear
+from ..errors import PsfError
 from ..gaussians import Gaussians
 from ..imaging.formation.chain import Formation
 from ..imaging.formation.effect import Shot
@@ -136,6 +137,8 @@ class Trainer:
     def raster_settings(self, level: Level) -> RasterSettings:
         """The low-pass is the same footprint on the photo whatever the grid."""
         low_pass = max(0.1, self.settings.low_pass / level.step**2)
+        if self.settings.blur_evaluation == "splats":
+            low_pass += round_variance(level.views)
         return RasterSettings(low_pass=low_pass, depth=bool(self.formation.light))
 
     def shot(self, view: GridView, level: Level, rendered: Rendered) -> Shot:
@@ -187,8 +190,8 @@ class Trainer:
         self.step += 1
         if self.step % EVERY == 0:
             clamped = out_of_range(self.optimizer.gaussians)
-            self.repairs["most scales clamped at a look"] = max(
-                self.repairs.get("most scales clamped at a look", 0), clamped
+            self.repairs["clamped scales, most at once"] = max(
+                self.repairs.get("clamped scales, most at once", 0), clamped
             )  # fmt: skip
             for name, count in drop_non_finite(self.optimizer, self.step).items():
                 self.repairs[f"dropped, non-finite {name}"] = self.repairs.get(f"dropped, non-finite {name}", 0) + count
@@ -229,7 +232,7 @@ class Trainer:
         names = {f"refused, non-finite gradient of {n}": c for n, c in self.optimizer.refused.items()}
         refused = {"refused, non-finite gradients": sum(names.values()), **names}
         culled = {f"culled, {_CULLED[reason]}": self.culled.get(reason, 0) for reason in _CULLED}
-        always = {"dropped, non-finite Gaussians": 0, "most scales clamped at a look": 0, **self.repairs}
+        always = {"dropped, non-finite Gaussians": 0, "clamped scales, most at once": 0, **self.repairs}
         return {**self.density.counts, **refused, **always, **culled}
 
     def fingerprint(self) -> dict[str, Any]:
@@ -273,6 +276,20 @@ class Trainer:
         self.density.pull, self.density.views = take("pull"), take("views")
         self.density.counts = group("density.")
         self.step = checkpoint.step
+
+
+def round_variance(views: Sequence[GridView]) -> float:
+    """Variance (grid px^2) of the round Gaussian that blurs the views (told by the first); 0 for none.
+
+    Raises:
+        PsfError: the point spread is another.
+    """
+    psf = views[0].psf
+    if psf is None:
+        return 0.0
+    if psf.samples is not None or abs(psf.sigma_x - psf.sigma_y) > 1e-6 * psf.sigma_x:
+        raise PsfError("Only a round Gaussian can widen the splats themselves", "Choose another blur evaluation")
+    return float(psf.sigma_x**2)
 
 
 def mean_colour(views: Sequence[View]) -> torch.Tensor:
