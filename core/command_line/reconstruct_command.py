@@ -12,6 +12,7 @@ from .progress_choice import Reporting
 
 def reconstruct_command(options: argparse.Namespace, progress: Reporting) -> int:
     """Runs the whole pipeline; 130 if it was stopped (the twin so far is saved and reported)."""
+    from ..effort.clock import process_began
     from ..pipeline.reconstruct import reconstruct
 
     settings = ReconstructSettings(
@@ -21,9 +22,9 @@ def reconstruct_command(options: argparse.Namespace, progress: Reporting) -> int
         max_size=options.max_size, preset=options.preset, loss=options.loss, time_limit=options.time_limit,
         max_gaussians=options.max_gaussians, sh_degree=options.sh_degree, seed=options.seed,
         device=options.device, threads=options.threads, resume=options.resume,
-        snapshots=options.snapshots,
+        snapshots=options.snapshots, effects=options.effects, until=options.until_quality, min_steps=options.min_steps,
     )  # fmt: skip
-    outcome = reconstruct(settings, progress)
+    outcome = reconstruct(settings, progress, process_began())
     progress.finished(_result(settings, outcome.report))
     if outcome.cancelled:
         raise Cancelled(

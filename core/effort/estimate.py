@@ -21,7 +21,7 @@ from ..pipeline.settings import ReconstructSettings
 from ..progress import Progress
 from ..training.settings import PresetName, TrainingSettings
 from .clock import OthersLoad
-from .model import accuracy, contrast, memory, sample, stage_seconds
+from .model import accuracy, contrast, memory, sample, slowdown, stage_seconds
 from .plan import work_of
 from .probe import made_up, probe
 from .records import DISTURBED, Records, Work
@@ -76,7 +76,7 @@ def estimate(settings: ReconstructSettings, progress: Progress) -> dict[str, Any
         work = _scaled(work_of(photos, fitted, held, preset.steps, count, settings.cameras is None, name == "draft",
                                compiled), len(files))  # fmt: skip
         train = speed.training(preset.steps, count)
-        stages, seconds = stage_seconds(records.runs, work, train)
+        stages, seconds = stage_seconds(records.runs, work, train, slowdown(busy))
         expected = accuracy(records.runs, name, scene, own)
         out[name] = {
             "seconds": seconds.plain(), "stages": {k: round(v, 1) for k, v in stages.items()},

@@ -15,13 +15,13 @@ from typing import TypeVar
 import numpy as np
 
 from ..photos.load import Photo
-from .records import Run, Work
+from .records import DISTURBED, Run, Work
 
 T = TypeVar("T")
 
 #: Photos that are enough to try.
 VIEWS = 4
-STAGES = ("start", "photos", "sfm", "compile", "prepare", "train", "save")
+STAGES = ("start", "photos", "sfm", "compile", "prepare", "train", "save", "page")
 #: Past runs that count, the latest first.
 WINDOW = 12
 #: Relative half-width of an 80 % interval where nothing is known, and the least that is claimed.
@@ -30,6 +30,8 @@ UNKNOWN, LEAST = 0.5, 0.06
 ENOUGH = 3
 #: Scenes of which an accuracy must be known before one is predicted.
 SCENES = 4
+#: A machine is never taken for busier than this.
+MOST_BUSY = 0.9
 #: Half-width of 80 % in standard deviations (normal).
 EIGHTY = 1.2816
 
@@ -47,7 +49,8 @@ LAWS: dict[str, Callable[[Work], float]] = {
     "sfm": _search,
     "compile": lambda work: 0.6 if work.compiled else 14.0,
     "prepare": lambda work: 0.3 + 0.05 * work.fitted * work.megapixels + 1e-5 * work.gaussians,
-    "save": lambda work: 0.7 + 0.8 * work.scored * work.megapixels + 3e-6 * work.gaussians,
+    "save": lambda work: 0.4 + 0.8 * work.scored * work.megapixels + 3e-6 * work.gaussians,
+    "page": lambda work: 0.8,
 }
 
 
@@ -85,12 +88,20 @@ def _factor(ratios: Sequence[float]) -> tuple[float, float, bool]:
     return middle, max(LEAST, spread), len(known) >= ENOUGH
 
 
-def stage_seconds(runs: Sequence[Run], work: Work, train: float) -> tuple[dict[str, float], Range]:
+def slowdown(busy: float | None) -> float:
+    """How many times longer things take while others keep this share of the machine busy."""
+    return 1.0 / (1.0 - min(busy or 0.0, MOST_BUSY)) if busy is not None and busy > DISTURBED else 1.0
+
+
+def stage_seconds(
+    runs: Sequence[Run], work: Work, train: float, slow: float = 1.0
+) -> tuple[dict[str, float], Range]:
     """Seconds by stage, and in all.
 
     Args:
         runs: past ones; disturbed ones count only where there is no other.
-        train: seconds of training as a probe tells.
+        train: seconds of training as a probe tells, which feels what else the machine does.
+        slow: `slowdown` of all other stages.
     """
     used = [run for run in runs if run.clean] or list(runs)
     seconds: dict[str, float] = {}
@@ -104,7 +115,7 @@ def stage_seconds(runs: Sequence[Run], work: Work, train: float) -> tuple[dict[s
             base = law(work)
             ratios = [r.seconds[stage] / law(r.work) for r in used if stage in r.seconds and _alike(stage, r.work, work)]
         factor, spread, known = _factor(ratios)
-        seconds[stage] = base * factor
+        seconds[stage] = base * factor * (1.0 if stage == "train" else slow)
         variance += (spread * seconds[stage]) ** 2
         calibrated &= known or base < 0.05 * train
     total = sum(seconds.values())

@@ -7,18 +7,22 @@ as the presets' does (300 steps: 22,000; 1000: 40,000; 4000: 80,000).
 
 from __future__ import annotations
 
+import json
 import math
+import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
+from pathlib import Path
 
+from ..files import write_json
 from ..imaging.formation.chain import Formation
 from ..imaging.medium import Medium
 from ..photos.load import Photo
 from ..training.grid import SMALLEST_SIDE, grid_step
 from ..training.settings import TrainingSettings
 from ..views import SparsePoints, View
-from .model import VIEWS, stage_seconds
+from .model import VIEWS, slowdown, stage_seconds
 from .probe import Speed, probe
 from .records import Run, Work
 
@@ -88,17 +92,26 @@ class Budget:
         limit: seconds from `began` to the last file.
         began: on the clock of `time.perf_counter`.
         runs: of this machine, for what scoring and saving take.
+        waited: seconds that the user let the work wait, which do not count.
+        busy: share of the machine that others use.
     """
 
-    def __init__(self, limit: float, began: float, runs: Sequence[Run]) -> None:
-        self.limit, self.began, self._runs = limit, began, runs
+    def __init__(
+        self, limit: float, began: float, runs: Sequence[Run], waited: Callable[[], float] = lambda: 0.0,
+        busy: Callable[[], float | None] = lambda: None,
+    ) -> None:  # fmt: skip
+        self.limit, self.began, self._runs, self._waited, self._busy = limit, began, runs, waited, busy
+        self._page = 0.0
         self.plan: Plan | None = None
         self.hurried = False
         self.speed: Speed | None = None
+        self._scoring: float | None = None
+        self._begun = 0
+        self._lock = threading.Lock()
 
     def spent(self) -> float:
         """Seconds so far."""
-        return time.perf_counter() - self.began
+        return time.perf_counter() - self.began - self._waited()
 
     def left(self) -> float:
         """Seconds until the end; negative when it has passed."""
@@ -107,17 +120,21 @@ class Budget:
     def hurry(self, photos: Sequence[Photo]) -> bool:
         """Whether the cameras must be found in a hurry."""
         work = self._work(photos, len(photos), 0, GAUSSIANS)
-        self.hurried = stage_seconds(self._runs, work, 0.0)[0]["sfm"] > CAMERA_SHARE * self.limit
+        self.hurried = self._stages(work)["sfm"] > CAMERA_SHARE * self.limit
         return self.hurried
 
     def train(self, photos: Sequence[Photo], views: Sequence[View], held: int, points: SparsePoints, medium: Medium,
-              settings: TrainingSettings, fixed: int | None = None, formation: Formation = Formation()) -> TrainingSettings:  # fmt: skip
+              settings: TrainingSettings, fixed: int | None = None, formation: Formation = Formation(),
+              kept: Path | None = None, resume: bool = False) -> TrainingSettings:  # fmt: skip
         """Settings that fill what is left; probes the machine for a second or two.
 
         Args:
             photos: all of them; views: those that are fitted; held: how many could be scored.
             fixed: Gaussians, where the user wants so many.
+            kept: file of the plan; resume: its grid and Gaussians are taken from it, as the checkpoint needs them.
         """
+        if resume and kept is not None:
+            fixed, settings = _as_before(kept, fixed, settings)
         width, height = views[0].camera.width, views[0].camera.height
         usual = settings.grid_step or grid_step(medium, width, height)
         small = self._small(views, points)
@@ -126,7 +143,7 @@ class Budget:
         mine = self._training_time(saving)
         steps, count = steps_within(speed, mine, fixed)
         grid = settings.grid_step
-        if steps < FEW_STEPS and grid is None and min(width, height) // (2 * usual) >= SMALLEST_SIDE:
+        if steps < FEW_STEPS and grid is None and not resume and min(width, height) // (2 * usual) >= SMALLEST_SIDE:
             grid = 2 * usual
             settings = replace(settings, grid_step=grid)
             speed = probe(small, points, medium, settings, len(views), held, formation=formation)
@@ -135,7 +152,22 @@ class Budget:
         mine = self._training_time(saving)
         step = speed.training(steps, count) / steps
         self.plan = Plan(self.limit, self.hurried, steps, count, grid, mine, saving, scored, step)
+        if kept is not None:
+            write_json(kept, self.plan.plain())
         return replace(settings, steps=steps, max_gaussians=count, time_limit=mine)
+
+    def another(self) -> bool:
+        """Whether there is time to score one more view; called by several threads, each time before one."""
+        with self._lock:
+            now = self.spent()
+            if self._scoring is None:
+                self._scoring = now
+            self._begun += 1
+            if self._begun <= FEWEST_SCORED:
+                return True
+            # Those that are under way count as done: what is left over pays for the report's page.
+            each = (now - self._scoring) / max(1, self._begun - FEWEST_SCORED)
+            return now + each + self._page <= self.limit
 
     def _training_time(self, saving: float) -> float:
         spare = min(MOST_SPARE, SPARE * self.limit)
@@ -145,12 +177,17 @@ class Budget:
         """Views to score, and seconds that this and the rest will take."""
 
         def seconds(scored: int) -> float:
-            return stage_seconds(self._runs, self._work(photos, fitted, scored, GAUSSIANS), 0.0)[0]["save"]
+            stages = self._stages(self._work(photos, fitted, scored, GAUSSIANS))
+            self._page = stages["page"]
+            return stages["save"] + stages["page"]
 
         base, scored = seconds(0), held
         while scored > FEWEST_SCORED and seconds(scored) - base > SCORE_SHARE * self.limit:
             scored -= 1
         return scored, seconds(scored)
+
+    def _stages(self, work: Work) -> dict[str, float]:
+        return stage_seconds(self._runs, work, 0.0, slowdown(self._busy()))[0]
 
     @staticmethod
     def _small(views: Sequence[View], points: SparsePoints) -> list[View]:
@@ -170,3 +207,11 @@ def work_of(photos: Sequence[Photo], fitted: int, scored: int, steps: int, gauss
     files = [(w * h) / (p.scale[0] * p.scale[1]) for p, (w, h) in ((p, p.size) for p in photos)]
     mean = sum(used) / max(1, len(used)) / 1e6
     return Work(len(photos), sum(files) / 1e6, mean, fitted, scored, steps, gaussians, search, hurried, compiled)
+
+
+def _as_before(kept: Path, fixed: int | None, settings: TrainingSettings) -> tuple[int | None, TrainingSettings]:
+    try:
+        plan = json.loads(kept.read_text("utf-8"))
+        return int(plan["gaussians"]), replace(settings, grid_step=plan["grid_step"])
+    except (OSError, ValueError, KeyError, TypeError):  # none: the checkpoint itself will tell what does not fit
+        return fixed, settings

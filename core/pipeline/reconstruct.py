@@ -8,9 +8,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..errors import CameraError
+from ..errors import CameraError, DgsError
 from ..files import check_writable, make_folder, write_json
 from ..formats.ply import write_ply
+from ..imaging.formation.chain import Formation
 from ..imaging.medium import Medium
 from ..imaging.psf import PointSpread, parse_psf
 from ..photos.load import Photo, load_photos
@@ -25,18 +26,20 @@ from ..views import fingerprint
 from .heldout import Scores, TruthFolder, ViewScorer, heldout_names, render_names
 from .machine import choose_device, machine, use_threads
 from .settings import ReconstructSettings
-from .snapshots import Snapshots
+from .snapshots import Watchers
 from .summary import Facts, resolvable_period, summary
 from .views import Viewer
 from .world import near_origin
 
 if TYPE_CHECKING:
+    from ..effort.plan import Budget
     from ..training.run import Trained
+    from .effects.choose import Chosen
 
 #: Views shown in the page at most.
 SHOWN = 6
-#: A time limit leaves the training at least this share of it, however long the cameras took.
-LEAST_TRAINING = 0.1
+#: A run that waits for a quality takes at most this many times the preset's steps.
+UNTIL_STEPS = 4
 
 
 @dataclass(frozen=True)
@@ -60,6 +63,8 @@ class NoteKeeper:
     def __init__(self, progress: Progress) -> None:
         self._progress = progress
         self.notes: list[str] = []
+        #: Seconds that the user let the work wait.
+        self.waited = 0.0
 
     def stage(self, name: str, total: int | None = None) -> None:
         """A new stage begins; `total` steps if they can be counted."""
@@ -76,15 +81,20 @@ class NoteKeeper:
 
     def cancelled(self) -> bool:
         """Whether the user asked to stop."""
-        return self._progress.cancelled()
+        asked = time.perf_counter()
+        answer = self._progress.cancelled()
+        self.waited += time.perf_counter() - asked
+        return answer
 
 
 class Stopwatch:
-    """Seconds of each named stage and in all."""
+    """Seconds of each named stage and in all, since `began` on the clock of `time.perf_counter`."""
 
-    def __init__(self) -> None:
-        self._began = self._lap = time.perf_counter()
+    def __init__(self, began: float | None = None) -> None:
+        self.began = self._lap = time.perf_counter() if began is None else began
         self.seconds: dict[str, float] = {}
+        if began is not None:
+            self.lap("start")
 
     def lap(self, name: str) -> None:
         """The time since the last lap belongs to `name`."""
@@ -94,24 +104,38 @@ class Stopwatch:
 
     def total(self) -> float:
         """Seconds since the start."""
-        return round(time.perf_counter() - self._began, 3)
+        return round(time.perf_counter() - self.began, 3)
 
 
-def reconstruct(settings: ReconstructSettings, progress: Progress) -> Outcome:
+def reconstruct(settings: ReconstructSettings, progress: Progress, began: float | None = None) -> Outcome:
     """Photos in; twin.ply, cameras/, renders/, report.json and report.html out.
 
     Cameras and twin are written as soon as they are there: whatever happens later, they are kept.
-    A cancelled training still saves the twin so far and reports it.
+    A cancelled training still saves the twin so far and reports it. With a time limit all is planned to be
+    there when it is over.
+
+    Args:
+        began: when the time begins to count, on the clock of `time.perf_counter`; now if None.
 
     Raises:
         DgsError: one of its subclasses; what was written before stays.
     """
-    watch, keeper = Stopwatch(), NoteKeeper(progress)
+    from ..effort.estimate import kernels_compiled
+    from ..effort.history import History
+    from ..effort.plan import Budget
+
+    watch, keeper = Stopwatch(began), NoteKeeper(progress)
     # What can be wrong with the request is found out before any work is done.
     psf = parse_psf(settings.psf)
     truth = TruthFolder(settings.truth) if settings.truth is not None else None
     check_writable(settings.out)
+    if settings.until is not None and settings.holdout_every == 0:
+        raise DgsError("Quality is judged on photos held out, and none are", "Use --holdout-every 8")
     threads, device = use_threads(settings.threads), choose_device(settings.device)
+    known = History(settings, machine(threads, device), kernels_compiled())
+    budget = None
+    if settings.time_limit is not None:
+        budget = Budget(settings.time_limit, watch.began, known.records.runs, lambda: keeper.waited, known.others.share)
     settings = replace(settings, photos=photo_source(settings.photos, settings.out, settings.frames, keeper))
     photos = load_photos(settings.photos, settings.max_size, keeper, settings.masks)
     medium = medium_for(photos, psf, settings)
@@ -119,24 +143,29 @@ def reconstruct(settings: ReconstructSettings, progress: Progress) -> Outcome:
         keeper.note(f"The point spread function: {note}")
     watch.lap("photos")
 
-    reconstruction, source = cameras_of(settings, photos, medium, threads, keeper)
+    hurried = budget is not None and settings.cameras is None and budget.hurry(photos)
+    reconstruction, source = cameras_of(settings, photos, medium, threads, keeper, hurried)
     registered = [photo for photo in photos if photo.name in reconstruction.poses]
     watch.lap("sfm")
 
     held = heldout_names([photo.name for photo in photos], settings.holdout_every)
-    trained = _train(settings, registered, held, reconstruction, medium, threads, device, keeper, watch)
+    trained, effects, fitted = _train(
+        settings, registered, held, reconstruction, medium, threads, device, keeper, watch, budget
+    )
     write_ply(settings.out / "twin.ply", trained.gaussians.cloud())
 
     keeper.stage("save", len(held) + 2)
     facts = Facts(
         settings=settings, photos=photos, reconstruction=reconstruction, source=source, medium=medium, psf=psf,
-        held=held, trained=trained, machine=machine(threads, device), notes=keeper.notes,
+        held=held, trained=trained, machine=machine(threads, device), notes=keeper.notes, effects=effects,
     )  # fmt: skip
-    scores, pictures = _score(facts, truth, keeper)
+    scores, pictures = _score(facts, truth, keeper, budget)
     watch.lap("save")
     report = summary(facts, scores, watch.seconds, watch.total())
+    report["predicted"] = known.predicted(photos, budget)
     write_json(settings.out / "report.json", report)
     write_page(settings.out / "report.html", report, pictures, medium.psf, reconstruction.cameras())
+    known.keep(report, photos, fitted, budget, watch.total() - report["seconds"]["total"])
     keeper.advance(len(held) + 2)
     return Outcome(report, settings.out, trained.stopped == "cancelled")
 
@@ -153,8 +182,9 @@ def medium_for(photos: list[Photo], psf: PointSpread | None, settings: Reconstru
 
 
 def cameras_of(
-    settings: ReconstructSettings, photos: list[Photo], medium: Medium, threads: int, progress: Progress
-) -> tuple[Reconstruction, str]:
+    settings: ReconstructSettings, photos: list[Photo], medium: Medium, threads: int, progress: Progress,
+    hurried: bool = False,
+) -> tuple[Reconstruction, str]:  # fmt: skip
     """Known cameras, those of the run that is resumed, or cameras found from the photos.
 
     Written to `settings.out`/cameras; 'given' or 'sfm' tells where they come from.
@@ -184,7 +214,7 @@ def cameras_of(
         kernel = None if medium.psf is None or medium.psf.is_identity else medium.psf.kernel()
         work = make_folder(settings.out / "sfm")
         wanted = SfmSettings(threads=threads)
-        wanted = wanted.hurried() if settings.preset == "draft" else wanted
+        wanted = wanted.hurried() if hurried or settings.preset == "draft" else wanted
         reconstruction = find_cameras(photos, kernel, wanted, work, progress)
         source = "sfm"
     if len(reconstruction.poses) < 2:
@@ -198,11 +228,13 @@ def cameras_of(
 
 def _train(
     settings: ReconstructSettings, registered: list[Photo], held: list[str], reconstruction: Reconstruction,
-    medium: Medium, threads: int, device: str, progress: Progress, watch: Stopwatch,
-) -> Trained:  # fmt: skip
+    medium: Medium, threads: int, device: str, progress: Progress, watch: Stopwatch, budget: Budget | None,
+) -> tuple[Trained, Chosen, int]:  # fmt: skip
     from ..photos.undistort import undistorted_views
     from ..training.run import train
     from ..training.settings import TrainingSettings
+    from .effects.choose import choose_effects
+    from .effects.corrected import corrected
 
     views = undistorted_views(registered, reconstruction)
     seen = {fingerprint(view.photo) for view in views if view.name in held}
@@ -218,29 +250,40 @@ def _train(
     changes: dict[str, Any] = {"max_gaussians": settings.max_gaussians, "sh_degree": settings.sh_degree}
     chosen = replace(
         TrainingSettings.preset(settings.preset), loss=settings.loss, seed=settings.seed, threads=threads,
-        device=device, time_limit=_time_left(settings.time_limit, watch.total()),
+        device=device, until=settings.until, min_steps=settings.min_steps,
         **{name: value for name, value in changes.items() if value is not None},
     )  # fmt: skip
+    if settings.until is not None and budget is None:
+        chosen = replace(chosen, steps=max(UNTIL_STEPS * chosen.steps, settings.min_steps))
+    effects = choose_effects(settings.effects, registered, reconstruction, kept, medium, chosen, progress)
+    if settings.effects != "none":
+        watch.lap("effects")
+    fitted, watched = (
+        corrected(part, effects.formation, effects.saturation)
+        for part in (kept, [view for view in views if view.name in held])
+    )
+    if budget is not None:
+        chosen = budget.train(
+            registered, fitted, len(watched), reconstruction.points, medium, chosen, settings.max_gaussians,
+            effects.formation, settings.out / "plan.json", settings.resume,
+        )  # fmt: skip
     trained = train(
-        kept, [view for view in views if view.name in held], reconstruction.points, medium, chosen, progress,
-        settings.out / "checkpoint.npz", settings.resume,
-        Snapshots(settings.out / "snapshot") if settings.snapshots else None,
+        fitted, watched, reconstruction.points, medium, chosen, progress, settings.out / "checkpoint.npz",
+        settings.resume, Watchers(settings.out, settings.snapshots), effects.formation,
     )  # fmt: skip
-    if progress.cancelled() and trained.steps < chosen.steps:
+    if progress.cancelled() and trained.stopped == "done" and trained.steps < chosen.steps:
         trained.stopped = "cancelled"
-    watch.lap("train")
-    watch.seconds.update({name: round(float(trained.seconds[name]), 3) for name in ("compile", "train")})
-    return trained
-
-
-def _time_left(limit: float | None, spent: float) -> float | None:
-    return None if limit is None else max(limit - spent, LEAST_TRAINING * limit)
+    watch.lap("prepare")
+    measured = {name: round(float(trained.seconds[name]), 3) for name in ("compile", "train")}
+    watch.seconds["prepare"] = round(max(0.0, watch.seconds["prepare"] - sum(measured.values())), 3)
+    watch.seconds.update(measured)
+    return trained, effects, len(fitted)
 
 
 def _score(
-    facts: Facts, truth: TruthFolder | None, progress: Progress
+    facts: Facts, truth: TruthFolder | None, progress: Progress, budget: Budget | None = None
 ) -> tuple[list[Scores], list[ViewPictures]]:
-    """Renders and scores every held-out view; a few fitted ones are shown where none is held out."""
+    """Renders and scores held-out views, all there is time for; a few fitted ones are shown where none is held out."""
     from ..training.scale import scene_scale
 
     cameras = facts.reconstruction.cameras()
@@ -249,23 +292,30 @@ def _score(
         facts.machine["device"], facts.trained.low_pass, facts.trained.background,
     )  # fmt: skip
     scorer = ViewScorer(
-        viewer, facts.reconstruction, facts.medium, truth, resolvable_period(facts.medium), progress
-    )
+        viewer, facts.reconstruction, facts.medium, truth, resolvable_period(facts.medium), progress,
+        Formation() if facts.effects is None else facts.effects.formation,
+    )  # fmt: skip
     by_name = {photo.name: photo for photo in facts.photos if photo.name in cameras}
     wanted = [name for name in facts.held if name in by_name]
     files, scores, pictures = render_names(wanted), [], []
     shown = set(spread(len(wanted), SHOWN))
 
-    def one(name: str) -> tuple[Scores, ViewPictures]:
+    def one(name: str) -> tuple[Scores, ViewPictures] | None:
+        if budget is not None and not budget.another():
+            return None
         return scorer.score(by_name[name], True, facts.settings.out / "renders" / files[name])
 
     # Interpolation, transforms and files wait for one core at a time: whole views side by side do not.
     with ThreadPoolExecutor(facts.machine["threads"]) as pool:
-        for index, (score, picture) in enumerate(pool.map(one, wanted)):
-            scores.append(score)
+        for index, found in enumerate(pool.map(one, wanted)):
+            if found is None:
+                continue
+            scores.append(found[0])
             if index in shown:
-                pictures.append(picture)
+                pictures.append(found[1])
             progress.advance(index + 1)
+    if len(scores) < len(wanted):
+        progress.note(f"{len(scores)} of {len(wanted)} held-out views were scored: there was no time for more")
     if not wanted:
         names = sorted(by_name)
         pictures = [scorer.score(by_name[names[i]], False, None)[1] for i in spread(len(names), 3)]

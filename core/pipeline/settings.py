@@ -26,10 +26,13 @@ class ReconstructSettings:
         holdout_every: views 0, n, 2n ... by sorted name are kept out of the training; 0: none.
         max_size: longest side in px that photos are shrunk to, with cameras and PSF.
         preset, loss: of the training.
-        time_limit: seconds from the photos to the twin, or None.
+        time_limit: seconds from the command to the report, or None; steps, Gaussians and grid are planned for it.
+        until: 'plateau', or a PSNR in dB on held-out photos, at which the training may end before; min_steps: not
+            before so many.
         max_gaussians, sh_degree: None for the preset's.
         seed, device, threads: threads None for all cores.
         resume: go on from the checkpoint in `out`.
+        effects: besides the blur: 'auto', 'none', 'all' or names (see `effects.decision.parse_effects`).
         snapshots: write the twin so far and a picture of it to `out`/snapshot while training.
     """
 
@@ -46,12 +49,15 @@ class ReconstructSettings:
     preset: Literal["draft", "balanced", "fine"] = "balanced"
     loss: Literal["dgs", "paper"] = "dgs"
     time_limit: float | None = None
+    until: float | Literal["plateau"] | None = None
+    min_steps: int = 0
     max_gaussians: int | None = None
     sh_degree: int | None = None
     seed: int = 0
     device: Literal["auto", "cpu", "cuda"] = "auto"
     threads: int | None = None
     resume: bool = False
+    effects: str = "none"
     snapshots: bool = False
 
     def plain(self) -> dict[str, Any]:

@@ -26,6 +26,8 @@ PICTURE, PREVIEW, TWIN = "picture.png", "preview.npy", "twin.ply"
 PREVIEW_SIZE = 360
 #: Seconds between two snapshots at least.
 INTERVAL = 2.0
+#: Seconds between two twins that are kept beside the checkpoint.
+TWIN_INTERVAL = 25.0
 #: Snapshots take at most this share of the time.
 SHARE = 0.04
 
@@ -57,6 +59,29 @@ class Snapshots:
         write_ply(self._folder / TWIN, trainer.result().cloud())
         ended = time.perf_counter()
         self._next = ended + max(INTERVAL, (ended - began) / SHARE)
+
+
+class Watchers:
+    """Looks over a training's shoulder: keeps the twin so far as `out`/twin.ply, and snapshots if they are wanted.
+
+    Whoever ends the process, however rudely, finds a twin that is half a minute old at most.
+
+    Raises:
+        OutputError: the folder cannot be written to.
+    """
+
+    def __init__(self, out: Path, snapshots: bool) -> None:
+        self._twin = out / TWIN
+        self._snapshots = Snapshots(out / "snapshot") if snapshots else None
+        self._next = time.perf_counter() + TWIN_INTERVAL
+
+    def __call__(self, trainer: Trainer) -> None:
+        """After an iteration."""
+        if self._snapshots is not None:
+            self._snapshots(trainer)
+        if time.perf_counter() >= self._next:
+            write_ply(self._twin, trainer.result().cloud())
+            self._next = time.perf_counter() + TWIN_INTERVAL
 
 
 def _picture(trainer: Trainer) -> NDArray[np.float32]:

@@ -20,9 +20,13 @@ from .settings import ReconstructSettings
 
 if TYPE_CHECKING:
     from ..training.run import Trained
+    from .effects.choose import Chosen
 
 #: Standard deviation of 8-bit rounding over the amplitude of typical detail (contrast one half).
 NOISE_TO_CONTRAST = 1.0 / (255.0 * math.sqrt(12.0)) / 0.5
+
+#: Of report.json's seconds, in order.
+_STAGES = ("start", "photos", "sfm", "effects", "compile", "prepare", "train", "save")
 
 
 @dataclass(frozen=True)
@@ -31,6 +35,7 @@ class Facts:
 
     Attributes:
         source: 'sfm' or 'given'.
+        effects: what was decided about each effect besides the blur; None where nothing was asked.
         medium: on the grid of the photos as used; psf: as asked for.
         held: all held-out names, registered or not.
     """
@@ -45,6 +50,7 @@ class Facts:
     trained: Trained
     machine: dict[str, Any]
     notes: list[str]
+    effects: Chosen | None = None
 
 
 def resolvable_period(medium: Medium) -> float:
@@ -85,12 +91,14 @@ def summary(facts: Facts, scores: list[Scores], seconds: dict[str, float], total
             "attempts": [asdict(attempt) for attempt in cameras.figures.attempts],
         },
         "medium": {"psf": settings.psf, "blur_space": facts.medium.blur_space},
+        "effects": [] if facts.effects is None else facts.effects.plain(),
         "gaussians": len(trained.gaussians),
         "steps": trained.steps,
         "seconds": {
-            **{name: seconds.get(name) for name in ("photos", "sfm", "compile", "train", "save")},
+            **{name: seconds.get(name) for name in _STAGES},
             "total": total,
         },
+        "predicted": None,
         "peak_memory_mb": peak_memory_mb(),
         "heldout": _heldout(facts, scores),
         "resolvable_period_px": resolvable_period(facts.medium),
@@ -137,7 +145,7 @@ def _heldout(facts: Facts, scores: list[Scores]) -> dict[str, Any]:
         "unregistered": [name for name in facts.held if name not in facts.reconstruction.poses],
         "every": facts.settings.holdout_every,
         "in_sfm": facts.source == "sfm",
-        "degraded": {key: mean("degraded", key) for key in ("psnr", "ssim")},
+        "degraded": {key: mean("degraded", key) for key in ("psnr", "ssim", "psnr_matched")},
         "sharp": {key: mean("sharp", key) for key in ("psnr", "ssim", "psnr_inside")},
         "truth_low_passed_psnr": mean_of([score.low_passed for score in compared]),
         "bands": bands if compared else [],

@@ -85,7 +85,11 @@ class Objective:
                  ratio: NoiseToSignal | None = None, contrast: float = 0.2) -> None:  # fmt: skip
         self.settings, self.margin, self.space, self.device = settings, margin, space, device
         self.knee, self.inverse_width = settings.variation_knee * contrast, settings.inverse_width * contrast
-        self.blur = BlurOperator(psf, height, width, margin, device)
+        if settings.blur_evaluation == "splats":  # the splats themselves are widened: see `Trainer.raster_settings`
+            psf, evaluation = None, "auto"
+        else:
+            evaluation = settings.blur_evaluation
+        self.blur = BlurOperator(psf, height, width, margin, device, evaluation=evaluation)
         self.inverse = None
         if psf is not None and ratio is not None:
             self.inverse = Inverse(psf, height + 2 * margin, width + 2 * margin, ratio, device)
