@@ -78,6 +78,10 @@ def _command(name: str) -> Callable[[argparse.Namespace, Reporting], int]:
         from .estimate_command import estimate_command
 
         return estimate_command
+    if name == "tradeoff":
+        from .tradeoff_command import tradeoff_command
+
+        return tradeoff_command
     if name == "measure-psf":
         from .measure_psf_command import measure_psf_command
 
@@ -86,6 +90,10 @@ def _command(name: str) -> Callable[[argparse.Namespace, Reporting], int]:
         from .stress_command import stress_command
 
         return stress_command
+    if name == "next-view":
+        from .next_view_command import next_view_command
+
+        return next_view_command
     from .doctor import doctor_command
 
     return doctor_command

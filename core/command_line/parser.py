@@ -10,7 +10,9 @@ from typing import NoReturn
 
 from ..pipeline.settings import DEFAULT_FRAMES
 from ..version import VERSION
+from .effort_parser import add_effort_commands
 from .quality import quality
+from .twin_parser import add_twin_commands
 
 _UNITS = {"": 1.0, "s": 1.0, "m": 60.0, "min": 60.0, "h": 3600.0}
 
@@ -80,8 +82,9 @@ def build_parser(arguments: list[str]) -> argparse.ArgumentParser:
     _add_synthesize(commands, asked="synthesize" in arguments[:1])
     _add_compare(commands)
     _add_inspect(commands)
-    _add_estimate(commands)
+    add_effort_commands(commands, _add_medium, _add_machine, _add_progress)
     _add_measure_psf(commands)
+    add_twin_commands(commands, _add_machine, _add_progress)
     return parser
 
 
@@ -310,24 +313,6 @@ def _add_inspect(commands: argparse._SubParsersAction[OneLineParser]) -> None:
             "gloss in the photos, before anything is trained: size, uncertainty and evidence of each.",
         )
     )
-    add_arguments(parser)
-    _add_machine(parser)
-    _add_progress(parser)
-
-
-def _add_estimate(commands: argparse._SubParsersAction[OneLineParser]) -> None:
-    from .estimate_command import add_arguments
-
-    parser = _defaults(
-        commands.add_parser(
-            "estimate",
-            help="what a run would take and reach",
-            description="Tries a few iterations on some of the photos and predicts seconds, memory and accuracy of every "
-            "preset; past runs on this machine calibrate it.",
-        )
-    )
-    parser.add_argument("photos", type=Path, metavar="PHOTOS", help="folder of photos, or a list of them (.txt)")
-    _add_medium(parser)
     add_arguments(parser)
     _add_machine(parser)
     _add_progress(parser)

@@ -1,0 +1,154 @@
+"""Cameras that could be taken next: on a rail, on an orbit, on a dome, or from a file."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..camera import Camera
+from ..errors import FormatError
+
+PathName = Literal["rail", "orbit", "dome"]
+PATHS: tuple[PathName, ...] = ("rail", "orbit", "dome")
+#: A rail is offered this much beyond its ends, as a share of its length.
+BEYOND = 0.25
+#: Lowest and highest elevation of a dome's cameras, degrees above the horizon.
+LOWEST, HIGHEST = -10.0, 75.0
+#: Cameras that turn less than this (radians, about) do not tell which way is up across their rows.
+LEAST_TURN = 0.05
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Stage:
+    """How the photos stand around the scene, in world units.
+
+    Attributes:
+        focus: [3] what they look at together.
+        up: [3] unit vector.
+        distance: median distance of the cameras from the focus.
+        elevation: median elevation of the cameras, radians above the horizon.
+    """
+
+    focus: Floats
+    up: Floats
+    distance: float
+    elevation: float
+
+
+def stage_of(cameras: Sequence[Camera]) -> Stage:
+    """The stage of a set of photos: the point nearest to all optical axes (least squares)."""
+    centres = np.array([camera.centre for camera in cameras])
+    axes = np.array([camera.rotation[2] for camera in cameras])
+    across = np.eye(3) - axes[:, :, None] * axes[:, None, :]
+    # Parallel axes meet nowhere: a little pull keeps the focus near the cameras' mean distance.
+    pull = 1e-6 * len(cameras) * np.eye(3)
+    middle = centres.mean(axis=0)
+    meeting = (across @ centres[:, :, None])[:, :, 0].sum(axis=0) + pull @ middle
+    focus = np.linalg.solve(across.sum(axis=0) + pull, meeting)
+    up = _up(cameras)
+    rays = centres - focus
+    distances = np.linalg.norm(rays, axis=1)
+    heights = np.arcsin(np.clip(rays @ up / np.maximum(distances, 1e-12), -1.0, 1.0))
+    return Stage(focus, up, float(np.median(distances)), float(np.median(heights)))
+
+
+def _up(cameras: Sequence[Camera]) -> Floats:
+    """Cameras that look down are tilted, but rarely rolled: up is across all their rows of px."""
+    tilted = -np.array([camera.rotation[1] for camera in cameras]).mean(axis=0)
+    _, sizes, axes = np.linalg.svd(np.array([camera.rotation[0] for camera in cameras]))
+    if len(sizes) > 2 and sizes[1] > LEAST_TURN * sizes[0] and sizes[2] < 0.5 * sizes[1]:
+        up = axes[2] * np.sign(axes[2] @ tilted)
+    else:
+        up = tilted
+    return np.asarray(up / max(float(np.linalg.norm(up)), 1e-12))
+
+
+def looking_at(like: Camera, name: str, centre: Floats, focus: Floats, up: Floats) -> Camera:
+    """A camera at `centre` with the lens of `like` that looks at `focus`, upright."""
+    forward = focus - centre
+    forward = forward / np.linalg.norm(forward)
+    right = np.cross(forward, up)
+    if np.linalg.norm(right) < 1e-6:
+        right = np.cross(forward, np.array([1.0, 0.0, 0.0]) if abs(forward[0]) < 0.9 else np.array([0.0, 1.0, 0.0]))
+    right = right / np.linalg.norm(right)
+    rotation = np.stack([right, np.cross(forward, right), forward])
+    return Camera(name, like.width, like.height, like.fx, like.fy, like.cx, like.cy, rotation, -rotation @ centre)
+
+
+def candidates(path: PathName, cameras: Sequence[Camera], count: int) -> list[Camera]:
+    """`count` cameras on a path that fits the photos' own stage.
+
+    Args:
+        path: 'rail' (the photos' own line, a little longer), 'orbit' (a circle at their distance and
+            elevation) or 'dome' (evenly over directions from 10 degrees below the horizon to 75 above).
+        cameras: of the photos, world units.
+    """
+    stage = stage_of(cameras)
+    if path == "rail":
+        centres = _rail(np.array([camera.centre for camera in cameras]), count)
+    else:
+        right, forward = _horizon(stage, cameras)
+        if path == "orbit":
+            angles = 2.0 * np.pi * np.arange(count) / count
+            heights = np.full(count, stage.elevation)
+        else:  # the golden angle spreads evenly (Fibonacci's sphere)
+            angles = np.arange(count) * np.pi * (3.0 - 5.0**0.5)
+            low, high = np.sin(np.radians([LOWEST, HIGHEST]))
+            heights = np.arcsin(low + (high - low) * (np.arange(count) + 0.5) / count)
+        flat = np.cos(angles)[:, None] * forward + np.sin(angles)[:, None] * right
+        rays = np.cos(heights)[:, None] * flat + np.sin(heights)[:, None] * stage.up
+        centres = stage.focus + stage.distance * rays
+    return [
+        looking_at(cameras[0], f"{path}_{index:03d}", centre, stage.focus, stage.up)
+        for index, centre in enumerate(centres)
+    ]
+
+
+def candidates_from(file: Path, like: Camera) -> list[Camera]:
+    """Cameras of a transforms.json or a COLMAP model; lens distortion is left out.
+
+    Raises:
+        FormatError: neither is there.
+    """
+    from ..formats.colmap import model_folder, read_model
+    from ..formats.transforms import read_transforms
+
+    if file.suffix.lower() == ".json" or (file / "transforms.json").is_file():
+        lenses, poses = read_transforms(file)
+    elif file.is_dir() and model_folder(file) is not None:
+        lenses, poses, _ = read_model(file)
+    else:
+        raise FormatError(
+            f"There are no candidate cameras in '{file}'",
+            f"Give one of {', '.join(PATHS)}, a transforms.json or the folder of a COLMAP model",
+        )
+    return [
+        Camera(name, lens.width, lens.height, lens.fx, lens.fy, lens.cx, lens.cy, pose.rotation, pose.translation)
+        for name, lens, pose in ((n, lenses[n], poses[n]) for n in sorted(poses))
+    ]
+
+
+def _horizon(stage: Stage, cameras: Sequence[Camera]) -> tuple[Floats, Floats]:
+    """Two horizontal unit vectors: to the right, and from the focus towards the first camera."""
+    ray = cameras[0].centre - stage.focus
+    forward = ray - (ray @ stage.up) * stage.up
+    if np.linalg.norm(forward) < 1e-9:
+        forward = cameras[0].rotation[0]
+    forward = forward / np.linalg.norm(forward)
+    return np.cross(stage.up, forward), forward
+
+
+def _rail(centres: Floats, count: int) -> Floats:
+    middle = centres.mean(axis=0)
+    direction = np.linalg.svd(centres - middle)[2][0]
+    along = (centres - middle) @ direction
+    low, high = float(along.min()), float(along.max())
+    beyond = BEYOND * (high - low)
+    return middle + np.linspace(low - beyond, high + beyond, count)[:, None] * direction

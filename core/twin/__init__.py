@@ -1,0 +1,1 @@
+"""A twin as a folder that lasts: opened, refined, updated with new photos, and rolled back."""

@@ -1,0 +1,145 @@
+"""Opens the folder that `reconstruct` left behind: photos, cameras, medium and Gaussians of one twin."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from ..errors import FormatError
+from ..formats.ply import read_ply
+from ..gaussians import Gaussians
+from ..imaging.medium import Medium
+from ..imaging.psf import parse_psf
+from ..photos.load import Photo, load_photos
+from ..photos.source import photo_source
+from ..photos.undistort import undistorted_views
+from ..pipeline.heldout import heldout_names
+from ..pipeline.reconstruct import medium_for
+from ..pipeline.settings import ReconstructSettings
+from ..progress import Progress
+from ..sfm.known import load_cameras
+from ..sfm.reconstruction import Reconstruction
+from ..training.grid import GridView, grid_step
+from ..training.scale import SceneScale, scene_scale
+from ..training.trainer import MARGIN_SIGMAS, mean_colour
+from ..views import View
+
+_PATHS = ("photos", "out", "cameras", "truth", "masks")
+
+
+@dataclass(frozen=True)
+class Twin:
+    """One twin with everything it was made from.
+
+    Attributes:
+        folder: where it lies.
+        settings: of the run that made it.
+        photos: all photos; reconstruction: cameras of those that have one.
+        medium: on the grid of the photos as loaded.
+        views: undistorted photos with cameras, held-out ones too.
+        held: names that were kept out of the training.
+        gaussians: in world units, drawn with the usual low-pass.
+        scale: the scene's own units.
+        background: [3] sRGB colour behind the twin.
+    """
+
+    folder: Path
+    settings: ReconstructSettings
+    photos: list[Photo]
+    reconstruction: Reconstruction
+    medium: Medium
+    views: list[View]
+    held: list[str]
+    gaussians: Gaussians
+    scale: SceneScale
+    background: Tensor
+
+    @property
+    def kept(self) -> list[View]:
+        """The views it was trained on."""
+        return [view for view in self.views if view.name not in self.held]
+
+    @property
+    def step(self) -> int:
+        """Photo px per grid px that the blur allows."""
+        camera = self.views[0].camera
+        return grid_step(self.medium, camera.width, camera.height)
+
+    def on_grid(self, views: list[View], step: int) -> list[GridView]:
+        """Views in the scene's own units on a grid of `step` photo px."""
+        return [
+            GridView(v, self.scale.camera_to_unit(v.camera), step, self.medium.psf_for(v.name), self.medium.blur_space)
+            for v in views
+        ]
+
+    def margin(self, step: int) -> int:
+        """Grid px that a render must be larger on every side, so that light from beyond the border is there."""
+        spreads = [self.medium.psf, *self.medium.per_view.values()]
+        widest = max(
+            (0.0 if p is None or p.is_identity else float(np.linalg.eigvalsh(p.covariance)[-1]) ** 0.5
+             for p in spreads), default=0.0,
+        )  # fmt: skip
+        return int(np.ceil(MARGIN_SIGMAS * widest / step))
+
+
+def read_report(folder: Path) -> dict[str, Any]:
+    """The content of a twin folder's report.json.
+
+    Raises:
+        FormatError: the folder is no twin, or its report is damaged.
+    """
+    path = folder / "report.json"
+    if not path.is_file() or not (folder / "twin.ply").is_file():
+        raise FormatError(
+            f"'{folder}' is no twin folder (it lacks report.json or twin.ply)", "Give the --out folder of 'reconstruct'"
+        )
+    try:
+        content = json.loads(path.read_text("utf-8"))
+        content["settings"]["run"]["psf"]
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise FormatError(f"'{path}' is damaged ({type(error).__name__})", "Reconstruct the twin again") from error
+    return dict(content)
+
+
+def settings_of(folder: Path, report: dict[str, Any], photos: Path | None = None) -> ReconstructSettings:
+    """The settings of the run that made a twin; its cameras are those in the folder."""
+    run = report["settings"]["run"]
+    known = {f.name: run[f.name] for f in fields(ReconstructSettings) if f.name in run}
+    for name in _PATHS:
+        if known.get(name) is not None:
+            known[name] = Path(known[name])
+    settings = ReconstructSettings(**known)
+    return replace(settings, out=folder, cameras=folder / "cameras", photos=photos or settings.photos)
+
+
+def open_twin(folder: Path, progress: Progress, photos: Path | None = None) -> Twin:
+    """Reads a twin folder.
+
+    Args:
+        folder: what `reconstruct --out` named.
+        photos: where its photos lie now, if they were moved.
+
+    Raises:
+        FormatError: no twin folder, or damaged. PhotoError, CameraError: as of `reconstruct`.
+    """
+    report = read_report(folder)
+    settings = settings_of(folder, report, photos)
+    cloud = read_ply(folder / "twin.ply")
+    psf = parse_psf(settings.psf)
+    source = photo_source(settings.photos, folder, settings.frames, progress)
+    loaded = load_photos(source, settings.max_size, progress, settings.masks)
+    medium = medium_for(loaded, psf, settings)
+    reconstruction = load_cameras(folder / "cameras", loaded)
+    views = undistorted_views([photo for photo in loaded if photo.name in reconstruction.poses], reconstruction)
+    held = heldout_names([photo.name for photo in loaded], settings.holdout_every)
+    scale = scene_scale([view.camera for view in views], reconstruction.points)
+    return Twin(
+        folder, settings, loaded, reconstruction, medium, views, held, Gaussians.from_cloud(cloud), scale,
+        mean_colour([view for view in views if view.name not in held] or views).to(torch.float32),
+    )  # fmt: skip
