@@ -3,9 +3,9 @@
 
     tools/paper.py [--quick] [--real FOLDER ...] [--seeds 3] [--page FILE]
 
-The ball is benchmarks/data/ball, rows are kept in benchmarks/runs/paper (--quick: all in paper_quick), and everything is
-taken up again. The whole takes well over an hour; --quick takes minutes, proves that everything runs, and writes its
-page beside its data.
+The ball is benchmarks/data/ball, rows are kept in benchmarks/runs/paper (--quick: all in paper_quick), and
+everything is taken up again. The whole takes well over an hour; --quick takes minutes, proves that everything
+runs, and writes its page beside its data.
 FOLDER is a set of real photos with blur5/ (sigma 5 px) and sharp/.
 """
 

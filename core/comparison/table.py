@@ -117,7 +117,8 @@ def columns(facts: dict[str, Any]) -> str:
         "PSNR (dB), SSIM: sharp render against sharp photo, held-out views, sRGB. Edges: slope across the truth's"
         " strongest edges, 1 is the truth's. 'wiener n vW': every photo after Wiener's filter with noise-to-signal n,"
         " 'rl N vW': after N iterations of Richardson-Lucy (scikit-image), then splatting with total variation W;"
-        " 'measured': n or N as the photos themselves tell. Rows of one seed were run for the search alone. Bands: gain (1: all there) and correlation (1: all true) of detail with"
+        " 'measured': n or N as the photos themselves tell. Rows of one seed were run for the search alone."
+        " Bands: gain (1: all there) and correlation (1: all true) of detail with"
         " periods in that range. " + DEFINITION + " A width is where the flanks pass half-way between line and"
         " surroundings, measured alike in truth and render; a line that is not found counts as width 0."
         + (" Depth: median over opaque pixels of held-out views." if facts.get("metres") else "")
