@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ..camera import Camera
 from ..errors import DgsError, PhotoError
 from ..evaluation.lines import PaintedLine, read_lines
+from ..files import write_json
 from ..formats.colmap import write_lenses
 from ..imaging.medium import Medium
 from ..imaging.psf import PointSpread, parse_psf, point_spread_from_samples
@@ -196,6 +197,7 @@ def _cameras(
         kernel = None if medium.psf is None or medium.psf.is_identity else medium.psf.kernel()
         found = find_cameras(photos, kernel, SfmSettings(threads=threads), settings.out / "sfm", progress)
         write_lenses(kept, found.lenses, found.poses, found.points)
+        write_json(kept / "seconds.json", round(found.figures.seconds, 2))
     return load_cameras(kept, photos)
 
 

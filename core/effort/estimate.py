@@ -64,8 +64,9 @@ def estimate(settings: ReconstructSettings, progress: Progress) -> dict[str, Any
     progress.stage("probe", None)
     others = OthersLoad()
     views, points = made_up(photos)
-    base = TrainingSettings(loss=settings.loss, device=device, threads=threads,
-                            sh_degree=TrainingSettings().sh_degree if settings.sh_degree is None else settings.sh_degree)  # fmt: skip
+    base = TrainingSettings(loss=settings.loss, device=device, threads=threads)
+    if settings.sh_degree is not None:
+        base = replace(base, sh_degree=settings.sh_degree)
     speed = probe(views, points, medium, base, fitted, held)
     busy = others.share()
     own, scene = contrast(photos), scene_key(settings, files)
@@ -101,9 +102,9 @@ def told(found: dict[str, Any]) -> str:
         reach = "not calibrated" if p is None else f"{p['value']:.1f} dB ({p['low']:.1f} to {p['high']:.1f})"
         lines.append(f"{name:<10}{seconds:>18}{m['value']:>12.0f}{reach:>24}")
     if not all(one["seconds"]["calibrated"] for one in found["presets"].values()):
-        lines.append(f"Times are rough: this machine knows {found['runs']} runs; each 'reconstruct' makes them better.")
+        lines.append(f"Times are rough: {found['runs']} runs are known here; each 'reconstruct' makes them better.")
     if any(one["psnr"] is None for one in found["presets"].values()):
-        lines.append("'not calibrated': an accuracy is told after runs of this preset on 4 other scenes, or on this one.")
+        lines.append("'not calibrated': accuracy is told after runs of this preset on 4 other scenes, or on this one.")
     if found["busy"] is not None and found["busy"] > DISTURBED:
         lines.append(f"Other programs keep {100 * found['busy']:.0f} % of the machine busy: it may take much longer.")
     return "\n".join(lines)
@@ -118,8 +119,8 @@ def scene_key(settings: ReconstructSettings, files: Sequence[Path]) -> str:
 
 def job_key(settings: ReconstructSettings, scene: str, preset: str) -> str:
     """Of one job: a prediction belongs to it alone."""
-    facts = [scene, preset, settings.max_gaussians, settings.sh_degree, settings.holdout_every, settings.cameras is None,
-             settings.loss]  # fmt: skip
+    s = settings
+    facts = [scene, preset, s.max_gaussians, s.sh_degree, s.holdout_every, s.cameras is None, s.loss]
     return hashlib.sha256(json.dumps(facts).encode()).hexdigest()[:12]
 
 

@@ -54,10 +54,11 @@ class History:
         if s.resume or report["status"] not in ("done", "time limit") or s.effects != "none":
             return
         held = report["heldout"]
+        hurried = s.preset == "draft" or (budget is not None and budget.hurried)
         work = work_of(photos, fitted, len(held["names"]), report["steps"], report["gaussians"], s.cameras is None,
-                       s.preset == "draft" or (planned and budget is not None and budget.hurried), self.compiled)  # fmt: skip
-        seconds = {name: value for name, value in report["seconds"].items() if value is not None and name != "total"}
-        seconds["page"] = page
+                       hurried, self.compiled)  # fmt: skip
+        taken = {**report["seconds"], "page": page}
+        seconds = {name: value for name, value in taken.items() if value is not None and name != "total"}
         self.records.add(
             Run(
                 work=work, seconds=seconds, train_predicted=self._probed(photos, report, budget),

@@ -109,11 +109,13 @@ def stage_seconds(
     for stage in STAGES:
         if stage == "train":
             base = train
-            ratios = [r.seconds["train"] / r.train_predicted for r in used if r.train_predicted and "train" in r.seconds]
+            told = [run for run in used if run.train_predicted and "train" in run.seconds]
+            ratios = [run.seconds["train"] / (run.train_predicted or math.nan) for run in told]
         else:
             law = LAWS[stage]
             base = law(work)
-            ratios = [r.seconds[stage] / law(r.work) for r in used if stage in r.seconds and _alike(stage, r.work, work)]
+            told = [run for run in used if stage in run.seconds and _alike(stage, run.work, work)]
+            ratios = [run.seconds[stage] / law(run.work) for run in told]
         factor, spread, known = _factor(ratios)
         seconds[stage] = base * factor * (1.0 if stage == "train" else slow)
         variance += (spread * seconds[stage]) ** 2
@@ -144,7 +146,7 @@ def sample(things: Sequence[T]) -> list[T]:
 
 
 def contrast(photos: Sequence[Photo]) -> float:
-    """Root of the mean squared deviation of photos from their neighbourhood of 16 px, in [0, 1]: what could be wrong."""
+    """Root of the mean squared deviation of photos from blocks of 16 px, in [0, 1]: what could be wrong."""
     found = []
     for photo in sample(photos):
         plane = photo.pixels.mean(axis=2) / float(np.iinfo(photo.pixels.dtype).max)
