@@ -23,6 +23,7 @@ from ..sfm.find import find_cameras
 from ..sfm.known import load_cameras
 from ..sfm.reconstruction import Reconstruction
 from ..views import fingerprint
+from .blind import estimated_psf
 from .heldout import Scores, TruthFolder, ViewScorer, heldout_names, render_names
 from .machine import choose_device, machine, use_threads
 from .settings import ReconstructSettings
@@ -126,7 +127,7 @@ def reconstruct(settings: ReconstructSettings, progress: Progress, began: float 
 
     watch, keeper = Stopwatch(began), NoteKeeper(progress)
     # What can be wrong with the request is found out before any work is done.
-    psf = parse_psf(settings.psf)
+    psf = None if settings.psf == "auto" else parse_psf(settings.psf)
     truth = TruthFolder(settings.truth) if settings.truth is not None else None
     check_writable(settings.out)
     if settings.until is not None and settings.holdout_every == 0:
@@ -138,6 +139,8 @@ def reconstruct(settings: ReconstructSettings, progress: Progress, began: float 
         budget = Budget(settings.time_limit, watch.began, known.records.runs, lambda: keeper.waited, known.others.share)
     settings = replace(settings, photos=photo_source(settings.photos, settings.out, settings.frames, keeper))
     photos = load_photos(settings.photos, settings.max_size, keeper, settings.masks)
+    if settings.psf == "auto":
+        psf, settings = estimated_psf(photos, settings)
     medium = medium_for(photos, psf, settings)
     for note in psf.notes if psf is not None else ():
         keeper.note(f"The point spread function: {note}")
