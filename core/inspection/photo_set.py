@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from ..colour import srgb_to_linear
 from ..photos.load import Photo
 from ..sfm.reconstruction import Reconstruction
 from .noise_level import noise_of
@@ -50,11 +51,13 @@ class PhotoSet:
     Attributes:
         photos: all of them.
         cameras: None where none were given or found; why: the reason then.
+        linear: read spectra on linear light instead of sRGB values.
     """
 
     photos: Sequence[Photo]
     cameras: Reconstruction | None = None
     why: str = ""
+    linear: bool = False
 
     @cached_property
     def looked_at(self) -> list[Photo]:
@@ -67,10 +70,12 @@ class PhotoSet:
 
     @cached_property
     def greys(self) -> list[NDArray[np.float32]]:
-        """[H, W] mean of the channels, sRGB, of `looked_at`; what a mask hides is filled with the rest's mean."""
+        """[H, W] mean of the channels of `looked_at`; what a mask hides is filled with the rest's mean."""
         out = []
         for photo in self.looked_at:
             grey = photo.pixels.mean(axis=2, dtype=np.float32) / np.float32(np.iinfo(photo.pixels.dtype).max)
+            if self.linear:
+                grey = np.asarray(srgb_to_linear(grey), np.float32)
             if photo.mask is not None and photo.mask.any():
                 grey = np.where(photo.mask, grey, grey[photo.mask].mean())
             out.append(grey)

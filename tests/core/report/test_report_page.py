@@ -23,10 +23,19 @@ REPORT = {
                 "points_scattered": False, "world_offset": None},
     "medium": {"psf": "gaussian:5", "blur_space": "srgb"},
     "gaussians": 1234, "steps": 100,
-    "seconds": {"photos": 1.0, "sfm": 2.0, "compile": None, "train": 61.0, "save": 1.0, "total": 3700.0},
+    "effects": [{"name": "haze", "on": True, "why": "confirmed: it gains", "gain_db": 0.25, "gain_error_db": 0.05,
+                 "seconds": 9.0, "parameters": {"veil": [0.5, 0.5, 0.5]},
+                 "evidence": {"name": "haze", "needed": True, "confidence": 0.99, "seconds": 1.0, "evidence": "Fades.",
+                              "estimate": {"value": 0.4, "error": 0.02, "unit": "optical depth", "smallest": 0.08}}},
+                {"name": "exposure", "on": False, "why": "not needed", "gain_db": None, "gain_error_db": None,
+                 "seconds": 0.1, "parameters": None, "evidence": None}],
+    "seconds": {"start": None, "photos": 1.0, "sfm": 2.0, "effects": 9.1, "compile": None, "prepare": None, "train": 61.0,
+                "save": 1.0, "total": 3700.0},
+    "predicted": None,
     "peak_memory_mb": 300.5,
     "heldout": {"names": ["a.png"], "unregistered": [], "every": 8, "in_sfm": True,
-                "degraded": {"psnr": 38.25, "ssim": 0.98}, "sharp": {"psnr": 25.5, "ssim": 0.7, "psnr_inside": 26.0},
+                "degraded": {"psnr": 38.25, "ssim": 0.98, "psnr_matched": 38.5},
+                "sharp": {"psnr": 25.5, "ssim": 0.7, "psnr_inside": 26.0},
                 "truth_low_passed_psnr": 25.7,
                 "bands": [{"coarsest": 20.0, "finest": 14.0, "gain": 0.9, "correlation": 0.95, "energy": 0.94},
                           {"coarsest": 14.0, "finest": 10.0, "gain": 0.5, "correlation": 0.6, "energy": 0.8}],
@@ -165,3 +174,10 @@ def test_the_example_is_valid_and_damage_is_found():
     report = copy.deepcopy(REPORT)
     report["gaussians"] = "many"
     assert problems(report) == ["gaussians is str, not integer"]
+
+
+def test_every_effect_has_its_line():
+    text = page(REPORT, pictures(), None, cameras())
+    assert "Effects besides the blur" in text and "+0.25 ± 0.05 dB" in text and "Fades." in text
+    assert "light that is lost with depth" in text and "Haze: light that the medium adds, absorbs" not in text
+    assert "Effects besides the blur" not in page({**REPORT, "effects": []}, pictures(), None, cameras())
