@@ -81,8 +81,10 @@ class DGS_PT_twin_look(Sidebar, bpy.types.Panel):
         if crop_box(context.object) is None:
             layout.operator("dgs.crop_twin", icon="CUBE")
         else:
-            column.prop(*splat_input(modifier, CROP_INPUT), text=CROP_INPUT)
-            column.prop(*splat_input(modifier, BOX_INPUT), text="Box")
+            for name, text in ((CROP_INPUT, CROP_INPUT), (BOX_INPUT, "Box")):
+                place = splat_input(modifier, name)
+                if place is not None:
+                    column.prop(*place, text=text)
         if context.scene.render.engine != "CYCLES":
             sentence(layout, context, "Splats look right in Cycles only", "ERROR")
         row = layout.row(align=True)
