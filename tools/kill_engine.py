@@ -83,6 +83,7 @@ def kill_jobs(photos: Path, out: Path, kills: int, seed: int) -> tuple[list[Kill
             request = request_of("reconstruct", bpy.context.scene)
             continue
         done.append(_kill(job, out, time.monotonic() - began))
+        print(_row(len(done), done[-1]), flush=True)
         request = _resumed(out) or request_of("reconstruct", bpy.context.scene)
     job = runner.start(_resumed(out) or request, Path(sys.executable), bpy.context.scene)
     runner.wait(300.0)
@@ -116,15 +117,14 @@ def _resumed(out: Path) -> Any:
     return Request("reconstruct", Path(record.photos), out, record.arguments, record.count, resume=True)
 
 
-def table(kills: list[Kill]) -> str:
-    """For people."""
-    lines = ["kill  after    stage     step   lost     Blender alive"]
-    for number, kill in enumerate(kills, 1):
-        lines.append(
-            f"{number:>4}  {kill.after:5.1f} s  {kill.stage:<8} {kill.step:>5}  {kill.lost:5.1f} s  "
-            f"{'yes' if kill.alive else 'NO'}"
-        )
-    return "\n".join(lines)
+HEAD = "kill  after    stage     step   lost     Blender alive"
+
+
+def _row(number: int, kill: Kill) -> str:
+    return (
+        f"{number:>4}  {kill.after:5.1f} s  {kill.stage:<8} {kill.step:>5}  {kill.lost:5.1f} s  "
+        f"{'yes' if kill.alive else 'NO'}"
+    )
 
 
 def main() -> int:
@@ -141,10 +141,10 @@ def main() -> int:
     from scene import write_scene
 
     dgs.register()
+    print(HEAD, flush=True)
     with tempfile.TemporaryDirectory() as folder:
         write_scene(Path(folder) / "set")
         kills, phase = kill_jobs(Path(folder) / "set", Path(folder) / "out", options.kills, options.seed)
-    print(table(kills))
     worst = max((kill.lost for kill in kills), default=0.0)
     print(f"\n{len(kills)} kills, at most {worst:.1f} s lost, the last job: {phase}")
     return 0 if phase == "done" and all(kill.alive and kill.lost <= ALLOWED for kill in kills) else 1

@@ -26,7 +26,6 @@ def test_killed_at_random_moments(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
         kills, phase = kill_engine.kill_jobs(tmp_path / "set", tmp_path / "out", 4, seed=1)
     finally:
         dgs.unregister()
-    print(kill_engine.table(kills))
     assert phase == "done" and len(kills) >= 2
     assert all(kill.alive for kill in kills)
     assert max(kill.lost for kill in kills) <= kill_engine.ALLOWED
