@@ -6,7 +6,7 @@ SHELL := /bin/bash
 PY := .venv/bin/python
 export PYTHON
 
-.PHONY: help setup demo test mutants stress lint format bench bench-sfm accuracy paper extension window clean
+.PHONY: help setup demo test mutants stress lint format bench bench-sfm accuracy tradeoff paper extension window clean
 
 help:  ## This list
 	@grep -E '^[a-z-]+:.*## ' Makefile | sed -E 's/:.*## /\t/' | expand -t 14
@@ -41,6 +41,9 @@ bench-sfm: setup  ## Measure structure from motion on the shared photo sets
 
 accuracy: setup  ## Measure accuracy against other ways; ARGS="--data FOLDER --seeds 3"
 	@$(PY) benchmarks/accuracy.py $(ARGS)
+
+tradeoff: setup  ## What each knob costs in time and brings (hours, resumable); ARGS="--data FOLDER --seeds 3"
+	@$(PY) benchmarks/tradeoff.py $(ARGS)
 
 paper: setup  ## Repeat the paper's experiment (hours, resumable; ARGS="--quick": minutes) and write docs/paper.md
 	@$(PY) tools/paper.py $(ARGS)

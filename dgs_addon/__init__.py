@@ -38,13 +38,16 @@ def unregister() -> None:
     from .. import operators, panels
     from . import exact
     from .engine import install
-    from .job import pictures, runner
+    from .job import estimate, inspection, pictures, runner
     from .properties import unregister_properties
     from .translations import unregister_translations
 
     exact.stop()
+    inspection.effects.stop()
+    inspection.point_spread.stop()
     runner.stop()
     install.stop()
+    estimate.stop()
     pictures.clear()
     panels.forget_thumbnails()
     operators.remove_menus()

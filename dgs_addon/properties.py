@@ -98,7 +98,7 @@ class DGS_PG_settings(bpy.types.PropertyGroup):
     )
     time_limit: bpy.props.FloatProperty(
         name="Time Limit", min=0.0, soft_max=120.0, default=0.0, precision=1,
-        description="Minutes from the photos to the twin; 0 for no limit",
+        description="Minutes from the start to the report, for which all is planned; 0 for no limit",
     )  # fmt: skip
     max_gaussians: bpy.props.IntProperty(
         name="Most Gaussians", min=0, soft_max=1_000_000, default=0, description="0 for the preset's own number"

@@ -12,11 +12,14 @@ from .choose_photos import DGS_OT_choose_photos
 from .crop_twin import DGS_OT_crop_twin
 from .drop_files import DGS_FH_photos, DGS_FH_twin
 from .engine import DGS_OT_cancel_install, DGS_OT_check_engine, DGS_OT_install_engine, DGS_OT_open_preferences
+from .estimate import DGS_OT_estimate
 from .exact_view import DGS_OT_exact_view
 from .export_twin import DGS_OT_export_twin
 from .find_cameras import DGS_OT_find_cameras
 from .import_cameras import DGS_OT_import_cameras
 from .import_twin import DGS_OT_import_twin
+from .inspect_photos import DGS_OT_inspect_photos
+from .measure_psf import DGS_OT_measure_psf
 from .open_report import DGS_OT_open_report
 from .optimize import DGS_OT_optimize
 from .pause_job import DGS_OT_pause_job
@@ -26,14 +29,17 @@ from .render_twin import DGS_OT_render_twin
 from .resume_job import DGS_OT_resume_job
 from .show_cameras import DGS_OT_show_cameras
 from .show_log import DGS_OT_show_log
+from .show_tradeoff import DGS_OT_show_tradeoff
 from .view_twin import DGS_OT_view_twin
 
 CLASSES: tuple[type, ...] = (
     DGS_OT_import_twin, DGS_OT_import_cameras, DGS_OT_export_twin, DGS_OT_prepare_scene, DGS_OT_choose_photos,
+    DGS_OT_inspect_photos, DGS_OT_measure_psf,
     DGS_OT_find_cameras, DGS_OT_show_cameras, DGS_OT_optimize, DGS_OT_resume_job, DGS_OT_pause_job,
     DGS_OT_cancel_job, DGS_OT_show_log, DGS_OT_add_results, DGS_OT_view_twin, DGS_OT_exact_view,
     DGS_OT_set_length, DGS_OT_set_up, DGS_OT_crop_twin, DGS_OT_render_twin, DGS_OT_open_report, DGS_OT_install_engine,
     DGS_OT_cancel_install, DGS_OT_check_engine, DGS_OT_open_preferences, DGS_FH_photos, DGS_FH_twin,
+    DGS_OT_estimate, DGS_OT_show_tradeoff,
 )  # fmt: skip
 
 

@@ -9,6 +9,7 @@ import bpy
 from ..dgs_addon.job import runner
 from ..dgs_addon.job.state import duration_text
 from ..dgs_addon.steps import results
+from .estimate import draw_estimate
 from .job import draw_figures, draw_picture
 from .layout import Step, figures, folded, ready, sentence, split
 
@@ -30,6 +31,8 @@ class DGS_PT_optimize(Step, bpy.types.Panel):
         row = layout.row()
         row.scale_y = 1.5
         row.operator("dgs.optimize", icon="PLAY")
+        row.operator("dgs.estimate", text="", icon="TIME")
+        draw_estimate(layout, context)
         job = runner.current()
         if runner.running():
             sentence(layout, context, "It runs: see the top of this tab", "INFO")
@@ -48,3 +51,4 @@ def _draw_more(layout: Any, settings: Any) -> None:
         body.prop(settings, name)
     body.prop(settings, "add_when_done")
     body.prop(settings, "live")
+    body.operator("dgs.show_tradeoff", icon="IMAGE_DATA")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from types import TracebackType
 from typing import Self
 
@@ -20,6 +21,17 @@ from rich.progress import (
 from rich.table import Table
 
 from .interruption import Interruption
+
+#: What is drawn over time, and what the bar itself says already.
+ACCURACY, HIDDEN = "heldout_psnr", ("step", "seconds")
+#: The latest looks that are drawn, and what they are drawn with.
+_LATEST, _LEVELS = 16, "▁▂▃▄▅▆▇█"
+
+
+def curve(values: Sequence[float]) -> str:
+    """The latest values as a line of blocks, the lowest and the highest of all of them at its ends."""
+    low, span = min(values), max(max(values) - min(values), 1e-9)
+    return "".join(_LEVELS[min(7, int(8 * (value - low) / span))] for value in values[-_LATEST:])
 
 
 class Bars:
@@ -41,6 +53,7 @@ class Bars:
             refresh_per_second=4,
         )
         self._task: TaskID | None = None
+        self._accuracies: list[float] = []
 
     def __enter__(self) -> Self:
         self._bars.start()
@@ -54,13 +67,21 @@ class Bars:
     def stage(self, name: str, total: int | None = None) -> None:
         """A new stage begins; `total` steps if they can be counted."""
         self._complete()
+        self._accuracies = []
         self._task = self._bars.add_task(escape(name), total=total, figures="")
 
     def advance(self, done: int, **figures: float) -> None:
         """So many steps of the stage are done; figures worth showing."""
         if self._task is None:
             return
-        text = "  ".join(f"{key.replace('_', ' ')} {value:.4g}" for key, value in figures.items())
+        accuracy = figures.pop(ACCURACY, None)
+        if accuracy is not None:
+            self._accuracies.append(accuracy)
+        shown = {key: value for key, value in figures.items() if key not in HIDDEN}
+        words = [f"{key.replace('_', ' ')} {value:.4g}" for key, value in shown.items()]
+        if self._accuracies:
+            words.append(f"held out {curve(self._accuracies)} {self._accuracies[-1]:.2f} dB")
+        text = "  ".join(words)
         self._bars.update(self._task, completed=done, figures=text)
 
     def note(self, text: str) -> None:
