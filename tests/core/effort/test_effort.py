@@ -1,0 +1,190 @@
+"""Records, laws, probe and plan: what is told before a run, and that a plan fits its time."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from dgs.core.effort.model import LAWS, SCENES, accuracy, contrast, memory, slowdown, stage_seconds
+from dgs.core.effort.plan import FEWEST_SCORED, Budget, gaussians_for, steps_within
+from dgs.core.effort.probe import Phase, Speed, made_up, probe
+from dgs.core.effort.records import KEPT, Records, Run, Work
+from dgs.core.imaging.medium import Medium
+from dgs.core.imaging.psf import PointSpread
+from dgs.core.photos.load import Photo
+from dgs.core.training.settings import TrainingSettings
+
+WORK = Work(40, 16.0, 0.4, 35, 5, 1000, 40_000, True, False, True)
+MACHINE = {"processor": "one", "cores": 2, "threads": 2, "device": "cpu"}
+SPEED = Speed((Phase(0.12, 0.002, 1e-7), Phase(0.88, 0.01, 4e-7)), 4, 1.0)
+
+
+def run_of(factor: float = 1.0, **changes) -> Run:
+    """A past run that took `factor` times what the laws say."""
+    seconds = {stage: factor * law(WORK) for stage, law in LAWS.items()} | {"train": factor * 20.0}
+    plain = Run(WORK, seconds, 20.0, 1000.0, "scene", "balanced", 0.1, 30.0, None, 0.0)
+    return replace(plain, **changes)
+
+
+def photo(name: str, width: int = 96, height: int = 80, amplitude: float = 0.2) -> Photo:
+    noise = np.random.default_rng(len(name)).normal(size=(height, width, 3))
+    pixels = (255 * np.clip(0.5 + amplitude * noise, 0, 1)).astype(np.uint8)
+    return Photo(name, Path(name), pixels)
+
+
+def test_records_come_back_and_belong_to_one_machine(tmp_path: Path):
+    records = Records(MACHINE, tmp_path)
+    records.add(run_of())
+    records.predict("job", {"seconds": 3.0})
+    again = Records(MACHINE, tmp_path)
+    assert again.runs == [run_of()] and again.predictions == {"job": {"seconds": 3.0}}
+    assert Records({**MACHINE, "processor": "another"}, tmp_path).runs == []
+    for index in range(KEPT + 5):
+        again.predictions[str(index)] = {}
+    again.predict("last", {})
+    assert len(Records(MACHINE, tmp_path).predictions) == KEPT
+
+
+def test_a_damaged_cache_is_no_cache(tmp_path: Path):
+    Records(MACHINE, tmp_path).add(run_of())
+    (file,) = tmp_path.iterdir()
+    whole = file.read_text("utf-8")
+    for text in ("", "[]", whole[: len(whole) // 2], whole.replace('"steps"', '"paces"')):
+        file.write_text(text, "utf-8")
+        assert Records(MACHINE, tmp_path).runs == []
+
+
+def test_a_cache_that_cannot_be_written_is_no_error(tmp_path: Path):
+    (tmp_path / "cache").write_text("a file in its place")
+    Records(MACHINE, tmp_path / "cache").add(run_of())
+
+
+def test_runs_of_this_machine_set_the_laws_right():
+    _, blind = stage_seconds([], WORK, 20.0)
+    stages, known = stage_seconds([run_of(3.0)] * 6, WORK, 20.0)
+    assert not blind.calibrated and known.calibrated
+    assert known.value == pytest.approx(3.0 * blind.value, rel=1e-6)
+    assert stages["train"] == pytest.approx(60.0)
+    assert known.high - known.low < 0.3 * (blind.high - blind.low) * 3.0
+    assert known.low < known.value < known.high
+
+
+def test_disturbed_runs_count_only_where_there_is_no_other():
+    mixed = [run_of(1.0, disturbed=0.02), *[run_of(9.0, disturbed=0.8)] * 5]
+    assert stage_seconds(mixed, WORK, 20.0)[0]["train"] == pytest.approx(20.0)
+    assert stage_seconds(mixed[1:], WORK, 20.0)[0]["train"] == pytest.approx(180.0)
+
+
+def test_a_busy_machine_is_slower_but_the_probe_has_felt_that():
+    idle, busy = (stage_seconds([], WORK, 20.0, slowdown(share))[0] for share in (0.0, 0.5))
+    assert busy["sfm"] == pytest.approx(2 * idle["sfm"]) and busy["train"] == idle["train"]
+    assert slowdown(None) == slowdown(0.1) == 1.0
+
+
+def test_memory_grows_with_photos_and_gaussians_and_learns():
+    plain = memory([], WORK).value
+    assert memory([], replace(WORK, gaussians=400_000)).value > plain + 300
+    assert memory([], replace(WORK, photos=400)).value > 2 * plain
+    assert memory([run_of(memory_mb=2 * plain)] * 4, WORK).value == pytest.approx(2 * plain)
+
+
+def test_accuracy_is_told_only_once_it_is_known():
+    def scene(index: int, contrasty: float) -> Run:
+        # the same relative error everywhere: more contrast, more error
+        return run_of(scene=str(index), contrast=contrasty, psnr=28.0 - 20 * math.log10(contrasty / 0.1))
+
+    runs = [scene(i, 0.05 * (i + 1)) for i in range(SCENES)]
+    assert accuracy(runs[:-1], "balanced", "new", 0.1) is None
+    assert accuracy(runs, "draft", "new", 0.1) is None, "another preset says nothing"
+    told = accuracy(runs, "balanced", "new", 0.4)
+    assert told is not None and told.value == pytest.approx(28.0 - 20 * math.log10(4), abs=1e-6)
+    noisy = accuracy([*runs, run_of(scene="odd", psnr=33.0)], "balanced", "new", 0.4)
+    assert noisy is not None and noisy.high - noisy.low > 2.0
+    own = accuracy([run_of(scene="new", psnr=31.0)], "balanced", "new", 0.4)
+    assert own is not None and own.value == 31.0
+
+
+def test_contrast_is_that_of_the_photos():
+    assert contrast([photo("a", amplitude=0.2)]) > 1.8 * contrast([photo("a", amplitude=0.1)])
+    assert contrast([photo("a", 8, 8)]) > 0, "photos smaller than a block"
+
+
+def test_gaussians_grow_as_the_presets_do():
+    for name in ("balanced", "fine"):
+        preset = TrainingSettings.preset(name)
+        assert gaussians_for(preset.steps) == preset.max_gaussians
+
+
+@pytest.mark.parametrize("seconds", [1.0, 10.0, 300.0])
+@pytest.mark.parametrize("fixed", [None, 30_000])
+def test_steps_fill_the_time(seconds: float, fixed: int | None):
+    steps, count = steps_within(SPEED, seconds, fixed)
+    assert SPEED.training(steps, count) == pytest.approx(seconds, rel=0.03, abs=0.05)
+    assert fixed is None or count == fixed
+
+
+def test_a_probe_measures_what_iterations_cost():
+    photos = [photo(f"{i}.png") for i in range(3)]
+    views, points = made_up(photos)
+    settings = TrainingSettings(threads=1)
+    began = time.perf_counter()
+    speed = probe(views, points, Medium(PointSpread("gaussian", 2.0, 2.0)), settings, 3, 1, (300, 1500))
+    assert speed.seconds <= time.perf_counter() - began
+    assert sum(phase.share for phase in speed.phases) == pytest.approx(1.0)
+    assert len(speed.phases) >= 2, "photos sharpened beforehand, then the photos themselves"
+    assert all(phase.seconds(1000) > 0 for phase in speed.phases)
+    assert speed.training(200, 1000) > speed.training(100, 1000) > 0
+
+
+def planned(limit: float, spent: float = 0.0, held: int = 9, **changes) -> tuple[Budget, TrainingSettings]:
+    photos = [photo(f"{i}.png") for i in range(4)]
+    views, points = made_up(photos)
+    budget = Budget(limit, time.perf_counter() - spent, [])
+    settings = replace(TrainingSettings(threads=1), **changes)
+    medium = Medium(PointSpread("gaussian", 2.0, 2.0))
+    return budget, budget.train(photos, views, held, points, medium, settings, 600)
+
+
+def test_what_is_left_goes_to_the_training():
+    budget, settings = planned(60.0, spent=20.0)
+    assert budget.plan is not None and settings.time_limit is not None
+    assert settings.time_limit + budget.plan.save_seconds == pytest.approx(budget.left(), abs=2.5)
+    assert settings.steps == budget.plan.steps > 10 and settings.max_gaussians == 600
+    late, settings = planned(10.0, spent=30.0)
+    assert settings.time_limit == pytest.approx(1.0), "the training gets a share even so"
+    assert late.left() < 0
+
+
+def test_waiting_does_not_count():
+    waited = [0.0]
+    budget = Budget(10.0, time.perf_counter() - 6.0, [], lambda: waited[0])
+    before = budget.left()
+    waited[0] = 5.0
+    assert budget.left() == pytest.approx(before + 5.0, abs=0.1)
+
+
+def test_views_are_scored_while_there_is_time():
+    late = Budget(10.0, time.perf_counter() - 60.0, [])
+    assert [late.another() for _ in range(4)] == [True] * FEWEST_SCORED + [False] * 2
+    early = Budget(1000.0, time.perf_counter(), [])
+    assert all(early.another() for _ in range(20))
+
+
+def test_a_resumed_plan_keeps_grid_and_gaussians(tmp_path: Path):
+    photos = [photo(f"{i}.png") for i in range(4)]
+    views, points = made_up(photos)
+    medium, file = Medium(PointSpread("gaussian", 2.0, 2.0)), tmp_path / "plan.json"
+
+    def plan(resume: bool, fixed: int | None) -> TrainingSettings:
+        return Budget(40.0, time.perf_counter(), []).train(
+            photos, views, 1, points, medium, TrainingSettings(threads=1), fixed, kept=file, resume=resume
+        )
+
+    first = plan(False, 700)
+    assert plan(True, None).max_gaussians == first.max_gaussians == 700
+    file.unlink()
+    assert plan(True, 900).max_gaussians == 900

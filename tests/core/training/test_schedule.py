@@ -1,0 +1,140 @@
+"""How far a run is and when it ends, and what an interrupted one leaves."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+
+import pytest
+from dgs.core.progress import Silent
+from dgs.core.training.run import Trained, train
+from dgs.core.training.schedule import COOLING, Schedule
+from dgs.core.training.settings import TrainingSettings
+from training_scenes import SHORT, Scene, blurred_scene, same
+
+SETTINGS = TrainingSettings(steps=100)
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    return blurred_scene(6)
+
+
+class StopsAfter(Silent):
+    """The user stops at the n-th step."""
+
+    def __init__(self, steps: int) -> None:
+        self.steps = steps
+
+    def cancelled(self) -> bool:
+        self.steps -= 1
+        return self.steps < 0
+
+
+def run(scene: Scene, settings: TrainingSettings = SHORT, progress: Silent = Silent(), **options) -> Trained:
+    return train(scene.views[1:], scene.views[:1], scene.points, scene.medium, settings, progress, **options)
+
+
+def ends(schedule: Schedule, seconds_per_step: float, most: int = 100_000) -> tuple[int, str, list[float]]:
+    """Step at which a run at this pace ends, why, and its shares."""
+    shares = []
+    for step in range(most):
+        spent = step * seconds_per_step
+        ending = schedule.ended(step, spent)
+        if ending is not None:
+            return step, ending, shares
+        shares.append(schedule.share(step, spent))
+    raise AssertionError("it never ends")
+
+
+def test_steps_are_the_plan_without_a_limit():
+    step, ending, shares = ends(Schedule(SETTINGS, None), 1.0)
+    assert (step, ending) == (100, "done")
+    assert shares == pytest.approx([i / 100 for i in range(100)])
+
+
+@pytest.mark.parametrize("pace", [0.01, 0.1, 1.0])
+def test_time_is_the_plan_with_one_whatever_the_pace(pace):
+    step, ending, shares = ends(Schedule(SETTINGS, 10.0), pace)
+    assert ending == "time limit" and step == pytest.approx(10.0 / pace, abs=1)
+    assert shares[0] == 0.0 and shares[len(shares) // 2] == pytest.approx(0.5, abs=0.06)
+    assert shares[-1] == pytest.approx(1.0, abs=1.1 * pace / 10)
+
+
+def test_a_resumed_run_goes_on_where_it_was():
+    assert Schedule(SETTINGS, 10.0, step=40).share(40, 0.0) == pytest.approx(0.4)
+    assert Schedule(SETTINGS, 10.0, step=40).share(60, 5.0) == pytest.approx(0.7)
+
+
+def test_steps_that_are_asked_for_are_taken_though_time_is_up():
+    schedule = Schedule(replace(SETTINGS, min_steps=50), 10.0)
+    step, ending, shares = ends(schedule, 1.0)
+    assert (step, ending) == (50, "time limit")
+    assert shares[-1] == pytest.approx(0.98, abs=0.02), "the whole course fits into the longer run"
+
+
+def test_a_plateau_cools_down_and_ends():
+    schedule = Schedule(replace(SETTINGS, steps=1000, until="plateau"), None)
+    shares, ending, step = [], None, 0
+    while ending is None:
+        shares.append(schedule.share(step, 0.0))
+        step += 1
+        if step % 25 == 0:
+            schedule.look(step, 0.0, 20.0 + min(step, 500) / 100)
+        ending = schedule.ended(step, 0.0)
+    assert ending == "plateau" and 500 < step < 1000
+    assert shares[-1] > 0.98, "the step sizes came down all the way"
+    began = next(i for i in range(1, len(shares)) if shares[i] - shares[i - 1] > 0.0011)
+    assert step - began == pytest.approx(COOLING * began, rel=0.2)
+
+
+def test_while_it_rises_there_is_no_plateau():
+    schedule = Schedule(replace(SETTINGS, steps=1000, until="plateau"), None)
+    for step in range(25, 1000, 25):
+        schedule.look(step, 0.0, 20.0 + step / 100)
+        assert schedule.share(step, 0.0) == pytest.approx(step / 1000)
+    assert schedule.ended(1000, 0.0) == "done"
+
+
+def test_a_quality_ends_the_run_but_not_before_its_least_steps():
+    schedule = Schedule(replace(SETTINGS, until=25.0, min_steps=60), None)
+    schedule.look(40, 0.0, 24.9)
+    assert schedule.ended(61, 0.0) is None
+    schedule.look(50, 0.0, 25.0)
+    assert schedule.ended(59, 0.0) is None and schedule.ended(60, 0.0) == "quality"
+
+
+def test_a_run_that_is_good_enough_ends(scene: Scene):
+    trained = run(scene, replace(SHORT, steps=400, until=15.0))
+    assert trained.stopped == "quality" and trained.steps < 400
+    assert trained.history[-1]["heldout_psnr"] >= 15.0
+
+
+def test_the_limit_shapes_the_run(scene: Scene):
+    """Step sizes have come down when the time is up, though far fewer steps fitted than were expected."""
+    seen = []
+    began = time.perf_counter()
+    trained = run(scene, replace(SHORT, steps=1_000_000, time_limit=2.0), watch=lambda t: seen.append(t.step))
+    assert trained.stopped == "time limit" and time.perf_counter() - began < 2.0 + 3.0
+    assert seen == list(range(1, trained.steps + 1))
+    looks = [row["seconds"] for row in trained.history]
+    assert looks == sorted(looks) and len(looks) >= 3
+
+
+def test_a_stopped_run_leaves_its_best(scene: Scene, monkeypatch: pytest.MonkeyPatch):
+    """Held-out accuracy that fell before the user stopped: the twin of the best look comes out."""
+    from dgs.core.training import run as module
+
+    kept = {}
+
+    def look(trainer, loss, seconds):
+        kept[trainer.step] = trainer.result()
+        psnr = 30.0 if trainer.step < 12 else 20.0
+        return {"step": trainer.step, "seconds": seconds, "loss": loss, "gaussians": 1, "heldout_psnr": psnr}
+
+    monkeypatch.setattr(module, "_look", look)
+    stopped = run(scene, progress=StopsAfter(23))
+    assert stopped.stopped == "cancelled"
+    assert same(stopped.gaussians, kept[min(kept)])
+    assert not same(stopped.gaussians, kept[max(kept)])
+    assert same(run(scene).gaussians, kept[SHORT.steps]), "a run that was not stopped leaves its last state"
