@@ -6,6 +6,7 @@ from typing import Any
 
 import bpy
 
+from .inspection import draw_inspection
 from .layout import Step, folded, ready, sentence, split
 
 
@@ -23,6 +24,7 @@ class DGS_PT_medium(Step, bpy.types.Panel):
         """Its kind and its figures."""
         layout, settings = split(self.layout), context.scene.dgs
         layout.prop(settings, "medium")
+        draw_inspection(layout, context)
         if settings.medium == "none":
             sentence(layout, context, "Nothing is undone: ordinary splatting", "INFO")
             return

@@ -51,6 +51,7 @@ def refused(operator: str, words: str, **arguments: object) -> None:
         ("set_up", "There is no twin"),
         ("crop_twin", "There is no twin"),
         ("open_report", "There is no report yet"),
+        ("inspect_photos", "Choose the folder of photos first"),
         ("install_engine", "Only an installed extension"),
         ("cancel_install", "Nothing is running"),
         ("open_preferences", "not enabled"),
@@ -61,7 +62,8 @@ def test_in_an_empty_scene_a_button_says_what_is_missing(operator: str, words: s
 
 
 def test_no_operator_is_forgotten() -> None:
-    always = {"dgs.import_twin", "dgs.import_cameras", "dgs.prepare_scene", "dgs.choose_photos", "dgs.check_engine"}
+    always = {"dgs.import_twin", "dgs.import_cameras", "dgs.prepare_scene", "dgs.choose_photos", "dgs.check_engine",
+              "dgs.measure_psf"}  # fmt: skip
     source = Path(__file__).read_text("utf-8")
     for kind in operators.CLASSES:
         if issubclass(kind, bpy.types.Operator) and kind.bl_idname not in always:
