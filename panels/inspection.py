@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from ..dgs_addon.job import inspection
-from .layout import sentence
+from .layout import figures, sentence
 
 
 def draw_inspection(layout: Any, context: Any) -> None:
@@ -13,19 +13,21 @@ def draw_inspection(layout: Any, context: Any) -> None:
     column = layout.column(align=True)
     column.operator("dgs.inspect_photos", icon="VIEWZOOM")
     column.operator("dgs.measure_psf", icon="LIGHT_POINT")
-    for question, text in ((inspection.effects, "Inspecting..."), (inspection.point_spread, "Measuring...")):
-        if question.running:
-            layout.label(text=text, icon="TIME")
-        elif question.error:
+    if inspection.effects.running:
+        layout.label(text="Inspecting...", icon="TIME")
+    if inspection.point_spread.running:
+        layout.label(text="Measuring...", icon="TIME")
+    for question in (inspection.effects, inspection.point_spread):
+        if question.error:
             sentence(layout, context, question.error, "ERROR")
     measured = inspection.point_spread.answer
     if measured:
-        text = f"Measured: sigma {measured['sigma']:.2f} ± {measured['sigma_uncertainty']:.2f} px"
-        sentence(layout, context, text, "CHECKMARK")
+        values = {"sigma": f"{measured['sigma']:.2f}", "error": f"{measured['sigma_uncertainty']:.2f}"}
+        figures(layout, "Measured: sigma {sigma} ± {error} px", "CHECKMARK", **values)
     if inspection.effects.subject == (context.scene.dgs.photos,):
         lines = inspection.sentences(inspection.effects.answer)
-        for text, needed in lines:
+        for line, needed in lines:
             if needed:
-                sentence(layout, context, text, "CHECKMARK")
+                sentence(layout, context, line, "CHECKMARK")
         if lines and not any(needed for _, needed in lines):
             sentence(layout, context, "Nothing but the scene shows in these photos", "CHECKMARK")
