@@ -5,8 +5,7 @@
 One set of a dozen small photos; each job runs to a random moment of its preparation or its optimization,
 is killed, and is resumed to the next moment, until all kills are done; the last job runs to its end.
 Blender (pip's bpy, this process) must live through all of it and say what happened each time. Lost work is
-what has to be computed again: the seconds between the last checkpoint and the kill, or all of a stage that
-keeps none.
+the optimization since the last checkpoint; what every start does anyway (loading, compiling) is not.
 """
 
 from __future__ import annotations
@@ -41,7 +40,7 @@ class Kill:
         after: seconds from the engine's start.
         stage: what it did then.
         step: optimization step that was reached, 0 before it.
-        lost: seconds of work that the resumed job does again.
+        lost: seconds of the optimization that the resumed job does again.
         alive: whether Blender lived and said why the job had ended.
     """
 
@@ -74,7 +73,7 @@ def kill_jobs(photos: Path, out: Path, kills: int, seed: int) -> tuple[list[Kill
     for _ in range(kills):
         job = runner.start(request, Path(sys.executable), bpy.context.scene)
         began, training, after = time.monotonic(), moments.random() < TRAINING, moments.uniform(0.1, LATEST)
-        while job.state.alive and training and not job.state.marks:
+        while job.state.alive and training and job.state.stage != "train":
             runner.wait(0.02)
         ready = time.monotonic()
         while job.state.alive and time.monotonic() - ready < after:
@@ -82,7 +81,8 @@ def kill_jobs(photos: Path, out: Path, kills: int, seed: int) -> tuple[list[Kill
         if not job.state.alive:  # it was done before its moment: begin anew
             request = request_of("reconstruct", bpy.context.scene)
             continue
-        done.append(_kill(job, out, time.monotonic() - began))
+        optimized = time.monotonic() - ready if training else 0.0
+        done.append(_kill(job, out, time.monotonic() - began, optimized))
         print(_row(len(done), done[-1]), flush=True)
         request = _resumed(out) or request_of("reconstruct", bpy.context.scene)
     job = runner.start(_resumed(out) or request, Path(sys.executable), bpy.context.scene)
@@ -90,7 +90,7 @@ def kill_jobs(photos: Path, out: Path, kills: int, seed: int) -> tuple[list[Kill
     return done, job.state.phase
 
 
-def _kill(job: Any, out: Path, after: float) -> Kill:
+def _kill(job: Any, out: Path, after: float, optimized: float) -> Kill:
     from dgs.dgs_addon.job import runner
 
     while job.worker.pid is None:  # the process is only being made
@@ -100,8 +100,8 @@ def _kill(job: Any, out: Path, after: float) -> Kill:
     now = time.time()
     runner.wait(10.0)
     checkpoint = out / "checkpoint.npz"
-    kept = checkpoint.stat().st_mtime if checkpoint.is_file() else now - after
-    lost = min(after, max(0.0, now - kept))
+    kept = checkpoint.stat().st_mtime if checkpoint.is_file() else 0.0
+    lost = min(optimized, max(0.0, now - kept))
     told = job.state.phase == "failed" and "SIGKILL" in job.state.error
     return Kill(after, stage or "start", step, lost, told)
 

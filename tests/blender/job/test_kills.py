@@ -17,7 +17,7 @@ import kill_engine  # noqa: E402
 from scene import write_scene  # noqa: E402
 
 
-@pytest.mark.timeout(300)
+@pytest.mark.timeout(1200)
 def test_killed_at_random_moments(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(kill_engine, "LATEST", 4.0)
     dgs.register()
