@@ -59,13 +59,17 @@ class TrueWidth:
 
 
 class Measure:
-    """Measures twins of one data set; what concerns the truth alone is done once."""
+    """Measures twins of one data set; what concerns the truth alone is done once.
 
-    def __init__(self, data: Dataset) -> None:
+    Args:
+        only_heldout: leave out trained views, whose scores and lines take most of the time.
+    """
+
+    def __init__(self, data: Dataset, only_heldout: bool = False) -> None:
         self.data = data
         self.by_name = {photo.name: photo for photo in data.photos}
         self.held = [name for name in data.heldout if name in self.by_name]
-        trained = [name for name in sorted(self.by_name) if name not in self.held]
+        trained = [] if only_heldout else [name for name in sorted(self.by_name) if name not in self.held]
         self.fitted = trained[:: max(1, len(trained) // FITTED)][:FITTED]
         self._line_views = sorted({*self.held, *trained[:: max(1, len(trained) // LINE_VIEWS)][:LINE_VIEWS]})
         reference = data.reference_cameras()

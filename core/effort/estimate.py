@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from ..compiled import cache_folder
-from ..errors import Cancelled, PhotoError
-from ..imaging.psf import parse_psf
-from ..photos.load import load_photo, photo_files
+from ..errors import Cancelled, PhotoError, PsfError
+from ..imaging.psf import PointSpread, parse_psf
+from ..photos.load import Photo, load_photo, photo_files
 from ..photos.movie import is_movie
 from ..pipeline.heldout import heldout_names
 from ..pipeline.machine import choose_device, machine, use_threads
@@ -43,7 +43,7 @@ def estimate(settings: ReconstructSettings, progress: Progress) -> dict[str, Any
     Raises:
         DgsError: the photos or the medium cannot be used.
     """
-    psf = parse_psf(settings.psf)
+    psf = None if settings.psf == "auto" else parse_psf(settings.psf)
     if is_movie(settings.photos) and not settings.photos.is_dir():
         raise PhotoError(f"'{settings.photos.name}' is a movie: its frames have to be chosen first",
                          "Run 'cameras' on it once, then give OUT/frames")  # fmt: skip
@@ -58,6 +58,8 @@ def estimate(settings: ReconstructSettings, progress: Progress) -> dict[str, Any
             raise Cancelled("Stopped while reading photos")
         photos.append(load_photo(file, settings.max_size))
         progress.advance(index + 1)
+    if settings.psf == "auto":
+        psf = _guessed(photos, settings, progress)
     medium = medium_for(photos, psf, settings)
     held = len(heldout_names([file.name for file in files], settings.holdout_every))
     fitted = max(1, len(files) - held)
@@ -90,6 +92,17 @@ def estimate(settings: ReconstructSettings, progress: Progress) -> dict[str, Any
         "runs": sum(run.clean for run in records.runs), "scenes": len({run.scene for run in records.runs}),
         "probe_seconds": round(speed.seconds, 2), "machine": machine(threads, device), "presets": out,
     }  # fmt: skip
+
+
+def _guessed(photos: list[Photo], settings: ReconstructSettings, progress: Progress) -> PointSpread | None:
+    """The blur that a few photos show; a run looks at all of them."""
+    from ..pipeline.blind import estimated_psf
+
+    try:
+        return estimated_psf(photos, settings)[0]
+    except PsfError:
+        progress.note("A few photos do not tell the blur: reckoned without any, so a run takes longer")
+        return None
 
 
 def told(found: dict[str, Any]) -> str:

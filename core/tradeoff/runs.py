@@ -223,7 +223,7 @@ class _Sets:
                 data = replace(data, cameras=cameras, photos=photos)
             elif knob.cameras == "unrefined":
                 raise DgsError("The cameras are given and were not refined here", "Use --cameras found")
-            self._known[knob.cameras] = data, Measure(data), seconds
+            self._known[knob.cameras] = data, Measure(data, only_heldout=True), seconds
         return self._known[knob.cameras]
 
     def _find(self, knob: Knob, folder: Path) -> None:

@@ -114,8 +114,8 @@ def test_the_limit_shapes_the_run(scene: Scene):
     """Step sizes have come down when the time is up, though far fewer steps fitted than were expected."""
     seen = []
     began = time.perf_counter()
-    trained = run(scene, replace(SHORT, steps=1_000_000, time_limit=2.0), watch=lambda t: seen.append(t.step))
-    assert trained.stopped == "time limit" and time.perf_counter() - began < 2.0 + 3.0
+    trained = run(scene, replace(SHORT, steps=1_000_000, time_limit=6.0), watch=lambda t: seen.append(t.step))
+    assert trained.stopped == "time limit" and time.perf_counter() - began < 6.0 + 3.0
     assert seen == list(range(1, trained.steps + 1))
     looks = [row["seconds"] for row in trained.history]
     assert looks == sorted(looks) and len(looks) >= 3
