@@ -116,7 +116,7 @@ def _add_medium(parser: argparse.ArgumentParser) -> None:
     medium.add_argument(
         "--psf", default="none", metavar="PSF",
         help="point spread function: none | gaussian:SIGMA | gaussian:SX,SY,ANGLE (px of the photos as they "
-        "are, degrees) | file:PATH (.npy, .tif, .png, .fits)",
+        "are, degrees) | file:PATH (.npy, .tif, .png, .fits) | auto (reconstruct only: told from the photos)",
     )  # fmt: skip
     medium.add_argument(
         "--blur-space", choices=("srgb", "linear"), default="srgb",
