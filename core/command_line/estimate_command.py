@@ -11,12 +11,14 @@ from .progress_choice import Reporting
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command besides photos, medium and machine."""
+    from .parser import whole  # which reads this file first
+
     add = parser.add_argument
     add("--cameras", type=Path, metavar="MODEL", help="known cameras, which need not be found")
-    add("--holdout-every", type=int, default=8, metavar="N", help="as of the run")
-    add("--max-size", type=int, metavar="PIXELS", help="as of the run")
-    add("--max-gaussians", type=int, metavar="N", help="as of the run; the preset's if not given")
-    add("--sh-degree", type=int, choices=range(4), metavar="D", help="as of the run; the preset's if not given")
+    add("--holdout-every", type=whole(0), default=8, metavar="N", help="as of the run")
+    add("--max-size", type=whole(16), metavar="PIXELS", help="as of the run")
+    add("--max-gaussians", type=whole(100), metavar="N", help="as of the run; the preset's if not given")
+    add("--sh-degree", type=whole(0, 3), metavar="D", help="as of the run; the preset's if not given")
     add("--json", action="store_true", help="one JSON object instead of a table")
 
 

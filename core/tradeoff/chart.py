@@ -11,6 +11,8 @@ from ..files import replacing
 Point = Mapping[str, Any]
 
 _FRONT, _DOMINATED, _PRESET = "tab:blue", "0.62", "tab:red"
+#: From so many points on, a line leads from a label to its dot.
+FAR = 16
 #: Where a label may stand, in points from its dot: (x, y, alignment).
 _PLACES = tuple(
     (dx * reach, dy * reach, side)
@@ -77,36 +79,40 @@ def _minor(value: float, _position: int) -> str:
 
 def _label(figure: Any, axes: Any, points: Sequence[Point]) -> None:
     """Every point's name where it covers no dot and no other name; a thin line leads to names that stand far off."""
+    from matplotlib.transforms import Bbox
+
     figure.canvas.draw()
     renderer = figure.canvas.get_renderer()
+    pixel = figure.dpi / 72.0
     dots = [axes.transData.transform((p["seconds"], p["psnr"])) for p in points]
     taken: list[Any] = []
     for point, dot in sorted(zip(points, dots, strict=True), key=lambda pair: not pair[0]["front"]):
-        best: tuple[float, Any] | None = None
+        text = axes.annotate(
+            point["knob"], (point["seconds"], point["psnr"]), xytext=(0, 0), textcoords="offset points", fontsize=7.5,
+            color="black" if point["front"] else "0.45", zorder=4,
+            arrowprops={"arrowstyle": "-", "lw": 0.4, "color": "0.6", "shrinkA": 0, "shrinkB": 2},
+        )  # fmt: skip
+        text.set_in_layout(False)
+        size = text.get_window_extent(renderer)
+        best: tuple[float, Any, tuple[float, float, str]] | None = None
         for dx, dy, side in _PLACES:
-            text = axes.annotate(
-                point["knob"], dot, xycoords="figure pixels", xytext=(dx, dy), textcoords="offset points", ha=side,
-                fontsize=7.5, color="black" if point["front"] else "0.45", zorder=4,
-                arrowprops=None if abs(dx) + abs(dy) < 16 else {"arrowstyle": "-", "lw": 0.4, "color": "0.6"},
-            )  # fmt: skip
-            box = text.get_window_extent(renderer).padded(1.0)
+            left = dot[0] + pixel * dx - {"left": 0.0, "center": 0.5, "right": 1.0}[side] * size.width
+            bottom = dot[1] + pixel * dy - 0.2 * size.height
+            box = Bbox.from_bounds(left - 1, bottom - 1, size.width + 2, size.height + 2)
             covered = sum(box.overlaps(other) for other in taken) + sum(box.contains(*d) for d in dots)
-            outside = not (axes.bbox.x0 <= box.x0 and box.x1 <= axes.bbox.x1 and axes.bbox.y0 <= box.y0
-                           and box.y1 <= axes.bbox.y1)  # fmt: skip
-            price = covered + 2.0 * outside
+            inside = axes.bbox.x0 <= box.x0 and box.x1 <= axes.bbox.x1
+            inside &= axes.bbox.y0 <= box.y0 and box.y1 <= axes.bbox.y1
+            price = covered + (0.0 if inside else 2.0)
             if best is None or price < best[0]:
-                if best is not None:
-                    best[1].remove()
-                best = price, text
-            else:
-                text.remove()
+                best = price, box, (dx, dy, side)
             if price == 0:
                 break
         assert best is not None
-        text = best[1]
-        taken.append(text.get_window_extent(renderer))
-        # Pixels of this figure mean nothing in another resolution.
-        text.xy, text.xycoords = (point["seconds"], point["psnr"]), "data"
+        dx, dy, side = best[2]
+        text.set_position((dx, dy))
+        text.set_ha(side)
+        text.arrow_patch.set_visible(abs(dx) + abs(dy) >= FAR)
+        taken.append(best[1])
 
 
 def front_names(points: Sequence[Point]) -> list[str]:
