@@ -36,6 +36,8 @@ CAMERA_SHARE = 0.35
 FEWEST_SCORED, SCORE_SHARE = 2, 0.12
 #: Kept back for what cannot be foreseen, as a share of the time and in seconds at most.
 SPARE, MOST_SPARE = 0.01, 2.0
+#: A limit is kept within the larger of these: a share of it, and seconds.
+ALLOWED_SHARE, ALLOWED_SECONDS = 0.05, 3.0
 #: However long the cameras took, the training gets this share of the time.
 LEAST_TRAINING = 0.1
 
@@ -116,6 +118,10 @@ class Budget:
     def left(self) -> float:
         """Seconds until the end; negative when it has passed."""
         return self.limit - self.spent()
+
+    def overrun(self) -> bool:
+        """Whether more time was taken than a time limit allows: 5 % of it, or three seconds."""
+        return self.left() < -max(ALLOWED_SECONDS, ALLOWED_SHARE * self.limit)
 
     def hurry(self, photos: Sequence[Photo]) -> bool:
         """Whether the cameras must be found in a hurry."""
