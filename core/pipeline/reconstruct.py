@@ -163,6 +163,9 @@ def reconstruct(settings: ReconstructSettings, progress: Progress, began: float 
         held=held, trained=trained, machine=machine(threads, device), notes=keeper.notes, effects=effects,
     )  # fmt: skip
     scores, pictures = _score(facts, truth, keeper, budget)
+    if budget is not None and budget.overrun():
+        keeper.note(f"The time limit was passed by {-budget.left():.0f} s: the cameras alone took "
+                    f"{watch.seconds['sfm']:.0f} s")  # fmt: skip
     watch.lap("save")
     report = summary(facts, scores, watch.seconds, watch.total())
     report["predicted"] = known.predicted(photos, budget)
