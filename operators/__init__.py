@@ -28,7 +28,9 @@ from .prepare_scene import DGS_OT_prepare_scene
 from .render_twin import DGS_OT_render_twin
 from .resume_job import DGS_OT_resume_job
 from .show_cameras import DGS_OT_show_cameras
+from .show_known import DGS_OT_show_known
 from .show_log import DGS_OT_show_log
+from .show_next_views import DGS_OT_show_next_views
 from .show_tradeoff import DGS_OT_show_tradeoff
 from .view_twin import DGS_OT_view_twin
 
@@ -37,6 +39,7 @@ CLASSES: tuple[type, ...] = (
     DGS_OT_inspect_photos, DGS_OT_measure_psf,
     DGS_OT_find_cameras, DGS_OT_show_cameras, DGS_OT_optimize, DGS_OT_resume_job, DGS_OT_pause_job,
     DGS_OT_cancel_job, DGS_OT_show_log, DGS_OT_add_results, DGS_OT_view_twin, DGS_OT_exact_view,
+    DGS_OT_show_known, DGS_OT_show_next_views,
     DGS_OT_set_length, DGS_OT_set_up, DGS_OT_crop_twin, DGS_OT_render_twin, DGS_OT_open_report, DGS_OT_install_engine,
     DGS_OT_cancel_install, DGS_OT_check_engine, DGS_OT_open_preferences, DGS_FH_photos, DGS_FH_twin,
     DGS_OT_estimate, DGS_OT_show_tradeoff,

@@ -44,6 +44,9 @@ class DGS_PT_twin(Step, bpy.types.Panel):
             )
         else:
             layout.label(text="No twin is selected", icon="INFO")
+        row = layout.row(align=True)
+        row.operator("dgs.show_known", icon="COLOR")
+        row.operator("dgs.show_next_views", icon="OUTLINER_OB_CAMERA")
         body = folded(layout, "place", "Size and Up")
         if body is not None:
             body.prop(context.scene.dgs, "known_length")

@@ -94,6 +94,10 @@ def _command(name: str) -> Callable[[argparse.Namespace, Reporting], int]:
         from .next_view_command import next_view_command
 
         return next_view_command
+    if name == "update":
+        from .update_command import update_command
+
+        return update_command
     from .doctor import doctor_command
 
     return doctor_command

@@ -35,9 +35,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def next_view_command(options: argparse.Namespace, progress: Reporting) -> int:
-    """Prints the ranking and writes TWIN/next_views.json."""
+    """Prints the ranking; writes TWIN/next_views.json, and TWIN/known.npy: how far photos fix each splat's colour."""
+    import numpy as np
+
     from ..errors import DgsError
-    from ..files import write_json
+    from ..files import replacing, write_json
     from ..knowledge.candidates import PATHS, candidates, candidates_from
     from ..knowledge.next_view import NextViewSettings, rank
     from ..pipeline.machine import use_threads
@@ -55,7 +57,10 @@ def next_view_command(options: argparse.Namespace, progress: Reporting) -> int:
     else:
         offered = candidates_from(Path(options.candidates), cameras[0])
     settings = NextViewSettings(options.count, options.samples, through_blur=not options.without_blur)
-    ranked = rank(twin, offered, settings, progress)
+    ranking = rank(twin, offered, settings, progress)
+    ranked = ranking.suggestions
+    with replacing(options.twin / "known.npy") as temporary:
+        np.save(temporary, ranking.known.numpy().astype(np.float32))
     content = {
         "twin": str(options.twin), "candidates": options.candidates, "through_blur": settings.through_blur,
         "views": [suggestion.plain() for suggestion in ranked], "seconds": round(time.perf_counter() - began, 3),

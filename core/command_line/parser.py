@@ -12,7 +12,7 @@ from ..pipeline.settings import DEFAULT_FRAMES
 from ..version import VERSION
 from .effort_parser import add_effort_commands
 from .quality import quality
-from .twin_parser import add_twin_commands
+from .twin_parser import add_refinement, add_twin_commands
 
 _UNITS = {"": 1.0, "s": 1.0, "m": 60.0, "min": 60.0, "h": 3600.0}
 
@@ -184,6 +184,7 @@ def _add_reconstruct(commands: argparse._SubParsersAction[OneLineParser]) -> Non
     )  # fmt: skip
     data.add_argument("--max-size", type=whole(16), metavar="PIXELS",
                       help="shrink photos to this longer side, with cameras and PSF")  # fmt: skip
+    add_refinement(data)
     effort = parser.add_argument_group("effort")
     effort.add_argument("--preset", choices=("draft", "balanced", "fine"), default="balanced",
                         help="how much time to spend")  # fmt: skip

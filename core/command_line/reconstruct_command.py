@@ -22,6 +22,7 @@ def reconstruct_command(options: argparse.Namespace, progress: Reporting) -> int
         max_size=options.max_size, preset=options.preset, loss=options.loss, time_limit=options.time_limit,
         max_gaussians=options.max_gaussians, sh_degree=options.sh_degree, seed=options.seed,
         device=options.device, threads=options.threads, resume=options.resume,
+        refine_cameras=options.refine_cameras, reference_cameras=options.reference_cameras,
         snapshots=options.snapshots, effects=options.effects, until=options.until_quality, min_steps=options.min_steps,
     )  # fmt: skip
     outcome = reconstruct(settings, progress, process_began())

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import torch
+from torch import Tensor
 
 from ..camera import Camera
 from ..errors import Cancelled
@@ -113,7 +114,15 @@ class Knowledge:
         )  # fmt: skip
 
 
-def rank(twin: Twin, candidates: Sequence[Camera], settings: NextViewSettings, progress: Progress) -> list[Suggestion]:
+@dataclass(frozen=True)
+class Ranking:
+    """Suggestions, the chosen ones first, and how much [N] of each Gaussian's colour the photos fix (0 to 1)."""
+
+    suggestions: list[Suggestion]
+    known: Tensor
+
+
+def rank(twin: Twin, candidates: Sequence[Camera], settings: NextViewSettings, progress: Progress) -> Ranking:
     """Chooses `settings.count` candidates greedily; the rest follow by their gain after those.
 
     Args:
@@ -124,9 +133,12 @@ def rank(twin: Twin, candidates: Sequence[Camera], settings: NextViewSettings, p
     left = {camera.name: camera for camera in candidates}
     taken, chosen = list(knowledge.taken), []
     gains: dict[str, Gain] = {}
+    known = torch.zeros(len(twin.gaussians))
     for order in range(1, min(settings.count, len(candidates)) + 1):
         progress.stage(f"information {order}", settings.samples)
         posterior = knowledge.posterior(taken, settings, progress)
+        if order == 1:
+            known = posterior.known()
         progress.stage(f"candidates {order}", len(left))
         for done, name in enumerate(left):
             gains[name] = gain_of(knowledge.looks, posterior, taken, places[name])
@@ -137,4 +149,4 @@ def rank(twin: Twin, candidates: Sequence[Camera], settings: NextViewSettings, p
         chosen.append(Suggestion(left.pop(best), gains[best], order))
         taken.append(places[best])
     rest = [Suggestion(camera, gains[name], None) for name, camera in left.items()]
-    return chosen + sorted(rest, key=lambda s: -s.gain.bits)
+    return Ranking(chosen + sorted(rest, key=lambda s: -s.gain.bits), known)

@@ -26,9 +26,10 @@ from ..views import fingerprint
 from .blind import estimated_psf
 from .heldout import Scores, TruthFolder, ViewScorer, heldout_names, render_names
 from .machine import choose_device, machine, use_threads
+from .refined import refined
 from .settings import ReconstructSettings
 from .snapshots import Watchers
-from .summary import Facts, resolvable_period, summary
+from .summary import Facts, plain, resolvable_period, summary
 from .views import Viewer
 from .world import near_origin
 
@@ -152,6 +153,12 @@ def reconstruct(settings: ReconstructSettings, progress: Progress, began: float 
     watch.lap("sfm")
 
     held = heldout_names([photo.name for photo in photos], settings.holdout_every)
+    refinement = None
+    if settings.refine_cameras and not settings.resume:
+        reconstruction, refinement = refined(
+            settings, reconstruction, registered, held, medium, threads, device, keeper
+        )  # fmt: skip
+        watch.lap("refine")
     trained, effects, fitted = _train(
         settings, registered, held, reconstruction, medium, threads, device, keeper, watch, budget
     )
@@ -168,6 +175,8 @@ def reconstruct(settings: ReconstructSettings, progress: Progress, began: float 
                     f"{watch.seconds['sfm']:.0f} s")  # fmt: skip
     watch.lap("save")
     report = summary(facts, scores, watch.seconds, watch.total())
+    report["cameras"]["refined"] = plain(refinement)
+    report["seconds"]["refine"] = watch.seconds.get("refine")
     report["predicted"] = known.predicted(photos, budget)
     write_json(settings.out / "report.json", report)
     write_page(settings.out / "report.html", report, pictures, medium.psf, reconstruction.cameras())

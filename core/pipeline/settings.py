@@ -33,6 +33,8 @@ class ReconstructSettings:
         seed, device, threads: threads None for all cores.
         resume: go on from the checkpoint in `out`.
         effects: besides the blur: 'auto', 'none', 'all' or names (see `effects.decision.parse_effects`).
+        refine_cameras: move the cameras by the loss before the training (`pipeline.refined`).
+        reference_cameras: true cameras, only for reporting errors.
         snapshots: write the twin so far and a picture of it to `out`/snapshot while training.
     """
 
@@ -59,6 +61,8 @@ class ReconstructSettings:
     resume: bool = False
     effects: str = "none"
     snapshots: bool = False
+    refine_cameras: bool = False
+    reference_cameras: Path | None = None
 
     def plain(self) -> dict[str, Any]:
         """For report.json: paths as text."""

@@ -42,6 +42,8 @@ FIELDS = (
     Field("cameras.points", "integer", "sparse points that the training started from"),
     Field("cameras.points_scattered", "boolean", "whether they are random ones, because the cameras came without any"),
     Field("cameras.world_offset", "list", "x, y, z taken from all positions, where float32 could not hold them", True),
+    Field("cameras.refined", "object", "with --refine-cameras: kept, moved_px, focal_change, loss_before, loss_after "
+          "and its error (8-bit steps squared, held-out photos), error_before, error_after against true cameras", True),
     Field("medium.psf", "text", "the point spread function as asked for; 'none' without"),
     Field("medium.blur_space", "text", "'srgb' or 'linear': the values that the blur acts on"),
     Field("effects", "list",
@@ -51,6 +53,7 @@ FIELDS = (
     Field("seconds.start", "number", "from the start of the process to the first work, in s", True),
     Field("seconds.photos", "number", "reading and undistorting photos, in s", True),
     Field("seconds.sfm", "number", "finding (or reading) the cameras, in s", True),
+    Field("seconds.refine", "number", "moving the cameras by the loss, in s", True),
     Field("seconds.effects", "number", "looking for effects and trying them, in s; null with --effects none", True),
     Field("seconds.compile", "number", "compiling the kernels, in s; small when they were cached", True),
     Field("seconds.prepare", "number", "before and after the training: views, first Gaussians, plan, twin, in s", True),

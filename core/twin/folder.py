@@ -29,6 +29,7 @@ from ..training.grid import GridView, grid_step
 from ..training.scale import SceneScale, scene_scale
 from ..training.trainer import MARGIN_SIGMAS, mean_colour
 from ..views import View
+from .history import read_facts
 
 _PATHS = ("photos", "out", "cameras", "truth", "masks")
 
@@ -115,7 +116,9 @@ def settings_of(folder: Path, report: dict[str, Any], photos: Path | None = None
         if known.get(name) is not None:
             known[name] = Path(known[name])
     settings = ReconstructSettings(**known)
-    return replace(settings, out=folder, cameras=folder / "cameras", photos=photos or settings.photos)
+    listed = folder / "photos.txt"  # what updates added is in it too
+    given = photos or (listed if listed.is_file() else settings.photos)
+    return replace(settings, out=folder, cameras=folder / "cameras", photos=given)
 
 
 def open_twin(folder: Path, progress: Progress, photos: Path | None = None) -> Twin:
@@ -135,9 +138,12 @@ def open_twin(folder: Path, progress: Progress, photos: Path | None = None) -> T
     source = photo_source(settings.photos, folder, settings.frames, progress)
     loaded = load_photos(source, settings.max_size, progress, settings.masks)
     medium = medium_for(loaded, psf, settings)
+    noted = read_facts(folder)
+    own = {name: parse_psf(text) for name, text in noted.get("psf", {}).items()}
+    medium = replace(medium, per_view={**medium.per_view, **own})
     reconstruction = load_cameras(folder / "cameras", loaded)
     views = undistorted_views([photo for photo in loaded if photo.name in reconstruction.poses], reconstruction)
-    held = heldout_names([photo.name for photo in loaded], settings.holdout_every)
+    held = noted.get("held") or heldout_names([photo.name for photo in loaded], settings.holdout_every)
     scale = scene_scale([view.camera for view in views], reconstruction.points)
     return Twin(
         folder, settings, loaded, reconstruction, medium, views, held, Gaussians.from_cloud(cloud), scale,

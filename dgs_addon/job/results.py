@@ -127,13 +127,13 @@ def add_cameras_of(out: Path, photos: Path | None, scene: Any) -> list[Any]:
         points = add_points(out / "cameras", f"{name} points", collection)
         if points is not None and twin is not None:
             points.hide_viewport = True  # the twin shows more
-            _attach([points], twin)
+            attach([points], twin)
     if twin is not None:
-        _attach(cameras, twin)
+        attach(cameras, twin)
     return cameras
 
 
-def _attach(things: list[Any], twin: Any) -> None:
+def attach(things: list[Any], twin: Any) -> None:
     """What scales, turns or moves the twin takes its cameras and points along.
 
     They were recovered with the twin where `add_twin` puts it; it may have been moved since.

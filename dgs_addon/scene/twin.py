@@ -21,6 +21,8 @@ from .nodes import splat_nodes
 #: Object property that marks a twin; its value is the number of harmonics.
 TWIN = "dgs_harmonics"
 SCALE, ROTATION, BASE = "scale", "rotation", "radiance:base"
+#: The twin's own colours while others are shown (see `known`).
+OWN = "dgs_own_base"
 
 
 def harmonic(index: int) -> str:
@@ -87,7 +89,7 @@ def read_twin(twin: Any) -> GaussianCloud:
         mesh.attributes[name].data.foreach_get(field, array)
         return array.reshape(count, width)
 
-    base = values(BASE, "color", 4)
+    base = values(OWN if OWN in mesh.attributes else BASE, "color", 4)
     rest = [values(harmonic(index), "vector", 3) for index in range(int(twin[TWIN]) - 1)]
     opacity = np.clip(base[:, 3], 1e-7, 1.0 - 1e-7)
     return GaussianCloud(

@@ -72,7 +72,7 @@ def test_blur_leaves_more_open_and_unseen_splats_keep_the_prior():
     )
     near = sharp.seen[0] & blurred.seen[0]
     open_sharp, open_blurred = (float(p.steps[:, near].square().mean()) for p in (sharp, blurred))
-    assert open_blurred > 1.3 * open_sharp
+    assert open_blurred > 1.15 * open_sharp
     means = looks_at([camera(0.0)], 0.0).gaussians.means
     far = means[:, 0] > 0.5  # out of that camera's frame
     for posterior in (sharp, blurred):

@@ -1,0 +1,60 @@
+"""`update`: new photos into a finished twin, or its last state back."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+
+from .progress_choice import Reporting
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments of the command, without machine and progress."""
+    add = parser.add_argument
+    add("twin", type=Path, metavar="TWIN", help="folder that 'reconstruct --out' wrote")
+    add("photos", type=Path, nargs="?", metavar="NEW_PHOTOS", help="folder of photos, or a list of them (.txt)")
+    add("--cameras", type=Path, metavar="MODEL",
+        help="the new photos' cameras in the twin's world; found from the photos if not given")  # fmt: skip
+    add("--share", type=float, default=0.2, metavar="S", help="steps, as a share of the twin's own training")
+    add("--seed", type=int, default=0, metavar="N", help="same seed, same twin (CPU)")
+    add("--rollback", action="store_true", help="bring the state before the last update back instead")
+    add("--json", action="store_true", help="print JSON")
+
+
+def update_command(options: argparse.Namespace, progress: Reporting) -> int:
+    """Updates or rolls back; writes TWIN/update.json and TWIN/changes."""
+    from ..errors import DgsError
+
+    if options.rollback:
+        from ..twin.history import rollback
+
+        state = rollback(options.twin)
+        progress.finished({"twin": str(options.twin / "twin.ply"), "state": state.name})
+        return 0
+    if options.photos is None:
+        raise DgsError("There are no new photos to take in", "Name their folder, or give --rollback")
+    if not 0.0 < options.share <= 2.0:
+        raise DgsError(f"--share is {options.share:g}", "Give a share above 0 and up to 2")
+    from ..twin.update import UpdateSettings, update
+
+    facts = update(
+        UpdateSettings(options.twin, options.photos, options.cameras, options.share, options.threads, options.seed),
+        progress,
+    )
+    if options.json:
+        print(json.dumps(facts, indent=2, ensure_ascii=False, allow_nan=False), flush=True)
+        return 0
+    medium, thing = facts["medium"], facts["object"]
+    progress.finished(
+        {
+            "new photos": len(facts["photos"]),
+            "medium": "as before" if medium["width"] == 1.0 else f"blur {medium['width']:g} times as wide",
+            "object": f"changed in {100 * thing['changed_share']:.1f} % of the new photos' px",
+            "psnr new photos": f"{facts['psnr_new'][0]:.2f} -> {facts['psnr_new'][1]:.2f} dB",
+            "psnr old photos": f"{facts['psnr_old'][0]:.2f} -> {facts['psnr_old'][1]:.2f} dB",
+            "changes": str(options.twin / "changes"),
+            "seconds": sum(facts["seconds"].values()),
+        }
+    )
+    return 0

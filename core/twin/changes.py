@@ -1,0 +1,147 @@
+"""What new photos say has changed: the medium (everywhere alike) or the object (somewhere).
+
+The medium is asked first: the width of a Gaussian blur, shared by the new photos, that explains them best
+with the twin as it is. A median over px asks most of the frame, so that a part that moved has no say. What then
+remains, averaged over what the blur ties together and measured in its own spread, is a change of the object where
+it is far beyond chance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from scipy.ndimage import binary_dilation, binary_opening, gaussian_filter
+from torch import Tensor
+
+from ..constants import SH_C0
+from ..imaging.medium import Medium
+from ..imaging.operator import BlurOperator
+from ..imaging.psf import PointSpread
+from ..rasterizer import RasterSettings, render
+from ..training.grid import GridView
+from .folder import Twin
+
+#: Widths of the blur that are tried, relative to the twin's.
+WIDTHS = (0.6, 0.7, 0.8, 0.9, 1.0, 1.1, 1.2, 1.35, 1.5, 1.75)
+#: Another width is believed if it lowers the residual by this share.
+LEAST_GAIN = 0.1
+#: A px has changed where the smoothed residual is so many times its robust spread, and at least so large (sRGB).
+TIMES, LEAST = 6.0, 0.03
+#: A splat has changed if so much of what the new photos see of it lies in changed px.
+SHARE = 0.5
+
+
+@dataclass(frozen=True)
+class Changes:
+    """What has changed.
+
+    Attributes:
+        width: of the new photos' blur over the twin's; 1 where nothing speaks against it.
+        gain: share by which that width lowers the median squared residual.
+        changed: [H, W] bool on the grid by new photo's name: the object looks different there.
+        residuals: [H, W] float32 by name: photo less twin through the blur, mean over channels, sRGB.
+        splats: [N] bool, Gaussians that show what has changed.
+    """
+
+    width: float
+    gain: float
+    changed: dict[str, np.ndarray]
+    residuals: dict[str, np.ndarray]
+    splats: Tensor
+
+    @property
+    def share(self) -> float:
+        """Share of the new photos' px that changed."""
+        return float(np.mean([c.mean() for c in self.changed.values()])) if self.changed else 0.0
+
+
+def wider(psf: PointSpread, factor: float) -> PointSpread:
+    """The Gaussian point spread with its width times `factor`."""
+    x, y = psf.sigma_x * factor, psf.sigma_y * factor
+    return replace(psf, sigma_x=x, sigma_y=y, source=f"gaussian:{x:.6g},{y:.6g},{psf.angle:.6g}")
+
+
+def find_changes(twin: Twin, views: Sequence[GridView], medium: Medium) -> Changes:
+    """Compares new photos on the twin's grid with what the twin shows through the blur."""
+    step, margin = twin.step, max(1, int(np.ceil(WIDTHS[-1] * twin.margin(twin.step))))
+    gaussians = twin.scale.to_unit(twin.gaussians)
+    settings = RasterSettings(low_pass=max(0.1, 0.3 / step**2))
+    frames = {}
+    with torch.no_grad():
+        for view in views:
+            wide = view.camera.with_margin(margin)
+            frames[view.name] = render(gaussians, wide, background=twin.background, settings=settings).image
+
+    def residual(view: GridView, factor: float) -> Tensor:
+        psf = view.psf
+        if psf is not None and factor != 1.0:
+            spread = medium.psf_for(view.name)
+            assert spread is not None
+            psf = wider(spread, factor).on_grid(step)
+        blur = BlurOperator(psf, view.camera.height, view.camera.width, margin)
+        seen = medium.degrade(frames[view.name], blur.apply)
+        out = torch.from_numpy(view.planes()) - seen
+        return out if view.valid is None else torch.where(torch.from_numpy(view.valid), out, 0.0)
+
+    width, gain = _width(views, residual)
+    changed, residuals = {}, {}
+    ties = max(1.0, twin.margin(step) / 3.0)
+    for view in views:
+        rest = residual(view, width)
+        residuals[view.name] = rest.mean(dim=0).numpy()
+        smooth = np.stack([gaussian_filter(plane.numpy(), ties) for plane in rest])
+        size = np.sqrt((smooth**2).mean(axis=0))
+        spread = float(np.median(size)) + 1e-6
+        found = (size > TIMES * spread) & (size > LEAST)
+        changed[view.name] = binary_dilation(binary_opening(found, iterations=1), iterations=round(2 * ties))
+    return Changes(width, gain, changed, residuals, _splats(gaussians, views, changed, settings))
+
+
+def _width(views: Sequence[GridView], residual) -> tuple[float, float]:  # type: ignore[no-untyped-def]
+    if any(view.psf is None or view.psf.samples is not None for view in views):
+        return 1.0, 0.0
+    medians = {
+        factor: float(np.mean([float(residual(view, factor).square().mean(dim=0).median()) for view in views]))
+        for factor in WIDTHS
+    }
+    best = min(medians, key=lambda factor: medians[factor])
+    gain = 1.0 - medians[best] / max(medians[1.0], 1e-12)
+    return (best, gain) if gain > LEAST_GAIN else (1.0, 0.0)
+
+
+def _splats(gaussians, views: Sequence[GridView], changed: dict[str, np.ndarray],  # type: ignore[no-untyped-def]
+            settings: RasterSettings) -> Tensor:  # fmt: skip
+    """[N] bool: which splats are seen mostly in changed px (their blending weights, summed)."""
+    inside, everywhere = torch.zeros(len(gaussians)), torch.zeros(len(gaussians))
+    for view in views:
+        mask = torch.from_numpy(changed[view.name])
+        if not bool(mask.any()):
+            continue
+        # (a colour's gradient is its blending weight where harmonics are not cut at black)
+        bright = torch.zeros_like(gaussians.sh).requires_grad_()
+        image = render(replace(gaussians, sh=bright), view.camera, settings=settings).image
+        (inner,) = torch.autograd.grad(image, bright, mask.expand(3, -1, -1).float().contiguous(), retain_graph=True)
+        (whole,) = torch.autograd.grad(image, bright, torch.ones_like(image))
+        inside += inner[:, 0].mean(dim=1) / SH_C0
+        everywhere += whole[:, 0].mean(dim=1) / SH_C0
+    return (inside > SHARE * everywhere) & (everywhere > 0.5)
+
+
+def shows_changed(twin: Twin, splats: Tensor, views: Sequence[GridView]) -> dict[str, np.ndarray]:
+    """[H, W] bool by name: where old photos show what has changed since, as far as the twin can tell."""
+    if not bool(splats.any()):
+        return {}
+    gaussians = twin.scale.to_unit(twin.gaussians)
+    settings = RasterSettings(low_pass=max(0.1, 0.3 / twin.step**2))
+    sh = torch.zeros_like(gaussians.sh)
+    sh[:, 0] = torch.where(splats[:, None], 0.5 / SH_C0, -0.5 / SH_C0)
+    reach = max(1, round(twin.margin(twin.step) * 2 / 3))
+    out = {}
+    with torch.no_grad():
+        for view in views:
+            share = render(replace(gaussians, sh=sh), view.camera, settings=settings).image[0].numpy()
+            out[view.name] = binary_dilation(share > 0.3, iterations=reach)
+    return out

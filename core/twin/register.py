@@ -1,0 +1,112 @@
+"""Cameras of new photos in the world of a twin."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from ..camera import Camera
+from ..errors import CameraError
+from ..evaluation.poses import align_similarity
+from ..imaging.operator import BlurOperator
+from ..lens import Lens
+from ..photos.load import Photo
+from ..progress import Progress
+from ..rasterizer import RasterSettings, render
+from ..sfm.known import load_cameras
+from ..sfm.reconstruction import Pose, Reconstruction
+from .folder import Twin
+from .pose_steps import equations, solved, twisted
+
+#: Old photos that structure from motion gets along with the new ones: enough to tie them to the world.
+COMPANIONS = 24
+#: Steps of the loss at the frozen twin after that, from smoothed photos (grid px) to sharp ones.
+SMOOTH = (4.0, 2.0, 1.0, 0.0, 0.0)
+
+
+def register(twin: Twin, photos: list[Photo], cameras: Path | None, threads: int, progress: Progress) -> Reconstruction:
+    """Cameras of new photos.
+
+    Known ones are taken as they are (in the twin's world). Otherwise structure from motion runs on the new photos and
+    some of the old ones, its world is laid over the twin's by the old ones' cameras, and the twin itself, rendered
+    through the blur, corrects each new camera.
+
+    Raises:
+        CameraError: no new photo could be placed.
+    """
+    if cameras is not None:
+        return load_cameras(cameras, photos)
+    from ..sfm.find import find_cameras
+    from ..sfm.settings import SfmSettings
+
+    old = [photo for photo in twin.photos if photo.name in twin.reconstruction.poses]
+    chosen = [old[round(i)] for i in np.linspace(0, len(old) - 1, min(COMPANIONS, len(old)))]
+    psf = twin.medium.psf
+    kernel = None if psf is None or psf.is_identity else psf.kernel()
+    found = find_cameras([*chosen, *photos], kernel, SfmSettings(threads=threads), twin.folder / "sfm", progress)
+    known = {photo.name: twin.reconstruction.cameras()[photo.name] for photo in chosen}
+    placed = found.cameras()
+    both = {name: camera for name, camera in placed.items() if name in known}
+    if len(both) < 3:
+        raise CameraError(
+            "The new photos could not be tied to the twin: too few of its own photos were placed with them",
+            "Take photos that overlap the old ones, or give their cameras with --cameras",
+        )
+    similarity = align_similarity(both, known)
+    lens = _lens(twin)
+    poses: dict[str, Pose] = {}
+    for photo in photos:
+        if photo.name not in placed:
+            continue
+        camera = similarity.camera(placed[photo.name])
+        if lens is not None and (lens.width, lens.height) == photo.size:
+            camera = replace(camera, fx=lens.fx, fy=lens.fy, cx=lens.cx, cy=lens.cy)
+        poses[photo.name] = Pose(camera.rotation, camera.translation)
+    if not poses:
+        raise CameraError("None of the new photos could be placed", "Take photos that overlap the old ones")
+    sizes = {photo.name: photo.size for photo in photos}
+    lenses = {n: lens if lens is not None and (lens.width, lens.height) == sizes[n] else found.lenses[n] for n in poses}
+    return replace(found, poses=poses, lenses=lenses, points=twin.reconstruction.points)
+
+
+def corrected(twin: Twin, reconstruction: Reconstruction, photos: list[Photo]) -> Reconstruction:
+    """New cameras moved to where the twin, through the blur, explains their photos best."""
+    from ..photos.undistort import undistorted_views
+
+    step, margin = twin.step, twin.margin(twin.step)
+    gaussians = twin.scale.to_unit(twin.gaussians)
+    settings = RasterSettings(low_pass=max(0.1, 0.3 / step**2))
+    poses = dict(reconstruction.poses)
+    views = undistorted_views([photo for photo in photos if photo.name in poses], reconstruction)
+    for view in twin.on_grid(views, step):
+        blur = BlurOperator(view.psf, view.camera.height, view.camera.width, margin)
+
+        def look(camera: Camera, blur: BlurOperator = blur) -> torch.Tensor:
+            wide = camera.with_margin(margin)
+            return blur.apply(render(gaussians, wide, background=twin.background, settings=settings).image)
+
+        photo = torch.from_numpy(view.planes())
+        valid = None if view.valid is None else torch.from_numpy(view.valid)
+        camera, best, least = view.camera, view.camera, np.inf
+        for smooth in (*SMOOTH, None):
+            with torch.no_grad():
+                error = (look(camera) - photo).square()
+            left = float((error if valid is None else error[:, valid]).median())
+            if left < least:
+                best, least = camera, left
+            if smooth is not None:
+                pull = equations(camera, photo, valid, look, with_focal=False, smooth=smooth)
+                (twist,), _ = solved([pull], False, [np.zeros(6)])
+                camera = twisted(camera, twist)
+        translation = best.translation * twin.scale.size - best.rotation @ twin.scale.origin
+        poses[view.name] = Pose(best.rotation, translation)
+    return replace(reconstruction, poses=poses)
+
+
+def _lens(twin: Twin) -> Lens | None:
+    """The lens that all of the twin's photos share, or None."""
+    lenses = set(twin.reconstruction.lenses.values())
+    return lenses.pop() if len(lenses) == 1 else None

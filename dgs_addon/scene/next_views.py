@@ -1,0 +1,64 @@
+"""Cameras that `next-view` suggests, as camera objects that carry their expected gain."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+
+from ...core.camera import Camera
+from ...core.errors import FormatError
+from ..axes import place_camera
+
+#: Custom properties of a suggested camera.
+ORDER, GAIN = "dgs_take", "dgs_gain_bits"
+
+
+def add_next_views(path: Path, name: str, scene: Any) -> list[Any]:
+    """Adds the chosen cameras in a collection of their own, in place of one of that name.
+
+    Args:
+        path: a twin's next_views.json; name: of the collection; scene: `bpy` scene.
+
+    Returns:
+        The camera objects in the order in which to take their photos.
+
+    Raises:
+        FormatError: no such file, or damaged.
+    """
+    if not path.is_file():
+        raise FormatError(f"There is no '{path}'", "Run next-view on the twin's folder first")
+    try:
+        views = json.loads(path.read_text("utf-8"))["views"]
+        chosen = sorted((v for v in views if v["order"]), key=lambda v: int(v["order"]))
+        cameras = [
+            Camera(
+                str(v["name"]), int(v["width"]), int(v["height"]), float(v["fx"]), float(v["fy"]), float(v["cx"]),
+                float(v["cy"]), np.array(v["rotation"], float).reshape(3, 3),
+                np.array(v["translation"], float).reshape(3),
+            )
+            for v in chosen
+        ]  # fmt: skip
+        gains = [float(v["bits"]) for v in chosen]
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise FormatError(f"'{path}' is damaged ({type(error).__name__})", "Run next-view again") from error
+    before = bpy.data.collections.get(name)
+    if before is not None:
+        for thing in list(before.objects):
+            bpy.data.objects.remove(thing)
+        bpy.data.collections.remove(before)
+    collection = bpy.data.collections.new(name)
+    scene.collection.children.link(collection)
+    out = []
+    for index, (camera, gain) in enumerate(zip(cameras, gains, strict=True), start=1):
+        label = f"{index}. {camera.name} ({gain:.0f} bits)"
+        thing = bpy.data.objects.new(label, bpy.data.cameras.new(label))
+        collection.objects.link(thing)
+        place_camera(thing, camera, None)
+        thing[ORDER], thing[GAIN] = index, gain
+        thing.show_name = True
+        out.append(thing)
+    return out

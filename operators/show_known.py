@@ -1,0 +1,45 @@
+"""Paints a twin by what its photos fix and what is guessed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from ..core.errors import DgsError
+from ..dgs_addon.job.results import FOLDER
+from ..dgs_addon.scene.twin import OWN, is_twin
+
+
+class DGS_OT_show_known(bpy.types.Operator):
+    """Paint the splats by what the photos fix (blue) and what is guessed (red), or give them their colours back"""
+
+    bl_idname = "dgs.show_known"
+    bl_label = "Known and Guessed"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        """The active object is a twin from a folder with known.npy."""
+        twin = context.object
+        cls.poll_message_set("Select a twin, and run next-view on its folder")
+        if not is_twin(twin):
+            return False
+        return OWN in twin.data.attributes or (FOLDER in twin and (Path(twin[FOLDER]) / "known.npy").is_file())
+
+    def execute(self, context: Any) -> set[str]:
+        """Switches."""
+        from ..dgs_addon.scene.known import add_known, show_known
+
+        twin = context.object
+        if OWN in twin.data.attributes:
+            show_known(twin, False)
+            return {"FINISHED"}
+        try:
+            add_known(twin, Path(twin[FOLDER]) / "known.npy")
+        except DgsError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        show_known(twin, True)
+        return {"FINISHED"}

@@ -1,0 +1,114 @@
+"""New photos into a twin: fitted, told apart, kept in history and taken back; on a real folder."""
+
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import dgs
+import numpy as np
+import pytest
+from dgs.core.errors import DgsError, PhotoError
+from dgs.core.progress import Silent
+from dgs.core.twin import history
+from dgs.core.twin.folder import open_twin
+from dgs.core.twin.update import UpdateSettings, update
+from PIL import Image
+from scipy.ndimage import gaussian_filter
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "command_line"))
+from scene import SIGMA, write_scene
+
+ROOT = Path(dgs.__file__).parent
+NEW = ("phöto 03.png", "phöto 05.png")
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """A twin of seven of nine photos; the other two lie in new/."""
+    folder = tmp_path_factory.mktemp("twin")
+    write_scene(folder)
+    (folder / "new").mkdir()
+    for name in NEW:
+        (folder / "photos" / name).rename(folder / "new" / name)
+    done = subprocess.run(
+        [sys.executable, str(ROOT / "run_dgs.py"), "reconstruct", str(folder / "photos"), "--out", str(folder / "out"),
+         "--psf", f"gaussian:{SIGMA}", "--cameras", str(folder / "model"), "--preset", "draft",
+         "--max-gaussians", "2500", "--holdout-every", "4", "--sh-degree", "0", "--threads", "1", "--progress", "none"],
+        capture_output=True, text=True, timeout=600, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    return folder
+
+
+@pytest.fixture
+def twin(made, tmp_path):
+    shutil.copytree(made / "out", tmp_path / "out")
+    shutil.copytree(made / "new", tmp_path / "new")
+    return tmp_path
+
+
+def updated(twin, made, **options):
+    settings = UpdateSettings(twin / "out", twin / "new", made / "model", share=0.15, threads=1, **options)
+    return update(settings, Silent())
+
+
+def test_new_photos_are_taken_in_and_rolled_back(twin, made):
+    out = twin / "out"
+    before = {name: (out / name).read_bytes() for name in ("twin.ply", "report.json", "checkpoint.npz")}
+    facts = updated(twin, made)
+    assert sorted(facts["photos"]) == sorted(NEW)
+    assert facts["medium"]["width"] == 1.0 and facts["object"]["changed_share"] < 0.05
+    assert facts["psnr_new"][1] > facts["psnr_new"][0]
+    assert facts["psnr_old"][1] > facts["psnr_old"][0] - 0.3  # nothing forgotten
+    again = open_twin(out, Silent())
+    assert {photo.name for photo in again.photos} >= set(NEW) and len(again.views) == 9
+    assert set(again.held) == set(open_twin(made / "out", Silent()).held)
+    assert (out / "changes" / "phöto 03.png").is_file()
+    with pytest.raises(PhotoError, match="no photo that the twin does not have"):
+        updated(twin, made)
+    assert [path.name for path in history.states(out)] == ["000"]
+    history.rollback(out)
+    assert {name: (out / name).read_bytes() for name in before} == before
+    assert len(open_twin(out, Silent()).views) == 7 and history.states(out) == []
+    with pytest.raises(DgsError, match="no earlier state"):
+        history.rollback(out)
+
+
+def test_a_moved_part_is_a_change_of_the_object(twin, made):
+    for name in NEW:  # (a patch of another colour in the same place of the sheet, about)
+        pixels = np.asarray(Image.open(twin / "new" / name)).copy()
+        x = 75
+        patch = np.zeros(pixels.shape[:2], np.float32)
+        patch[50:72, x : x + 24] = 1.0
+        patch = gaussian_filter(patch, SIGMA)[:, :, None]
+        pixels = (pixels * (1 - patch) + patch * np.array([250, 250, 20])).round().astype(np.uint8)
+        Image.fromarray(pixels).save(twin / "new" / name)
+    facts = updated(twin, made)
+    assert facts["medium"]["width"] == 1.0
+    assert 0.01 < facts["object"]["changed_share"] < 0.25 and facts["object"]["changed_splats"] > 5
+    assert facts["psnr_new"][1] > facts["psnr_new"][0] + 1.0
+
+
+def test_a_wider_blur_is_a_change_of_the_medium(twin, made):
+    for name in NEW:
+        pixels = np.asarray(Image.open(twin / "new" / name)).astype(np.float32)
+        more = SIGMA * (1.5**2 - 1) ** 0.5
+        blurred = gaussian_filter(pixels, (more, more, 0.0), mode="nearest")
+        Image.fromarray(blurred.round().astype(np.uint8)).save(twin / "new" / name)
+    facts = updated(twin, made)
+    assert facts["medium"]["width"] == pytest.approx(1.5, abs=0.26)
+    assert facts["object"]["changed_share"] < 0.05
+    again = open_twin(twin / "out", Silent())
+    assert again.medium.psf_for(NEW[0]).sigma_x == pytest.approx(SIGMA * facts["medium"]["width"])
+    assert again.medium.psf_for("phöto 01.png").sigma_x == pytest.approx(SIGMA)
+
+
+def test_what_is_no_twin_is_said(tmp_path):
+    with pytest.raises(DgsError, match="no twin folder"):
+        open_twin(tmp_path, Silent())
+    (tmp_path / "twin.ply").write_bytes(b"x")
+    (tmp_path / "report.json").write_text(json.dumps({"settings": {}}))
+    with pytest.raises(DgsError, match="damaged"):
+        open_twin(tmp_path, Silent())
