@@ -21,7 +21,8 @@ def main() -> int:
     options, rest = parser.parse_known_args()
     for data in options.data or [ROOT / "benchmarks" / "data" / "ball_small"]:
         own = ["--psf", "gaussian:5"] if not (data / "psf.json").is_file() and "--psf" not in rest else []
-        command = [sys.executable, str(ROOT / "run_dgs.py"), "tradeoff", str(data), "--out", str(options.out / data.name),
+        command = [sys.executable, str(ROOT / "run_dgs.py"), "tradeoff", str(data),
+                   "--out", str(options.out / data.name),
                    "--resume", *own, *rest]  # fmt: skip
         print(" ".join(command), flush=True)
         status = subprocess.run(command, check=False).returncode

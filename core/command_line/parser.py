@@ -264,8 +264,8 @@ def _add_stress(commands: argparse._SubParsersAction[OneLineParser]) -> None:
         commands.add_parser(
             "stress",
             help="hard cases on this machine",
-            description="Runs every known hard case (poison, needles, giants, ties, wide blurs, rails, damaged files) on "
-            "this machine and device; a line each with its error and what is allowed. Ends with 2 if one fails.",
+            description="Runs every known hard case (poison, needles, giants, ties, wide blurs, rails, damaged files) "
+            "on this machine and device; a line each with its error and what is allowed. Ends with 2 if one fails.",
         )
     )
     add_arguments(parser)
