@@ -7,13 +7,13 @@ import pytest
 from dgs.core.command_line import run
 from dgs.core.comparison.dataset import load_dataset
 from dgs.core.comparison.measure import Measure
-from dgs.core.comparison.methods import CHOSEN, methods
+from dgs.core.comparison.methods import CHOSEN, LUCY_MEASURED, VARIATION, WIENER_MEASURED, methods
 from dgs.core.comparison.settings import CompareSettings
 from dgs.core.progress import Silent
 
 from .conftest import LINE_WIDTH, SIGMA
 
-METHODS = ("plain", "dgs", "oracle", "wiener measured v0.1", "rl 5 v0.1")
+METHODS = ("plain", "dgs", "oracle", WIENER_MEASURED, f"rl 5 {VARIATION}")
 
 
 def arguments(folder, out, *more):
@@ -38,8 +38,8 @@ def test_every_method_has_its_row_and_every_figure(compared):
         assert row["lines"]["red"]["concordance"] > 0.5
         assert 0 < row["depth"]["median"] < 1 and 0 < row["depth"]["median_object"] < 1
     assert content["facts"]["poses"]["centre_px_median"] == pytest.approx(0.0, abs=1e-3)
-    assert content["methods"]["without_truth"] == ["wiener measured v0.1"]
-    assert content["methods"]["best_rl"] == "rl 5 v0.1"
+    assert content["methods"]["without_truth"] == [WIENER_MEASURED]
+    assert content["methods"]["best_rl"] == f"rl 5 {VARIATION}"
 
 
 def test_descattering_beats_plain_splatting_and_the_oracle_has_the_true_width(compared):
@@ -105,7 +105,7 @@ def test_mismatch_tells_every_case(rendered_set, tmp_path):
 
 def test_methods_are_named_and_unknown_ones_refused(rendered_set, tmp_path, capsys):
     assert {"plain", "paper", "dgs", "oracle"} < set(methods())
-    assert {"wiener measured v0.1", "rl measured v0.1"} == set(CHOSEN) < set(methods())
+    assert {WIENER_MEASURED, LUCY_MEASURED} == set(CHOSEN) < set(methods())
     code = run(["compare", str(rendered_set), "--out", str(tmp_path), "--cameras", "known", "--quick",
                 "--only", "magic", "--progress", "none"])  # fmt: skip
     assert code == 2 and "magic" in capsys.readouterr().err
