@@ -52,6 +52,9 @@ def refused(operator: str, words: str, **arguments: object) -> None:
         ("crop_twin", "There is no twin"),
         ("open_report", "There is no report yet"),
         ("inspect_photos", "Choose the folder of photos first"),
+        ("estimate", "Choose the folder of photos first"),
+        ("show_known", "Select a twin"),
+        ("show_next_views", "No suggestions yet"),
         ("install_engine", "Only an installed extension"),
         ("cancel_install", "Nothing is running"),
         ("open_preferences", "not enabled"),
@@ -165,3 +168,7 @@ def test_the_log_becomes_a_text(tmp_path: Path) -> None:
     bpy.context.scene.dgs.photos = str(tmp_path / "photos")
     assert bpy.ops.dgs.show_log() == {"FINISHED"}
     assert "words of the engine" in bpy.data.texts["Descatter Log"].as_string()
+
+
+def test_a_chart_that_is_not_there_is_explained(tmp_path: Path) -> None:
+    refused("show_tradeoff", "make one with", filepath=str(tmp_path))
