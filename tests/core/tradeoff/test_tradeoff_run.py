@@ -67,7 +67,7 @@ def test_rows_are_taken_up_again(measured: Path, rendered_set: Path):
             return True
 
     one.unlink()
-    with pytest.raises(Cancelled, match="--resume"):
+    with pytest.raises(Cancelled, match="Stopped"):
         measure_tradeoff(settings, Stops())
 
 
