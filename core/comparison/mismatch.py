@@ -144,7 +144,7 @@ def explanation(content: dict[str, Any]) -> str:
         f"PSNR (dB) of held-out sharp renders when the photos were made otherwise than the methods were told"
         f" ({content['psf']}, unless the case says otherwise). Photos are made from the sharp ones and cut by"
         f" {content['border']} px on every side, so figures are not those of the main table."
-        f" {content['seeds']} seed{'s' if content['seeds'] > 1 else ''}."
+        f" {content['seeds']} seed{'s' if content['seeds'] > 1 else ''}. Wiener was run for wrong widths only."
     )
 
 

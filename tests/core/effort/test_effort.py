@@ -61,6 +61,7 @@ def test_a_damaged_cache_is_no_cache(tmp_path: Path):
 def test_a_cache_that_cannot_be_written_is_no_error(tmp_path: Path):
     (tmp_path / "cache").write_text("a file in its place")
     Records(MACHINE, tmp_path / "cache").add(run_of())
+    assert (tmp_path / "cache").read_text() == "a file in its place"
 
 
 def test_runs_of_this_machine_set_the_laws_right():
