@@ -145,6 +145,17 @@ class DGS_PG_settings(bpy.types.PropertyGroup):
         name="Sharp Photos", subtype="DIR_PATH",
         description="Photos without the medium, of the same names: only to measure the twin against",
     )  # fmt: skip
+    test_set: bpy.props.StringProperty(
+        name="Folder", subtype="DIR_PATH",
+        description="Folder for the test set: photos, sharp photos and cameras are written there",
+    )  # fmt: skip
+    test_views: bpy.props.IntProperty(
+        name="Photos", min=3, soft_max=200, default=24, description="Photos of the test set, from all sides"
+    )
+    test_width: bpy.props.IntProperty(
+        name="Width", min=64, soft_max=2000, default=400, subtype="PIXEL",
+        description="Width of the test set's photos, in pixels; they are two thirds as high",
+    )  # fmt: skip
     known_length: bpy.props.FloatProperty(
         name="Known Length", subtype="DISTANCE", unit="LENGTH", min=1e-6, soft_max=100.0, default=1.0,
         description="True distance between the two selected objects, or of the way through all cameras",

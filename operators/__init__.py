@@ -9,6 +9,7 @@ import bpy
 from .add_results import DGS_OT_add_results
 from .cancel_job import DGS_OT_cancel_job
 from .choose_photos import DGS_OT_choose_photos
+from .compare_truth import DGS_OT_compare_truth
 from .crop_twin import DGS_OT_crop_twin
 from .drop_files import DGS_FH_photos, DGS_FH_twin
 from .engine import DGS_OT_cancel_install, DGS_OT_check_engine, DGS_OT_install_engine, DGS_OT_open_preferences
@@ -19,6 +20,7 @@ from .find_cameras import DGS_OT_find_cameras
 from .import_cameras import DGS_OT_import_cameras
 from .import_twin import DGS_OT_import_twin
 from .inspect_photos import DGS_OT_inspect_photos
+from .make_test_set import DGS_OT_make_test_set
 from .measure_psf import DGS_OT_measure_psf
 from .open_report import DGS_OT_open_report
 from .optimize import DGS_OT_optimize
@@ -42,7 +44,7 @@ CLASSES: tuple[type, ...] = (
     DGS_OT_show_known, DGS_OT_show_next_views,
     DGS_OT_set_length, DGS_OT_set_up, DGS_OT_crop_twin, DGS_OT_render_twin, DGS_OT_open_report, DGS_OT_install_engine,
     DGS_OT_cancel_install, DGS_OT_check_engine, DGS_OT_open_preferences, DGS_FH_photos, DGS_FH_twin,
-    DGS_OT_estimate, DGS_OT_show_tradeoff,
+    DGS_OT_estimate, DGS_OT_show_tradeoff, DGS_OT_make_test_set, DGS_OT_compare_truth,
 )  # fmt: skip
 
 

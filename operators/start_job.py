@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import bpy
@@ -24,10 +26,10 @@ def why_no_job(scene: Any) -> str:
     return found.problem or why_not()
 
 
-def start_job(operator: Any, context: Any, make: Callable[[], Request]) -> set[str]:
+def start_job(operator: Any, context: Any, make: Callable[[], Request], needs_engine: bool = True) -> set[str]:
     """Starts what `make` asks for; without a window it is waited for."""
     try:
-        job = runner.start(make(), find_python(), context.scene)
+        job = runner.start(make(), find_python() if needs_engine else Path(sys.executable), context.scene)
     except DgsError as error:
         operator.report({"ERROR"}, str(error))
         return {"CANCELLED"}

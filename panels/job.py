@@ -25,8 +25,8 @@ def draw_job(layout: Any, context: Any) -> None:
     job = runner.current()
     if job is not None and job.state.alive:
         _running(layout.box(), context, job.state)
-    elif job is not None and job.request.out == out_folder(context.scene.dgs):
-        _ended(layout, context, job.state)
+    elif job is not None and (job.request.out == out_folder(context.scene.dgs) or _unfinished_set(job)):
+        _ended(layout, context, job)
     else:
         _before(layout, context)
 
@@ -84,14 +84,21 @@ def draw_figures(layout: Any, state: JobState) -> None:
         figures(row, "{value:.2f} dB", "COLORSET_04_VEC", value=accuracy)
 
 
-def _ended(layout: Any, context: Any, state: JobState) -> None:
-    if state.phase == "failed":
-        box = layout.box()
-        sentence(box, context, state.error, "ERROR")
-        _ways_out(box)
-    elif state.phase == "cancelled":
-        box = layout.box()
+def _unfinished_set(job: runner.Job) -> bool:
+    return job.request.kind == "synthesize" and job.state.phase != "done"
+
+
+def _ended(layout: Any, context: Any, job: runner.Job) -> None:
+    if job.state.phase not in ("failed", "cancelled"):
+        return
+    box = layout.box()
+    if job.state.phase == "failed":
+        sentence(box, context, job.state.error, "ERROR")
+    else:
         sentence(box, context, "Cancelled; what was done is kept", "INFO")
+    if _unfinished_set(job):
+        box.operator("dgs.make_test_set", text="Resume", icon="PLAY")
+    else:
         _ways_out(box)
 
 

@@ -8,6 +8,8 @@ from typing import Any
 import bpy
 from bpy.app.translations import pgettext_iface as iface_
 
+from ..dgs_addon.job.runner import TAB
+
 #: Width of a character and of the panel's borders in px, at a scale of 1.
 _CHARACTER, _BORDER = 6.2, 62
 
@@ -17,7 +19,7 @@ class Sidebar:
 
     bl_space_type = "VIEW_3D"
     bl_region_type = "UI"
-    bl_category = "Descatter"
+    bl_category = TAB
 
 
 class Step(Sidebar):

@@ -36,7 +36,7 @@ class DGS_PT_optimize(Step, bpy.types.Panel):
         job = runner.current()
         if runner.running():
             sentence(layout, context, "It runs: see the top of this tab", "INFO")
-        elif job is not None and job.state.phase == "done":
+        elif job is not None and job.state.phase == "done" and job.request.kind == "reconstruct":
             figures(layout, "Done in {time}", "CHECKMARK", time=duration_text(job.state.seconds()))
             draw_picture(layout, context)
             draw_figures(layout, job.state)

@@ -39,7 +39,13 @@ class DGS_PT_validate(Step, bpy.types.Panel):
             sentence(layout, context, "Scores appear here after Optimize", "INFO")
         body = folded(layout, "validate", "Sharp Photos")
         if body is not None:
-            body.prop(context.scene.dgs, "truth")
+            body.prop(context.scene.dgs, "truth", text="Folder")
+            body.operator("dgs.compare_truth", icon="VIEWZOOM")
+        body = folded(layout, "test_set", "Test Set")
+        if body is not None:
+            for name in ("test_set", "test_views", "test_width"):
+                body.prop(context.scene.dgs, name)
+            body.operator("dgs.make_test_set", icon="SCENE")
 
 
 def _draw_scores(layout: Any, context: Any, report: dict[str, Any]) -> None:
@@ -52,6 +58,7 @@ def _draw_scores(layout: Any, context: Any, report: dict[str, Any]) -> None:
             ("Gaussians", f"{report['gaussians']:,}"),
             (iface_("Held-out photos ({count})").format(count=len(held["names"])), _decibel(held["degraded"]["psnr"])),
             ("Sharp photos", _decibel(held["sharp"]["psnr"])),
+            *_detail(held.get("bands") or []),
             ("Detail in the photos", f"{report['resolvable_period_px']:.1f} px"),
         ]  # fmt: skip
     except (KeyError, TypeError, ValueError):
@@ -63,6 +70,17 @@ def _draw_scores(layout: Any, context: Any, report: dict[str, Any]) -> None:
             row = box.split(factor=0.62)
             row.label(text=name)
             row.label(text=value)
+
+
+def _detail(bands: list[dict[str, Any]]) -> list[tuple[str, str]]:
+    """How much of the truth's detail the twin has, by size: correlation of what lies between two periods."""
+    return [
+        (iface_("Detail of {finest} to {coarsest} px").format(
+            finest=f"{band['finest']:g}", coarsest=f"{band['coarsest']:g}"
+        ), f"{band['correlation']:.0%}")
+        for band in bands
+        if band["correlation"] is not None
+    ]  # fmt: skip
 
 
 def _decibel(value: float | None) -> str:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ..job.worker import environment
+from .priority import flags, give_way
 
 #: Lines that are kept for reading.
 _KEPT = 400
@@ -84,11 +85,11 @@ class Errand:
             step.action()
             return 0
         self.lines.append("$ " + " ".join(step.action))
-        flags = getattr(subprocess, "CREATE_NO_WINDOW", 0)  # Windows only
         with subprocess.Popen(
             list(step.action), stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
-            encoding="utf-8", errors="replace", env=environment(), creationflags=flags,
+            encoding="utf-8", errors="replace", env=environment(), creationflags=flags(),
         ) as process:  # fmt: skip
+            give_way(process.pid)
             with self._lock:
                 self._process = process
                 if self.cancelled:

@@ -7,5 +7,6 @@
     record    job.json beside the results: what a later Blender needs to go on
     runner    the one job of this Blender: a timer that drains the worker's queue on the main thread
     pictures, curve   what the panel shows while it runs
+    test_set  a job that renders photos whose truth is known
     results   what a finished job puts into the scene
 """

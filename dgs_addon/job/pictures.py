@@ -66,6 +66,13 @@ def show(path: Path, name: str) -> Any:
     return image
 
 
+def begin() -> None:
+    """Makes the images that a job fills, where there are none: while it runs, a new one would redraw all views."""
+    for name in (RENDER, CURVES):
+        if name not in bpy.data.images:
+            bpy.data.images.new(name, curve.WIDTH, curve.HEIGHT, alpha=False)
+
+
 def refresh(job: Job) -> None:
     """Takes in what is new; needs a window."""
     if _shown.job is not job:
@@ -129,7 +136,7 @@ def _load(path: Path, name: str) -> tuple[Any, NDArray[np.float32] | None]:
     if image is None:
         image = bpy.data.images.load(str(path))
         image.name = name
-    image.filepath = str(path)
+    image.filepath, image.source = str(path), "FILE"
     image.reload()
     width, height = image.size
     if not width or not height:

@@ -13,7 +13,7 @@ from ..paths import absolute, out_folder
 from ..photos import PhotoFolder, chosen_photos, pictures_folder
 
 RUN = Path(__file__).resolve().parents[2] / "run_dgs.py"
-Kind = Literal["cameras", "reconstruct"]
+Kind = Literal["cameras", "reconstruct", "synthesize"]
 
 
 @dataclass(frozen=True)
@@ -27,6 +27,7 @@ class Request:
         resume: whether to go on from the checkpoint in `out`.
         count: photos that count; 0 where only the engine knows, as of a movie.
         selection: their names, one a line; '' for all in the folder.
+        program: what runs the arguments, where it is not the engine's Python.
         known: whether the cameras in `out` belong to these photos; a new run takes them over.
     """
 
@@ -38,10 +39,12 @@ class Request:
     selection: str = ""
     resume: bool = False
     known: bool = False
+    program: tuple[str, ...] = ()
 
     def command(self, python: Path) -> list[str]:
         """The whole command line."""
-        return [str(python), str(RUN), *self.arguments, *(["--resume"] if self.resume or self.known else [])]
+        program = self.program or (str(python), str(RUN))
+        return [*program, *self.arguments, *(["--resume"] if self.resume or self.known else [])]
 
 
 def request_of(kind: Kind, scene: Any) -> Request:
@@ -72,6 +75,15 @@ def _list(found: PhotoFolder, out: Path) -> Path:
     path = make_folder(out) / "photos.txt"
     write_text(path, "".join(f"{file}\n" for file in found.files))
     return path
+
+
+def with_truth(arguments: list[str], truth: Path) -> list[str]:
+    """The arguments of a run, with these sharp photos to be scored against."""
+    kept = list(arguments)
+    if "--truth" in kept:
+        place = kept.index("--truth")
+        del kept[place : place + 2]
+    return [*kept, "--truth", str(truth)]
 
 
 def psf_argument(settings: Any) -> str:

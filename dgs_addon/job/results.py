@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,8 +18,9 @@ from ...core.formats.ply import read_ply
 from ..axes import matrix_to_blender
 from ..scene.cameras import add_cameras, load_cameras
 from ..scene.material import prepare_scene
+from ..scene.nodes import splat_nodes, splat_nodes_exist
 from ..scene.points import add_points
-from ..scene.twin import add_twin, is_twin, splat_mesh
+from ..scene.twin import add_twin, glossy, is_twin, splat_mesh
 
 if TYPE_CHECKING:
     from .runner import Job
@@ -27,9 +29,12 @@ if TYPE_CHECKING:
 FOLDER, PHOTOS, SETTINGS, SCORE = "dgs_results", "dgs_photos", "dgs_settings", "dgs_score"
 
 
-def add_results(job: Job, scene: Any) -> Any:
-    """The twin of a job that has just ended; its Gaussians were read beside the window."""
-    return add_twin_of(job.request.out, scene, job.cloud)
+def add_results(job: Job, scene: Any) -> Iterator[None]:
+    """The twin of a job that has just ended, piece by piece, so that the window can be drawn in between.
+
+    Its Gaussians were read beside the window.
+    """
+    yield from _pieces(job.request.out, scene, job.cloud)
 
 
 def add_twin_of(out: Path, scene: Any, cloud: GaussianCloud | None = None) -> Any:
@@ -46,14 +51,29 @@ def add_twin_of(out: Path, scene: Any, cloud: GaussianCloud | None = None) -> An
     Raises:
         FormatError: no twin there, or a damaged one.
     """
+    for _ in _pieces(out, scene, cloud):
+        pass
+    return twin_of(out, scene)
+
+
+def _pieces(out: Path, scene: Any, cloud: GaussianCloud | None) -> Iterator[None]:
     cloud = cloud if cloud is not None else read_ply(out / "twin.ply")
+    if prepared(cloud):
+        yield
     twin = _place(cloud, out, scene)
     _provenance(twin, out)
     # The twin alone is worth having; the Cameras step tells what is wrong with its cameras.
     with contextlib.suppress(DgsError):
         add_cameras_of(out, Path(twin[PHOTOS]) if PHOTOS in twin else None, scene)
     prepare_scene(scene)
-    return twin
+
+
+def prepared(cloud: GaussianCloud) -> bool:
+    """Makes the nodes that show this twin; False if they were there. A step of its own, for it takes a while."""
+    if splat_nodes_exist(glossy(cloud)):
+        return False
+    splat_nodes(glossy(cloud))
+    return True
 
 
 def show_live(job: Job, scene: Any) -> None:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import contextlib
 import queue
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -19,22 +20,30 @@ import bpy
 from ...core.errors import DgsError
 from ...core.files import make_folder
 from ..paths import out_folder
+from ..scene.software import FEW, drawn_by_software
+from . import pictures
 from .ending import outcome
 from .pace import Pace
 from .record import LOG, Record, read_record
 from .request import Request
 from .snapshot import News, SnapshotReader
 from .state import JobState
+from .test_set import use_test_set
 from .worker import Ended, Extra, Worker
 
+#: Name of the sidebar's tab.
+TAB = "Descatter"
 #: Seconds between two looks at the queue.
 TICK = 0.1
 #: Seconds between two redraws of the panel while a job runs: at least, and where drawing is slow, at most.
-REDRAW, SLOW_REDRAW = 0.5, 2.0
-#: Of the time, drawing the panel may take this share.
-DRAWING = 0.03
+REDRAW, SLOW_REDRAW = 0.5, 6.0
+#: Of the time, drawing the panel may take this share: one slow moment in a hundred is not felt. A redraw takes
+#: 5 ms with a graphics card; without one 50 ms, whatever of the window it is.
+DRAWING = 0.01
 #: The same for the live twin, each of which makes Blender evaluate and draw all splats.
 LIVE, SLOW_LIVE, LIVE_DRAWING = 2.0, 20.0, 0.05
+#: Splats of the live twin at most.
+MOST_LIVE = 50_000
 #: Events taken from the queue at most in one tick: a backlog must not block the window.
 _MOST = 50
 #: Seconds after a wish to stop, in which the engine has not come to its safe point, until it is ended.
@@ -54,6 +63,7 @@ class Job:
         news: whether something happened that the panel does not show yet.
         unseen: whether `cloud` is newer than the live twin.
         picture: of the twin so far, as `preview.read_preview` makes it, once read.
+        finishing: what is still to be put into the scene after the end, a piece a tick.
     """
 
     request: Request
@@ -67,8 +77,9 @@ class Job:
     unseen: bool = False
     news: bool = True
     picture: Any = None
-    pace: Pace = field(default_factory=lambda: Pace(REDRAW, SLOW_REDRAW, DRAWING, TICK))
-    live_pace: Pace = field(default_factory=lambda: Pace(LIVE, SLOW_LIVE, LIVE_DRAWING, TICK))
+    finishing: Iterator[None] | None = None
+    pace: Pace = field(default_factory=lambda: Pace(REDRAW, SLOW_REDRAW, DRAWING))
+    live_pace: Pace = field(default_factory=lambda: Pace(LIVE, SLOW_LIVE, LIVE_DRAWING))
 
     @property
     def log(self) -> Path:
@@ -89,6 +100,11 @@ def running() -> bool:
     return _job is not None and _job.state.alive
 
 
+def busy() -> bool:
+    """Whether a job works now, or is being put into the scene."""
+    return running() or (_job is not None and _job.finishing is not None)
+
+
 def start(request: Request, python: Path, scene: Any) -> Job:
     """Starts the engine; returns at once.
 
@@ -101,7 +117,9 @@ def start(request: Request, python: Path, scene: Any) -> Job:
     make_folder(request.out)
     if not request.resume:
         _start_afresh(request)
-    snapshots = SnapshotReader(request.out, scene.dgs.live and not bpy.app.background)
+    windowed = not bpy.app.background
+    live = scene.dgs.live and windowed
+    snapshots = SnapshotReader(request.out, live, FEW if drawn_by_software() else MOST_LIVE)
     record = Record(
         request.kind, str(request.photos), request.count, list(request.arguments), selection=request.selection
     )
@@ -116,6 +134,8 @@ def start(request: Request, python: Path, scene: Any) -> Job:
     worker = Worker(request.command(python), request.out / LOG, snapshots.look, began)
     _job = Job(request, scene.name, worker, record, snapshots)
     worker.start()
+    if windowed:
+        pictures.begin()
     if not bpy.app.timers.is_registered(_tick):
         bpy.app.timers.register(_tick, first_interval=TICK, persistent=True)
     return _job
@@ -155,7 +175,7 @@ def pause(on: bool) -> None:
 def wait(seconds: float = float("inf")) -> bool:
     """Drains the queue until the job has ended, for Blender without a window; False if it did not in time."""
     until = time.monotonic() + seconds
-    while running():
+    while busy():
         if time.monotonic() > until:
             return False
         _drain()
@@ -183,13 +203,15 @@ def _start_afresh(request: Request) -> None:
 
 def _tick() -> float | None:
     _drain()
-    return TICK if running() else None
+    return TICK if busy() else None
 
 
 def _drain() -> None:
     job = _job
     if job is None:
         return
+    if job.finishing is not None:
+        _go_on(job)
     changed = False
     for _ in range(_MOST):
         try:
@@ -216,19 +238,35 @@ def _end(job: Job, status: int) -> None:
     job.record.phase, job.record.error, job.record.result = phase, error, job.state.result
     try:
         job.record.save(job.request.out)
-        if job.request.kind == "reconstruct" and job.state.result:
-            _finish(job)
     except DgsError as failure:
         job.state.end("failed", str(failure))
+        return
+    if job.request.kind == "reconstruct" and job.state.result:
+        job.finishing = _finish(job)
+    elif job.request.kind == "synthesize" and phase == "done" and job.scene in bpy.data.scenes:
+        use_test_set(job.request.out, bpy.data.scenes[job.scene].dgs)
 
 
-def _finish(job: Job) -> None:
+def _go_on(job: Job) -> None:
+    assert job.finishing is not None
+    try:
+        next(job.finishing)
+        return
+    except DgsError as failure:
+        job.state.end("failed", str(failure))
+        job.news = True
+    except (StopIteration, ReferenceError):  # all is there, or another file was loaded meanwhile
+        pass
+    job.finishing = None
+
+
+def _finish(job: Job) -> Iterator[None]:
     scene = _scene(job)
     if scene is None or not scene.dgs.add_when_done:
         return
     from .results import add_results
 
-    add_results(job, scene)
+    yield from add_results(job, scene)
     windows = bpy.context.window_manager.windows
     if windows and not bpy.app.background:  # else the next undo would take the twin out again
         with bpy.context.temp_override(window=windows[0]):
@@ -255,17 +293,17 @@ def _show_live(job: Job) -> None:
     scene = _scene(job)
     if scene is None:
         return
-    from .results import show_live
+    from .results import prepared, show_live
 
+    if prepared(job.cloud):
+        return  # enough for one tick
     job.unseen = False
     show_live(job, scene)
-    job.live_pace.drawn(now)
+    _draws(job.live_pace, now)
 
 
 def _show(job: Job, changed: bool) -> None:
-    """Keeps the panel up to date, rarely: drawing a sidebar draws the 3D view below it too."""
-    from . import pictures
-
+    """Keeps the panel up to date, rarely: drawing a sidebar makes Blender compose the whole window."""
     now = time.monotonic()
     job.news |= changed
     if job.state.alive and not (job.pace.due(now) and job.news):
@@ -273,16 +311,27 @@ def _show(job: Job, changed: bool) -> None:
     if not job.news:
         return
     job.news = False
-    job.pace.drawn(now)
     pictures.refresh(job)
     redraw()
+    _draws(job.pace, now)
+
+
+def _draws(pace: Pace, now: float) -> None:
+    """Measures a drawing: Blender draws after this tick, and looks at its timers again after that."""
+    pace.asked(now)
+    bpy.app.timers.register(lambda: pace.drawn(time.monotonic()), first_interval=0.0, persistent=True)
 
 
 def redraw() -> None:
-    """The sidebars of all 3D views."""
+    """The sidebars that show the tab, in all 3D views."""
     for window in bpy.context.window_manager.windows:
         for area in window.screen.areas:
             if area.type == "VIEW_3D":
                 for region in area.regions:
-                    if region.type == "UI":
+                    if region.type == "UI" and region.width > 1 and _shows_tab(region):
                         region.tag_redraw()
+
+
+def _shows_tab(region: Any) -> bool:
+    """Whether a sidebar shows this tab, or a Blender does not say."""
+    return getattr(region, "active_panel_category", TAB) in (TAB, "", "UNSUPPORTED")

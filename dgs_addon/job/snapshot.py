@@ -33,10 +33,11 @@ class SnapshotReader:
     Args:
         out: folder of the results.
         live: whether the twins of snapshots are wanted; else only the finished twin is read.
+        most: Gaussians of a snapshot that are wanted at most; the finished twin is read as it is.
     """
 
-    def __init__(self, out: Path, live: bool) -> None:
-        self.live = live
+    def __init__(self, out: Path, live: bool, most: int) -> None:
+        self.live, self._most = live, most
         self._final, self._preview = out / "twin.ply", out / "snapshot" / "preview.npy"
         self._twins = [self._final, *([out / "snapshot" / "twin.ply"] if live else [])]
         self._seen = {path: _time(path) for path in (*self._twins, self._preview)}
@@ -56,7 +57,8 @@ class SnapshotReader:
             with contextlib.suppress(DgsError, OSError):
                 from ...core.formats.ply import read_ply
 
-                return read_ply(path)
+                cloud = read_ply(path)
+                return cloud if path == self._final else thinned(cloud, self._most)
         return None
 
     def _picture(self) -> NDArray[np.float32] | None:
@@ -72,6 +74,18 @@ class SnapshotReader:
             return False
         self._seen[path] = written
         return True
+
+
+def thinned(cloud: GaussianCloud, most: int) -> GaussianCloud:
+    """At most `most` Gaussians, evenly from all, larger by as much as keeps their surfaces closed."""
+    if len(cloud) <= most:
+        return cloud
+    kept = np.linspace(0, len(cloud) - 1, most).astype(int)
+    larger = np.float32(0.5 * np.log(len(cloud) / most))
+    return GaussianCloud(
+        means=cloud.means[kept], log_scales=cloud.log_scales[kept] + larger, quaternions=cloud.quaternions[kept],
+        opacity_logits=cloud.opacity_logits[kept], sh=cloud.sh[kept],
+    )  # fmt: skip
 
 
 def _time(path: Path) -> int | None:

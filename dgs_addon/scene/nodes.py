@@ -36,9 +36,17 @@ ALL = 100_000_000
 
 def splat_nodes(view_dependent: bool) -> Any:
     """The `bpy` node group for a twin's modifier, shared by all twins of its kind."""
-    name = f"{_NAME}, Glossy" if view_dependent else _NAME
-    existing = bpy.data.node_groups.get(name)
-    return existing if existing is not None else _build(name, view_dependent)
+    existing = bpy.data.node_groups.get(_group_name(view_dependent))
+    return existing if existing is not None else _build(_group_name(view_dependent), view_dependent)
+
+
+def splat_nodes_exist(view_dependent: bool) -> bool:
+    """Whether `splat_nodes` is quick: building the group takes 0.2 s."""
+    return _group_name(view_dependent) in bpy.data.node_groups
+
+
+def _group_name(view_dependent: bool) -> str:
+    return f"{_NAME}, Glossy" if view_dependent else _NAME
 
 
 def splat_modifier(twin: Any) -> Any:

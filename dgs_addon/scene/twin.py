@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from ...core.cloud import GaussianCloud
 from ...core.errors import FormatError
 from ..axes import matrix_to_blender
-from .nodes import splat_nodes
+from .nodes import VIEWPORT_INPUT, set_splat_input, splat_nodes
+from .software import FEW, drawn_by_software
 
 #: Object property that marks a twin; its value is the number of harmonics.
 TWIN = "dgs_harmonics"
@@ -51,8 +52,15 @@ def add_twin(cloud: GaussianCloud, name: str, collection: Any) -> Any:
     twin.matrix_world = matrix_to_blender(np.eye(4)).T.tolist()
     collection.objects.link(twin)
     modifier = twin.modifiers.new("Splats", "NODES")
-    modifier.node_group = splat_nodes(view_dependent=cloud.sh.shape[1] >= 4)
+    modifier.node_group = splat_nodes(view_dependent=glossy(cloud))
+    if drawn_by_software():
+        set_splat_input(modifier, VIEWPORT_INPUT, FEW)
     return twin
+
+
+def glossy(cloud: GaussianCloud) -> bool:
+    """Whether colours change with the direction of view, as far as Blender shows it."""
+    return cloud.sh.shape[1] >= 4
 
 
 def splat_mesh(cloud: GaussianCloud, name: str) -> Any:

@@ -55,6 +55,8 @@ def refused(operator: str, words: str, **arguments: object) -> None:
         ("estimate", "Choose the folder of photos first"),
         ("show_known", "Select a twin"),
         ("show_next_views", "No suggestions yet"),
+        ("make_test_set", "Choose a folder for the test set first"),
+        ("compare_truth", "Choose the folder of photos first"),
         ("install_engine", "Only an installed extension"),
         ("cancel_install", "Nothing is running"),
         ("open_preferences", "not enabled"),

@@ -9,12 +9,28 @@ import subprocess
 import time
 import traceback
 from collections.abc import Callable, Generator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import bpy
 
 Story = Generator[float, None, None]
+
+
+@dataclass(frozen=True)
+class Tick:
+    """From one tick of a 0.05 s timer to the next.
+
+    Attributes:
+        gap: seconds.
+        worked: seconds of processor time that all threads of Blender took in it.
+        drawn: whether the sidebar or the view was drawn in it.
+    """
+
+    gap: float
+    worked: float
+    drawn: bool
 
 
 class Robot:
@@ -27,9 +43,8 @@ class Robot:
     def __init__(self, pictures: Path) -> None:
         self.pictures = pictures
         self.clicks = 0
-        self.gaps: list[float] = []
-        self.drawn: list[bool] = []
-        self._before: float | None = None
+        self.ticks: list[Tick] = []
+        self._before: tuple[float, float] | None = None
         self._drew = False
 
     def tell(self, story: Story, done: Callable[[str], None]) -> None:
@@ -48,20 +63,20 @@ class Robot:
         bpy.app.timers.register(resume, first_interval=1.0, persistent=True)
 
     def measure(self) -> None:
-        """Starts a timer of 0.05 s; `gaps` are the times between its ticks, `drawn` whether the view was in one."""
+        """Starts a timer of 0.05 s; `ticks` are its ticks."""
 
         def tick() -> float:
-            now = time.perf_counter()
+            now, worked = time.perf_counter(), time.process_time()
             if self._before is not None:
-                self.gaps.append(now - self._before)
-                self.drawn.append(self._drew)
-            self._before, self._drew = now, False
+                self.ticks.append(Tick(now - self._before[0], worked - self._before[1], self._drew))
+            self._before, self._drew = (now, worked), False
             return 0.05
 
         def drew() -> None:
             self._drew = True
 
-        bpy.types.SpaceView3D.draw_handler_add(drew, (), "WINDOW", "POST_PIXEL")
+        for region in ("WINDOW", "UI"):
+            bpy.types.SpaceView3D.draw_handler_add(drew, (), region, "POST_PIXEL")
         bpy.app.timers.register(tick, persistent=True)
 
     def area(self) -> Any:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import os
+import random
 import signal
 import sys
 import time
@@ -18,7 +19,7 @@ from typing import Any
 import bpy
 
 sys.path.insert(0, str(Path(__file__).parent))
-from robot import Robot, Story
+from robot import Robot, Story, Tick
 
 FOLDER = Path(sys.argv[sys.argv.index("--") + 1])
 ADDON = "bl_ext.user_default.dgs"
@@ -47,23 +48,19 @@ def story(robot: Robot) -> Story:
     for _ in range(12):  # the panel drawn as often as a job has it drawn
         runner.redraw()
         yield runner.REDRAW
-    seen["idle_usual"], seen["idle_worst"] = _percentiles(robot.gaps)
+    seen["idle"] = _figures(robot.ticks)
+    first = len(robot.ticks)
     yield from robot.press("dgs.optimize")
-    first = len(robot.gaps)
     yield from _until(lambda: runner.running(), 60)
     yield from _until(lambda: len(runner.current().state.marks) > 10, 500)
     yield from robot.picture("3-optimizing")
     yield from _until(lambda: not runner.running(), 600)
-    job = runner.current()
-    gaps, drawn = robot.gaps[first:], robot.drawn[first:]
-    free = [gap for gap, was in zip(gaps, drawn, strict=True) if not was]
-    seen["usual_gap"], seen["worst_gap"] = _percentiles(gaps)
-    seen["undrawn_usual"], seen["undrawn_worst"] = _percentiles(free)
-    seen.update(
-        phase=job.state.phase, error=job.state.error, ticks=len(gaps), undrawn=len(free) / len(gaps),
-        seconds=job.state.seconds(),
-    )  # fmt: skip
-    yield 3.0
+    job, last = runner.current(), len(robot.ticks)
+    seen["job"] = _figures(robot.ticks[first:])
+    seen.update(phase=job.state.phase, error=job.state.error, seconds=job.state.seconds())
+    yield from _until(lambda: not runner.busy(), 20)
+    yield 8.0
+    seen["twin"] = _figures(robot.ticks[last:])
     seen["objects"] = sorted(thing.type for thing in bpy.context.scene.objects)
     yield from robot.picture("4-twin")
     # Each move of the mouse draws all balls by software: fewer do for pressing buttons.
@@ -73,7 +70,7 @@ def story(robot: Robot) -> Story:
     bpy.context.scene.cycles.samples = bpy.context.scene.cycles.preview_samples = 1
     yield from robot.press("dgs.view_twin")
     nodes.set_splat_input(modifier, nodes.VIEWPORT_INPUT, nodes.ALL)
-    yield 40.0
+    yield 20.0
     yield from robot.picture("5-view")
     nodes.set_splat_input(modifier, nodes.VIEWPORT_INPUT, 1000)
     yield 2.0
@@ -86,7 +83,7 @@ def story(robot: Robot) -> Story:
     yield 1.0
     yield from robot.picture("6-rendered")
     seen["rendered"] = True
-    yield from _killed(robot, runner)
+    yield from _ended_early(robot, runner)
     exact = import_module(f"{ADDON}.dgs_addon.exact")
     yield from robot.press("dgs.exact_view")
     yield from _until(lambda: exact.IMAGE in bpy.data.images or not exact.busy(), 300)
@@ -142,29 +139,51 @@ def _german(robot: Robot) -> Story:
     yield 0.5
 
 
-def _killed(robot: Robot, runner: Any) -> Story:
-    """The engine is killed; the panel says so and has the button that goes on."""
+def _ended_early(robot: Robot, runner: Any) -> Story:
+    """The job is cancelled, and its engine killed at random moments; the panel says so and has the way on."""
     bpy.context.scene.dgs.live = True
+    first = len(robot.ticks)
     yield from robot.press("dgs.optimize")
-    first = len(robot.gaps)
-    yield from _until(lambda: runner.running() and len(runner.current().state.marks) > 3, 400)
-    os.kill(runner.current().worker.pid, signal.SIGKILL)
-    yield from _until(lambda: not runner.running(), 20)
-    seen["killed"] = runner.current().state.error
+    yield from _until(lambda: runner.running() and len(runner.current().state.marks) > 3, 300)
+    yield from robot.press("dgs.cancel_job")
+    yield from _until(lambda: not runner.running(), 60)
+    seen["cancelled"] = runner.current().state.phase
     yield 1.0
+    yield from robot.picture("7-cancelled")
+    moments, killed = random.Random(), []
+    for moment in (moments.uniform(0.0, 6.0), moments.uniform(6.0, 15.0)):
+        yield from robot.press("dgs.resume_job")
+        yield from _until(lambda: runner.running() and runner.current().worker.pid is not None, 60)
+        yield moment
+        stage = runner.current().state.stage
+        os.kill(runner.current().worker.pid, signal.SIGKILL)
+        yield from _until(lambda: not runner.running(), 20)
+        killed.append([moment, stage, runner.current().state.error])
+        yield 1.0
+    seen["killed"] = killed
     yield from robot.picture("7-killed")
     yield from robot.press("dgs.resume_job")
     yield from _until(lambda: runner.running(), 60)
-    yield from _until(lambda: not runner.running(), 600)
-    seen["live_usual"], seen["live_worst"] = _percentiles(robot.gaps[first:])
+    yield from _until(lambda: not runner.busy(), 300)
+    seen["live"] = _figures(robot.ticks[first:])
     seen["resumed"] = runner.current().state.phase
     yield 2.0
 
 
-def _percentiles(gaps: list[float]) -> tuple[float, float]:
-    """The 99th percentile and the largest."""
-    ranked = sorted(gaps)
-    return ranked[int(0.99 * (len(ranked) - 1))], ranked[-1]
+def _figures(ticks: list[Tick]) -> dict[str, object]:
+    """What is said of the gaps: all of them, those in which nothing was drawn, and those that were not Blender's."""
+    gaps, undrawn = sorted(tick.gap for tick in ticks), sorted(tick.gap for tick in ticks if not tick.drawn)
+    late = [tick for tick in ticks if tick.gap > 0.1]
+    return {
+        "ticks": len(ticks), "usual": _usual(gaps), "worst": gaps[-1], "undrawn": len(undrawn) / len(gaps),
+        "undrawn_usual": _usual(undrawn), "late": len(late), "load": os.getloadavg()[0],
+        "waited": sum(tick.gap - tick.worked > 0.1 for tick in late),
+    }  # fmt: skip
+
+
+def _usual(ranked: list[float]) -> float:
+    """The 99th percentile."""
+    return ranked[int(0.99 * (len(ranked) - 1))] if ranked else 0.0
 
 
 def _until(true: object, seconds: float) -> Story:

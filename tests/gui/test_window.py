@@ -21,7 +21,7 @@ ROOT = Path(dgs.__path__[0])
 sys.path.insert(0, str(ROOT / "tests" / "gui"))
 import window  # noqa: E402
 
-pytestmark = pytest.mark.timeout(2400)
+pytestmark = pytest.mark.timeout(1200)
 SUITE = os.environ.get("DGS_WINDOW", "")
 #: Clicks that are allowed from the chosen folder to the rendered twin.
 CLICKS = 6
@@ -48,7 +48,7 @@ def seen(tmp_path_factory: pytest.TempPathFactory) -> dict[str, object]:
     install = ["blender", "--command", "extension", "install-file", "-r", "user_default", "--enable", package]
     window.run(SUITE, work, install, 120, window=False)
     size = ["--window-geometry", "0", "0", *map(str, window.SCREEN)]
-    words = window.run(SUITE, work, ["blender", *size, "--python", str(work / "story.py"), "--", str(work)], 1500)
+    words = window.run(SUITE, work, ["blender", *size, "--python", str(work / "story.py"), "--", str(work)], 900)
     kept = os.environ.get("DGS_WINDOW_PICTURES")
     if kept:
         shutil.copytree(work / "pictures", kept, dirs_exist_ok=True)
@@ -75,7 +75,10 @@ def test_it_speaks_german(seen: dict[str, object]) -> None:
 
 
 def test_a_killed_engine_leaves_blender_alive_and_can_go_on(seen: dict[str, object]) -> None:
-    assert "SIGKILL" in seen["killed"] and seen["resumed"] == "done"
+    assert seen["cancelled"] == "cancelled"
+    for _moment, _stage, said in seen["killed"]:
+        assert "SIGKILL" in said
+    assert len(seen["killed"]) == 2 and seen["resumed"] == "done"
 
 
 def test_panels_draw_without_errors(seen: dict[str, object]) -> None:
@@ -84,12 +87,13 @@ def test_panels_draw_without_errors(seen: dict[str, object]) -> None:
 
 
 def test_the_window_stays_alive(seen: dict[str, object]) -> None:
-    """The panel is drawn by software here, in some 0.2 s a time, so that only the difference tells."""
-    print(
-        f"Blender {seen['blender']}: gaps of a 0.05 s timer, 99th percentile and worst: before the job "
-        f"{seen['idle_usual']:.3f} and {seen['idle_worst']:.3f} s, during it {seen['usual_gap']:.3f} and "
-        f"{seen['worst_gap']:.3f} s; in {seen['undrawn']:.0%} of the ticks nothing was drawn, with "
-        f"{seen['undrawn_usual']:.3f} and {seen['undrawn_worst']:.3f} s; with the live twin, over a kill and its "
-        f"resumption, {seen['live_usual']:.3f} and {seen['live_worst']:.3f} s (load {os.getloadavg()[0]:.1f})"
-    )
-    assert seen["undrawn_usual"] < 0.2
+    """Where the processor draws the window, every drawing takes 0.05 s or more, and other programs take their share."""
+    print(f"\nBlender {seen['blender']}, a job of {seen['seconds']:.0f} s, gaps of a 0.05 s timer:")
+    for name, title in (("idle", "before"), ("job", "the job"), ("twin", "twin appears"), ("live", "live twin")):
+        part = seen[name]
+        print(
+            f"  {title:<12} {part['ticks']:>5} ticks, 99th percentile {part['usual']:.3f} s, worst {part['worst']:.3f}"
+            f" s; nothing drawn in {part['undrawn']:.0%}, there {part['undrawn_usual']:.3f} s; later than 0.1 s: "
+            f"{part['late']}, of these waiting for a core: {part['waited']} (load {part['load']:.1f})"
+        )
+    assert seen["job"]["undrawn_usual"] < 0.2

@@ -1,7 +1,8 @@
 """Starts a real Blender with a window, in the Debian that tools/window_blender.sh has set up.
 
 Everything is mounted in a namespace of its own, which ends with the last process in it: nothing can
-be left mounted, and so nothing of the host can be deleted with the Debian.
+be left mounted, and so nothing of the host can be deleted with the Debian. Its network is its own too, and so is
+its display, however many run at once.
 """
 
 from __future__ import annotations
@@ -80,7 +81,7 @@ def run(suite: str, work: Path, command: list[str], seconds: float, window: bool
     if window:
         line = _DISPLAY.format(width=SCREEN[0], height=SCREEN[1], command=line)
     process = subprocess.Popen(
-        ["unshare", "-m", "-p", "-f", "--kill-child", "bash", "-c", _NAMESPACE, "bash", str(_CACHE / suite),
+        ["unshare", "-m", "-n", "-p", "-f", "--kill-child", "bash", "-c", _NAMESPACE, "bash", str(_CACHE / suite),
          str(work), "bash", "-c", line],
         env=environment(work), stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace",
     )  # fmt: skip

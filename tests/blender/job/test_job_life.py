@@ -124,7 +124,7 @@ def test_cancel_keeps_what_was_done_and_resume_ends_it(scene: object, tmp_path: 
     runner.pause(True)
     assert job.state.phase == "paused"
     assert bpy.ops.dgs.cancel_job() == {"FINISHED"}
-    until(lambda: not job.state.alive)
+    until(lambda: not runner.busy())
     assert job.state.phase == "cancelled" and job.state.error == ""
     done = job.state.marks[-1].step
     assert 0 < done < 4000 and len(read_ply(tmp_path / "out" / "twin.ply")) > 0
@@ -145,7 +145,7 @@ def test_a_killed_engine_is_explained_and_costs_little(scene: object, tmp_path: 
     job = begin(scene)
     until(lambda: job.state.marks)
     os.kill(job.worker.pid, signal.SIGKILL)
-    until(lambda: not job.state.alive)
+    until(lambda: not runner.busy())
     assert job.state.phase == "failed"
     assert "SIGKILL" in job.state.error and "Resume" in job.state.error
     assert bpy.ops.dgs.resume_job() == {"FINISHED"}
@@ -155,7 +155,7 @@ def test_a_killed_engine_is_explained_and_costs_little(scene: object, tmp_path: 
 def test_another_file_lets_the_job_go_on_and_gets_nothing_of_it(scene: object, tmp_path: Path) -> None:
     job = begin(scene)
     bpy.ops.wm.read_factory_settings(use_empty=True)
-    until(lambda: not job.state.alive)
+    until(lambda: not runner.busy())
     assert job.state.phase == "done"
     assert not any(is_twin(thing) for thing in bpy.data.objects)
     # The file that asked can still have it.
@@ -199,25 +199,25 @@ def test_the_engine_dies_with_its_blender_and_the_next_one_can_resume(scene: obj
 
 def test_what_the_engine_refuses_is_said(scene: object, photo_set: Path, tmp_path: Path) -> None:
     job = begin(scene, model=str(photo_set / "photos"))
-    until(lambda: not job.state.alive)
+    until(lambda: not runner.busy())
     assert job.state.phase == "failed" and "camera" in job.state.error.lower()
     assert "Traceback" not in job.log.read_text("utf-8")
 
 
 def test_an_engine_that_cannot_be_started_is_said(scene: object, tmp_path: Path) -> None:
     job = runner.start(request_of("reconstruct", scene), tmp_path / "no python", scene)
-    until(lambda: not job.state.alive)
+    until(lambda: not runner.busy())
     assert job.state.phase == "failed" and "cannot be started" in job.state.error
 
 
 def test_a_live_twin_is_shown_while_it_is_optimized(scene: object, tmp_path: Path) -> None:
     # Without a window nothing is shown; this is what a window shows.
     job = begin(scene, preset="fine")
-    job.snapshots.__init__(tmp_path / "out", True)
+    job.snapshots.__init__(tmp_path / "out", live=True, most=1000)
     until(lambda: any(is_twin(thing) for thing in scene.objects))
     assert job.state.alive
     runner.cancel()
-    until(lambda: not job.state.alive)
+    until(lambda: not runner.busy())
     assert sum(is_twin(thing) for thing in scene.objects) == 1
 
 

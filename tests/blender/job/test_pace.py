@@ -9,19 +9,21 @@ import pytest
 
 pytest.importorskip("bpy")
 
+from dgs.core.cloud import GaussianCloud
 from dgs.dgs_addon.job.pace import Pace
 from dgs.dgs_addon.job.preview import ABOVE, read_preview
-from dgs.dgs_addon.job.snapshot import SnapshotReader
+from dgs.dgs_addon.job.snapshot import SnapshotReader, thinned
 
 
 def drawings(cost: float, seconds: float = 60.0) -> int:
     """How many drawings a window that takes `cost` seconds for each gets in a minute."""
-    pace, now, count = Pace(least=0.5, most=5.0, share=0.05, tick=0.1), 0.0, 0
+    pace, now, count = Pace(least=0.5, most=5.0, share=0.05), 0.0, 0
     while now < seconds:
         if pace.due(now):
-            pace.drawn(now)
+            pace.asked(now)
             count += 1
             now += cost
+            pace.drawn(now)
         now += 0.1
     return count
 
@@ -32,10 +34,23 @@ def test_fast_windows_are_drawn_often_and_slow_ones_seldom() -> None:
     assert 11 <= drawings(2.0) <= 13  # but every five seconds at least
 
 
+def test_a_live_twin_has_few_splats_that_still_cover_it() -> None:
+    count = 1000
+    cloud = GaussianCloud(
+        means=np.arange(3 * count, dtype=np.float32).reshape(count, 3), log_scales=np.zeros((count, 3), np.float32),
+        quaternions=np.ones((count, 4), np.float32), opacity_logits=np.zeros(count, np.float32),
+        sh=np.zeros((count, 1, 3), np.float32),
+    )  # fmt: skip
+    few = thinned(cloud, 250)
+    assert len(few) == 250 and few.means[0, 0] == 0.0 and few.means[-1, 2] == 3 * count - 1
+    assert np.allclose(np.exp(2 * few.log_scales) * len(few), count)  # the areas' sum stays
+    assert few.log_scales.dtype == np.float32 and thinned(cloud, count) is cloud
+
+
 def test_previews_are_read_upright_and_damaged_ones_are_no_news(tmp_path: Path) -> None:
     folder = tmp_path / "snapshot"
     folder.mkdir()
-    reader = SnapshotReader(tmp_path, live=False)
+    reader = SnapshotReader(tmp_path, live=False, most=10)
     assert reader.look() is None
     pixels = np.zeros((90, 180, 3), np.uint8)
     pixels[:45] = (255, 0, 0)  # the upper half is red

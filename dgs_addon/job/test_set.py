@@ -1,0 +1,51 @@
+"""A job that renders a test set, and the scene's settings that go with it: photos whose truth is known.
+
+Cycles renders a ball that the laboratory knows to the millimetre. A Blender without a window does it, so that the
+open file is left alone and the window stays alive.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from ...core.errors import DgsError
+from ..paths import absolute
+from .request import RUN, Request, psf_argument
+
+#: Height of a photo as a share of its width.
+_HEIGHT = 2 / 3
+
+
+def test_set_request(settings: Any) -> Request:
+    """The job that renders the set which `scene.dgs` describes, blurred by the medium of step 3.
+
+    Raises:
+        DgsError: no folder is chosen, or the medium is incomplete.
+    """
+    out = absolute(settings.test_set)
+    if out is None:
+        raise DgsError("No folder for the test set is chosen", "Choose one in step 6")
+    width = settings.test_width
+    arguments = [
+        "synthesize", "--out", str(out), "--views", str(settings.test_views), "--path", "dome",
+        "--size", f"{width}x{round(width * _HEIGHT)}", "--psf", psf_argument(settings),
+        "--blur-space", settings.blur_space, "--progress", "json", "--control",
+    ]  # fmt: skip
+    return Request("synthesize", out / "photos", out, arguments, settings.test_views, program=_blender())
+
+
+def use_test_set(out: Path, settings: Any) -> None:
+    """Steps 1, 2 and 6 take over a finished set: its photos, its true cameras and its sharp photos."""
+    settings.photos, settings.out, settings.masks = str(out / "photos"), "", ""
+    settings.cameras, settings.model = "model", str(out / "cameras")
+    settings.truth = str(out / "sharp")
+
+
+def _blender() -> tuple[str, ...]:
+    if getattr(bpy.app, "module", False):  # pip's bpy
+        return (sys.executable, str(RUN))
+    return (bpy.app.binary_path, "-b", "--factory-startup", "-P", str(RUN), "--")

@@ -1,0 +1,34 @@
+"""Renders photos whose truth is known."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+
+from ..dgs_addon.job import runner
+from ..dgs_addon.job.test_set import test_set_request
+from .start_job import start_job
+
+
+class DGS_OT_make_test_set(bpy.types.Operator):
+    """Render photos of a known object with Cycles, blurred by the medium of step 3, and sharp ones to compare with"""
+
+    bl_idname = "dgs.make_test_set"
+    bl_label = "Make Test Set"
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        """There is a folder for it, and no job runs."""
+        if runner.running():
+            reason = "A job is running: wait for it or cancel it"
+        elif not context.scene.dgs.test_set.strip():
+            reason = "Choose a folder for the test set first"
+        else:
+            reason = ""
+        cls.poll_message_set(reason)
+        return not reason
+
+    def execute(self, context: Any) -> set[str]:
+        """Starts another Blender, which renders; the set becomes the photos of step 1 when it is there."""
+        return start_job(self, context, lambda: test_set_request(context.scene.dgs), needs_engine=False)
