@@ -13,11 +13,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .contradiction import CONTRADICTED, Observed
 from .psf import PointSpread
 
 Array = NDArray[np.float64]
@@ -29,8 +30,8 @@ BINS = 96
 HIGHEST = math.sqrt(0.5)  # the corner of the frequency plane, cycles/px
 #: Transfer below which a spectrum is taken for nothing but noise.
 _SILENT = 1e-8
-#: The signal is fitted where the photo's power is this many times the floor.
-_CLEAR = 4.0
+#: Where the medium silences nothing, the least power below this transfer is an upper bound of the noise.
+_FAINT = 1e-3
 #: Slopes of the power spectrum that scenes have; fits outside are taken for failures.
 _SLOPES = (1.0, 4.0)
 
@@ -42,15 +43,32 @@ class NoiseToSignal:
     Attributes:
         brightness, colour: [BINS], noise power over the sharp scene's power, for one photo.
         noise: standard deviation of the photos' noise, in [0, 1] units.
+        excess: how many times the power that the blur could have let through the photos hold at fine scales.
+        widest: share of the told width at which the photos would no longer contradict the blur; 1 if they do not.
+        unexplained: [2, BINS] what contradicts the blur, over the scene's power (brightness, colour); None for none.
     """
 
     brightness: Array
     colour: Array
     noise: float
+    excess: float = 1.0
+    widest: float = 1.0
+    unexplained: Array | None = None
+
+    @property
+    def contradicted(self) -> bool:
+        """Whether the photos hold detail that the blur as told cannot have let through."""
+        return self.excess > CONTRADICTED
 
     def trusted(self, gain: float) -> NoiseToSignal:
-        """The ratio when the photos are trusted `gain` times as much as their noise alone would allow."""
-        return NoiseToSignal(self.brightness / gain, self.colour / gain, self.noise)
+        """The ratio when the photos are trusted `gain` times as much as their noise alone would allow.
+
+        What contradicts the blur is trusted no more for that: it is in all photos alike.
+        """
+        brightness, colour = self.brightness / gain, self.colour / gain
+        if self.unexplained is not None:
+            brightness, colour = brightness + self.unexplained[0], colour + self.unexplained[1]
+        return replace(self, brightness=brightness, colour=colour, unexplained=None)
 
 
 def frequencies() -> Array:
@@ -74,9 +92,7 @@ def radial_power(planes: NDArray[np.float32]) -> Array:
     return np.asarray(out)
 
 
-def noise_to_signal(
-    photos: Iterable[NDArray[np.float32]], psf: PointSpread, quantisation: float
-) -> NoiseToSignal:
+def noise_to_signal(photos: Iterable[NDArray[np.float32]], psf: PointSpread, quantisation: float) -> NoiseToSignal:
     """Measures n(f) from photos blurred by `psf`.
 
     Args:
@@ -87,18 +103,30 @@ def noise_to_signal(
     power = np.mean([radial_power(np.einsum("ij,jhw->ihw", axes, p)) for p in photos], axis=0)
     spectra = np.stack([power[0], power[1:].mean(axis=0)])
     f = frequencies()
-    passed = np.mean([psf.mtf(f, a) for a in np.arange(0.0, 180.0, 22.5)], axis=0) ** 2
+    transfer = np.sqrt(np.mean([psf.mtf(f, a) ** 2 for a in np.arange(0.0, 180.0, 22.5)], axis=0))
+    floors = [max(_floor(s, transfer**2, f), quantisation**2) for s in spectra]
+    seen = [Observed(s, floor, transfer, f) for s, floor in zip(spectra, floors, strict=True)]
+    tables, noise, excess = [_ratio(one) for one in seen], math.sqrt(floors[0]), seen[0].excess()
+    if excess <= CONTRADICTED:
+        return NoiseToSignal(tables[0], tables[1], noise, excess)
+    unexplained = np.stack([one.unexplained() for one in seen])
+    return NoiseToSignal(tables[0], tables[1], noise, excess, seen[0].widest(), unexplained)
+
+
+def _floor(spectrum: Array, passed: Array, f: Array) -> float:
+    """Power of the noise: of what is left where the blur lets nothing pass, or at least hardly anything."""
     silent = (passed < _SILENT) & (f <= 0.5)
-    floors = [
-        max(float(np.median(s[silent])) if silent.sum() >= 4 else 0.0, quantisation**2) for s in spectra
-    ]
-    tables = [_ratio(s, floor, passed, f) for s, floor in zip(spectra, floors, strict=True)]
-    return NoiseToSignal(tables[0], tables[1], math.sqrt(floors[0]))
+    if silent.sum() >= 4:
+        return float(np.median(spectrum[silent]))
+    faint = (passed < _FAINT) & (f <= 0.5)
+    return float(spectrum[faint].min()) if faint.any() else 0.0
 
 
-def _ratio(spectrum: Array, floor: float, passed: Array, f: Array) -> Array:
+def _ratio(seen: Observed) -> Array:
     """floor / S(f), with S a power law through the band where the photo stands clear of the floor."""
-    clear = (spectrum > _CLEAR * floor) & (passed > 1e-6) & (f > 0.01)
+    spectrum, floor, f = seen.power, seen.floor, seen.f
+    passed = seen.transfer**2
+    clear = seen.clear & (passed > 1e-6)
     signal = (spectrum - floor) / np.maximum(passed, 1e-12)
     if clear.sum() < 4:  # nothing but noise: believe nothing beyond the lowest frequencies
         level, slope = math.log(max(float(spectrum[1] - floor), 1e-12)) + 2 * math.log(f[1]), 2.0

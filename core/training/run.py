@@ -15,6 +15,7 @@ from ..constants import LOW_PASS_VARIANCE
 from ..gaussians import Gaussians
 from ..imaging.formation.chain import Formation
 from ..imaging.medium import Medium
+from ..imaging.spectrum import NoiseToSignal
 from ..progress import Progress
 from ..views import SparsePoints, View
 from .checkpoint import load_checkpoint, save_checkpoint
@@ -91,6 +92,7 @@ def train(views: Sequence[View], heldout: Sequence[View], points: SparsePoints, 
     compile_kernels(settings.sh_degree)
     compiled_at = time.perf_counter()
     trainer = Trainer(views, heldout, points, medium, settings, formation)
+    _warn_of_blur(trainer.levels[-1].ratio, progress)
     history: list[dict[str, float]] = []
     before = 0.0
     if resume and checkpoint is not None and checkpoint.exists():
@@ -155,6 +157,15 @@ def train(views: Sequence[View], heldout: Sequence[View], points: SparsePoints, 
                  "finish": time.perf_counter() - end},
         steps=trainer.step, stopped=stopped, settings=replace(settings),
     )  # fmt: skip
+
+
+def _warn_of_blur(ratio: NoiseToSignal | None, progress: Progress) -> None:
+    if ratio is not None and ratio.contradicted:
+        progress.note(
+            f"The photos hold {ratio.excess:.0f} times the fine detail that the blur, as it was told, could have let"
+            f" through. It is narrower than told ({ratio.widest:.0%} of the width at most), or of another kind."
+            " What contradicts it is not sharpened. Measure the blur (measure-psf), or let it be found (--psf auto)"
+        )
 
 
 class _Clock:

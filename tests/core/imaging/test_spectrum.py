@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from dgs.core.comparison import degrade
 from dgs.core.imaging.psf import PointSpread
 from dgs.core.imaging.spectrum import HIGHEST, frequencies, noise_to_signal, radial_power
 
@@ -75,3 +76,39 @@ def test_nothing_but_noise_is_not_believed():
     assert np.isfinite(found.brightness).all() and (found.brightness > 0).all()
     assert found.brightness[frequencies() > 0.1].min() > 1.0
     assert frequencies()[-1] == pytest.approx(HIGHEST)
+
+
+@pytest.mark.parametrize("slope", [1.5, 2.0, 3.0])
+@pytest.mark.parametrize("told", [3.2, 4.0])
+def test_a_blur_told_rightly_or_too_narrow_is_not_contradicted(slope, told):
+    frames, _ = scenes(slope, 4.0, 0.002)
+    found = noise_to_signal(frames, PointSpread("gaussian", told, told), 0.0005)
+    assert not found.contradicted and found.unexplained is None
+    assert found.trusted(5.0).brightness == pytest.approx(found.brightness / 5.0)
+
+
+@pytest.mark.parametrize("slope", [1.5, 2.0, 3.0])
+def test_a_blur_told_too_wide_is_contradicted(slope):
+    frames, _ = scenes(slope, 4.0, 0.002)
+    found = noise_to_signal(frames, PointSpread("gaussian", 5.2, 5.2), 0.0005)
+    assert found.contradicted
+    assert 4.0 / 5.2 - 0.05 < found.widest < 0.95
+    f = frequencies()
+    fine = (f > 0.1) & (f < 0.2)  # more trust brings the noise down, never what contradicts
+    assert (found.trusted(1e6).brightness[fine] > 100 * found.brightness[fine]).all()
+    assert (found.trusted(1e6).brightness[f < 0.03] < 1e-3).all(), "what the blur lets pass is trusted still"
+
+
+def test_a_disc_told_as_a_gaussian_is_contradicted():
+    """Their variances are the same, but a disc's side lobes let fine detail through."""
+    frames, _ = scenes(2.0, 0.0, 0.0)
+    disc = PointSpread("file", samples=degrade.disc(8.0))
+    f = np.hypot(np.fft.fftfreq(SIZE)[:, None], np.fft.rfftfreq(SIZE)[None])
+    transfer = disc.mtf(f.ravel(), 0.0).reshape(f.shape)
+    noise = np.random.default_rng(1)
+    blurred = [
+        (np.fft.irfft2(np.fft.rfft2(frame) * transfer) + noise.normal(scale=0.002, size=frame.shape)).astype(np.float32)
+        for frame in frames
+    ]
+    assert noise_to_signal(blurred, PointSpread("gaussian", 4.0, 4.0), 0.0005).excess > 20
+    assert not noise_to_signal(blurred, disc, 0.0005).contradicted
