@@ -14,6 +14,7 @@ from ..training.objective import Objective
 from ..training.optimizer import Adam
 from ..training.photometric import PhotometricLoss, photometric_reference, structural_similarity_map
 from ..training.settings import TrainingSettings
+from ..training.specks import speck_gradient
 from ..training.variation import variation_gradient
 from .case import Place, case, non_finite
 from .photographed import arc, corner_points, disc, looking, misfit, photographs, trained_steps
@@ -137,15 +138,16 @@ def nothing_counts(place: Place) -> float:
     return float(value != 0.0) + float(int((slope != 0).sum())) + float(float(exact) != 0.0)
 
 
-@case("loss", "total variation of flat images", "finite; 0 where nothing changes", 0.0, "a count of violations")
+@case("loss", "variation and specks of flat images", "finite; 0 where nothing changes", 0.0, "a count of violations")
 def flat_variation(place: Place) -> float:
     """The root of the sum of squares has no slope at 0."""
     violations = 0
     for level in LEVELS:
-        violations += int((variation_gradient(torch.full((3, 9, 11), level)) != 0).sum())
+        flat = torch.full((3, 9, 11), level)
+        violations += int((variation_gradient(flat) != 0).sum()) + int((speck_gradient(flat) != 0).sum())
     spikes = torch.zeros(3, 9, 11)
     spikes[:, 4, 5] = 1e4
-    return float(violations + non_finite(variation_gradient(spikes)))
+    return float(violations + non_finite(variation_gradient(spikes)) + non_finite(speck_gradient(spikes)))
 
 
 @case("loss", "Adam fed with poison", "moves nothing that is not finite, and counts it", 0.0, "a count of violations")

@@ -30,6 +30,7 @@ from ..imaging.psf import PointSpread
 from ..imaging.spectrum import NoiseToSignal
 from .photometric import PhotometricLoss, photometric_reference
 from .settings import TrainingSettings
+from .specks import speck_gradient
 from .variation import variation_gradient
 
 
@@ -119,6 +120,8 @@ class Objective:
             gradient += (s.variation_weight / photo.numel()) * variation_gradient(image, self.knee)
         if self.inverse is None:
             return Pull(loss, gradient)
+        if s.speck_weight:
+            gradient += (s.speck_weight / photo.numel()) * speck_gradient(image)
         known = photo if self.space == "srgb" else srgb_to_linear(photo)
         residual = known - blurred
         residual = torch.where(residual.isfinite() if valid is None else residual.isfinite() & valid, residual, 0.0)

@@ -79,6 +79,7 @@ class TrainingSettings:
         variation_weight: of the variation of the sharp render, times `smoothness` of the number of photos.
         variation_knee: the difference between neighbours, in units of the scene's contrast, above which an edge
             costs hardly more for being higher (`variation`).
+        speck_weight: of the price of single specks (`specks`) where a blur is inverted, times the same `smoothness`.
         ssim_weight: of 1 - SSIM against the mean absolute error (3DGS: 0.2).
         low_pass: variance added to every projected Gaussian, in px^2 of the PHOTO's grid.
         backdrop: how far (in [0, 1]) the colour behind the twin is shaken from step to step; without
@@ -110,6 +111,7 @@ class TrainingSettings:
     noise_gain: float | None = None
     variation_weight: float = 0.6
     variation_knee: float = 0.4
+    speck_weight: float = 0.2
     ssim_weight: float = 0.2
     low_pass: float = 2.0
     backdrop: float = 0.25

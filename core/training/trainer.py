@@ -79,6 +79,7 @@ class Trainer:
         self.distinct = distinct(views)  # copies average no noise away
         settings = replace(
             settings, variation_weight=settings.variation_weight * smoothness(self.distinct),
+            speck_weight=settings.speck_weight * smoothness(self.distinct),
             start_share=settings.start_share * start_share(self.distinct),
         )  # fmt: skip
         self.settings, self.medium, self.formation = settings, medium, formation

@@ -14,6 +14,7 @@ from ..rasterizer import render
 from .optimizer import Adam
 from .photometric import PhotometricLoss
 from .settings import Rates
+from .specks import speck_gradient
 from .variation import variation_gradient
 
 
@@ -30,7 +31,8 @@ def compile_kernels(sh_degree: int = 1) -> None:
     rendered = render(optimizer.gaussians, camera)
     blur = BlurOperator(PointSpread("gaussian", 1.0, 1.0), side, side, 0, evaluation="separable")
     _, slope = PhotometricLoss(torch.zeros(3, side, side)).value_and_gradient(blur.apply(rendered.image.detach()))
-    gradient = blur.adjoint(slope) + variation_gradient(rendered.image.detach())
+    sharp = rendered.image.detach()
+    gradient = blur.adjoint(slope) + variation_gradient(sharp) + speck_gradient(sharp)
     rendered.image.backward(gradient)  # type: ignore[no-untyped-call]
     rates = Rates()
     optimizer.step({name: getattr(rates, name) for name in ("means", "log_scales", "quaternions",

@@ -12,6 +12,7 @@ from dgs.core.rasterizer import RasterSettings, render
 from dgs.core.training.footprint import widened
 from dgs.core.training.grid import averaged, coarse_camera, grid_step
 from dgs.core.training.initial import first_gaussians
+from dgs.core.training.specks import speck_gradient, speck_price
 from dgs.core.training.variation import SMOOTH, variation_gradient
 from training_scenes import HEIGHT, WIDTH, camera_at, coloured_plane
 
@@ -112,3 +113,24 @@ def test_variation_gradient_is_that_of_its_formula(size, knee):
     found = variation_gradient(image, knee)
     assert found.shape == image.shape and float(found.abs().max()) <= 4
     torch.testing.assert_close(found.double(), expected, rtol=1e-4, atol=1e-4)
+
+
+@pytest.mark.parametrize("size", [(2, 2), (9, 7), (40, 60)])
+def test_speck_gradient_is_that_of_its_formula(size):
+    image = torch.rand(3, *size, generator=torch.Generator().manual_seed(0))
+    image[:, : size[0] // 2] = 0.5
+    leaf = image.double().requires_grad_()
+    (expected,) = torch.autograd.grad(speck_price(leaf), leaf)
+    torch.testing.assert_close(speck_gradient(image).double(), expected, rtol=1e-3, atol=1e-4)
+
+
+def test_specks_cost_and_lines_do_not():
+    def price(marked: torch.Tensor) -> float:
+        return float(speck_price(marked) - speck_price(torch.full((3, 24, 24), 0.5)))
+
+    speck, line, edge = (torch.full((3, 24, 24), 0.5, dtype=torch.float64) for _ in range(3))
+    speck[:, 10:12, 10:12] = 0.9
+    line[:, :, 10:12] = 0.9
+    edge[:, 12:] = 0.9
+    assert price(speck) > 1.0
+    assert abs(price(line)) < 1e-6 and abs(price(edge)) < 1e-6
