@@ -68,7 +68,7 @@ def page(main: Chapter, more: list[Chapter], wrong: Mapping[str, Any] | None, qu
         parts += table.shown({k: v for k, v in chapter.pictures.items() if chapter is not main or not _leads(k)})
     if wrong is not None:
         parts += ["## When the medium is not what one thought", mismatch.explanation(dict(wrong))]
-        parts.append("\n".join(mismatch.table_lines(dict(wrong))))
+        parts += ["\n".join(mismatch.table_lines(dict(wrong))), mismatch.reading(dict(wrong))]
     machine = main.content["facts"]["machine"]
     parts.append(f"Measured on {machine['processor']}, {machine['threads']} threads, device {machine['device']}.")
     return "\n\n".join(parts) + "\n"
@@ -145,7 +145,9 @@ def _caveats(content: Mapping[str, Any]) -> str:
         " not against each other. One width misleads: a blurred render can have the right width by chance, so read it"
         " with the thin line and with the bands. The point spread function is given to every method that uses one"
         f" ({content['facts']['psf']}), as it was in the paper. Weights of our own loss were chosen on renders of this"
-        " ball with these held-out views: read the last tenth of a dB with care."
+        " ball with these held-out views: read the last tenth of a dB with care. Most pebbles are finer than anything"
+        " the photos hold: what a crop shows there is a method's prior (flat patches and some specks for DGS, an even"
+        " texture after Wiener), not the ball."
     )
 
 
