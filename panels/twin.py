@@ -44,9 +44,9 @@ class DGS_PT_twin(Step, bpy.types.Panel):
             )
         else:
             layout.label(text="No twin is selected", icon="INFO")
-        row = layout.row(align=True)
-        row.operator("dgs.show_known", icon="COLOR")
-        row.operator("dgs.show_next_views", icon="OUTLINER_OB_CAMERA")
+        column = layout.column(align=True)
+        column.operator("dgs.show_known", icon="COLOR")
+        column.operator("dgs.show_next_views", icon="OUTLINER_OB_CAMERA")
         body = folded(layout, "place", "Size and Up")
         if body is not None:
             body.prop(context.scene.dgs, "known_length")
@@ -80,7 +80,8 @@ class DGS_PT_twin_look(Sidebar, bpy.types.Panel):
         for name in (SIZE_INPUT, THRESHOLD_INPUT, COUNT_INPUT, VIEWPORT_INPUT, FACE_INPUT):
             place = splat_input(modifier, name)
             if place is not None:
-                column.prop(*place, text=name)
+                # The whole name is cut off where the sidebar is as wide as it usually is.
+                column.prop(*place, text="Min Opacity" if name == THRESHOLD_INPUT else name)
         if crop_box(context.object) is None:
             layout.operator("dgs.crop_twin", icon="CUBE")
         else:

@@ -42,7 +42,8 @@ class Robot:
 
     def __init__(self, pictures: Path) -> None:
         self.pictures = pictures
-        self.clicks = 0
+        #: Clicks so far, and the tick of the last one.
+        self.clicks = self.clicked = 0
         self.ticks: list[Tick] = []
         self._before: tuple[float, float] | None = None
         self._drew = False
@@ -112,18 +113,22 @@ class Robot:
         if taking.returncode:
             raise RuntimeError(f"no picture {name}")
 
-    def press(self, operator: str) -> Story:
+    def press(self, operator: str, across: float = 0.33) -> Story:
         """Clicks the sidebar's button of an operator ('dgs.optimize'); scrolls to it if need be.
+
+        Args:
+            across: where in the sidebar's width it is; the left one of two beside each other if not given.
 
         Raises:
             LookupError: there is no such button.
         """
         for attempt in range(7):
             place: list[int] = []
-            yield from self._find(operator, place)
+            yield from self._find(operator, place, across)
             if place:
                 _xdotool("mousemove", *place)
                 yield 0.3
+                self.clicked = len(self.ticks)
                 _xdotool("click", 1)
                 self.clicks += 1
                 yield 0.5
@@ -136,9 +141,9 @@ class Robot:
             yield 1.5
         raise LookupError(f"the sidebar has no button {operator}")
 
-    def _find(self, operator: str, place: list[int]) -> Story:
+    def _find(self, operator: str, place: list[int], across: float) -> Story:
         region, window = self.sidebar(), bpy.context.window_manager.windows[0]
-        x = region.x + region.width // 3  # the left one of two beside each other
+        x = region.x + round(across * region.width)
         for y in range(region.y + region.height - 12, region.y + 8, -14):
             _xdotool("mousemove", x, window.height - y)
             yield 0.12

@@ -42,6 +42,7 @@ def story(robot: Robot) -> Story:
         yield 1.0
     seen["dropped"] = settings.photos
     settings.medium, settings.sigma, settings.preset = "gaussian", 1.5, "draft"
+    runner.redraw()  # a script has set them, which Blender does not show by itself
     yield 2.0
     yield from robot.picture("2-photos")
     robot.measure()
@@ -49,10 +50,12 @@ def story(robot: Robot) -> Story:
         runner.redraw()
         yield runner.REDRAW
     seen["idle"] = _figures(robot.ticks)
-    first = len(robot.ticks)
     yield from robot.press("dgs.optimize")
+    first = robot.clicked
     yield from _until(lambda: runner.running(), 60)
     yield from _until(lambda: len(runner.current().state.marks) > 10, 500)
+    import_module(f"{ADDON}.dgs_addon.job.pictures").refresh(runner.current())
+    runner.redraw()  # now, not when a slow window would be drawn: for the picture
     yield from robot.picture("3-optimizing")
     yield from _until(lambda: not runner.running(), 600)
     job, last = runner.current(), len(robot.ticks)
@@ -70,7 +73,7 @@ def story(robot: Robot) -> Story:
     bpy.context.scene.cycles.samples = bpy.context.scene.cycles.preview_samples = 1
     yield from robot.press("dgs.view_twin")
     nodes.set_splat_input(modifier, nodes.VIEWPORT_INPUT, nodes.ALL)
-    yield 20.0
+    yield 30.0
     yield from robot.picture("5-view")
     nodes.set_splat_input(modifier, nodes.VIEWPORT_INPUT, 1000)
     yield 2.0
@@ -83,6 +86,9 @@ def story(robot: Robot) -> Story:
     yield 1.0
     yield from robot.picture("6-rendered")
     seen["rendered"] = True
+    for window in bpy.context.window_manager.windows[1:]:  # the render's may cover the sidebar
+        with bpy.context.temp_override(window=window):
+            bpy.ops.wm.window_close()
     yield from _ended_early(robot, runner)
     exact = import_module(f"{ADDON}.dgs_addon.exact")
     yield from robot.press("dgs.exact_view")
@@ -141,17 +147,18 @@ def _german(robot: Robot) -> Story:
 
 def _ended_early(robot: Robot, runner: Any) -> Story:
     """The job is cancelled, and its engine killed at random moments; the panel says so and has the way on."""
-    bpy.context.scene.dgs.live = True
-    first = len(robot.ticks)
+    settings = bpy.context.scene.dgs
+    settings.live, settings.preset, settings.max_gaussians = True, "balanced", 5000
     yield from robot.press("dgs.optimize")
+    first = robot.clicked
     yield from _until(lambda: runner.running() and len(runner.current().state.marks) > 3, 300)
-    yield from robot.press("dgs.cancel_job")
+    yield from robot.press("dgs.cancel_job", across=0.62)
     yield from _until(lambda: not runner.running(), 60)
     seen["cancelled"] = runner.current().state.phase
     yield 1.0
     yield from robot.picture("7-cancelled")
     moments, killed = random.Random(), []
-    for moment in (moments.uniform(0.0, 6.0), moments.uniform(6.0, 15.0)):
+    for moment in (moments.uniform(0.0, 5.0), moments.uniform(0.0, 10.0)):
         yield from robot.press("dgs.resume_job")
         yield from _until(lambda: runner.running() and runner.current().worker.pid is not None, 60)
         yield moment
