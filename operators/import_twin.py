@@ -20,12 +20,20 @@ class DGS_OT_import_twin(bpy.types.Operator, ImportHelper):
     bl_options = {"REGISTER", "UNDO"}
 
     filename_ext = ".ply"
+    # Not remembered: a path means that a file was dropped, or named by a script.
+    filepath: bpy.props.StringProperty(subtype="FILE_PATH", options={"HIDDEN", "SKIP_SAVE"})  # type: ignore[valid-type]
     filter_glob: bpy.props.StringProperty(default="*.ply;*.spz;*.splat;*.glb;*.gltf", options={"HIDDEN"})  # type: ignore[valid-type]
     prepare: bpy.props.BoolProperty(  # type: ignore[valid-type]
         name="Set Up Rendering",
         description="Choose Cycles, enough transparent bounces, and colours as in the photos",
         default=True,
     )
+
+    def invoke(self, context: Any, event: Any) -> set[str]:
+        """Asks for the file, unless one was dropped."""
+        if self.properties.is_property_set("filepath"):
+            return self.execute(context)
+        return super().invoke(context, event)
 
     def execute(self, context: Any) -> set[str]:
         """Reads the file and selects the new object."""

@@ -54,7 +54,9 @@ def draw_beside(layout: Any, context: Any, name: str, photo: Path | None) -> Non
     for icon, text in ((pictures.icon(name), "Twin"), (photo_icon(photo), "Photo")):
         column = row.column(align=True)
         column.template_icon(icon_value=icon, scale=max(4.0, (width - 80) / 2 / _UNIT))
-        column.label(text=text)
+        middle = column.row()
+        middle.alignment = "CENTER"
+        middle.label(text=text)
 
 
 def _running(box: Any, context: Any, state: JobState) -> None:

@@ -26,8 +26,9 @@ ROOT = Path(__file__).resolve().parent.parent
 GAUSSIANS = 2000
 #: Share of the kills that wait for the optimization to begin; the others come while the engine still prepares.
 TRAINING = 0.7
-#: Latest moment of a kill, in seconds after the engine was started, or after the optimization has begun.
-LATEST = 10.0
+#: Latest moment of a kill, in seconds after the engine was started; and after the optimization has begun, where
+#: a checkpoint comes every 25 s.
+LATEST, LATEST_TRAINING = 10.0, 40.0
 #: What may be lost, in seconds.
 ALLOWED = 30.0
 
@@ -70,9 +71,10 @@ def kill_jobs(photos: Path, out: Path, kills: int, seed: int) -> tuple[list[Kill
     settings.add_when_done = False
     moments, done = random.Random(seed), []
     request = request_of("reconstruct", bpy.context.scene)
-    for _ in range(kills):
+    while len(done) < kills:
         job = runner.start(request, Path(sys.executable), bpy.context.scene)
-        began, training, after = time.monotonic(), moments.random() < TRAINING, moments.uniform(0.1, LATEST)
+        began, training = time.monotonic(), moments.random() < TRAINING
+        after = moments.uniform(0.1, LATEST_TRAINING if training else LATEST)
         while job.state.alive and training and job.state.stage != "train":
             runner.wait(0.02)
         ready = time.monotonic()

@@ -66,13 +66,6 @@ def show(path: Path, name: str) -> Any:
     return image
 
 
-def begin() -> None:
-    """Makes the images that a job fills, where there are none: while it runs, a new one would redraw all views."""
-    for name in (RENDER, CURVES):
-        if name not in bpy.data.images:
-            bpy.data.images.new(name, curve.WIDTH, curve.HEIGHT, alpha=False)
-
-
 def refresh(job: Job) -> None:
     """Takes in what is new; needs a window."""
     if _shown.job is not job:
@@ -97,30 +90,34 @@ def _curves(job: Job) -> NDArray[np.float32]:
 
 
 def _refresh_images(job: Job) -> None:
-    seen = _images_in_editors()
-    if _shown.image_marks != _shown.marks and _wanted(CURVES, job, seen):
+    editors = _editors()
+    if _shown.image_marks != _shown.marks and _wanted(CURVES, job, editors):
         _shown.image_marks = _shown.marks
         _set_image(CURVES, _curves(job))
     path = job.request.out / "snapshot" / "picture.png"
-    if _shown.picture is not None and _wanted(RENDER, job, seen):
+    if _shown.picture is not None and _wanted(RENDER, job, editors):
         written = _time(path)
         if written is not None and written != _shown.image_written:
             _shown.image_written = written
             _load(path, RENDER)
 
 
-def _wanted(name: str, job: Job, seen: set[str]) -> bool:
-    return name in seen or name not in bpy.data.images or not job.state.alive
+def _wanted(name: str, job: Job, editors: list[Any]) -> bool:
+    """A new image makes Blender draw all views, eight times over: it comes only where there is an editor to show it."""
+    if not job.state.alive:
+        return True
+    if name not in bpy.data.images:
+        return bool(editors)
+    return any(editor.image is not None and editor.image.name == name for editor in editors)
 
 
-def _images_in_editors() -> set[str]:
-    editors = (
+def _editors() -> list[Any]:
+    return [
         area.spaces.active
         for window in bpy.context.window_manager.windows
         for area in window.screen.areas
         if area.type == "IMAGE_EDITOR"
-    )
-    return {editor.image.name for editor in editors if editor.image is not None}
+    ]
 
 
 def _time(path: Path) -> int | None:

@@ -117,8 +117,7 @@ def start(request: Request, python: Path, scene: Any) -> Job:
     make_folder(request.out)
     if not request.resume:
         _start_afresh(request)
-    windowed = not bpy.app.background
-    live = scene.dgs.live and windowed
+    live = scene.dgs.live and not bpy.app.background
     snapshots = SnapshotReader(request.out, live, FEW if drawn_by_software() else MOST_LIVE)
     record = Record(
         request.kind, str(request.photos), request.count, list(request.arguments), selection=request.selection
@@ -134,8 +133,6 @@ def start(request: Request, python: Path, scene: Any) -> Job:
     worker = Worker(request.command(python), request.out / LOG, snapshots.look, began)
     _job = Job(request, scene.name, worker, record, snapshots)
     worker.start()
-    if windowed:
-        pictures.begin()
     if not bpy.app.timers.is_registered(_tick):
         bpy.app.timers.register(_tick, first_interval=TICK, persistent=True)
     return _job
@@ -306,10 +303,10 @@ def _show(job: Job, changed: bool) -> None:
     """Keeps the panel up to date, rarely: drawing a sidebar makes Blender compose the whole window."""
     now = time.monotonic()
     job.news |= changed
-    if job.state.alive and not (job.pace.due(now) and job.news):
+    if not job.news or (job.state.alive and not job.pace.due(now)):
         return
-    if not job.news:
-        return
+    if job.finishing is not None:
+        return  # all at once with the twin
     job.news = False
     pictures.refresh(job)
     redraw()

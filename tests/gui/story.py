@@ -98,6 +98,7 @@ def story(robot: Robot) -> Story:
     yield from robot.picture("8-exact")
     yield from _files(robot)
     yield from _german(robot)
+    yield from _test_set(runner)
     bpy.ops.dgs.open_preferences()
     yield 2.0
     yield from robot.picture("9-preferences")
@@ -143,6 +144,15 @@ def _german(robot: Robot) -> Story:
     yield from robot.picture("german")
     view.language = before
     yield 0.5
+
+
+def _test_set(runner: Any) -> Story:
+    """Another Blender renders photos whose truth is known; they become the photos of step 1."""
+    settings = bpy.context.scene.dgs
+    settings.test_set, settings.test_views, settings.test_width = str(FOLDER / "made"), 3, 96
+    bpy.ops.dgs.make_test_set()
+    yield from _until(lambda: not runner.busy(), 120)
+    seen["made"] = [runner.current().state.phase, settings.photos, len(list((FOLDER / "made" / "sharp").glob("*.png")))]
 
 
 def _ended_early(robot: Robot, runner: Any) -> Story:

@@ -68,6 +68,11 @@ def test_what_is_dropped_is_taken_in(seen: dict[str, object]) -> None:
     assert len(seen["dropped_twin"]) == 1 and seen["dropped_twin"][0] > 100
 
 
+def test_another_blender_renders_a_test_set(seen: dict[str, object]) -> None:
+    phase, photos, sharp = seen["made"]
+    assert phase == "done" and photos.endswith("made/photos") and sharp == 3
+
+
 def test_it_speaks_german(seen: dict[str, object]) -> None:
     if "german" not in seen:
         pytest.skip("this Blender was built without languages")

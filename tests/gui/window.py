@@ -90,6 +90,8 @@ def run(suite: str, work: Path, command: list[str], seconds: float, window: bool
     except subprocess.TimeoutExpired:
         process.kill()
         raise RuntimeError(f"not done in {seconds:.0f} s: {process.communicate()[0][-3000:]}") from None
+    finally:
+        process.kill()  # where the test itself was stopped
     if process.returncode:
         raise RuntimeError(f"status {process.returncode}: {words[-3000:]}")
     return words
