@@ -18,6 +18,8 @@ from .request import RUN, Request, psf_argument
 
 #: Height of a photo as a share of its width.
 _HEIGHT = 2 / 3
+#: Paths per pixel where nothing takes their noise away.
+_UNDENOISED = 64
 
 
 def test_set_request(settings: Any) -> Request:
@@ -33,7 +35,7 @@ def test_set_request(settings: Any) -> Request:
     arguments = [
         "synthesize", "--out", str(out), "--views", str(settings.test_views), "--path", "dome",
         "--size", f"{width}x{round(width * _HEIGHT)}", "--psf", psf_argument(settings),
-        "--blur-space", settings.blur_space, "--progress", "json", "--control",
+        "--blur-space", settings.blur_space, *_samples(), "--progress", "json", "--control",
     ]  # fmt: skip
     return Request("synthesize", out / "photos", out, arguments, settings.test_views, program=_blender())
 
@@ -43,6 +45,12 @@ def use_test_set(out: Path, settings: Any) -> None:
     settings.photos, settings.out, settings.masks = str(out / "photos"), "", ""
     settings.cameras, settings.model = "model", str(out / "cameras")
     settings.truth = str(out / "sharp")
+
+
+def _samples() -> list[str]:
+    """Some builds of Blender have no denoiser; more paths per pixel do instead."""
+    cycles = getattr(bpy.context.scene, "cycles", None)
+    return [] if cycles is None or cycles.denoiser else ["--no-denoise", "--samples", str(_UNDENOISED)]
 
 
 def _blender() -> tuple[str, ...]:

@@ -54,8 +54,11 @@ def prepare(samples: int, denoise: bool, threads: int = 0) -> None:
 
 def can_denoise() -> bool:
     """Whether this build of Blender carries OpenImageDenoise (Debian's do not)."""
-    options = getattr(bpy.app.build_options, "openimagedenoise", None)
-    return True if options is None else bool(options)
+    try:
+        bpy.context.scene.cycles.denoiser = "OPENIMAGEDENOISE"
+    except TypeError:  # build_options do not say it in every version; the list of denoisers does
+        return False
+    return True
 
 
 def picture(camera: Camera, seed: int, scratch: Path) -> NDArray[np.float32]:
