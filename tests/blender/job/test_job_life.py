@@ -221,6 +221,20 @@ def test_a_live_twin_is_shown_while_it_is_optimized(scene: object, tmp_path: Pat
     assert sum(is_twin(thing) for thing in scene.objects) == 1
 
 
+def test_another_file_may_be_loaded_while_the_twin_comes_in(scene: object) -> None:
+    job = begin(scene, preset="draft")
+    end = time.monotonic() + 60.0
+    while job.finishing is None and time.monotonic() < end:
+        runner._drain()
+        time.sleep(0.02)
+    runner._drain()  # the first piece: the nodes
+    assert job.finishing is not None and bpy.data.node_groups
+    assert not any(is_twin(thing) for thing in scene.objects)
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    assert runner.wait(5) and not runner.busy()
+    assert job.state.phase == "done" and not bpy.data.objects
+
+
 def test_switching_the_add_on_off_ends_the_job(scene: object) -> None:
     job = begin(scene, preset="fine")
     until(lambda: job.state.marks)
