@@ -106,7 +106,7 @@ class TrainingSettings:
     sh_degree: int = 1
     loss: LossName = "dgs"
     base_weight: float = 0.3
-    inverse_weight: float = 2.0
+    inverse_weight: float = 2.3
     inverse_width: float = 0.25
     noise_gain: float | None = None
     variation_weight: float = 0.6
