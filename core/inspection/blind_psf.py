@@ -21,8 +21,10 @@ from .spectra import Blur
 
 #: Variance (px^2) that sharp photos of good cameras have of their own (lens, demosaicking), and its spread.
 OWN, OWN_SPREAD = 0.2, 0.15
-#: How far scenes' spectra bend from the law: share of the standard deviation (rms over five scenes).
-LAW = 0.04
+#: How far scenes' spectra bend from the law: share of the standard deviation (rms over four sets and 13 pictures).
+LAW = 0.05
+#: The lowest frequency used, times sigma: the law bends at a scene's largest scales.
+LOWEST = 0.08
 #: A scene whose power falls faster has no sharp edges: what looks like blur may be its own.
 STEEPEST = 3.4
 #: Largest relative error of an estimate that still is one; below `LEAST` px there is nothing to undo.
@@ -111,7 +113,9 @@ def _variance(photos: PhotoSet, known: list[Blur]) -> tuple[float, float]:
     Over a whole photo the scene's law bends at its largest scales; a tile does not see those.
     """
     whole = np.array([blur.variance for blur in known])
-    values = whole
+    lowest = LOWEST / math.sqrt(max(float(np.median(whole)), 0.1))
+    values = np.array([blur.variance for blur in photos.blurs_between(lowest, 0.5) if blur is not None])
+    values = values if len(values) else whole
     tiles = photos.tiles
     side = _side(photos)
     if len(tiles.variance) >= 20 and side > TILE_SIGMAS * math.sqrt(max(float(np.median(whole)), 0.1)):

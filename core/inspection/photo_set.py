@@ -94,12 +94,12 @@ class PhotoSet:
     @cached_property
     def blurs(self) -> list[Blur | None]:
         """Blur of each of `looked_at`, over the whole frame."""
-        return self.blurs_below(0.5)
+        return self.blurs_between(0.0, 0.5)
 
-    def blurs_below(self, highest: float) -> list[Blur | None]:
-        """Blur of each of `looked_at`, from frequencies up to `highest` cycles/px."""
+    def blurs_between(self, lowest: float, highest: float) -> list[Blur | None]:
+        """Blur of each of `looked_at`, from frequencies in this range, cycles/px."""
         return [
-            fit_blur(power, (grey.shape[0], grey.shape[1]), noise**2, highest=highest)
+            fit_blur(power, (grey.shape[0], grey.shape[1]), noise**2, highest=highest, lowest=lowest)
             for power, grey, noise in zip(self.powers, self.greys, self.grey_noise, strict=True)
         ]
 

@@ -26,6 +26,8 @@ RADII, DIRECTIONS = 40, 12
 HIGHEST, FEWEST_PERIODS = 0.49, 2.5
 #: A bin counts where its power is this many times the noise's.
 CLEAR = 3.0
+#: A bin keeps its weight where the fitted law stands so many times above the noise.
+LOUD = 10.0
 #: Exponent of scenes' power, mean and standard deviation; how far log power scatters around the law.
 SLOPE, SLOPE_SPREAD, SCATTER = 2.3, 0.45, 0.3
 #: Fewest bins for a fit.
@@ -110,22 +112,23 @@ def _frequencies(shortest: int) -> tuple[Array, Array, Array]:
 
 
 def fit_blur(
-    power: Array, shape: tuple[int, int], noise: float, pictures: int = 1, highest: float = HIGHEST
-) -> Blur | None:
+    power: Array, shape: tuple[int, int], noise: float, pictures: int = 1, highest: float = HIGHEST,
+    lowest: float = 0.0,
+) -> Blur | None:  # fmt: skip
     """Fits scene and blur to a polar spectrum; None where too little stands clear of the noise.
 
     Args:
         power: from `polar_power`, averaged over `pictures` of one size.
         shape: (height, width) of the pictures.
         noise: variance of the noise.
-        highest: frequency up to which the spectrum is used, cycles/px.
+        lowest, highest: frequencies between which the spectrum is used, cycles/px.
     """
     f, fx, fy = _frequencies(min(shape))
     counts, (shift, variance) = bin_counts(*shape), _chance(*shape, pictures)
     radial = (power * counts).sum(axis=1) / np.maximum(counts.sum(axis=1), 1)
     drowned = np.flatnonzero((radial < CLEAR * noise) & (counts.sum(axis=1) > 0))
     end = drowned[0] if drowned.size else RADII
-    clear = (counts > 0) & (power > 2.0 * noise) & (f <= highest)
+    clear = (counts > 0) & (power > 2.0 * noise) & (f <= highest) & (f >= lowest)
     clear[end:] = False
     if clear.sum() < FEWEST or end < 5:
         return None
@@ -143,17 +146,35 @@ def fit_blur(
     prior[1:, 1:5] = np.eye(4) / 0.7  # a scene's directions differ by a factor of two, seldom more
     aim = np.zeros(5)
     aim[0] = SLOPE / SLOPE_SPREAD
-    for _ in range(3):
+    for _ in range(4):
         a = np.vstack([matrix * weight[:, None], prior])
         b = np.append(y * weight, aim)
         normal = a.T @ a
         solution = np.linalg.solve(normal, a.T @ b)
-        rest = np.abs(y - matrix @ solution) * weight
+        law = matrix @ solution
+        rest = np.abs(y - law) * weight
         weight = weight * np.sqrt(np.minimum(1.0, 2.5 / np.maximum(rest, 1e-9)))
+        # Bins that chance lifted above the noise would straighten the curve: the law decides which ones count.
+        weight = weight * (np.exp(law) > LOUD * noise)
     # Rings scatter together (the scene's own bumps): as many independent values as rings, not as bins.
     inflate = clear.sum() / max(1.0, float(clear.any(axis=1).sum()))
     uncertainty = np.linalg.inv(normal)[6:, 6:] * min(inflate, 6.0)
-    return Blur(solution[6:].copy(), uncertainty, float(solution[5]), float(f[end - 1, 0]))
+    return Blur(_without_leakage(solution[6:], shape), uncertainty, float(solution[5]), float(f[end - 1, 0]))
+
+
+def _without_leakage(seen: Array, shape: tuple[int, int]) -> Array:
+    """[3] covariance xx, yy, xy of the blur, given that of the spectrum's curve.
+
+    The window mixes neighbouring frequencies, with a variance D of 1 / 3 N^2 along a side of N px (Hann). A spectrum
+    that falls as exp(-4 pi^2 f' C f) gains 32 pi^4 f' C D C f in log power by that: it looks like C - 8 pi^2 C D C.
+    """
+    xx, yy, xy = seen
+    apparent = np.array([[xx, xy], [xy, yy]])
+    mixing = 8.0 * np.pi**2 / 3.0 * np.diag([1.0 / shape[1] ** 2, 1.0 / shape[0] ** 2])
+    true = apparent
+    for _ in range(4):
+        true = apparent + true @ mixing @ true
+    return np.array([true[0, 0], true[1, 1], true[0, 1]])
 
 
 def middle_frequencies(shortest: int) -> Array:

@@ -47,7 +47,7 @@ def motion_of(photos: PhotoSet) -> Motion | None:
 
 
 def _motion(photos: PhotoSet, band: float) -> Motion | None:
-    blurs = photos.blurs_below(band)
+    blurs = photos.blurs_between(0.0, band)
     known = [(photo.name, b) for photo, b in zip(photos.looked_at, blurs, strict=True) if b is not None]
     if len(known) < 4:
         return None
