@@ -29,6 +29,8 @@ LOWEST = 0.08
 STEEPEST = 3.4
 #: Largest relative error of an estimate that still is one; below `LEAST` px there is nothing to undo.
 LOOSEST, LEAST = 0.15, 0.8
+#: Motion or defocus of single photos makes the common blur uncertain; above this share of its variance, unknown.
+SLIGHT = 0.2
 #: Tiles must be this many standard deviations wide.
 TILE_SIGMAS = 20.0
 
@@ -92,19 +94,28 @@ def blind_psf(photos: PhotoSet) -> BlindPsf:
         return BlindPsf(sigma, error, 0.0, largest, sigma, sigma, 0.0, "sharp",
                         f"no blur beyond what sharp photos have: at most {largest:.2f} px")  # fmt: skip
     sx, sy, angle = _axes(total, variance - OWN)
-    low, high = max(0.0, sigma - 1.96 * error), sigma + 1.96 * error
-    text = f"estimated from the photos' spectra: sigma {sigma:.2f} px, 95 % interval {low:.2f} to {high:.2f}"
-    found = BlindPsf(sigma, error, low, high, sx, sy, angle, "estimated", text)
     if slope > STEEPEST:
         text = f"this scene has no sharp edges (power falls as f^-{slope:.1f}): its blur is at most {largest:.2f} px"
         return BlindPsf(sigma, error, 0.0, largest, sx, sy, angle, "upper bound", text)
-    if error > LOOSEST * sigma:
-        return _nothing(f"the photos allow any blur from {found.low:.1f} to {found.high:.1f} px: not identifiable")
-    moved = motion_of(photos)
-    if (moved is not None and moved.significant) or inspect_defocus(photos).needed:
+    own = _own_variance(photos)
+    if own > SLIGHT * sigma**2:
         text = f"blur differs from photo to photo or with depth; at most {largest:.2f} px are common to all"
         return BlindPsf(sigma, error, 0.0, largest, sx, sy, angle, "upper bound", text)
+    error = math.hypot(error, own / (2 * sigma))
+    low, high = max(0.0, sigma - 1.96 * error), sigma + 1.96 * error
+    text = f"estimated from the photos' spectra: sigma {sigma:.2f} px, 95 % interval {low:.2f} to {high:.2f}"
+    found = BlindPsf(sigma, error, low, high, sx, sy, angle, "estimated", text)
+    if error > LOOSEST * sigma:
+        return _nothing(f"the photos allow any blur from {found.low:.1f} to {found.high:.1f} px: not identifiable")
     return found
+
+
+def _own_variance(photos: PhotoSet) -> float:
+    """Variance (px^2) that single photos or depths have beyond what is common to all; 0 where none is clear."""
+    moved, defocus = motion_of(photos), inspect_defocus(photos)
+    path = moved.length**2 / 24.0 if moved is not None and moved.significant else 0.0  # L^2 / 12 along one of two axes
+    circle = float(defocus.estimate.get("value") or 0.0) ** 2 if defocus.needed else 0.0
+    return max(path, circle)
 
 
 def _variance(photos: PhotoSet, known: list[Blur]) -> tuple[float, float]:
