@@ -93,7 +93,8 @@ def test_panels_draw_without_errors(seen: dict[str, object]) -> None:
 
 def test_the_window_stays_alive(seen: dict[str, object]) -> None:
     """Where the processor draws the window, every drawing takes 0.05 s or more, and other programs take their share."""
-    print(f"\nBlender {seen['blender']}, {seen['clicks']} clicks, a job of {seen['seconds']:.0f} s, gaps of a 0.05 s timer:")
+    print(f"\nBlender {seen['blender']}, {seen['clicks']} clicks, a job of {seen['seconds']:.0f} s.")
+    print("Gaps of a 0.05 s timer:")
     for name, title in (("idle", "before"), ("job", "the job"), ("twin", "twin appears"), ("live", "live twin")):
         part = seen[name]
         print(
