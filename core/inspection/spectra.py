@@ -156,6 +156,8 @@ def fit_blur(
         weight = weight * np.sqrt(np.minimum(1.0, 2.5 / np.maximum(rest, 1e-9)))
         # Bins that chance lifted above the noise would straighten the curve: the law decides which ones count.
         weight = weight * (np.exp(law) > LOUD * noise)
+        if np.count_nonzero(weight) < FEWEST:
+            return None
     # Rings scatter together (the scene's own bumps): as many independent values as rings, not as bins.
     inflate = clear.sum() / max(1.0, float(clear.any(axis=1).sum()))
     uncertainty = np.linalg.inv(normal)[6:, 6:] * min(inflate, 6.0)

@@ -57,3 +57,14 @@ def test_a_blank_wall_tells_nothing():
     assert found.verdict == "not identifiable" and not np.isfinite(found.sigma)
     with pytest.raises(PsfError, match="not identifiable"):
         found.point_spread()
+
+
+def test_a_photo_mostly_black_is_no_failure():
+    """Tiles with next to nothing in them have no bin that stands clear of the noise."""
+
+    def dark(random):
+        photo = np.full((480, 480, 3), 2, np.uint8) + random.integers(0, 2, (480, 480, 3), np.uint8)
+        photo[180:300, 180:300] += random.integers(0, 120, (120, 120, 1), np.uint8)
+        return photo
+
+    assert blind_psf(plain(dark)).verdict in ("estimated", "sharp", "upper bound", "not identifiable")
