@@ -70,8 +70,10 @@ def page(main: Chapter, more: list[Chapter], wrong: Mapping[str, Any] | None, qu
         parts += ["## When the medium is not what one thought", mismatch.explanation(dict(wrong))]
         parts += ["\n".join(mismatch.table_lines(dict(wrong))), mismatch.reading(dict(wrong))]
     machine = main.content["facts"]["machine"]
-    parts.append(f"Measured on {machine['processor']}, {machine['threads']} threads, device {machine['device']}. Finished"
-                 " rows are taken up by later runs; where other work ran beside, seconds are upper bounds.")  # fmt: skip
+    parts.append(
+        f"Measured on {machine['processor']}, {machine['threads']} threads, device {machine['device']}. Finished rows"
+        " are taken up by later runs; where other work ran beside, seconds are upper bounds."
+    )
     return "\n\n".join(parts) + "\n"
 
 
