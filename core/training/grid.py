@@ -56,6 +56,20 @@ def averaged(planes: NDArray[np.float32], step: int, space: BlurSpace = "srgb") 
     return np.asarray(linear_to_srgb(out), np.float32) if space == "linear" else out
 
 
+def coarse_view(view: View, step: int, space: BlurSpace = "srgb") -> View:
+    """The view of a photo averaged over `step` x `step` px, in 16 bits; the very same one for a step of 1.
+
+    A px counts if all that it is averaged from do.
+    """
+    if step == 1:
+        return view
+    photo = np.round(averaged(view.planes(), step, space).clip(0.0, 1.0) * 65535.0).astype(np.uint16)
+    mask = None if view.mask is None else averaged(view.mask[None].astype(np.float32), step)[0] > 0.999
+    levels = view.levels or int(np.iinfo(view.photo.dtype).max)
+    camera, pixels = coarse_camera(view.camera, step), np.ascontiguousarray(photo.transpose(1, 2, 0))
+    return replace(view, camera=camera, photo=pixels, mask=mask, levels=levels)
+
+
 class GridView:
     """One view on the grid: its camera, photo [3, h, w], validity, and point spread.
 

@@ -41,13 +41,13 @@ def speck_gradient(image: Tensor) -> Tensor:
 
         source = image.detach().contiguous().numpy()
         _, height, width = source.shape
-        fields, means, horizontal, vertical = _workspace(height, width)
+        fields, means, slants, horizontal, vertical = _workspace(height, width)
         out = np.empty_like(source)
         run(structure, height - 1, source, fields, grain=16)
         run(binomial, 3 * height, fields, means, grain=48)
         run(slopes, height, means, np.float32(SMOOTH**2), grain=16)
-        run(binomial, 3 * height, means, fields, grain=48)
-        run(differences, 3 * (height - 1), source, fields, horizontal, vertical, grain=48)
+        run(binomial, 3 * height, means, slants, grain=48)
+        run(differences, 3 * (height - 1), source, slants, horizontal, vertical, grain=48)
         run(negative_divergence, 3 * height, horizontal, vertical, out, grain=48)
         return torch.from_numpy(out)
     leaf = image.detach().requires_grad_()
@@ -58,9 +58,12 @@ def speck_gradient(image: Tensor) -> Tensor:
 
 @lru_cache(maxsize=2)
 def _workspace(height: int, width: int) -> tuple[NDArray[np.float32], ...]:
-    """Fields and their means with a border of zeros, and differences; fresh memory would cost as much as the passes."""
+    """Memory for the passes: fresh memory would cost as much as they do.
+
+    What a pass leaves out (borders, the last row and column) stays zero, so each array belongs to one pass.
+    """
     wide, frame = (3, height + 2, width + 2), (3, height, width)
-    return tuple(np.zeros(shape, np.float32) for shape in (wide, wide, frame, frame))
+    return tuple(np.zeros(shape, np.float32) for shape in (wide, wide, wide, frame, frame))
 
 
 def speck_price(image: Tensor) -> Tensor:

@@ -25,7 +25,7 @@ def scene() -> torch.Tensor:
 
 
 def objective(space: str = "srgb", **settings: float) -> Objective:
-    wanted = TrainingSettings(variation_weight=0.0, **settings)  # type: ignore[arg-type]
+    wanted = TrainingSettings(variation_weight=0.0, speck_weight=0.0, **settings)  # type: ignore[arg-type]
     return Objective(PSF, HEIGHT, WIDTH, MARGIN, space, wanted, torch.device("cpu"), RATIO)  # type: ignore[arg-type]
 
 
