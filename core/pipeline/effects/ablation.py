@@ -15,6 +15,7 @@ from ...imaging.medium import Medium
 from ...lens import Lens
 from ...progress import Silent
 from ...sfm.reconstruction import Pose
+from ...training.grid import coarse_view
 from ...training.run import train
 from ...training.settings import TrainingSettings
 from ...views import SparsePoints, View
@@ -28,7 +29,12 @@ Array = NDArray[np.float64]
 #: at least so many in all, and at most so many by a pair.
 EVERY, FEWEST, MOST = 4, 5, 8
 #: A short training, and pairs of them, each with a seed and judged photos of its own.
-STEPS, GAUSSIANS, PAIRS = 250, 15_000, 2
+STEPS, GAUSSIANS, PAIRS = 100, 2000, 2
+#: Trials see photos averaged down to so many px along the shorter side: what is tried changes from photo to photo, or
+#: slowly over the frame and the depth, and shows there as well, at a price that does not grow with the photos.
+SIDE = 80
+#: Sparse points that a trial of what the sensor does starts from at most.
+POINTS = 1000
 #: An effect is confirmed where chance would give its gain less often than a normal's two standard errors do.
 CHANCE = 0.0228
 
@@ -66,17 +72,20 @@ class Ablation:
 
     Args:
         views: those of the training; held-out ones of the report take no part.
-        points, medium, settings: of the training; steps and Gaussians are cut down.
+        points, settings: of the training; steps, Gaussians and points are cut down.
+        medium: of the training. Effects of the sensor are tried without its blur: photos disagree about gains and
+            corners as much when both twins stay soft, and fewer points do. What the light meets before the blur
+            is tried through it, from all points: it goes by their depth.
     """
 
-    def __init__(
-        self, views: Sequence[View], points: SparsePoints, medium: Medium, settings: TrainingSettings
-    ) -> None:
-        self.views, self.points, self.medium = list(views), points, medium
+    def __init__(self, views: Sequence[View], points: SparsePoints, medium: Medium, settings: TrainingSettings) -> None:
+        self.views, self.points = list(views), points
+        self.step = max(1, min((min(v.camera.width, v.camera.height) for v in self.views), default=1) // SIDE)
         self.settings = replace(
-            settings, steps=min(STEPS, settings.steps), time_limit=None,
+            settings, steps=min(STEPS, settings.steps), time_limit=None, until=None, min_steps=0, grid_step=None,
             max_gaussians=min(GAUSSIANS, settings.max_gaussians),
         )  # fmt: skip
+        self.medium = medium.on_grid(self.step)
         self._known: dict[tuple[str, ...], Array] = {}
 
     def judged(self, pair: int) -> list[int]:
@@ -92,35 +101,55 @@ class Ablation:
     def compare(
         self, without: Formation, with_it: Formation, saturation: tuple[bool, bool] = (False, False)
     ) -> Comparison:
-        """`with_it` against `without`; `saturation` tells whether clipped px are masked without and with it."""
-        first, second = (self._scores(f, s) for f, s in zip((without, with_it), saturation, strict=True))
-        return Comparison(second - first)
+        """`with_it` against `without`; `saturation` tells whether clipped px are masked without and with it.
 
-    def _scores(self, formation: Formation, saturation: bool) -> Array:
+        Photos of which no px counts are no part of it.
+        """
+        medium = self.medium if without.light or with_it.light else Medium()
+        first, second = (self._scores(f, s, medium) for f, s in zip((without, with_it), saturation, strict=True))
+        differences = second - first
+        return Comparison(differences[np.isfinite(differences)])
+
+    def _scores(self, formation: Formation, saturation: bool, medium: Medium) -> Array:
         """PSNR of every judged photo in dB, photos' own gains matched."""
-        key = (*sorted(formation.names), *(["saturation"] if saturation else []))
+        how = {"saturation": saturation, "through the blur": medium is self.medium}
+        key = (*sorted(formation.names), *(word for word, true in how.items() if true))
         if key not in self._known:
-            self._known[key] = np.concatenate([self._of_pair(formation, saturation, pair) for pair in range(PAIRS)])
+            views = [self._coarse(view, medium) for view in corrected(self.views, formation, saturation)]
+            self._known[key] = np.concatenate([self._of_pair(views, formation, medium, pair) for pair in range(PAIRS)])
         return self._known[key]
 
-    def _of_pair(self, formation: Formation, saturation: bool, pair: int) -> list[float]:
-        settings = replace(self.settings, seed=self.settings.seed + 1000 + pair)
-        judged = self.judged(pair)
-        fitted = [view for i, view in enumerate(self.views) if i not in judged]
-        views = corrected(fitted, formation, saturation)
-        trained = train(views, [], self.points, self.medium, settings, Silent(), formation=formation)
+    def _of_pair(self, views: list[View], formation: Formation, medium: Medium, pair: int) -> list[float]:
+        """Trains on what the pair does not judge, of `views`, and judges by photos as they were filed."""
         from ...training.scale import scene_scale
 
-        scale = scene_scale([view.camera for view in fitted], self.points)
+        settings = replace(self.settings, seed=self.settings.seed + 1000 + pair)
+        judged = self.judged(pair)
+        fitted = [view for i, view in enumerate(views) if i not in judged]
+        points = self.points if medium is self.medium else _fewer(self.points)
+        trained = train(fitted, [], points, medium, settings, Silent(), formation=formation)
+        scale = scene_scale([view.camera for view in fitted], points)
         device = "cpu" if settings.device == "auto" else settings.device
         viewer = Viewer(trained.gaussians, scale, device, trained.low_pass, trained.background)
         scores = []
-        for view in (self.views[i] for i in judged):
+        filed = (replace(self.views[i], mask=_counted(self.views[i])) for i in judged)
+        for view in (self._coarse(view, medium) for view in filed):
             c = view.camera
             lens = Lens("PINHOLE", c.width, c.height, (c.fx, c.fy, c.cx, c.cy))
-            shown = viewer.degraded(lens, Pose(c.rotation, c.translation), self.medium, view.name, formation)
-            scores.append(matched_psnr(shown, view.planes(), _counted(view)))
+            shown = viewer.degraded(lens, Pose(c.rotation, c.translation), medium, view.name, formation)
+            scores.append(matched_psnr(shown, view.planes(), view.mask))
         return scores
+
+    def _coarse(self, view: View, medium: Medium) -> View:
+        return coarse_view(view, self.step, medium.blur_space)
+
+
+def _fewer(points: SparsePoints) -> SparsePoints:
+    """At most `POINTS` of them, evenly through the list."""
+    if len(points.positions) <= POINTS:
+        return points
+    kept = np.linspace(0, len(points.positions) - 1, POINTS).round().astype(int)
+    return SparsePoints(points.positions[kept], points.colours[kept])
 
 
 def _counted(view: View) -> NDArray[np.bool_] | None:

@@ -6,7 +6,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from ...errors import DgsError
+from ...errors import Cancelled, DgsError
 from ...imaging.formation.chain import Formation
 from ...imaging.formation.effect import Effect
 from ...imaging.medium import Medium
@@ -18,7 +18,7 @@ from ...progress import Progress
 from ...sfm.reconstruction import Reconstruction
 from ...training.settings import TrainingSettings
 from ...views import View
-from .ablation import Ablation
+from .ablation import FEWEST, Ablation
 from .decision import SWITCHED, Decision, parse_effects
 from .proposal import SPEAKS, build, proposed
 
@@ -82,6 +82,8 @@ def choose_effects(
     tried = [name for name in candidates if name not in on and name not in off]
     progress.stage("effects", len(tried))
     for index, name in enumerate(tried):
+        if progress.cancelled():
+            raise Cancelled("Stopped while effects were tried")
         lines[name] = _tried(name, source, effects, chosen, ablation, progress)
         progress.advance(index + 1)
     for name in SWITCHED:
@@ -111,6 +113,8 @@ def _tried(
     more = effects if effect is None else {**effects, name: effect}
     masks = chosen.saturation, chosen.saturation or name == "saturation"
     result = ablation.compare(_chain(effects), _chain(more), masks)
+    if len(result.differences) < FEWEST:
+        return Decision(name, False, "the photos call for it, but they are clipped too widely to confirm it")
     told = f"{result.mean:+.3f} +- {result.error:.3f} dB on photos held out of a short training"
     if result.confirms:
         effects.update(more)

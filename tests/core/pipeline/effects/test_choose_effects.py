@@ -1,11 +1,12 @@
 """Which effects a run simulates: what was asked, what the photos call for, what a trial confirms."""
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from dgs.core.errors import DgsError
+from dgs.core.errors import Cancelled, DgsError
 from dgs.core.imaging.formation.chain import Formation
 from dgs.core.imaging.medium import Medium
 from dgs.core.photos.undistort import undistorted_views
@@ -15,6 +16,7 @@ from dgs.core.pipeline.effects.corrected import corrected
 from dgs.core.pipeline.effects.decision import parse_effects
 from dgs.core.pipeline.effects.matched import matched_psnr
 from dgs.core.progress import Silent
+from dgs.core.training.grid import coarse_view
 from dgs.core.training.settings import TrainingSettings
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[4] / "benchmarks"))
@@ -77,7 +79,7 @@ def test_forced_effects_undo_what_was_done(dim, scene):
 def test_auto_tries_only_what_the_photos_call_for(dim, monkeypatch):
     tried = []
 
-    def scores(self, formation, saturation):
+    def scores(self, formation, saturation, medium):
         tried.append(formation.names)
         n = 6
         return np.full(n, 30.0 + 0.5 * ("exposure" in formation.names)) + 0.01 * np.arange(n) * len(formation.names)
@@ -109,6 +111,39 @@ def test_the_trial_trains_and_judges_for_real(dim):
     result = trial.compare(Formation(), Formation())
     assert len(result.differences) == 6 and (result.differences == 0).all() and not result.confirms
     assert not ablation.Ablation(views[:4], dim.cameras.points, Medium(), SETTINGS).possible
+
+
+def test_a_trial_s_price_does_not_grow_with_the_photos(dim):
+    views = undistorted_views(list(dim.photos), dim.cameras)
+    large = [coarse_view(view, 1) for view in views]
+    large = [replace(v, photo=v.photo.repeat(4, axis=0).repeat(4, axis=1), camera=enlarged(v.camera, 4)) for v in large]
+    small, wide = (ablation.Ablation(v, dim.cameras.points, Medium(), SETTINGS) for v in (views, large))
+    heights = [trial._coarse(trial.views[0], Medium()).camera.height for trial in (small, wide)]
+    assert max(heights) < 2 * ablation.SIDE and wide.step == large[0].camera.height // ablation.SIDE
+    assert len(ablation._fewer(small.points).positions) == ablation.POINTS < len(dim.cameras.points.positions)
+
+
+def enlarged(camera, s):
+    """The camera of a photo with `s` times as many px along each side."""
+    return replace(
+        camera, width=s * camera.width, height=s * camera.height, fx=s * camera.fx, fy=s * camera.fy,
+        cx=s * camera.cx, cy=s * camera.cy,
+    )  # fmt: skip
+
+
+def test_trials_stop_when_asked_to(dim):
+    class Stopping(Silent):
+        at = ""
+
+        def stage(self, name, total=None):
+            self.at = name
+
+        def cancelled(self):
+            return self.at == "effects"
+
+    views = undistorted_views(list(dim.photos), dim.cameras)
+    with pytest.raises(Cancelled):
+        choose_effects("auto", dim.photos, dim.cameras, views, Medium(), SETTINGS, Stopping())
 
 
 def test_matched_scores_take_the_photo_s_own_gain():
