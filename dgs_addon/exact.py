@@ -89,7 +89,8 @@ def start(twin: Any, scene: Any, python: Path, done: Callable[[ExactView], None]
     """
     global _view
     settings = scene.dgs
-    blur = ["--psf", psf_argument(settings), "--blur-space", settings.blur_space]
+    psf = str(twin.get("dgs_psf", "none")) if settings.medium == "auto" else psf_argument(settings)
+    blur = ["--psf", psf, "--blur-space", settings.blur_space]
     folder = Path(tempfile.mkdtemp(prefix="descatter-", dir=bpy.app.tempdir or None))
     write_ply(folder / "twin.ply", read_twin(twin))
     write_transforms(folder / "transforms.json", {_NAME: camera_in(twin, scene)})

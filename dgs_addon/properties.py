@@ -15,6 +15,7 @@ _MEDIA = (
     ("none", "None", "Nothing lies before the object: ordinary Gaussian splatting"),
     ("gaussian", "Gaussian", "Light is scattered alike in all directions, as by fog, frosted glass or thin tissue"),
     ("ellipse", "Elliptic Gaussian", "Light is scattered further in one direction than in the other"),
+    ("auto", "From Photos", "A Gaussian as wide as the photos themselves tell; refused where they do not tell it"),
     ("file", "Measured", "A measured point spread function from a file (.npy, .tif, .png, .fits)"),
 )
 _CAMERAS = (

@@ -28,7 +28,9 @@ class DGS_PT_medium(Step, bpy.types.Panel):
         if settings.medium == "none":
             sentence(layout, context, "Nothing is undone: ordinary splatting", "INFO")
             return
-        if settings.medium == "gaussian":
+        if settings.medium == "auto":
+            sentence(layout, context, "The photos tell how wide the blur is, or that they do not", "INFO")
+        elif settings.medium == "gaussian":
             layout.prop(settings, "sigma", text="Sigma (px)")
         elif settings.medium == "ellipse":
             layout.prop(settings, "sigma", text="Sigma Along (px)")

@@ -8,6 +8,7 @@ from ..photos.load import load_photos
 from ..photos.source import photo_source
 from ..progress import Progress
 from ..sfm.reconstruction import Reconstruction
+from .blind import estimated_psf
 from .machine import use_threads
 from .reconstruct import cameras_of, medium_for
 from .settings import ReconstructSettings
@@ -19,10 +20,12 @@ def only_cameras(settings: ReconstructSettings, progress: Progress) -> Reconstru
     Raises:
         DgsError: one of its subclasses; nothing was written then.
     """
-    psf = parse_psf(settings.psf)
+    psf = None if settings.psf == "auto" else parse_psf(settings.psf)
     check_writable(settings.out)
     threads = use_threads(settings.threads)
     source = photo_source(settings.photos, settings.out, settings.frames, progress)
     photos = load_photos(source, settings.max_size, progress, settings.masks)
+    if settings.psf == "auto":
+        psf, settings = estimated_psf(photos, settings)
     reconstruction, _ = cameras_of(settings, photos, medium_for(photos, psf, settings), threads, progress)
     return reconstruction

@@ -101,7 +101,7 @@ def psf_argument(settings: Any) -> str:
         if path is None or not path.is_file():
             raise DgsError("The file of the point spread function is not there", "Choose it in step 3")
         return f"file:{path}"
-    return "none"
+    return "auto" if settings.medium == "auto" else "none"
 
 
 def _medium(settings: Any) -> list[str]:

@@ -31,6 +31,8 @@ def test_set_request(settings: Any) -> Request:
     out = absolute(settings.test_set)
     if out is None:
         raise DgsError("No folder for the test set is chosen", "Choose one in step 6")
+    if settings.medium == "auto":
+        raise DgsError("A test set has no photos yet that could tell the medium", "Choose another medium in step 3")
     width = settings.test_width
     arguments = [
         "synthesize", "--out", str(out), "--views", str(settings.test_views), "--path", "dome",

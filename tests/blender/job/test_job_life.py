@@ -90,6 +90,10 @@ def exact_view_is_the_engines(scene: object, renders: Path) -> None:
     assert bpy.ops.dgs.exact_view() == {"FINISHED"}
     blurred = pixels(bpy.data.images[exact.IMAGE])
     assert np.abs(np.diff(blurred, axis=1)).mean() < 0.7 * np.abs(np.diff(sharp, axis=1)).mean()
+    scene.dgs.medium = "auto"  # the twin knows what its photos were said to be blurred by
+    assert bpy.ops.dgs.exact_view() == {"FINISHED"}
+    assert np.abs(pixels(bpy.data.images[exact.IMAGE]) - blurred).max() < 0.02
+    scene.dgs.medium = "gaussian"
 
 
 def test_from_photos_to_a_twin_without_a_window(scene: object, tmp_path: Path) -> None:

@@ -105,6 +105,9 @@ def test_the_request_says_all_settings(settings: object, tmp_path: Path) -> None
     assert "--time-limit 90.0s --sh-degree 0 --snapshots --device auto --threads 2" in text
     assert request.out == tmp_path / "photos-twin"
     assert "--preset" not in request_of("cameras", bpy.context.scene).arguments
+    settings.medium = "auto"
+    for kind in ("reconstruct", "cameras"):
+        assert "--psf auto --blur-space srgb" in " ".join(request_of(kind, bpy.context.scene).arguments)
 
 
 def test_missing_things_are_named(settings: object, tmp_path: Path) -> None:
