@@ -163,7 +163,7 @@ def reading(content: dict[str, Any]) -> str:
         f"{where} A blur told too wide, or of a kind that lets less through than the true one, is the dangerous error:"
         " its inverse lifts what should not be lifted. Where the photos hold more fine detail than the blur could have"
         " let through (`core/imaging/contradiction.py`), what contradicts it is not inverted, and a note says so;"
-        " smaller errors pass unnoticed. Measure the point spread (`measure-psf`); in doubt, tell less."
+        " smaller errors may pass unnoticed. Measure the point spread (`measure-psf`); in doubt, tell less."
     )
 
 

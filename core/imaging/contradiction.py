@@ -21,7 +21,8 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 #: Photos contradict a blur from this ratio of powers on, in brightness (JPEG distorts colours more). Told rightly,
-#: four test sets reach 3.1, as JPEG 3.5; told 20 % too wide, at least 4.6; a disc told as a Gaussian, 16 and more.
+#: four test sets reach 3.1, as JPEG 3.5; told 20 % too wide, at least 4.6; a disc told as a Gaussian, 15 and more
+#: (benchmarks/wrong_blur.py; the limit was set on these sets).
 CONTRADICTED = 4.0
 #: Power that is explained: once contradicted, what exceeds the expected by this factor is distrusted.
 _EXPLAINED = 1.3

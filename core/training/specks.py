@@ -60,7 +60,8 @@ def speck_gradient(image: Tensor) -> Tensor:
 def _workspace(height: int, width: int) -> tuple[NDArray[np.float32], ...]:
     """Memory for the passes: fresh memory would cost as much as they do.
 
-    What a pass leaves out (borders, the last row and column) stays zero, so each array belongs to one pass.
+    What a pass leaves out (borders, the last row and column) stays zero, so each array belongs to one pass. Not for
+    several trainings in threads of one process: each training is a process of its own.
     """
     wide, frame = (3, height + 2, width + 2), (3, height, width)
     return tuple(np.zeros(shape, np.float32) for shape in (wide, wide, wide, frame, frame))
