@@ -23,11 +23,13 @@ from ..training.grid import SMALLEST_SIDE, grid_step
 from ..training.settings import TrainingSettings
 from ..views import SparsePoints, View
 from .model import VIEWS, slowdown, stage_seconds
-from .probe import Speed, probe
+from .probe import PHASE_SECONDS, Speed, probe
 from .records import Run, Work
 
 #: Gaussians at 1000 steps; they grow with the root of the steps between these limits.
 GAUSSIANS, FEWEST, MOST = 40_000, 5_000, 150_000
+#: Of what is left, each of the (four to six) parts of a probe may take this share.
+PROBING = 0.01
 #: With fewer steps than this, a grid of half the resolution buys more than it loses.
 FEW_STEPS = 150
 #: Cameras that would take more than this share of the time are found in a hurry.
@@ -144,7 +146,8 @@ class Budget:
         width, height = views[0].camera.width, views[0].camera.height
         usual = settings.grid_step or grid_step(medium, width, height)
         small = self._small(views, points)
-        speed = probe(small, points, medium, settings, len(views), held, formation=formation)
+        phase = min(PHASE_SECONDS, max(0.0, PROBING * self.left()))
+        speed = probe(small, points, medium, settings, len(views), held, formation=formation, phase_seconds=phase)
         scored, saving = self._saving(photos, len(views), held)
         mine = self._training_time(saving)
         steps, count = steps_within(speed, mine, fixed)
@@ -152,7 +155,7 @@ class Budget:
         if steps < FEW_STEPS and grid is None and not resume and min(width, height) // (2 * usual) >= SMALLEST_SIDE:
             grid = 2 * usual
             settings = replace(settings, grid_step=grid)
-            speed = probe(small, points, medium, settings, len(views), held, formation=formation)
+            speed = probe(small, points, medium, settings, len(views), held, formation=formation, phase_seconds=phase)
             steps, count = steps_within(speed, self._training_time(saving), fixed)
         self.speed = speed
         mine = self._training_time(saving)

@@ -86,13 +86,15 @@ def made_up(photos: Sequence[Photo]) -> tuple[list[View], SparsePoints]:
 
 
 def probe(views: Sequence[View], points: SparsePoints, medium: Medium, settings: TrainingSettings, fitted: int,
-          heldout: int, counts: tuple[int, int] = COUNTS, formation: Formation = Formation()) -> Speed:  # fmt: skip
+          heldout: int, counts: tuple[int, int] = COUNTS, formation: Formation = Formation(),
+          phase_seconds: float = PHASE_SECONDS) -> Speed:  # fmt: skip
     """Times iterations; takes a second or two, after the kernels are compiled.
 
     Args:
         views: a few are enough (`VIEWS` are used); points: what cameras came with.
         settings: of the run; its steps and Gaussians do not matter.
         fitted, heldout: photos that the run will train on, and those it will watch.
+        phase_seconds: for one number of Gaussians in one phase.
     """
     compile_kernels(settings.sh_degree)
     began = time.perf_counter()
@@ -104,7 +106,7 @@ def probe(views: Sequence[View], points: SparsePoints, medium: Medium, settings:
     for count in counts:
         trainer = Trainer(chosen, [], points, medium, replace(quiet, max_gaussians=count), formation)
         numbers.append(len(trainer.optimizer.gaussians))
-        tables.append({middle: _step(trainer, middle) for _, middle in _parts(trainer)})
+        tables.append({middle: _step(trainer, middle, phase_seconds) for _, middle in _parts(trainer)})
     few, many = numbers
     phases = []
     for length, middle in _parts(trainer):
@@ -122,11 +124,11 @@ def _parts(trainer: Trainer) -> list[tuple[float, float]]:
     return [(b - a, (a + b) / 2) for a, b in zip(edges, edges[1:], strict=False)]
 
 
-def _step(trainer: Trainer, share: float) -> float:
+def _step(trainer: Trainer, share: float, seconds: float) -> float:
     """Median seconds of an iteration; the first plans transforms and is not counted."""
     trainer.advance(share)
     taken: list[float] = []
-    until = time.perf_counter() + PHASE_SECONDS
+    until = time.perf_counter() + seconds
     while len(taken) < LEAST or (time.perf_counter() < until and len(taken) < 50):
         began = time.perf_counter()
         trainer.advance(share)

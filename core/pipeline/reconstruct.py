@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -210,6 +211,8 @@ def cameras_of(
     """
     from ..formats.colmap import write_lenses
     from ..sfm.settings import SfmSettings
+    from ..training.settings import TrainingSettings
+    from ..training.warmup import compile_kernels
 
     folder = settings.out / "cameras"
     if settings.cameras is not None:
@@ -230,7 +233,12 @@ def cameras_of(
         work = make_folder(settings.out / "sfm")
         wanted = SfmSettings(threads=threads)
         wanted = wanted.hurried() if hurried or settings.preset == "draft" else wanted
+        # The child works on one core half of the time: meanwhile this process gets its kernels ready.
+        usual, asked = TrainingSettings.preset(settings.preset).sh_degree, settings.sh_degree
+        early = threading.Thread(target=compile_kernels, args=(usual if asked is None else asked,))
+        early.start()
         reconstruction = find_cameras(photos, kernel, wanted, work, progress)
+        early.join()
         source = "sfm"
     if len(reconstruction.poses) < 2:
         raise CameraError(

@@ -6,13 +6,14 @@ import shutil
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pycolmap
 from numpy.typing import NDArray
 
-from . import pipeline
+from . import keyframes, pipeline
 from .job import Job
 from .reconstruction import Attempt
 from .refine import pixel_exact
@@ -112,15 +113,37 @@ def _try(job: Job, recipe: Recipe, number: int, say: Say) -> tuple[Any, pipeline
         joined += 1
         say(joined=joined)
 
-    models = pipeline.map_incrementally(job, recipe, database, images, folder / "models", count)
-    model = models[0] if models else None
-    if model is not None and job.settings.refine.rounds > 0:
-        say(stage="refinement", recipe=recipe.name)
-        model = pixel_exact(model, greys, job.settings.refine)
+    models = folder / "models"
+    model = _by_keyframes(job, recipe, database, images, models, greys, count)
+    if model is None:
+        joined = 0
+        found = pipeline.map_incrementally(job, recipe, database, images, models, count)
+        model = found[0] if found else None
+        if model is not None and job.settings.refine.rounds > 0:
+            say(stage="refinement", recipe=recipe.name)
+            model = pixel_exact(model, greys, job.settings.refine)
     if model is not None:
         model.extract_colors_for_all_images(str(images))
     shutil.rmtree(images)
     return model, geometry
+
+
+def _by_keyframes(
+    job: Job, recipe: Recipe, database: Path, images: Path, output: Path, greys: dict[str, Any], count: Say
+) -> Any | None:
+    """The short way for large sets, see `core.sfm.keyframes`; None where it does not lead to all photos."""
+    settings = job.settings
+    if len(job.images) < settings.many or settings.refine_many.rounds == 0:
+        return None
+    matches = keyframes.read_matches(database)
+    chosen = keyframes.choose_keyframes(matches, recipe.pose_inliers)
+    if chosen is None:
+        return None
+    found = pipeline.map_incrementally(job, recipe, database, images, output, count, chosen)
+    if not found or found[0].num_reg_images() < len(chosen):
+        return None
+    model = pixel_exact(found[0], greys, settings.refine_many)
+    return keyframes.place_others(model, matches, greys, recipe, settings.refine_many, count)
 
 
 def judge(model: Any, geometry: pipeline.PairGeometry, settings: SfmSettings, recipe: Recipe) -> Attempt:

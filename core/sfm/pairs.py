@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +24,7 @@ def choose_pairs(database: Path, settings: SfmSettings) -> list[tuple[str, str]]
         Pairs of image names, or None if nearly all pairs were chosen anyway.
     """
     names, features = _largest_features(database, settings.vote_features)
-    votes = _votes(features)
+    votes = _votes(features, settings.threads)
     count = len(names)
     chance = float(np.median(votes[np.triu_indices(count, 1)]))
     chosen: set[tuple[int, int]] = set()
@@ -60,11 +61,12 @@ def _largest_features(database: Path, keep: int) -> tuple[list[str], list[NDArra
     return names, features
 
 
-def _votes(features: list[NDArray[np.float32]]) -> NDArray[np.float64]:
+def _votes(features: list[NDArray[np.float32]], threads: int) -> NDArray[np.float64]:
     """[V, V] number of mutual nearest neighbours with a distinct similarity."""
     count = len(features)
     votes = np.zeros((count, count))
-    for i in range(count):
+
+    def row(i: int) -> None:
         for j in range(i + 1, count):
             a, b = features[i], features[j]
             if len(a) < 2 or len(b) < 2:
@@ -78,4 +80,7 @@ def _votes(features: list[NDArray[np.float32]]) -> NDArray[np.float64]:
             second = similar.max(1)
             distance, rival = np.sqrt(np.maximum(2 - 2 * top, 0)), np.sqrt(np.maximum(2 - 2 * second, 0))
             votes[i, j] = votes[j, i] = float((mutual & (distance < 0.85 * rival)).sum())
+
+    with ThreadPoolExecutor(threads) as pool:
+        list(pool.map(row, range(count)))
     return votes

@@ -106,9 +106,10 @@ def match(job: Job, recipe: Recipe, database: Path) -> None:
 
 
 def map_incrementally(
-    job: Job, recipe: Recipe, database: Path, images: Path, output: Path, joined: Any = None
-) -> list[Any]:
-    """COLMAP's incremental mapper (Schoenberger & Frahm 2016); models, the largest first."""
+    job: Job, recipe: Recipe, database: Path, images: Path, output: Path, joined: Any = None,
+    only: list[str] | None = None,
+) -> list[Any]:  # fmt: skip
+    """COLMAP's incremental mapper (Schoenberger & Frahm 2016), of the images in `only` if any; largest model first."""
     options = pycolmap.IncrementalPipelineOptions()
     options.num_threads = 1  # sums of several threads differ from run to run
     options.random_seed = recipe.seed
@@ -124,6 +125,8 @@ def map_incrementally(
     options.ba_local_max_refinements = 1
     options.ba_global_max_refinements = 2
     options.ba_global_function_tolerance = options.ba_local_function_tolerance = MAPPER_TOLERANCE
+    if only is not None:
+        options.image_names = only
     output.mkdir(parents=True, exist_ok=True)
     models = pycolmap.incremental_mapping(database, images, output, options, next_image_callback=joined)
     return sorted(models.values(), key=lambda m: (-m.num_reg_images(), -m.num_points3D()))

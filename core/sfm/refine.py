@@ -27,6 +27,8 @@ Integers = NDArray[np.int64]
 
 #: Fewer aligned points than this hold no bundle adjustment together.
 MINIMUM_POINTS = 30
+#: Points that are looked for in a photo which only looks for its place.
+PLACING = 150
 
 
 @dataclass(frozen=True)
@@ -38,6 +40,7 @@ class Tracks:
         point, view: [N] indices of each observation's point and view, sorted by point.
         pixels: [N, 2] where it was seen.
         reference: [M] the view whose patch defines the point.
+        ids: [M] the points' ids in the model.
     """
 
     positions: Floats
@@ -45,6 +48,7 @@ class Tracks:
     view: Integers
     pixels: Floats
     reference: Integers
+    ids: Integers
 
 
 @dataclass(frozen=True)
@@ -76,16 +80,16 @@ def pixel_exact(model: Any, greys: dict[str, NDArray[np.float32]], settings: Ref
     Returns:
         A new reconstruction of the same images; its points are those that the photos agree on.
     """
-    views = _views(model, greys)
+    views = views_of(model, greys)
     limit = max(settings.observations, settings.observations_per_photo * len(views.ids))
-    tracks = _longest(_tracks(model, views), len(views.ids), limit)
+    tracks = _longest(tracks_of(model, views), len(views.ids), limit)
     tracks = _aligned(tracks, views, settings, settings.correlation)
     if len(tracks.point) < settings.fewest_per_photo * len(views.ids) or len(tracks.positions) < MINIMUM_POINTS:
         return model  # the patches do not agree: no reason to trust them more than the features
     refined = _adjusted(model, views, tracks, settings)
     for _ in range(settings.rounds - 1):
-        views = _moved(views, refined)
-        tracks = _completed(refined, views, settings)
+        views = moved(views, refined)
+        tracks = completed(refined, views, settings)
         refined = _adjusted(refined, views, tracks, settings)
     return with_straight_lenses(refined, settings)
 
@@ -108,12 +112,12 @@ def _poses(model: Any, ids: list[int]) -> dict[str, Floats]:
     return {"rotations": rotations, "translations": translations, "centres": centres, "focals": focals}
 
 
-def _moved(views: Views, model: Any) -> Views:
+def moved(views: Views, model: Any) -> Views:
     poses = _poses(model, views.ids)
     return Views(views.ids, views.images, views.sizes, **poses)
 
 
-def _views(model: Any, greys: dict[str, NDArray[np.float32]]) -> Views:
+def views_of(model: Any, greys: dict[str, NDArray[np.float32]]) -> Views:
     ids = sorted(model.reg_image_ids())
     photos = [greys[model.images[i].name] for i in ids]
     heights, widths = zip(*[p.shape for p in photos], strict=True)
@@ -123,11 +127,12 @@ def _views(model: Any, greys: dict[str, NDArray[np.float32]]) -> Views:
     return Views(ids, images, np.array([widths, heights], np.int32).T.copy(), **_poses(model, ids))
 
 
-def _tracks(model: Any, views: Views) -> Tracks:
+def tracks_of(model: Any, views: Views) -> Tracks:
     index = {image_id: i for i, image_id in enumerate(views.ids)}
     pixels = {i: np.array([p.xy for p in model.images[i].points2D]) for i in views.ids}
     point, view, seen, positions = [], [], [], []
-    for number, point_id in enumerate(sorted(model.point3D_ids())):
+    ids = sorted(model.point3D_ids())
+    for number, point_id in enumerate(ids):
         item = model.points3D[point_id]
         positions.append(item.xyz)
         taken: set[int] = set()
@@ -144,6 +149,7 @@ def _tracks(model: Any, views: Views) -> Tracks:
         np.array(view, int),
         np.array(seen).reshape(-1, 2),
         np.zeros(len(world), int),
+        np.array(ids, int),
     )
     return replace(tracks, reference=_frontal(tracks, views))
 
@@ -193,6 +199,18 @@ def _longest(tracks: Tracks, views: int, limit: int) -> Tracks:
     return _chosen(tracks, keep[tracks.point])
 
 
+def _spread(tracks: Tracks, among: NDArray[np.bool_], limit: int) -> NDArray[np.bool_]:
+    """Of the observations in `among`, at most about `limit` per photo, evenly over the points."""
+    at = np.flatnonzero(among)
+    counts = np.bincount(tracks.view[at], minlength=int(tracks.view.max(initial=0)) + 1)
+    order = at[np.argsort(tracks.view[at], kind="stable")]
+    rank = np.arange(len(order)) - np.repeat(np.cumsum(counts) - counts, counts)
+    step = np.maximum(counts / limit, 1.0)[tracks.view[order]]
+    keep = np.zeros(len(tracks.view), bool)
+    keep[order[np.floor(rank / step) != np.floor((rank - 1) / step)]] = True
+    return keep
+
+
 def _chosen(tracks: Tracks, keep: NDArray[np.bool_]) -> Tracks:
     """Only the observations of `keep`, and the points that still have two."""
     length = np.bincount(tracks.point[keep], minlength=len(tracks.positions))
@@ -201,7 +219,7 @@ def _chosen(tracks: Tracks, keep: NDArray[np.bool_]) -> Tracks:
     renumber = np.cumsum(alive) - 1
     return Tracks(
         tracks.positions[alive], renumber[tracks.point[keep]], tracks.view[keep], tracks.pixels[keep],
-        tracks.reference[alive],
+        tracks.reference[alive], tracks.ids[alive],
     )  # fmt: skip
 
 
@@ -251,9 +269,15 @@ def _projected(axes: Floats, positions: Floats, view: Integers, views: Views) ->
     return np.asarray(jacobian @ views.rotations[view] @ axes)
 
 
-def _completed(model: Any, views: Views, settings: RefineSettings) -> Tracks:
-    """Looks for every point in all photos that should show it, close to where it should be."""
-    tracks = _tracks(model, views)
+def completed(
+    model: Any, views: Views, settings: RefineSettings, only: frozenset[int] | None = None
+) -> Tracks:
+    """Looks for every point in all photos that should show it, close to where it should be.
+
+    With `only`, image ids of the model, just there: the result holds what these photos show, beside the
+    observation that each point is compared with.
+    """
+    tracks = tracks_of(model, views)
     normals = _normals(tracks, views)
     count = len(tracks.positions)
     known = np.zeros((count, len(views.ids)), bool)
@@ -261,6 +285,8 @@ def _completed(model: Any, views: Views, settings: RefineSettings) -> Tracks:
     margin = settings.radius * settings.stride + 4.0
     point, view, pixels = [tracks.point], [tracks.view], [tracks.pixels]
     for index, image_id in enumerate(views.ids):
+        if only is not None and image_id not in only:
+            continue
         local = tracks.positions @ views.rotations[index].T + views.translations[index]
         ray = views.centres[index] - tracks.positions
         facing = (ray * normals).sum(1) / np.linalg.norm(ray, axis=1)
@@ -282,6 +308,10 @@ def _completed(model: Any, views: Views, settings: RefineSettings) -> Tracks:
         view=np.concatenate(view)[order],
         pixels=np.concatenate(pixels)[order],
     )
+    if only is not None:
+        own = longer.view == longer.reference[longer.point]
+        wanted = own | _spread(longer, np.isin(np.array(views.ids)[longer.view], sorted(only)), PLACING)
+        return _aligned(_chosen(longer, wanted), views, settings, settings.new_correlation)
     limit = max(settings.observations, settings.observations_per_photo * len(views.ids))
     longer = _longest(longer, len(views.ids), 2 * limit)
     return _aligned(longer, views, replace(settings, reach=2.0), settings.new_correlation)
@@ -289,7 +319,7 @@ def _completed(model: Any, views: Views, settings: RefineSettings) -> Tracks:
 
 def _adjusted(model: Any, views: Views, tracks: Tracks, settings: RefineSettings) -> Any:
     """Bundle adjustment of the tracks with a robust loss; drops misfits, and repeats."""
-    result = _rebuilt(model, views, tracks)
+    result = rebuilt(model, views, tracks)
     options = adjustment(settings)
     for limit in (4.0 * settings.inlier, settings.inlier):
         pycolmap.bundle_adjustment(result, options)
@@ -297,7 +327,7 @@ def _adjusted(model: Any, views: Views, tracks: Tracks, settings: RefineSettings
     return result
 
 
-def _rebuilt(model: Any, views: Views, tracks: Tracks) -> Any:
+def rebuilt(model: Any, views: Views, tracks: Tracks) -> Any:
     """A reconstruction with the model's cameras and poses, and these tracks."""
     result = pycolmap.Reconstruction()
     for camera_id in sorted({model.images[i].camera_id for i in views.ids}):

@@ -232,7 +232,7 @@ class _Sets:
         usual = SfmSettings(threads=self._threads)
         wanted = usual.hurried()
         if knob.cameras == "unrefined":
-            wanted = replace(usual, refine=replace(usual.refine, rounds=0))
+            wanted = usual.unrefined()
         found = find_cameras(self._data.photos, kernel, wanted, self._settings.out / "sfm", self._progress)
         write_lenses(folder, found.lenses, found.poses, found.points)
         write_json(folder / "seconds.json", round(found.figures.seconds, 2))

@@ -10,7 +10,6 @@ from collections.abc import Sequence
 
 import numpy as np
 import torch
-from scipy.signal import fftconvolve
 
 from ..imaging.operator import BlurOperator
 from .grid import GridView
@@ -32,7 +31,9 @@ def scene_contrast(views: Sequence[GridView]) -> float:
         lowered = 1.0
         if view.psf is not None:
             kernel = view.psf.kernel()
-            lowered = float(np.sqrt(np.square(fftconvolve(kernel, kernel)).sum()))
+            # Of the kernel with itself, by Parseval; padded, or it would wrap around.
+            power = np.abs(np.fft.fft2(kernel, [2 * n for n in kernel.shape])) ** 4
+            lowered = float(np.sqrt(power.mean()))
             planes = BlurOperator(view.psf, *planes.shape[1:]).apply(planes)
         right = planes[:, :-1, 1:] - planes[:, :-1, :-1]
         down = planes[:, 1:, :-1] - planes[:, :-1, :-1]

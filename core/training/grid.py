@@ -51,8 +51,12 @@ def averaged(planes: NDArray[np.float32], step: int, space: BlurSpace = "srgb") 
     h, w = h // step, w // step
     if space == "linear":
         planes = np.asarray(srgb_to_linear(planes), np.float32)
-    blocks = planes[:, : h * step, : w * step].reshape(c, h, step, w, step)
-    out = blocks.mean(axis=(2, 4), dtype=np.float32)
+    # Sums of whole planes: reducing axes of two or three elements is ten times slower.
+    out = np.zeros((c, h, w), np.float32)
+    for row in range(step):
+        for column in range(step):
+            out += planes[:, row : h * step : step, column : w * step : step]
+    out *= np.float32(1.0 / step**2)
     return np.asarray(linear_to_srgb(out), np.float32) if space == "linear" else out
 
 
