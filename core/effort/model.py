@@ -15,6 +15,7 @@ from typing import TypeVar
 import numpy as np
 
 from ..photos.load import Photo
+from ..sfm.settings import SfmSettings
 from .records import DISTURBED, Run, Work
 
 T = TypeVar("T")
@@ -36,18 +37,26 @@ MOST_BUSY = 0.9
 EIGHTY = 1.2816
 
 
+#: From so many photos on, cameras are found the short way.
+MANY = SfmSettings().many
+#: Seconds of compiling all kernels while cameras are sought, which takes a core from them.
+COMPILING = 18.0
+
+
 def _search(work: Work) -> float:
-    """Cameras: features per photo, and pairs that its neighbours ask for."""
+    """Cameras: features per photo, and pairs that its neighbours ask for. Kernels become ready meanwhile."""
     if not work.search:
         return 0.1
-    return (5.0 + 0.15 * work.photos * (work.megapixels / 0.4)) * (0.8 if work.hurried else 1.0)
+    fixed, each = (3.0, 0.125) if work.photos >= MANY else (5.0, 0.15)
+    sought = fixed + each * work.photos * (work.megapixels / 0.4)
+    return sought if work.compiled else max(sought * 1.3, COMPILING)
 
 
 LAWS: dict[str, Callable[[Work], float]] = {
     "start": lambda work: 2.5,
     "photos": lambda work: 0.05 + 0.03 * work.files_megapixels,
     "sfm": _search,
-    "compile": lambda work: 0.6 if work.compiled else 14.0,
+    "compile": lambda work: 0.05 if work.search else 0.6 if work.compiled else 14.0,
     "prepare": lambda work: 0.3 + 0.05 * work.fitted * work.megapixels + 1e-5 * work.gaussians,
     "save": lambda work: 0.4 + 0.8 * work.scored * work.megapixels + 3e-6 * work.gaussians,
     "page": lambda work: 0.8,
@@ -128,8 +137,8 @@ def stage_seconds(
 def _alike(stage: str, past: Work, work: Work) -> bool:
     """Whether a past run says something about a stage."""
     if stage == "sfm":
-        return past.search == work.search
-    return stage != "compile" or past.compiled == work.compiled
+        return past.search == work.search and (past.photos >= MANY) == (work.photos >= MANY)
+    return stage != "compile" or (past.compiled == work.compiled and past.search == work.search)
 
 
 def memory(runs: Sequence[Run], work: Work) -> Range:

@@ -15,6 +15,8 @@ from ..files import write_json
 
 #: Runs and predictions that are kept.
 KEPT = 200
+#: Raised whenever this software becomes so much quicker or slower that older records mislead.
+ERA = 2
 #: Runs during which others used more of the machine than this do not calibrate.
 DISTURBED = 0.15
 
@@ -86,7 +88,8 @@ class Records:
 
     def __init__(self, machine: dict[str, Any], folder: Path | None = None) -> None:
         told = json.dumps({k: machine.get(k) for k in ("processor", "cores", "threads", "device")}, sort_keys=True)
-        self._path = (folder or cache_base()) / f"runs-{hashlib.sha256(told.encode()).hexdigest()[:12]}.json"
+        name = hashlib.sha256(f"{ERA} {told}".encode()).hexdigest()[:12]
+        self._path = (folder or cache_base()) / f"runs-{name}.json"
         self._told = json.loads(told)
         content = _read(self._path)
         self.runs = [run for row in content.get("runs", []) if (run := _run(row)) is not None]

