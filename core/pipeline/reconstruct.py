@@ -290,6 +290,8 @@ def _train(
             registered, fitted, len(watched), reconstruction.points, medium, chosen, settings.max_gaussians,
             effects.formation, settings.out / "plan.json", settings.resume,
         )  # fmt: skip
+        if budget.plan is not None and budget.plan.enough:
+            progress.note("The time limit is more than what makes these photos' twin better: the run ends before it")
     trained = train(
         fitted, watched, reconstruction.points, medium, chosen, progress, settings.out / "checkpoint.npz",
         settings.resume, Watchers(settings.out, settings.snapshots), effects.formation,

@@ -74,7 +74,7 @@ def _all() -> list[Knob]:
         preset = TrainingSettings.preset(name)
         changes = {"steps": preset.steps, "max_gaussians": preset.max_gaussians}
         found.append(Knob("preset", name, changes, cameras="hurried" if name == "draft" else "usual"))
-    found += [Knob("iterations", f"{n} steps", {"steps": n}) for n in (100, 200, 400, 2000, 4000)]
+    found += [Knob("iterations", f"{n} steps", {"steps": n}) for n in (100, 200, 500, 4000)]
     for count in (5000, 10_000, 20_000, 80_000):
         found.append(Knob("gaussians", f"{count // 1000}k Gaussians", {"max_gaussians": count}))
     found += [Knob("resolution", f"grid {n} px", {"grid_step": n}) for n in (1, 2, 3, 4)]

@@ -136,5 +136,5 @@ class TrainingSettings:
         return {
             "draft": replace(base, steps=300, max_gaussians=25_000),
             "balanced": base,
-            "fine": replace(base, steps=4000, max_gaussians=80_000),
+            "fine": replace(base, steps=2000, max_gaussians=56_000),
         }[name]

@@ -11,6 +11,7 @@ import pytest
 from dgs.core.command_line import run
 from dgs.core.command_line.progress_bars import curve
 from dgs.core.command_line.quality import quality
+from dgs.core.effort import plan
 from dgs.core.effort.clock import OthersLoad, process_began
 from dgs.core.errors import DgsError
 from dgs.core.pipeline.reconstruct import reconstruct
@@ -47,8 +48,19 @@ def settings(scene: Path, out: Path, **changes) -> ReconstructSettings:
                                max_gaussians=1500, holdout_every=4, **changes)  # fmt: skip
 
 
-def test_the_time_is_kept_and_all_of_it_is_used(scene, tmp_path):
+def test_time_that_helps_nobody_is_not_used(scene, tmp_path, monkeypatch):
+    monkeypatch.setattr(plan, "USEFUL_STEPS", 40)
+    monkeypatch.setattr(plan, "USEFUL_VISITS", 1)
+    began = time.perf_counter()
+    report = reconstruct(settings(scene, tmp_path, time_limit=300.0), Silent(), began).report
+    assert time.perf_counter() - began < 60.0
+    assert report["predicted"]["enough"] is True
+    assert any("more than what makes" in note for note in report["notes"])
+
+
+def test_the_time_is_kept_and_all_of_it_is_used(scene, tmp_path, monkeypatch):
     limit = 25.0
+    monkeypatch.setattr(plan, "USEFUL_STEPS", 10**6)
     began = time.perf_counter()
     outcome = reconstruct(settings(scene, tmp_path, time_limit=limit), Silent(), began)
     taken = time.perf_counter() - began
