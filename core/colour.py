@@ -43,3 +43,17 @@ def linear_to_srgb(linear: Values) -> Values:
         return torch.where(linear > _LINEAR_KNEE, curved, linear * _SLOPE)
     curved_array = (1 + _OFFSET) * np.maximum(linear, _LINEAR_KNEE) ** (1 / _POWER) - _OFFSET
     return cast(Values, np.where(linear > _LINEAR_KNEE, curved_array, linear * _SLOPE))
+
+
+def decoding_slope(srgb: Tensor, linear: Tensor) -> Tensor:
+    """Derivative of `srgb_to_linear` at `srgb`, whose value there, `linear`, is known: no power is taken again."""
+    import torch
+
+    return torch.where(srgb > _SRGB_KNEE, _POWER * linear / (srgb + _OFFSET), 1.0 / _SLOPE)
+
+
+def encoding_slope(linear: Tensor, srgb: Tensor) -> Tensor:
+    """Derivative of `linear_to_srgb` at `linear`, whose value there, `srgb`, is known: no power is taken again."""
+    import torch
+
+    return torch.where(linear > _LINEAR_KNEE, (srgb + _OFFSET) / (_POWER * linear), _SLOPE)

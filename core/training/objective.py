@@ -22,7 +22,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from ..colour import linear_to_srgb, srgb_to_linear
+from ..colour import decoding_slope, encoding_slope, linear_to_srgb, srgb_to_linear
 from ..imaging.fourier import FourierFilter
 from ..imaging.medium import BlurSpace
 from ..imaging.operator import BlurOperator
@@ -112,10 +112,10 @@ class Objective:
             degraded = blurred if self.space == "srgb" else linear_to_srgb(blurred)
             loss, slope = self._compare(degraded, photo, valid, s.ssim_weight)
             if self.space == "linear":
-                slope = slope * _slope(linear_to_srgb, blurred)
+                slope = slope * encoding_slope(blurred, degraded)
             gradient = self.blur.adjoint(slope * weight)
             if self.space == "linear":
-                gradient = gradient * _slope(srgb_to_linear, image)
+                gradient = gradient * decoding_slope(image, light)
         if s.variation_weight and s.loss != "paper":
             gradient += (s.variation_weight / photo.numel()) * variation_gradient(image, self.knee)
         if self.inverse is None:
@@ -130,7 +130,7 @@ class Objective:
         m = self.margin
         missing = self.inverse.apply(torch.nn.functional.pad(residual, (m, m, m, m)))
         if self.space == "linear":
-            missing = missing / _slope(srgb_to_linear, image).clamp(min=0.1)
+            missing = missing / decoding_slope(image, light).clamp(min=0.1)
         inner = (slice(None), slice(m, m + photo.shape[1]), slice(m, m + photo.shape[2]))
         d = missing[inner]
         d = d / (d.square() + self.inverse_width**2).sqrt() if self.inverse_width else d.sign()
@@ -165,11 +165,3 @@ class Objective:
         loss.backward()  # type: ignore[no-untyped-call]
         assert leaf.grad is not None
         return float(loss), leaf.grad
-
-
-def _slope(curve: object, at: Tensor) -> Tensor:
-    """Derivative of an elementwise function."""
-    leaf = at.detach().requires_grad_()
-    with torch.enable_grad():
-        (out,) = torch.autograd.grad(curve(leaf).sum(), leaf)  # type: ignore[operator]
-    return out

@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
-import torch
 from torch import Tensor
 
-from ...colour import linear_to_srgb, srgb_to_linear
+from ...colour import decoding_slope, encoding_slope, linear_to_srgb, srgb_to_linear
 from ..medium import Medium
 from .effect import Effect, Shot
 
@@ -66,10 +65,10 @@ class Formation:
         stages = [srgb_to_linear(frame)]
         for effect in effects:
             stages.append(effect.forward(stages[-1], shot))
-        gradient = upstream * slope(linear_to_srgb, stages[-1])
+        gradient = upstream * encoding_slope(stages[-1], linear_to_srgb(stages[-1]))
         for effect, light in zip(reversed(effects), reversed(stages[:-1]), strict=True):
             gradient = effect.gradient(gradient, light, shot)
-        return gradient * slope(srgb_to_linear, frame)
+        return gradient * decoding_slope(frame, stages[0])
 
     def filed(self, photo: Tensor, shot: Shot) -> Tensor:
         """What the camera files of a blurred view (sRGB): gains and losses of lens and sensor, then clipping."""
@@ -90,11 +89,3 @@ class Formation:
         for effect in reversed(effects):
             light = effect.undone(light, shot)
         return linear_to_srgb(light)
-
-
-def slope(curve: Callable[[Tensor], Tensor], at: Tensor) -> Tensor:
-    """Derivative of an elementwise function."""
-    leaf = at.detach().requires_grad_()
-    with torch.enable_grad():
-        (out,) = torch.autograd.grad(curve(leaf).sum(), leaf)
-    return out
