@@ -27,6 +27,9 @@ def register() -> None:
     register_properties()
     register_translations()
     operators.add_menus()
+    from .job.watching import go_on
+
+    bpy.app.handlers.load_post.append(go_on)
 
 
 def unregister() -> None:
@@ -38,13 +41,15 @@ def unregister() -> None:
     from .. import operators, panels
     from . import exact
     from .engine import install
-    from .job import estimate, inspection, pictures, runner
+    from .job import estimate, inspection, pictures, runner, watching
     from .properties import unregister_properties
     from .translations import unregister_translations
 
     exact.stop()
     inspection.effects.stop()
     inspection.point_spread.stop()
+    watching.stop()
+    bpy.app.handlers.load_post.remove(watching.go_on)
     runner.stop()
     install.stop()
     estimate.stop()

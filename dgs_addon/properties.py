@@ -33,6 +33,12 @@ def _read_photos(settings: Any, _context: Any) -> None:
     forget()
 
 
+def _watch(settings: Any, _context: Any) -> None:
+    from .job.watching import watch
+
+    watch(settings.id_data)
+
+
 class DGS_PG_settings(bpy.types.PropertyGroup):
     """The settings of all steps; the panel shows them, the job reads them."""
 
@@ -156,6 +162,14 @@ class DGS_PG_settings(bpy.types.PropertyGroup):
     test_width: bpy.props.IntProperty(
         name="Width", min=64, soft_max=2000, default=400, subtype="PIXEL",
         description="Width of the test set's photos, in pixels; they are two thirds as high",
+    )  # fmt: skip
+    new_photos: bpy.props.StringProperty(
+        name="New Photos", subtype="DIR_PATH",
+        description="Folder with later photos of the same object, taken through the same medium or another",
+    )  # fmt: skip
+    watching: bpy.props.BoolProperty(
+        name="Watch Folder", default=False, update=_watch,
+        description="Update the twin whenever new photos have come into the folder",
     )  # fmt: skip
     known_length: bpy.props.FloatProperty(
         name="Known Length", subtype="DISTANCE", unit="LENGTH", min=1e-6, soft_max=100.0, default=1.0,

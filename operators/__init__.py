@@ -34,6 +34,7 @@ from .show_known import DGS_OT_show_known
 from .show_log import DGS_OT_show_log
 from .show_next_views import DGS_OT_show_next_views
 from .show_tradeoff import DGS_OT_show_tradeoff
+from .update_twin import DGS_OT_rollback_twin, DGS_OT_show_states, DGS_OT_update_twin
 from .view_twin import DGS_OT_view_twin
 
 CLASSES: tuple[type, ...] = (
@@ -45,6 +46,7 @@ CLASSES: tuple[type, ...] = (
     DGS_OT_set_length, DGS_OT_set_up, DGS_OT_crop_twin, DGS_OT_render_twin, DGS_OT_open_report, DGS_OT_install_engine,
     DGS_OT_cancel_install, DGS_OT_check_engine, DGS_OT_open_preferences, DGS_FH_photos, DGS_FH_twin,
     DGS_OT_estimate, DGS_OT_show_tradeoff, DGS_OT_make_test_set, DGS_OT_compare_truth,
+    DGS_OT_update_twin, DGS_OT_rollback_twin, DGS_OT_show_states,
 )  # fmt: skip
 
 

@@ -47,6 +47,14 @@ class DGS_PT_twin(Step, bpy.types.Panel):
         column = layout.column(align=True)
         column.operator("dgs.show_known", icon="COLOR")
         column.operator("dgs.show_next_views", icon="OUTLINER_OB_CAMERA")
+        body = folded(layout, "update", "New Photos")
+        if body is not None:
+            body.prop(context.scene.dgs, "new_photos", text="Folder")
+            body.prop(context.scene.dgs, "watching")
+            column = body.column(align=True)
+            column.operator("dgs.update_twin", icon="FILE_REFRESH")
+            column.operator("dgs.rollback_twin", icon="LOOP_BACK")
+            column.operator("dgs.show_states", icon="TIME")
         body = folded(layout, "place", "Size and Up")
         if body is not None:
             body.prop(context.scene.dgs, "known_length")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -13,7 +14,7 @@ from ..paths import absolute, out_folder
 from ..photos import PhotoFolder, chosen_photos, pictures_folder
 
 RUN = Path(__file__).resolve().parents[2] / "run_dgs.py"
-Kind = Literal["cameras", "reconstruct", "synthesize"]
+Kind = Literal["cameras", "reconstruct", "synthesize", "update"]
 
 
 @dataclass(frozen=True)
@@ -28,6 +29,7 @@ class Request:
         count: photos that count; 0 where only the engine knows, as of a movie.
         selection: their names, one a line; '' for all in the folder.
         program: what runs the arguments, where it is not the engine's Python.
+        twin: folder of the twin that is updated; its own record and log stay as they are.
         known: whether the cameras in `out` belong to these photos; a new run takes them over.
     """
 
@@ -40,6 +42,12 @@ class Request:
     resume: bool = False
     known: bool = False
     program: tuple[str, ...] = ()
+    twin: Path | None = None
+
+    @property
+    def home(self) -> Path:
+        """The results' folder of the scene that the job belongs to."""
+        return self.twin or self.out
 
     def command(self, python: Path) -> list[str]:
         """The whole command line."""
@@ -68,6 +76,26 @@ def request_of(kind: Kind, scene: Any) -> Request:
     arguments += ["--device", settings.device, *_number("--threads", settings.threads)]
     arguments += ["--progress", "json", "--control"]
     return Request(kind, photos, out, arguments, len(found.files), settings.selection)
+
+
+def update_request(settings: Any, photos: Sequence[Path]) -> Request:
+    """New photos for the twin of `scene.dgs`; record and log go to a folder of their own in the twin's.
+
+    Raises:
+        DgsError: there is no twin.
+    """
+    out = out_folder(settings)
+    if out is None or not (out / "twin.ply").is_file():
+        raise DgsError("There is no twin yet", "Press Optimize (step 4)")
+    own = make_folder(out / "update")
+    listed = own / "photos.txt"
+    write_text(listed, "".join(f"{path.resolve()}\n" for path in photos))
+    arguments = ["update", str(out), str(listed), *_number("--threads", settings.threads)]
+    model = absolute(settings.model) if settings.cameras == "model" else None
+    if model is not None:  # it knows the new photos' cameras as well
+        arguments += ["--cameras", str(model)]
+    arguments += ["--progress", "json", "--control"]
+    return Request("update", photos[0].parent, own, arguments, len(photos), twin=out)
 
 
 def _list(found: PhotoFolder, out: Path) -> Path:

@@ -34,7 +34,7 @@ def add_results(job: Job, scene: Any) -> Iterator[None]:
 
     Its Gaussians were read beside the window.
     """
-    yield from _pieces(job.request.out, scene, job.cloud)
+    yield from _pieces(job.request.home, scene, job.cloud)
 
 
 def add_twin_of(out: Path, scene: Any, cloud: GaussianCloud | None = None) -> Any:

@@ -240,6 +240,8 @@ def _end(job: Job, status: int) -> None:
         return
     if job.request.kind == "reconstruct" and job.state.result:
         job.finishing = _finish(job)
+    elif job.request.kind == "update" and phase == "done":
+        job.cloud, job.finishing = None, _finish(job)
     elif job.request.kind == "synthesize" and phase == "done" and job.scene in bpy.data.scenes:
         use_test_set(job.request.out, bpy.data.scenes[job.scene].dgs)
 
@@ -273,7 +275,7 @@ def _finish(job: Job) -> Iterator[None]:
 def _scene(job: Job) -> Any:
     """The scene that asked, unless another file was loaded or other photos were chosen meanwhile."""
     scene = bpy.data.scenes.get(job.scene)
-    return scene if scene is not None and out_folder(scene.dgs) == job.request.out else None
+    return scene if scene is not None and out_folder(scene.dgs) == job.request.home else None
 
 
 def _take_in(job: Job, news: News) -> None:

@@ -14,6 +14,7 @@ ALIVE = ("running", "paused", "cancelling")
 STAGES = {
     "movie": "Choosing frames", "photos": "Reading photos", "cameras": "Finding cameras",
     "geometry": "Preparing surfaces", "compile": "Compiling", "train": "Optimizing",
+    "changes": "Looking for changes", "update": "Updating",
     "save": "Scoring and saving", "render": "Rendering",
 }  # fmt: skip
 
