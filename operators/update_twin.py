@@ -25,6 +25,15 @@ def _why_no_twin(scene: Any) -> str:
     return ""
 
 
+def _why_no_state(scene: Any) -> str:
+    from ..core.twin.history import states
+
+    reason, out = _why_no_twin(scene), out_folder(scene.dgs)
+    if not reason and out is not None and not states(out):
+        reason = "The twin has not been updated"
+    return reason
+
+
 class DGS_OT_update_twin(bpy.types.Operator):
     """Take new photos of the same object into the twin; what it was before is kept"""
 
@@ -72,11 +81,7 @@ class DGS_OT_rollback_twin(bpy.types.Operator):
     @classmethod
     def poll(cls, context: Any) -> bool:
         """There is an earlier state."""
-        from ..core.twin.history import states
-
-        reason, out = _why_no_twin(context.scene), out_folder(context.scene.dgs)
-        if not reason and out is not None and not states(out):
-            reason = "The twin has not been updated"
+        reason = _why_no_state(context.scene)
         cls.poll_message_set(reason)
         return not reason
 
@@ -109,7 +114,9 @@ class DGS_OT_show_states(bpy.types.Operator):
     @classmethod
     def poll(cls, context: Any) -> bool:
         """There is an earlier state."""
-        return bool(DGS_OT_rollback_twin.poll.__func__(cls, context))
+        reason = _why_no_state(context.scene)
+        cls.poll_message_set(reason)
+        return not reason
 
     def execute(self, context: Any) -> set[str]:
         """Adds them; the twin itself is hidden, the last state is the same."""
