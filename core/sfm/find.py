@@ -12,7 +12,6 @@ import sys
 import tempfile
 import threading
 import time
-from dataclasses import replace
 from pathlib import Path
 from typing import IO, Any
 
@@ -72,7 +71,8 @@ def find_cameras(
     folder = Path(tempfile.mkdtemp(prefix="sfm-", dir=work_dir))
     try:
         names = write_job(photos, kernel, settings, folder)
-        attempts, chosen = _run(folder, len(photos), settings, progress)
+        attempts, done = talk(folder, len(photos), settings, progress)
+        chosen = Attempt(**done)
         lenses, poses, points = read_model(folder / "best")
         figures = Figures(
             "sfm", len(photos), chosen.registered, chosen.focal_px, chosen.reprojection_px,
@@ -103,10 +103,14 @@ def _environment(threads: int) -> dict[str, str]:
     return environment
 
 
-def _run(
+def talk(
     folder: Path, given: int, settings: SfmSettings, progress: Progress
-) -> tuple[list[Attempt], Attempt]:
-    """Runs the child to its end; all its attempts and the one it chose."""
+) -> tuple[list[Attempt], dict[str, Any]]:
+    """Runs the child on a job folder to its end; its attempts and what it says at the end.
+
+    Raises:
+        CameraError: as of `find_cameras`. NativeCrash, Cancelled: likewise.
+    """
     with (folder / "native.log").open("wb") as log:
         child = subprocess.Popen(
             [sys.executable, str(_WORKER), str(folder)],
@@ -114,7 +118,7 @@ def _run(
         )  # fmt: skip
     try:
         attempts: list[Attempt] = []
-        chosen: Attempt | None = None
+        last: dict[str, Any] | None = None
         assert child.stdout is not None
         for message in _messages(child.stdout, progress, settings.hard_limit):
             if "joined" in message:
@@ -127,15 +131,15 @@ def _run(
                         f"Cameras, attempt '{tried.name}': {tried.verdict} ({tried.registered} of {given})"
                     )
             elif "done" in message:
-                chosen = Attempt(**message["done"])
+                last = message["done"]
             elif "failed" in message:
                 failure = message["failed"]
                 kind = getattr(errors, failure["kind"])
                 raise kind(failure["what"], failure["way_out"])
         status = child.wait()
-        if chosen is None or status != 0:
+        if last is None or status != 0:
             raise _crash(status, folder / "native.log")
-        return attempts, replace(chosen)
+        return attempts, last
     finally:
         if child.poll() is None:
             child.kill()

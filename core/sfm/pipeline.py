@@ -84,6 +84,30 @@ def extract(job: Job, recipe: Recipe, database: Path, images: Path) -> None:
 
 def match(job: Job, recipe: Recipe, database: Path) -> None:
     """Matches and verifies pairs: all of them in small sets, the promising ones in large sets."""
+    options, verification = _matching(job, recipe)
+    names = None
+    if len(job.images) >= job.settings.choose_pairs_from:
+        names = choose_pairs(database, job.settings)
+    if names is None:
+        pycolmap.match_exhaustive(database, options, verification_options=verification)
+        return
+    _match(job, database, names, options, verification)
+
+
+def match_pairs(job: Job, recipe: Recipe, database: Path, names: list[tuple[str, str]]) -> None:
+    """Matches and verifies these pairs."""
+    _match(job, database, names, *_matching(job, recipe))
+
+
+def _match(job: Job, database: Path, names: list[tuple[str, str]], options: Any, verification: Any) -> None:
+    pairs = job.folder / "pairs.txt"
+    pairs.write_text("".join(f"{a} {b}\n" for a, b in names), encoding="utf-8")
+    pairing = pycolmap.ImportedPairingOptions()
+    pairing.match_list_path = str(pairs)
+    pycolmap.match_image_pairs(database, options, pairing, verification)
+
+
+def _matching(job: Job, recipe: Recipe) -> tuple[Any, Any]:
     options = pycolmap.FeatureMatchingOptions()
     options.num_threads = job.settings.threads
     options.use_gpu = False
@@ -92,17 +116,7 @@ def match(job: Job, recipe: Recipe, database: Path) -> None:
     verification.min_num_inliers = recipe.min_inliers
     verification.ransac.random_seed = recipe.seed
     verification.ransac.max_num_trials = recipe.trials
-    names = None
-    if len(job.images) >= job.settings.choose_pairs_from:
-        names = choose_pairs(database, job.settings)
-    if names is None:
-        pycolmap.match_exhaustive(database, options, verification_options=verification)
-        return
-    pairs = job.folder / "pairs.txt"
-    pairs.write_text("".join(f"{a} {b}\n" for a, b in names), encoding="utf-8")
-    pairing = pycolmap.ImportedPairingOptions()
-    pairing.match_list_path = str(pairs)
-    pycolmap.match_image_pairs(database, options, pairing, verification)
+    return options, verification
 
 
 def map_incrementally(

@@ -43,7 +43,7 @@ def end_with_parent() -> None:
 def main(folder: Path) -> int:
     """Tries recipe after recipe; the best trusted model goes to `folder`/best (COLMAP binary)."""
     from dgs.core import compiled
-    from dgs.core.sfm import attempts
+    from dgs.core.sfm import attempts, placing
     from dgs.core.sfm.job import read_job
     from dgs.core.sfm.refine import compile_early
 
@@ -53,7 +53,7 @@ def main(folder: Path) -> int:
     # Native code extracts features without the GIL meanwhile. No daemon: a process that ends amid a
     # compilation may crash.
     threading.Thread(target=compile_early, args=(job.settings.refine,)).start()
-    outcome = attempts.run(job, say)
+    outcome = placing.run(job, say) if (folder / placing.PLAN).is_file() else attempts.run(job, say)
     say(**{outcome.kind: outcome.message, "seconds": time.perf_counter() - started})
     return 0
 

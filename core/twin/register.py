@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import tempfile
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 
 from ..camera import Camera
 from ..errors import CameraError
 from ..evaluation.poses import align_similarity
+from ..files import write_json
 from ..imaging.operator import BlurOperator
 from ..lens import Lens
 from ..photos.load import Photo
@@ -23,25 +26,32 @@ from .pose_steps import equations, solved, twisted
 
 #: Old photos that structure from motion gets along with the new ones: enough to tie them to the world.
 COMPANIONS = 24
+#: A pixel whose opacity is less has no surface.
+SOLID = 0.7
 #: Steps of the loss at the frozen twin after that, from smoothed photos (grid px) to sharp ones.
 SMOOTH = (4.0, 2.0, 1.0, 0.0, 0.0)
 
 
-def register(twin: Twin, photos: list[Photo], cameras: Path | None, threads: int, progress: Progress) -> Reconstruction:
-    """Cameras of new photos.
+def register(
+    twin: Twin, photos: list[Photo], cameras: Path | None, threads: int, progress: Progress
+) -> tuple[Reconstruction, bool]:
+    """Cameras of new photos, and whether they are exact (else the twin itself, through the blur, should correct them).
 
-    Known ones are taken as they are (in the twin's world). Otherwise structure from motion runs on the new photos and
-    some of the old ones, its world is laid over the twin's by the old ones' cameras, and the twin itself, rendered
-    through the blur, corrects each new camera.
+    Known ones are taken as they are (in the twin's world). Others find their place by matches with old photos, whose
+    features lie on the twin's surface. Where one does not, structure from motion runs on the new photos and some of
+    the old ones, and its world is laid over the twin's by the old ones' cameras.
 
     Raises:
         CameraError: no new photo could be placed.
     """
     if cameras is not None:
-        return load_cameras(cameras, photos)
+        return load_cameras(cameras, photos), True
     from ..sfm.find import find_cameras
     from ..sfm.settings import SfmSettings
 
+    placed_at = against_twin(twin, photos, threads, progress)
+    if placed_at is not None:
+        return placed_at, True
     old = [photo for photo in twin.photos if photo.name in twin.reconstruction.poses]
     chosen = [old[round(i)] for i in np.linspace(0, len(old) - 1, min(COMPANIONS, len(old)))]
     psf = twin.medium.psf
@@ -69,7 +79,63 @@ def register(twin: Twin, photos: list[Photo], cameras: Path | None, threads: int
         raise CameraError("None of the new photos could be placed", "Take photos that overlap the old ones")
     sizes = {photo.name: photo.size for photo in photos}
     lenses = {n: lens if lens is not None and (lens.width, lens.height) == sizes[n] else found.lenses[n] for n in poses}
-    return replace(found, poses=poses, lenses=lenses, points=twin.reconstruction.points)
+    return replace(found, poses=poses, lenses=lenses, points=twin.reconstruction.points), False
+
+
+def against_twin(twin: Twin, photos: list[Photo], threads: int, progress: Progress) -> Reconstruction | None:
+    """Cameras of new photos from their matches with old ones, whose features lie on the twin's surface.
+
+    Much quicker than structure from motion; None where a photo did not find its place, or has a lens of its own.
+    """
+    lens = _lens(twin)
+    if lens is None or any(photo.size != (lens.width, lens.height) for photo in photos):
+        return None
+    from ..sfm.find import talk
+    from ..sfm.job import write_job
+    from ..sfm.placing import PLAN
+    from ..sfm.settings import SfmSettings
+
+    count = len(twin.views)
+    chosen = [twin.views[round(i)] for i in np.linspace(0, count - 1, min(COMPANIONS, count))]
+    by_name = {photo.name: photo for photo in twin.photos}
+    psf, settings = twin.medium.psf, SfmSettings(threads=threads)
+    kernel = None if psf is None or psf.is_identity else psf.kernel()
+    progress.stage("cameras", len(photos))
+    with tempfile.TemporaryDirectory(prefix="place-", dir=twin.folder) as name:
+        folder = Path(name)
+        names = write_job([*(by_name[view.name] for view in chosen), *photos], kernel, settings, folder)
+        images = {photo: image for image, photo in names.items()}
+        known = {}
+        for index, view in enumerate(twin.on_grid(chosen, twin.step)):
+            camera = view.camera
+            np.save(folder / f"depth{index}.npy", _depth(twin, camera), allow_pickle=False)
+            known[images[view.name]] = {
+                "rotation": camera.rotation.tolist(), "translation": camera.translation.tolist(),
+                "focal": [camera.fx, camera.fy], "centre": [camera.cx, camera.cy], "depth": f"depth{index}.npy",
+            }  # fmt: skip
+        write_json(folder / PLAN, {
+            "known": known, "new": [images[photo.name] for photo in photos],
+            "lens": {"model": lens.model, "width": lens.width, "height": lens.height, "params": list(lens.params)},
+        })  # fmt: skip
+        _, done = talk(folder, len(photos), settings, progress)
+    if len(done["poses"]) < len(photos):
+        return None
+    poses = {}
+    for image, pose in done["poses"].items():
+        rotation = np.array(pose["rotation"], float)
+        translation = np.array(pose["translation"], float) * twin.scale.size - rotation @ twin.scale.origin
+        poses[names[image]] = Pose(rotation, translation)
+    return replace(twin.reconstruction, poses=poses, lenses=dict.fromkeys(poses, lens))
+
+
+def _depth(twin: Twin, camera: Camera) -> NDArray[np.float32]:
+    """[H, W] the twin's depth in the scene's own units; NaN where it is hardly there."""
+    settings = RasterSettings(low_pass=max(0.1, 0.3 / twin.step**2), depth=True)
+    with torch.no_grad():
+        seen = render(twin.scale.to_unit(twin.gaussians), camera, background=twin.background, settings=settings)
+    assert seen.depth is not None
+    alpha = seen.alpha.numpy()
+    return np.where(alpha > SOLID, seen.depth.numpy() / np.maximum(alpha, SOLID), np.nan).astype(np.float32)
 
 
 def corrected(twin: Twin, reconstruction: Reconstruction, photos: list[Photo]) -> Reconstruction:

@@ -96,9 +96,9 @@ def update(settings: UpdateSettings, progress: Progress) -> dict[str, Any]:
         )
     twin = open_twin(folder, progress)
     photos = _new_photos(settings, twin, progress)
-    found = register(twin, photos, settings.cameras, threads, progress)
+    found, exact = register(twin, photos, settings.cameras, threads, progress)
     photos = [photo for photo in photos if photo.name in found.poses]
-    found = corrected(twin, found, photos) if settings.cameras is None else found
+    found = found if exact else corrected(twin, found, photos)
     new_views = undistorted_views(photos, found)
     registered = time.perf_counter()
     progress.stage("changes", len(photos))

@@ -1,0 +1,123 @@
+"""New photos placed in a world that is known: matches with known photos, whose features have depth.
+
+No mapping: a feature of a known photo is where its ray meets the twin's surface, so that every match gives a
+point in the world and its pixel in the new photo, and RANSAC finds the pose. Runs in the child process only.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import pycolmap
+from numpy.typing import NDArray
+
+from . import pipeline
+from .attempts import Outcome, lighter
+from .job import Job
+from .keyframes import read_matches
+from .settings import recipes
+
+#: What the parent writes, and the key of its depth maps' folder.
+PLAN = "place.json"
+#: Matches that must agree on a pose. Of ten photos of the ball with 100 and more all came within 0.1 px, without
+#: any further correction; one real photo with 41 was 8 px off, and needs its neighbours' adjustment.
+FEWEST_AGREEING = 60
+#: px that a match may be off: the twin's depth is less exact than a triangulated point's.
+MAX_ERROR = 6.0
+
+
+@dataclass(frozen=True)
+class Known:
+    """A photo whose camera and depth are known.
+
+    Attributes:
+        rotation [3, 3], translation [3]: world to camera; focal, centre: (x, y) in px of the depth map, a pinhole's.
+        depth: [H, W] along the axis, in the world's units.
+    """
+
+    rotation: NDArray[np.float64]
+    translation: NDArray[np.float64]
+    focal: tuple[float, float]
+    centre: tuple[float, float]
+    depth: NDArray[np.float32]
+
+    def lifted(self, rays: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        """[N, 3] points in the world where rays [N, 2] (x/z, y/z) end, and which of them the depth map tells."""
+        at = np.floor(rays * self.focal + self.centre).astype(int)
+        height, width = self.depth.shape
+        inside = (at >= 0).all(axis=1) & (at[:, 0] < width) & (at[:, 1] < height)
+        at = np.where(inside[:, None], at, 0)
+        z = self.depth[at[:, 1], at[:, 0]].astype(np.float64)
+        good = inside & np.isfinite(z) & (z > 0)
+        local = np.concatenate([rays, np.ones((len(rays), 1))], axis=1) * np.where(good, z, 1.0)[:, None]
+        return (local - self.translation) @ self.rotation, good
+
+
+def run(job: Job, say: Callable[..., None]) -> Outcome:
+    """Poses of the new photos: 'done' with {'poses': {image: {'rotation', 'translation', 'inliers'}}}."""
+    plan = json.loads((job.folder / PLAN).read_text("utf-8"))
+    known = {name: _known(job, name, row) for name, row in plan["known"].items()}
+    lens = pycolmap.Camera(**plan["lens"])
+    recipe = lighter(recipes(job.kernel is not None)[0], replace(job, settings=replace(job.settings, many=0)))
+    images, database = job.folder / "images", job.folder / "place.db"
+    images.mkdir()
+    say(stage="features", recipe="placing")
+    greys = pipeline.filtered_greys(job, recipe.noise_to_signal)
+    pipeline.write_images(greys, images, job.settings.threads)
+    pipeline.extract(job, recipe, database, images)
+    say(stage="matches", recipe="placing")
+    pipeline.match_pairs(job, recipe, database, [(a, b) for a in known for b in plan["new"]])
+    matches = read_matches(database)
+    ids = {name: image for image, name in matches.names.items()}
+    lifted = {}
+    for name, one in known.items():
+        pixels = matches.keypoints[ids[name]]
+        rays = np.asarray(lens.cam_from_img(pixels), float).reshape(-1, 2) if len(pixels) else np.zeros((0, 2))
+        lifted[ids[name]] = one.lifted(rays)
+    poses = {}
+    for name in plan["new"]:
+        pose = _posed(ids[name], matches.pairs, matches.keypoints, lifted, lens, recipe.seed)
+        if pose is not None:
+            poses[name] = pose
+            say(joined=len(poses))
+    return Outcome("done", {"poses": poses})
+
+
+def _known(job: Job, name: str, row: dict[str, Any]) -> Known:
+    return Known(
+        np.array(row["rotation"], float), np.array(row["translation"], float), tuple(row["focal"]),
+        tuple(row["centre"]), np.load(job.folder / row["depth"], allow_pickle=False),
+    )  # fmt: skip
+
+
+def _posed(
+    image: int, pairs: dict[tuple[int, int], NDArray[np.int64]], keypoints: dict[int, NDArray[np.float64]],
+    lifted: dict[int, tuple[NDArray[np.float64], NDArray[np.bool_]]], lens: Any, seed: int,
+) -> dict[str, Any] | None:  # fmt: skip
+    pixels, world = [np.zeros((0, 2))], [np.zeros((0, 3))]
+    for (first, second), found in pairs.items():
+        other, mine, theirs = (second, 0, 1) if image == first else (first, 1, 0)
+        if image not in (first, second) or other not in lifted:
+            continue
+        points, good = lifted[other]
+        use = good[found[:, theirs]]
+        pixels.append(keypoints[image][found[use, mine]])
+        world.append(points[found[use, theirs]])
+    seen, at = np.concatenate(pixels), np.concatenate(world)
+    if len(seen) < FEWEST_AGREEING:
+        return None
+    options = pycolmap.AbsolutePoseEstimationOptions()
+    options.ransac.max_error = MAX_ERROR
+    options.ransac.random_seed = seed
+    answer = pycolmap.estimate_and_refine_absolute_pose(seen, at, lens, options)
+    if answer is None or answer["num_inliers"] < FEWEST_AGREEING:
+        return None
+    pose = answer["cam_from_world"]
+    return {
+        "rotation": pose.rotation.matrix().tolist(), "translation": [float(v) for v in pose.translation],
+        "inliers": int(answer["num_inliers"]),
+    }  # fmt: skip
