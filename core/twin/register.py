@@ -17,10 +17,12 @@ from ..files import write_json
 from ..imaging.operator import BlurOperator
 from ..lens import Lens
 from ..photos.load import Photo
+from ..photos.undistort import undistorted_views
 from ..progress import Progress
 from ..rasterizer import RasterSettings, render
 from ..sfm.known import load_cameras
 from ..sfm.reconstruction import Pose, Reconstruction
+from ..training.grid import GridView
 from .folder import Twin
 from .pose_steps import equations, solved, twisted
 
@@ -28,6 +30,9 @@ from .pose_steps import equations, solved, twisted
 COMPANIONS = 24
 #: A pixel whose opacity is less has no surface.
 SOLID = 0.7
+#: Old photos that tell how well the twin fits where a camera is right, and how many times worse a new one may fit
+#: before its camera is doubted; LEAST: half an 8-bit step, below which nothing is told apart.
+CHECKED, WORSE, LEAST = 6, 4.0, 0.5 / 255.0
 #: Steps of the loss at the frozen twin after that, from smoothed photos (grid px) to sharp ones.
 SMOOTH = (4.0, 2.0, 1.0, 0.0, 0.0)
 
@@ -85,7 +90,8 @@ def register(
 def against_twin(twin: Twin, photos: list[Photo], threads: int, progress: Progress) -> Reconstruction | None:
     """Cameras of new photos from their matches with old ones, whose features lie on the twin's surface.
 
-    Much quicker than structure from motion; None where a photo did not find its place, or has a lens of its own.
+    Much quicker than structure from motion; None where a photo did not find its place, is not
+    what the twin shows there, or has a lens of its own.
     """
     lens = _lens(twin)
     if lens is None or any(photo.size != (lens.width, lens.height) for photo in photos):
@@ -125,7 +131,24 @@ def against_twin(twin: Twin, photos: list[Photo], threads: int, progress: Progre
         rotation = np.array(pose["rotation"], float)
         translation = np.array(pose["translation"], float) * twin.scale.size - rotation @ twin.scale.origin
         poses[names[image]] = Pose(rotation, translation)
-    return replace(twin.reconstruction, poses=poses, lenses=dict.fromkeys(poses, lens))
+    found = replace(twin.reconstruction, poses=poses, lenses=dict.fromkeys(poses, lens))
+    old = chosen[:: max(1, len(chosen) // CHECKED)]
+    usual = float(np.median([_misfit(twin, view) for view in twin.on_grid(old, twin.step)]))
+    seen = twin.on_grid(undistorted_views(photos, found), twin.step)
+    return found if max(_misfit(twin, view) for view in seen) <= WORSE * usual else None
+
+
+def _misfit(twin: Twin, view: GridView) -> float:
+    """Median difference (sRGB) between a photo and the twin through the blur: a part that changed hardly counts."""
+    margin = twin.margin(twin.step)
+    settings = RasterSettings(low_pass=max(0.1, 0.3 / twin.step**2))
+    with torch.no_grad():
+        frame = render(twin.scale.to_unit(twin.gaussians), view.camera.with_margin(margin),
+                       background=twin.background, settings=settings).image  # fmt: skip
+        blur = BlurOperator(view.psf, view.camera.height, view.camera.width, margin)
+        difference = (twin.medium.degrade(frame, blur.apply) - torch.from_numpy(view.planes())).abs()
+    counted = difference if view.valid is None else difference[:, torch.from_numpy(view.valid)]
+    return max(float(counted.median()), LEAST)
 
 
 def _depth(twin: Twin, camera: Camera) -> NDArray[np.float32]:
@@ -140,8 +163,6 @@ def _depth(twin: Twin, camera: Camera) -> NDArray[np.float32]:
 
 def corrected(twin: Twin, reconstruction: Reconstruction, photos: list[Photo]) -> Reconstruction:
     """New cameras moved to where the twin, through the blur, explains their photos best."""
-    from ..photos.undistort import undistorted_views
-
     step, margin = twin.step, twin.margin(twin.step)
     gaussians = twin.scale.to_unit(twin.gaussians)
     settings = RasterSettings(low_pass=max(0.1, 0.3 / step**2))

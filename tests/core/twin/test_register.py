@@ -1,0 +1,92 @@
+"""New photos find their place against a real twin, without structure from motion."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from dgs.core.command_line import run
+from dgs.core.formats.colmap import write_lenses
+from dgs.core.lens import Lens
+from dgs.core.photos.load import load_photos
+from dgs.core.progress import Silent
+from dgs.core.sfm import find
+from dgs.core.sfm.reconstruction import Pose
+from dgs.core.twin import register as module
+from dgs.core.twin.folder import Twin, open_twin
+from dgs.core.views import SparsePoints
+from PIL import Image
+from scipy.ndimage import gaussian_filter
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "sfm"))
+from test_find_cameras import FOCAL, HEIGHT, SIGMA, WIDTH, cameras, photographed, texture
+
+COUNT, NEW = 9, (3, 6)
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """photos/ with a twin in out/; new/ with two photos more."""
+    folder = tmp_path_factory.mktemp("register")
+    for name in ("photos", "new"):
+        (folder / name).mkdir()
+    textures, truth = [texture(1), texture(2)], cameras(COUNT)
+    lens = Lens("SIMPLE_PINHOLE", WIDTH, HEIGHT, (FOCAL, WIDTH / 2, HEIGHT / 2))
+    poses = {}
+    for index, (name, camera) in enumerate(truth.items()):
+        grey = gaussian_filter(photographed(camera, textures), SIGMA, truncate=5)
+        target = folder / ("new" if index in NEW else "photos") / name
+        Image.fromarray(np.clip(grey * 255 + 0.5, 0, 255).astype(np.uint8)).convert("RGB").save(target)
+        if index not in NEW:
+            poses[name] = Pose(camera.rotation, camera.translation)
+    on_walls = np.random.default_rng(0).uniform(-1.0, 1.0, (400, 2))
+    points = np.stack([on_walls[:, 0], on_walls[:, 1], -np.abs(on_walls[:, 0])], axis=1)
+    sparse = SparsePoints(points, np.full((400, 3), 128, np.uint8))
+    write_lenses(folder / "model", dict.fromkeys(poses, lens), poses, sparse)
+    words = ["--psf", f"gaussian:{SIGMA}", "--cameras", str(folder / "model"), "--preset", "draft", "--max-gaussians",
+             "5000", "--holdout-every", "0", "--threads", "2", "--progress", "none"]  # fmt: skip
+    assert run(["reconstruct", str(folder / "photos"), "--out", str(folder / "out"), *words]) == 0
+    return folder
+
+
+@pytest.fixture
+def twin(made: Path) -> Twin:
+    return open_twin(made / "out", Silent())
+
+
+def test_new_photos_are_placed_by_the_twins_surface(made: Path, twin: Twin, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(find, "find_cameras", None)  # not needed
+    photos = load_photos(made / "new", None, Silent(), None, minimum=1)
+    found, exact = module.register(twin, photos, None, 2, Silent())
+    assert exact and set(found.poses) == {photo.name for photo in photos}
+    truth = cameras(COUNT)
+    for name, camera in found.cameras().items():
+        off = np.linalg.norm(camera.centre - truth[name].centre) / 4.0 * FOCAL
+        assert off < 1.5, (name, off)
+    assert not list((made / "out").glob("place-*")), "nothing is left behind"
+
+
+def test_photos_of_another_size_go_the_long_way(made: Path, twin: Twin) -> None:
+    photos = load_photos(made / "new", None, Silent(), None, minimum=1)
+    smaller = [replace(photo, pixels=photo.pixels[:, :-2].copy()) for photo in photos]
+    assert module.against_twin(twin, smaller, 2, Silent()) is None
+
+
+def test_a_place_where_the_twin_shows_something_else_is_not_believed(
+    made: Path, twin: Twin, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    photos = load_photos(made / "new", None, Silent(), None, minimum=1)
+    usual = find.talk
+
+    def misled(*given: Any) -> Any:
+        attempts, done = usual(*given)
+        for pose in done["poses"].values():
+            pose["translation"][0] += 0.1  # a dozen px
+        return attempts, done
+
+    monkeypatch.setattr(find, "talk", misled)
+    assert module.against_twin(twin, photos, 2, Silent()) is None
