@@ -14,6 +14,7 @@ from ..lens import MODELS, Lens
 from ..photos.load import Photo
 from ..progress import Progress
 from ..sfm.reconstruction import Pose, Reconstruction
+from ..twin.refine_cameras import Refined
 from .settings import ReconstructSettings
 
 
@@ -48,15 +49,22 @@ def refined(
     if not found.kept:
         progress.note("The cameras were refined, but held-out photos are not explained better: they stay as they were")
         return reconstruction, facts
+    moved = taken_over(reconstruction, found)
+    write_lenses(settings.out / "cameras", moved.lenses, moved.poses, moved.points)
+    progress.note(f"The cameras were refined: they moved by {found.moved_px:.2f} px (median)")
+    return moved, facts
+
+
+def taken_over(reconstruction: Reconstruction, found: Refined) -> Reconstruction:
+    """The reconstruction with refined poses and focal length; the same where the refinement was not kept."""
+    if not found.kept:
+        return reconstruction
     lenses = {name: _zoomed(lens, 1.0 + found.focal_change) for name, lens in reconstruction.lenses.items()}
     poses = {
         name: Pose(found.cameras[name].rotation, found.cameras[name].translation) if name in found.cameras else pose
         for name, pose in reconstruction.poses.items()
     }
-    moved = replace(reconstruction, poses=poses, lenses=lenses)
-    write_lenses(settings.out / "cameras", moved.lenses, moved.poses, moved.points)
-    progress.note(f"The cameras were refined: they moved by {found.moved_px:.2f} px (median)")
-    return moved, facts
+    return replace(reconstruction, poses=poses, lenses=lenses)
 
 
 def against(cameras: dict[str, Camera], reference: Path, photos: list[Photo]) -> dict[str, float | None]:

@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 from ..training.settings import TrainingSettings
 
-Cameras = Literal["usual", "unrefined", "hurried"]
+Cameras = Literal["usual", "unrefined", "hurried", "refined"]
 
 GROUPS = (
     "preset", "iterations", "gaussians", "resolution", "harmonics", "blur", "float width", "loss", "cameras", "effects",
@@ -64,7 +64,7 @@ def _quick() -> list[Knob]:
         Knob("resolution", "grid 2 px", {"grid_step": 2}), Knob("harmonics", "SH 0", {"sh_degree": 0}),
         Knob("blur", "Fourier", {"blur_evaluation": "fourier"}), Knob("blur", "splats", {"blur_evaluation": "splats"}),
         Knob("float width", "16-bit twin", bits=16), Knob("loss", "no SSIM", {"ssim_weight": 0.0}),
-        Knob("effects", "without the blur", medium=False),
+        Knob("cameras", "poses through the loss", cameras="refined"), Knob("effects", "without the blur", medium=False),
     ]  # fmt: skip
 
 
@@ -88,6 +88,7 @@ def _all() -> list[Knob]:
         Knob("loss", "no sharpened start", {"start_share": 0.0}), Knob("loss", "paper's loss", {"loss": "paper"}),
         Knob("cameras", "cameras unrefined", cameras="unrefined"),
         Knob("cameras", "cameras hurried", cameras="hurried"),
+        Knob("cameras", "poses through the loss", cameras="refined"),
         Knob("effects", "without the blur", medium=False),
     ]  # fmt: skip
     named = ("haze", "vignetting", "exposure", "saturation")

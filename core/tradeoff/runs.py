@@ -26,6 +26,7 @@ from ..photos.undistort import undistorted_views
 from ..pipeline.effects.choose import choose_effects
 from ..pipeline.effects.corrected import corrected
 from ..pipeline.machine import choose_device, machine, use_threads
+from ..pipeline.refined import taken_over
 from ..pipeline.views import Viewer, to_pixels
 from ..progress import Progress
 from ..sfm.find import find_cameras
@@ -35,6 +36,7 @@ from ..training.run import Trained, train
 from ..training.scale import scene_scale
 from ..training.settings import TrainingSettings
 from ..training.trainer import Trainer
+from ..twin.refine_cameras import refine_cameras
 from .chart import draw
 from .front import points
 from .knobs import GROUPS, Knob, base_settings, knobs
@@ -209,6 +211,8 @@ class _Sets:
         Raises:
             DgsError: the cameras are given, so that there is nothing to be found differently.
         """
+        if knob.cameras == "refined" and "refined" not in self._known:
+            self._known["refined"] = self._refined()
         if knob.cameras not in self._known:
             data, seconds = self._data, 0.0
             if self._settings.cameras == "found":
@@ -225,6 +229,20 @@ class _Sets:
                 raise DgsError("The cameras are given and were not refined here", "Use --cameras found")
             self._known[knob.cameras] = data, Measure(data, only_heldout=True), seconds
         return self._known[knob.cameras]
+
+    def _refined(self) -> tuple[Dataset, Measure, float]:
+        """The usual cameras, moved by the loss; held-out photos judge whether they are kept."""
+        data, _, seconds = self.of(Knob("cameras", "usual"))
+        began = time.perf_counter()
+        views = undistorted_views(data.photos, data.cameras)
+        chosen = replace(base_settings(self._settings.quick), threads=self._threads)
+        found = refine_cameras(
+            [view for view in views if view.name not in data.heldout],
+            [view for view in views if view.name in data.heldout], data.cameras.points, data.medium, chosen,
+            Quiet(self._progress), focal=len(set(data.cameras.lenses.values())) == 1,
+        )  # fmt: skip
+        moved = replace(data, cameras=taken_over(data.cameras, found))
+        return moved, Measure(moved, only_heldout=True), seconds + time.perf_counter() - began
 
     def _find(self, knob: Knob, folder: Path) -> None:
         psf = self._data.medium.psf
