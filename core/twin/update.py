@@ -7,6 +7,7 @@ do not count where they show what has changed since. The state before is kept in
 from __future__ import annotations
 
 import shutil
+import threading
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -94,12 +95,16 @@ def update(settings: UpdateSettings, progress: Progress) -> dict[str, Any]:
             f"'{folder}' was made with effects besides the blur, which updates do not know",
             "Reconstruct it from all photos instead",
         )
+    # Kernels become ready while photos are read and placed.
+    early = threading.Thread(target=compile_kernels, args=(int(report["settings"]["training"].get("sh_degree", 1)),))
+    early.start()
     twin = open_twin(folder, progress)
     photos = _new_photos(settings, twin, progress)
     found, exact = register(twin, photos, settings.cameras, threads, progress)
     photos = [photo for photo in photos if photo.name in found.poses]
     found = found if exact else corrected(twin, found, photos)
     new_views = undistorted_views(photos, found)
+    early.join()
     registered = time.perf_counter()
     progress.stage("changes", len(photos))
     changes = find_changes(twin, twin.on_grid(new_views, twin.step), twin.medium)
