@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 import pycolmap
 from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
@@ -86,28 +87,36 @@ def choose_keyframes(matches: Matches, least: int) -> list[str] | None:
     """
     ids = sorted(matches.names, key=lambda i: matches.names[i])
     at = {image: k for k, image in enumerate(ids)}
-    weight = np.zeros((len(ids), len(ids)))
-    for (first, second), found in matches.pairs.items():
-        if len(found) >= least:
-            weight[at[first], at[second]] = weight[at[second], at[first]] = len(found)
-    tied = weight > 0
-    key = np.ones(len(ids), bool)
-    blocked = np.zeros(len(ids), bool)
-    while key.sum() > len(ids) // 2:
+    ends = [(at[a], at[b], len(found)) for (a, b), found in matches.pairs.items() if len(found) >= least]
+    if not ends:
+        return None
+    first, second, shared = np.array(ends).T
+    count = len(ids)
+    weight = csr_matrix((shared.astype(float), (first, second)), (count, count))
+    weight = (weight + weight.T).tocsr()
+    tied = weight.astype(bool)
+    key, blocked = np.ones(count, bool), np.zeros(count, bool)
+    redundancy, partners = np.asarray(weight.sum(axis=1)).ravel(), np.diff(tied.indptr)
+    enough = partners >= FEWEST_PARTNERS
+    parts = _parts(tied)
+    while key.sum() > count // 2:
         # The photo that its key partners can best do without: the one most tied to them.
-        redundancy = np.where(key & ~blocked, (weight * key).sum(1), -1.0)
-        worst = int(np.argmax(redundancy))
-        if redundancy[worst] <= 0:
+        worst = int(np.argmax(np.where(key & ~blocked, redundancy, -1.0)))
+        if not key[worst] or blocked[worst] or redundancy[worst] <= 0:
             break
+        mine = slice(weight.indptr[worst], weight.indptr[worst + 1])
+        neighbours = weight.indices[mine]
         key[worst] = False
-        kept = tied[np.ix_(key, key)]
-        lonely = ((tied & key).sum(1) < FEWEST_PARTNERS) & (tied.sum(1) >= FEWEST_PARTNERS)
-        if lonely.any() or _parts(kept) > _parts(tied):
+        poor = enough[neighbours] & (partners[neighbours] - 1 < FEWEST_PARTNERS)
+        if poor.any() or _parts(tied[key][:, key]) > parts:
             key[worst], blocked[worst] = True, True
+            continue
+        partners[neighbours] -= 1
+        redundancy[neighbours] -= weight.data[mine]
     return [matches.names[ids[k]] for k in np.flatnonzero(key)] if key.mean() <= MOST else None
 
 
-def _parts(tied: NDArray[np.bool_]) -> int:
+def _parts(tied: csr_matrix) -> int:
     return int(connected_components(tied, directed=False)[0])
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 from typing import Any
 
@@ -40,6 +41,13 @@ def test_half_of_a_ring_is_enough_and_everyone_keeps_partners() -> None:
     assert chosen is not None
     assert 30 <= len(chosen) <= 42
     assert min(partners(matches, name, chosen) for name in matches.names.values()) >= keyframes.FEWEST_PARTNERS
+
+
+def test_thousands_of_photos_are_chosen_from_in_seconds() -> None:
+    began = time.perf_counter()
+    chosen = choose_keyframes(ring(2000, 5), 15)
+    assert chosen is not None and 1000 <= len(chosen) <= 1400
+    assert time.perf_counter() - began < 20.0
 
 
 def test_a_chain_keeps_all_its_photos() -> None:
