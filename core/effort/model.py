@@ -47,8 +47,8 @@ def _search(work: Work) -> float:
     """Cameras: features per photo, and pairs that its neighbours ask for. Kernels become ready meanwhile."""
     if not work.search:
         return 0.1
-    fixed, each = (3.0, 0.125) if work.photos >= MANY else (5.0, 0.15)
-    sought = fixed + each * work.photos * (work.megapixels / 0.4)
+    fixed, each = (2.0, 0.125) if work.photos >= MANY else (4.0, 0.15)
+    sought = 1.0 + (fixed + each * work.photos) * (work.megapixels / 0.4)
     return sought if work.compiled else max(sought * 1.3, COMPILING)
 
 
