@@ -24,9 +24,10 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from .refine import Floats, completed, moved, views_of
+from .refine import completed
 from .settings import Recipe, RefineSettings
 from .straight import adjustment
+from .tracks import Floats, moved, views_of
 
 #: Key partners that every photo keeps, key or not.
 FEWEST_PARTNERS = 3

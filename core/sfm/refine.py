@@ -10,7 +10,7 @@ Runs in the child process only.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -21,53 +21,24 @@ from .. import compiled
 from .refine_kernels import align
 from .settings import RefineSettings
 from .straight import adjustment, with_straight_lenses
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
+from .tracks import (
+    Floats,
+    Integers,
+    Tracks,
+    Views,
+    chosen,
+    longest,
+    moved,
+    normals_of,
+    spread,
+    tracks_of,
+    views_of,
+)
 
 #: Fewer aligned points than this hold no bundle adjustment together.
 MINIMUM_POINTS = 30
 #: Points that are looked for in a photo which only looks for its place.
 PLACING = 150
-
-
-@dataclass(frozen=True)
-class Tracks:
-    """Observations of all points, as flat arrays.
-
-    Attributes:
-        positions: [M, 3] points.
-        point, view: [N] indices of each observation's point and view, sorted by point.
-        pixels: [N, 2] where it was seen.
-        reference: [M] the view whose patch defines the point.
-        ids: [M] the points' ids in the model.
-    """
-
-    positions: Floats
-    point: Integers
-    view: Integers
-    pixels: Floats
-    reference: Integers
-    ids: Integers
-
-
-@dataclass(frozen=True)
-class Views:
-    """Cameras and photos as stacked arrays.
-
-    Attributes:
-        ids: image ids of the model.
-        images: [V, H, W] float32, smaller photos padded; sizes: [V, 2] int32 width, height.
-        rotations [V, 3, 3], translations [V, 3], centres [V, 3], focals [V].
-    """
-
-    ids: list[int]
-    images: NDArray[np.float32]
-    sizes: NDArray[np.int32]
-    rotations: Floats
-    translations: Floats
-    centres: Floats
-    focals: Floats
 
 
 def pixel_exact(model: Any, greys: dict[str, NDArray[np.float32]], settings: RefineSettings) -> Any:
@@ -82,7 +53,7 @@ def pixel_exact(model: Any, greys: dict[str, NDArray[np.float32]], settings: Ref
     """
     views = views_of(model, greys)
     limit = max(settings.observations, settings.observations_per_photo * len(views.ids))
-    tracks = _longest(tracks_of(model, views), len(views.ids), limit)
+    tracks = longest(tracks_of(model, views), len(views.ids), limit)
     tracks = _aligned(tracks, views, settings, settings.correlation)
     if len(tracks.point) < settings.fewest_per_photo * len(views.ids) or len(tracks.positions) < MINIMUM_POINTS:
         return model  # the patches do not agree: no reason to trust them more than the features
@@ -103,126 +74,6 @@ def compile_early(settings: RefineSettings) -> None:
     )  # fmt: skip
 
 
-def _poses(model: Any, ids: list[int]) -> dict[str, Floats]:
-    poses = [model.images[i].cam_from_world() for i in ids]
-    rotations = np.array([p.rotation.matrix() for p in poses])
-    translations = np.array([p.translation for p in poses])
-    centres = -np.einsum("nji,nj->ni", rotations, translations)
-    focals = np.array([model.cameras[model.images[i].camera_id].mean_focal_length() for i in ids])
-    return {"rotations": rotations, "translations": translations, "centres": centres, "focals": focals}
-
-
-def moved(views: Views, model: Any) -> Views:
-    poses = _poses(model, views.ids)
-    return Views(views.ids, views.images, views.sizes, **poses)
-
-
-def views_of(model: Any, greys: dict[str, NDArray[np.float32]]) -> Views:
-    ids = sorted(model.reg_image_ids())
-    photos = [greys[model.images[i].name] for i in ids]
-    heights, widths = zip(*[p.shape for p in photos], strict=True)
-    images = np.zeros((len(ids), max(heights), max(widths)), np.float32)
-    for image, photo in zip(images, photos, strict=True):
-        image[: photo.shape[0], : photo.shape[1]] = photo
-    return Views(ids, images, np.array([widths, heights], np.int32).T.copy(), **_poses(model, ids))
-
-
-def tracks_of(model: Any, views: Views) -> Tracks:
-    index = {image_id: i for i, image_id in enumerate(views.ids)}
-    pixels = {i: np.array([p.xy for p in model.images[i].points2D]) for i in views.ids}
-    point, view, seen, positions = [], [], [], []
-    ids = sorted(model.point3D_ids())
-    for number, point_id in enumerate(ids):
-        item = model.points3D[point_id]
-        positions.append(item.xyz)
-        taken: set[int] = set()
-        for element in item.track.elements:
-            if element.image_id not in taken:
-                taken.add(element.image_id)
-                point.append(number)
-                view.append(index[element.image_id])
-                seen.append(pixels[element.image_id][element.point2D_idx])
-    world = np.array(positions).reshape(-1, 3)
-    tracks = Tracks(
-        world,
-        np.array(point, int),
-        np.array(view, int),
-        np.array(seen).reshape(-1, 2),
-        np.zeros(len(world), int),
-        np.array(ids, int),
-    )
-    return replace(tracks, reference=_frontal(tracks, views))
-
-
-def _frontal(tracks: Tracks, views: Views) -> Integers:
-    """The view of each point that sees it straight on, from the middle distance."""
-    rays = views.centres[tracks.view] - tracks.positions[tracks.point]
-    distance = np.linalg.norm(rays, axis=1)
-    normals = _normals(tracks, views)
-    frontal = (rays * normals[tracks.point]).sum(1) / distance
-    logarithm = np.log(distance)
-    count = np.maximum(np.bincount(tracks.point, minlength=len(tracks.positions)), 1)
-    middle = np.bincount(tracks.point, logarithm, len(tracks.positions)) / count
-    score = frontal - 0.3 * np.abs(logarithm - middle[tracks.point])
-    order = np.lexsort((score, tracks.point))
-    best = np.zeros(len(tracks.positions), int)
-    best[tracks.point[order]] = tracks.view[order]  # the last one written is the best
-    return best
-
-
-def _normals(tracks: Tracks, views: Views) -> Floats:
-    """[M, 3] unit vectors from the points towards the cameras that see them."""
-    rays = views.centres[tracks.view] - tracks.positions[tracks.point]
-    rays /= np.linalg.norm(rays, axis=1, keepdims=True)
-    total = np.stack([np.bincount(tracks.point, rays[:, k], len(tracks.positions)) for k in range(3)], axis=1)
-    return np.asarray(total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-12))
-
-
-def _longest(tracks: Tracks, views: int, limit: int) -> Tracks:
-    """The longest tracks with about `limit` observations in all, every view getting its share."""
-    if len(tracks.point) <= limit:
-        return tracks
-    length = np.bincount(tracks.point, minlength=len(tracks.positions))
-    starts = np.concatenate([[0], np.cumsum(length)])
-    seen = np.zeros(views, int)
-    share = limit / views
-    keep = np.zeros(len(tracks.positions), bool)
-    total = 0
-    for at in np.argsort(-length, kind="stable"):
-        members = tracks.view[starts[at] : starts[at + 1]]
-        if (seen[members] < share).any():
-            keep[at] = True
-            seen[members] += 1
-            total += len(members)
-            if total >= 1.5 * limit:
-                break
-    return _chosen(tracks, keep[tracks.point])
-
-
-def _spread(tracks: Tracks, among: NDArray[np.bool_], limit: int) -> NDArray[np.bool_]:
-    """Of the observations in `among`, at most about `limit` per photo, evenly over the points."""
-    at = np.flatnonzero(among)
-    counts = np.bincount(tracks.view[at], minlength=int(tracks.view.max(initial=0)) + 1)
-    order = at[np.argsort(tracks.view[at], kind="stable")]
-    rank = np.arange(len(order)) - np.repeat(np.cumsum(counts) - counts, counts)
-    step = np.maximum(counts / limit, 1.0)[tracks.view[order]]
-    keep = np.zeros(len(tracks.view), bool)
-    keep[order[np.floor(rank / step) != np.floor((rank - 1) / step)]] = True
-    return keep
-
-
-def _chosen(tracks: Tracks, keep: NDArray[np.bool_]) -> Tracks:
-    """Only the observations of `keep`, and the points that still have two."""
-    length = np.bincount(tracks.point[keep], minlength=len(tracks.positions))
-    alive = length >= 2
-    keep = keep & alive[tracks.point]
-    renumber = np.cumsum(alive) - 1
-    return Tracks(
-        tracks.positions[alive], renumber[tracks.point[keep]], tracks.view[keep], tracks.pixels[keep],
-        tracks.reference[alive], tracks.ids[alive],
-    )  # fmt: skip
-
-
 def _aligned(tracks: Tracks, views: Views, settings: RefineSettings, correlation: float) -> Tracks:
     """Moves all observations to where their photo agrees with the reference; drops the others."""
     own = tracks.view == tracks.reference[tracks.point]
@@ -230,7 +81,7 @@ def _aligned(tracks: Tracks, views: Views, settings: RefineSettings, correlation
     anchor[tracks.point[own]] = tracks.pixels[own]
     others = np.flatnonzero(~own)
     point, view = tracks.point[others], tracks.view[others]
-    axes = _plane_axes(_normals(tracks, views))[point]
+    axes = _plane_axes(normals_of(tracks, views))[point]
     to_other = _projected(axes, tracks.positions[point], view, views)
     to_reference = _projected(axes, tracks.positions[point], tracks.reference[point], views)
     warps = to_other @ np.linalg.inv(to_reference)
@@ -246,7 +97,7 @@ def _aligned(tracks: Tracks, views: Views, settings: RefineSettings, correlation
     pixels[others[good]] = out[good, :2]
     keep = own.copy()
     keep[others[good]] = True
-    return _chosen(replace(tracks, pixels=pixels), keep)
+    return chosen(replace(tracks, pixels=pixels), keep)
 
 
 def _plane_axes(normals: Floats) -> Floats:
@@ -278,7 +129,7 @@ def completed(
     observation that each point is compared with.
     """
     tracks = tracks_of(model, views)
-    normals = _normals(tracks, views)
+    normals = normals_of(tracks, views)
     count = len(tracks.positions)
     known = np.zeros((count, len(views.ids)), bool)
     known[tracks.point, tracks.view] = True
@@ -310,10 +161,10 @@ def completed(
     )
     if only is not None:
         own = longer.view == longer.reference[longer.point]
-        wanted = own | _spread(longer, np.isin(np.array(views.ids)[longer.view], sorted(only)), PLACING)
-        return _aligned(_chosen(longer, wanted), views, settings, settings.new_correlation)
+        wanted = own | spread(longer, np.isin(np.array(views.ids)[longer.view], sorted(only)), PLACING)
+        return _aligned(chosen(longer, wanted), views, settings, settings.new_correlation)
     limit = max(settings.observations, settings.observations_per_photo * len(views.ids))
-    longer = _longest(longer, len(views.ids), 2 * limit)
+    longer = longest(longer, len(views.ids), 2 * limit)
     return _aligned(longer, views, replace(settings, reach=2.0), settings.new_correlation)
 
 
