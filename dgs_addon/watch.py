@@ -23,8 +23,11 @@ class Watch:
     taken: set[str] = field(default_factory=set)
     _seen: dict[str, tuple[int, int]] = field(default_factory=dict)
 
-    def look(self) -> list[Path]:
-        """New photos that are complete, by name; none while one of them is still being written."""
+    def new(self) -> list[Path]:
+        """Photos that were not handed out, by name, complete or not."""
+        return [self.folder / name for name in sorted(self._sizes())]
+
+    def _sizes(self) -> dict[str, tuple[int, int]]:
         now: dict[str, tuple[int, int]] = {}
         try:
             for path in self.folder.iterdir():
@@ -32,7 +35,12 @@ class Watch:
                     status = path.stat()
                     now[path.name] = (status.st_size, status.st_mtime_ns)
         except OSError:  # the folder is gone for a while, or a file of it
-            return []
+            return {}
+        return now
+
+    def look(self) -> list[Path]:
+        """New photos that are complete, by name; none while one of them is still being written."""
+        now = self._sizes()
         still = now == self._seen and all(size for size, _ in now.values())
         self._seen = now
         return [self.folder / name for name in sorted(now)] if still else []

@@ -61,9 +61,7 @@ class DGS_OT_update_twin(bpy.types.Operator):
             settings = context.scene.dgs
             folder, out = absolute(settings.new_photos), out_folder(settings)
             assert folder is not None and out is not None
-            watch = Watch(folder, twins_photos(out, absolute(settings.photos)))
-            watch.look()
-            photos = watch.look()  # the second look tells what is complete
+            photos = Watch(folder, twins_photos(out, absolute(settings.photos))).new()
             if not photos:
                 raise DgsError(f"'{folder.name}' holds no new photos", "Names that the twin has already are left out")
             return update_request(settings, photos)
@@ -71,19 +69,23 @@ class DGS_OT_update_twin(bpy.types.Operator):
         return start_job(self, context, make)
 
 
-class DGS_OT_rollback_twin(bpy.types.Operator):
+class Updated:
+    """For operators that need an earlier state of the twin."""
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        """There is one."""
+        reason = _why_no_state(context.scene)
+        cls.poll_message_set(reason)  # type: ignore[attr-defined]
+        return not reason
+
+
+class DGS_OT_rollback_twin(Updated, bpy.types.Operator):
     """Bring the twin back to what it was before the last update"""
 
     bl_idname = "dgs.rollback_twin"
     bl_label = "Undo Update"
     bl_options = {"REGISTER", "UNDO"}
-
-    @classmethod
-    def poll(cls, context: Any) -> bool:
-        """There is an earlier state."""
-        reason = _why_no_state(context.scene)
-        cls.poll_message_set(reason)
-        return not reason
 
     def execute(self, context: Any) -> set[str]:
         """Files first, then what the scene shows of them."""
@@ -102,7 +104,7 @@ class DGS_OT_rollback_twin(bpy.types.Operator):
         return {"FINISHED"}
 
 
-class DGS_OT_show_states(bpy.types.Operator):
+class DGS_OT_show_states(Updated, bpy.types.Operator):
     """Put every state of the twin on the timeline: play it to see how the twin grew"""
 
     bl_idname = "dgs.show_states"
@@ -110,13 +112,6 @@ class DGS_OT_show_states(bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     frames: bpy.props.IntProperty(name="Frames", min=1, soft_max=250, default=24, description="Length of each state")
-
-    @classmethod
-    def poll(cls, context: Any) -> bool:
-        """There is an earlier state."""
-        reason = _why_no_state(context.scene)
-        cls.poll_message_set(reason)
-        return not reason
 
     def execute(self, context: Any) -> set[str]:
         """Adds them; the twin itself is hidden, the last state is the same."""

@@ -140,7 +140,7 @@ def _by_keyframes(
     if chosen is None:
         return None
     found = pipeline.map_incrementally(job, recipe, database, images, output, count, chosen)
-    if not found or found[0].num_reg_images() < len(chosen):
+    if not found or found[0].num_reg_images() < (1.0 - keyframes.UNPLACED) * len(chosen):
         return None
     model = pixel_exact(found[0], greys, settings.refine_many)
     return keyframes.place_others(model, matches, greys, recipe, settings.refine_many, count)

@@ -114,7 +114,10 @@ def choose_keyframes(matches: Matches, least: int) -> list[str] | None:
             continue
         partners[neighbours] -= 1
         redundancy[neighbours] -= weight.data[mine]
-    return [matches.names[ids[k]] for k in np.flatnonzero(key)] if key.mean() <= MOST else None
+    if key.mean() > MOST:
+        return None
+    key &= np.diff(tied.indptr) > 0  # who shares nothing with anyone carries nothing
+    return [matches.names[ids[k]] for k in np.flatnonzero(key)]
 
 
 def _parts(tied: csr_matrix) -> int:

@@ -38,16 +38,15 @@ def add_states(out: Path, scene: Any, first: int = 1, frames: int = FRAMES) -> l
     folders = [*kept, out]
     clouds = [read_ply(folder / "twin.ply") for folder in folders]  # before anything is taken out
     _remove(out, scene)
-    name = f"{out.name.removesuffix('-twin') or 'twin'} states"
+    name = f"{_stem(out)} states"
     collection = bpy.data.collections.new(name)
     scene.collection.children.link(collection)
     things = []
     for number, (folder, cloud) in enumerate(zip(folders, clouds, strict=True)):
         thing = add_twin(cloud, f"{name} {number}", collection)
         thing[STATE] = f"{out}#{number}"
-        label = _label(number, folder)
-        marker = scene.timeline_markers.new(label, frame=first + number * frames)
-        marker.name = label
+        label = f"{_stem(out)} {_label(number, folder)}"
+        scene.timeline_markers.new(label, frame=first + number * frames)
         _show_from(thing, first + number * frames, first + (number + 1) * frames, number, len(folders))
         things.append(thing)
     scene.frame_start = min(scene.frame_start, first)
@@ -87,7 +86,11 @@ def _remove(out: Path, scene: Any) -> None:
         for collection in collections:
             if collection != scene.collection and not collection.objects:
                 bpy.data.collections.remove(collection)
-    for marker in [m for m in scene.timeline_markers if m.name.startswith("state ")]:
+    for marker in [m for m in scene.timeline_markers if m.name.startswith(f"{_stem(out)} state ")]:
         scene.timeline_markers.remove(marker)
+
+
+def _stem(out: Path) -> str:
+    return out.name.removesuffix("-twin") or "twin"
 
 

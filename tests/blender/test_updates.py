@@ -146,12 +146,13 @@ def test_states_stand_on_the_timeline(scene: Any) -> None:
     history.keep(out)
     (out / "update.json").write_text(json.dumps({"photos": ["a.png", "b.png"]}), "utf-8")
     history.keep(out)
+    scene.timeline_markers.new("state of play", frame=7)  # the user's own
     for _ in range(2):  # a second time in place of the first
         things = add_states(out, scene, first=1, frames=10)
     assert len(things) == 3
     assert len([o for o in scene.objects if STATE in o]) == 3
     assert {m.frame: m.name for m in scene.timeline_markers} == {
-        1: "state 0", 11: "state 1: 2 new photos", 21: "state 2: 2 new photos"
+        7: "state of play", 1: "out state 0", 11: "out state 1: 2 new photos", 21: "out state 2: 2 new photos"
     }  # fmt: skip
     for frame, shown in ((1, 0), (10, 0), (11, 1), (20, 1), (21, 2), (30, 2)):
         scene.frame_set(frame)

@@ -156,6 +156,10 @@ def test_more_steps_than_help_are_not_planned():
     assert budget.plan is not None and settings.time_limit is not None
     assert budget.plan.enough and budget.plan.steps == settings.steps == useful_steps(4) == plan.USEFUL_STEPS
     assert settings.time_limit < 1500.0
+    asked = plan.USEFUL_STEPS + 500
+    assert planned(3000.0, min_steps=asked)[1].steps == asked, "steps that are asked for are done"
+    budget, settings = planned(3000.0, until=30.0)
+    assert budget.plan is not None and not budget.plan.enough and settings.steps > plan.USEFUL_STEPS
     assert useful_steps(100) == 100 * plan.USEFUL_VISITS, "many photos want more"
 
 

@@ -50,6 +50,13 @@ def test_thousands_of_photos_are_chosen_from_in_seconds() -> None:
     assert time.perf_counter() - began < 20.0
 
 
+def test_a_photo_that_shares_nothing_is_no_key_photo() -> None:
+    matches = ring(60, 5)
+    matches.names[99] = "0/blank.png"
+    chosen = choose_keyframes(matches, 15)
+    assert chosen is not None and "0/blank.png" not in chosen
+
+
 def test_a_chain_keeps_all_its_photos() -> None:
     assert choose_keyframes(ring(60, 1), 15) is None
 
