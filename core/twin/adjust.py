@@ -1,0 +1,197 @@
+"""Cameras and points laid where the photos see the points: bundle adjustment, held where the photos are silent.
+
+Gauss and Newton's steps, damped (Levenberg and Marquardt), the points eliminated by Schur's complement (Triggs et al.
+2000). What the photos determine only weakly - a dome under flat ground, the focal length against the distance - would
+run away on small errors: every camera is held to where it was, loosely.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+from scipy.spatial.transform import Rotation
+
+from ..camera import Camera
+
+Floats = NDArray[np.float64]
+
+#: px by which a camera is expected to be off, along each of its axes and around them.
+LOOSE = 3.0
+#: Relative error that a focal length may have: it hides behind the distance, and runs away on blurred photos.
+LOOSE_FOCAL = 0.005
+#: Neighbouring sightings err together: so many tell as much as one alone.
+TOGETHER = 20.0
+#: Sightings that are off by more than so many typical errors count little (Geman and McClure's weights).
+FAR = 2.0
+ITERATIONS = 12
+
+
+@dataclass(frozen=True)
+class Sightings:
+    """Points as photos see them.
+
+    Attributes:
+        camera, point: [K] which camera sees which point.
+        place: [K, 2] px from the optical axis.
+        error: [K] px, relative to each other.
+    """
+
+    camera: NDArray[np.int64]
+    point: NDArray[np.int64]
+    place: Floats
+    error: Floats
+
+    def __len__(self) -> int:
+        return len(self.camera)
+
+
+@dataclass
+class _State:
+    rotation: Floats
+    translation: Floats
+    points: Floats
+    zoom: float
+
+
+def adjusted(cameras: Sequence[Camera], points: Floats, seen: Sightings, focal: bool,
+             loose: float = LOOSE) -> tuple[list[Camera], float]:  # fmt: skip
+    """Cameras that explain the sightings, and what is left of them.
+
+    Args:
+        cameras: one focal length for all; points: [M, 3], each seen by two cameras at least.
+        focal: whether the shared focal length may change.
+
+    Returns:
+        The cameras, still with the freedom of a similarity, and the median px that sightings are off.
+    """
+    problem = _Problem(cameras, seen, focal, loose)
+    state = _State(
+        np.stack([c.rotation for c in cameras]), np.stack([c.translation for c in cameras]), points.copy(), 0.0
+    )
+    damping = 1e-4
+    for _ in range(ITERATIONS):
+        weight = problem.weights(state)
+        trial = problem.step(state, weight, damping)
+        if problem.cost(trial, weight) < problem.cost(state, weight):
+            state, damping = trial, max(damping / 10, 1e-8)
+        else:
+            damping *= 10
+    found = [
+        replace(c, rotation=r, translation=t, fx=c.fx * np.exp(state.zoom), fy=c.fy * np.exp(state.zoom))
+        for c, r, t in zip(cameras, state.rotation, state.translation, strict=True)
+    ]
+    return found, float(np.median(np.linalg.norm(problem.residual(state)[0], axis=1)))
+
+
+class _Problem:
+    def __init__(self, cameras: Sequence[Camera], seen: Sightings, focal: bool, loose: float) -> None:
+        self.seen, self.n, self.size = seen, len(cameras), 6 * len(cameras) + 1
+        self.began = np.stack([c.rotation for c in cameras]), np.stack([c.translation for c in cameras])
+        self.fx = np.array([c.fx for c in cameras])
+        px = 1.0 / self.fx[:, None]
+        # Along the view a camera moves twice as far for a px.
+        pose = np.concatenate([px, px, 2 * px, px, px, px], axis=1).ravel()
+        self.pull = 1.0 / np.append(pose * loose, LOOSE_FOCAL if focal else 1e-9) ** 2
+
+    def residual(self, state: _State) -> tuple[Floats, Floats, Floats]:
+        """[K, 2] px, [K, 3] points before the cameras, [K] focal lengths."""
+        at, which = self.seen.camera, self.seen.point
+        local = np.einsum("kab,kb->ka", state.rotation[at], state.points[which]) + state.translation[at]
+        length = self.fx[at] * np.exp(state.zoom)
+        return self.seen.place - local[:, :2] / local[:, 2:] * length[:, None], local, length
+
+    def weights(self, state: _State) -> Floats:
+        """[K] of the squares, in units of the typical error."""
+        off = np.linalg.norm(self.residual(state)[0], axis=1) / self.seen.error
+        typical = max(1.4826 * float(np.median(off)), 1e-6)
+        return 1.0 / ((1.0 + (off / (FAR * typical)) ** 2) * self.seen.error * typical) ** 2 / TOGETHER
+
+    def drift(self, state: _State) -> Floats:
+        """[6 n + 1] how far every camera is from where it began."""
+        turn = state.rotation @ self.began[0].transpose(0, 2, 1)
+        shift = state.translation - np.einsum("nab,nb->na", turn, self.began[1])
+        each = np.concatenate([shift, Rotation.from_matrix(turn).as_rotvec()], axis=1)
+        return np.append(each.ravel(), state.zoom)
+
+    def cost(self, state: _State, weight: Floats) -> float:
+        """Weighted squares of sightings and drift."""
+        rest = self.residual(state)[0]
+        return float((weight * (rest**2).sum(axis=1)).sum() + (self.pull * self.drift(state) ** 2).sum())
+
+    def step(self, state: _State, weight: Floats, damping: float) -> _State:
+        """One damped step of all."""
+        rest, local, length = self.residual(state)
+        at, which, k = self.seen.camera, self.seen.point, len(self.seen)
+        by_local, by_camera = _derivatives(local, length)
+        by_point = by_local @ state.rotation[at]
+        root = np.sqrt(weight)[:, None]
+        columns = np.concatenate([6 * at[:, None] + np.arange(6), np.full((k, 1), self.size - 1)], axis=1)
+        rows = 2 * np.arange(k)[:, None] + np.arange(2)
+        camera_side = _sparse(by_camera * root[..., None], rows, columns, (2 * k, self.size))
+        point_side = _sparse(by_point * root[..., None], rows, 3 * which[:, None] + np.arange(3),
+                             (2 * k, 3 * len(state.points)))  # fmt: skip
+        right = (rest * root).ravel()
+        square = camera_side.T @ camera_side
+        mixed = camera_side.T @ point_side
+        block = np.zeros((len(state.points), 3, 3))
+        np.add.at(block, which, np.einsum("k,kab,kac->kbc", weight, by_point, by_point))
+        block += damping * block * np.eye(3) + 1e-9 * np.eye(3)
+        inverse = sparse.block_diag(list(np.linalg.inv(block)), format="csr")
+        through = mixed @ inverse
+        pull_point = point_side.T @ right
+        matrix = (square - through @ mixed.T).toarray() + np.diag(self.pull)
+        matrix += damping * np.diag(square.diagonal())
+        vector = camera_side.T @ right - through @ pull_point - self.pull * self.drift(state)
+        move = np.linalg.solve(matrix, vector)
+        points = inverse @ (pull_point - mixed.T @ move)
+        pose = move[:-1].reshape(self.n, 6)
+        turn = Rotation.from_rotvec(pose[:, 3:]).as_matrix()
+        return _State(
+            turn @ state.rotation, np.einsum("nab,nb->na", turn, state.translation) + pose[:, :3],
+            state.points + points.reshape(-1, 3), state.zoom + float(move[-1]),
+        )  # fmt: skip
+
+
+def laid(camera: Camera, points: Floats, place: Floats, error: Floats, loose: float = LOOSE) -> Camera:
+    """One camera, where points [K, 3] that stay as they are lie at `place` [K, 2]; see `adjusted`."""
+    k = len(points)
+    seen = Sightings(np.zeros(k, np.int64), np.arange(k), place, error)
+    problem = _Problem([camera], seen, False, loose)
+    state = _State(camera.rotation[None], camera.translation[None], points, 0.0)
+    for _ in range(ITERATIONS // 2):
+        weight = problem.weights(state)
+        rest, local, length = problem.residual(state)
+        by_camera = _derivatives(local, length)[1][:, :, :6]
+        matrix = np.einsum("k,kab,kac->bc", weight, by_camera, by_camera) + np.diag(problem.pull[:6])
+        vector = np.einsum("k,kab,ka->b", weight, by_camera, rest) - problem.pull[:6] * problem.drift(state)[:6]
+        move = np.linalg.solve(matrix, vector)
+        turn = Rotation.from_rotvec(move[3:]).as_matrix()
+        state = _State((turn @ state.rotation[0])[None], (turn @ state.translation[0] + move[:3])[None], points, 0.0)
+    return replace(camera, rotation=state.rotation[0], translation=state.translation[0])
+
+
+def _derivatives(local: Floats, length: Floats) -> tuple[Floats, Floats]:
+    """Of places [K, 2] in the points before the camera [K, 2, 3], and in the camera's twist and zoom [K, 2, 7]."""
+    k = len(local)
+    x, y, z = local.T
+    by_local = np.zeros((k, 2, 3))
+    by_local[:, 0, 0] = by_local[:, 1, 1] = length / z
+    by_local[:, 0, 2], by_local[:, 1, 2] = -length * x / z**2, -length * y / z**2
+    cross = np.zeros((k, 3, 3))  # a turn moves a point by turn x point
+    cross[:, 0, 1], cross[:, 0, 2], cross[:, 1, 0] = z, -y, -z
+    cross[:, 1, 2], cross[:, 2, 0], cross[:, 2, 1] = x, y, -x
+    zoom = (local[:, :2] * (length / z)[:, None])[..., None]
+    return by_local, np.concatenate([by_local, by_local @ cross, zoom], axis=2)
+
+
+def _sparse(values: Floats, rows: NDArray[np.int64], columns: NDArray[np.int64],
+            shape: tuple[int, int]) -> sparse.csr_matrix:  # fmt: skip
+    """Blocks [K, 2, C] at rows [K, 2] and columns [K, C]."""
+    k, _, c = values.shape
+    i = np.repeat(rows[:, :, None], c, axis=2).ravel()
+    j = np.repeat(columns[:, None, :], 2, axis=1).ravel()
+    return sparse.csr_matrix((values.ravel(), (i, j)), shape=shape)
