@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from .edges import Edges, find_edges, together
+from .edges import MOST, Edges, find_edges, together
 from .lower_mode import Pile, find_pile
 from .photo_set import PhotoSet
 
@@ -15,6 +15,8 @@ Array = NDArray[np.float64]
 
 #: Photos that are looked at first, how many more at a time, and how many edges are enough.
 FIRST, MORE, ENOUGH = 8, 4, 200
+#: Edges that are fitted in all of the first photos together: half a second.
+BUDGET = 3000
 #: Where a guess shows no pile, multiples of it, up to a width in px, are tried on a few photos: where most of a photo
 #: is flat or dark, its spectrum tells a fraction of the blur.
 LADDER, FEW, WIDEST = (1.7, 2.9, 5.0, 8.5, 0.6), 4, 10.0
@@ -55,16 +57,17 @@ def _settled(photos: PhotoSet, guess: Array, most: int) -> Pile | None:
     return found
 
 
-def _edges(photos: PhotoSet, sigma: float, most: int) -> Edges:
+def _edges(photos: PhotoSet, sigma: float, looked: int) -> Edges:
     """Edges of evenly spread photos, until there are enough."""
-    count = min(most, len(photos.greys))
+    count = min(looked, len(photos.greys))
     order = np.linspace(0, len(photos.greys) - 1, count).round().astype(int)
     step = max(1, count // FIRST)
     order = np.concatenate([order[k::step] for k in range(step)])  # the first ones are spread over all, too
+    most = max(BUDGET // min(count, FIRST), 250)
     found: list[Edges] = []
     for turn, index in enumerate(order):
         if turn >= FIRST and (turn - FIRST) % MORE == 0 and sum(len(e) for e in found) >= ENOUGH:
             break
         grey, noise, clipped = photos.greys[index], photos.grey_noise[index], photos.clipped[index]
-        found.append(find_edges(grey, noise, sigma, clipped, int(index)))
+        found.append(find_edges(grey, noise, sigma, clipped, int(index), min(most, MOST)))
     return together(found)

@@ -55,8 +55,8 @@ def fit_steps(begin, end, grey, row, column, direction, start, radius, fitted): 
         direction: [N] float64, radians from x towards y: where the values rise.
         start: width to begin with, px.
         radius: of the pieces, px.
-        fitted: [N, 9] float64, written: width, height, place, direction, curvature, rms of what is left, its share
-            in the width's standard deviation (that is rms * this); width NaN where there was no fit.
+        fitted: [N, 9] float64, written: width, height, place, direction, curvature, rms of what is left, standard
+            deviation of the width if that rms were 1, slope across and along the step; width NaN without a fit.
     """
     reach = int(math.floor(radius))
     p = np.zeros(UNKNOWNS)

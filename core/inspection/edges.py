@@ -1,4 +1,10 @@
-"""Widths of the straight, lonely edges in a picture."""
+"""Widths of the straight, lonely edges in a picture.
+
+A step under a Gaussian blur is its error function, whose width tells the blur. Small round pieces around the crests of
+the slope are fitted with one such step each, bent a little, on an even slope (`edge_kernels`). A piece counts where the
+step is all there is: little is left over, and both sides are flat. That flatness is what tells steps from the many
+places in a textured picture that merely look like one.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +28,7 @@ REACH = 2.8
 BELL = 0.6
 #: Least height of a step over the noise, and over full scale.
 CLEAR, LEAST_HEIGHT = 12.0, 0.02
-#: Edges of one picture that are fitted.
+#: Edges of one picture that are fitted at most.
 MOST = 1000
 #: Edges of one region of a picture (px) may be one contour.
 REGION = 48
@@ -74,20 +80,29 @@ def together(several: list[Edges]) -> Edges:
 
 
 def find_edges(grey: NDArray[np.float32], noise: float, sigma: float, clipped: NDArray[np.bool_] | None = None,
-               photo: int = 0) -> Edges:  # fmt: skip
-    """Fits the edges of [H, W] values whose blur is about `sigma` px; noise: standard deviation."""
+               photo: int = 0, most: int = MOST) -> Edges:  # fmt: skip
+    """Fits the straight, lonely edges of a blurred picture.
+
+    Args:
+        grey: [H, W], in the light that the blur acts on.
+        noise: its standard deviation.
+        sigma: about what the blur is, px, within a third or so.
+        clipped: [H, W], true where values are not those of the light.
+        photo: number of the picture, kept with its edges.
+        most: edges that are fitted, strongest first.
+    """
     by = max(1, int(sigma / FINEST))
     h, w = (n // by * by for n in grey.shape)
     small = np.ascontiguousarray(_averaged(grey[:h, :w], by), np.float32)
     noise = noise / by
     width = math.sqrt(sigma**2 + (by * by - 1) / 12.0) / by
     radius = max(REACH * width, 3.2)
-    rows, columns, angles, heights = _candidates(small, width, max(CLEAR * noise, LEAST_HEIGHT), math.ceil(radius) + 1)
+    rows, columns, angles = _candidates(small, width, max(CLEAR * noise, LEAST_HEIGHT), math.ceil(radius) + 1)
     if clipped is not None and len(rows):
         near = ndimage.maximum_filter(_averaged(clipped[:h, :w].astype(np.float32), by), 2 * math.floor(radius) + 1)
         free = near[rows, columns] == 0
-        rows, columns, angles, heights = rows[free], columns[free], angles[free], heights[free]
-    rows, columns, angles = rows[:MOST], columns[:MOST], angles[:MOST]
+        rows, columns, angles = rows[free], columns[free], angles[free]
+    rows, columns, angles = rows[:most], columns[:most], angles[:most]
     fitted = np.full((len(rows), 9), np.nan)
     if len(rows):
         run(fit_steps, len(rows), small, rows, columns, angles, width, radius, fitted, grain=32)
@@ -115,8 +130,8 @@ def _averaged(values: NDArray[np.float32], by: int) -> NDArray[np.float32]:
 
 def _candidates(
     grey: NDArray[np.float32], width: float, least: float, border: int
-) -> tuple[NDArray[np.int64], NDArray[np.int64], Array, Array]:
-    """Middles (row, column), direction and height of the strongest slopes, at most one in a cell, strongest first."""
+) -> tuple[NDArray[np.int64], NDArray[np.int64], Array]:
+    """Middles (row, column) and direction of the strongest slopes, at most one in a cell, strongest first."""
     bell = BELL * width
     gx = ndimage.gaussian_filter(grey, bell, order=(0, 1))
     gy = ndimage.gaussian_filter(grey, bell, order=(1, 0))
@@ -125,7 +140,7 @@ def _candidates(
     inner = np.zeros(grey.shape, bool)
     if min(grey.shape) <= 2 * border + 2:
         none = np.zeros(0, np.int64)
-        return none, none, np.zeros(0), np.zeros(0)
+        return none, none, np.zeros(0)
     inner[border:-border, border:-border] = True
     r, c = np.nonzero(inner & (height > least))
     dx, dy = gx[r, c] / slope[r, c], gy[r, c] / slope[r, c]
@@ -140,4 +155,4 @@ def _candidates(
     _, first = np.unique((r // cell) * (grey.shape[1] // cell + 1) + c // cell, return_index=True)
     first.sort()
     r, c = r[first], c[first]
-    return r.astype(np.int64), c.astype(np.int64), np.arctan2(gy[r, c], gx[r, c]).astype(float), height[r, c]
+    return r.astype(np.int64), c.astype(np.int64), np.arctan2(gy[r, c], gx[r, c]).astype(float)

@@ -183,7 +183,6 @@ def _hump(y: Array, e: Array) -> float:
             mine = share * bell / (share * bell + (1 - share) * stray)
             share = float((mine.sum() + BELIEF * (1 - STRAYS)) / (len(y) + BELIEF))
             middle = float((mine / sd**2 * y).sum() / (mine / sd**2).sum())
-        level = float(np.log(share * bell + (1 - share) * stray).sum()) + BELIEF * STRAYS * math.log(1 - share) \
-            + BELIEF * (1 - STRAYS) * math.log(share)
+        level = _level(np.stack([bell, np.zeros_like(bell), stray]), np.array([share, 0.0, 1 - share]))
         best = max(best, level)
     return best
