@@ -23,7 +23,7 @@ from .photo_set import PhotoSet
 from .spectra import Blur
 
 #: Variance (px^2) that sharp photos of good cameras have of their own (pixel, lens, demosaicking), and its spread.
-OWN, OWN_SPREAD = 0.15, 0.1
+OWN, OWN_SPREAD = 0.15, 0.15
 #: How far scenes' spectra bend from the law: share of the standard deviation (rms over four sets and 13 pictures).
 LAW = 0.05
 #: The same of scenes without sharp edges, for their bound.

@@ -13,8 +13,9 @@ from .photo_set import PhotoSet
 
 Array = NDArray[np.float64]
 
-#: Photos that are looked at first, how many more at a time, and how many edges are enough.
-FIRST, MORE, ENOUGH = 8, 4, 200
+#: Photos that are looked at first, how many more at a time, how many edges are enough, and so few that more photos
+#: will not show any.
+FIRST, MORE, ENOUGH, HOPELESS = 8, 4, 200, 6
 #: Edges that are fitted in all of the first photos together: half a second.
 BUDGET = 3000
 #: Where a guess shows no pile, multiples of it, up to a width in px, are tried on a few photos: where most of a photo
@@ -50,6 +51,8 @@ def _settled(photos: PhotoSet, guess: Array, most: int) -> Pile | None:
         if pile is None:
             break
         found = pile
+        if pile.gain < 0:
+            break
         width = math.sqrt(pile.variance)
         if abs(width / sigma - 1) < SETTLED:
             break
@@ -63,11 +66,11 @@ def _edges(photos: PhotoSet, sigma: float, looked: int) -> Edges:
     order = np.linspace(0, len(photos.greys) - 1, count).round().astype(int)
     step = max(1, count // FIRST)
     order = np.concatenate([order[k::step] for k in range(step)])  # the first ones are spread over all, too
-    most = max(BUDGET // min(count, FIRST), 250)
+    most = min(MOST, BUDGET // min(len(photos.greys), FIRST))
     found: list[Edges] = []
     for turn, index in enumerate(order):
-        if turn >= FIRST and (turn - FIRST) % MORE == 0 and sum(len(e) for e in found) >= ENOUGH:
+        if turn >= FIRST and (turn - FIRST) % MORE == 0 and not HOPELESS <= sum(len(e) for e in found) < ENOUGH:
             break
         grey, noise, clipped = photos.greys[index], photos.grey_noise[index], photos.clipped[index]
-        found.append(find_edges(grey, noise, sigma, clipped, int(index), min(most, MOST)))
+        found.append(find_edges(grey, noise, sigma, clipped, int(index), most))
     return together(found)
