@@ -30,12 +30,14 @@ LAW = 0.05
 LAW_SOFT = 0.1
 #: The lowest frequency used, times sigma: the law bends at a scene's largest scales.
 LOWEST = 0.08
-#: Error of the pile of edges that more edges do not lessen (neighbours, curvature): share of the standard deviation.
-CROWDED = 0.02
+#: Error of the pile of edges that more edges do not lessen (neighbours, curvature): share of the standard deviation, of
+#: piles that each edge makes clearer by `EACH` (log likelihood over a broad hump), and of others. Many photos of soft
+#: things make a hump clear by sheer number; steps make it clear each by itself.
+CROWDED, UNCLEAR, EACH = 0.02, 0.03, 0.2
 #: Fewest edges in a pile.
 FEWEST = 15
-#: A pile so clear (log likelihood over a broad hump) needs no spectrum beside it; one less clear must agree with it
-#: within `AGREE` (log width).
+#: A pile so clear, and by every edge, needs no spectrum beside it; one less clear must agree with it within `AGREE`
+#: (log width).
 BEYOND_DOUBT, AGREE = 10.0, 0.065
 #: Where edges and spectra disagree by more than their errors, the error grows with that, up to so many times.
 MOST_DOUBT = 2.5
@@ -150,10 +152,11 @@ def _together(spectrum: _Spectrum | None, edges: Pile | None) -> tuple[np.ndarra
     if edges is None or edges.gain < CLEAR or edges.number < FEWEST:
         return None
     width = math.sqrt(edges.variance)
-    error = math.hypot(edges.error, CROWDED)
+    steps = edges.gain >= EACH * edges.number
+    error = math.hypot(edges.error, CROWDED if steps else UNCLEAR)
     logarithm, total = math.log(width), edges.covariance
     apart = math.log(spectrum.width) - logarithm if spectrum is not None else math.inf
-    if edges.gain < BEYOND_DOUBT and abs(apart) > AGREE:
+    if not (steps and edges.gain >= BEYOND_DOUBT) and abs(apart) > AGREE:
         return None
     if spectrum is not None:
         other = math.hypot(spectrum.error / spectrum.width, LAW)
@@ -179,7 +182,10 @@ def _bound(spectrum: _Spectrum, edges: Pile | None, photos: PhotoSet) -> BlindPs
     if sigma < LEAST:
         return _sharp(sigma, error, largest)
     sx, sy, angle = _axes(spectrum.covariance, sigma**2)
-    text = f"no sharp edges stand out, so the scene may be soft itself: at most {largest:.2f} px of blur"
+    text = (
+        f"no sharp edges stand out, so the scene may be soft itself: at most {largest:.2f} px of blur"
+        f" (its spectra alone would say {sigma:.2f})"
+    )
     return BlindPsf(sigma, error, 0.0, largest, sx, sy, angle, "upper bound", text)
 
 
