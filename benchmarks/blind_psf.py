@@ -163,7 +163,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--data", type=Path, action="append", default=[], help="set with a folder sharp/")
     parser.add_argument("--photos", type=int, default=8)
-    parser.add_argument("--scenes", type=int, default=5)
+    parser.add_argument("--scenes", type=int, default=5, help="scenes of true steps")
     parser.add_argument("--calibrate", action="store_true", help="ask what the rules were chosen on")
     options = parser.parse_args()
     used = options.calibrate
