@@ -1,8 +1,9 @@
 """The point spread from the very photos it blurred: how far they tell it, and plainly where they do not.
 
 The loss of a training does not tell it: a smaller blur is always allowed, the scene then just stays softer. What
-tells it is a prior on scenes: power falls as a power of frequency (`spectra`), which a Gaussian blur bends. So the
-answer is as good as that law: a few per cent on scenes with edges and texture, an upper bound on soft ones.
+tells it are two priors on scenes. Sharp edges: each becomes the blur's own profile, and of many edges the narrowest
+pile up at its width (`edge_blur`). Spectra: power falls as a power of frequency (`spectra`), which a Gaussian blur
+bends. Scenes that show no sharp edges may be soft themselves: of those only an upper bound is told.
 """
 
 from __future__ import annotations
@@ -14,19 +15,32 @@ import numpy as np
 
 from ..errors import PsfError
 from ..imaging.psf import PointSpread
+from .edge_blur import CLEAR, edge_blur
 from .effects.defocus import inspect as inspect_defocus
 from .effects.motion import motion_of
+from .lower_mode import Pile
 from .photo_set import PhotoSet
 from .spectra import Blur
 
-#: Variance (px^2) that sharp photos of good cameras have of their own (lens, demosaicking), and its spread.
-OWN, OWN_SPREAD = 0.2, 0.15
+#: Variance (px^2) that sharp photos of good cameras have of their own (pixel, lens, demosaicking), and its spread.
+OWN, OWN_SPREAD = 0.15, 0.15
 #: How far scenes' spectra bend from the law: share of the standard deviation (rms over four sets and 13 pictures).
 LAW = 0.05
+#: The same of scenes without sharp edges, for their bound.
+LAW_SOFT = 0.1
 #: The lowest frequency used, times sigma: the law bends at a scene's largest scales.
 LOWEST = 0.08
-#: A scene whose power falls faster has no sharp edges: what looks like blur may be its own.
-STEEPEST = 3.4
+#: Error of the pile of edges that more edges do not lessen (neighbours, curvature): share of the standard deviation, of
+#: piles that each edge makes clearer by `EACH` (log likelihood over a broad hump), and of others. Many photos of soft
+#: things make a hump clear by sheer number; steps make it clear each by itself.
+CROWDED, UNCLEAR, EACH = 0.02, 0.03, 0.2
+#: Fewest edges in a pile.
+FEWEST = 15
+#: A pile so clear, and by every edge, needs no spectrum beside it; one less clear must agree with it within `AGREE`
+#: (log width).
+BEYOND_DOUBT, AGREE = 10.0, 0.065
+#: Where edges and spectra disagree by more than their errors, the error grows with that, up to so many times.
+MOST_DOUBT = 2.5
 #: Largest relative error of an estimate that still is one; below `LEAST` px there is nothing to undo.
 LOOSEST, LEAST = 0.15, 0.8
 #: Motion or defocus of single photos makes the common blur uncertain; above this share of its variance, unknown.
@@ -79,35 +93,105 @@ class BlindPsf:
 
 def blind_psf(photos: PhotoSet) -> BlindPsf:
     """Estimates the blur that all photos share; see the module."""
-    known = [blur for blur in photos.blurs if blur is not None]
-    if len(known) < max(1, len(photos.looked_at) // 2):
-        return _nothing("too little detail stands clear of the noise in these photos: not identifiable from them")
-    total = np.median(np.stack([blur.covariance for blur in known]), axis=0)
-    variance, error = _variance(photos, known)
-    total = total * variance / max(float(total[:2].mean()), 1e-6)
+    spectrum = _spectrum(photos)
+    guess = np.array([4.0, 4.0, 0.0]) if spectrum is None else spectrum.covariance
+    edges = edge_blur(photos, guess)
+    found = _together(spectrum, edges)
+    if found is None:
+        if spectrum is None:
+            return _nothing("too little detail stands clear of the noise in these photos: not identifiable from them")
+        return _bound(spectrum, edges, photos)
+    total, error = found
+    variance = float(total[:2].mean())
     sigma = math.sqrt(max(variance - OWN, 0.0))
-    if sigma > 0:
-        error = math.hypot(error / (2 * sigma), LAW * sigma, OWN_SPREAD / (2 * max(sigma, 0.4)))
-    slope = float(np.median([blur.slope for blur in known]))
-    largest = math.sqrt(max(variance, 0.0)) + 1.96 * error
     if sigma < LEAST:
-        return BlindPsf(sigma, error, 0.0, largest, sigma, sigma, 0.0, "sharp",
-                        f"no blur beyond what sharp photos have: at most {largest:.2f} px")  # fmt: skip
+        return _sharp(sigma, error, math.sqrt(variance) + 1.96 * error)
     sx, sy, angle = _axes(total, variance - OWN)
-    if slope > STEEPEST:
-        text = f"this scene has no sharp edges (power falls as f^-{slope:.1f}): its blur is at most {largest:.2f} px"
-        return BlindPsf(sigma, error, 0.0, largest, sx, sy, angle, "upper bound", text)
     own = _own_variance(photos)
     if own > SLIGHT * sigma**2:
+        largest = math.sqrt(variance) + 1.96 * error
         text = f"blur differs from photo to photo or with depth; at most {largest:.2f} px are common to all"
         return BlindPsf(sigma, error, 0.0, largest, sx, sy, angle, "upper bound", text)
     error = math.hypot(error, own / (2 * sigma))
     low, high = max(0.0, sigma - 1.96 * error), sigma + 1.96 * error
-    text = f"estimated from the photos' spectra: sigma {sigma:.2f} px, 95 % interval {low:.2f} to {high:.2f}"
-    found = BlindPsf(sigma, error, low, high, sx, sy, angle, "estimated", text)
     if error > LOOSEST * sigma:
-        return _nothing(f"the photos allow any blur from {found.low:.1f} to {found.high:.1f} px: not identifiable")
-    return found
+        return _nothing(f"the photos allow any blur from {low:.1f} to {high:.1f} px: not identifiable")
+    text = f"estimated from the photos' edges and spectra: sigma {sigma:.2f} px, 95 % interval {low:.2f} to {high:.2f}"
+    return BlindPsf(sigma, error, low, high, sx, sy, angle, "estimated", text)
+
+
+@dataclass(frozen=True)
+class _Spectrum:
+    """Total covariance [3] (px^2) by the law, the error of its root (px) by chance, and the scene's exponent."""
+
+    covariance: np.ndarray
+    error: float
+    slope: float
+
+    @property
+    def width(self) -> float:
+        return math.sqrt(float(self.covariance[:2].mean()))
+
+
+def _spectrum(photos: PhotoSet) -> _Spectrum | None:
+    """What the spectra say; None where too few photos have enough detail."""
+    known = [blur for blur in photos.blurs if blur is not None]
+    if len(known) < max(1, len(photos.looked_at) // 2):
+        return None
+    shape = np.median(np.stack([blur.covariance for blur in known]), axis=0)
+    variance, error = _variance(photos, known)
+    variance = max(variance, 0.01)
+    mean = float(shape[:2].mean())
+    shape = shape / mean if mean > 0.05 and np.linalg.det(_matrix(shape)) > 0.1 * mean**2 else np.array([1.0, 1.0, 0.0])
+    slope = float(np.median([blur.slope for blur in known]))
+    return _Spectrum(shape * variance, error / (2 * math.sqrt(max(variance, OWN))), slope)
+
+
+def _together(spectrum: _Spectrum | None, edges: Pile | None) -> tuple[np.ndarray, float] | None:
+    """Total covariance [3] and the error of the blur's width, px; None where no sharp edges are seen."""
+    if edges is None or edges.gain < CLEAR or edges.number < FEWEST:
+        return None
+    width = math.sqrt(edges.variance)
+    steps = edges.gain >= EACH * edges.number
+    error = math.hypot(edges.error, CROWDED if steps else UNCLEAR)
+    logarithm, total = math.log(width), edges.covariance
+    apart = math.log(spectrum.width) - logarithm if spectrum is not None else math.inf
+    if not (steps and edges.gain >= BEYOND_DOUBT) and abs(apart) > AGREE:
+        return None
+    if spectrum is not None:
+        other = math.hypot(spectrum.error / spectrum.width, LAW)
+        doubt = abs(apart) / math.hypot(error, other)
+        share = error**2 / (error**2 + other**2) if doubt < MOST_DOUBT else 0.0  # spectra fail by far, edges do not
+        logarithm += share * apart
+        total = total * math.exp(2 * share * apart)
+        error = error * math.sqrt(1 - share) * min(max(1.0, doubt), MOST_DOUBT)
+    width = math.exp(logarithm)
+    sigma = math.sqrt(max(width**2 - OWN, 0.16))
+    return total, math.hypot(error * width**2 / sigma, OWN_SPREAD / (2 * sigma))
+
+
+def _bound(spectrum: _Spectrum, edges: Pile | None, photos: PhotoSet) -> BlindPsf:
+    """What is told without sharp edges."""
+    width = spectrum.width
+    sigma = math.sqrt(max(width**2 - OWN, 0.0))
+    error = math.hypot(spectrum.error, LAW_SOFT * width, OWN_SPREAD / (2 * max(sigma, 0.4)))
+    largest = width + 1.96 * error
+    if edges is not None and edges.number >= FEWEST:
+        # No edge is narrower than the blur but by chance.
+        largest = max(largest, math.sqrt(edges.variance) * (1 + 1.96 * math.hypot(edges.error, CROWDED)))
+    if sigma < LEAST:
+        return _sharp(sigma, error, largest)
+    sx, sy, angle = _axes(spectrum.covariance, sigma**2)
+    text = (
+        f"no sharp edges stand out, so the scene may be soft itself: at most {largest:.2f} px of blur"
+        f" (its spectra alone would say {sigma:.2f})"
+    )
+    return BlindPsf(sigma, error, 0.0, largest, sx, sy, angle, "upper bound", text)
+
+
+def _sharp(sigma: float, error: float, largest: float) -> BlindPsf:
+    text = f"no blur beyond what sharp photos have: at most {largest:.2f} px"
+    return BlindPsf(sigma, error, 0.0, largest, sigma, sigma, 0.0, "sharp", text)
 
 
 def _own_variance(photos: PhotoSet) -> float:
@@ -144,11 +228,15 @@ def _side(photos: PhotoSet) -> float:
 
 
 def _axes(covariance: np.ndarray, mean: float) -> tuple[float, float, float]:
-    xx, yy, xy = covariance
-    values, vectors = np.linalg.eigh(np.array([[xx, xy], [xy, yy]]))
+    values, vectors = np.linalg.eigh(_matrix(covariance))
     own = float(values.mean()) - mean
     small, large = (math.sqrt(max(v - own, 0.01)) for v in values)
     return large, small, math.degrees(math.atan2(vectors[1, 1], vectors[0, 1])) % 180.0
+
+
+def _matrix(covariance: np.ndarray) -> np.ndarray:
+    xx, yy, xy = covariance
+    return np.array([[xx, xy], [xy, yy]])
 
 
 def _nothing(text: str) -> BlindPsf:

@@ -73,12 +73,25 @@ class PhotoSet:
         """[H, W] mean of the channels of `looked_at`; what a mask hides is filled with the rest's mean."""
         out = []
         for photo in self.looked_at:
-            grey = photo.pixels.mean(axis=2, dtype=np.float32) / np.float32(np.iinfo(photo.pixels.dtype).max)
+            most = np.iinfo(photo.pixels.dtype).max
             if self.linear:
-                grey = np.asarray(srgb_to_linear(grey), np.float32)
+                # Each channel's light by itself: the light of a mean is not the mean of lights.
+                light = np.asarray(srgb_to_linear(np.arange(most + 1, dtype=np.float64) / most), np.float32)
+                grey = light[photo.pixels].mean(axis=2, dtype=np.float32)
+            else:
+                grey = photo.pixels.mean(axis=2, dtype=np.float32) / np.float32(most)
             if photo.mask is not None and photo.mask.any():
                 grey = np.where(photo.mask, grey, grey[photo.mask].mean())
             out.append(grey)
+        return out
+
+    @cached_property
+    def clipped(self) -> list[NDArray[np.bool_]]:
+        """[H, W] of each of `looked_at`: where a channel is at its upper end, or a mask hides what was there."""
+        out = []
+        for photo in self.looked_at:
+            white = (photo.pixels == np.iinfo(photo.pixels.dtype).max).any(axis=2)
+            out.append(white if photo.mask is None else white | ~photo.mask)
         return out
 
     @cached_property

@@ -10,13 +10,19 @@ from dgs.core.photos.load import Photo
 from scipy import ndimage
 
 
-@pytest.mark.parametrize("sigma", [1.5, 3.0])
+@pytest.mark.parametrize("sigma", [1.5, 2.0])
 def test_sharp_scenes_tell_their_blur(taken, sigma):
     found = blind_psf(taken(psf=(sigma, sigma, 0.0), space="srgb"))
     assert found.verdict == "estimated" and found.sigma == pytest.approx(sigma, rel=0.08)
     assert found.low < sigma < found.high and found.high - found.low < 0.5 * sigma
     psf = found.point_spread()
     assert psf is not None and psf.sigma_x == pytest.approx(sigma, rel=0.08) and "interval" in psf.notes[0]
+
+
+def test_too_few_lonely_edges_give_a_bound_that_holds(taken):
+    """In photos of 240 px nothing is alone within 2.8 times 4 px."""
+    found = blind_psf(taken(psf=(4.0, 4.0, 0.0), space="srgb"))
+    assert found.verdict == "upper bound" and found.low == 0.0 and 4.0 < found.high < 5.5
 
 
 def test_in_linear_light_if_the_medium_blurs_that(taken):

@@ -1,0 +1,158 @@
+"""Widths of the straight, lonely edges in a picture.
+
+A step under a Gaussian blur is its error function, whose width tells the blur. Small round pieces around the crests of
+the slope are fitted with one such step each, bent a little, on an even slope (`edge_kernels`). A piece counts where the
+step is all there is: little is left over, and both sides are flat. That flatness is what tells steps from the many
+places in a textured picture that merely look like one.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, fields
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from ..compiled import run
+from .edge_kernels import fit_steps
+
+Array = NDArray[np.float64]
+
+#: Pictures are averaged until the blur is this many px wide: a piece then holds a few hundred values at most.
+FINEST = 1.6
+#: Radius of a piece, standard deviations of the blur: a step is flat beyond.
+REACH = 2.8
+#: Of the bell whose slope finds the edges, standard deviations of the blur.
+BELL = 0.6
+#: Least height of a step over the noise, and over full scale.
+CLEAR, LEAST_HEIGHT = 12.0, 0.02
+#: Edges of one picture that are fitted at most.
+MOST = 1000
+#: Edges of one region of a picture (px) may be one contour.
+REGION = 48
+#: What a fit may leave over, of the step's height (rms), beside noise.
+LEFT_OVER = 0.03
+#: Largest slope beside a step, heights per width: where there is one, something else is near. What chance leaves of it
+#: has narrowed the fitted width by `TILT` times as much (log width).
+FLAT, TILT = 0.05, 1.5
+#: Largest curvature times width k; a blurred arc is wider than a blurred line by ARC k^2 / (1 + ARC_LESS k^2).
+CURVED, ARC, ARC_LESS = 0.2, 1.45, 10.0
+
+
+@dataclass(frozen=True)
+class Edges:
+    """Edges that a blurred step describes.
+
+    Attributes:
+        photo: [N] index of the picture.
+        x, y: [N] place, px.
+        direction: [N] of the normal, radians from x towards y.
+        variance: [N] of the blur across the edge, px^2, pixel's own averaging included.
+        error: [N] standard deviation of `variance` by noise and by what the fit leaves over.
+        left: [N] rms that the fit leaves over, of the height.
+        height: [N].
+    """
+
+    photo: NDArray[np.int64] = field(repr=False)
+    x: Array = field(repr=False)
+    y: Array = field(repr=False)
+    direction: Array = field(repr=False)
+    variance: Array = field(repr=False)
+    error: Array = field(repr=False)
+    left: Array = field(repr=False)
+    height: Array = field(repr=False)
+
+    def __len__(self) -> int:
+        return len(self.x)
+
+    @property
+    def group(self) -> NDArray[np.int64]:
+        """[N] number of the region of its picture, side `REGION` px."""
+        cells = np.stack([self.photo, self.x // REGION, self.y // REGION], axis=1).astype(np.int64)
+        return np.unique(cells, axis=0, return_inverse=True)[1].reshape(-1)
+
+
+def together(several: list[Edges]) -> Edges:
+    """All edges of several pictures."""
+    return Edges(*(np.concatenate([getattr(e, f.name) for e in several]) for f in fields(Edges)))
+
+
+def find_edges(grey: NDArray[np.float32], noise: float, sigma: float, clipped: NDArray[np.bool_] | None = None,
+               photo: int = 0, most: int = MOST) -> Edges:  # fmt: skip
+    """Fits the straight, lonely edges of a blurred picture.
+
+    Args:
+        grey: [H, W], in the light that the blur acts on.
+        noise: its standard deviation.
+        sigma: about what the blur is, px, within a third or so.
+        clipped: [H, W], true where values are not those of the light.
+        photo: number of the picture, kept with its edges.
+        most: edges that are fitted, strongest first.
+    """
+    by = max(1, int(sigma / FINEST))
+    h, w = (n // by * by for n in grey.shape)
+    small = np.ascontiguousarray(_averaged(grey[:h, :w], by), np.float32)
+    noise = noise / by
+    width = math.sqrt(sigma**2 + (by * by - 1) / 12.0) / by
+    radius = max(REACH * width, 3.2)
+    rows, columns, angles = _candidates(small, width, max(CLEAR * noise, LEAST_HEIGHT), math.ceil(radius) + 1)
+    if clipped is not None and len(rows):
+        near = ndimage.maximum_filter(_averaged(clipped[:h, :w].astype(np.float32), by), 2 * math.floor(radius) + 1)
+        free = near[rows, columns] == 0
+        rows, columns, angles = rows[free], columns[free], angles[free]
+    rows, columns, angles = rows[:most], columns[:most], angles[:most]
+    fitted = np.full((len(rows), 9), np.nan)
+    if len(rows):
+        run(fit_steps, len(rows), small, rows, columns, angles, width, radius, fitted, grain=32)
+    size, height, place, direction, curve, left, share, across, along = fitted.T
+    full = np.abs(height)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        slope = across * size / height
+        ok = (np.abs(place) < width) & (full > max(CLEAR * noise, LEAST_HEIGHT)) & (np.abs(curve) * size < CURVED)
+        ok &= (np.abs(slope) < FLAT) & (np.abs(along) * size < FLAT * full)
+        ok &= left < np.hypot(LEFT_OVER * full, 1.5 * noise)
+    size, full, direction, curve, left, share, slope, rows, columns = (
+        v[ok] for v in (size, full, direction, curve, left, share, slope, rows, columns))
+    bent = np.square(curve * size)
+    true = size * (1.0 - ARC * bent / (1.0 + ARC_LESS * bent)) * np.exp(TILT * slope)
+    variance = np.square(true * by) - (by * by - 1) / 12.0
+    error = 2 * size * share * np.maximum(left, noise) * by * by
+    return Edges(np.full(len(size), photo), (columns + 0.5) * by, (rows + 0.5) * by, direction, variance, error,
+                 left / full, full)
+
+
+def _averaged(values: NDArray[np.float32], by: int) -> NDArray[np.float32]:
+    h, w = values.shape
+    return values if by == 1 else values.reshape(h // by, by, w // by, by).mean(axis=(1, 3), dtype=np.float32)
+
+
+def _candidates(
+    grey: NDArray[np.float32], width: float, least: float, border: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64], Array]:
+    """Middles (row, column) and direction of the strongest slopes, at most one in a cell, strongest first."""
+    bell = BELL * width
+    gx = ndimage.gaussian_filter(grey, bell, order=(0, 1))
+    gy = ndimage.gaussian_filter(grey, bell, order=(1, 0))
+    slope = np.hypot(gx, gy)
+    height = slope * math.sqrt(2 * math.pi * (bell**2 + width**2))
+    inner = np.zeros(grey.shape, bool)
+    if min(grey.shape) <= 2 * border + 2:
+        none = np.zeros(0, np.int64)
+        return none, none, np.zeros(0)
+    inner[border:-border, border:-border] = True
+    r, c = np.nonzero(inner & (height > least))
+    dx, dy = gx[r, c] / slope[r, c], gy[r, c] / slope[r, c]
+    # A crest of the slope: no lower than a px further along the normal.
+    sx, sy = np.rint(dx).astype(int), np.rint(dy).astype(int)
+    here = slope[r, c]
+    crest = (here >= slope[r + sy, c + sx]) & (here > slope[r - sy, c - sx])
+    r, c = r[crest], c[crest]
+    order = np.argsort(-height[r, c], kind="stable")
+    r, c = r[order], c[order]
+    cell = max(2, round(1.5 * width))
+    _, first = np.unique((r // cell) * (grey.shape[1] // cell + 1) + c // cell, return_index=True)
+    first.sort()
+    r, c = r[first], c[first]
+    return r.astype(np.int64), c.astype(np.int64), np.arctan2(gy[r, c], gx[r, c]).astype(float)
