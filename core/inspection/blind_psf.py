@@ -47,6 +47,8 @@ LOOSEST, LEAST = 0.15, 0.8
 SLIGHT = 0.2
 #: Tiles must be this many standard deviations wide.
 TILE_SIGMAS = 20.0
+#: A scene whose power falls faster (as 1 / f to this) is soft itself: its spectra are no guess of the blur.
+STEEPEST = 3.4
 
 
 @dataclass(frozen=True)
@@ -59,6 +61,7 @@ class BlindPsf:
         sigma_x, sigma_y, angle: the Gaussian's axes (degrees from x towards y).
         verdict: 'estimated', 'sharp' (nothing to undo), 'upper bound' or 'not identifiable'.
         text: one sentence.
+        guess: of an upper bound, whether spectra alone may be followed: the scene's power falls as scenes' usually do.
     """
 
     sigma: float
@@ -70,25 +73,38 @@ class BlindPsf:
     angle: float
     verdict: str
     text: str
+    guess: bool = False
 
     def point_spread(self) -> PointSpread | None:
         """The Gaussian, or None for sharp photos.
+
+        Where only a bound is known, a guess on the safe side is taken and called one: too narrow a blur leaves the
+        twin softer than it could be, too wide a one invents detail.
 
         Raises:
             PsfError: the photos do not tell.
         """
         if self.verdict == "sharp":
             return None
-        if self.verdict != "estimated":
+        safe = 1.0
+        text = self.text
+        if self.verdict == "upper bound":
+            safe = max(self.sigma - self.error, 0.0) / self.sigma
+            text = (
+                f"only guessed: {self.text}. Taken are {safe * self.sigma:.2f} px; photograph a point of light or a "
+                "slanted edge through the medium (measure-psf) to be sure"
+            )
+        if self.verdict != "estimated" and not (self.guess and safe * self.sigma >= LEAST):
             raise PsfError(
                 f"--psf auto: {self.text}",
                 "Photograph a point of light or a slanted edge through the medium and give its kernel (measure-psf),"
                 " or give --psf gaussian:SIGMA",
             )
-        near_round = self.sigma_x < 1.08 * self.sigma_y
-        widths = (self.sigma, self.sigma, 0.0) if near_round else (self.sigma_x, self.sigma_y, self.angle)
+        sx, sy, sigma = (safe * value for value in (self.sigma_x, self.sigma_y, self.sigma))
+        near_round = sx < 1.08 * sy
+        widths = (sigma, sigma, 0.0) if near_round else (sx, sy, self.angle)
         source = f"gaussian:{widths[0]:.3f}" if near_round else "gaussian:" + ",".join(f"{v:.3f}" for v in widths)
-        return PointSpread(sigma_x=widths[0], sigma_y=widths[1], angle=widths[2], source=source, notes=(self.text,))
+        return PointSpread(sigma_x=widths[0], sigma_y=widths[1], angle=widths[2], source=source, notes=(text,))
 
 
 def blind_psf(photos: PhotoSet) -> BlindPsf:
@@ -186,7 +202,7 @@ def _bound(spectrum: _Spectrum, edges: Pile | None, photos: PhotoSet) -> BlindPs
         f"no sharp edges stand out, so the scene may be soft itself: at most {largest:.2f} px of blur"
         f" (its spectra alone would say {sigma:.2f})"
     )
-    return BlindPsf(sigma, error, 0.0, largest, sx, sy, angle, "upper bound", text)
+    return BlindPsf(sigma, error, 0.0, largest, sx, sy, angle, "upper bound", text, spectrum.slope <= STEEPEST)
 
 
 def _sharp(sigma: float, error: float, largest: float) -> BlindPsf:

@@ -23,6 +23,8 @@ def test_too_few_lonely_edges_give_a_bound_that_holds(taken):
     """In photos of 240 px nothing is alone within 2.8 times 4 px."""
     found = blind_psf(taken(psf=(4.0, 4.0, 0.0), space="srgb"))
     assert found.verdict == "upper bound" and found.low == 0.0 and 4.0 < found.high < 5.5
+    psf = found.point_spread()  # a guess on the safe side, and called one
+    assert psf is not None and 2.5 < psf.sigma_x < 4.0 and psf.notes[0].startswith("only guessed")
 
 
 def test_in_linear_light_if_the_medium_blurs_that(taken):
