@@ -67,7 +67,7 @@ class Viewer:
         margin = undistortion.overscan + _SPLINE
         reach = 0 if psf is None or psf.is_identity else max(psf.radius)
         camera = undistortion.camera("", pose).with_margin(margin)
-        settings = RasterSettings(low_pass=self._low_pass, depth=bool(formation.light))
+        settings = RasterSettings(low_pass=self._low_pass, depth=formation.by_depth)
         rendered = self._rendered(camera.with_margin(reach), settings)
         frame = rendered.image
         blur = BlurOperator(psf, camera.height, camera.width, reach, frame.device, frame.dtype)

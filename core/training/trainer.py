@@ -140,7 +140,7 @@ class Trainer:
         low_pass = max(0.1, self.settings.low_pass / level.step**2)
         if self.settings.blur_evaluation == "splats":
             low_pass += round_variance(level.views)
-        return RasterSettings(low_pass=low_pass, depth=bool(self.formation.light))
+        return RasterSettings(low_pass=low_pass, depth=self.formation.by_depth)
 
     def shot(self, view: GridView, level: Level, rendered: Rendered) -> Shot:
         """What the effects of image formation know of a view."""
