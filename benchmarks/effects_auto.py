@@ -47,6 +47,9 @@ SETS = {
     "exposure 10 %": (107, {"exposure": 0.10}),
     "exposure 20 %": (108, {"exposure": 0.20}),
     "saturation 15 %": (110, {"saturation": 0.15}),
+    "defocus 2 px": (111, {"defocus": 2.0}),
+    "defocus 4 px": (112, {"defocus": 4.0}),
+    "field blur 2 px": (113, {"field": 2.0}),
 }
 ARMS = ("none", "auto", "all")
 
@@ -63,9 +66,11 @@ def one_set(name: str) -> Path:
     """The photos and cameras of a set, drawn once."""
     seed, done = SETS[name]
     folder = KEPT / "sets" / f"{seed}_{SIGMA:g}_{WIDTH}_{PHOTOS}_{'_'.join(f'{k}{v:g}' for k, v in done.items())}"
-    if not (folder / "cameras").is_dir():
+    if not (folder / "truth").is_dir():
         scene = make_scene(seed, width=WIDTH, height=HEIGHT, views=PHOTOS, finer=2)
-        write_set(folder, scene, degrade(scene, Truth(psf=(SIGMA, SIGMA, 0.0), **done), seed))
+        kept = {k: v for k, v in done.items() if k not in ("defocus", "field")}
+        sharp = degrade(scene, Truth(**kept), seed)
+        write_set(folder, scene, degrade(scene, Truth(psf=(SIGMA, SIGMA, 0.0), **done), seed), sharp)
     return folder
 
 
