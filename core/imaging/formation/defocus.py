@@ -27,14 +27,12 @@ class Defocus(SpreadingEffect):
     def __init__(self, strength: Tensor, focus: Tensor) -> None:
         super().__init__({"strength": strength, "focus": focus})
 
-    def _off_focus(self, shot: Shot, like: Tensor) -> Tensor:
-        if shot.depth is None:
-            raise ValueError("defocus needs the render's depth")
-        return 1.0 / shot.depth.to(like).clamp(min=NEAREST) - self.parameters["focus"].to(like)
-
-    def variance(self, shot: Shot, like: Tensor) -> Tensor:
+    def spread(self, depth: Tensor, r2: Tensor, diagonal: float) -> Tensor:
         """See `SpreadingEffect`."""
-        return (self.parameters["strength"].to(like) * shot.diagonal * self._off_focus(shot, like)) ** 2
+        return (self.parameters["strength"].to(depth) * diagonal * self._off_focus(depth)) ** 2
+
+    def _off_focus(self, depth: Tensor) -> Tensor:
+        return 1.0 / depth.clamp(min=NEAREST) - self.parameters["focus"].to(depth)
 
     def add_gradients(self, in_variance: Tensor | None, shot: Shot, light: Tensor) -> None:
         """See `SpreadingEffect`."""
@@ -42,7 +40,7 @@ class Defocus(SpreadingEffect):
             for name, value in self.parameters.items():
                 self._add(name, torch.zeros_like(value))
             return
-        off, strength = self._off_focus(shot, light), self.parameters["strength"].to(light)
+        off, strength = self._off_focus(self._where(shot, light)[0]), self.parameters["strength"].to(light)
         per = in_variance * off * (2.0 * strength * shot.diagonal**2)
         self._add("strength", (per * off).sum())
         self._add("focus", -(per * strength).sum())

@@ -5,7 +5,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from .effect import Shot, radius2
+from .effect import Shot
 from .layered import SpreadingEffect
 
 
@@ -23,14 +23,13 @@ class FieldBlur(SpreadingEffect):
     def __init__(self, corner: Tensor) -> None:
         super().__init__({"corner": corner})
 
-    def _shape(self, shot: Shot, like: Tensor) -> Tensor:
-        """[h, w] variance in units of the corner's (or, if negative, the middle's)."""
-        r2 = radius2(shot, like)
-        return r2 if float(self.parameters["corner"].detach()) >= 0 else (1.0 - r2).clamp(min=0.0)
-
-    def variance(self, shot: Shot, like: Tensor) -> Tensor:
+    def spread(self, depth: Tensor, r2: Tensor, diagonal: float) -> Tensor:
         """See `SpreadingEffect`."""
-        return (self.parameters["corner"].to(like) * shot.diagonal) ** 2 * self._shape(shot, like)
+        return (self.parameters["corner"].to(r2) * diagonal) ** 2 * self._shape(r2)
+
+    def _shape(self, r2: Tensor) -> Tensor:
+        """Variance in units of the corner's (or, if negative, the middle's)."""
+        return r2 if float(self.parameters["corner"].detach()) >= 0 else (1.0 - r2).clamp(min=0.0)
 
     def add_gradients(self, in_variance: Tensor | None, shot: Shot, light: Tensor) -> None:
         """See `SpreadingEffect`."""
@@ -39,7 +38,7 @@ class FieldBlur(SpreadingEffect):
             self._add("corner", torch.zeros_like(corner))
             return
         per = 2.0 * corner.to(light) * shot.diagonal**2
-        self._add("corner", (in_variance * per * self._shape(shot, light)).sum())
+        self._add("corner", (in_variance * per * self._shape(self._where(shot, light)[1])).sum())
 
     def described(self) -> dict[str, object]:
         """Thousandths of the diagonal."""

@@ -20,7 +20,7 @@ from torch import Tensor
 from ...compiled import run
 from ..operator import BlurOperator
 from ..psf import PointSpread
-from .effect import Effect, Shot
+from .effect import Effect, Shot, radius2
 
 #: Standard deviations of the ladder, px of the frame. A mixture of two neighbours passes too much fine detail half-way:
 #: at most 0.06 of the contrast with this ratio, 0.12 with a ratio of 2 (0.11 below the first rung).
@@ -104,8 +104,8 @@ class LayeredBlur:
             from .layered_kernels import weighed
 
             out = torch.empty((len(light) + 1, *light.shape[1:]))
-            run(weighed, light.shape[1], light.contiguous().numpy(), self._variance.numpy(), *np.float32(tent),
-                out.numpy(), grain=_GRAIN)  # fmt: skip
+            run(weighed, light.shape[1], light.contiguous().numpy(), self._variance.numpy(),
+                *np.asarray(tent, np.float32), out.numpy(), grain=_GRAIN)  # fmt: skip
             return out
         weight = self._weight(tent)[None]
         return torch.cat([weight * light, weight])
@@ -121,14 +121,14 @@ class LayeredBlur:
             from .layered_kernels import gathered
 
             run(gathered, light.shape[1], back.contiguous().numpy(), light.contiguous().numpy(), v.numpy(),
-                *np.float32(tent), gradient.numpy(), in_variance.numpy(), grain=_GRAIN)  # fmt: skip
+                *np.asarray(tent, np.float32), gradient.numpy(), in_variance.numpy(), grain=_GRAIN)  # fmt: skip
             return
         r0, r1, f0, f1 = tent
         rising, falling = r0 + r1 * v, f0 + f1 * v
         gradient += torch.minimum(rising, falling).clamp(min=0.0) * back[:-1]
         share = (back[:-1] * light).sum(dim=0) - back[-1]
-        slope = torch.where(rising < falling, r1, f1) * (torch.minimum(rising, falling) >= 0)
-        in_variance += slope * share
+        slope = torch.where(rising < falling, v.new_tensor(r1), v.new_tensor(f1))
+        in_variance += slope * (torch.minimum(rising, falling) >= 0) * share
 
 
 def _tent(variances: Sequence[float], k: int) -> Tent:
@@ -150,8 +150,25 @@ class SpreadingEffect(Effect):
         self._last: tuple[object, ...] | None = None
 
     @abstractmethod
+    def spread(self, depth: Tensor, r2: Tensor, diagonal: float) -> Tensor:
+        """Variance (px^2), differentiable in the parameters.
+
+        Args:
+            depth: median depths, 1 where the effect does not go `by_depth`.
+            r2: squared distance from the photo's middle over half its diagonal, 0 where it does.
+            diagonal: of the photo, px.
+        """
+
     def variance(self, shot: Shot, like: Tensor) -> Tensor:
-        """[h, w] px^2 of the frame `like` [3, h, w]; differentiable in the parameters."""
+        """[h, w] px^2 of the frame `like` [3, h, w]."""
+        return self.spread(*self._where(shot, like), shot.diagonal)
+
+    def _where(self, shot: Shot, like: Tensor) -> tuple[Tensor, Tensor]:
+        if not self.by_depth:
+            return like.new_ones(()), radius2(shot, like)
+        if shot.depth is None:
+            raise ValueError(f"{self.name} needs the render's depth")
+        return shot.depth.to(like), like.new_zeros(())
 
     @abstractmethod
     def add_gradients(self, in_variance: Tensor | None, shot: Shot, light: Tensor) -> None:
