@@ -21,7 +21,7 @@ class Formation:
     """
 
     effects: Sequence[Effect] = field(default_factory=tuple)
-    _last: tuple[Tensor, Shot, list[Tensor]] | None = field(default=None, init=False, repr=False, compare=False)
+    _last: tuple[Tensor, Shot, list[Tensor], Tensor] | None = field(default=None, init=False, repr=False, compare=False)
 
     def __bool__(self) -> bool:
         return bool(self.effects)
@@ -60,8 +60,9 @@ class Formation:
             return frame
         stages = self._stages(frame, shot)
         # The gradient of the same step asks for them again.
-        self._last = None if stages[-1].requires_grad else (frame, shot, stages)
-        return linear_to_srgb(stages[-1])
+        encoded = linear_to_srgb(stages[-1])
+        self._last = None if encoded.requires_grad else (frame, shot, stages, encoded)
+        return encoded
 
     def _stages(self, frame: Tensor, shot: Shot) -> list[Tensor]:
         """Linear light in front of every effect, and behind the last one."""
@@ -76,9 +77,12 @@ class Formation:
         if not effects:
             return upstream
         last, self._last = self._last, None
-        known = last is not None and last[0] is frame and last[1] is shot
-        stages = last[2] if last is not None and known else self._stages(frame, shot)
-        gradient = upstream * encoding_slope(stages[-1], linear_to_srgb(stages[-1]))
+        if last is not None and last[0] is frame and last[1] is shot:
+            stages, encoded = last[2:]
+        else:
+            stages = self._stages(frame, shot)
+            encoded = linear_to_srgb(stages[-1])
+        gradient = upstream * encoding_slope(stages[-1], encoded)
         for effect, light in zip(reversed(effects), reversed(stages[:-1]), strict=True):
             gradient = effect.gradient(gradient, light, shot)
         return gradient * decoding_slope(frame, stages[0])
