@@ -16,8 +16,9 @@ from pathlib import Path
 
 sys.path[:0] = [str(Path(__file__).resolve().parents[1]), str(Path(__file__).resolve().parent)]
 import numpy as np  # noqa: E402
-import run_dgs  # noqa: E402
 import torch  # noqa: E402
+
+import run_dgs  # noqa: E402
 
 run_dgs.mount_package()
 from dgs.core.imaging.formation.defocus import Defocus  # noqa: E402
