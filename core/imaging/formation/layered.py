@@ -19,7 +19,7 @@ from torch import Tensor
 
 from ...compiled import run
 from ..operator import BlurOperator
-from ..psf import PointSpread
+from ..psf import PointSpread, gaussian_taps
 from .effect import Effect, Shot, radius2
 
 #: Standard deviations of the ladder, px of the frame. A mixture of two neighbours passes too much fine detail half-way:
@@ -44,8 +44,7 @@ class LayeredBlur:
     """
 
     def __init__(self, variance: Tensor) -> None:
-        self._rungs = _rungs(*variance.shape, variance.dtype, variance.device)
-        variances = [0.0, *(rung[0] for rung in self._rungs)]
+        variances = _variances(WIDEST * min(variance.shape))
         lowest, highest = (float(v) for v in torch.aminmax(variance.detach()))
         self.identity = highest < INVISIBLE**2
         if self.identity:
@@ -85,13 +84,18 @@ class LayeredBlur:
         torch.sum(together[:-1] * out, dim=0, out=together[-1])
         gradient, in_variance = torch.zeros_like(light), torch.zeros_like(light[0])
         for k, tent in self._levels:
-            back = together if k == 0 else self._rungs[k - 1][1].adjoint(together)
+            back = together if k == 0 else self._rung(k).adjoint(together)
             self._gathered(back, light, gradient, in_variance, tent)
         return gradient, in_variance if self._free is None else in_variance * self._free
 
     def _spread(self, k: int, planes: Tensor) -> Tensor:
-        return planes if k == 0 else self._rungs[k - 1][1](planes) if planes.requires_grad else (
-            self._rungs[k - 1][1].apply(planes))  # fmt: skip
+        if k == 0:
+            return planes
+        return self._rung(k)(planes) if planes.requires_grad else self._rung(k).apply(planes)
+
+    def _rung(self, k: int) -> BlurOperator:
+        v = self._variance
+        return _rung(k, v.shape[0], v.shape[1], v.dtype, v.device)
 
     def _compiled(self, light: Tensor) -> bool:
         """Whether compiled passes do: they know neither autograd nor other devices and types."""
@@ -202,16 +206,18 @@ class SpreadingEffect(Effect):
 
 
 @lru_cache(maxsize=32)
-def _rungs(height: int, width: int, dtype: torch.dtype, device: torch.device) -> list[tuple[float, BlurOperator]]:
-    """Variance (px^2) and blur of every rung that a frame has room for; beyond the frame its edge is repeated."""
-    evaluation = "separable" if device.type == "cpu" else "fourier"
-    out = []
+def _variances(widest: float) -> list[float]:
+    """px^2 of no blur, and of every rung up to a width (px); that of the taps, as sampled Gaussians are narrower."""
+    out = [0.0]
     for sigma in LADDER:
-        if sigma > max(WIDEST * min(height, width), LADDER[0]):
-            break
-        psf = PointSpread(sigma_x=sigma, sigma_y=sigma)
-        taps = torch.from_numpy(psf.kernel().sum(axis=0))
-        at = torch.arange(len(taps), dtype=taps.dtype) - len(taps) // 2
-        # That of the taps: sampled narrow Gaussians are narrower than their name.
-        out.append((float((taps * at**2).sum()), BlurOperator(psf, height, width, 0, device, dtype, evaluation)))
+        if sigma <= max(widest, LADDER[0]):
+            taps = gaussian_taps(sigma)
+            out.append(float((taps * (np.arange(len(taps)) - len(taps) // 2) ** 2).sum()))
     return out
+
+
+@lru_cache(maxsize=128)
+def _rung(k: int, height: int, width: int, dtype: torch.dtype, device: torch.device) -> BlurOperator:
+    """The blur of rung `k` >= 1 on frames of one size; beyond the frame its edge is repeated."""
+    psf = PointSpread(sigma_x=LADDER[k - 1], sigma_y=LADDER[k - 1])
+    return BlurOperator(psf, height, width, 0, device, dtype, "separable" if device.type == "cpu" else "fourier")
