@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
@@ -45,6 +46,10 @@ class Formation:
     def by_depth(self) -> bool:
         """Whether the render's depth is needed."""
         return any(effect.by_depth for effect in self.effects)
+
+    def reach(self, width: int, height: int) -> float:
+        """Standard deviation (px) of what spreads light from outside into a photo of this size, px."""
+        return math.hypot(*(effect.reach(math.hypot(width, height)) for effect in self.light))
 
     def degrade(self, frame: Tensor, blur: Callable[[Tensor], Tensor], medium: Medium, shot: Shot) -> Tensor:
         """[3, H + 2m, W + 2m] sRGB render -> [3, H, W] sRGB photo; without effects exactly `Medium.degrade`."""

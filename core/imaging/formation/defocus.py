@@ -31,6 +31,10 @@ class Defocus(SpreadingEffect):
         """See `SpreadingEffect`."""
         return (self.parameters["strength"].to(depth) * diagonal * self._off_focus(depth)) ** 2
 
+    def reach(self, diagonal: float) -> float:
+        """See `Effect`: that of what lies half a 1 / (median depth) off the focus, as most of a scene does not."""
+        return 0.5 * diagonal * abs(float(self.parameters["strength"].detach()))
+
     def _off_focus(self, depth: Tensor) -> Tensor:
         return 1.0 / depth.clamp(min=NEAREST) - self.parameters["focus"].to(depth)
 

@@ -66,6 +66,10 @@ class Effect(ABC):
     def gradient(self, upstream: Tensor, light: Tensor, shot: Shot) -> Tensor:
         """Gradient of the loss in `light`, given that in the output; adds those in the parameters to `gradients`."""
 
+    def reach(self, diagonal: float) -> float:
+        """Standard deviation (px) of what spreads light from outside into a photo of this diagonal, px."""
+        return 0.0
+
     def undone(self, light: Tensor, shot: Shot) -> Tensor:
         """The inverse, for effects of the sensor: what would have been there without it."""
         raise NotImplementedError(f"'{self.name}' cannot be undone on a photo")

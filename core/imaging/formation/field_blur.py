@@ -27,6 +27,10 @@ class FieldBlur(SpreadingEffect):
         """See `SpreadingEffect`."""
         return (self.parameters["corner"].to(r2) * diagonal) ** 2 * self._shape(r2)
 
+    def reach(self, diagonal: float) -> float:
+        """See `Effect`."""
+        return diagonal * max(0.0, float(self.parameters["corner"].detach()))
+
     def _shape(self, r2: Tensor) -> Tensor:
         """Variance in units of the corner's (or, if negative, the middle's)."""
         return r2 if float(self.parameters["corner"].detach()) >= 0 else (1.0 - r2).clamp(min=0.0)

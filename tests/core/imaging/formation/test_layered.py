@@ -151,6 +151,14 @@ def test_the_same_effect_on_every_grid(effect):
     assert upright.diagonal == shot().diagonal
 
 
+def test_frames_reach_as_far_as_their_light_does():
+    field, defocus = FieldBlur(torch.tensor(0.04)), Defocus(torch.tensor(0.06), torch.tensor(1.0))
+    assert Formation().reach(W, H) == 0.0 and FieldBlur(torch.tensor(-0.04)).reach(80) == 0.0
+    assert Formation([field]).reach(W, H) == pytest.approx(0.04 * 80)
+    assert Formation([field, defocus]).reach(W, H) == pytest.approx(80 * 0.05)
+    assert Formation([defocus]).by_depth and not Formation([field]).by_depth
+
+
 def test_a_step_of_the_chain_blurs_once(monkeypatch):
     """Forward and gradient of one step share what they both need."""
     count = []
