@@ -89,13 +89,12 @@ def test_a_size_that_cannot_be_told_is_said(sets):
         choose_effects("defocus", photos.photos, photos.cameras, [], MEDIUM, SETTINGS, Silent())
 
 
-def test_the_twin_is_sharper_with_it(scene, sets, true_defocus):
-    """Held-out views against the truth, which no training saw."""
+def test_the_twin_is_sharper_with_it(sets, true_defocus):
+    """Held-out views through the medium alone, against photos that were taken through it without defocus."""
     photos = sets["defocus"]
     views = undistorted_views(list(photos.photos), photos.cameras)
     held = list(range(1, 12, 4))
     fitted = [view for i, view in enumerate(views) if i not in held]
-    sharp = degrade(scene, Truth(), 1)
     points, scale = photos.cameras.points, scene_scale([v.camera for v in fitted], photos.cameras.points)
     found = []
     for formation in (Formation(), Formation([true_defocus])):
@@ -104,6 +103,7 @@ def test_the_twin_is_sharper_with_it(scene, sets, true_defocus):
         errors = []
         for i in held:
             lens, pose = photos.cameras.lenses[views[i].name], photos.cameras.poses[views[i].name]
-            errors.append(np.square(viewer.sharp(lens, pose) - sharp[i].transpose(2, 0, 1) / 255.0).mean())
+            clear = sets["clean"].photos[i].pixels.transpose(2, 0, 1) / 255.0
+            errors.append(np.square(viewer.degraded(lens, pose, MEDIUM, views[i].name) - clear).mean())
         found.append(-10 * np.log10(np.mean(errors)))
-    assert found[1] > found[0] + 0.1, found
+    assert found[1] > found[0] + 0.3, found
