@@ -47,6 +47,7 @@ class Truth:
     Attributes:
         psf: (sigma_x, sigma_y, angle) px, px, degrees; space: what it blurs, 'linear' or 'srgb'.
         defocus: px of standard deviation at the scene's nearest and farthest, sharp in the middle of 1 / depth.
+        field: px of standard deviation that the corners have beyond the middle.
         motion: px, mean length of each photo's own straight path.
         haze: optical depth (attenuation times the median depth).
         exposure, white_balance: standard deviation of the photos' gains (natural log).
@@ -59,6 +60,7 @@ class Truth:
     psf: tuple[float, float, float] = (0.0, 0.0, 0.0)
     space: str = "linear"
     defocus: float = 0.0
+    field: float = 0.0
     motion: float = 0.0
     haze: float = 0.0
     exposure: float = 0.0
@@ -238,6 +240,8 @@ def degrade(scene: Scene, truth: Truth, seed: int = 0) -> list[np.ndarray]:
             light = linear_to_srgb(np.clip(light, 0, None))
         if truth.defocus:
             light = _defocus(light, depth, near, far, truth.defocus)
+        if truth.field:
+            light = _blurred(light, truth.field * np.sqrt(_radius2(height, width, MARGIN)))
         if any(truth.psf[:2]):
             light = _convolved(light, _gaussian(*truth.psf))
         if truth.motion:
@@ -246,8 +250,7 @@ def degrade(scene: Scene, truth: Truth, seed: int = 0) -> list[np.ndarray]:
             light = srgb_to_linear(light)
         light = light[MARGIN:-MARGIN, MARGIN:-MARGIN]
         if truth.vignetting:
-            y, x = np.mgrid[:height, :width]
-            r2 = ((x - width / 2) ** 2 + (y - height / 2) ** 2) / ((width / 2) ** 2 + (height / 2) ** 2)
+            r2 = _radius2(height, width)
             light = light * (1 - truth.vignetting * r2)[..., None]
         light = light * gains[index] / level
         encoded = linear_to_srgb(np.clip(light, 0, 1))
@@ -256,11 +259,13 @@ def degrade(scene: Scene, truth: Truth, seed: int = 0) -> list[np.ndarray]:
     return photos
 
 
-def write_set(folder: Path, scene: Scene, photos: list[np.ndarray]) -> None:
-    """photos/ and cameras/ (COLMAP text, with points)."""
-    (folder / "photos").mkdir(parents=True, exist_ok=True)
-    for camera, pixels in zip(scene.cameras, photos, strict=True):
-        Image.fromarray(pixels).save(folder / "photos" / camera.name)
+def write_set(folder: Path, scene: Scene, photos: list[np.ndarray], sharp: list[np.ndarray] | None = None) -> None:
+    """photos/ and cameras/ (COLMAP text, with points), and truth/ of what would have been sharp."""
+    for part, pictures in (("photos", photos), ("truth", sharp)):
+        if pictures is not None:
+            (folder / part).mkdir(parents=True, exist_ok=True)
+            for camera, pixels in zip(scene.cameras, pictures, strict=True):
+                Image.fromarray(pixels).save(folder / part / camera.name)
     write_model(folder / "cameras", {c.name: c for c in scene.cameras}, scene.points, binary=False)
 
 
@@ -274,10 +279,20 @@ def _gains(random: np.random.Generator, truth: Truth, views: int) -> np.ndarray:
     return np.exp(exposure[:, None] + balance - max(0.0, float((exposure[:, None] + balance).max()) * 0.5))
 
 
+def _radius2(height: int, width: int, margin: int = 0) -> np.ndarray:
+    """[H + 2m, W + 2m] squared distance from the photo's middle over half its diagonal."""
+    y, x = np.mgrid[-margin : height + margin, -margin : width + margin]
+    return ((x - width / 2) ** 2 + (y - height / 2) ** 2) / ((width / 2) ** 2 + (height / 2) ** 2)
+
+
 def _defocus(light: np.ndarray, depth: np.ndarray, near: float, far: float, strength: float) -> np.ndarray:
     """Gaussian of a width that grows with the distance in 1 / depth from the focal plane."""
     middle, span = (1 / near + 1 / far) / 2, (1 / near - 1 / far) / 2
-    sigma = np.minimum(strength * np.abs(1 / depth - middle) / span, 2 * strength)
+    return _blurred(light, np.minimum(strength * np.abs(1 / depth - middle) / span, 2 * strength))
+
+
+def _blurred(light: np.ndarray, sigma: np.ndarray) -> np.ndarray:
+    """Every px with a Gaussian of its own width (px), out of nine levels."""
     levels = np.linspace(0, sigma.max(), 9)
     stack = [light if s == 0 else ndimage.gaussian_filter(light, (s, s, 0)) for s in levels]
     position = np.clip(sigma / max(levels[1], 1e-9), 0, 8 - 1e-6)

@@ -47,11 +47,13 @@ MADE = {
     "vignetting": lambda x: Truth(vignetting=0.08 * x),
     "noise": lambda x: Truth(noise=1.5 * x),
     "saturation": lambda x: Truth(saturation=0.005 * x),
+    "field_blur": lambda x: Truth(field=1.0 * x),
 }
 #: What else an effect brings with it, so that finding it is no false alarm.
 BRINGS = {
     # A blur that differs from photo to photo or with depth is a blur as well.
     "motion": {"blur"}, "defocus": {"blur", "field_blur"}, "blur": set(), "saturation": {"exposure"},
+    "field_blur": {"blur"},
 }  # fmt: skip
 
 
@@ -72,7 +74,7 @@ def photo_set(scene, pixels) -> PhotoSet:
 def code_of_inspection() -> str:
     """Changes where the inspection, or what makes the sets, does."""
     # What no evidence reads.
-    apart = {"blind_psf", "edge_blur", "edge_kernels", "edges", "lower_mode", "pictures", "cameras"}
+    apart = {"blind_psf", "edge_blur", "edge_kernels", "edges", "lower_mode", "pictures", "cameras", "same_points"}
     files = [f for f in sorted((ROOT / "core/inspection").rglob("*.py")) if f.stem not in apart]
     files.append(ROOT / "benchmarks/effect_scenes.py")
     return hashlib.sha256(b"".join(f.read_bytes() for f in files)).hexdigest()[:12]
@@ -177,7 +179,7 @@ def report(rows: list[dict]) -> None:
 def true_size(row: dict, name: str) -> float:
     """The truth in the unit of the estimate."""
     truth = row["truth"]
-    return float(truth["psf"][0] if name == "blur" else truth[name])
+    return float(truth["psf"][0] if name == "blur" else truth["field" if name == "field_blur" else name])
 
 
 def _entry(row: dict, name: str) -> dict:

@@ -47,6 +47,9 @@ SETS = {
     "exposure 10 %": (107, {"exposure": 0.10}),
     "exposure 20 %": (108, {"exposure": 0.20}),
     "saturation 15 %": (110, {"saturation": 0.15}),
+    "defocus 2 px": (111, {"defocus": 2.0}),
+    "defocus 4 px": (112, {"defocus": 4.0}),
+    "field blur 2 px": (113, {"field": 2.0}),
 }
 ARMS = ("none", "auto", "all")
 
@@ -63,9 +66,11 @@ def one_set(name: str) -> Path:
     """The photos and cameras of a set, drawn once."""
     seed, done = SETS[name]
     folder = KEPT / "sets" / f"{seed}_{SIGMA:g}_{WIDTH}_{PHOTOS}_{'_'.join(f'{k}{v:g}' for k, v in done.items())}"
-    if not (folder / "cameras").is_dir():
+    if not (folder / "truth").is_dir():
         scene = make_scene(seed, width=WIDTH, height=HEIGHT, views=PHOTOS, finer=2)
-        write_set(folder, scene, degrade(scene, Truth(psf=(SIGMA, SIGMA, 0.0), **done), seed))
+        kept = {k: v for k, v in done.items() if k not in ("defocus", "field")}
+        sharp = degrade(scene, Truth(**kept), seed)
+        write_set(folder, scene, degrade(scene, Truth(psf=(SIGMA, SIGMA, 0.0), **done), seed), sharp)
     return folder
 
 
@@ -76,12 +81,14 @@ def run(folder: Path, effects: str, preset: str, gaussians: int) -> dict:
     settings = ReconstructSettings(
         photos=folder / "photos", out=out, psf=f"gaussian:{SIGMA:g}", blur_space="linear", threads=1, device="cpu",
         cameras=folder / "cameras", holdout_every=HELD_EVERY, preset=preset, max_gaussians=gaussians, effects=effects,
+        truth=folder / "truth",
     )  # fmt: skip
     wall, processor = time.perf_counter(), time.process_time()
     report = reconstruct(settings, Silent()).report
     row = {
         "effects": effects, "wall": time.perf_counter() - wall, "processor": time.process_time() - processor,
-        **{k: report["heldout"]["degraded"][k] for k in ("psnr", "psnr_matched")}, "seconds": report["seconds"],
+        **{k: report["heldout"]["degraded"][k] for k in ("psnr", "psnr_matched")},
+        "sharp": report["heldout"]["sharp"]["psnr"], "seconds": report["seconds"],
         "steps": report["steps"], "gaussians": report["gaussians"], "load": os.getloadavg()[0],
         "decisions": [{k: d[k] for k in ("name", "on", "why", "gain_db", "gain_error_db", "seconds")}
                       for d in report["effects"]],
@@ -124,9 +131,9 @@ def main() -> None:
 def table(names: list[str], rows: dict) -> str:
     """Markdown: scores and processor time of the three, what auto decided, and the two targets."""
     lines = [
-        "| photos | none, dB | auto - none | the same, as filed | all - none | none, s | auto, s | all, s | auto / all "
-        "| auto: gain of the trial, dB |",
-        "|---|---|---|---|---|---|---|---|---|---|",
+        "| photos | none, dB | auto - none | all - none | auto - none, as filed | sharp: none, dB | auto - none "
+        "| all - none | none, s | auto, s | all, s | auto / all | auto: gain of the trial, dB |",
+        "|---|---|---|---|---|---|---|---|---|---|---|---|---|",
     ]
     share = {n: rows[n, "auto"]["processor"] / rows[n, "all"]["processor"] for n in names}
     gain = {}
@@ -137,8 +144,10 @@ def table(names: list[str], rows: dict) -> str:
         tried = [f"{d['name']} {d['gain_db']:+.2f} +- {d['gain_error_db']:.2f}, {'on' if d['on'] else 'off'}"
                  for d in auto["decisions"] if d["gain_db"] is not None]  # fmt: skip
         lines.append(
-            f"| {name} | {none['psnr_matched']:.2f} | {matched:+.2f} | {filed:+.2f} | "
-            f"{every['psnr_matched'] - none['psnr_matched']:+.2f} | {none['processor']:.1f} | "
+            f"| {name} | {none['psnr_matched']:.2f} | {matched:+.2f} | "
+            f"{every['psnr_matched'] - none['psnr_matched']:+.2f} | {filed:+.2f} | "
+            f"{none['sharp']:.2f} | {auto['sharp'] - none['sharp']:+.2f} | {every['sharp'] - none['sharp']:+.2f} | "
+            f"{none['processor']:.1f} | "
             f"{auto['processor']:.1f} | {every['processor']:.1f} | {share[name]:.2f} | {'; '.join(tried) or 'none'} |"
         )
     worst = min(gain, key=gain.__getitem__)

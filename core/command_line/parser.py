@@ -165,7 +165,8 @@ def _add_reconstruct(commands: argparse._SubParsersAction[OneLineParser]) -> Non
     parser.add_argument(
         "--effects", default="none", metavar="EFFECTS",
         help="besides the blur: auto (what the photos call for and a short trial confirms) | none | all | names with "
-        "commas out of haze, vignetting, exposure, saturation (auto,haze forces one on, auto,-haze off)",
+        "commas out of haze, defocus, field_blur, vignetting, exposure, saturation (auto,haze forces one on, "
+        "auto,-haze off)",
     )  # fmt: skip
     data = parser.add_argument_group("what is given")
     data.add_argument(

@@ -45,6 +45,7 @@ class Tracks:
         pixel: [N, 2] px.
         block: [N] region of space that the point belongs to: errors within one are alike.
         names: photos.
+        median_depth: what `depth` was divided by, in the cameras' unit of length.
     """
 
     point: NDArray[np.int64] = field(repr=False)
@@ -56,6 +57,7 @@ class Tracks:
     pixel: Array = field(repr=False)
     block: NDArray[np.int64] = field(repr=False)
     names: tuple[str, ...] = ()
+    median_depth: float = 1.0
 
     def __len__(self) -> int:
         return len(self.point)
@@ -100,7 +102,7 @@ def find_tracks(photos: Sequence[Photo], cameras: Reconstruction, blur: float, s
         point, photo, light, depth / float(np.median(depth)),
         np.linalg.norm(at - size / 2, axis=1) / (np.linalg.norm(size, axis=1) / 2),
         away / np.linalg.norm(away, axis=1, keepdims=True), at, _blocks(positions, random)[point],
-        tuple(p.name for p in used),
+        tuple(p.name for p in used), float(np.median(depth)),
     )  # fmt: skip
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from functools import lru_cache
 
 import numpy as np
@@ -24,6 +25,8 @@ from ..training.scale import SceneScale
 
 #: Pixels around a frame that interpolation at its border reads.
 _SPLINE = 3
+#: Light from farther than so many standard deviations outside a photo is not missed in it.
+_REACH_SIGMAS = 3.0
 
 
 class Viewer:
@@ -66,8 +69,9 @@ class Viewer:
         undistortion = _undistortion(lens)
         margin = undistortion.overscan + _SPLINE
         reach = 0 if psf is None or psf.is_identity else max(psf.radius)
+        reach = max(reach, math.ceil(_REACH_SIGMAS * formation.reach(lens.width, lens.height)))
         camera = undistortion.camera("", pose).with_margin(margin)
-        settings = RasterSettings(low_pass=self._low_pass, depth=bool(formation.light))
+        settings = RasterSettings(low_pass=self._low_pass, depth=formation.by_depth)
         rendered = self._rendered(camera.with_margin(reach), settings)
         frame = rendered.image
         blur = BlurOperator(psf, camera.height, camera.width, reach, frame.device, frame.dtype)

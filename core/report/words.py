@@ -7,6 +7,8 @@ from typing import Any
 
 _EFFECTS = {
     "haze": "Haze: light that is lost with depth and light that the medium adds, in every step.",
+    "defocus": "Defocus: blur that grows with the distance in 1 / depth from the plane in focus, in every step.",
+    "field_blur": "Blur that grows towards the corners (or the middle) of the frame, in every step.",
     "vignetting": "Vignetting, undone on the photos before the training.",
     "exposure": "Exposure and white balance of every photo, undone on the photos before the training.",
     "saturation": "Clipped pixels: they do not count.",
@@ -42,7 +44,9 @@ def not_simulated(report: Mapping[str, Any]) -> list[str]:
     """What a real scene may have and this run does not know."""
     on = {effect["name"] for effect in report.get("effects", ()) if effect["on"]}
     missing = [
-        "Blur that changes with depth, over the frame, or from photo to photo",
+        *([] if "defocus" in on else ["Blur that changes with depth"]),
+        *([] if "field_blur" in on else ["Blur that changes over the frame"]),
+        "Blur that changes from photo to photo",
         *([] if "haze" in on else ["Haze: light that the medium adds, absorbs or colours"]),
         *([] if "exposure" in on else ["Exposure and white balance that differ from photo to photo"]),
         *([] if "vignetting" in on else ["Vignetting: the lens's loss of light towards the corners"]),

@@ -112,7 +112,8 @@ class Trainer:
         views, heldout = [on_grid(v) for v in self.views], [on_grid(v) for v in self.heldout[:WATCHED_VIEWS]]
         sigma = max((float(np.linalg.eigvalsh(v.psf.covariance)[-1]) ** 0.5 for v in views if v.psf), default=0.0)
         contrast = scene_contrast(views[:: max(1, len(views) // SPECTRUM_VIEWS)])
-        return Level(step, views, heldout, int(np.ceil(MARGIN_SIGMAS * sigma)), self._ratio(views, step), contrast)
+        reach = math.hypot(sigma, self.formation.reach(views[0].camera.width, views[0].camera.height))
+        return Level(step, views, heldout, int(np.ceil(MARGIN_SIGMAS * reach)), self._ratio(views, step), contrast)
 
     def _ratio(self, views: list[GridView], step: int) -> NoiseToSignal | None:
         """Noise over signal of the photos on a grid, as far as they are trusted."""
@@ -140,7 +141,7 @@ class Trainer:
         low_pass = max(0.1, self.settings.low_pass / level.step**2)
         if self.settings.blur_evaluation == "splats":
             low_pass += round_variance(level.views)
-        return RasterSettings(low_pass=low_pass, depth=bool(self.formation.light))
+        return RasterSettings(low_pass=low_pass, depth=self.formation.by_depth)
 
     def shot(self, view: GridView, level: Level, rendered: Rendered) -> Shot:
         """What the effects of image formation know of a view."""

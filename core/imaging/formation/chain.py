@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
@@ -21,6 +22,7 @@ class Formation:
     """
 
     effects: Sequence[Effect] = field(default_factory=tuple)
+    _last: tuple[Tensor, Shot, list[Tensor], Tensor] | None = field(default=None, init=False, repr=False, compare=False)
 
     def __bool__(self) -> bool:
         return bool(self.effects)
@@ -40,6 +42,15 @@ class Formation:
         """Effects behind the blur."""
         return [effect for effect in self.effects if effect.place == "sensor"]
 
+    @property
+    def by_depth(self) -> bool:
+        """Whether the render's depth is needed."""
+        return any(effect.by_depth for effect in self.effects)
+
+    def reach(self, width: int, height: int) -> float:
+        """Standard deviation (px) of what spreads light from outside into a photo of this size, px."""
+        return math.hypot(*(effect.reach(math.hypot(width, height)) for effect in self.light))
+
     def degrade(self, frame: Tensor, blur: Callable[[Tensor], Tensor], medium: Medium, shot: Shot) -> Tensor:
         """[3, H + 2m, W + 2m] sRGB render -> [3, H, W] sRGB photo; without effects exactly `Medium.degrade`."""
         if not self.effects:
@@ -52,20 +63,31 @@ class Formation:
         effects = self.light
         if not effects:
             return frame
-        light = srgb_to_linear(frame)
-        for effect in effects:
-            light = effect.forward(light, shot)
-        return linear_to_srgb(light)
+        stages = self._stages(frame, shot)
+        # The gradient of the same step asks for them again.
+        encoded = linear_to_srgb(stages[-1])
+        self._last = None if encoded.requires_grad else (frame, shot, stages, encoded)
+        return encoded
+
+    def _stages(self, frame: Tensor, shot: Shot) -> list[Tensor]:
+        """Linear light in front of every effect, and behind the last one."""
+        stages = [srgb_to_linear(frame)]
+        for effect in self.light:
+            stages.append(effect.forward(stages[-1], shot))
+        return stages
 
     def reached_gradient(self, upstream: Tensor, frame: Tensor, shot: Shot) -> Tensor:
         """Gradient in `frame`, given that in `reached(frame)`; adds those in the effects' parameters."""
         effects = self.light
         if not effects:
             return upstream
-        stages = [srgb_to_linear(frame)]
-        for effect in effects:
-            stages.append(effect.forward(stages[-1], shot))
-        gradient = upstream * encoding_slope(stages[-1], linear_to_srgb(stages[-1]))
+        last, self._last = self._last, None
+        if last is not None and last[0] is frame and last[1] is shot:
+            stages, encoded = last[2:]
+        else:
+            stages = self._stages(frame, shot)
+            encoded = linear_to_srgb(stages[-1])
+        gradient = upstream * encoding_slope(stages[-1], encoded)
         for effect, light in zip(reversed(effects), reversed(stages[:-1]), strict=True):
             gradient = effect.gradient(gradient, light, shot)
         return gradient * decoding_slope(frame, stages[0])

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import ClassVar, Literal
 
+import torch
 from torch import Tensor
 
 
@@ -29,6 +31,11 @@ class Shot:
     middle: tuple[float, float] | None = None
     depth: Tensor | None = field(default=None, repr=False)
 
+    @property
+    def diagonal(self) -> float:
+        """Of the photo, px: what lengths are a share of, as it is the same for a camera held upright."""
+        return math.hypot(self.width, self.height)
+
 
 class Effect(ABC):
     """One effect on linear light.
@@ -36,6 +43,7 @@ class Effect(ABC):
     Attributes:
         name: as `--effects` takes it; physics: one sentence; place: 'light' before the medium's blur (frames with
             margin), 'sensor' behind it (the photo's own px).
+        by_depth: whether it needs the render's depth.
         multiplications: per px and channel, forward and gradient together: its price in the loop.
         parameters: float32 tensors; gradients: of the loss, of the same shapes, added up by `gradient`.
     """
@@ -43,6 +51,7 @@ class Effect(ABC):
     name: ClassVar[str]
     physics: ClassVar[str]
     place: ClassVar[Literal["light", "sensor"]]
+    by_depth: ClassVar[bool] = False
     multiplications: ClassVar[int]
 
     def __init__(self, parameters: dict[str, Tensor]) -> None:
@@ -56,6 +65,10 @@ class Effect(ABC):
     @abstractmethod
     def gradient(self, upstream: Tensor, light: Tensor, shot: Shot) -> Tensor:
         """Gradient of the loss in `light`, given that in the output; adds those in the parameters to `gradients`."""
+
+    def reach(self, diagonal: float) -> float:
+        """Standard deviation (px) of what spreads light from outside into a photo of this diagonal, px."""
+        return 0.0
 
     def undone(self, light: Tensor, shot: Shot) -> Tensor:
         """The inverse, for effects of the sensor: what would have been there without it."""
@@ -78,3 +91,12 @@ def index_of(names: Sequence[str], name: str) -> int | None:
         return list(names).index(name)
     except ValueError:
         return None
+
+
+def radius2(shot: Shot, like: Tensor) -> Tensor:
+    """[h, w] squared distance from the photo's middle over half its diagonal, on a frame [3, h, w] with its margin."""
+    x0, y0 = shot.middle or (shot.width / 2, shot.height / 2)
+    margin_y, margin_x = (like.shape[1] - shot.height) // 2, (like.shape[2] - shot.width) // 2
+    y = torch.arange(like.shape[1], device=like.device, dtype=like.dtype) + 0.5 - margin_y - y0
+    x = torch.arange(like.shape[2], device=like.device, dtype=like.dtype) + 0.5 - margin_x - x0
+    return ((y**2)[:, None] + (x**2)[None, :]) / (shot.diagonal / 2) ** 2

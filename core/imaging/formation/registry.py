@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
+from .defocus import Defocus
 from .effect import Effect
 from .exposure import Exposure
+from .field_blur import FieldBlur
 from .haze import Haze
 from .vignetting import Vignetting
 
-EFFECTS: dict[str, type[Effect]] = {effect.name: effect for effect in (Haze, Vignetting, Exposure)}
+# In the order in which light meets them, but for one thing: the lens comes behind the medium that blurs. Its blur is
+# simulated in front of that one, where the frames have a margin and their depth; Gaussians commute where their widths
+# change slowly.
+EFFECTS: dict[str, type[Effect]] = {
+    effect.name: effect for effect in (Haze, Defocus, FieldBlur, Vignetting, Exposure)
+}

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import torch
 from torch import Tensor
 
-from .effect import Effect, Shot
+from .effect import Effect, Shot, radius2
 
 #: A lens that passes less than this share of the light in a corner is refused: its inverse would be noise.
 LEAST = 0.1
@@ -26,16 +25,8 @@ class Vignetting(Effect):
     def __init__(self, strength: Tensor) -> None:
         super().__init__({"strength": strength})
 
-    def _radius2(self, shot: Shot, like: Tensor) -> Tensor:
-        x0, y0 = shot.middle or (shot.width / 2, shot.height / 2)
-        margin_y, margin_x = (like.shape[1] - shot.height) // 2, (like.shape[2] - shot.width) // 2
-        y = torch.arange(like.shape[1], device=like.device, dtype=like.dtype) + 0.5 - margin_y - y0
-        x = torch.arange(like.shape[2], device=like.device, dtype=like.dtype) + 0.5 - margin_x - x0
-        half = (shot.width**2 + shot.height**2) / 4
-        return ((y**2)[:, None] + (x**2)[None, :]) / half
-
     def _passed(self, shot: Shot, like: Tensor) -> tuple[Tensor, Tensor]:
-        r2 = self._radius2(shot, like)
+        r2 = radius2(shot, like)
         return (1 - self.parameters["strength"].to(like)[:, None, None] * r2).clamp(min=LEAST), r2
 
     def forward(self, light: Tensor, shot: Shot) -> Tensor:

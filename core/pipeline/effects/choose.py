@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from ...errors import Cancelled, DgsError
 from ...imaging.formation.chain import Formation
 from ...imaging.formation.effect import Effect
+from ...imaging.formation.layered import SpreadingEffect
 from ...imaging.medium import Medium
 from ...inspection.evidence import Evidence
 from ...inspection.inspect import inspect_photos
@@ -19,8 +20,9 @@ from ...sfm.reconstruction import Reconstruction
 from ...training.settings import TrainingSettings
 from ...views import View
 from .ablation import FEWEST, Ablation
+from .confirmed import told_by_points
 from .decision import SWITCHED, Decision, parse_effects
-from .proposal import SPEAKS, build, proposed
+from .proposal import BLURS, SPEAKS, build, proposed
 
 
 @dataclass
@@ -77,6 +79,9 @@ def choose_effects(
     chosen = Chosen(seen=[e for e in found.values() if not any(e.name in s for s in SPEAKS.values())])
     lines: dict[str, Decision] = {}
     for name in sorted(on):
+        if mode == "all" and name in BLURS and build(name, source) is None:
+            lines[name] = Decision(name, False, "asked for, but too few regions of the photos tell its size")
+            continue
         _switch_on(name, source, effects, chosen)
         lines[name] = Decision(name, True, "all were asked for" if mode == "all" else "forced on")
     tried = [name for name in candidates if name not in on and name not in off]
@@ -105,6 +110,8 @@ def _tried(
     """Ablation of one effect on top of those that are on; switches it on where it gains."""
     began = time.perf_counter()
     assert ablation is not None
+    if name in BLURS:
+        return _asked_points(name, source, effects, progress)
     if not ablation.possible:
         return Decision(name, False, "the photos call for it, but too few are there to confirm it")
     effect = build(name, source)
@@ -112,7 +119,9 @@ def _tried(
         return Decision(name, False, "the photos call for it, but too few points are seen to tell its size")
     more = effects if effect is None else {**effects, name: effect}
     masks = chosen.saturation, chosen.saturation or name == "saturation"
-    result = ablation.compare(_chain(effects), _chain(more), masks)
+    # On the trial's coarse grid blurs that vary are below a px: they would cost time and tell nothing.
+    without, with_it = ({n: e for n, e in part.items() if n not in BLURS} for part in (effects, more))
+    result = ablation.compare(_chain(without), _chain(with_it), masks)
     if len(result.differences) < FEWEST:
         return Decision(name, False, "the photos call for it, but they are clipped too widely to confirm it")
     told = f"{result.mean:+.3f} +- {result.error:.3f} dB on photos held out of a short training"
@@ -124,14 +133,32 @@ def _tried(
     return Decision(name, result.confirms, why, None, result.mean, result.error, time.perf_counter() - began)
 
 
+def _asked_points(name: str, source: PhotoSet, effects: dict[str, Effect], progress: Progress) -> Decision:
+    """Whether the same points are blurrier where one effect says so; switches it on where they are."""
+    began = time.perf_counter()
+    effect = build(name, source)
+    told = told_by_points(effect, source) if isinstance(effect, SpreadingEffect) else None
+    if effect is None or told is None:
+        return Decision(name, False, "the photos call for it, but too few points are seen to confirm it")
+    shown = f"the same points in different photos show {told.share:.2f} +- {told.error:.2f} of it"
+    if told.confirms:
+        effects[name] = effect
+    why = f"confirmed: {shown}" if told.confirms else f"called for, but not confirmed: {shown}"
+    progress.note(f"{name}: {why}")
+    return Decision(name, told.confirms, why, seconds=time.perf_counter() - began)
+
+
 def _switch_on(name: str, source: PhotoSet, effects: dict[str, Effect], chosen: Chosen) -> None:
     if name == "saturation":
         chosen.saturation = True
         return
     effect = build(name, source)
     if effect is None:
+        why = source.no_tracks
+        if name in BLURS and source.tracks is not None:
+            why = "too few regions hold detail" + (" at depths that differ" if name == "defocus" else "")
         raise DgsError(
-            f"The effect '{name}' was asked for, but its size cannot be told: {source.no_tracks}",
+            f"The effect '{name}' was asked for, but its size cannot be told: {why}",
             "Leave it out of --effects, or give cameras with points",
         )
     effects[name] = effect

@@ -5,8 +5,10 @@ import math
 import pytest
 import torch
 from dgs.core.imaging.formation.chain import Formation
+from dgs.core.imaging.formation.defocus import Defocus
 from dgs.core.imaging.formation.effect import Effect, Shot
 from dgs.core.imaging.formation.exposure import Exposure
+from dgs.core.imaging.formation.field_blur import FieldBlur
 from dgs.core.imaging.formation.haze import Haze
 from dgs.core.imaging.formation.registry import EFFECTS
 from dgs.core.imaging.formation.vignetting import Vignetting
@@ -31,6 +33,10 @@ def made(name: str) -> Effect:
 
     if name == "exposure":
         return Exposure(("a.png", "b.png", "c.png"), near(0.1, 3, 3), near(0.0, 3, 3))
+    if name == "defocus":
+        return Defocus(near(0.08), near(1.0))
+    if name == "field_blur":
+        return FieldBlur(near(0.15))
     return {"vignetting": lambda: Vignetting(near(0.4, 3)), "haze": lambda: Haze(near(0.5, 3), near(0.6, 3))}[name]()
 
 

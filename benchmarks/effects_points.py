@@ -1,0 +1,76 @@
+"""Do the same points in different photos tell a blur that varies from one that does not?
+
+    python benchmarks/effects_points.py [--scenes 12]
+
+Every scene of benchmarks/effects.py behind a medium (sigma 2 px), without and with 2 px of defocus or of field blur.
+Where an effect is there, the size that the photos tell is asked for (`proposal.build`), where it is not, 2 px of it are
+claimed all the same. Prints the table in docs/effects.md.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from pathlib import Path
+
+sys.path[:0] = [str(Path(__file__).resolve().parents[1]), str(Path(__file__).resolve().parent)]
+import numpy as np  # noqa: E402
+import torch  # noqa: E402
+
+import run_dgs  # noqa: E402
+
+run_dgs.mount_package()
+from dgs.core.imaging.formation.defocus import Defocus  # noqa: E402
+from dgs.core.imaging.formation.field_blur import FieldBlur  # noqa: E402
+from dgs.core.imaging.formation.layered import SpreadingEffect  # noqa: E402
+from dgs.core.inspection.photo_set import PhotoSet  # noqa: E402
+from dgs.core.pipeline.effects.confirmed import told_by_points  # noqa: E402
+from dgs.core.pipeline.effects.proposal import build, depth_unit  # noqa: E402
+from effect_scenes import Truth, degrade, kept_scene  # noqa: E402
+from effects import KEPT, photo_set  # noqa: E402
+
+SIGMA, PX = 2.0, 2.0
+SETS = {"clean": {}, "defocus": {"defocus": PX}, "field_blur": {"field": PX}}
+
+
+def claimed(name: str, photos: PhotoSet) -> SpreadingEffect:
+    """An effect of 2 px that is not there: in the corners, or at both ends of the depths."""
+    diagonal = float(np.hypot(*photos.greys[0].shape))
+    if name == "field_blur":
+        return FieldBlur(torch.tensor(PX / diagonal))
+    unit = depth_unit(photos)
+    far, near = np.quantile(1.0 / photos.tracks.depth / unit, [0.05, 0.95])
+    return Defocus(torch.tensor(PX / diagonal / ((near - far) / 2)), torch.tensor((near + far) / 2))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--scenes", type=int, default=12)
+    shares = {(name, there): [] for name in ("defocus", "field_blur") for there in SETS}
+    seconds = []
+    for seed in range(parser.parse_args().scenes):
+        scene = kept_scene(seed, KEPT)
+        for there, done in SETS.items():
+            photos = photo_set(scene, degrade(scene, Truth(psf=(SIGMA, SIGMA, 0.0), **done), seed))
+            for name in ("defocus", "field_blur"):
+                effect = build(name, photos) if name == there else claimed(name, photos)
+                if effect is None:
+                    print(f"scene {seed}, {there}: no size of {name}", flush=True)
+                    continue
+                began = time.process_time()
+                told = told_by_points(effect, photos)
+                seconds.append(time.process_time() - began)
+                shares[name, there].append(told)
+                print(f"scene {seed}, {there}: {name} {told}", flush=True)
+    print("| asked for | photos with | share that the points show | confirmed |\n|---|---|---|---|")
+    for (name, there), told in shares.items():
+        known = [t for t in told if t is not None]
+        values = [t.share for t in known] or [float("nan")]
+        print(f"| {name} | {there} | {min(values):.2f} to {max(values):.2f} | "
+              f"{sum(t.confirms for t in known)} of {len(told)} |")  # fmt: skip
+    print(f"{np.mean(seconds):.2f} s of processor time each.")
+
+
+if __name__ == "__main__":
+    main()

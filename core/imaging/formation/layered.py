@@ -1,0 +1,224 @@
+"""A blur whose width differs from px to px: the light of every px spreads by its own Gaussian.
+
+    H x = (sum_k K_k (w_k . x)) / (sum_k K_k w_k)
+
+K_k are Gaussians on a fixed ladder of widths, and the weights w_k(px) mix the two next to the px's own width, linearly
+in variance, so that the variance is exact. The denominator keeps a constant picture constant, and leaves no dark seam
+where a blurred foreground ends.
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Sequence
+from functools import lru_cache
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from ...compiled import run
+from ..operator import BlurOperator
+from ..psf import PointSpread, gaussian_taps
+from .effect import Effect, Shot, radius2
+
+#: Standard deviations of the ladder, px of the frame. A mixture of two neighbours passes too much fine detail half-way:
+#: at most 0.06 of the contrast with this ratio, 0.12 with a ratio of 2 (0.11 below the first rung).
+LADDER = tuple(0.5 * 1.6**k for k in range(9))
+#: A frame whose blur stays below this standard deviation (px) everywhere is not touched: it dims the finest period
+#: that the px hold (2 px) by a third, periods of 4 px by a tenth.
+INVISIBLE = 0.3
+#: Widest blur as a share of the frame's shorter side: beyond, a depth is wrong rather than the scene that blurred.
+WIDEST = 1 / 8
+#: Rows that are worth a call to a thread.
+_GRAIN = 16
+
+Tent = tuple[float, float, float, float]
+
+
+class LayeredBlur:
+    """The blur for one map of variances.
+
+    Args:
+        variance: [h, w] px^2 of the frame, >= 0; what is wider than the ladder's or frame's widest counts as that.
+    """
+
+    def __init__(self, variance: Tensor) -> None:
+        variances = _variances(WIDEST * min(variance.shape))
+        lowest, highest = (float(v) for v in torch.aminmax(variance.detach()))
+        self.identity = highest < INVISIBLE**2
+        if self.identity:
+            return
+        first = max(i for i, v in enumerate(variances) if v <= lowest or i == 0)
+        last = next((i for i, v in enumerate(variances) if v >= highest), len(variances) - 1)
+        first = min(first, last - 1)
+        self._variance = variance.clamp(max=variances[-1])
+        self._free = None if highest <= variances[-1] else variance.detach() <= variances[-1]
+        self._levels = [(k, _tent(variances[first : last + 1], k - first)) for k in range(first, last + 1)]
+        self._norm: Tensor | None = None
+
+    def apply(self, light: Tensor) -> Tensor:
+        """[C, h, w] -> [C, h, w], differentiable in the light and in the variances."""
+        if self.identity:
+            return light
+        total: Tensor | None = None
+        for k, tent in self._levels:
+            spread = self._spread(k, self._weighed(light, tent))
+            total = spread if total is None else (total + spread if total.requires_grad else total.add_(spread))
+        assert total is not None
+        self._norm = total[-1:]
+        return total[:-1] / self._norm
+
+    def adjoint(self, upstream: Tensor, light: Tensor, out: Tensor) -> tuple[Tensor, Tensor | None]:
+        """The transpose of `apply`, and the gradient in the variances [h, w] (None: they change nothing).
+
+        Args:
+            upstream: [C, h, w] gradient of a loss in `out`, which is `apply(light)`, called before.
+        """
+        if self.identity:
+            return upstream, None
+        assert self._norm is not None
+        together = torch.empty((len(light) + 1, *light.shape[1:]), dtype=light.dtype, device=light.device)
+        torch.div(upstream, self._norm, out=together[:-1])
+        # The denominator's own share: what brightens all of a place changes nothing there.
+        torch.sum(together[:-1] * out, dim=0, out=together[-1])
+        gradient, in_variance = torch.zeros_like(light), torch.zeros_like(light[0])
+        for k, tent in self._levels:
+            back = together if k == 0 else self._rung(k).adjoint(together)
+            self._gathered(back, light, gradient, in_variance, tent)
+        return gradient, in_variance if self._free is None else in_variance * self._free
+
+    def _spread(self, k: int, planes: Tensor) -> Tensor:
+        if k == 0:
+            return planes
+        return self._rung(k)(planes) if planes.requires_grad else self._rung(k).apply(planes)
+
+    def _rung(self, k: int) -> BlurOperator:
+        v = self._variance
+        return _rung(k, v.shape[0], v.shape[1], v.dtype, v.device)
+
+    def _compiled(self, light: Tensor) -> bool:
+        """Whether compiled passes do: they know neither autograd nor other devices and types."""
+        plain = light.dtype == torch.float32 and light.device.type == "cpu"
+        return plain and not light.requires_grad and not self._variance.requires_grad
+
+    def _weighed(self, light: Tensor, tent: Tent) -> Tensor:
+        """[C + 1, h, w] a level's share of the light, and its weights."""
+        if self._compiled(light):
+            from .layered_kernels import weighed
+
+            out = torch.empty((len(light) + 1, *light.shape[1:]))
+            run(weighed, light.shape[1], light.contiguous().numpy(), self._variance.numpy(),
+                *np.asarray(tent, np.float32), out.numpy(), grain=_GRAIN)  # fmt: skip
+            return out
+        weight = self._weight(tent)[None]
+        return torch.cat([weight * light, weight])
+
+    def _weight(self, tent: Tent) -> Tensor:
+        r0, r1, f0, f1 = tent
+        return torch.minimum(r0 + r1 * self._variance, f0 + f1 * self._variance).clamp(min=0.0)
+
+    def _gathered(self, back: Tensor, light: Tensor, gradient: Tensor, in_variance: Tensor, tent: Tent) -> None:
+        """Adds a level's part to both gradients; back: [C + 1, h, w], what came back through its blur."""
+        v = self._variance.detach()
+        if self._compiled(light):
+            from .layered_kernels import gathered
+
+            run(gathered, light.shape[1], back.contiguous().numpy(), light.contiguous().numpy(), v.numpy(),
+                *np.asarray(tent, np.float32), gradient.numpy(), in_variance.numpy(), grain=_GRAIN)  # fmt: skip
+            return
+        r0, r1, f0, f1 = tent
+        rising, falling = r0 + r1 * v, f0 + f1 * v
+        gradient += torch.minimum(rising, falling).clamp(min=0.0) * back[:-1]
+        share = (back[:-1] * light).sum(dim=0) - back[-1]
+        slope = torch.where(rising < falling, v.new_tensor(r1), v.new_tensor(f1))
+        in_variance += slope * (torch.minimum(rising, falling) >= 0) * share
+
+
+def _tent(variances: Sequence[float], k: int) -> Tent:
+    """r0, r1, f0, f1 of a level's weight max(0, min(r0 + r1 v, f0 + f1 v))."""
+    r1 = 1.0 / (variances[k] - variances[k - 1]) if k > 0 else 0.0
+    f1 = 1.0 / (variances[k] - variances[k + 1]) if k + 1 < len(variances) else 0.0
+    return 1.0 - r1 * variances[k], r1, 1.0 - f1 * variances[k], f1
+
+
+class SpreadingEffect(Effect):
+    """An effect that blurs every px by a width of its own."""
+
+    place = "light"
+    #: For widths up to 2 px: four Gaussians of 25 different taps along either axis, of three channels and the norm,
+    #: there and back, are 133; the levels' weights the rest.
+    multiplications = 150
+
+    def __init__(self, parameters: dict[str, Tensor]) -> None:
+        super().__init__(parameters)
+        self._last: tuple[object, ...] | None = None
+
+    @abstractmethod
+    def spread(self, depth: Tensor, r2: Tensor, diagonal: float) -> Tensor:
+        """Variance (px^2), differentiable in the parameters.
+
+        Args:
+            depth: median depths, 1 where the effect does not go `by_depth`.
+            r2: squared distance from the photo's middle over half its diagonal, 0 where it does.
+            diagonal: of the photo, px.
+        """
+
+    def variance(self, shot: Shot, like: Tensor) -> Tensor:
+        """[h, w] px^2 of the frame `like` [3, h, w]."""
+        return self.spread(*self._where(shot, like), shot.diagonal)
+
+    def _where(self, shot: Shot, like: Tensor) -> tuple[Tensor, Tensor]:
+        if not self.by_depth:
+            return like.new_ones(()), radius2(shot, like)
+        if shot.depth is None:
+            raise ValueError(f"{self.name} needs the render's depth")
+        return shot.depth.to(like), like.new_zeros(())
+
+    @abstractmethod
+    def add_gradients(self, in_variance: Tensor | None, shot: Shot, light: Tensor) -> None:
+        """Adds the parameters' gradients, given that in the variance; None where it changes nothing."""
+
+    def _versions(self) -> tuple[int, ...]:
+        return tuple(value._version for value in self.parameters.values())
+
+    def forward(self, light: Tensor, shot: Shot) -> Tensor:
+        """See `Effect`."""
+        blur = LayeredBlur(self.variance(shot, light))
+        out = blur.apply(light)
+        # The gradient of the same step asks for the same again.
+        self._last = None if out.requires_grad else (light, shot, self._versions(), blur, out)
+        return out
+
+    def gradient(self, upstream: Tensor, light: Tensor, shot: Shot) -> Tensor:
+        """See `Effect`."""
+        last = self._last
+        if last is None or last[0] is not light or last[1] is not shot or last[2] != self._versions():
+            with torch.no_grad():
+                self.forward(light, shot)
+            last = self._last
+        assert last is not None
+        blur, out = last[3:]
+        assert isinstance(blur, LayeredBlur) and isinstance(out, Tensor)
+        self._last = None
+        passed, in_variance = blur.adjoint(upstream, light, out)
+        self.add_gradients(in_variance, shot, light)
+        return passed
+
+
+@lru_cache(maxsize=32)
+def _variances(widest: float) -> list[float]:
+    """px^2 of no blur, and of every rung up to a width (px); that of the taps, as sampled Gaussians are narrower."""
+    out = [0.0]
+    for sigma in LADDER:
+        if sigma <= max(widest, LADDER[0]):
+            taps = gaussian_taps(sigma)
+            out.append(float((taps * (np.arange(len(taps)) - len(taps) // 2) ** 2).sum()))
+    return out
+
+
+@lru_cache(maxsize=128)
+def _rung(k: int, height: int, width: int, dtype: torch.dtype, device: torch.device) -> BlurOperator:
+    """The blur of rung `k` >= 1 on frames of one size; beyond the frame its edge is repeated."""
+    psf = PointSpread(sigma_x=LADDER[k - 1], sigma_y=LADDER[k - 1])
+    return BlurOperator(psf, height, width, 0, device, dtype, "separable" if device.type == "cpu" else "fourier")

@@ -1,0 +1,109 @@
+"""Defocus and field blur through the pipeline: their size, what confirms them, and what they give back to the twin."""
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from dgs.core.errors import DgsError
+from dgs.core.imaging.formation.chain import Formation
+from dgs.core.imaging.formation.defocus import Defocus
+from dgs.core.imaging.medium import Medium
+from dgs.core.imaging.psf import parse_psf
+from dgs.core.inspection.photo_set import PhotoSet
+from dgs.core.photos.undistort import undistorted_views
+from dgs.core.pipeline.effects.choose import choose_effects
+from dgs.core.pipeline.effects.confirmed import told_by_points
+from dgs.core.pipeline.effects.proposal import build, depth_unit
+from dgs.core.pipeline.views import Viewer
+from dgs.core.progress import Silent
+from dgs.core.training.run import train
+from dgs.core.training.scale import scene_scale
+from dgs.core.training.settings import TrainingSettings
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[4] / "benchmarks"))
+import effects as validation
+from effect_scenes import Truth, degrade, make_scene
+
+SETTINGS = TrainingSettings(steps=80, max_gaussians=2000, sh_degree=0, threads=1)
+#: Blur of the medium, and of the effects where they are largest, px.
+SIGMA, PX = 1.0, 3.0
+MEDIUM = Medium(parse_psf(f"gaussian:{SIGMA:g}"), "linear")
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return make_scene(3, width=192, height=128, views=12, finer=1)
+
+
+@pytest.fixture(scope="module")
+def sets(scene):
+    kinds = {"clean": {}, "defocus": {"defocus": PX}, "field": {"field": PX}}
+    return {kind: validation.photo_set(scene, degrade(scene, Truth(psf=(SIGMA, SIGMA, 0.0), **done), 1))
+            for kind, done in kinds.items()}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def true_defocus(scene):
+    """As the trainer's units have it."""
+    near, far = np.quantile(scene.depth, [0.02, 0.98])
+    size = scene_scale(scene.cameras, scene.points).size
+    strength = PX / ((1 / near - 1 / far) / 2) / size / np.hypot(192, 128)
+    return Defocus(torch.tensor(strength), torch.tensor((1 / near + 1 / far) / 2 * size))
+
+
+def test_their_size_is_told_in_the_trainer_s_units(sets, true_defocus):
+    defocus = build("defocus", sets["defocus"])
+    for name, tolerance in (("strength", 0.35), ("focus", 0.15)):
+        assert float(defocus.parameters[name]) == pytest.approx(float(true_defocus.parameters[name]), rel=tolerance)
+    corner = build("field_blur", sets["field"]).parameters["corner"]
+    assert float(corner) == pytest.approx(PX / np.hypot(192, 128), rel=0.35)
+    assert depth_unit(sets["clean"]) != pytest.approx(1.0, abs=1e-3)  # the two units do differ
+
+
+def test_only_what_is_there_is_confirmed(sets):
+    made = {"defocus": build("defocus", sets["defocus"]), "field_blur": build("field_blur", sets["field"])}
+    for name, there in (("defocus", "defocus"), ("field_blur", "field")):
+        for kind, photos in sets.items():
+            told = told_by_points(made[name], photos)
+            assert told is not None and told.confirms == (kind == there), (name, kind, told)
+
+
+def test_auto_simulates_what_is_confirmed(sets):
+    photos = sets["field"]
+    views = undistorted_views(list(photos.photos), photos.cameras)
+    asked = "auto,-haze,-exposure,-vignetting,-saturation"
+    chosen = choose_effects(asked, photos.photos, photos.cameras, views, MEDIUM, SETTINGS, Silent())
+    assert chosen.formation.names == ("field_blur",)
+    line = next(d for d in chosen.decisions if d.name == "field_blur")
+    assert "same points" in line.why and line.parameters and line.evidence["needed"]
+
+
+def test_a_size_that_cannot_be_told_is_said(sets):
+    grey = [replace(p, pixels=np.full_like(p.pixels, 90)) for p in sets["clean"].photos[:4]]
+    photos = PhotoSet(grey, sets["clean"].cameras)
+    assert build("defocus", photos) is None and build("field_blur", photos) is None
+    with pytest.raises(DgsError, match="defocus"):
+        choose_effects("defocus", photos.photos, photos.cameras, [], MEDIUM, SETTINGS, Silent())
+
+
+def test_the_twin_is_sharper_with_it(sets, true_defocus):
+    """Held-out views through the medium alone, against photos that were taken through it without defocus."""
+    photos = sets["defocus"]
+    views = undistorted_views(list(photos.photos), photos.cameras)
+    held = list(range(1, 12, 4))
+    fitted = [view for i, view in enumerate(views) if i not in held]
+    points, scale = photos.cameras.points, scene_scale([v.camera for v in fitted], photos.cameras.points)
+    found = []
+    for formation in (Formation(), Formation([true_defocus])):
+        trained = train(fitted, [], points, MEDIUM, SETTINGS, Silent(), formation=formation)
+        viewer = Viewer(trained.gaussians, scale, "cpu", trained.low_pass, trained.background)
+        errors = []
+        for i in held:
+            lens, pose = photos.cameras.lenses[views[i].name], photos.cameras.poses[views[i].name]
+            clear = sets["clean"].photos[i].pixels.transpose(2, 0, 1) / 255.0
+            errors.append(np.square(viewer.degraded(lens, pose, MEDIUM, views[i].name) - clear).mean())
+        found.append(-10 * np.log10(np.mean(errors)))
+    assert found[1] > found[0] + 0.15, found
