@@ -42,7 +42,7 @@ MARGIN = 6
 CANDIDATES, TESTS, FIRST, MOST = 36, 16, 3, 12
 #: Splats of the object and of the room around it.
 GLOBE, ROOM = 1400, 700
-WAYS = ("through the blur", "random", "uniform", "farthest", "fisher without blur")
+WAYS = ("through the blur", "bits through the blur", "random", "uniform", "farthest", "fisher without blur")
 UP = np.array([0.0, -1.0, 0.0])
 
 
@@ -171,11 +171,12 @@ def choose(way: str, case: Case, trainer: Trainer, taken: list[int], step: int) 
         centres = np.array([c.centre for c in case.cameras])
         nearest = np.linalg.norm(centres[left][:, None] - centres[taken][None], axis=2).min(axis=1)
         return left[int(nearest.argmax())]
-    looks, places, noise = knowledge(trainer, taken, case, way == "through the blur")
-    if way == "through the blur":
+    looks, places, noise = knowledge(trainer, taken, case, "through the blur" in way)
+    if "through the blur" in way:
         seen = [places[i] for i in taken]
         posterior = sample_posterior(looks, seen, noise, 4, 6, case.seed)
-        return max(left, key=lambda i: gain_of(looks, posterior, seen, places[i]).bits)
+        gains = {i: gain_of(looks, posterior, seen, places[i]) for i in left}
+        return max(left, key=lambda i: gains[i].bits if way.startswith("bits") else gains[i].fall)
     generator = torch.Generator().manual_seed(step)
     known = 1.0 + looks.diagonal([places[i] for i in taken], generator) / noise**2
     return max(left, key=lambda i: float((looks.diagonal([places[i]], generator) / noise**2 / known).sum()))
@@ -216,6 +217,7 @@ def main() -> None:
     """Runs what is missing and prints the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, default=5)
+    parser.add_argument("--ways", nargs="+", default=WAYS)
     parser.add_argument("--steps", type=int, default=400)
     parser.add_argument("--even", action="store_true", help="all candidates at one distance")
     parser.add_argument("--out", type=Path, default=Path(__file__).parent / "runs" / "next_view.jsonl")
@@ -227,7 +229,7 @@ def main() -> None:
     scene = f"{'even' if options.even else 'uneven'} {options.steps}"
     for seed in range(options.seeds):
         case = Case(seed, options.steps, (1.9, 1.9) if options.even else (1.5, 3.4))
-        for way in WAYS:
+        for way in options.ways:
             key = {"scene": scene, "seed": seed, "way": way}
             if any(all(row[k] == v for k, v in key.items()) for row in rows):
                 continue

@@ -33,11 +33,13 @@ class Gain:
 
     Attributes:
         bits: expected information.
+        fall: by how much the photo's px are expected to be less open: sum of their variance, less what stays open.
         guessed: share of the px showing the twin whose sharp colour is open: half the prior's variance or more.
         covered: share of the px that show the twin at all.
     """
 
     bits: float
+    fall: float
     guessed: float
     covered: float
 
@@ -82,14 +84,15 @@ def gain_of(looks: Looks, posterior: Posterior, taken: Sequence[Place], place: P
     blurred, sharp = spread(looks, opened(looks, posterior, taken, place), place)
     patch = 1.0 if place.psf is None else 1.0 / float(np.square(place.psf.kernel()).sum())
     bits = 0.5 * float(torch.log2(1.0 + blurred / posterior.noise**2).sum()) / patch
-    if not np.isfinite(bits):
-        bits = 0.0
+    fall = float((blurred.square() / (blurred + posterior.noise**2)).sum()) / patch
+    if not np.isfinite(bits + fall):
+        bits = fall = 0.0
     shown = _alpha(looks, place) > 0.5
     limit = 0.5 * COLOUR**2
     m = looks.margin
     inner = sharp.mean(dim=0)[m : m + shown.shape[0], m : m + shown.shape[1]]
     guessed = float((inner[shown] > limit).float().mean()) if bool(shown.any()) else 1.0
-    return Gain(bits, guessed, float(shown.float().mean()))
+    return Gain(bits, fall, guessed, float(shown.float().mean()))
 
 
 def _alpha(looks: Looks, place: Place) -> Tensor:
