@@ -47,6 +47,8 @@ SETS = {
     "exposure 10 %": (107, {"exposure": 0.10}),
     "exposure 20 %": (108, {"exposure": 0.20}),
     "saturation 15 %": (110, {"saturation": 0.15}),
+    "motion 6 px": (111, {"motion": 6.0}),
+    "motion 12 px": (112, {"motion": 12.0}),
 }
 ARMS = ("none", "auto", "all")
 

@@ -7,6 +7,7 @@ from typing import Any
 
 _EFFECTS = {
     "haze": "Haze: light that is lost with depth and light that the medium adds, in every step.",
+    "motion": "Motion of the camera during each exposure: a straight path in that photo's point spread.",
     "vignetting": "Vignetting, undone on the photos before the training.",
     "exposure": "Exposure and white balance of every photo, undone on the photos before the training.",
     "saturation": "Clipped pixels: they do not count.",
@@ -23,6 +24,9 @@ def simulated(report: Mapping[str, Any]) -> list[str]:
         if medium["psf"] != "none"
         else "No blur: the photos were taken as sharp (psf none)."
     )
+    own = medium.get("per_photo_sigma")
+    if own is not None:
+        blur += f" {len(medium['per_photo'])} photos have one of their own, {own[0]:.2f} to {own[1]:.2f} px wide."
     degree = training.get("sh_degree")
     gloss = (
         "Colours that do not change with the direction of view."
@@ -41,8 +45,9 @@ def simulated(report: Mapping[str, Any]) -> list[str]:
 def not_simulated(report: Mapping[str, Any]) -> list[str]:
     """What a real scene may have and this run does not know."""
     on = {effect["name"] for effect in report.get("effects", ()) if effect["on"]}
+    own = report["medium"].get("per_photo_sigma") is not None
     missing = [
-        "Blur that changes with depth, over the frame, or from photo to photo",
+        "Blur that changes with depth or over the frame" + ("" if own else ", or from photo to photo"),
         *([] if "haze" in on else ["Haze: light that the medium adds, absorbs or colours"]),
         *([] if "exposure" in on else ["Exposure and white balance that differ from photo to photo"]),
         *([] if "vignetting" in on else ["Vignetting: the lens's loss of light towards the corners"]),

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import ClassVar, Literal
 
 from torch import Tensor
+
+from ..psf import PointSpread
 
 
 @dataclass(frozen=True)
@@ -35,14 +38,15 @@ class Effect(ABC):
 
     Attributes:
         name: as `--effects` takes it; physics: one sentence; place: 'light' before the medium's blur (frames with
-            margin), 'sensor' behind it (the photo's own px).
+            margin), 'kernel' within it (changes a photo's point spread and leaves light alone), 'sensor' behind it
+            (the photo's own px).
         multiplications: per px and channel, forward and gradient together: its price in the loop.
         parameters: float32 tensors; gradients: of the loss, of the same shapes, added up by `gradient`.
     """
 
     name: ClassVar[str]
     physics: ClassVar[str]
-    place: ClassVar[Literal["light", "sensor"]]
+    place: ClassVar[Literal["light", "kernel", "sensor"]]
     multiplications: ClassVar[int]
 
     def __init__(self, parameters: dict[str, Tensor]) -> None:
@@ -56,6 +60,19 @@ class Effect(ABC):
     @abstractmethod
     def gradient(self, upstream: Tensor, light: Tensor, shot: Shot) -> Tensor:
         """Gradient of the loss in `light`, given that in the output; adds those in the parameters to `gradients`."""
+
+    def point_spread(self, psf: PointSpread | None, name: str) -> PointSpread | None:
+        """What a photo's point spread (px) becomes, for effects of the kernel; the very same one where nothing does."""
+        return psf
+
+    def kernel_text(self, name: str, scale: float) -> str:
+        """What `point_spread` adds, as `parse_psf` reads it, in px that are `scale` times finer; empty for nothing."""
+        return ""
+
+    @property
+    def finest(self) -> float:
+        """Size (px) of what an effect of the kernel does: photos averaged down further do not show it."""
+        return math.inf
 
     def undone(self, light: Tensor, shot: Shot) -> Tensor:
         """The inverse, for effects of the sensor: what would have been there without it."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from .effect import Effect
 from .exposure import Exposure
 from .haze import Haze
+from .motion import Motion
 from .vignetting import Vignetting
 
-EFFECTS: dict[str, type[Effect]] = {effect.name: effect for effect in (Haze, Vignetting, Exposure)}
+EFFECTS: dict[str, type[Effect]] = {effect.name: effect for effect in (Haze, Motion, Vignetting, Exposure)}

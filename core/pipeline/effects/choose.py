@@ -78,7 +78,8 @@ def choose_effects(
     lines: dict[str, Decision] = {}
     for name in sorted(on):
         _switch_on(name, source, effects, chosen)
-        lines[name] = Decision(name, True, "all were asked for" if mode == "all" else "forced on")
+        there, why = name in effects or name == "saturation", "all were asked for" if mode == "all" else "forced on"
+        lines[name] = Decision(name, there, why if there else "asked for, but no photo shows it")
     tried = [name for name in candidates if name not in on and name not in off]
     progress.stage("effects", len(tried))
     for index, name in enumerate(tried):
@@ -129,6 +130,8 @@ def _switch_on(name: str, source: PhotoSet, effects: dict[str, Effect], chosen: 
         chosen.saturation = True
         return
     effect = build(name, source)
+    if effect is None and name == "motion":  # a set without motion is no error, and costs nothing
+        return
     if effect is None:
         raise DgsError(
             f"The effect '{name}' was asked for, but its size cannot be told: {source.no_tracks}",

@@ -10,14 +10,16 @@ import torch
 from ...imaging.formation.effect import Effect
 from ...imaging.formation.exposure import Exposure
 from ...imaging.formation.haze import Haze
+from ...imaging.formation.motion import Motion, motion_from
 from ...imaging.formation.vignetting import Vignetting
+from ...inspection.effects.motion import paths_of
 from ...inspection.evidence import Evidence
 from ...inspection.photo_set import PhotoSet
 
 #: Which evidence speaks for an effect.
 SPEAKS = {
     "exposure": ("exposure", "white_balance"), "vignetting": ("vignetting",), "haze": ("haze",),
-    "saturation": ("saturation",),
+    "saturation": ("saturation",), "motion": ("motion",),
 }  # fmt: skip
 #: A channel's gain that is less certain than this (natural log) is not taken.
 LEAST_CERTAIN = 0.1
@@ -33,7 +35,9 @@ def proposed(found: Iterable[Evidence]) -> list[str]:
 
 
 def build(name: str, photos: PhotoSet) -> Effect | None:
-    """The effect with the parameters that the photos' tracks tell; None where they tell none."""
+    """The effect with the parameters that the photos tell; None where they tell none."""
+    if name == "motion":
+        return _motion(photos)
     fit, tracks = photos.photometry, photos.tracks
     if fit is None or tracks is None:
         return None
@@ -54,3 +58,11 @@ def build(name: str, photos: PhotoSet) -> Effect | None:
         as_float = [torch.tensor(v, dtype=torch.float32) for v in (attenuation, veil)]
         return Haze(*as_float)
     return None
+
+
+def _motion(photos: PhotoSet) -> Motion | None:
+    """Every photo's own path, held-out ones too; None where none stands clear of its noise."""
+    paths = paths_of(photos)
+    if not any(path.length for path in paths.values()):
+        return None
+    return motion_from(list(paths), [p.length for p in paths.values()], [p.angle for p in paths.values()])
