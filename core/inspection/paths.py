@@ -41,7 +41,7 @@ LEAK = 0.003
 #: How far the log power of one photo's bins scatters around the law, beyond chance.
 SCATTER = 0.35
 #: Priors on a photo's own slope, direction (2 x), and softness (px^2): standard deviations.
-OWN = (0.3, 0.3, 0.3, 0.5)
+OWN = (0.3, 0.3, 0.3, 5.0)
 #: Bins scatter together, so that so many of them say what one would.
 TOGETHER = 8.0
 #: A path is one where it explains the spectrum better than none by this much (natural log).
@@ -161,6 +161,7 @@ class PathFinder:
         greys = [_light(photo) for photo in photos]
         height, width = greys[0].shape
         self.bins = _bins(height, width)
+        self._independent = np.maximum(self.bins.count / 2.25, 0.5)  # coefficients, under a Hann window
         seen, noise = (np.stack(v) for v in zip(*(self._of(grey) for grey in greys), strict=True))
         common = np.median(np.exp(seen) - noise[:, None], axis=0)
         self.clear = common > LOUD * float(np.median(noise))
@@ -170,6 +171,13 @@ class PathFinder:
         self.length = np.append(0.0, np.repeat(lengths, TURNS))
         self.angle = np.append(0.0, np.tile(turns, len(lengths)))
         self.common = np.log(np.maximum(common, 1e-30))
+        f, angle = self.bins.f, self.bins.angle
+        softness = -4.0 * np.pi**2 * f**2
+        # What a photo may have of its own besides a path.
+        self._columns = np.stack(
+            [np.ones_like(f), np.log(f / 0.1), np.cos(2 * angle), np.sin(2 * angle), softness], axis=1
+        )
+        self._weight = 1.0 / np.sqrt(polygamma(1, self._independent) + SCATTER**2)
         if self.possible:
             self._table = _transfer(self.bins, self.length, self.angle)
             self._find_common(seen, noise)
@@ -184,8 +192,11 @@ class PathFinder:
         if not self.possible:
             return Path()
         seen, noise = self._of(_light(photo))
-        cost, _ = self._fitted(seen, noise, self._table)
-        at = int(np.argmin(cost))
+        own = np.zeros(len(OWN) + 1)
+        for _ in range(3):
+            cost, owns = self._fitted(seen, noise, self._table, own)
+            at = int(np.argmin(cost))
+            own = owns[at]
         if at == 0:
             return Path()
         length, angle, step, turn = self.length[at], self.angle[at], FACTOR, np.pi / TURNS
@@ -193,64 +204,60 @@ class PathFinder:
         for _ in range(3):
             ls, ts = length * step ** np.linspace(-1, 1, 5), angle + turn * np.linspace(-1, 1, 5)
             cells = [grid.ravel() for grid in np.meshgrid(ls, ts)]
-            fine, _ = self._fitted(seen, noise, _transfer(self.bins, *cells))
+            fine, _ = self._fitted(seen, noise, _transfer(self.bins, *cells), own)
             at = int(np.argmin(fine))
             length, angle, best = cells[0][at], cells[1][at], fine[at]
             step, turn = step**0.5, turn / 2
         gain = float(cost[0] - best)
-        sd, sa = self._errors(seen, noise, length, angle)
+        sd, sa = self._errors(seen, noise, length, angle, own)
         found = length if gain > CLEAR and length > 2.0 * sd else 0.0
         return Path(float(found), sd, math.degrees(angle) % 180.0, sa, gain)
 
     def _of(self, grey: NDArray[np.float32]) -> tuple[Array, float]:
         """[B] log power without what chance does to it, and the noise's power."""
-        k = np.maximum(self.bins.count / 2.25, 0.5)  # independent coefficients under a Hann window
+        k = self._independent
         noise = noise_of(grey, self._rounding) ** 2
         return np.log(np.maximum(_power(grey), 1e-30)) - (digamma(k) - np.log(k)), noise
 
-    def _columns(self) -> Array:
-        """[B, 5] what a photo may have of its own besides a path."""
-        f, angle = self.bins.f, self.bins.angle
-        softness = -4.0 * np.pi**2 * f**2
-        return np.stack([np.ones_like(f), np.log(f / 0.1), np.cos(2 * angle), np.sin(2 * angle), softness], axis=1)
+    def _fitted(self, seen: Array, noise: float, table: Array, own: Array) -> tuple[Array, Array]:
+        """Minus log likelihood [G] of paths that leave `table` [G, B], and the photo's coefficients [G, 5] then.
 
-    def _fitted(self, seen: Array, noise: float, table: Array) -> tuple[Array, Array]:
-        """Minus log likelihood [G] of paths that leave `table` [G, B], and the coefficients [G, 5] of `_columns`."""
+        `own` [5] is where the law is made linear: a photo much softer than the others drowns earlier in its noise.
+        """
         keep = self.clear
-        signal = np.exp(self.common[keep])
-        stripes = np.log((signal * table[:, keep] + noise) / (signal + noise))
-        rest = (seen[keep] - np.log(signal + noise)) - stripes
-        weight = 1.0 / np.sqrt(polygamma(1, np.maximum(self.bins.count[keep] / 2.25, 0.5)) + SCATTER**2)
-        a = self._columns()[keep] * weight[:, None]
-        prior = np.diag([0.0, *(1.0 / s for s in OWN)])
-        own = (rest * weight) @ np.linalg.solve(a.T @ a + prior**2, a.T).T
-        left = rest * weight - own @ a.T
+        signal = np.exp(self.common + self._columns @ own)[keep]
+        rest = seen[keep] - np.log(signal * table[:, keep] + noise)
+        a = self._columns[keep] * (signal / (signal + noise) * self._weight[keep])[:, None]
+        prior = np.diag([0.0, *(1.0 / s**2 for s in OWN)])
+        change = ((rest * self._weight[keep]) @ a - own @ prior) @ np.linalg.inv(a.T @ a + prior)
+        left = rest * self._weight[keep] - change @ a.T
         # Student's t of four degrees: single bins may be far off.
-        cost = (2.5 * np.log1p(left**2 / 4.0)).sum(axis=1) / TOGETHER + 0.5 * np.square(own @ prior).sum(axis=1)
-        return np.asarray(cost), np.asarray(own)
+        cost = (2.5 * np.log1p(left**2 / 4.0)).sum(axis=1) / TOGETHER
+        return np.asarray(cost + 0.5 * (np.square(own + change) @ prior).sum(axis=1)), np.asarray(own + change)
 
     def _find_common(self, seen: Array, noise: Array) -> None:
-        columns = self._columns()
+        own = np.zeros((len(seen), len(OWN) + 1))
         for _ in range(ROUNDS):
             sharp, weight = np.empty_like(seen), np.empty_like(seen)
             for i, (one, own_noise) in enumerate(zip(seen, noise, strict=True)):
-                cost, own = self._fitted(one, own_noise, self._table)
+                cost, owns = self._fitted(one, own_noise, self._table, own[i])
                 at = int(np.argmin(cost))
-                left = self._table[at]
-                sharp[i] = np.log(np.maximum(np.exp(one) - own_noise, 1e-30)) - columns @ own[at] - np.log(left)
-                weight[i] = left / (left + 0.1) * (np.exp(one) > 1.5 * own_noise)
+                left, own[i] = self._table[at], owns[at]
+                above = np.maximum(np.exp(one) - own_noise, 1e-30)
+                sharp[i] = np.log(above) - self._columns @ own[i] - np.log(left)
+                weight[i] = left / (left + 0.1) * (above > 0.5 * own_noise)
             total = weight.sum(axis=0)
             # A bin that is in all photos' stripes keeps what was known of it.
             mean = (sharp * weight).sum(axis=0) / np.maximum(total, 1e-9)
             self.common = np.where(total > 0, mean, self.common)
 
-    def _errors(self, seen: Array, noise: float, length: float, angle: float) -> tuple[float, float]:
+    def _errors(self, seen: Array, noise: float, length: float, angle: float, own: Array) -> tuple[float, float]:
         """Standard deviations of length (px) and angle (degrees): the posterior's, on a grid as fine as that."""
         wide, turned, sd, sa = 0.3 * length, math.radians(30.0), 0.0, 0.0
         for _ in range(4):
             cells = np.meshgrid(length + wide * np.linspace(-1, 1, 9), angle + turned * np.linspace(-1, 1, 9))
             ls, ts = (grid.ravel() for grid in cells)
-            cost, _ = self._fitted(seen, noise, _transfer(self.bins, ls, ts))
+            cost, _ = self._fitted(seen, noise, _transfer(self.bins, ls, ts), own)
             share = np.exp(cost.min() - cost)
             share /= share.sum()
             sd = float(np.sqrt((share * (ls - length) ** 2).sum()))

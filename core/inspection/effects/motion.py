@@ -51,9 +51,13 @@ def motion_of(photos: PhotoSet) -> Motion | None:
 
 
 def paths_of(photos: PhotoSet) -> dict[str, Path]:
-    """The paths of all photos; empty where they cannot be told."""
-    finder = _common(photos)
-    return {} if finder is None else find_paths(photos.photos, photos.rounding, finder)
+    """The paths of all photos; empty where they cannot be told. Kept with the photos."""
+    kept = photos.__dict__
+    if "_paths" not in kept:
+        finder = _common(photos)
+        kept["_paths"] = {} if finder is None else find_paths(photos.photos, photos.rounding, finder)
+    found: dict[str, Path] = kept["_paths"]
+    return found
 
 
 def _common(photos: PhotoSet) -> PathFinder | None:
