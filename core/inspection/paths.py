@@ -46,10 +46,13 @@ OWN = (0.3, 0.3, 0.3, 5.0)
 TOGETHER = 8.0
 #: A path is one where it explains the spectrum better than none by this much (natural log).
 CLEAR = 5.0
+#: The same for what is taken out of the common spectrum.
+SURE = 10.0
 #: Photos of one size at least, and bins that stand clear of the noise: fewer tell nothing.
 FEWEST, FEWEST_BINS = 4, 100
-#: Rounds of fitting paths and the common spectrum by turns.
-ROUNDS = 5
+#: Most rounds of fitting paths and the common spectrum by turns; they end when no path changes. Photos that moved alike
+#: take many, as their stripes are in the common spectrum at first.
+ROUNDS = 24
 #: Largest middle part (px along a side) of a photo that is looked at: more costs time and tells little more.
 LARGEST = 1024
 #: What the law itself leaves uncertain: of the length a share and px, and degrees.
@@ -236,20 +239,28 @@ class PathFinder:
         return np.asarray(cost + 0.5 * (np.square(own + change) @ prior).sum(axis=1)), np.asarray(own + change)
 
     def _find_common(self, seen: Array, noise: Array) -> None:
-        own = np.zeros((len(seen), len(OWN) + 1))
+        own, found = np.zeros((len(seen), len(OWN) + 1)), np.full(len(seen), -1)
+        sharp, weight = np.zeros_like(seen), np.zeros_like(seen)
+        first = self.common
         for _ in range(ROUNDS):
-            sharp, weight = np.empty_like(seen), np.empty_like(seen)
+            before = found.copy()
             for i, (one, own_noise) in enumerate(zip(seen, noise, strict=True)):
+                # Without the photo itself, whose own stripes would explain themselves.
+                rest = weight.sum(axis=0) - weight[i]
+                others = ((sharp * weight).sum(axis=0) - sharp[i] * weight[i]) / np.maximum(rest, 1e-9)
+                self.common = np.where(rest > 0.1, others, first)
                 cost, owns = self._fitted(one, own_noise, self._table, own[i])
-                at = int(np.argmin(cost))
-                left, own[i] = self._table[at], owns[at]
+                # A path that all photos share is as good as none: whatever is not clearly a photo's own is none.
+                found[i] = np.argmin(cost) if cost[0] - cost.min() > SURE else 0
+                left, own[i] = self._table[found[i]], owns[found[i]]
                 above = np.maximum(np.exp(one) - own_noise, 1e-30)
                 sharp[i] = np.log(above) - self._columns @ own[i] - np.log(left)
                 weight[i] = left / (left + 0.1) * (above > 0.5 * own_noise)
-            total = weight.sum(axis=0)
-            # A bin that is in all photos' stripes keeps what was known of it.
-            mean = (sharp * weight).sum(axis=0) / np.maximum(total, 1e-9)
-            self.common = np.where(total > 0, mean, self.common)
+            if (found == before).all():
+                break
+        total = weight.sum(axis=0)
+        # A bin that is in all photos' stripes keeps what was known of it.
+        self.common = np.where(total > 0.1, (sharp * weight).sum(axis=0) / np.maximum(total, 1e-9), first)
 
     def _errors(self, seen: Array, noise: float, length: float, angle: float, own: Array) -> tuple[float, float]:
         """Standard deviations of length (px) and angle (degrees): the posterior's, on a grid as fine as that."""

@@ -76,7 +76,9 @@ def _of(paths: dict[str, Path]) -> Motion:
     # Of a mean of squares: twice the length times its error, each, over the root of their number.
     each = np.array([2.0 * path.length * path.error for path in paths.values()])
     own = float(np.sqrt(np.square(each).mean() / len(each))) / (2.0 * max(length, 1.0))
-    return Motion(length, math.hypot(own, UNSEEN), {name: path.length for name, path in paths.items()}, paths)
+    # A single path says little of a set: what is left without the longest one is as likely.
+    alone = length - math.sqrt(float(np.sort(squares)[:-1].mean()))
+    return Motion(length, math.hypot(own, UNSEEN, alone), {name: path.length for name, path in paths.items()}, paths)
 
 
 def inspect(photos: PhotoSet) -> Evidence:
