@@ -1,0 +1,58 @@
+"""Every photo's own path of motion: length and direction told, nothing invented, and no haze because of it."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from dgs.core.inspection.effects import haze
+from dgs.core.inspection.effects.motion import motion_of, paths_of
+from dgs.core.inspection.paths import PathFinder
+from dgs.core.inspection.photo_set import PhotoSet
+from dgs.core.pipeline.effects.proposal import build
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[3] / "benchmarks"))
+from effect_scenes import Truth, own_paths
+
+
+@pytest.mark.parametrize("length", [6.0, 12.0])
+def test_lengths_and_directions_are_told(taken, scene, length):
+    photos = taken(motion=length)
+    truth = own_paths(Truth(motion=length), scene, 1)
+    paths = [paths_of(photos)[photo.name] for photo in photos.photos]
+    found = np.array([path.length for path in paths])
+    assert (found > 0).all()
+    assert np.median(np.abs(found / truth[:, 0] - 1)) < 0.03
+    off = (np.array([path.angle for path in paths]) - truth[:, 1] + 90) % 180 - 90
+    assert np.median(np.abs(off)) < 3.0
+    errors = np.array([path.error for path in paths])
+    assert (np.abs(found - truth[:, 0]) < 4 * errors).mean() > 0.7 and (errors < 0.2 * found).all()
+    motion = build("motion", photos)
+    assert motion.names == tuple(photo.name for photo in photos.photos) and motion.finest == pytest.approx(length, rel=0.3)
+
+
+def test_photos_that_did_not_move_have_no_path(taken):
+    for photos in (taken(), taken(psf=(3.0, 1.5, 30.0))):  # a blur that all share is no motion of single photos
+        assert max(path.length for path in paths_of(photos).values()) == 0.0 and build("motion", photos) is None
+        assert not motion_of(photos).significant
+
+
+def test_another_photo_is_judged_against_the_common_spectrum(taken):
+    photos = taken(motion=8.0)
+    finder = PathFinder(photos.photos[:-1], photos.rounding)
+    last = photos.photos[-1]
+    assert finder.path(last).length == pytest.approx(paths_of(photos)[last.name].length, rel=0.1)
+
+
+def test_photos_without_detail_or_company_tell_nothing(taken):
+    from dataclasses import replace
+
+    photos = taken()
+    grey = [replace(p, pixels=np.full_like(p.pixels, 90)) for p in photos.photos]
+    assert motion_of(PhotoSet(grey)) is None and paths_of(PhotoSet(grey)) == {}
+    assert motion_of(PhotoSet(photos.photos[:3])) is None
+
+
+def test_motion_is_not_taken_for_haze(taken):
+    assert motion_of(taken(motion=8.0)).significant and not haze.inspect(taken(motion=8.0)).needed
+    assert haze.inspect(taken(haze=0.4)).needed
