@@ -28,7 +28,8 @@ def test_lengths_and_directions_are_told(taken, scene, length):
     errors = np.array([path.error for path in paths])
     assert (np.abs(found - truth[:, 0]) < 4 * errors).mean() > 0.7 and (errors < 0.2 * found).all()
     motion = build("motion", photos)
-    assert motion.names == tuple(photo.name for photo in photos.photos) and motion.finest == pytest.approx(length, rel=0.3)
+    assert motion.names == tuple(photo.name for photo in photos.photos)
+    assert motion.finest == pytest.approx(length, rel=0.3)
 
 
 def test_photos_that_did_not_move_have_no_path(taken):

@@ -1,4 +1,4 @@
-"""Photos with point spreads of their own: shared objectives, honest noise, checkpoints, and what simulating motion gains."""
+"""Photos with point spreads of their own: objectives, noise, checkpoints, and what simulating motion gains."""
 
 from dataclasses import replace
 
