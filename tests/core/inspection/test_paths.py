@@ -9,6 +9,8 @@ from dgs.core.inspection.effects import haze
 from dgs.core.inspection.effects.motion import motion_of, paths_of
 from dgs.core.inspection.paths import PathFinder
 from dgs.core.inspection.photo_set import PhotoSet
+from dgs.core.inspection.photometry import fit_photometry
+from dgs.core.inspection.tracks import WINDOW_SHARE, _narrowed, find_tracks
 from dgs.core.pipeline.effects.proposal import build
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[3] / "benchmarks"))
@@ -57,3 +59,19 @@ def test_photos_without_detail_or_company_tell_nothing(taken):
 def test_motion_is_not_taken_for_haze(taken):
     assert motion_of(taken(motion=8.0)).significant and not haze.inspect(taken(motion=8.0)).needed
     assert haze.inspect(taken(haze=0.4)).needed
+    photos, own = taken(motion=8.0), {n: (p.length, p.angle) for n, p in paths_of(taken(motion=8.0)).items()}
+    told = [fit_photometry(find_tracks(photos.photos, photos.cameras, photos.sigma, paths=paths)).attenuation.mean()
+            for paths in ({}, own)]  # fmt: skip
+    assert abs(told[1]) < 0.6 * abs(told[0])  # windows of equal blur see less of a haze that is not there
+
+
+def test_a_window_is_narrower_along_its_photo_s_path():
+    t = np.arange(-4, 5)
+    x, y = (grid.ravel() for grid in np.meshgrid(t, t))
+    window = np.exp(-0.5 * (x**2 + y**2) / (WINDOW_SHARE * 4) ** 2)
+    narrow = _narrowed(window / window.sum(), np.array([8.0, 90.0]), np.array([2.0, 4.0]))
+    assert narrow.sum(axis=1) == pytest.approx(1.0)
+    variance = (narrow * y**2).sum(axis=1)
+    assert (narrow * x**2).sum(axis=1) == pytest.approx([3.1, 3.1], rel=0.05)
+    # In samples^2: what the path takes, 64 / 12 px^2, over the step squared.
+    assert variance == pytest.approx(1.8**2 - 64 / 12 / np.array([4.0, 16.0]), rel=0.1)
