@@ -48,6 +48,7 @@ class Truth:
         psf: (sigma_x, sigma_y, angle) px, px, degrees; space: what it blurs, 'linear' or 'srgb'.
         defocus: px of standard deviation at the scene's nearest and farthest, sharp in the middle of 1 / depth.
         field: px of standard deviation that the corners have beyond the middle.
+        own: (least, most) px of standard deviation of each photo's own round blur, besides `psf`.
         motion: px, mean length of each photo's own straight path.
         haze: optical depth (attenuation times the median depth).
         exposure, white_balance: standard deviation of the photos' gains (natural log).
@@ -61,6 +62,7 @@ class Truth:
     space: str = "linear"
     defocus: float = 0.0
     field: float = 0.0
+    own: tuple[float, float] = (0.0, 0.0)
     motion: float = 0.0
     haze: float = 0.0
     exposure: float = 0.0
@@ -229,6 +231,7 @@ def degrade(scene: Scene, truth: Truth, seed: int = 0) -> list[np.ndarray]:
     height, width, views = scene.cameras[0].height, scene.cameras[0].width, len(scene.cameras)
     gains = _gains(random, truth, views)
     level = np.quantile(scene.light, 1 - truth.saturation) if truth.saturation else 1.0
+    own = own_sigmas(truth, views, seed)
     photos = []
     veil = np.array([0.62, 0.68, 0.75])
     for index in range(len(scene.cameras)):
@@ -244,6 +247,8 @@ def degrade(scene: Scene, truth: Truth, seed: int = 0) -> list[np.ndarray]:
             light = _blurred(light, truth.field * np.sqrt(_radius2(height, width, MARGIN)))
         if any(truth.psf[:2]):
             light = _convolved(light, _gaussian(*truth.psf))
+        if own[index]:
+            light = _convolved(light, _gaussian(own[index], own[index], 0.0))
         if truth.motion:
             light = _convolved(light, _path(truth.motion * random.uniform(0.6, 1.4), random.uniform(0, 180)))
         if truth.space == "srgb":
@@ -257,6 +262,24 @@ def degrade(scene: Scene, truth: Truth, seed: int = 0) -> list[np.ndarray]:
         encoded = encoded + truth.noise / 255 * random.standard_normal(encoded.shape)
         photos.append(np.round(np.clip(encoded, 0, 1) * 255).astype(np.uint8))
     return photos
+
+
+def own_sigmas(truth: Truth, views: int, seed: int) -> np.ndarray:
+    """[V] px: what `degrade` blurs each photo with of its own."""
+    return np.random.default_rng([seed, 9]).uniform(*truth.own, views)
+
+
+def own_paths(truth: Truth, scene: Scene, seed: int) -> np.ndarray:
+    """[V, 2] length (px) and angle (degrees) of the paths that `degrade` draws: the same numbers in the same order."""
+    random = np.random.default_rng([seed, 5])
+    camera, views = scene.cameras[0], len(scene.cameras)
+    random.standard_normal(views)  # the gains
+    random.standard_normal((views, 3))
+    paths = []
+    for _ in range(views):
+        paths.append((truth.motion * random.uniform(0.6, 1.4), random.uniform(0, 180)))
+        random.standard_normal((camera.height, camera.width, 3))  # the noise
+    return np.array(paths)
 
 
 def write_set(folder: Path, scene: Scene, photos: list[np.ndarray], sharp: list[np.ndarray] | None = None) -> None:

@@ -50,6 +50,8 @@ SETS = {
     "defocus 2 px": (111, {"defocus": 2.0}),
     "defocus 4 px": (112, {"defocus": 4.0}),
     "field blur 2 px": (113, {"field": 2.0}),
+    "motion 6 px": (111, {"motion": 6.0}),
+    "motion 12 px": (112, {"motion": 12.0}),
 }
 ARMS = ("none", "auto", "all")
 

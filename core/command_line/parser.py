@@ -116,7 +116,8 @@ def _add_medium(parser: argparse.ArgumentParser) -> None:
     medium.add_argument(
         "--psf", default="none", metavar="PSF",
         help="point spread function: none | gaussian:SIGMA | gaussian:SX,SY,ANGLE (px of the photos as they "
-        "are, degrees) | file:PATH (.npy, .tif, .png, .fits) | auto (reconstruct only: told from the photos)",
+        "are, degrees) | file:PATH (.npy, .tif, .png, .fits) | per-photo:FILE.json (by photo name, '*' for others) | "
+        "auto (reconstruct only: told from the photos) | auto-each (and each photo's own width around it)",
     )  # fmt: skip
     medium.add_argument(
         "--blur-space", choices=("srgb", "linear"), default="srgb",
@@ -165,7 +166,7 @@ def _add_reconstruct(commands: argparse._SubParsersAction[OneLineParser]) -> Non
     parser.add_argument(
         "--effects", default="none", metavar="EFFECTS",
         help="besides the blur: auto (what the photos call for and a short trial confirms) | none | all | names with "
-        "commas out of haze, defocus, field_blur, vignetting, exposure, saturation (auto,haze forces one on, "
+        "commas out of haze, defocus, field_blur, motion, vignetting, exposure, saturation (auto,haze forces one on, "
         "auto,-haze off)",
     )  # fmt: skip
     data = parser.add_argument_group("what is given")

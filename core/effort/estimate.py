@@ -11,9 +11,9 @@ from typing import Any
 
 from ..compiled import cache_folder
 from ..errors import Cancelled, PhotoError, PsfError
-from ..imaging.psf import PointSpread, parse_psf
 from ..photos.load import Photo, load_photo, photo_files
 from ..photos.movie import is_movie
+from ..pipeline.blind import Spreads, spreads_of, told_spreads
 from ..pipeline.heldout import heldout_names
 from ..pipeline.machine import choose_device, machine, use_threads
 from ..pipeline.reconstruct import medium_for
@@ -43,7 +43,7 @@ def estimate(settings: ReconstructSettings, progress: Progress) -> dict[str, Any
     Raises:
         DgsError: the photos or the medium cannot be used.
     """
-    psf = None if settings.psf == "auto" else parse_psf(settings.psf)
+    asked = told_spreads(settings.psf)
     if is_movie(settings.photos) and not settings.photos.is_dir():
         raise PhotoError(f"'{settings.photos.name}' is a movie: its frames have to be chosen first",
                          "Run 'cameras' on it once, then give OUT/frames")  # fmt: skip
@@ -58,9 +58,8 @@ def estimate(settings: ReconstructSettings, progress: Progress) -> dict[str, Any
             raise Cancelled("Stopped while reading photos")
         photos.append(load_photo(file, settings.max_size))
         progress.advance(index + 1)
-    if settings.psf == "auto":
-        psf = _guessed(photos, settings, progress)
-    medium = medium_for(photos, psf, settings)
+    spreads = _spreads(asked, photos, settings, progress)
+    medium = medium_for(photos, spreads.psf, settings, spreads.own)
     held = len(heldout_names([file.name for file in files], settings.holdout_every))
     fitted = max(1, len(files) - held)
     progress.stage("probe", None)
@@ -94,15 +93,15 @@ def estimate(settings: ReconstructSettings, progress: Progress) -> dict[str, Any
     }  # fmt: skip
 
 
-def _guessed(photos: list[Photo], settings: ReconstructSettings, progress: Progress) -> PointSpread | None:
-    """The blur that a few photos show; a run looks at all of them."""
-    from ..pipeline.blind import estimated_psf
-
+def _spreads(told: Spreads | None, photos: list[Photo], settings: ReconstructSettings, progress: Progress) -> Spreads:
+    """What was told, or the blur that a few photos show; a run looks at all of them."""
     try:
-        return estimated_psf(photos, settings)[0]
+        return spreads_of(told, photos, settings, some=True)[0]
     except PsfError:
+        if told is not None:
+            raise
         progress.note("A few photos do not tell the blur: reckoned without any, so a run takes longer")
-        return None
+        return Spreads(None)
 
 
 def told(found: dict[str, Any]) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cache
 from typing import Literal
 
 from torch import Tensor
@@ -46,6 +47,7 @@ class Medium:
     def on_grid(self, s: float, low_pass: float = 0.0) -> Medium:
         """The medium for photos area-averaged by `s`; see `PointSpread.on_grid`."""
 
+        @cache  # photos that share a point spread still do
         def coarse(psf: PointSpread | None) -> PointSpread | None:
             return None if psf is None or psf.is_identity else psf.on_grid(s, low_pass)
 

@@ -129,7 +129,9 @@ class PointSpread:
         # Three taps have any small variance v: (v/2, 1 - v, v/2); negative v sharpens.
         v = max(added / (s * s), -0.2)
         taps = np.array([v / 2, 1.0 - v, v / 2])
-        return replace(self, samples=_convolved(self._scaled(s).kernel(), np.outer(taps, taps)))
+        from .composed import convolved_samples
+
+        return replace(self, samples=convolved_samples(self._scaled(s).kernel(), np.outer(taps, taps)))
 
     def mtf(self, frequencies: ArrayLike, angle: float = 0.0) -> Array:
         """Contrast that passes at `frequencies` (cycles/px) along `angle` (degrees from x towards y)."""
@@ -139,9 +141,9 @@ class PointSpread:
             (a, b), (_, c) = self.covariance
             return np.asarray(np.exp(-2 * np.pi**2 * (a * fx * fx + 2 * b * fx * fy + c * fy * fy)))
         rows, columns = self.samples.shape
-        y, x = np.mgrid[-(rows // 2) : rows // 2 + 1, -(columns // 2) : columns // 2 + 1]
-        phase = np.multiply.outer(fx, x) + np.multiply.outer(fy, y)
-        return np.asarray(np.abs((self.samples * np.exp(-2j * np.pi * phase)).sum(axis=(-2, -1))))
+        y, x = np.arange(rows) - rows // 2, np.arange(columns) - columns // 2
+        across, down = (np.exp(-2j * np.pi * np.multiply.outer(g, t)) for g, t in ((fx, x), (fy, y)))
+        return np.asarray(np.abs(((down @ self.samples) * across).sum(axis=-1)))
 
     def resolvable_period(self, noise: float) -> float:
         """Shortest period (px) of a pattern of contrast 1 that stays above `noise` in every direction.
@@ -186,12 +188,19 @@ def gaussian_taps(sigma: float, truncation: float = TRUNCATION) -> Array:
 def parse_psf(text: str) -> PointSpread | None:
     """Reads `none`, `gaussian:SIGMA`, `gaussian:SX,SY,ANGLE` (px, px, degrees), `file:PATH` or a kernel file's path.
 
+    `path:LENGTH,ANGLE` is a straight path of motion (px, degrees), alone or behind one of these: `gaussian:3+path:8,3`.
+
     Returns:
         None for `none`.
 
     Raises:
         PsfError: the text or the file makes no sense; it says why.
     """
+    blur, mark, path_text = text.strip().rpartition("path:")
+    if mark and (not blur or blur.endswith("+")):
+        from .composed import moved, parse_path
+
+        return moved(parse_psf(blur[:-1]) if blur else None, *parse_path(path_text))
     kind, _, rest = text.strip().partition(":")
     if kind == "none" and not rest:
         return None
@@ -213,7 +222,7 @@ def parse_psf(text: str) -> PointSpread | None:
         return point_spread_from_samples(read_kernel(Path(path)), text.strip())
     raise PsfError(
         f"There is no PSF '{text}'",
-        "Write none, gaussian:5, gaussian:SX,SY,ANGLE or file:PATH (NPY, TIFF, PNG, FITS)",
+        "Write none, gaussian:5, gaussian:SX,SY,ANGLE, file:PATH (NPY, TIFF, PNG, FITS) or path:LENGTH,ANGLE",
     )
 
 
@@ -311,19 +320,15 @@ def _interpolation(size: int, s: float, offset: float = 0.0, linear: bool = Fals
     """
     position = (np.arange(size) - (size - 1) / 2 - offset) / s
     radius = math.ceil(abs(position).max() + (1 if linear else 2)) - 1
-    t = np.abs(np.arange(-radius, radius + 1)[:, None] - position[None, :])
+    return spreading(np.abs(np.arange(-radius, radius + 1)[:, None] - position[None, :]), linear)
+
+
+def spreading(t: Array, linear: bool = False) -> Array:
+    """Share of a point's light that a px at a distance of `t` px takes: see `_interpolation`."""
     if linear:
         return np.asarray(np.maximum(0.0, 1.0 - t))
     near, far = (1.5 * t - 2.5) * t * t + 1.0, ((-0.5 * t + 2.5) * t - 4.0) * t + 2.0
     return np.where(t <= 1, near, np.where(t < 2, far, 0.0))
-
-
-def _convolved(a: Array, b: Array) -> Array:
-    shape = a.shape[0] + b.shape[0] - 1, a.shape[1] + b.shape[1] - 1
-    out = np.zeros(shape)
-    for (i, j), value in np.ndenumerate(b):
-        out[i : i + a.shape[0], j : j + a.shape[1]] += value * a
-    return out
 
 
 def _trimmed(samples: Array) -> Array:

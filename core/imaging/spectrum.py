@@ -12,7 +12,7 @@ noise, and one common ratio would amplify that noise into coloured specks.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -92,18 +92,21 @@ def radial_power(planes: NDArray[np.float32]) -> Array:
     return np.asarray(out)
 
 
-def noise_to_signal(photos: Iterable[NDArray[np.float32]], psf: PointSpread, quantisation: float) -> NoiseToSignal:
+def noise_to_signal(
+    photos: Iterable[NDArray[np.float32]], psf: PointSpread | Sequence[PointSpread | None], quantisation: float
+) -> NoiseToSignal:
     """Measures n(f) from photos blurred by `psf`.
 
     Args:
         photos: frames [3, H, W] in the space in which the blur is linear.
+        psf: of all photos, or of each: the mean power of photos is the scene's times their mean power transfer.
         quantisation: standard deviation of the rounding alone, the least noise there can be.
     """
     axes = OPPONENT.astype(np.float32)
     power = np.mean([radial_power(np.einsum("ij,jhw->ihw", axes, p)) for p in photos], axis=0)
     spectra = np.stack([power[0], power[1:].mean(axis=0)])
     f = frequencies()
-    transfer = np.sqrt(np.mean([psf.mtf(f, a) ** 2 for a in np.arange(0.0, 180.0, 22.5)], axis=0))
+    transfer: Array = np.sqrt(_passed([psf] if isinstance(psf, PointSpread) else psf, f))
     floors = [max(_floor(s, transfer**2, f), quantisation**2) for s in spectra]
     seen = [Observed(s, floor, transfer, f) for s, floor in zip(spectra, floors, strict=True)]
     tables, noise, excess = [_ratio(one) for one in seen], math.sqrt(floors[0]), seen[0].excess()
@@ -111,6 +114,17 @@ def noise_to_signal(photos: Iterable[NDArray[np.float32]], psf: PointSpread, qua
         return NoiseToSignal(tables[0], tables[1], noise, excess)
     unexplained = np.stack([one.unexplained() for one in seen])
     return NoiseToSignal(tables[0], tables[1], noise, excess, seen[0].widest(), unexplained)
+
+
+def _passed(spreads: Sequence[PointSpread | None], f: Array) -> Array:
+    """[BINS] mean share of power that passes, over point spreads and directions."""
+    known = {
+        psf: np.ones_like(f) if psf is None else np.mean([psf.mtf(f, a) ** 2 for a in np.arange(0, 180, 22.5)], axis=0)
+        for psf in dict.fromkeys(spreads)
+    }
+    if len(known) == 1:
+        return np.asarray(next(iter(known.values())))
+    return np.asarray(np.mean([known[psf] for psf in spreads], axis=0))
 
 
 def _floor(spectrum: Array, passed: Array, f: Array) -> float:

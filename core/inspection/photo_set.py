@@ -160,7 +160,14 @@ class PhotoSet:
     @cached_property
     def tracks(self) -> Tracks | None:
         """Points in several photos; None without cameras or points."""
-        return None if self.cameras is None else find_tracks(self.photos, self.cameras, self.sigma)
+        from .effects.motion import motion_of, paths_of
+
+        if self.cameras is None:
+            return None
+        moved = motion_of(self)
+        paths = paths_of(self) if moved is not None and moved.significant else {}
+        own = {name: (path.length, path.angle) for name, path in paths.items() if path.length}
+        return find_tracks(self.photos, self.cameras, self.sigma, paths=own)
 
     @cached_property
     def photometry(self) -> Photometry | None:

@@ -7,8 +7,10 @@ come in linear light, as gains, vignetting and haze are laws of light.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +28,8 @@ MOST_POINTS, MOST_VIEWS, FEWEST_VIEWS = 2500, 16, 3
 _HALF = 4
 #: Standard deviation of the window that a colour is the mean of, px of the farthest photo; and over the half side.
 WINDOW, WINDOW_SHARE = 1.8, 0.45
+#: Windows have this many times the variance of the photos' paths, so that paths fit into them.
+ROOM = 1.3
 #: Patches must agree this well, and vary by this (in [0, 1]) to be told apart from anything else.
 ALIKE, VARIED = 0.85, 0.02
 #: Values outside are left out: mostly noise (linear light), or clipped (sRGB).
@@ -63,11 +67,13 @@ class Tracks:
         return len(self.point)
 
 
-def find_tracks(photos: Sequence[Photo], cameras: Reconstruction, blur: float, seed: int = 0) -> Tracks | None:
+def find_tracks(photos: Sequence[Photo], cameras: Reconstruction, blur: float, seed: int = 0,
+                paths: Mapping[str, tuple[float, float]] = MappingProxyType({})) -> Tracks | None:  # fmt: skip
     """Looks the cameras' points up in the photos; None where too few are seen often enough.
 
     Args:
         blur: standard deviation of the photos' blur, px: patches grow with it.
+        paths: length (px) and direction (degrees) of photos that moved; colours are compared at equal blur.
     """
     random = np.random.default_rng(seed)
     used = [photo for photo in photos if photo.name in cameras.poses]
@@ -76,8 +82,13 @@ def find_tracks(photos: Sequence[Photo], cameras: Reconstruction, blur: float, s
         return None
     if len(positions) > MOST_POINTS:
         positions = positions[np.sort(random.choice(len(positions), MOST_POINTS, replace=False))]
-    pixels, depths = _projected(used, cameras, positions, 2.5 * max(WINDOW, 1.3 * blur))
-    steps = _steps(depths, blur)
+    moved = np.array([paths.get(photo.name, (0.0, 0.0)) for photo in used])
+    # Of the blur, what motion adds on average is each photo's own; windows are wide enough to leave it room.
+    motion = float(np.median(moved[:, 0] ** 2)) / 24.0
+    blur = math.sqrt(max(blur**2 - motion, 0.09)) if motion else blur
+    widest = max(WINDOW, 1.3 * blur, math.sqrt(blur**2 + ROOM * float(np.quantile(moved[:, 0], 0.9)) ** 2 / 12.0))
+    pixels, depths = _projected(used, cameras, positions, 2.5 * widest)
+    steps = _steps(depths, blur, widest)
     patches = np.full((*depths.shape, (2 * _HALF + 1) ** 2), np.nan, np.float32)
     for v, shot in enumerate(used):
         there = np.isfinite(depths[:, v])
@@ -87,7 +98,7 @@ def find_tracks(photos: Sequence[Photo], cameras: Reconstruction, blur: float, s
     if len(point) < 100:
         return None
     centres = np.stack([cameras.poses[p.name].centre for p in used])
-    light, valid = _colours(used, pixels, steps, seen)
+    light, valid = _colours(used, pixels, steps, seen, moved)
     light, point, photo = light[valid], point[valid], photo[valid]
     counts = np.bincount(point, minlength=len(positions))
     keep = counts[point] >= FEWEST_VIEWS
@@ -127,14 +138,14 @@ def _projected(
     return pixels, depths
 
 
-def _steps(depths: Array, blur: float) -> Array:
+def _steps(depths: Array, blur: float, window: float) -> Array:
     """[P, V] px between samples, so that window and blur together cover the same piece of surface at any distance.
 
     Were it the same px, a point farther away would be mixed with more of its surroundings, and fade as in haze.
     """
     with np.errstate(invalid="ignore"):
         farthest = np.nanmax(np.where(np.isfinite(depths), depths, -np.inf), axis=1, keepdims=True)
-    total = max(WINDOW, 1.3 * blur) * np.clip(farthest / depths, 1.0, 3.0)
+    total = window * np.clip(farthest / depths, 1.0, 3.0)
     return np.asarray(np.sqrt(np.maximum(total**2 - blur**2, 0.25)) / (WINDOW_SHARE * _HALF))
 
 
@@ -171,7 +182,7 @@ def _agreeing(patches: NDArray[np.float32]) -> NDArray[np.bool_]:
 
 
 def _colours(
-    photos: Sequence[Photo], pixels: Array, steps: Array, seen: NDArray[np.bool_]
+    photos: Sequence[Photo], pixels: Array, steps: Array, seen: NDArray[np.bool_], paths: Array
 ) -> tuple[Array, NDArray[np.bool_]]:
     """[N, 3] linear light at every observation (in the order of nonzero), and whether it can be used."""
     light = np.zeros((*seen.shape, 3))
@@ -184,13 +195,27 @@ def _colours(
         if not len(points):
             continue
         unit = photo.pixels.astype(np.float32) / np.float32(np.iinfo(photo.pixels.dtype).max)
+        windows = _narrowed(window, paths[v], steps[points, v]) if paths[v, 0] else window
         for c in range(3):
             encoded = _samples(unit[..., c], pixels[points, v], steps[points, v], _HALF)
-            light[points, v, c] = srgb_to_linear(encoded) @ window
+            light[points, v, c] = (srgb_to_linear(encoded) * windows).sum(axis=1)
             clean = encoded.max(axis=1) < BRIGHTEST
             valid[points, v] = clean if c == 0 else valid[points, v] & clean
         valid[points, v] &= light[points, v].min(axis=1) > DARKEST
     return light[seen], valid[seen]
+
+
+def _narrowed(window: Array, path: Array, steps: Array) -> Array:
+    """[n, (2 half + 1)^2] the window without what the photo's path has spread along itself already.
+
+    Were it the same window, photos that moved would mix a point with more of its surroundings, as haze does.
+    """
+    t, turn = np.arange(-_HALF, _HALF + 1), math.radians(path[1])
+    along = (math.cos(turn) * t[None, :] + math.sin(turn) * t[:, None]).ravel()
+    wide = WINDOW_SHARE * _HALF
+    share = np.clip(path[0] ** 2 / 12.0 / (steps * wide) ** 2, 0.0, 0.9)  # of the window's variance
+    narrow = window * np.exp(-0.5 * (along[None, :] / wide) ** 2 * (share / (1.0 - share))[:, None])
+    return np.asarray(narrow / narrow.sum(axis=1, keepdims=True))
 
 
 def _blocks(positions: Array, random: np.random.Generator, count: int = 40) -> NDArray[np.int64]:

@@ -1,32 +1,167 @@
-"""`--psf auto`: the point spread estimated from the photos before anything else."""
+"""Point spreads of a run: told, listed photo by photo, or estimated from the photos before anything else."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+import json
+import unicodedata
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
 
-from ..imaging.psf import PointSpread
+import numpy as np
+
+from ..errors import PsfError
+from ..imaging.psf import KERNEL_SUFFIXES, PointSpread, parse_psf
 from ..inspection.blind_psf import blind_psf
+from ..inspection.effects.motion import paths_of
 from ..inspection.photo_set import PhotoSet
+from ..inspection.psf_per_photo import gaussian_text, psf_per_photo
 from ..photos.load import Photo
 from .settings import ReconstructSettings
 
+#: Words that ask for an estimate.
+ESTIMATED = ("auto", "auto-each")
+#: What a list of point spreads begins with, and its entry for photos that it does not name.
+LISTED, OTHERS = "per-photo:", "*"
 
-def estimated_psf(
-    photos: list[Photo], settings: ReconstructSettings
-) -> tuple[PointSpread | None, ReconstructSettings]:
-    """The point spread, in px of the photos' files, and the settings with it in place of 'auto'.
+
+@dataclass(frozen=True)
+class Spreads:
+    """Point spreads in px of the photos' files.
+
+    Attributes:
+        psf: of every photo that has none of its own.
+        own: by photo name.
+        notes: sentences for the user.
+    """
+
+    psf: PointSpread | None
+    own: Mapping[str, PointSpread | None] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+    @property
+    def source(self) -> str:
+        """The shared one as `parse_psf` reads it."""
+        return "none" if self.psf is None else self.psf.source
+
+
+def told_spreads(text: str) -> Spreads | None:
+    """What `--psf` says without the photos; None where they are asked (auto, auto-each).
 
     Raises:
-        PsfError: the photos do not tell; the message says how far they do, and the way out.
+        PsfError: the text, the list or a kernel's file makes no sense.
     """
-    found = blind_psf(PhotoSet(photos, linear=settings.blur_space == "linear"))
-    psf = found.point_spread()
-    if psf is None:
-        return None, replace(settings, psf="none")
+    if text in ESTIMATED:
+        return None
+    if text.startswith(LISTED):
+        return _listed(Path(text.removeprefix(LISTED)))
+    psf = parse_psf(text)
+    return Spreads(psf, notes=() if psf is None else psf.notes)
+
+
+def spreads_of(
+    told: Spreads | None, photos: Sequence[Photo], settings: ReconstructSettings, some: bool = False
+) -> tuple[Spreads, ReconstructSettings]:
+    """The point spreads of these photos, and the settings with the shared one in place of what was asked.
+
+    Args:
+        told: from `told_spreads`.
+        some: the photos are a few of the set, so that a list may name others.
+
+    Raises:
+        PsfError: the photos do not tell, or do not fit the list; the message tells the way out.
+    """
+    if told is None:
+        told = _estimated(photos, settings)
+    elif settings.psf.startswith(LISTED):
+        told = _of_photos(told, photos, settings.psf.removeprefix(LISTED), some)
+    return told, replace(settings, psf=told.source)
+
+
+def _listed(file: Path) -> Spreads:
+    try:
+        content = json.loads(file.read_text("utf-8"))
+    except OSError as error:
+        raise PsfError(f"The list of point spreads '{file}' cannot be read", "Check the path given") from error
+    except ValueError as error:
+        raise PsfError(f"The list of point spreads '{file}' is no JSON ({error})", _example()) from error
+    if not isinstance(content, dict) or not content or not all(isinstance(v, str) for v in content.values()):
+        raise PsfError(f"The list of point spreads '{file}' is no object of texts", _example())
+    own: dict[str, PointSpread | None] = {}
+    for name, text in content.items():
+        try:
+            own[unicodedata.normalize("NFC", name)] = parse_psf(_beside(file, text))
+        except PsfError as error:
+            raise PsfError(f"In '{file}', '{name}': {error.what}", error.way_out) from error
+    notes = [f"'{name}': {note}" for name, psf in own.items() if psf is not None for note in psf.notes]
+    shared = own[OTHERS] if OTHERS in own else _middle(list(own.values()))
+    return Spreads(shared, own, tuple(notes))
+
+
+def _of_photos(listed: Spreads, photos: Sequence[Photo], file: str, some: bool) -> Spreads:
+    """The list for these photos: everyone is in it, and nobody else."""
+    names = {photo.name for photo in photos}
+    strangers = sorted(set(listed.own) - names - {OTHERS})
+    if strangers and not some:
+        raise PsfError(
+            f"The list of point spreads '{file}' names '{strangers[0]}', which is no photo of the set",
+            f"Write the photos' file names as they are, and '{OTHERS}' for all others",
+        )
+    missing = sorted(names - set(listed.own))
+    if missing and OTHERS not in listed.own:
+        raise PsfError(
+            f"The list of point spreads '{file}' says nothing of '{missing[0]}'"
+            + (f" and {len(missing) - 1} more photos" if len(missing) > 1 else ""),
+            f"Add them, or '{OTHERS}' for all others",
+        )
+    own = {name: psf for name, psf in listed.own.items() if name in names}
+    return replace(listed, own=own, notes=(*listed.notes, f"{len(own)} photos have one of their own ({file})"))
+
+
+def _estimated(photos: Sequence[Photo], settings: ReconstructSettings) -> Spreads:
+    linear = settings.blur_space == "linear"
+    source = PhotoSet(photos, linear=linear)
+    shared = blind_psf(source).point_spread()
+    if shared is None:
+        return Spreads(None)
     # The photos in memory may have been shrunk; a point spread is given in px of the files.
-    scale = photos[0].scale[0]
-    if scale != 1.0:
-        wide = [value / scale for value in (psf.sigma_x, psf.sigma_y)]
-        source = f"gaussian:{wide[0]:.3f},{wide[1]:.3f},{psf.angle:.1f}"
-        psf = replace(psf, sigma_x=wide[0], sigma_y=wide[1], source=source)
-    return psf, replace(settings, psf=psf.source)
+    scale = {photo.name: photo.scale[0] for photo in photos}
+    first = _in_files(shared, photos[0].scale[0])
+    if settings.psf != "auto-each":
+        return Spreads(first, notes=shared.notes)
+    moved = {name: path.length for name, path in paths_of(source).items()} if _may_move(settings) else None
+    own = psf_per_photo(photos, shared, linear, moved)
+    spreads = {name: _in_files(psf, scale[name]) for name, psf in own.spreads.items()}
+    return Spreads(first, spreads, (*shared.notes, own.text))
+
+
+def _may_move(settings: ReconstructSettings) -> bool:
+    """Whether motion may be simulated, and is no part of the blur then."""
+    words = [word.strip() for word in settings.effects.split(",")]
+    return "-motion" not in words and bool({"auto", "all", "motion"} & set(words))
+
+
+def _in_files(psf: PointSpread, scale: float) -> PointSpread:
+    if scale == 1.0:
+        return psf
+    x, y = psf.sigma_x / scale, psf.sigma_y / scale
+    return replace(psf, sigma_x=x, sigma_y=y, source=gaussian_text(x, y, psf.angle))
+
+
+def _middle(spreads: list[PointSpread | None]) -> PointSpread | None:
+    """The one of middle width: what stands for all where only one can."""
+    widths = [0.0 if psf is None else float(np.trace(psf.covariance)) for psf in spreads]
+    return spreads[int(np.argsort(widths, kind="stable")[len(widths) // 2])]
+
+
+def _beside(file: Path, text: str) -> str:
+    """Kernels' paths count from the list's folder."""
+    kind, mark, rest = text.partition(":")
+    path = Path(rest if kind == "file" and mark else text)
+    if path.is_absolute() or (kind != "file" and path.suffix.lower() not in KERNEL_SUFFIXES):
+        return text
+    return f"file:{(file.parent / path).resolve()}"
+
+
+def _example() -> str:
+    return 'Write {"photo.png": "gaussian:3", "other.png": "kernel.tif", "*": "gaussian:2"}'

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from ..files import check_writable
-from ..imaging.psf import parse_psf
 from ..photos.load import load_photos
 from ..photos.source import photo_source
 from ..progress import Progress
 from ..sfm.reconstruction import Reconstruction
-from .blind import estimated_psf
+from .blind import spreads_of, told_spreads
 from .machine import use_threads
 from .reconstruct import cameras_of, medium_for
 from .settings import ReconstructSettings
@@ -20,12 +19,12 @@ def only_cameras(settings: ReconstructSettings, progress: Progress) -> Reconstru
     Raises:
         DgsError: one of its subclasses; nothing was written then.
     """
-    psf = None if settings.psf == "auto" else parse_psf(settings.psf)
+    told = told_spreads(settings.psf)
     check_writable(settings.out)
     threads = use_threads(settings.threads)
     source = photo_source(settings.photos, settings.out, settings.frames, progress)
     photos = load_photos(source, settings.max_size, progress, settings.masks)
-    if settings.psf == "auto":
-        psf, settings = estimated_psf(photos, settings)
-    reconstruction, _ = cameras_of(settings, photos, medium_for(photos, psf, settings), threads, progress)
+    spreads, settings = spreads_of(told, photos, settings)
+    medium = medium_for(photos, spreads.psf, settings, spreads.own)
+    reconstruction, _ = cameras_of(settings, photos, medium, threads, progress)
     return reconstruction

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import threading
 import time
+from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from ..errors import CameraError, DgsError
@@ -14,7 +16,7 @@ from ..files import check_writable, make_folder, write_json
 from ..formats.ply import write_ply
 from ..imaging.formation.chain import Formation
 from ..imaging.medium import Medium
-from ..imaging.psf import PointSpread, parse_psf
+from ..imaging.psf import PointSpread
 from ..photos.load import Photo, load_photos
 from ..photos.source import photo_source
 from ..progress import Progress
@@ -24,7 +26,7 @@ from ..sfm.find import find_cameras
 from ..sfm.known import load_cameras
 from ..sfm.reconstruction import Reconstruction
 from ..views import fingerprint
-from .blind import estimated_psf
+from .blind import spreads_of, told_spreads
 from .heldout import Scores, TruthFolder, ViewScorer, heldout_names, render_names
 from .machine import choose_device, machine, use_threads
 from .refined import refined
@@ -128,8 +130,8 @@ def reconstruct(settings: ReconstructSettings, progress: Progress, began: float 
     from ..effort.plan import Budget
 
     watch, keeper = Stopwatch(began), NoteKeeper(progress)
-    # What can be wrong with the request is found out before any work is done.
-    psf = None if settings.psf == "auto" else parse_psf(settings.psf)
+    # What can be wrong with the request is found out before any work.
+    told = told_spreads(settings.psf)
     truth = TruthFolder(settings.truth) if settings.truth is not None else None
     check_writable(settings.out)
     if settings.until is not None and settings.holdout_every == 0:
@@ -141,10 +143,9 @@ def reconstruct(settings: ReconstructSettings, progress: Progress, began: float 
         budget = Budget(settings.time_limit, watch.began, known.records.runs, lambda: keeper.waited, known.others.share)
     settings = replace(settings, photos=photo_source(settings.photos, settings.out, settings.frames, keeper))
     photos = load_photos(settings.photos, settings.max_size, keeper, settings.masks)
-    if settings.psf == "auto":
-        psf, settings = estimated_psf(photos, settings)
-    medium = medium_for(photos, psf, settings)
-    for note in psf.notes if psf is not None else ():
+    spreads, settings = spreads_of(told, photos, settings)
+    medium = medium_for(photos, spreads.psf, settings, spreads.own)
+    for note in spreads.notes:
         keeper.note(f"The point spread function: {note}")
     watch.lap("photos")
 
@@ -160,14 +161,14 @@ def reconstruct(settings: ReconstructSettings, progress: Progress, began: float 
             settings, reconstruction, registered, held, medium, threads, device, keeper
         )  # fmt: skip
         watch.lap("refine")
-    trained, effects, fitted = _train(
+    trained, effects, medium, fitted = _train(
         settings, registered, held, reconstruction, medium, threads, device, keeper, watch, budget
     )
     write_ply(settings.out / "twin.ply", trained.gaussians.cloud())
 
     keeper.stage("save", len(held) + 2)
     facts = Facts(
-        settings=settings, photos=photos, reconstruction=reconstruction, source=source, medium=medium, psf=psf,
+        settings=settings, photos=photos, reconstruction=reconstruction, source=source, medium=medium, spreads=spreads,
         held=held, trained=trained, machine=machine(threads, device), notes=keeper.notes, effects=effects,
     )  # fmt: skip
     scores, pictures = _score(facts, truth, keeper, budget)
@@ -186,15 +187,15 @@ def reconstruct(settings: ReconstructSettings, progress: Progress, began: float 
     return Outcome(report, settings.out, trained.stopped == "cancelled")
 
 
-def medium_for(photos: list[Photo], psf: PointSpread | None, settings: ReconstructSettings) -> Medium:
-    """The medium on the grid of the photos as they were loaded (`--max-size` shrinks the blur too)."""
-    full = Medium(psf, settings.blur_space)
-    scales = {photo.scale[0] for photo in photos}
-    if len(scales) == 1:
-        scale = scales.pop()
-        return full if scale == 1.0 else full.on_grid(1.0 / scale)
-    own = {photo.name: full.on_grid(1.0 / photo.scale[0]).psf for photo in photos}
-    return replace(full, psf=own[photos[0].name], per_view=own)
+def medium_for(photos: list[Photo], psf: PointSpread | None, settings: ReconstructSettings,
+               own: Mapping[str, PointSpread | None] = MappingProxyType({})) -> Medium:  # fmt: skip
+    """The medium on the grid of the photos as loaded (`--max-size` shrinks the blur too); `own` is by photo name."""
+    full = Medium(psf, settings.blur_space, own)
+    grids = {s: full if s == 1.0 else full.on_grid(1.0 / s) for s in {photo.scale[0] for photo in photos}}
+    if len(grids) == 1:
+        return next(iter(grids.values()))
+    spreads = {photo.name: grids[photo.scale[0]].psf_for(photo.name) for photo in photos}
+    return replace(full, psf=grids[photos[0].scale[0]].psf, per_view=spreads)
 
 
 def cameras_of(
@@ -252,7 +253,7 @@ def cameras_of(
 def _train(
     settings: ReconstructSettings, registered: list[Photo], held: list[str], reconstruction: Reconstruction,
     medium: Medium, threads: int, device: str, progress: Progress, watch: Stopwatch, budget: Budget | None,
-) -> tuple[Trained, Chosen, int]:  # fmt: skip
+) -> tuple[Trained, Chosen, Medium, int]:  # fmt: skip
     from ..photos.undistort import undistorted_views
     from ..training.run import train
     from ..training.settings import TrainingSettings
@@ -279,6 +280,7 @@ def _train(
     if settings.until is not None and budget is None:
         chosen = replace(chosen, steps=max(UNTIL_STEPS * chosen.steps, settings.min_steps))
     effects = choose_effects(settings.effects, registered, reconstruction, kept, medium, chosen, progress)
+    medium = effects.formation.through(medium, [view.name for view in views])
     if settings.effects != "none":
         watch.lap("effects")
     fitted, watched = (
@@ -302,7 +304,7 @@ def _train(
     measured = {name: round(float(trained.seconds[name]), 3) for name in ("compile", "train")}
     watch.seconds["prepare"] = round(max(0.0, watch.seconds["prepare"] - sum(measured.values())), 3)
     watch.seconds.update(measured)
-    return trained, effects, len(fitted)
+    return trained, effects, medium, len(fitted)
 
 
 def _score(

@@ -8,12 +8,14 @@ from pathlib import Path
 from statistics import median
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from ..imaging.medium import Medium
-from ..imaging.psf import PointSpread
 from ..photos.load import Photo
 from ..report.schema import SCHEMA_VERSION
 from ..sfm.reconstruction import Reconstruction
 from ..views import fingerprint
+from .blind import Spreads
 from .heldout import BANDS, Scores, mean_of
 from .machine import peak_memory_mb, versions
 from .settings import ReconstructSettings
@@ -36,7 +38,7 @@ class Facts:
     Attributes:
         source: 'sfm' or 'given'.
         effects: what was decided about each effect besides the blur; None where nothing was asked.
-        medium: on the grid of the photos as used; psf: as asked for.
+        medium: on the grid of the photos as used; spreads: as asked for, in px of the files.
         held: all held-out names, registered or not.
     """
 
@@ -45,7 +47,7 @@ class Facts:
     reconstruction: Reconstruction
     source: str
     medium: Medium
-    psf: PointSpread | None
+    spreads: Spreads
     held: list[str]
     trained: Trained
     machine: dict[str, Any]
@@ -90,7 +92,10 @@ def summary(facts: Facts, scores: list[Scores], seconds: dict[str, float], total
             "world_offset": None if cameras.figures.offset is None else list(cameras.figures.offset),
             "attempts": [asdict(attempt) for attempt in cameras.figures.attempts],
         },
-        "medium": {"psf": settings.psf, "blur_space": facts.medium.blur_space},
+        "medium": {
+            "psf": settings.psf, "blur_space": facts.medium.blur_space, "per_photo": _own_spreads(facts),
+            "per_photo_sigma": _range(facts),
+        },
         "effects": [] if facts.effects is None else facts.effects.plain(),
         "gaussians": len(trained.gaussians),
         "steps": trained.steps,
@@ -111,6 +116,25 @@ def summary(facts: Facts, scores: list[Scores], seconds: dict[str, float], total
     }
     plain_report: dict[str, Any] = plain(report)
     return plain_report
+
+
+def _own_spreads(facts: Facts) -> dict[str, str]:
+    """Point spreads of photos that have one of their own, px of the files, as `parse_psf` reads them."""
+    own = {name: "none" if psf is None else psf.source for name, psf in facts.spreads.own.items()}
+    for effect in [] if facts.effects is None else facts.effects.formation.kernels:
+        for photo in facts.photos:
+            added = effect.kernel_text(photo.name, 1.0 / photo.scale[0])
+            base = own.get(photo.name, facts.spreads.source)
+            if added:
+                own[photo.name] = added if base == "none" else f"{base}+{added}"
+    return own
+
+
+def _range(facts: Facts) -> list[float] | None:
+    """Least and largest standard deviation (px of the photos as used; mean of both axes) of photos' own blurs."""
+    used = [facts.medium.psf_for(name) for name in _own_spreads(facts)]
+    sigmas = [0.0 if psf is None else float(np.trace(psf.covariance) / 2) ** 0.5 for psf in used]
+    return [round(min(sigmas), 3), round(max(sigmas), 3)] if sigmas else None
 
 
 def _folder(facts: Facts) -> Path:

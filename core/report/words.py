@@ -9,6 +9,7 @@ _EFFECTS = {
     "haze": "Haze: light that is lost with depth and light that the medium adds, in every step.",
     "defocus": "Defocus: blur that grows with the distance in 1 / depth from the plane in focus, in every step.",
     "field_blur": "Blur that grows towards the corners (or the middle) of the frame, in every step.",
+    "motion": "Motion of the camera during each exposure: a straight path in that photo's point spread.",
     "vignetting": "Vignetting, undone on the photos before the training.",
     "exposure": "Exposure and white balance of every photo, undone on the photos before the training.",
     "saturation": "Clipped pixels: they do not count.",
@@ -25,6 +26,9 @@ def simulated(report: Mapping[str, Any]) -> list[str]:
         if medium["psf"] != "none"
         else "No blur: the photos were taken as sharp (psf none)."
     )
+    own = medium.get("per_photo_sigma")
+    if own is not None:
+        blur += f" {len(medium['per_photo'])} photos have one of their own, {own[0]:.2f} to {own[1]:.2f} px wide."
     degree = training.get("sh_degree")
     gloss = (
         "Colours that do not change with the direction of view."
@@ -43,10 +47,11 @@ def simulated(report: Mapping[str, Any]) -> list[str]:
 def not_simulated(report: Mapping[str, Any]) -> list[str]:
     """What a real scene may have and this run does not know."""
     on = {effect["name"] for effect in report.get("effects", ()) if effect["on"]}
+    own = report["medium"].get("per_photo_sigma") is not None
     missing = [
         *([] if "defocus" in on else ["Blur that changes with depth"]),
         *([] if "field_blur" in on else ["Blur that changes over the frame"]),
-        "Blur that changes from photo to photo",
+        *([] if own or "motion" in on else ["Blur that changes from photo to photo"]),
         *([] if "haze" in on else ["Haze: light that the medium adds, absorbs or colours"]),
         *([] if "exposure" in on else ["Exposure and white balance that differ from photo to photo"]),
         *([] if "vignetting" in on else ["Vignetting: the lens's loss of light towards the corners"]),

@@ -8,6 +8,7 @@ of that is added to the point spread (`PointSpread.on_grid`).
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,6 +75,12 @@ def coarse_view(view: View, step: int, space: BlurSpace = "srgb") -> View:
     return replace(view, camera=camera, photo=pixels, mask=mask, levels=levels)
 
 
+@lru_cache(maxsize=1024)
+def _on_grid(psf: PointSpread, step: int) -> PointSpread:
+    """The same object for the same one: views that share a point spread share their objective."""
+    return psf.on_grid(step)
+
+
 class GridView:
     """One view on the grid: its camera, photo [3, h, w], validity, and point spread.
 
@@ -84,7 +91,7 @@ class GridView:
     def __init__(self, view: View, camera: Camera, step: int, psf: PointSpread | None, space: BlurSpace) -> None:
         self.name = view.name
         self.camera = coarse_camera(camera, step)
-        self.psf = None if psf is None or psf.is_identity else psf.on_grid(step)
+        self.psf = None if psf is None or psf.is_identity else _on_grid(psf, step)
         planes = averaged(view.planes(), step, space)
         self._photo = np.round(planes * np.float32(65535)).astype(np.uint16)
         self.valid: NDArray[np.bool_] | None = None

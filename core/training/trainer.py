@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
@@ -117,18 +118,18 @@ class Trainer:
 
     def _ratio(self, views: list[GridView], step: int) -> NoiseToSignal | None:
         """Noise over signal of the photos on a grid, as far as they are trusted."""
-        psf = next((v.psf for v in views if v.psf is not None), None)
-        if psf is None or self.settings.loss == "paper":
+        if all(v.psf is None for v in views) or self.settings.loss == "paper":
             return None
-        photos = [v.planes() for v in views[:: max(1, len(views) // SPECTRUM_VIEWS)]]
+        looked_at = views[:: max(1, len(views) // SPECTRUM_VIEWS)]
+        photos = [v.planes() for v in looked_at]
         if self.medium.blur_space == "linear":
             photos = [np.asarray(srgb_to_linear(p), np.float32) for p in photos]
         gain = self.settings.noise_gain or trust(self.distinct)
-        return noise_to_signal(photos, psf, self.views[0].rounding / step).trusted(gain)
+        return noise_to_signal(photos, [v.psf for v in looked_at], self.views[0].rounding / step).trusted(gain)
 
     def objective(self, level: Level, view: GridView) -> Objective:
-        """The objective for a view's size and point spread; made once."""
-        key = (view.camera.height, view.camera.width, view.name if self.medium.per_view else "")
+        """The objective for a view's size and point spread; made once for all views that share them."""
+        key = (view.camera.height, view.camera.width, view.psf)
         if key not in level.objectives:
             level.objectives[key] = Objective(
                 view.psf, view.camera.height, view.camera.width, level.margin, self.medium.blur_space,
@@ -247,8 +248,16 @@ class Trainer:
             "settings": settings, "photos": [v.name for v in self.views],
             "point spread": None if psf is None else np.round(psf.kernel(), 9).sum(axis=0).tolist(),
             "blur space": self.medium.blur_space,
+            **({"own point spreads": self._own_spreads()} if self.medium.per_view else {}),
             **({"effects": {e.name: e.described() for e in self.formation.effects}} if self.formation else {}),
         }  # fmt: skip
+
+    def _own_spreads(self) -> dict[str, str]:
+        """A digest of each kernel that a photo has of its own."""
+        return {
+            name: "none" if psf is None else hashlib.sha256(np.round(psf.kernel(), 9).tobytes()).hexdigest()[:16]
+            for name, psf in sorted(self.medium.per_view.items())
+        }
 
     def state(self, seconds: float, history: list[dict[str, float]]) -> Checkpoint:
         """Everything that is needed to go on."""
@@ -281,15 +290,16 @@ class Trainer:
 
 
 def round_variance(views: Sequence[GridView]) -> float:
-    """Variance (grid px^2) of the round Gaussian that blurs the views (told by the first); 0 for none.
+    """Variance (grid px^2) of the round Gaussian that blurs all views; 0 for none.
 
     Raises:
-        PsfError: the point spread is another.
+        PsfError: the point spread is another, or differs from view to view.
     """
     psf = views[0].psf
-    if psf is None:
+    if psf is None and all(view.psf is None for view in views):
         return 0.0
-    if psf.samples is not None or abs(psf.sigma_x - psf.sigma_y) > 1e-6 * psf.sigma_x:
+    own = any(view.psf is not psf for view in views)
+    if psf is None or own or psf.samples is not None or abs(psf.sigma_x - psf.sigma_y) > 1e-6 * psf.sigma_x:
         raise PsfError("Only a round Gaussian can widen the splats themselves", "Choose another blur evaluation")
     return float(psf.sigma_x**2)
 

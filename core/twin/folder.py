@@ -137,7 +137,8 @@ def open_twin(folder: Path, progress: Progress, photos: Path | None = None) -> T
     psf = parse_psf(settings.psf)
     source = photo_source(settings.photos, folder, settings.frames, progress)
     loaded = load_photos(source, settings.max_size, progress, settings.masks)
-    medium = medium_for(loaded, psf, settings)
+    listed = {name: parse_psf(text) for name, text in (report["medium"].get("per_photo") or {}).items()}
+    medium = medium_for(loaded, psf, settings, listed)
     noted = read_facts(folder)
     own = {name: parse_psf(text) for name, text in noted.get("psf", {}).items()}
     medium = replace(medium, per_view={**medium.per_view, **own})

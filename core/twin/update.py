@@ -259,8 +259,9 @@ def _write(twin: Twin, photos: Sequence[Photo], found: Reconstruction, gaussians
     report["settings"]["run"]["photos"] = str(folder / "photos.txt")
     report["gaussians"] = len(gaussians)
     write_json(folder / "report.json", report)
-    own = {name: psf.source for name, psf in medium.per_view.items() if psf is not None and psf.source}
+    new = {name: psf for name, psf in medium.per_view.items() if name not in twin.medium.per_view}
     past = history.read_facts(folder)
+    own = {**past.get("psf", {}), **{name: psf.source for name, psf in new.items() if psf is not None and psf.source}}
     history.note_facts(
         folder, {"held": twin.held, "psf": own, "updates": [*past.get("updates", []), facts]}
     )  # fmt: skip

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field, replace
 
 from torch import Tensor
 
@@ -38,6 +38,11 @@ class Formation:
         return [effect for effect in self.effects if effect.place == "light"]
 
     @property
+    def kernels(self) -> list[Effect]:
+        """Effects within the blur."""
+        return [effect for effect in self.effects if effect.place == "kernel"]
+
+    @property
     def sensor(self) -> list[Effect]:
         """Effects behind the blur."""
         return [effect for effect in self.effects if effect.place == "sensor"]
@@ -50,6 +55,20 @@ class Formation:
     def reach(self, width: int, height: int) -> float:
         """Standard deviation (px) of what spreads light from outside into a photo of this size, px."""
         return math.hypot(*(effect.reach(math.hypot(width, height)) for effect in self.light))
+
+    def through(self, medium: Medium, names: Iterable[str]) -> Medium:
+        """The medium with the point spreads that effects of the kernel give the named photos; may be the same one.
+
+        Whoever simulates the chain takes this medium, on the grid of the photos that the effects were told from.
+        """
+        own = {}
+        for name in names if self.kernels else ():
+            psf = shared = medium.psf_for(name)
+            for effect in self.kernels:
+                psf = effect.point_spread(psf, name)
+            if psf is not shared:
+                own[name] = psf
+        return replace(medium, per_view={**medium.per_view, **own}) if own else medium
 
     def degrade(self, frame: Tensor, blur: Callable[[Tensor], Tensor], medium: Medium, shot: Shot) -> Tensor:
         """[3, H + 2m, W + 2m] sRGB render -> [3, H, W] sRGB photo; without effects exactly `Medium.degrade`."""

@@ -8,19 +8,28 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..evidence import Evidence, judged, unknown
+from ..paths import FEWEST, Path, PathFinder, find_paths
 from ..photo_set import PhotoSet
 
 #: Length of the camera's path on the photo while the shutter is open, px.
 SMALLEST = 3.0
+#: What the lengths of a whole set leave uncertain, px: paths of one or two px are neither seen nor excluded.
+UNSEEN = 0.3
 
 
 @dataclass(frozen=True)
 class Motion:
-    """Length of the photos' own paths: rms over the photos, px, with its standard deviation."""
+    """The photos' own paths.
+
+    Attributes:
+        length, error: rms over the photos, px, with its standard deviation.
+        photos: length by photo, 0 where it is within its noise; paths: the same with directions and errors.
+    """
 
     length: float
     error: float
     photos: dict[str, float]
+    paths: dict[str, Path]
 
     @property
     def significant(self) -> bool:
@@ -28,45 +37,48 @@ class Motion:
         return judged("motion", self.length, self.error, SMALLEST, "px", "").needed
 
 
-#: Highest frequencies (cycles/px) that paths are sought in: that of a path of length L has its first zero at 1 / L, and
-#: is no Gaussian's from half of that on.
-BANDS = (0.5, 0.25, 0.14, 0.08)
-
-
 def motion_of(photos: PhotoSet) -> Motion | None:
-    """How far the photos' blurs differ from their common one along one direction; None with fewer than four photos.
+    """The paths of the photos whose spectra are looked at; None with fewer than four, or too little detail.
 
-    Of several bands the one that tells most clearly is taken. Kept with the photos.
+    Kept with the photos.
     """
     kept = photos.__dict__
     if "_motion" not in kept:
-        found = [motion for band in BANDS if (motion := _motion(photos, band)) is not None]
-        kept["_motion"] = max(found, key=lambda m: (m.length - SMALLEST) / m.error, default=None)
-    chosen: Motion | None = kept["_motion"]
-    return chosen
+        finder = _common(photos)
+        kept["_motion"] = None if finder is None else _of({p.name: finder.path(p) for p in photos.looked_at})
+    found: Motion | None = kept["_motion"]
+    return found
 
 
-def _motion(photos: PhotoSet, band: float) -> Motion | None:
-    blurs = photos.blurs_between(0.0, band)
-    known = [(photo.name, b) for photo, b in zip(photos.looked_at, blurs, strict=True) if b is not None]
-    if len(known) < 4:
-        return None
-    # A straight path of length L adds the variance L^2 / 12 along itself: as a spin-2 vector, half of it.
-    spin = np.array([[(b.covariance[0] - b.covariance[1]) / 2, b.covariance[2]] for _, b in known])
-    common = np.median(spin, axis=0)
-    off = spin - common
-    j = np.array([[0.5, -0.5, 0.0], [0.0, 0.0, 1.0]])
-    noise = np.array([np.trace(j @ b.uncertainty @ j.T) for _, b in known])
-    size = np.square(off).sum(axis=1)
-    mean = float(size.mean() - noise.mean())
-    deviation = float(np.hypot(size.std(ddof=1), noise.mean()) / math.sqrt(len(size)))
-    # Half the variance along the path: |off| = L^2 / 24.
-    length = math.sqrt(24.0 * math.sqrt(max(mean, 0.0)))
-    larger = math.sqrt(24.0 * math.sqrt(max(mean + deviation, 0.0)))
-    smaller = math.sqrt(24.0 * math.sqrt(max(mean - deviation, 0.0)))
-    error = max((larger - smaller) / 2, 0.15)
-    each = {name: math.sqrt(24.0 * math.hypot(*o)) for (name, _), o in zip(known, off, strict=True)}
-    return Motion(length, error, each)
+def paths_of(photos: PhotoSet) -> dict[str, Path]:
+    """The paths of all photos; empty where they cannot be told. Kept with the photos."""
+    kept = photos.__dict__
+    if "_paths" not in kept:
+        finder = _common(photos)
+        kept["_paths"] = {} if finder is None else find_paths(photos.photos, photos.rounding, finder)
+    found: dict[str, Path] = kept["_paths"]
+    return found
+
+
+def _common(photos: PhotoSet) -> PathFinder | None:
+    kept = photos.__dict__
+    if "_path_finder" not in kept:
+        enough = len(photos.looked_at) >= FEWEST
+        finder = PathFinder(photos.looked_at, photos.rounding) if enough else None
+        kept["_path_finder"] = finder if finder is not None and finder.possible else None
+    found: PathFinder | None = kept["_path_finder"]
+    return found
+
+
+def _of(paths: dict[str, Path]) -> Motion:
+    squares = np.array([path.length**2 for path in paths.values()])
+    length = math.sqrt(float(squares.mean()))
+    # Of a mean of squares: twice the length times its error, each, over the root of their number.
+    each = np.array([2.0 * path.length * path.error for path in paths.values()])
+    own = float(np.sqrt(np.square(each).mean() / len(each))) / (2.0 * max(length, 1.0))
+    # A single path says little of a set: what is left without the longest one is as likely.
+    alone = length - math.sqrt(float(np.sort(squares)[:-1].mean()))
+    return Motion(length, math.hypot(own, UNSEEN, alone), {name: path.length for name, path in paths.items()}, paths)
 
 
 def inspect(photos: PhotoSet) -> Evidence:
@@ -77,6 +89,8 @@ def inspect(photos: PhotoSet) -> Evidence:
     worst = max(moved.photos, key=lambda name: moved.photos[name])
     longest = f"the longest {moved.photos[worst]:.1f} px in {worst}"
     text = f"Paths of {moved.length:.1f} px (rms) of the photos' own, {longest}"
+    if moved.photos[worst] == 0.0:
+        text = "No photo has a path of its own that stands clear of its noise"
     evidence = judged("motion", moved.length, moved.error, SMALLEST, "px", text)
-    evidence.plots.update(lengths=moved.photos)
+    evidence.plots.update(lengths=moved.photos, paths=moved.paths)
     return evidence

@@ -33,6 +33,9 @@ STEPS, GAUSSIANS, PAIRS = 100, 2000, 2
 #: Trials see photos averaged down to so many px along the shorter side: what is tried changes from photo to photo, or
 #: slowly over the frame and the depth, and shows there as well, at a price that does not grow with the photos.
 SIDE = 80
+#: A path must still be so many px long for a trial of it, the photos' middles are cut to this shorter side, and twins
+#: must be sharp enough to tell: measured, with half of the steps paths of 6 px are not confirmed.
+SHOWN, CROP, KERNEL_STEPS, KERNEL_GAUSSIANS = 4.0, 112, 200, 3000
 #: Sparse points that a trial of what the sensor does starts from at most.
 POINTS = 1000
 #: An effect is confirmed where chance would give its gain less often than a normal's two standard errors do.
@@ -81,11 +84,12 @@ class Ablation:
     def __init__(self, views: Sequence[View], points: SparsePoints, medium: Medium, settings: TrainingSettings) -> None:
         self.views, self.points = list(views), points
         self.step = max(1, min((min(v.camera.width, v.camera.height) for v in self.views), default=1) // SIDE)
+        self._asked = settings
         self.settings = replace(
             settings, steps=min(STEPS, settings.steps), time_limit=None, until=None, min_steps=0, grid_step=None,
             max_gaussians=min(GAUSSIANS, settings.max_gaussians),
         )  # fmt: skip
-        self.medium = medium.on_grid(self.step)
+        self._full, self.medium = medium, medium.on_grid(self.step)
         self._known: dict[tuple[str, ...], Array] = {}
 
     def judged(self, pair: int) -> list[int]:
@@ -105,7 +109,15 @@ class Ablation:
 
         Photos of which no px counts are no part of it.
         """
-        medium = self.medium if without.light or with_it.light else Medium()
+        if without.kernels != with_it.kernels:
+            arms = [Formation([e for e in f.effects if e.place != "sensor"]) for f in (without, with_it)]
+            return self._finer(with_it, saturation[0])._compare(arms[0], arms[1], (False, False), through=True)
+        return self._compare(without, with_it, saturation, bool(without.light or with_it.light))
+
+    def _compare(
+        self, without: Formation, with_it: Formation, saturation: tuple[bool, bool], through: bool
+    ) -> Comparison:
+        medium = self.medium if through else Medium()
         first, second = (self._scores(f, s, medium) for f, s in zip((without, with_it), saturation, strict=True))
         differences = second - first
         return Comparison(differences[np.isfinite(differences)])
@@ -123,10 +135,14 @@ class Ablation:
         """Trains on what the pair does not judge, of `views`, and judges by photos as they were filed."""
         from ...training.scale import scene_scale
 
+        blurred = medium is self.medium
+        if blurred and formation.kernels:
+            medium = formation.through(self._full, [v.name for v in self.views]).on_grid(self.step)
+
         settings = replace(self.settings, seed=self.settings.seed + 1000 + pair)
         judged = self.judged(pair)
         fitted = [view for i, view in enumerate(views) if i not in judged]
-        points = self.points if medium is self.medium else _fewer(self.points)
+        points = self.points if blurred else _fewer(self.points)
         trained = train(fitted, [], points, medium, settings, Silent(), formation=formation)
         scale = scene_scale([view.camera for view in fitted], points)
         device = "cpu" if settings.device == "auto" else settings.device
@@ -140,8 +156,32 @@ class Ablation:
             scores.append(matched_psnr(shown, view.planes(), view.mask))
         return scores
 
+    def _finer(self, formation: Formation, saturation: bool) -> Ablation:
+        """Trials on the middles of photos averaged down less, as what a kernel does is small; the sensor is undone."""
+        step = max(1, min(self.step, int(min([SHOWN * self.step, *(e.finest for e in formation.kernels)]) / SHOWN)))
+        views = corrected(self.views, formation, saturation)
+        other = Ablation([cropped(view, step * CROP) for view in views], self.points, self._full, self.settings)
+        other.step, other.medium = step, self._full.on_grid(step)
+        steps, most = min(KERNEL_STEPS, self._asked.steps), min(KERNEL_GAUSSIANS, self._asked.max_gaussians)
+        other.settings = replace(self.settings, steps=steps, max_gaussians=most)
+        return other
+
     def _coarse(self, view: View, medium: Medium) -> View:
         return coarse_view(view, self.step, medium.blur_space)
+
+
+def cropped(view: View, side: int) -> View:
+    """The middle of a view, whose shorter side is `side` px at most; the very same one where it is no larger."""
+    camera = view.camera
+    share = side / min(camera.width, camera.height)
+    if share >= 1.0:
+        return view
+    width, height = round(camera.width * share), round(camera.height * share)
+    left, top = (camera.width - width) // 2, (camera.height - height) // 2
+    inside = (slice(top, top + height), slice(left, left + width))
+    camera = replace(camera, width=width, height=height, cx=camera.cx - left, cy=camera.cy - top)
+    mask = None if view.mask is None else np.ascontiguousarray(view.mask[inside])
+    return replace(view, camera=camera, photo=np.ascontiguousarray(view.photo[inside]), mask=mask)
 
 
 def _fewer(points: SparsePoints) -> SparsePoints:

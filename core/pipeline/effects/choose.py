@@ -83,7 +83,8 @@ def choose_effects(
             lines[name] = Decision(name, False, "asked for, but too few regions of the photos tell its size")
             continue
         _switch_on(name, source, effects, chosen)
-        lines[name] = Decision(name, True, "all were asked for" if mode == "all" else "forced on")
+        there, why = name in effects or name == "saturation", "all were asked for" if mode == "all" else "forced on"
+        lines[name] = Decision(name, there, why if there else "asked for, but no photo shows it")
     tried = [name for name in candidates if name not in on and name not in off]
     progress.stage("effects", len(tried))
     for index, name in enumerate(tried):
@@ -153,6 +154,8 @@ def _switch_on(name: str, source: PhotoSet, effects: dict[str, Effect], chosen: 
         chosen.saturation = True
         return
     effect = build(name, source)
+    if effect is None and name == "motion":  # a set without motion is no error, and costs nothing
+        return
     if effect is None:
         why = source.no_tracks
         if name in BLURS and source.tracks is not None:

@@ -13,7 +13,9 @@ from ...imaging.formation.effect import Effect
 from ...imaging.formation.exposure import Exposure
 from ...imaging.formation.field_blur import FieldBlur
 from ...imaging.formation.haze import Haze
+from ...imaging.formation.motion import Motion, motion_from
 from ...imaging.formation.vignetting import Vignetting
+from ...inspection.effects.motion import paths_of
 from ...inspection.evidence import Evidence
 from ...inspection.local_blur import fit_local_blur
 from ...inspection.photo_set import PhotoSet
@@ -22,7 +24,7 @@ from ...training.scale import scene_scale
 #: Which evidence speaks for an effect.
 SPEAKS = {
     "exposure": ("exposure", "white_balance"), "vignetting": ("vignetting",), "haze": ("haze",),
-    "saturation": ("saturation",), "defocus": ("defocus",), "field_blur": ("field_blur",),
+    "saturation": ("saturation",), "defocus": ("defocus",), "field_blur": ("field_blur",), "motion": ("motion",),
 }  # fmt: skip
 #: A channel's gain that is less certain than this (natural log) is not taken.
 LEAST_CERTAIN = 0.1
@@ -40,9 +42,11 @@ def proposed(found: Iterable[Evidence]) -> list[str]:
 
 
 def build(name: str, photos: PhotoSet) -> Effect | None:
-    """The effect with the parameters that the photos' tracks tell; None where they tell none."""
+    """The effect with the parameters that the photos tell; None where they tell none."""
     if name in BLURS:
         return _blur(name, photos)
+    if name == "motion":
+        return _motion(photos)
     fit, tracks = photos.photometry, photos.tracks
     if fit is None or tracks is None:
         return None
@@ -92,3 +96,11 @@ def depth_unit(photos: PhotoSet) -> float | None:
         return None
     cameras = list(photos.cameras.cameras().values())
     return photos.tracks.median_depth / scene_scale(cameras, photos.cameras.points).size
+
+
+def _motion(photos: PhotoSet) -> Motion | None:
+    """Every photo's own path, held-out ones too; None where none stands clear of its noise."""
+    paths = paths_of(photos)
+    if not any(path.length for path in paths.values()):
+        return None
+    return motion_from(list(paths), [p.length for p in paths.values()], [p.angle for p in paths.values()])

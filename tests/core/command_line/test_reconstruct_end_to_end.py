@@ -54,7 +54,7 @@ def test_all_results_are_there(finished, scene):
     assert problems(report) == []
     assert report["photos"]["given"] == report["photos"]["registered"] == 9
     assert report["cameras"]["source"] == "given" and report["cameras"]["focal_px"] == pytest.approx(180)
-    assert report["medium"] == {"psf": PSF, "blur_space": "srgb"}
+    assert report["medium"] == {"psf": PSF, "blur_space": "srgb", "per_photo": {}, "per_photo_sigma": None}
     assert report["heldout"]["names"] == ["phöto 00.png", "phöto 04.png", "phöto 08.png"]
     assert report["heldout"]["in_sfm"] is False
     assert len(read_ply(out / "twin.ply")) == report["gaussians"] <= 3000

@@ -21,7 +21,7 @@ REPORT = {
                "size": [64, 48], "scale": 1.0},
     "cameras": {"source": "sfm", "file": None, "focal_px": 70.0, "reprojection_error_px": None, "points": 120,
                 "points_scattered": False, "world_offset": None, "refined": None},
-    "medium": {"psf": "gaussian:5", "blur_space": "srgb"},
+    "medium": {"psf": "gaussian:5", "blur_space": "srgb", "per_photo": {}, "per_photo_sigma": None},
     "gaussians": 1234, "steps": 100,
     "effects": [{"name": "haze", "on": True, "why": "confirmed: it gains", "gain_db": 0.25, "gain_error_db": 0.05,
                  "seconds": 9.0, "parameters": {"veil": [0.5, 0.5, 0.5]},

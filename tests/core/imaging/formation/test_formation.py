@@ -2,6 +2,7 @@
 
 import math
 
+import numpy as np
 import pytest
 import torch
 from dgs.core.imaging.formation.chain import Formation
@@ -10,6 +11,7 @@ from dgs.core.imaging.formation.effect import Effect, Shot
 from dgs.core.imaging.formation.exposure import Exposure
 from dgs.core.imaging.formation.field_blur import FieldBlur
 from dgs.core.imaging.formation.haze import Haze
+from dgs.core.imaging.formation.motion import LEAST, Motion, motion_from
 from dgs.core.imaging.formation.registry import EFFECTS
 from dgs.core.imaging.formation.vignetting import Vignetting
 from dgs.core.imaging.medium import Medium
@@ -37,6 +39,8 @@ def made(name: str) -> Effect:
         return Defocus(near(0.08), near(1.0))
     if name == "field_blur":
         return FieldBlur(near(0.15))
+    if name == "motion":
+        return Motion(("a.png", "b.png"), torch.tensor([[0.0, 0.0], [6.0, 30.0]]))
     return {"vignetting": lambda: Vignetting(near(0.4, 3)), "haze": lambda: Haze(near(0.5, 3), near(0.6, 3))}[name]()
 
 
@@ -45,7 +49,10 @@ def picture(margin: int = 0) -> torch.Tensor:
     return torch.rand(size, generator=torch.Generator().manual_seed(0), dtype=torch.float64) * 0.8 + 0.1
 
 
-@pytest.mark.parametrize("name", list(EFFECTS))
+LIGHT = [name for name, effect in EFFECTS.items() if effect.place != "kernel"]
+
+
+@pytest.mark.parametrize("name", LIGHT)
 def test_gradients_are_those_of_the_forward_pass(name):
     effect = made(name)
     margin = M if effect.place == "light" else 0
@@ -109,6 +116,37 @@ def test_the_chain_s_gradient(space):
     inner = Medium(parse_psf("gaussian:0.7"), space).degrade(formation.reached(frame.detach(), shot()), blur.apply)
     unclipped = (photo > 0.001) & (photo < 0.999)
     assert unclipped.any() and torch.allclose(formation.unfiled(photo, shot())[unclipped], inner[unclipped], atol=1e-9)
+
+
+def test_effects_of_the_kernel_change_the_point_spread_and_leave_light_alone():
+    motion, shared = made("motion"), parse_psf("gaussian:2")
+    chain, light = Formation([made("haze"), motion]), picture()
+    assert motion.forward(light, shot()) is light and motion.gradient(light, light, shot()) is light
+    assert chain.kernels == [motion] and chain.names == ("haze", "motion")
+    medium = chain.through(Medium(shared, "linear"), ["a.png", "b.png", "c.png"])
+    # Photos that did not move keep the very same object, so that they share all that is computed of it.
+    assert medium.psf is shared and all(medium.psf_for(name) is shared for name in ("a.png", "c.png"))
+    blurred = medium.psf_for("b.png")
+    along = np.array([math.cos(math.radians(30)), math.sin(math.radians(30))])
+    assert along @ (blurred.covariance - shared.covariance) @ along == pytest.approx(36 / 12, rel=1e-3)
+    assert parse_psf(f"gaussian:2+{motion.kernel_text('b.png', 1.0)}").kernel() == pytest.approx(blurred.kernel())
+    assert motion.kernel_text("b.png", 2.0) == "path:12,30" and motion.kernel_text("a.png", 1.0) == ""
+    # Around it the other effects go on as without: light before, sensor behind.
+    frame = picture(M)
+    with_both = chain.degrade(frame, lambda x: x[:, M:-M, M:-M], medium, shot())
+    haze = Formation([chain.effects[0]])
+    assert torch.equal(with_both, haze.degrade(frame, lambda x: x[:, M:-M, M:-M], medium, shot()))
+
+
+def test_without_motion_the_medium_is_the_very_same():
+    medium = Medium(parse_psf("gaussian:2"), per_view={"d.png": parse_psf("gaussian:3")})
+    short = motion_from(["a.png", "b.png"], [0.0, 0.9 * LEAST], [10.0, 20.0])
+    names = ["a.png", "b.png", "d.png", "stranger.png"]
+    assert Formation().through(medium, names) is medium and Formation([made("haze")]).through(medium, names) is medium
+    assert Formation([short]).through(medium, names) is medium
+    assert short.finest == 0.0 and motion_from(["a"], [5.0], [0.0]).finest == 5.0
+    moved = Formation([motion_from(["d.png"], [6.0], [0.0])]).through(medium, names)
+    assert moved.psf_for("d.png").covariance[0, 0] == pytest.approx(9 + 3, rel=0.01)  # its own one is what is moved
 
 
 class Operations(TorchDispatchMode):

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from dgs.core.errors import Cancelled, DgsError
 from dgs.core.imaging.formation.chain import Formation
+from dgs.core.imaging.formation.motion import motion_from
 from dgs.core.imaging.medium import Medium
 from dgs.core.photos.undistort import undistorted_views
 from dgs.core.pipeline.effects import ablation
@@ -155,3 +156,24 @@ def test_matched_scores_take_the_photo_s_own_gain():
     assert matched_psnr(picture, darker) > 60
     noisy = darker + 0.02 * random.standard_normal(darker.shape)
     assert 30 < matched_psnr(picture, noisy) < 40
+
+
+def test_a_trial_of_motion_sees_paths_and_stays_cheap(dim):
+    """Photos are averaged down less than usual, so that a path is still long enough, and cut to their middles."""
+    views = undistorted_views(list(dim.photos), dim.cameras)
+    large = [replace(v, photo=v.photo.repeat(4, axis=0).repeat(4, axis=1), camera=enlarged(v.camera, 4)) for v in views]
+    trial = ablation.Ablation(large, dim.cameras.points, Medium(), SETTINGS)
+    moved = Formation([motion_from([v.name for v in large], [9.0] * len(large), [0.0] * len(large))])
+    finer = trial._finer(moved, False)
+    coarse = finer._coarse(finer.views[0], Medium())
+    assert trial.step == 6 and finer.step == 2 and 9.0 / finer.step >= ablation.SHOWN
+    assert min(coarse.camera.width, coarse.camera.height) == ablation.CROP and coarse.photo.shape[0] == ablation.CROP
+    whole, middle = large[0].camera, finer.views[0].camera
+    assert whole.cx - middle.cx == (whole.width - middle.width) // 2 and middle.fx == whole.fx
+    assert ablation.cropped(views[0], 500) is views[0]
+
+
+def test_motion_that_is_not_there_is_no_error(dim):
+    none, _ = chosen("motion", dim)
+    line = next(d for d in none.decisions if d.name == "motion")
+    assert not line.on and "no photo shows it" in line.why and not none.formation

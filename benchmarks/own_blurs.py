@@ -1,0 +1,81 @@
+"""How well each photo tells its own path of motion and its own width of blur: synthetic sets, known truth.
+
+    python benchmarks/own_blurs.py [--scenes 6]
+
+Prints two tables in Markdown: errors of lengths and directions, and of sigmas with and without shrinkage.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from pathlib import Path
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+os.environ.setdefault("OMP_WAIT_POLICY", "passive")
+ROOT = Path(__file__).resolve().parents[1]
+sys.path[:0] = [str(ROOT), str(ROOT / "benchmarks")]
+import numpy as np  # noqa: E402
+
+import run_dgs  # noqa: E402
+
+run_dgs.mount_package()
+from dgs.core.inspection.blind_psf import blind_psf  # noqa: E402
+from dgs.core.inspection.effects.motion import paths_of  # noqa: E402
+from dgs.core.inspection.photo_set import PhotoSet  # noqa: E402
+from dgs.core.inspection.psf_per_photo import psf_per_photo  # noqa: E402
+from effect_scenes import Truth, degrade, kept_scene, own_paths, own_sigmas  # noqa: E402
+from effects import KEPT, photo_set  # noqa: E402
+
+#: Sets whose photos moved: mean length (px), and the blur besides.
+MOVED = ((0.0, 0.0), (0.0, 2.0), (3.0, 0.0), (6.0, 0.0), (12.0, 0.0), (6.0, 2.0), (12.0, 2.0), (6.0, 4.0), (12.0, 4.0))
+#: Sets whose photos have a sigma each, uniform between these, px.
+WIDTHS = ((2.0, 4.0), (2.5, 3.5), (2.8, 3.2), (3.0, 3.0))
+
+
+def told(values: list[float], digits: int = 2) -> str:
+    """Median and ninth decile."""
+    return f"{np.median(values):.{digits}f} / {np.quantile(values, 0.9):.{digits}f}" if values else "-"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--scenes", type=int, default=6)
+    scenes = range(parser.parse_args().scenes)
+    print("| path, px (mean) | blur besides, px | photos told to move | length, relative error | direction, degrees |")
+    print("|---|---|---|---|---|")
+    for length, sigma in MOVED:
+        truth, found, relative, turned = Truth(motion=length, psf=(sigma, sigma, 0.0)), [], [], []
+        for seed in scenes:
+            scene = kept_scene(seed, KEPT)
+            photos = photo_set(scene, degrade(scene, truth, seed))
+            paths = paths_of(photos)
+            for photo, (true, angle) in zip(photos.photos, own_paths(truth, scene, seed), strict=True):
+                path = paths[photo.name]
+                found.append(path.length > 0)
+                if path.length and length:
+                    relative.append(abs(path.length / true - 1))
+                    turned.append(abs((path.angle - angle + 90) % 180 - 90))
+        print(f"| {length:g} | {sigma:g} | {sum(found)} of {len(found)} | {told(relative, 3)} | {told(turned, 1)} |",
+              flush=True)  # fmt: skip
+    print("\n| sigma of the photos, px | sets told to differ | all as shared | each alone | each, shrunk |")
+    print("|---|---|---|---|---|")
+    for low, high in WIDTHS:
+        differ, errors = 0, ([], [], [])
+        for seed in scenes:
+            scene, truth = kept_scene(seed, KEPT), Truth(own=(low, high))
+            photos = photo_set(scene, degrade(scene, truth, seed)).photos
+            shared = blind_psf(PhotoSet(photos, linear=True)).point_spread()
+            own = psf_per_photo(photos, shared, linear=True)
+            differ += bool(own.spreads)
+            for photo, true in zip(photos, own_sigmas(truth, len(photos), seed), strict=True):
+                sigmas = shared.sigma_x, own.told[photo.name], own.shrunk[photo.name]
+                for kept, sigma in zip(errors, sigmas, strict=True):
+                    kept.append(abs(sigma - true))
+        cells = " | ".join(told(kept) for kept in errors)
+        print(f"| {low:g} to {high:g} | {differ} of {len(scenes)} | {cells} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,103 @@
+"""Point spreads made of others: one blur after another, and a blur seen by a camera that moved."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import PsfError
+from .psf import PointSpread, _trimmed, spreading
+
+Array = NDArray[np.float64]
+
+#: Points of a path per px: the grid sees no difference to a line.
+_DENSE = 8
+#: A cubic's undershoot below this share of the peak is cut; a path that has more is antialiased by the hat instead.
+_UNDERSHOOT = 1e-2
+#: Longest path, px: a kernel must hold it.
+LONGEST_PATH = 512.0
+
+
+def convolved(first: PointSpread | None, second: PointSpread | None) -> PointSpread | None:
+    """One blur after the other; covariances add up. The very same object where the other one does nothing."""
+    if second is None or second.is_identity:
+        return first
+    if first is None or first.is_identity:
+        return second
+    source, notes = f"{first.source}+{second.source}", (*first.notes, *second.notes)
+    if first.samples is not None or second.samples is not None:
+        samples = convolved_samples(first.kernel(), second.kernel()).clip(min=0.0)
+        return PointSpread("file", samples=_trimmed(samples), source=source, notes=notes)
+    values, axes = np.linalg.eigh(first.covariance + second.covariance)
+    wide, narrow = math.sqrt(values[1]), math.sqrt(max(values[0], 0.0))
+    angle = math.degrees(math.atan2(axes[1, 1], axes[0, 1])) % 180.0
+    if wide - narrow < 1e-9 * wide:  # a round one has no direction, and stays separable
+        narrow, angle = wide, 0.0
+    return PointSpread(sigma_x=wide, sigma_y=narrow, angle=angle, source=source, notes=notes)
+
+
+def moved(psf: PointSpread | None, length: float, angle: float) -> PointSpread | None:
+    """The blur of a camera that moved straight and evenly while the shutter was open.
+
+    Args:
+        psf: the blur without motion, None for none; the very same object comes back for a length of 0.
+        length: of the path on the photo, px; its variance along itself is length^2 / 12. Without any other blur the
+            antialiasing adds up to 1/4 px^2.
+        angle: degrees from x towards y.
+
+    Raises:
+        PsfError: a length that makes no sense.
+    """
+    path = f"path:{length:.6g},{angle:.6g}"
+    if not (math.isfinite(length) and math.isfinite(angle) and 0.0 <= length <= LONGEST_PATH):
+        raise PsfError(f"The path '{path}' makes no sense", f"Give 0 to {LONGEST_PATH:g} px and an angle in degrees")
+    if length == 0.0:
+        return psf
+    # Spread by a cubic a path keeps its variance to the last digit; the other blur smooths what undershoots.
+    samples = _path(length, angle, linear=psf is None or psf.is_identity)
+    source = path
+    if psf is not None and not psf.is_identity:
+        cubic = convolved_samples(psf.kernel(), samples)
+        crude = cubic.min() < -_UNDERSHOOT * cubic.max()
+        samples = convolved_samples(psf.kernel(), _path(length, angle, linear=True)) if crude else cubic
+        source = f"{psf.source}+{path}"
+    notes = () if psf is None else psf.notes
+    samples = samples.clip(min=0.0)
+    return PointSpread("file", samples=_trimmed(samples / samples.sum()), source=source, notes=notes)
+
+
+def parse_path(text: str) -> tuple[float, float]:
+    """Reads `LENGTH,ANGLE` (px, degrees); raises PsfError."""
+    try:
+        length, angle = (float(value) for value in text.split(","))
+    except ValueError:
+        raise PsfError(f"The path 'path:{text}' is no path", "Write path:LENGTH,ANGLE (px, degrees)") from None
+    return length, angle
+
+
+def _path(length: float, angle: float, linear: bool) -> Array:
+    """[K, L], odd, of sum 1, centred; `linear` never undershoots, the cubic keeps the variance."""
+    count = max(2, math.ceil(_DENSE * length))
+    # Middles of equal pieces have 1 - 1 / n^2 of the line's variance: they are moved outwards.
+    along = ((np.arange(count) + 0.5) / count - 0.5) * length / math.sqrt(1.0 - 1.0 / count**2)
+    rows, columns = (along * turn for turn in (math.sin(math.radians(angle)), math.cos(math.radians(angle))))
+    return np.asarray(_placed(rows, linear) @ _placed(columns, linear).T / count)
+
+
+def _placed(position: Array, linear: bool) -> Array:
+    """[2 r + 1, N]: how points at `position` (px from the middle) light a row of px."""
+    radius = math.ceil(float(np.abs(position).max())) + 2
+    return spreading(np.abs(np.arange(-radius, radius + 1)[:, None] - position[None, :]), linear)
+
+
+def convolved_samples(a: Array, b: Array) -> Array:
+    """[K + M - 1, L + N - 1] full convolution of [K, L] and [M, N]."""
+    size = a.shape[0] + b.shape[0] - 1, a.shape[1] + b.shape[1] - 1
+    if b.size > 64:
+        return np.fft.irfft2(np.fft.rfft2(a, size) * np.fft.rfft2(b, size), size)
+    out = np.zeros(size)
+    for (i, j), value in np.ndenumerate(b):
+        out[i : i + a.shape[0], j : j + a.shape[1]] += value * a
+    return out

@@ -1,0 +1,103 @@
+"""Every photo's own Gaussian around the one that all share, for a medium that changes while photos are taken.
+
+One photo tells its blur less surely than all together. How far the photos' own variances scatter beyond what their
+uncertainty explains is how far the blurs differ (empirical Bayes): each photo's estimate is drawn towards the shared
+one by the share that is its own noise, and where the scatter is no more than noise, all photos keep the shared one.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import stats
+
+from ..imaging.psf import PointSpread
+from ..photos.load import Photo
+from .photo_set import MOST_PHOTOS, PhotoSet
+from .spectra import Blur
+
+#: What a fit tells as its error is mostly how the scene bends the law, which photos of one scene have in common: this
+#: share of it scatters from photo to photo (measured on synthetic and real sets whose photos are blurred alike).
+SCATTERED = 0.5
+#: Blurs differ where chance would scatter as far less often than this.
+CHANCE = 0.01
+#: Fewest photos whose scatter says something; the narrowest blur (px) that a photo may be told.
+FEWEST, NARROWEST = 5, 0.3
+
+
+@dataclass(frozen=True)
+class OwnSpreads:
+    """What was told.
+
+    Attributes:
+        spreads: by photo name, only photos whose blur is not the shared one.
+        told: sigma (px) by photo as its own spectrum alone tells it; shrunk: the same drawn towards the shared one.
+        between: standard deviation (px^2) of the photos' variances, without what noise explains; 0 for equal blurs.
+        text: one sentence.
+    """
+
+    spreads: Mapping[str, PointSpread]
+    told: Mapping[str, float]
+    shrunk: Mapping[str, float]
+    between: float
+    text: str
+
+
+def psf_per_photo(
+    photos: Sequence[Photo], shared: PointSpread, linear: bool = False, paths: Mapping[str, float] | None = None
+) -> OwnSpreads:
+    """Each photo's own width of the shared Gaussian.
+
+    Args:
+        shared: a Gaussian, px of the photos as loaded.
+        linear: read spectra on linear light instead of sRGB values.
+        paths: lengths (px) of paths of motion that are simulated besides: their part of the blur is taken off.
+    """
+    known = {name: blur for name, blur in _blurs(photos, linear).items() if blur is not None}
+    variance = float(np.trace(shared.covariance)) / 2
+    if len(known) < FEWEST:
+        return OwnSpreads({}, {}, {}, 0.0, f"only {len(known)} photos tell a blur of their own: all get the shared one")
+    names = list(known)
+    motion = np.array([(paths or {}).get(name, 0.0) ** 2 / 24.0 for name in names])
+    seen = np.array([known[name].variance for name in names]) - motion
+    off = seen - float(np.median(seen))
+    noise = SCATTERED * np.array([known[name].variance_error for name in names])
+    told = {name: math.sqrt(max(variance + o, NARROWEST**2)) for name, o in zip(names, off, strict=True)}
+    excess = float(np.square(off / noise).sum())
+    if excess <= stats.chi2.isf(CHANCE, len(names) - 1):
+        text = "the photos' own blurs differ by no more than their uncertainty: all get the shared one"
+        return OwnSpreads({}, told, dict.fromkeys(told, math.sqrt(variance)), 0.0, text)
+    between = max(float(np.square(off).mean() - np.square(noise).mean()), 1e-6)
+    kept = between / (between + noise**2)
+    shrunk = {
+        name: math.sqrt(max(variance + share * o, NARROWEST**2))
+        for name, share, o in zip(names, kept, off, strict=True)
+    }
+    spreads = {name: _scaled(shared, sigma / math.sqrt(variance)) for name, sigma in shrunk.items()}
+    low, high = min(shrunk.values()), max(shrunk.values())
+    text = f"{len(spreads)} photos have a Gaussian of their own, sigma {low:.2f} to {high:.2f} px"
+    return OwnSpreads(spreads, told, shrunk, math.sqrt(between), text)
+
+
+def _blurs(photos: Sequence[Photo], linear: bool) -> dict[str, Blur | None]:
+    """The blur of every photo, whatever its size."""
+    found: dict[str, Blur | None] = {}
+    for size in sorted({photo.size for photo in photos}):
+        same = [photo for photo in photos if photo.size == size]
+        for first in range(0, len(same), MOST_PHOTOS):
+            part = PhotoSet(same[first : first + MOST_PHOTOS], linear=linear)
+            found.update(zip((photo.name for photo in part.looked_at), part.blurs, strict=True))
+    return found
+
+
+def _scaled(psf: PointSpread, factor: float) -> PointSpread:
+    x, y = psf.sigma_x * factor, psf.sigma_y * factor
+    return replace(psf, sigma_x=x, sigma_y=y, source=gaussian_text(x, y, psf.angle), notes=())
+
+
+def gaussian_text(sigma_x: float, sigma_y: float, angle: float) -> str:
+    """As `parse_psf` reads it."""
+    return f"gaussian:{sigma_x:.3f}" if sigma_x == sigma_y else f"gaussian:{sigma_x:.3f},{sigma_y:.3f},{angle:.1f}"

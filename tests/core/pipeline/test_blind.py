@@ -1,0 +1,71 @@
+"""Point spreads of a run: told, listed by photo, or estimated; and what cannot be meant."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from dgs.core.errors import PsfError
+from dgs.core.photos.load import Photo
+from dgs.core.pipeline.blind import spreads_of, told_spreads
+from dgs.core.pipeline.reconstruct import medium_for
+from dgs.core.pipeline.settings import ReconstructSettings
+
+
+def photos(*names, scale=1.0):
+    return [Photo(n, Path(n), np.zeros((32, 48, 3), np.uint8), scale=(scale, scale)) for n in names]
+
+
+def listed(tmp_path, content, *names, scale=1.0, some=False):
+    file = tmp_path / "spreads.json"
+    file.write_text(content if isinstance(content, str) else json.dumps(content))
+    settings = ReconstructSettings(Path("p"), Path("o"), psf=f"per-photo:{file}")
+    return spreads_of(told_spreads(settings.psf), photos(*names, scale=scale), settings, some)
+
+
+def test_a_list_gives_each_photo_its_own(tmp_path):
+    np.save(tmp_path / "k.npy", np.ones((3, 3)))
+    content = {"a.png": "gaussian:3", "b.png": "k.npy", "c.png": "none", "*": "gaussian:2+path:6,30"}
+    found, settings = listed(tmp_path, content, "a.png", "b.png", "c.png", "d.png")
+    assert settings.psf == "gaussian:2+path:6,30" and set(found.own) == {"a.png", "b.png", "c.png"}
+    medium = medium_for(photos("a.png", "b.png", "c.png", "d.png"), found.psf, settings, found.own)
+    assert medium.psf_for("a.png").sigma_x == 3.0 and medium.psf_for("c.png") is None
+    assert medium.psf_for("b.png").kernel().shape == (3, 3) and medium.psf_for("d.png") is medium.psf
+    # The list's own kernels are found from anywhere afterwards.
+    assert told_spreads(found.own["b.png"].source).psf.kernel() == pytest.approx(medium.psf_for("b.png").kernel())
+
+
+def test_without_a_default_the_middle_one_stands_for_all(tmp_path):
+    found, _ = listed(tmp_path, {"a": "gaussian:1", "b": "gaussian:4", "c": "gaussian:2"}, "a", "b", "c")
+    assert found.psf.sigma_x == 2.0
+
+
+def test_spreads_shrink_with_their_photos(tmp_path):
+    found, settings = listed(tmp_path, {"a": "gaussian:8", "*": "gaussian:4"}, "a", "b", scale=0.5)
+    medium = medium_for(photos("a", "b", scale=0.5), found.psf, settings, found.own)
+    assert medium.psf_for("a").sigma_x == pytest.approx(4.0, rel=0.02)
+    mixed = [*photos("a", scale=0.5), *photos("b")]
+    medium = medium_for(mixed, found.psf, settings, found.own)
+    assert medium.psf_for("a").sigma_x == pytest.approx(4.0, rel=0.02) and medium.psf_for("b").sigma_x == 4.0
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        ("{", "no JSON"), ("[]", "no object"), ({"a": 3}, "no object"), ({"a": "gauss:3", "*": "none"}, "'a'"),
+        ({"a": "gaussian:3"}, "says nothing of 'b'"), ({"typo": "gaussian:3", "*": "none"}, "'typo'"),
+        ({"a": "missing.npy", "*": "none"}, "missing.npy"),
+    ],
+)  # fmt: skip
+def test_wrong_lists_are_explained(tmp_path, content, words):
+    with pytest.raises(PsfError) as caught:
+        listed(tmp_path, content, "a", "b")
+    assert words in caught.value.what and caught.value.way_out and "spreads.json" in str(caught.value)
+
+
+def test_a_list_of_more_photos_than_were_looked_at(tmp_path):
+    found, _ = listed(tmp_path, {"a": "gaussian:3", "later": "gaussian:1", "*": "none"}, "a", "b", some=True)
+    assert set(found.own) == {"a"}
+    with pytest.raises(PsfError, match="cannot be read"):
+        told_spreads(f"per-photo:{tmp_path / 'none.json'}")
+    assert told_spreads("auto") is None and told_spreads("auto-each") is None
