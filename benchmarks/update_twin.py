@@ -80,7 +80,10 @@ def one(data: Path, psf: str, seed: int, work: Path) -> dict[str, float]:
     blurred = data / "photos" if (data / "photos").is_dir() else data / "blur5"
     photos = sorted(p for p in blurred.iterdir() if p.suffix.lower() in (".png", ".jpg", ".jpeg", ".tif"))
     sharp = {p.stem: p for p in (data / "sharp").iterdir()}
+    # As many as both runs hold out: the last of a set may find no place among the fewer early ones.
     held = photos[::HOLDOUT]
+    while (len(held) - 1) * HOLDOUT >= len(photos) - len(photos) // LATE - 1:
+        photos.remove(held.pop())
     others = [p for p in photos if p not in held]
     late = others[LATE // 2 :: LATE]
     early = [p for p in others if p not in late]

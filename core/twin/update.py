@@ -254,7 +254,8 @@ def _write(twin: Twin, photos: Sequence[Photo], found: Reconstruction, gaussians
     write_ply(folder / "twin.ply", gaussians.cloud())
     write_lenses(folder / "cameras", lenses, poses, twin.reconstruction.points)
     save_checkpoint(folder / "checkpoint.npz", trainer.state(0.0, []))
-    lines = [str(photo.path.resolve()) for photo in [*twin.photos, *photos]]
+    # Not resolved: a linked photo would get another name, and lose its camera.
+    lines = [str(photo.path.absolute()) for photo in [*twin.photos, *photos]]
     write_text(folder / "photos.txt", "\n".join(lines) + "\n")
     report["settings"]["run"]["photos"] = str(folder / "photos.txt")
     report["gaussians"] = len(gaussians)

@@ -32,6 +32,9 @@ def made(tmp_path_factory):
     (folder / "new").mkdir()
     for name in NEW:
         (folder / "photos" / name).rename(folder / "new" / name)
+    # One photo is a link to a file of another name: it keeps its own.
+    linked = (folder / "photos" / "phöto 01.png").rename(folder / "elsewhere.png")
+    (folder / "photos" / "phöto 01.png").symlink_to(linked)
     done = subprocess.run(
         [sys.executable, str(ROOT / "run_dgs.py"), "reconstruct", str(folder / "photos"), "--out", str(folder / "out"),
          "--psf", f"gaussian:{SIGMA}", "--cameras", str(folder / "model"), "--preset", "draft",
