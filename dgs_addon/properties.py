@@ -15,8 +15,14 @@ _MEDIA = (
     ("none", "None", "Nothing lies before the object: ordinary Gaussian splatting"),
     ("gaussian", "Gaussian", "Light is scattered alike in all directions, as by fog, frosted glass or thin tissue"),
     ("ellipse", "Elliptic Gaussian", "Light is scattered further in one direction than in the other"),
-    ("auto", "From Photos", "A Gaussian as wide as the photos themselves tell; refused where they do not tell it"),
+    ("auto", "From Photos", "A Gaussian as wide as the photos themselves tell; where they hardly do, a guess is noted"),
+    ("auto-each", "From Each Photo", "A Gaussian for every photo, for a medium that changes while photos are taken"),
     ("file", "Measured", "A measured point spread function from a file (.npy, .tif, .png, .fits)"),
+)
+_EFFECTS = (
+    ("none", "None", "Only the blur of the medium"),
+    ("auto", "What Photos Call For", "Those that the photos show and a short trial confirms; the report tells why"),
+    ("all", "All", "All whose size the photos tell, without a trial"),
 )
 _CAMERAS = (
     ("photos", "From Photos", "Find the cameras from the photos themselves (structure from motion)"),
@@ -98,6 +104,15 @@ class DGS_PG_settings(bpy.types.PropertyGroup):
             ("srgb", "Encoded Values", "The photos' sRGB values: made-up blur, or video-processed photos"),
             ("linear", "Light", "Linear light: what a real medium mixes before the camera encodes it"),
         ),
+    )  # fmt: skip
+
+    effects: bpy.props.EnumProperty(
+        name="Other Effects", items=_EFFECTS, default="none",
+        description="Haze, defocus, motion, vignetting, exposure and clipping, simulated besides the blur",
+    )  # fmt: skip
+    refine_cameras: bpy.props.BoolProperty(
+        name="Refine Cameras",
+        description="Move cameras to where their photos fit all others; kept only where photos then fit clearly better",
     )  # fmt: skip
 
     preset: bpy.props.EnumProperty(

@@ -24,12 +24,19 @@ class DGS_PT_medium(Step, bpy.types.Panel):
         """Its kind and its figures."""
         layout, settings = split(self.layout), context.scene.dgs
         layout.prop(settings, "medium")
+        self._kind(layout, context)
+        layout.prop(settings, "effects")
         draw_inspection(layout, context)
+
+    def _kind(self, layout: Any, context: Any) -> None:
+        settings = context.scene.dgs
         if settings.medium == "none":
             sentence(layout, context, "Nothing is undone: ordinary splatting", "INFO")
             return
         if settings.medium == "auto":
             sentence(layout, context, "The photos tell how wide the blur is, or that they do not", "INFO")
+        elif settings.medium == "auto-each":
+            sentence(layout, context, "Every photo tells its own blur, as far as it differs from the others'", "INFO")
         elif settings.medium == "gaussian":
             layout.prop(settings, "sigma", text="Sigma (px)")
         elif settings.medium == "ellipse":

@@ -156,7 +156,8 @@ def reconstruct(settings: ReconstructSettings, progress: Progress, began: float 
 
     held = heldout_names([photo.name for photo in photos], settings.holdout_every)
     refinement = None
-    if settings.refine_cameras and not settings.resume:
+    # What a checkpoint goes on from was trained with refined cameras already.
+    if settings.refine_cameras and not (settings.resume and (settings.out / "checkpoint.npz").is_file()):
         reconstruction, refinement = refined(
             settings, reconstruction, registered, held, medium, threads, device, keeper
         )  # fmt: skip

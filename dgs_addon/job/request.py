@@ -129,7 +129,7 @@ def psf_argument(settings: Any) -> str:
         if path is None or not path.is_file():
             raise DgsError("The file of the point spread function is not there", "Choose it in step 3")
         return f"file:{path}"
-    return "auto" if settings.medium == "auto" else "none"
+    return str(settings.medium)  # none, auto, auto-each
 
 
 def _medium(settings: Any) -> list[str]:
@@ -158,6 +158,10 @@ def _cameras(scene: Any, out: Path) -> list[str]:
 def _effort(settings: Any) -> list[str]:
     arguments = ["--preset", settings.preset, "--holdout-every", str(settings.holdout_every)]
     arguments += ["--seed", str(settings.seed), *_number("--max-gaussians", settings.max_gaussians)]
+    if settings.effects != "none":
+        arguments += ["--effects", settings.effects]
+    if settings.refine_cameras:
+        arguments.append("--refine-cameras")
     if settings.time_limit > 0:
         arguments += ["--time-limit", f"{settings.time_limit * 60:.1f}s"]
     if settings.sh_degree != "preset":
