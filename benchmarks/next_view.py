@@ -28,6 +28,7 @@ from dgs.core.imaging.medium import Medium  # noqa: E402
 from dgs.core.imaging.operator import BlurOperator  # noqa: E402
 from dgs.core.imaging.psf import PointSpread  # noqa: E402
 from dgs.core.knowledge.candidates import looking_at  # noqa: E402
+from dgs.core.knowledge.coverage import Coverage  # noqa: E402
 from dgs.core.knowledge.gain import gain_of, opened, spread  # noqa: E402
 from dgs.core.knowledge.looks import Looks, Place  # noqa: E402
 from dgs.core.knowledge.posterior import sample_posterior  # noqa: E402
@@ -42,7 +43,8 @@ MARGIN = 6
 CANDIDATES, TESTS, FIRST, MOST = 36, 16, 3, 12
 #: Splats of the object and of the room around it.
 GLOBE, ROOM = 1400, 700
-WAYS = ("through the blur", "bits through the blur", "random", "uniform", "farthest", "fisher without blur")
+WAYS = ("coverage through the blur", "fall through the blur", "bits through the blur",
+        "random", "uniform", "farthest", "fisher without blur")
 UP = np.array([0.0, -1.0, 0.0])
 
 
@@ -174,6 +176,11 @@ def choose(way: str, case: Case, trainer: Trainer, taken: list[int], step: int) 
     looks, places, noise = knowledge(trainer, taken, case, "through the blur" in way)
     if "through the blur" in way:
         seen = [places[i] for i in taken]
+        if way.startswith("coverage"):
+            coverage = Coverage(looks, noise, places, case.seed)
+            for photo in seen:
+                coverage.take(photo)
+            return max(left, key=lambda i: coverage.gain(places[i]))
         posterior = sample_posterior(looks, seen, noise, 4, 6, case.seed)
         gains = {i: gain_of(looks, posterior, seen, places[i]) for i in left}
         return max(left, key=lambda i: gains[i].bits if way.startswith("bits") else gains[i].fall)
@@ -242,7 +249,7 @@ def main() -> None:
                 if count < MOST and way != "uniform":
                     taken.append(choose(way, case, trainer, taken, count))
             row = {**key, "psnr": accuracies, "taken": taken}
-            if way == "through the blur":
+            if way.startswith("bits"):
                 row["reliability"] = calibration(case, trainer, taken)
             rows.append(row)
             with options.out.open("a") as file:

@@ -16,12 +16,15 @@ from ..progress import Progress
 from ..rasterizer import RasterSettings
 from ..training.grid import coarse_camera
 from ..twin.folder import Twin
+from .coverage import Coverage
 from .gain import Gain, gain_of
 from .looks import Looks, Place
 from .posterior import Posterior, sample_posterior
 
 #: Long side in px of the grid that gains are computed on at most: what a view tells changes slowly.
 GRID = 320
+#: Candidates that stand for where the twin may be looked at from, at most.
+WANTED = 48
 
 
 @dataclass(frozen=True)
@@ -44,17 +47,20 @@ class NextViewSettings:
 
 @dataclass(frozen=True)
 class Suggestion:
-    """A candidate with its gain; `order` is 1, 2, ... for the chosen ones and None for the others."""
+    """A candidate: its gain given the photos that are there, the share of what may be looked at that it newly covers
+    (given those chosen before it, too), and `order` 1, 2, ... for the chosen ones, None for the others."""
 
     camera: Camera
     gain: Gain
+    covers: float
     order: int | None
 
     def plain(self) -> dict[str, Any]:
         """For JSON: world to camera, px."""
         c = self.camera
         return {
-            "name": c.name, "order": self.order, **asdict(self.gain), "centre": c.centre.tolist(),
+            "name": c.name, "order": self.order, "covers": round(self.covers, 5), **asdict(self.gain),
+            "centre": c.centre.tolist(),
             "rotation": c.rotation.tolist(), "translation": c.translation.tolist(),
             "width": c.width, "height": c.height, "fx": c.fx, "fy": c.fy, "cx": c.cx, "cy": c.cy,
         }  # fmt: skip
@@ -131,22 +137,25 @@ def rank(twin: Twin, candidates: Sequence[Camera], settings: NextViewSettings, p
     knowledge = Knowledge(twin, settings.through_blur)
     places = {camera.name: knowledge.place(camera) for camera in candidates}
     left = {camera.name: camera for camera in candidates}
-    taken, chosen = list(knowledge.taken), []
-    gains: dict[str, Gain] = {}
-    known = torch.zeros(len(twin.gaussians))
+    progress.stage("information", settings.samples)
+    posterior = knowledge.posterior(knowledge.taken, settings, progress)
+    progress.stage("candidates", len(left))
+    wanted = list(places.values())[:: max(1, -(-len(places) // WANTED))]
+    coverage = Coverage(knowledge.looks, knowledge.noise, wanted, settings.seed)
+    for place in knowledge.taken:
+        coverage.take(place)
+    gains, covers = {}, {}
+    for done, (name, place) in enumerate(places.items()):
+        gains[name] = gain_of(knowledge.looks, posterior, knowledge.taken, place)
+        covers[name] = coverage.gain(place)
+        progress.advance(done + 1)
+        if progress.cancelled():
+            raise Cancelled("Stopped while weighing the candidates")
+    chosen = []
     for order in range(1, min(settings.count, len(candidates)) + 1):
-        progress.stage(f"information {order}", settings.samples)
-        posterior = knowledge.posterior(taken, settings, progress)
-        if order == 1:
-            known = posterior.known()
-        progress.stage(f"candidates {order}", len(left))
-        for done, name in enumerate(left):
-            gains[name] = gain_of(knowledge.looks, posterior, taken, places[name])
-            progress.advance(done + 1)
-            if progress.cancelled():
-                raise Cancelled("Stopped while weighing the candidates")
-        best = max(left, key=lambda name: gains[name].bits)
-        chosen.append(Suggestion(left.pop(best), gains[best], order))
-        taken.append(places[best])
-    rest = [Suggestion(camera, gains[name], None) for name, camera in left.items()]
-    return Ranking(chosen + sorted(rest, key=lambda s: -s.gain.bits), known)
+        best = max(left, key=lambda name: covers[name])
+        chosen.append(Suggestion(left.pop(best), gains[best], covers[best], order))
+        coverage.take(places[best])
+        covers = {name: coverage.gain(places[name]) for name in left}
+    rest = [Suggestion(camera, gains[name], covers[name], None) for name, camera in left.items()]
+    return Ranking(chosen + sorted(rest, key=lambda s: -s.covers), posterior.known())
