@@ -65,6 +65,8 @@ SETS = {
     "field blur 2 px": (113, {"field": 2.0}),
     "motion 6 px": (111, {"motion": 6.0}),
     "motion 12 px": (112, {"motion": 12.0}),
+    "haze 0.3 + vignetting 25 % + exposure 10 %": (114, {"haze": 0.3, "vignetting": 0.25, "exposure": 0.10}),
+    "defocus 3 px + exposure 10 %": (115, {"defocus": 3.0, "exposure": 0.10}),
 }
 ARMS = ("none", "auto", "all", "nothing left out")
 

@@ -108,6 +108,11 @@ def test_the_request_says_all_settings(settings: object, tmp_path: Path) -> None
     settings.medium = "auto"
     for kind in ("reconstruct", "cameras"):
         assert "--psf auto --blur-space srgb" in " ".join(request_of(kind, bpy.context.scene).arguments)
+    assert not {"--effects", "--refine-cameras"} & set(request_of("reconstruct", bpy.context.scene).arguments)
+    settings.medium, settings.effects, settings.refine_cameras = "auto-each", "auto", True
+    text = " ".join(request_of("reconstruct", bpy.context.scene).arguments)
+    assert "--psf auto-each" in text and "--effects auto" in text and "--refine-cameras" in text
+    settings.medium, settings.effects, settings.refine_cameras = "auto", "none", False
 
 
 def test_missing_things_are_named(settings: object, tmp_path: Path) -> None:
