@@ -79,12 +79,12 @@ def code() -> str:
     return hashlib.sha256(b"".join(f.read_bytes() for f in files)).hexdigest()[:12]
 
 
-def one_set(name: str) -> Path:
+def one_set(name: str, width: int, height: int) -> Path:
     """The photos and cameras of a set, drawn once."""
     seed, done = SETS[name]
-    folder = KEPT / "sets" / f"{seed}_{SIGMA:g}_{WIDTH}_{PHOTOS}_{'_'.join(f'{k}{v:g}' for k, v in done.items())}"
+    folder = KEPT / "sets" / f"{seed}_{SIGMA:g}_{width}_{PHOTOS}_{'_'.join(f'{k}{v:g}' for k, v in done.items())}"
     if not (folder / "truth").is_dir():
-        scene = make_scene(seed, width=WIDTH, height=HEIGHT, views=PHOTOS, finer=2)
+        scene = make_scene(seed, width=width, height=height, views=PHOTOS, finer=2)
         kept = {k: v for k, v in done.items() if k not in ("defocus", "field", "motion")}
         sharp = degrade(scene, Truth(**kept), seed)
         write_set(folder, scene, degrade(scene, Truth(psf=(SIGMA, SIGMA, 0.0), **done), seed), sharp)
@@ -140,14 +140,16 @@ def main() -> None:
     parser.add_argument("--only", default="", help="sets whose name holds one of these words, with commas")
     parser.add_argument("--preset", default="draft", choices=("draft", "balanced"))
     parser.add_argument("--gaussians", type=int, default=4000)
+    parser.add_argument("--size", type=int, nargs=2, default=(WIDTH, HEIGHT), metavar=("W", "H"))
+    parser.add_argument("--arms", nargs="+", default=ARMS, choices=ARMS, help="fewer than all print no table")
     options = parser.parse_args()
     words = [word.strip() for word in options.only.split(",") if word.strip()]
     names = [name for name in SETS if not words or any(word in name for word in words)]
-    kept = KEPT / f"{code()}_{options.preset}_{options.gaussians}"
+    kept = KEPT / f"{code()}_{options.preset}_{options.gaussians}_{options.size[0]}"
     rows, warm = {}, False
     for name in names:
-        folder = one_set(name)
-        for effects in ARMS:
+        folder = one_set(name, *options.size)
+        for effects in options.arms:
             file = kept / f"{name.replace(' ', '_').replace('%', 'p')}_{effects}.json"
             if not file.is_file():
                 if not warm:  # kernels are compiled, and modules loaded, before a clock runs
@@ -159,6 +161,8 @@ def main() -> None:
             on = [d["name"] for d in row["decisions"] if d["on"]]
             print(f"{name}, {effects}: {row['psnr_matched']:.2f} dB matched, {row['psnr']:.2f} dB, "
                   f"{row['processor']:.1f} s of processor, {row['wall']:.1f} s, on: {on}", flush=True)  # fmt: skip
+    if set(options.arms) != set(ARMS):
+        return
     text = table(names, rows)
     print(text)
     if names == list(SETS) and options.preset == "draft" and START in PAGE.read_text():

@@ -34,8 +34,9 @@ STEPS, GAUSSIANS, PAIRS = 100, 2000, 2
 #: slowly over the frame and the depth, and shows there as well, at a price that does not grow with the photos.
 SIDE = 80
 #: A path must still be so many px long for a trial of it, the photos' middles are cut to this shorter side, and twins
-#: must be sharp enough to tell: measured, with half of the steps paths of 6 px are not confirmed.
-SHOWN, CROP, KERNEL_STEPS, KERNEL_GAUSSIANS = 4.0, 112, 200, 3000
+#: must be sharp enough to tell: measured, with half of the steps paths of 6 px are not confirmed, and with half of the
+#: side and of the Gaussians paths of 12 px on photos of 720 px are not.
+SHOWN, CROP, KERNEL_STEPS, KERNEL_GAUSSIANS = 4.0, 200, 200, 6000
 #: Sparse points that a trial of what the sensor does starts from at most.
 POINTS = 1000
 #: An effect is confirmed where chance would give its gain less often than a normal's two standard errors do.
