@@ -23,7 +23,7 @@ from ..core.formats.transforms import write_transforms
 from .axes import BlenderCamera, camera_to_engine, matrix_to_blender
 from .job import pictures
 from .job.ending import outcome
-from .job.request import RUN, psf_argument
+from .job.request import RUN, TOLD_BY_PHOTOS, psf_argument
 from .job.worker import Ended, Worker
 from .scene.twin import read_twin
 
@@ -89,7 +89,7 @@ def start(twin: Any, scene: Any, python: Path, done: Callable[[ExactView], None]
     """
     global _view
     settings = scene.dgs
-    psf = str(twin.get("dgs_psf", "none")) if settings.medium == "auto" else psf_argument(settings)
+    psf = str(twin.get("dgs_psf", "none")) if settings.medium in TOLD_BY_PHOTOS else psf_argument(settings)
     blur = ["--psf", psf, "--blur-space", settings.blur_space]
     folder = Path(tempfile.mkdtemp(prefix="descatter-", dir=bpy.app.tempdir or None))
     write_ply(folder / "twin.ply", read_twin(twin))

@@ -146,6 +146,7 @@ class _Spectrum:
 
     @property
     def width(self) -> float:
+        """Standard deviation, root of the mean over both axes, px."""
         return math.sqrt(float(self.covariance[:2].mean()))
 
 

@@ -55,6 +55,7 @@ class Pile:
 
     @property
     def variance(self) -> float:
+        """Mean over both axes, px^2."""
         return float(self.covariance[0] + self.covariance[1]) / 2
 
 

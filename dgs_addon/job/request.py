@@ -16,6 +16,9 @@ from ..photos import PhotoFolder, chosen_photos, pictures_folder
 RUN = Path(__file__).resolve().parents[2] / "run_dgs.py"
 Kind = Literal["cameras", "reconstruct", "synthesize", "update"]
 
+#: Media that the photos themselves tell.
+TOLD_BY_PHOTOS = ("auto", "auto-each")
+
 
 @dataclass(frozen=True)
 class Request:
@@ -129,7 +132,7 @@ def psf_argument(settings: Any) -> str:
         if path is None or not path.is_file():
             raise DgsError("The file of the point spread function is not there", "Choose it in step 3")
         return f"file:{path}"
-    return str(settings.medium)  # none, auto, auto-each
+    return str(settings.medium)  # none, or told by the photos
 
 
 def _medium(settings: Any) -> list[str]:
