@@ -16,7 +16,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("photos", type=Path, nargs="?", metavar="NEW_PHOTOS", help="folder of photos, or a list of them (.txt)")
     add("--cameras", type=Path, metavar="MODEL",
         help="the new photos' cameras in the twin's world; found from the photos if not given")  # fmt: skip
-    add("--share", type=float, default=0.2, metavar="S", help="steps, as a share of the twin's own training")
+    add("--share", type=float, default=None, metavar="S",
+        help="steps, as a share of the twin's own training; default: rounds of 0.06 until new photos are explained as "
+        "well as old ones, 4 at most")  # fmt: skip
     add("--seed", type=int, default=0, metavar="N", help="same seed, same twin (CPU)")
     add("--rollback", action="store_true", help="bring the state before the last update back instead")
     add("--json", action="store_true", help="print JSON")
@@ -34,7 +36,7 @@ def update_command(options: argparse.Namespace, progress: Reporting) -> int:
         return 0
     if options.photos is None:
         raise DgsError("There are no new photos to take in", "Name their folder, or give --rollback")
-    if not 0.0 < options.share <= 2.0:
+    if options.share is not None and not 0.0 < options.share <= 2.0:
         raise DgsError(f"--share is {options.share:g}", "Give a share above 0 and up to 2")
     from ..twin.update import UpdateSettings, update
 

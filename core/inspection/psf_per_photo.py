@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import stats
+from scipy.special import chdtri
 
 from ..imaging.psf import PointSpread
 from ..photos.load import Photo
@@ -67,7 +67,7 @@ def psf_per_photo(
     noise = SCATTERED * np.array([known[name].variance_error for name in names])
     told = {name: math.sqrt(max(variance + o, NARROWEST**2)) for name, o in zip(names, off, strict=True)}
     excess = float(np.square(off / noise).sum())
-    if excess <= stats.chi2.isf(CHANCE, len(names) - 1):
+    if excess <= chdtri(len(names) - 1, CHANCE):
         text = "the photos' own blurs differ by no more than their uncertainty: all get the shared one"
         return OwnSpreads({}, told, dict.fromkeys(told, math.sqrt(variance)), 0.0, text)
     between = max(float(np.square(off).mean() - np.square(noise).mean()), 1e-6)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import logging
+import os
 import unicodedata
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -20,6 +22,8 @@ from .scale import resized, resized_mask, size_within
 
 SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp", ".bmp"})
 
+#: Photos that are decoded at a time; more would wait for the disk and fill the memory.
+DECODERS = 4
 #: A pixel counts where the alpha or the mask is at least half.
 HALF = 0.5
 
@@ -133,19 +137,24 @@ def load_photos(
     progress.stage("photos", len(files))
     photos: list[Photo] = []
     failures: list[str] = []
-    for index, path in enumerate(files):
-        if progress.cancelled():
-            raise Cancelled("Stopped while reading photos")
-        try:
-            photo = load_photo(path, max_size)
-            if masks is not None:
-                photo = _with_mask(photo, mask_files.get(_stem(path)), progress)
-        except PhotoError as error:
-            failures.append(path.name)
-            progress.note(f"Left out: {error}")
-        else:
-            photos.append(photo)
-        progress.advance(index + 1)
+    pool = ThreadPoolExecutor(min(DECODERS, os.cpu_count() or 1))
+    try:
+        read = [pool.submit(load_photo, path, max_size) for path in files]
+        for index, (path, one) in enumerate(zip(files, read, strict=True)):
+            if progress.cancelled():
+                raise Cancelled("Stopped while reading photos")
+            try:
+                photo = one.result()
+                if masks is not None:
+                    photo = _with_mask(photo, mask_files.get(_stem(path)), progress)
+            except PhotoError as error:
+                failures.append(path.name)
+                progress.note(f"Left out: {error}")
+            else:
+                photos.append(photo)
+            progress.advance(index + 1)
+    finally:
+        pool.shutdown(cancel_futures=True)
     if masks is not None and not any(_stem(p.path) in mask_files for p in photos):
         raise PhotoError(f"No mask in '{masks}' has the name of a photo", "Give each mask its photo's name")
     for count, what in (

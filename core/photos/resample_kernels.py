@@ -23,6 +23,14 @@ def _weights(t, w):  # type: ignore[no-untyped-def]
     w[4] = (b * (b * (b * (b * (5.0 * b - 45.0) + 150.0) - 210.0) + 75.0) + 51.0) / 120.0
 
 
+@inlined
+def _mirrored(i, size):  # type: ignore[no-untyped-def]
+    """The sample that stands for one beyond the border."""
+    i = -i if i < 0 else i
+    i = 2 * (size - 1) - i if i >= size else i
+    return min(max(i, 0), size - 1)
+
+
 @kernel
 def sample(begin, end, coefficients, at, out):  # type: ignore[no-untyped-def]
     """Rows `begin` to `end` of the output.
@@ -34,6 +42,7 @@ def sample(begin, end, coefficients, at, out):  # type: ignore[no-untyped-def]
     height, width, channels = coefficients.shape
     wx = np.empty(6)
     wy = np.empty(6)
+    us = np.empty(6, np.int64)
     for row in range(begin, end):
         for column in range(at.shape[1]):
             x, y = at[row, column, 0] - 0.5, at[row, column, 1] - 0.5
@@ -45,15 +54,26 @@ def sample(begin, end, coefficients, at, out):  # type: ignore[no-untyped-def]
             _weights(x - ix, wx)
             _weights(y - iy, wy)
             for j in range(6):
-                v = iy - 2 + j
-                v = -v if v < 0 else v
-                v = 2 * (height - 1) - v if v >= height else v
-                v = min(max(v, 0), height - 1)
+                us[j] = _mirrored(ix - 2 + j, width)
+            if channels == 3:  # sums in registers: three times as fast
+                red = green = blue = np.float32(0.0)
+                for j in range(6):
+                    line = coefficients[_mirrored(iy - 2 + j, height)]
+                    r = g = b = np.float32(0.0)
+                    for i in range(6):
+                        u, weight = us[i], np.float32(wx[i])
+                        r += weight * line[u, 0]
+                        g += weight * line[u, 1]
+                        b += weight * line[u, 2]
+                    weight = np.float32(wy[j])
+                    red += weight * r
+                    green += weight * g
+                    blue += weight * b
+                out[row, column, 0], out[row, column, 1], out[row, column, 2] = red, green, blue
+                continue
+            for j in range(6):
+                v = _mirrored(iy - 2 + j, height)
                 for i in range(6):
-                    u = ix - 2 + i
-                    u = -u if u < 0 else u
-                    u = 2 * (width - 1) - u if u >= width else u
-                    u = min(max(u, 0), width - 1)
                     weight = np.float32(wx[i] * wy[j])
                     for c in range(channels):
-                        out[row, column, c] += weight * coefficients[v, u, c]
+                        out[row, column, c] += weight * coefficients[v, us[i], c]

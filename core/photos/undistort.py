@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -162,13 +162,19 @@ def _inside(at: Floats, width: int, height: int) -> NDArray[np.bool_]:
     return np.asarray((x >= 0) & (y >= 0) & (x <= width) & (y <= height))
 
 
+@lru_cache(maxsize=2)
+def _way(lens: Lens) -> Undistortion:
+    """A lens's maps, which take as long as two photos."""
+    return Undistortion(lens)
+
+
 def undistorted_views(photos: list[Photo], cameras: Reconstruction) -> list[View]:
     """The photos that have a camera, as pinhole views, in the order of `photos`.
 
     Photos without noticeable distortion share their pixels with the `Photo` (bitwise the same).
     """
     seen = [photo for photo in photos if photo.name in cameras.poses]
-    shared = {lens: Undistortion(lens) for lens in {cameras.lenses[photo.name] for photo in seen}}
+    shared = {lens: _way(lens) for lens in {cameras.lenses[photo.name] for photo in seen}}
 
     def one(photo: Photo) -> View:
         way = shared[cameras.lenses[photo.name]]

@@ -22,6 +22,7 @@ from ..photos.source import photo_source
 from ..progress import Progress
 from ..report.page import write_page
 from ..report.pictures import ViewPictures, spread
+from ..sfm.features import FEATURES
 from ..sfm.find import find_cameras
 from ..sfm.known import load_cameras
 from ..sfm.reconstruction import Reconstruction
@@ -217,6 +218,9 @@ def cameras_of(
     from ..training.warmup import compile_kernels
 
     folder = settings.out / "cameras"
+    resumed, work = settings.resume and folder.is_dir(), settings.out / "sfm"
+    if not resumed:  # (of an earlier twin in this folder)
+        (work / FEATURES).unlink(missing_ok=True)
     if settings.cameras is not None:
         reconstruction, offset = near_origin(load_cameras(settings.cameras, photos))
         source = "given"
@@ -227,19 +231,17 @@ def cameras_of(
             )
         if reconstruction.figures.scattered:
             progress.note("The cameras came without points: random ones stand where the cameras look")
-    elif settings.resume and folder.is_dir():
+    elif resumed:
         reconstruction, source = load_cameras(folder, photos), "sfm"
         progress.note("The cameras are those of the run that is resumed")
     else:
         kernel = None if medium.psf is None or medium.psf.is_identity else medium.psf.kernel()
-        work = make_folder(settings.out / "sfm")
         wanted = SfmSettings(threads=threads)
         wanted = wanted.hurried() if hurried or settings.preset == "draft" else wanted
         # The child works on one core half of the time: meanwhile this process gets its kernels ready.
-        usual, asked = TrainingSettings.preset(settings.preset).sh_degree, settings.sh_degree
-        early = threading.Thread(target=compile_kernels, args=(usual if asked is None else asked,))
-        early.start()
-        reconstruction = find_cameras(photos, kernel, wanted, work, progress)
+        asked = TrainingSettings.preset(settings.preset).sh_degree if settings.sh_degree is None else settings.sh_degree
+        (early := threading.Thread(target=compile_kernels, args=(asked,))).start()
+        reconstruction = find_cameras(photos, kernel, wanted, make_folder(work), progress, work / FEATURES)
         early.join()
         source = "sfm"
     if len(reconstruction.poses) < 2:
@@ -268,10 +270,8 @@ def _train(
     if copies:
         progress.note(f"{copies} photos are copies of held-out ones and were not trained on")
     if not kept:
-        raise CameraError(
-            "Every photo with a camera is held out, so none is left to train on",
-            "Use --holdout-every 0 or more photos",
-        )
+        what = "Every photo with a camera is held out, so none is left to train on"
+        raise CameraError(what, "Use --holdout-every 0 or more photos")
     changes: dict[str, Any] = {"max_gaussians": settings.max_gaussians, "sh_degree": settings.sh_degree}
     chosen = replace(
         TrainingSettings.preset(settings.preset), loss=settings.loss, seed=settings.seed, threads=threads,

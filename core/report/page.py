@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jinja2 import Environment, StrictUndefined
 from markupsafe import Markup
 
 from ..camera import Camera
@@ -51,6 +50,8 @@ def page(
     cameras: Mapping[str, Camera],
 ) -> str:
     """The page as text; see `write_page`."""
+    from jinja2 import Environment, StrictUndefined  # (a tenth of a second: only when a page is written)
+
     environment = Environment(
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )

@@ -14,11 +14,14 @@ import pycolmap
 from numpy.typing import NDArray
 
 from . import keyframes, pipeline
+from .features import FEATURES, read_features, save_features
 from .job import Job
 from .reconstruction import Attempt
 from .refine import pixel_exact
 from .settings import Recipe, SfmSettings, recipes
 
+#: COLMAP's, of one attempt.
+DATABASE = "database.db"
 #: Focal lengths outside these shares of the longest side are no camera's (150 and 7 degrees wide).
 FOCAL_LIMITS = (0.2, 8.0)
 #: More than this many px on average is no fit.
@@ -48,6 +51,7 @@ def run(job: Job, say: Say) -> Outcome:
     pycolmap.logging.logtostderr = True
     started = time.perf_counter()
     best: tuple[float, Any, Attempt] | None = None
+    kept: tuple[Path, Recipe] | None = None
     log: list[Attempt] = []
     geometries: list[pipeline.PairGeometry] = []
     for number, recipe in enumerate(recipes(job.kernel is not None)):
@@ -64,7 +68,7 @@ def run(job: Job, say: Say) -> Outcome:
         if model is not None and attempt.verdict in ("trusted", "incomplete"):
             score = attempt.registered + min(0.9, attempt.points / 1e5)
             if best is None or score > best[0]:
-                best = (score, model, attempt)
+                best, kept = (score, model, attempt), (job.folder / f"try{number}" / DATABASE, recipe)
         if attempt.verdict == "trusted" or geometry.rotating > ROTATING_LIMIT:
             break
     if best is None:
@@ -72,6 +76,8 @@ def run(job: Job, say: Say) -> Outcome:
     output = job.folder / "best"
     output.mkdir(exist_ok=True)
     best[1].write_binary(str(output))
+    if kept is not None:
+        save_features(output / FEATURES, read_features(kept[0]), kept[1])
     return Outcome("done", asdict(best[2]))
 
 
@@ -96,7 +102,7 @@ def _narrowest(kernel: NDArray[np.float64]) -> float:
 
 def _try(job: Job, recipe: Recipe, number: int, say: Say) -> tuple[Any, pipeline.PairGeometry]:
     folder = job.folder / f"try{number}"
-    images, database = folder / "images", folder / "database.db"
+    images, database = folder / "images", folder / DATABASE
     folder.mkdir(exist_ok=True)
     say(stage="features", recipe=recipe.name)
     greys = pipeline.filtered_greys(job, recipe.noise_to_signal)

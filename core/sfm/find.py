@@ -23,6 +23,7 @@ from ..errors import CameraError, Cancelled, NativeCrash, TooFewPhotos
 from ..formats.colmap import read_model
 from ..photos.load import Photo
 from ..progress import Progress
+from .features import FEATURES, load_features, save_features
 from .job import write_job
 from .reconstruction import Attempt, Figures, Reconstruction
 from .settings import SfmSettings
@@ -39,6 +40,7 @@ def find_cameras(
     settings: SfmSettings,
     work_dir: Path,
     progress: Progress,
+    keep: Path | None = None,
 ) -> Reconstruction:
     """Structure from motion on blurred photos.
 
@@ -49,6 +51,7 @@ def find_cameras(
         settings: see `SfmSettings`.
         work_dir: where a scratch folder may be made; it is removed at the end.
         progress: told of the stages; may cancel, which ends the child process.
+        keep: file for the photos' features (`core.sfm.features`), by the photos' names; None to drop them.
 
     Returns:
         Cameras of the photos that could be placed, and the log of what was tried.
@@ -78,6 +81,8 @@ def find_cameras(
             "sfm", len(photos), chosen.registered, chosen.focal_px, chosen.reprojection_px,
             chosen.angle_deg, time.perf_counter() - started, tuple(attempts),
         )  # fmt: skip
+        if keep is not None:
+            keep_features(folder / "best" / FEATURES, keep, names)
         missing = sorted(set(names.values()) - {names[n] for n in poses})
         if missing:
             listed = ", ".join(missing[:8]) + (", ..." if len(missing) > 8 else "")
@@ -89,6 +94,18 @@ def find_cameras(
         shutil.rmtree(folder, ignore_errors=True)
         if made and not any(work_dir.iterdir()):
             work_dir.rmdir()
+
+
+def keep_features(found: Path, keep: Path, names: dict[str, str]) -> None:
+    """Features that the child found, to where a twin has them, by the photos' own names; what is there stays."""
+    new, old = load_features(found), load_features(keep)
+    if new is None:
+        return
+    features = {names[image]: one for image, one in new[0].items()}
+    if old is not None and old[1] == new[1]:
+        features = {**old[0], **features}
+    keep.parent.mkdir(parents=True, exist_ok=True)
+    save_features(keep, features, new[1])
 
 
 def _environment(threads: int) -> dict[str, str]:

@@ -1,13 +1,15 @@
 """New photos placed in a world that is known: matches with known photos, whose features have depth.
 
 No mapping: a feature of a known photo is where its ray meets the twin's surface, so that every match gives a
-point in the world and its pixel in the new photo, and RANSAC finds the pose. Runs in the child process only.
+point in the world and its pixel in the new photo, and RANSAC finds the pose. Features that were kept when the known
+photos' cameras were found are used again; else the known photos come along. Runs in the child process only.
 """
 
 from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -17,12 +19,14 @@ from numpy.typing import NDArray
 
 from . import pipeline
 from .attempts import Outcome, lighter
+from .features import FEATURES, MOST, load_features, matched, read_features, save_features
 from .job import Job
-from .keyframes import read_matches
 from .settings import recipes
 
-#: What the parent writes, and the key of its depth maps' folder.
+#: What the parent writes.
 PLAN = "place.json"
+#: Features of the known photos, where they were kept, by the names in the plan.
+KEPT = "kept.npz"
 #: Matches that must agree on a pose. One real photo with 41 lay 8 px from where structure from motion of all puts it,
 #: two with 237 and 365 half a px; ten photos of the ball 0.01 to 0.09 px.
 FEWEST_AGREEING = 60
@@ -62,25 +66,36 @@ def run(job: Job, say: Callable[..., None]) -> Outcome:
     plan = json.loads((job.folder / PLAN).read_text("utf-8"))
     known = {name: _known(job, name, row) for name, row in plan["known"].items()}
     lens = pycolmap.Camera(**plan["lens"])
+    kept = load_features(job.folder / KEPT)
     recipe = lighter(recipes(job.kernel is not None)[0], replace(job, settings=replace(job.settings, many=0)))
+    if kept is not None:
+        recipe = kept[1]
     images, database = job.folder / "images", job.folder / "place.db"
     images.mkdir()
     say(stage="features", recipe="placing")
     greys = pipeline.filtered_greys(job, recipe.noise_to_signal)
     pipeline.write_images(greys, images, job.settings.threads)
     pipeline.extract(job, recipe, database, images)
+    found = read_features(database, MOST if kept is not None else recipe.max_features)
+    old = found if kept is None else kept[0]
     say(stage="matches", recipe="placing")
-    pipeline.match_pairs(job, recipe, database, [(a, b) for a in known for b in plan["new"]])
-    matches = read_matches(database)
-    ids = {name: image for image, name in matches.names.items()}
+    save_features(job.folder / FEATURES, found, recipe)
     lifted = {}
     for name, one in known.items():
-        pixels = matches.keypoints[ids[name]]
+        pixels = old[name].places.astype(float)
         rays = np.asarray(lens.cam_from_img(pixels), float).reshape(-1, 2) if len(pixels) else np.zeros((0, 2))
-        lifted[ids[name]] = one.lifted(rays)
+        lifted[name] = one.lifted(rays)
     poses = {}
     for name in plan["new"]:
-        pose = _posed(ids[name], matches.pairs, matches.keypoints, lifted, lens, recipe.seed)
+        with ThreadPoolExecutor(job.settings.threads) as pool:
+            pairs = list(pool.map(lambda other, mine=found[name]: matched(mine, old[other]), lifted))
+        seen, at = [np.zeros((0, 2))], [np.zeros((0, 3))]
+        for other, pair in zip(lifted, pairs, strict=True):
+            points, good = lifted[other]
+            use = pair[good[pair[:, 1]]]
+            seen.append(found[name].places[use[:, 0]].astype(float))
+            at.append(points[use[:, 1]])
+        pose = _posed(np.concatenate(seen), np.concatenate(at), lens, recipe.seed)
         if pose is not None:
             poses[name] = pose
             say(joined=len(poses))
@@ -94,20 +109,8 @@ def _known(job: Job, name: str, row: dict[str, Any]) -> Known:
     )  # fmt: skip
 
 
-def _posed(
-    image: int, pairs: dict[tuple[int, int], NDArray[np.int64]], keypoints: dict[int, NDArray[np.float64]],
-    lifted: dict[int, tuple[NDArray[np.float64], NDArray[np.bool_]]], lens: Any, seed: int,
-) -> dict[str, Any] | None:  # fmt: skip
-    pixels, world = [np.zeros((0, 2))], [np.zeros((0, 3))]
-    for (first, second), found in pairs.items():
-        other, mine, theirs = (second, 0, 1) if image == first else (first, 1, 0)
-        if image not in (first, second) or other not in lifted:
-            continue
-        points, good = lifted[other]
-        use = good[found[:, theirs]]
-        pixels.append(keypoints[image][found[use, mine]])
-        world.append(points[found[use, theirs]])
-    seen, at = np.concatenate(pixels), np.concatenate(world)
+def _posed(seen: NDArray[np.float64], at: NDArray[np.float64], lens: Any, seed: int) -> dict[str, Any] | None:
+    """The camera that sees points [N, 3] at px [N, 2]; false matches among them are few together."""
     if len(seen) < FEWEST_AGREEING:
         return None
     options = pycolmap.AbsolutePoseEstimationOptions()

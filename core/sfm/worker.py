@@ -50,10 +50,13 @@ def main(folder: Path) -> int:
     job = read_job(folder)
     compiled.set_threads(job.settings.threads)
     started = time.perf_counter()
-    # Native code extracts features without the GIL meanwhile. No daemon: a process that ends amid a
-    # compilation may crash.
-    threading.Thread(target=compile_early, args=(job.settings.refine,)).start()
-    outcome = placing.run(job, say) if (folder / placing.PLAN).is_file() else attempts.run(job, say)
+    if (folder / placing.PLAN).is_file():
+        outcome = placing.run(job, say)
+    else:
+        # Native code extracts features without the GIL meanwhile. No daemon: a process that ends amid a
+        # compilation may crash.
+        threading.Thread(target=compile_early, args=(job.settings.refine,)).start()
+        outcome = attempts.run(job, say)
     say(**{outcome.kind: outcome.message, "seconds": time.perf_counter() - started})
     return 0
 

@@ -8,7 +8,6 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment, StrictUndefined
 from markupsafe import Markup
 
 from ..effort.records import DISTURBED
@@ -27,6 +26,8 @@ def write_page(path: Path, content: Mapping[str, Any], svg: str) -> None:
     Raises:
         OutputError: it cannot be written.
     """
+    from jinja2 import Environment, StrictUndefined  # (a tenth of a second: only when a page is written)
+
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     environment.filters["figure"] = _figure
     template = environment.from_string((_FOLDER / "tradeoff.html.j2").read_text("utf-8"))

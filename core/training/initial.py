@@ -13,7 +13,6 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator
 from scipy.spatial import QhullError, cKDTree
 
 from ..camera import Camera
@@ -64,6 +63,8 @@ def lifted_points(
     pixels = np.stack([gx.ravel(), gy.ravel()], axis=1) + random.random((nx * ny, 2))
     pixels *= ((camera.width + 2 * margin) / nx, (camera.height + 2 * margin) / ny)
     pixels -= margin
+    from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator  # (a fifth of a second to import)
+
     inverse = 1.0 / depth  # inverse depth is linear in the image on a plane
     nearest = NearestNDInterpolator(uv, inverse)(pixels)
     try:

@@ -70,13 +70,15 @@ class Trainer:
         points: what structure from motion found.
         formation: effects besides the point spread; those before the blur are simulated in every step, with depths in
             the scene's unit. Those of the sensor are to be undone on the photos beforehand.
+        start: Gaussians to begin with, world units; None for new ones on the points' depth.
 
     Raises:
         CameraError: no point lies in front of a camera.
     """
 
     def __init__(self, views: Sequence[View], heldout: Sequence[View], points: SparsePoints, medium: Medium,
-                 settings: TrainingSettings, formation: Formation = Formation()) -> None:  # fmt: skip
+                 settings: TrainingSettings, formation: Formation = Formation(),
+                 start: Gaussians | None = None) -> None:  # fmt: skip
         self.distinct = distinct(views)  # copies average no noise away
         settings = replace(
             settings, variation_weight=settings.variation_weight * smoothness(self.distinct),
@@ -93,7 +95,7 @@ class Trainer:
         self.levels = [fine]
         if settings.coarse_share > 0 and min(width, height) // (2 * step) >= SMALLEST_SIDE:
             self.levels = [self._level(2 * step), fine]
-        gaussians = first_gaussians(
+        gaussians = self.scale.to_unit(start) if start is not None else first_gaussians(
             [v.camera for v in fine.views], lambda i: fine.views[i].planes(),
             self.scale.points_to_unit(points.positions), points.colours, settings.max_gaussians,
             settings.sh_degree, np.random.default_rng([settings.seed, 0]), margin=fine.margin,

@@ -3,7 +3,7 @@
 The medium is asked first: the width of a Gaussian blur, shared by the new photos, that explains them best
 with the twin as it is. A median over px asks most of the frame, so that a part that moved has no say. What then
 remains, averaged over what the blur ties together and measured in its own spread, is a change of the object where
-it is far beyond chance.
+it is far beyond chance, and where old photos have seen the object: elsewhere the twin only guessed.
 """
 
 from __future__ import annotations
@@ -16,9 +16,11 @@ import torch
 from scipy.ndimage import binary_dilation, binary_opening, gaussian_filter
 from torch import Tensor
 
+from ..camera import Camera
 from ..constants import SH_C0
+from ..gaussians import Gaussians
 from ..imaging.medium import Medium
-from ..imaging.operator import BlurOperator
+from ..imaging.operator import shared_operator
 from ..imaging.psf import PointSpread
 from ..rasterizer import RasterSettings, render
 from ..training.grid import GridView
@@ -30,6 +32,9 @@ WIDTHS = (0.6, 0.7, 0.8, 0.9, 1.0, 1.1, 1.2, 1.35, 1.5, 1.75)
 LEAST_GAIN = 0.1
 #: A px has changed where the smoothed residual is so many times its robust spread, and at least so large (sRGB).
 TIMES, LEAST = 6.0, 0.03
+#: The twin has a surface where its opacity is more than this; an old photo saw it if its own view of the twin lies as
+#: deep there within this share, and not in the outermost share of its frame.
+SOLID, SAME_DEPTH, BORDER = 0.7, 0.1, 0.02
 #: A splat has changed if so much of what the new photos see of it lies in changed px.
 SHARE = 0.5
 
@@ -43,6 +48,7 @@ class Changes:
         gain: share by which that width lowers the median squared residual.
         changed: [H, W] bool on the grid by new photo's name: the object looks different there.
         residuals: [H, W] float32 by name: photo less twin through the blur, mean over channels, sRGB.
+        unseen: [H, W] bool by name: no old photo saw that part of the object (all False where nothing looks changed).
         splats: [N] bool, Gaussians that show what has changed.
     """
 
@@ -50,12 +56,19 @@ class Changes:
     gain: float
     changed: dict[str, np.ndarray]
     residuals: dict[str, np.ndarray]
+    unseen: dict[str, np.ndarray]
     splats: Tensor
 
     @property
     def share(self) -> float:
         """Share of the new photos' px that changed."""
         return float(np.mean([c.mean() for c in self.changed.values()])) if self.changed else 0.0
+
+
+    @property
+    def unseen_share(self) -> float:
+        """Share of the new photos' px that show more than the twin knew."""
+        return float(np.mean([u.mean() for u in self.unseen.values()])) if self.unseen else 0.0
 
 
 def wider(psf: PointSpread, factor: float) -> PointSpread:
@@ -81,7 +94,7 @@ def find_changes(twin: Twin, views: Sequence[GridView], medium: Medium) -> Chang
             spread = medium.psf_for(view.name)
             assert spread is not None
             psf = wider(spread, factor).on_grid(step)
-        blur = BlurOperator(psf, view.camera.height, view.camera.width, margin)
+        blur = shared_operator(psf, view.camera.height, view.camera.width, margin)
         seen = medium.degrade(frames[view.name], blur.apply)
         out = torch.from_numpy(view.planes()) - seen
         return out if view.valid is None else torch.where(torch.from_numpy(view.valid), out, 0.0)
@@ -97,7 +110,43 @@ def find_changes(twin: Twin, views: Sequence[GridView], medium: Medium) -> Chang
         spread = float(np.median(size)) + 1e-6
         found = (size > TIMES * spread) & (size > LEAST)
         changed[view.name] = binary_dilation(binary_opening(found, iterations=1), iterations=round(2 * ties))
-    return Changes(width, gain, changed, residuals, _splats(gaussians, views, changed, settings))
+    unseen = {view.name: np.zeros_like(changed[view.name]) for view in views}
+    if any(found.any() for found in changed.values()):
+        unseen = _unseen(gaussians, views, twin.on_grid(twin.kept or twin.views, step), settings)
+    changed = {name: found & ~unseen[name] for name, found in changed.items()}
+    return Changes(width, gain, changed, residuals, unseen, _splats(gaussians, views, changed, settings))
+
+
+def _unseen(gaussians: Gaussians, views: Sequence[GridView], old: Sequence[GridView],
+            settings: RasterSettings) -> dict[str, np.ndarray]:  # fmt: skip
+    """[H, W] bool by name: the twin's surface there was in no old photo, or the twin has none."""
+    depths = [_depth(gaussians, view.camera, settings) for view in old]
+    out = {}
+    for view in views:
+        camera, depth = view.camera, _depth(gaussians, view.camera, settings)
+        rows, columns = np.mgrid[: camera.height, : camera.width] + 0.5
+        local = np.stack([(columns - camera.cx) / camera.fx, (rows - camera.cy) / camera.fy, np.ones_like(rows)], -1)
+        points = (local * depth[..., None] - camera.translation) @ camera.rotation
+        seen = np.zeros(depth.shape, bool)
+        for other, surface in zip(old, depths, strict=True):
+            c = other.camera
+            at = points @ c.rotation.T + c.translation
+            z = np.where(at[..., 2] > 0, at[..., 2], np.nan)
+            x, y = at[..., 0] / z * c.fx + c.cx, at[..., 1] / z * c.fy + c.cy
+            edge = BORDER * min(c.width, c.height)
+            inside = (x > edge) & (y > edge) & (x < c.width - edge) & (y < c.height - edge)  # (NaN is not)
+            there = surface[np.where(inside, y, 0).astype(int), np.where(inside, x, 0).astype(int)]
+            seen |= inside & (np.abs(there / np.where(inside, z, 1.0) - 1.0) < SAME_DEPTH)
+        out[view.name] = ~binary_opening(seen, iterations=1)
+    return out
+
+
+def _depth(gaussians: Gaussians, camera: Camera, settings: RasterSettings) -> np.ndarray:
+    """[H, W] along the axis, NaN where there is no surface."""
+    with torch.no_grad():
+        rendered = render(gaussians, camera, settings=replace(settings, depth=True))
+    assert rendered.mean_depth is not None
+    return np.where(rendered.alpha.numpy() > SOLID, rendered.mean_depth.numpy(), np.nan)
 
 
 def _width(views: Sequence[GridView], residual) -> tuple[float, float]:  # type: ignore[no-untyped-def]

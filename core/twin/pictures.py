@@ -18,7 +18,9 @@ FULL = 0.15
 
 
 def draw_changes(folder: Path, views: Sequence[View], changes: Changes, step: int) -> None:
-    """Writes NAME.png per new photo: photo | residual (red: brighter now, blue: darker) | what changed, in red.
+    """Writes NAME.png per new photo: photo | residual (red: brighter now, blue: darker) | what changed.
+
+    In the last one changes are red, and what no old photo saw is green.
 
     Raises:
         OutputError: the folder cannot be written.
@@ -31,9 +33,10 @@ def draw_changes(folder: Path, views: Sequence[View], changes: Changes, step: in
         photo = np.round(view.photo / full * 255.0).astype(np.uint8)
         photo = np.asarray(Image.fromarray(photo).resize((width, height), Image.Resampling.BOX))
         strength = np.clip(residual / FULL, -1.0, 1.0)[:, :, None]
-        red, blue = np.array([200.0, 30.0, 30.0]), np.array([30.0, 60.0, 200.0])
+        red, green, blue = (np.array(c, float) for c in ((200, 30, 30), (30, 160, 60), (30, 60, 200)))
         shown = 255.0 - np.where(strength > 0, strength * (255.0 - red), -strength * (255.0 - blue))
         grey = photo.mean(axis=2, keepdims=True).repeat(3, axis=2)
         marked = np.where(changed[:, :, None], 0.4 * grey + 0.6 * red, grey)
+        marked = np.where(changes.unseen[view.name][:, :, None], 0.7 * grey + 0.3 * green, marked)
         panels = [photo, shown.astype(np.uint8), marked.astype(np.uint8)]
         write_png(folder / f"{Path(view.name).stem}.png", np.ascontiguousarray(np.concatenate(panels, axis=1)))

@@ -51,6 +51,7 @@ class Refined:
     Attributes:
         kept: whether the refined cameras were taken.
         cameras: by name, all views', world units: the refined ones if kept, else those that came in.
+        tried: the refined ones, kept or not.
         focal_change: refined over given focal length, less 1.
         moved_px: median of how far the cameras moved, px at the scene's distance, after taking out the gauge.
         loss_before, loss_after: mean of the judges' squared residual, in 8-bit steps squared.
@@ -62,6 +63,7 @@ class Refined:
 
     kept: bool
     cameras: dict[str, Camera]
+    tried: dict[str, Camera]
     focal_change: float
     moved_px: float
     loss_before: float
@@ -75,9 +77,8 @@ class Refined:
 
     def plain(self) -> dict[str, Any]:
         """For report.json."""
-        content = asdict(replace(self, cameras={}))
-        content.pop("cameras")
-        return content
+        content = asdict(replace(self, cameras={}, tried={}))
+        return {name: value for name, value in content.items() if name not in ("cameras", "tried")}
 
 
 def refine_cameras(views: Sequence[View], judges: Sequence[View], points: SparsePoints, medium: Medium,
@@ -113,14 +114,14 @@ def refine_cameras(views: Sequence[View], judges: Sequence[View], points: Sparse
     nearer = Nearer.of(*shifts)
     kept = nearer.clear and float(gain.mean()) > -2.0 * error
     given = {view.name: view.camera for view in [*views, *judges]}
-    found = {**cameras[1], **placed[1]} if kept else given
+    tried = {**cameras[1], **placed[1]}
     px = [
         np.linalg.norm(cameras[1][v.name].centre - v.camera.centre) / trainer.scale.size * v.camera.fx for v in views
     ]
     ratio = cameras[1][views[0].name].fx / views[0].camera.fx
     return Refined(
-        kept, found, float(ratio - 1.0), float(np.median(px)), float(losses[0].mean()), float(losses[1].mean()),
-        error, _median(shifts[0]), _median(shifts[1]), nearer.change,
+        kept, tried if kept else given, tried, float(ratio - 1.0), float(np.median(px)), float(losses[0].mean()),
+        float(losses[1].mean()), error, _median(shifts[0]), _median(shifts[1]), nearer.change,
         nearer.error if np.isfinite(nearer.error) else None, tuple(view.name for view in judges),
     )  # fmt: skip
 

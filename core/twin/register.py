@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import tempfile
 from dataclasses import replace
 from pathlib import Path
@@ -14,15 +15,17 @@ from ..camera import Camera
 from ..errors import CameraError
 from ..evaluation.poses import align_similarity
 from ..files import write_json
-from ..imaging.operator import BlurOperator
+from ..imaging.operator import BlurOperator, shared_operator
 from ..lens import Lens
 from ..photos.load import Photo
 from ..photos.undistort import undistorted_views
 from ..progress import Progress
 from ..rasterizer import RasterSettings, render
+from ..sfm.features import FEATURES, load_features
 from ..sfm.known import load_cameras
 from ..sfm.reconstruction import Pose, Reconstruction
 from ..training.grid import GridView
+from ..views import View
 from .folder import Twin
 from .pose_steps import equations, solved, twisted
 
@@ -90,52 +93,76 @@ def register(
 def against_twin(twin: Twin, photos: list[Photo], threads: int, progress: Progress) -> Reconstruction | None:
     """Cameras of new photos from their matches with old ones, whose features lie on the twin's surface.
 
-    Much quicker than structure from motion; None where a photo did not find its place, is not
-    what the twin shows there, or has a lens of its own.
+    Much quicker than structure from motion, and quicker still with the features that it kept; None where a photo
+    did not find its place, is not what the twin shows there, or has a lens of its own.
     """
     lens = _lens(twin)
     if lens is None or any(photo.size != (lens.width, lens.height) for photo in photos):
         return None
-    from ..sfm.find import talk
+    kept = load_features(twin.folder / "sfm" / FEATURES)
+    usual = _usual(twin)
+    progress.stage("cameras", len(photos))
+    for with_kept in (True, False) if kept is not None else (False,):
+        named = set(kept[0]) if kept is not None and with_kept else {photo.name for photo in twin.photos}
+        known = [view for view in twin.views if view.name in named]
+        known = [known[round(i)] for i in np.linspace(0, len(known) - 1, min(COMPANIONS, len(known)))]
+        poses = _placed(twin, photos, known, lens, with_kept, threads, progress) if known else None
+        if poses is None:
+            continue
+        found = replace(twin.reconstruction, poses=poses, lenses=dict.fromkeys(poses, lens))
+        seen = twin.on_grid(undistorted_views(photos, found), twin.step)
+        if max(_misfit(twin, view) for view in seen) <= WORSE * usual:
+            return found
+    return None
+
+
+def _usual(twin: Twin) -> float:
+    """How well the twin fits photos whose cameras are right."""
+    old = twin.views[:: max(1, len(twin.views) // CHECKED)]
+    return float(np.median([_misfit(twin, view) for view in twin.on_grid(old, twin.step)]))
+
+
+def _placed(twin: Twin, photos: list[Photo], known: list[View], lens: Lens, with_kept: bool, threads: int,
+            progress: Progress) -> dict[str, Pose] | None:  # fmt: skip
+    """Poses of all new photos by their matches with known ones, or None."""
+    from ..sfm.find import keep_features, talk
     from ..sfm.job import write_job
-    from ..sfm.placing import PLAN
+    from ..sfm.placing import KEPT, PLAN
     from ..sfm.settings import SfmSettings
 
-    count = len(twin.views)
-    chosen = [twin.views[round(i)] for i in np.linspace(0, count - 1, min(COMPANIONS, count))]
     by_name = {photo.name: photo for photo in twin.photos}
     psf, settings = twin.medium.psf, SfmSettings(threads=threads)
     kernel = None if psf is None or psf.is_identity else psf.kernel()
-    progress.stage("cameras", len(photos))
+    features = twin.folder / "sfm" / FEATURES
     with tempfile.TemporaryDirectory(prefix="place-", dir=twin.folder) as name:
         folder = Path(name)
-        names = write_job([*(by_name[view.name] for view in chosen), *photos], kernel, settings, folder)
+        along = [] if with_kept else [by_name[view.name] for view in known]
+        names = write_job([*along, *photos], kernel, settings, folder)
         images = {photo: image for image, photo in names.items()}
-        known = {}
-        for index, view in enumerate(twin.on_grid(chosen, twin.step)):
+        rows = {}
+        for index, view in enumerate(twin.on_grid(known, twin.step)):
             camera = view.camera
             np.save(folder / f"depth{index}.npy", _depth(twin, camera), allow_pickle=False)
-            known[images[view.name]] = {
+            rows[view.name if with_kept else images[view.name]] = {
                 "rotation": camera.rotation.tolist(), "translation": camera.translation.tolist(),
                 "focal": [camera.fx, camera.fy], "centre": [camera.cx, camera.cy], "depth": f"depth{index}.npy",
             }  # fmt: skip
+        if with_kept:
+            shutil.copyfile(features, folder / KEPT)
         write_json(folder / PLAN, {
-            "known": known, "new": [images[photo.name] for photo in photos],
+            "known": rows, "new": [images[photo.name] for photo in photos],
             "lens": {"model": lens.model, "width": lens.width, "height": lens.height, "params": list(lens.params)},
         })  # fmt: skip
         _, done = talk(folder, len(photos), settings, progress)
-    if len(done["poses"]) < len(photos):
-        return None
+        if len(done["poses"]) < len(photos):
+            return None
+        keep_features(folder / FEATURES, features, names)
     poses = {}
     for image, pose in done["poses"].items():
         rotation = np.array(pose["rotation"], float)
         translation = np.array(pose["translation"], float) * twin.scale.size - rotation @ twin.scale.origin
         poses[names[image]] = Pose(rotation, translation)
-    found = replace(twin.reconstruction, poses=poses, lenses=dict.fromkeys(poses, lens))
-    old = chosen[:: max(1, len(chosen) // CHECKED)]
-    usual = float(np.median([_misfit(twin, view) for view in twin.on_grid(old, twin.step)]))
-    seen = twin.on_grid(undistorted_views(photos, found), twin.step)
-    return found if max(_misfit(twin, view) for view in seen) <= WORSE * usual else None
+    return poses
 
 
 def _misfit(twin: Twin, view: GridView) -> float:
@@ -145,7 +172,7 @@ def _misfit(twin: Twin, view: GridView) -> float:
     with torch.no_grad():
         frame = render(twin.scale.to_unit(twin.gaussians), view.camera.with_margin(margin),
                        background=twin.background, settings=settings).image  # fmt: skip
-        blur = BlurOperator(view.psf, view.camera.height, view.camera.width, margin)
+        blur = shared_operator(view.psf, view.camera.height, view.camera.width, margin)
         difference = (twin.medium.degrade(frame, blur.apply) - torch.from_numpy(view.planes())).abs()
     counted = difference if view.valid is None else difference[:, torch.from_numpy(view.valid)]
     return max(float(counted.median()), LEAST)
@@ -169,7 +196,7 @@ def corrected(twin: Twin, reconstruction: Reconstruction, photos: list[Photo]) -
     poses = dict(reconstruction.poses)
     views = undistorted_views([photo for photo in photos if photo.name in poses], reconstruction)
     for view in twin.on_grid(views, step):
-        blur = BlurOperator(view.psf, view.camera.height, view.camera.width, margin)
+        blur = shared_operator(view.psf, view.camera.height, view.camera.width, margin)
 
         def look(camera: Camera, blur: BlurOperator = blur) -> torch.Tensor:
             wide = camera.with_margin(margin)

@@ -10,7 +10,7 @@ import shutil
 import threading
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +30,6 @@ from ..progress import Progress
 from ..sfm.reconstruction import Reconstruction
 from ..training.checkpoint import load_checkpoint, save_checkpoint
 from ..training.grid import GridView
-from ..training.optimizer import Adam
 from ..training.scale import scene_scale
 from ..training.settings import TrainingSettings
 from ..training.trainer import Level, Trainer
@@ -44,6 +43,9 @@ from .register import corrected, register
 
 #: Where in the schedule an update begins: step sizes have fallen, density control still works.
 BEGIN = 0.5
+#: Steps of a round as a share of the twin's own, and rounds at most: another one follows as long as new photos are
+#: explained worse than held-out old ones by so many dB.
+ROUND, ROUNDS, BEHIND = 0.06, 4, 0.5
 #: Views that say whether anything was forgotten, at most.
 WATCHED = 8
 
@@ -55,14 +57,14 @@ class UpdateSettings:
     Attributes:
         twin, photos: folders (or a list of photos).
         cameras: of the new photos in the twin's world; None to find them.
-        share: of the twin's own number of steps.
+        share: of the twin's own number of steps; None for as many as the new photos ask for.
         threads: None for all cores; seed: of everything random.
     """
 
     twin: Path
     photos: Path
     cameras: Path | None = None
-    share: float = 0.2
+    share: float | None = None
     threads: int | None = None
     seed: int = 0
 
@@ -114,20 +116,19 @@ def update(settings: UpdateSettings, progress: Progress) -> dict[str, Any]:
         twin, twin.gaussians, medium, new_views
     )  # fmt: skip
     trainer, steps = _trainer(twin, kept, new_views, medium, report, settings)
-    progress.stage("update", steps)
-    for step in range(steps):
-        trainer.advance(BEGIN + (1.0 - BEGIN) * step / steps)
-        if step % 10 == 9:
-            progress.advance(step + 1)
-            if progress.cancelled():
-                raise Cancelled("Stopped; the twin is as it was")
-    gaussians = trainer.result()
-    after = _residuals(twin, gaussians, medium, _watched(twin)), _residuals(twin, gaussians, medium, new_views)
+    for _ in range(ROUNDS):
+        progress.stage("update", steps)
+        _round(trainer, steps, progress)
+        gaussians = trainer.result()
+        after = _residuals(twin, gaussians, medium, _watched(twin)), _residuals(twin, gaussians, medium, new_views)
+        if settings.share is not None or after[1] > after[0] - BEHIND:
+            break
     state = history.keep(folder)
     facts = {
-        "photos": [photo.name for photo in photos], "steps": steps, "gaussians": len(gaussians),
+        "photos": [photo.name for photo in photos], "steps": trainer.step, "gaussians": len(gaussians),
         "medium": {"width": changes.width, "gain": round(changes.gain, 4)},
-        "object": {"changed_share": round(changes.share, 5), "changed_splats": int(changes.splats.sum())},
+        "object": {"changed_share": round(changes.share, 5), "changed_splats": int(changes.splats.sum()),
+                   "unseen_share": round(changes.unseen_share, 5)},
         "psnr_new": [before[1], after[1]], "psnr_old": [before[0], after[0]], "before": state.name,
         "seconds": {
             "register": round(registered - began, 3), "update": round(time.perf_counter() - registered, 3),
@@ -136,6 +137,15 @@ def update(settings: UpdateSettings, progress: Progress) -> dict[str, Any]:
     _write(twin, photos, found, gaussians, trainer, medium, report, facts)
     draw_changes(folder / "changes", new_views, changes, twin.step)
     return facts
+
+
+def _round(trainer: Updater, steps: int, progress: Progress) -> None:
+    for step in range(steps):
+        trainer.advance(BEGIN + (1.0 - BEGIN) * step / steps)
+        if step % 10 == 9:
+            progress.advance(step + 1)
+            if progress.cancelled():
+                raise Cancelled("Stopped; the twin is as it was")
 
 
 def _new_photos(settings: UpdateSettings, twin: Twin, progress: Progress) -> list[Photo]:
@@ -198,26 +208,24 @@ def _trainer(twin: Twin, kept: Sequence[View], new: Sequence[View], medium: Medi
     chosen = replace(TrainingSettings.preset(twin.settings.preset), **plain)
     count = len(state.arrays["value.means"])
     room = max(count, round(count * (1.0 + len(new) / max(1, len(kept)))))
-    steps = max(20, round(settings.share * whole))
+    steps = max(20, round((ROUND if settings.share is None else settings.share) * whole))
     chosen = replace(
-        chosen, steps=steps, max_gaussians=room, seed=settings.seed, threads=settings.threads or 0, time_limit=None
-    )
+        chosen, steps=steps, max_gaussians=room, seed=settings.seed, threads=settings.threads or 0, time_limit=None,
+        coarse_share=0.0,
+    )  # fmt: skip
     compile_kernels(chosen.sh_degree)
-    trainer = Updater([*kept, *new], [], twin.reconstruction.points, medium, chosen)
-    trainer.fresh = frozenset(view.name for view in new)
     photos = set(state.fingerprint.get("photos", []))
     cameras = [view.camera for view in twin.views if view.name in photos] or [view.camera for view in twin.kept]
     scale = scene_scale(cameras, twin.reconstruction.points)
-    names = [name for name, _ in trainer.optimizer.gaussians.named()]
+    names = [field.name for field in fields(Gaussians)]
     values = Gaussians(**{name: torch.from_numpy(state.arrays[f"value.{name}"].copy()) for name in names})
-    trainer.optimizer = Adam(trainer.scale.to_unit(scale.to_world(values)))
+    start = scale.to_world(values)
+    trainer = Updater([*kept, *new], [], twin.reconstruction.points, medium, chosen, start=start)
+    trainer.fresh = frozenset(view.name for view in new)
     for name in names:
         trainer.optimizer.first[name] = torch.from_numpy(state.arrays[f"first.{name}"].copy())
         trainer.optimizer.second[name] = torch.from_numpy(state.arrays[f"second.{name}"].copy())
     trainer.optimizer.steps = int(state.counters["steps"])
-    from ..training.density import DensityControl
-
-    trainer.density = DensityControl(count, trainer.device)
     return trainer, steps
 
 
@@ -228,7 +236,7 @@ def _watched(twin: Twin) -> list[View]:
 
 def _residuals(twin: Twin, gaussians: Gaussians, medium: Medium, views: Sequence[View]) -> float:
     """PSNR (dB) of the twin through the blur against photos."""
-    from ..imaging.operator import BlurOperator
+    from ..imaging.operator import shared_operator
     from ..rasterizer import RasterSettings, render
 
     step, margin = twin.step, twin.margin(twin.step)
@@ -238,7 +246,7 @@ def _residuals(twin: Twin, gaussians: Gaussians, medium: Medium, views: Sequence
         with torch.no_grad():
             frame = render(unit, view.camera.with_margin(margin), background=twin.background,
                            settings=RasterSettings(low_pass=max(0.1, 0.3 / step**2))).image  # fmt: skip
-            blur = BlurOperator(view.psf, view.camera.height, view.camera.width, margin)
+            blur = shared_operator(view.psf, view.camera.height, view.camera.width, margin)
             error = (medium.degrade(frame, blur.apply) - torch.from_numpy(view.planes())).square()
         errors.append(float(error.mean() if view.valid is None else error[:, torch.from_numpy(view.valid)].mean()))
     return round(-10.0 * float(np.log10(max(float(np.mean(errors)), 1e-10))), 3)

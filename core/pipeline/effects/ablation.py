@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy.special import stdtrit
 
 from ...imaging.formation.chain import Formation
 from ...imaging.medium import Medium
@@ -68,7 +68,7 @@ class Comparison:
     @property
     def needed(self) -> float:
         """Standard errors that a gain must exceed: 2 with many photos, more with few (Student's t)."""
-        return float(stats.t.isf(CHANCE, max(1, len(self.differences) - 1)))
+        return -float(stdtrit(max(1, len(self.differences) - 1), CHANCE))
 
 
 class Ablation:

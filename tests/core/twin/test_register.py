@@ -14,7 +14,8 @@ from dgs.core.formats.colmap import write_lenses
 from dgs.core.lens import Lens
 from dgs.core.photos.load import load_photos
 from dgs.core.progress import Silent
-from dgs.core.sfm import find
+from dgs.core.sfm import find, job
+from dgs.core.sfm.features import FEATURES
 from dgs.core.sfm.reconstruction import Pose
 from dgs.core.twin import register as module
 from dgs.core.twin.folder import Twin, open_twin
@@ -26,6 +27,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "sfm"))
 from test_find_cameras import FOCAL, HEIGHT, SIGMA, WIDTH, cameras, photographed, texture
 
 COUNT, NEW = 9, (3, 6)
+WRITE = job.write_job
 
 
 @pytest.fixture(scope="module")
@@ -68,6 +70,22 @@ def test_new_photos_are_placed_by_the_twins_surface(made: Path, twin: Twin, monk
         off = np.linalg.norm(camera.centre - truth[name].centre) / 4.0 * FOCAL
         assert off < 1.5, (name, off)
     assert not list((made / "out").glob("place-*")), "nothing is left behind"
+
+
+def test_old_photos_are_looked_through_once(made: Path, twin: Twin, monkeypatch: pytest.MonkeyPatch) -> None:
+    kept = made / "out" / "sfm" / FEATURES  # (the twin's cameras were given: nothing was kept when it was made)
+    photos = load_photos(made / "new", None, Silent(), None, minimum=1)
+    counts = []
+    monkeypatch.setattr(job, "write_job", lambda *a: counts.append(len(a[0])) or WRITE(*a))
+    kept.unlink(missing_ok=True)
+    first = module.against_twin(twin, photos, 2, Silent())
+    again = module.against_twin(twin, photos, 2, Silent())
+    assert counts == [COUNT, len(NEW)], "the second time only the new photos"
+    assert first is not None and again is not None
+    for name, camera in first.cameras().items():
+        assert np.linalg.norm(camera.centre - again.cameras()[name].centre) / 4.0 * FOCAL < 1.0
+    kept.write_bytes(b"damaged")
+    assert module.against_twin(twin, photos, 2, Silent()) is not None and counts[2:] == [COUNT]
 
 
 def test_photos_of_another_size_go_the_long_way(made: Path, twin: Twin) -> None:
