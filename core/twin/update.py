@@ -27,6 +27,7 @@ from ..photos.load import Photo, load_photos
 from ..photos.undistort import undistorted_views
 from ..pipeline.machine import use_threads
 from ..progress import Progress
+from ..report.known import drop_chapter
 from ..sfm.reconstruction import Reconstruction
 from ..training.checkpoint import load_checkpoint, save_checkpoint
 from ..training.grid import GridView
@@ -277,5 +278,6 @@ def _write(twin: Twin, photos: Sequence[Photo], found: Reconstruction, gaussians
     write_json(folder / "update.json", facts)
     for name in ("known.npy", "next_views.json"):  # of the twin as it was
         (folder / name).unlink(missing_ok=True)
+    drop_chapter(folder / "report.html")
 
 

@@ -1,0 +1,117 @@
+"""What refined cameras bring to the twin: `python benchmarks/refined_gain.py --data FOLDER [--px 1 3 6] [--seeds 3]`.
+
+FOLDER holds `photos/`, `sharp/` and true `cameras/` (as `synthesize` writes them). Every camera is shaken by about so
+many px; a twin is made with the shaken cameras as they are, one with `--refine-cameras`, and one with the true cameras.
+Held-out views are rendered at their TRUE places, moved into each twin's world by the similarity that lays the trained
+photos' true cameras over those that the twin has, and compared with the sharp truth.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import statistics
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+os.environ.setdefault("OMP_WAIT_POLICY", "passive")
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+sys.path[:0] = [str(ROOT)]
+import run_dgs  # noqa: E402
+
+run_dgs.mount_package()
+
+import numpy as np  # noqa: E402
+from dgs.core.camera import Camera  # noqa: E402
+from dgs.core.evaluation.metrics import psnr  # noqa: E402
+from dgs.core.evaluation.poses import align_similarity, scene_depth  # noqa: E402
+from dgs.core.formats.colmap import write_lenses  # noqa: E402
+from dgs.core.photos.load import load_photos  # noqa: E402
+from dgs.core.pipeline.heldout import TruthFolder  # noqa: E402
+from dgs.core.pipeline.views import Viewer, to_pixels  # noqa: E402
+from dgs.core.progress import Silent  # noqa: E402
+from dgs.core.sfm.known import load_cameras  # noqa: E402
+from dgs.core.sfm.reconstruction import Pose, Reconstruction  # noqa: E402
+from dgs.core.twin.folder import open_twin  # noqa: E402
+from dgs.core.twin.pose_steps import twisted  # noqa: E402
+
+HOLDOUT = 8
+
+
+def shaken(truth: Reconstruction, px: float, seed: int) -> dict[str, Camera]:
+    """Every camera turned and shifted by about `px` in all."""
+    random = np.random.default_rng(seed)
+    out = {}
+    for name, camera in sorted(truth.cameras().items()):
+        distance = scene_depth(camera, truth.points.positions)
+        twist = random.normal(size=6) * px / camera.fx * np.array([distance] * 3 + [1, 1, 1]) / 2
+        out[name] = twisted(camera, twist)
+    return out
+
+
+def score(folder: Path, truth: Reconstruction, sharp: TruthFolder) -> float:
+    """Mean PSNR (dB) of the held-out views at their true places."""
+    twin = open_twin(folder, Silent())
+    behind = [float(c) for c in twin.background]
+    viewer = Viewer(twin.gaussians, twin.scale, "cpu", background=(behind[0], behind[1], behind[2]))
+    right = truth.cameras()
+    mine = {n: c for n, c in twin.reconstruction.cameras().items() if n not in twin.held}
+    into = align_similarity({n: right[n] for n in mine}, mine)
+    found = []
+    for name in twin.held:
+        camera = into.camera(right[name])
+        seen = to_pixels(viewer.sharp(truth.lenses[name], Pose(camera.rotation, camera.translation)))
+        wanted = sharp.pixels(name)
+        found.append(psnr(seen / 255.0, wanted / float(np.iinfo(wanted.dtype).max)))
+    return statistics.fmean(found)
+
+
+def made(photos: Path, cameras: Path, out: Path, psf: str, *more: str) -> Path:
+    """A twin."""
+    words = [str(photos), "--out", str(out), "--psf", psf, "--cameras", str(cameras), "--holdout-every", str(HOLDOUT)]
+    command = [sys.executable, str(ROOT / "run_dgs.py"), "reconstruct", *words, "--progress", "none", *more]
+    subprocess.run(command, check=True)
+    return out
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--data", type=Path, required=True)
+    parser.add_argument("--psf", default="gaussian:5")
+    parser.add_argument("--px", type=float, nargs="+", default=[1.0, 3.0, 6.0])
+    parser.add_argument("--seeds", type=int, default=3)
+    parser.add_argument("--every", type=int, default=1, help="only every so many photos")
+    options = parser.parse_args()
+    sharp = TruthFolder(options.data / "sharp")
+    with tempfile.TemporaryDirectory() as name:
+        work = Path(name)
+        (work / "photos").mkdir()
+        for photo in sorted((options.data / "photos").iterdir())[:: options.every]:
+            (work / "photos" / photo.name).symlink_to(photo.resolve())
+        truth = load_cameras(options.data / "cameras", load_photos(work / "photos", None, Silent()))
+        best = score(made(work / "photos", options.data / "cameras", work / "true", options.psf), truth, sharp)
+        print(f"true cameras {best:.2f} dB", flush=True)
+        for px in options.px:
+            rows = []
+            for seed in range(options.seeds):
+                moved = shaken(truth, px, seed)
+                poses = {n: Pose(c.rotation, c.translation) for n, c in moved.items()}
+                model = work / f"model_{px:g}_{seed}"
+                write_lenses(model, {n: truth.lenses[n] for n in poses}, poses, truth.points)
+                pair = [
+                    score(made(work / "photos", model, work / f"out_{px:g}_{seed}_{len(more)}", options.psf, *more),
+                          truth, sharp)
+                    for more in ((), ("--refine-cameras",))
+                ]  # fmt: skip
+                rows.append(pair)
+                print(f"shaken by {px:g} px, seed {seed}: {pair[0]:.2f} -> {pair[1]:.2f} dB", flush=True)
+            before, after = (statistics.median(row[i] for row in rows) for i in (0, 1))
+            print(f"shaken by {px:g} px, median of {len(rows)}: {before:.2f} -> {after:.2f} dB", flush=True)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
