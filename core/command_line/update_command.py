@@ -4,9 +4,14 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from .progress_choice import Reporting
+
+if TYPE_CHECKING:
+    from ..sfm.child import Waiting
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -38,12 +43,17 @@ def update_command(options: argparse.Namespace, progress: Reporting) -> int:
         raise DgsError("There are no new photos to take in", "Name their folder, or give --rollback")
     if options.share is not None and not 0.0 < options.share <= 2.0:
         raise DgsError(f"--share is {options.share:g}", "Give a share above 0 and up to 2")
-    from ..twin.update import UpdateSettings, update
+    waiting = _helper(options)  # it imports its own libraries while this process imports torch
+    try:
+        from ..twin.update import UpdateSettings, update
 
-    facts = update(
-        UpdateSettings(options.twin, options.photos, options.cameras, options.share, options.threads, options.seed),
-        progress,
-    )
+        facts = update(
+            UpdateSettings(options.twin, options.photos, options.cameras, options.share, options.threads, options.seed),
+            progress, waiting,
+        )  # fmt: skip
+    finally:
+        if waiting is not None:
+            waiting.end()
     if options.json:
         print(json.dumps(facts, indent=2, ensure_ascii=False, allow_nan=False), flush=True)
         return 0
@@ -60,3 +70,15 @@ def update_command(options: argparse.Namespace, progress: Reporting) -> int:
         }
     )
     return 0
+
+
+def _helper(options: argparse.Namespace) -> Waiting | None:
+    """The process that will look for the new photos' cameras, where there are features to match them with."""
+    from ..sfm.child import Waiting
+
+    if options.cameras is not None or not (options.twin / "sfm" / "features.npz").is_file():
+        return None
+    try:
+        return Waiting(options.twin, options.threads or os.cpu_count() or 1)
+    except OSError:  # what is wrong with the folder is said where it is written to
+        return None

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import json
-import os
 import queue
 import shutil
 import signal
 import subprocess
-import sys
 import tempfile
 import threading
 import time
@@ -23,6 +21,7 @@ from ..errors import CameraError, Cancelled, NativeCrash, TooFewPhotos
 from ..formats.colmap import read_model
 from ..photos.load import Photo
 from ..progress import Progress
+from .child import WORKER, begin
 from .features import FEATURES, load_features, save_features
 from .job import write_job
 from .reconstruction import Attempt, Figures, Reconstruction
@@ -31,7 +30,7 @@ from .settings import SfmSettings
 #: Three views are the least that check one another.
 MINIMUM_PHOTOS = 3
 
-_WORKER = Path(__file__).with_name("worker.py")
+_WORKER = WORKER
 
 
 def find_cameras(
@@ -108,31 +107,16 @@ def keep_features(found: Path, keep: Path, names: dict[str, str]) -> None:
     save_features(keep, features, new[1])
 
 
-def _environment(threads: int) -> dict[str, str]:
-    environment = dict(os.environ)
-    # The child must find the packages that this process found, also inside Blender.
-    environment["PYTHONPATH"] = os.pathsep.join(p for p in sys.path if p)
-    environment["OMP_WAIT_POLICY"] = "passive"
-    environment["OMP_NUM_THREADS"] = str(threads)
-    # Small matrices only: scipy's threaded BLAS spins while it waits, and starves everything else.
-    environment["OPENBLAS_NUM_THREADS"] = "1"
-    environment["GLOG_minloglevel"] = "3"
-    return environment
-
-
 def talk(
-    folder: Path, given: int, settings: SfmSettings, progress: Progress
-) -> tuple[list[Attempt], dict[str, Any]]:
-    """Runs the child on a job folder to its end; its attempts and what it says at the end.
+    folder: Path, given: int, settings: SfmSettings, progress: Progress,
+    child: subprocess.Popen[bytes] | None = None,
+) -> tuple[list[Attempt], dict[str, Any]]:  # fmt: skip
+    """Runs the child (or one that was started before) on a job folder to its end; its attempts and what it says then.
 
     Raises:
         CameraError: as of `find_cameras`. NativeCrash, Cancelled: likewise.
     """
-    with (folder / "native.log").open("wb") as log:
-        child = subprocess.Popen(
-            [sys.executable, str(_WORKER), str(folder)],
-            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=log, env=_environment(settings.threads),
-        )  # fmt: skip
+    child = child or begin(folder, settings.threads, worker=_WORKER)
     try:
         attempts: list[Attempt] = []
         last: dict[str, Any] | None = None

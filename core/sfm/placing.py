@@ -19,12 +19,15 @@ from numpy.typing import NDArray
 
 from . import pipeline
 from .attempts import Outcome, lighter
+from .child import wait_for
 from .features import FEATURES, MOST, load_features, matched, read_features, save_features
 from .job import Job
 from .settings import recipes
 
-#: What the parent writes.
+#: What the parent writes, last of all.
 PLAN = "place.json"
+#: Names of the known photos that new ones are matched with: as in KEPT, or those of the job's own images.
+COMPANIONS = "companions.json"
 #: Features of the known photos, where they were kept, by the names in the plan.
 KEPT = "kept.npz"
 #: Matches that must agree on a pose. One real photo with 41 lay 8 px from where structure from motion of all puts it,
@@ -63,13 +66,12 @@ class Known:
 
 def run(job: Job, say: Callable[..., None]) -> Outcome:
     """Poses of the new photos: 'done' with {'poses': {image: {'rotation', 'translation', 'inliers'}}}."""
-    plan = json.loads((job.folder / PLAN).read_text("utf-8"))
-    known = {name: _known(job, name, row) for name, row in plan["known"].items()}
-    lens = pycolmap.Camera(**plan["lens"])
     kept = load_features(job.folder / KEPT)
     recipe = lighter(recipes(job.kernel is not None)[0], replace(job, settings=replace(job.settings, many=0)))
     if kept is not None:
         recipe = kept[1]
+    companions = json.loads((job.folder / COMPANIONS).read_text("utf-8"))
+    new = [name for name in job.images if name not in companions]
     images, database = job.folder / "images", job.folder / "place.db"
     images.mkdir()
     say(stage="features", recipe="placing")
@@ -80,17 +82,23 @@ def run(job: Job, say: Callable[..., None]) -> Outcome:
     old = found if kept is None else kept[0]
     say(stage="matches", recipe="placing")
     save_features(job.folder / FEATURES, found, recipe)
+    matches = {}
+    with ThreadPoolExecutor(job.settings.threads) as pool:
+        for name in new:
+            pairs = pool.map(lambda other, mine=found[name]: matched(mine, old[other]), companions)
+            matches[name] = dict(zip(companions, pairs, strict=True))
+    wait_for(job.folder / PLAN)  # what the twin knows may still be on its way
+    plan = json.loads((job.folder / PLAN).read_text("utf-8"))
+    lens = pycolmap.Camera(**plan["lens"])
     lifted = {}
-    for name, one in known.items():
+    for name in companions:
         pixels = old[name].places.astype(float)
         rays = np.asarray(lens.cam_from_img(pixels), float).reshape(-1, 2) if len(pixels) else np.zeros((0, 2))
-        lifted[name] = one.lifted(rays)
+        lifted[name] = _known(job, plan["known"][name]).lifted(rays)
     poses = {}
-    for name in plan["new"]:
-        with ThreadPoolExecutor(job.settings.threads) as pool:
-            pairs = list(pool.map(lambda other, mine=found[name]: matched(mine, old[other]), lifted))
+    for name in new:
         seen, at = [np.zeros((0, 2))], [np.zeros((0, 3))]
-        for other, pair in zip(lifted, pairs, strict=True):
+        for other, pair in matches[name].items():
             points, good = lifted[other]
             use = pair[good[pair[:, 1]]]
             seen.append(found[name].places[use[:, 0]].astype(float))
@@ -102,7 +110,7 @@ def run(job: Job, say: Callable[..., None]) -> Outcome:
     return Outcome("done", {"poses": poses})
 
 
-def _known(job: Job, name: str, row: dict[str, Any]) -> Known:
+def _known(job: Job, row: dict[str, Any]) -> Known:
     return Known(
         np.array(row["rotation"], float), np.array(row["translation"], float), tuple(row["focal"]),
         tuple(row["centre"]), np.load(job.folder / row["depth"], allow_pickle=False),

@@ -1,4 +1,4 @@
-"""The child process in which pycolmap runs: `python worker.py JOB_FOLDER`.
+"""The child process in which pycolmap runs: `python worker.py JOB_FOLDER [--wait]`.
 
 Native code that aborts takes this process down and no other. It says how it fares on stdout, one
 JSON object a line: {"stage": ...}, {"note": ...}, {"attempt": {...}}, {"done": {...}} or
@@ -40,17 +40,20 @@ def end_with_parent() -> None:
     threading.Thread(target=watch, daemon=True).start()
 
 
-def main(folder: Path) -> int:
+def main(folder: Path, waiting: bool = False) -> int:
     """Tries recipe after recipe; the best trusted model goes to `folder`/best (COLMAP binary)."""
     from dgs.core import compiled
     from dgs.core.sfm import attempts, placing
+    from dgs.core.sfm.child import GO, wait_for
     from dgs.core.sfm.job import read_job
     from dgs.core.sfm.refine import compile_early
 
+    if waiting:
+        wait_for(folder / GO)
     job = read_job(folder)
     compiled.set_threads(job.settings.threads)
     started = time.perf_counter()
-    if (folder / placing.PLAN).is_file():
+    if (folder / placing.COMPANIONS).is_file():
         outcome = placing.run(job, say)
     else:
         # Native code extracts features without the GIL meanwhile. No daemon: a process that ends amid a
@@ -67,4 +70,4 @@ if __name__ == "__main__":
     import run_dgs
 
     run_dgs.mount_package()
-    sys.exit(main(Path(sys.argv[1])))
+    sys.exit(main(Path(sys.argv[1]), "--wait" in sys.argv[2:]))

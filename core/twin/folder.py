@@ -121,6 +121,30 @@ def settings_of(folder: Path, report: dict[str, Any], photos: Path | None = None
     return replace(settings, out=folder, cameras=folder / "cameras", photos=given)
 
 
+@dataclass(frozen=True)
+class Files:
+    """What is read from a twin's folder before anything is computed; the fields are those of `Twin`."""
+
+    folder: Path
+    settings: ReconstructSettings
+    photos: list[Photo]
+    reconstruction: Reconstruction
+    medium: Medium
+    held: list[str]
+    gaussians: Gaussians
+
+    def twin(self) -> Twin:
+        """The twin; undistorting its photos takes most of the time."""
+        placed = self.reconstruction.poses
+        views = undistorted_views([photo for photo in self.photos if photo.name in placed], self.reconstruction)
+        scale = scene_scale([view.camera for view in views], self.reconstruction.points)
+        shown = [view for view in views if view.name not in self.held] or views
+        return Twin(
+            self.folder, self.settings, self.photos, self.reconstruction, self.medium, views, self.held,
+            self.gaussians, scale, mean_colour(shown).to(torch.float32),
+        )  # fmt: skip
+
+
 def open_twin(folder: Path, progress: Progress, photos: Path | None = None) -> Twin:
     """Reads a twin folder.
 
@@ -131,6 +155,11 @@ def open_twin(folder: Path, progress: Progress, photos: Path | None = None) -> T
     Raises:
         FormatError: no twin folder, or damaged. PhotoError, CameraError: as of `reconstruct`.
     """
+    return open_files(folder, progress, photos).twin()
+
+
+def open_files(folder: Path, progress: Progress, photos: Path | None = None) -> Files:
+    """The first, quick part of `open_twin`."""
     report = read_report(folder)
     settings = settings_of(folder, report, photos)
     cloud = read_ply(folder / "twin.ply")
@@ -143,10 +172,5 @@ def open_twin(folder: Path, progress: Progress, photos: Path | None = None) -> T
     own = {name: parse_psf(text) for name, text in noted.get("psf", {}).items()}
     medium = replace(medium, per_view={**medium.per_view, **own})
     reconstruction = load_cameras(folder / "cameras", loaded)
-    views = undistorted_views([photo for photo in loaded if photo.name in reconstruction.poses], reconstruction)
     held = noted.get("held") or heldout_names([photo.name for photo in loaded], settings.holdout_every)
-    scale = scene_scale([view.camera for view in views], reconstruction.points)
-    return Twin(
-        folder, settings, loaded, reconstruction, medium, views, held, Gaussians.from_cloud(cloud), scale,
-        mean_colour([view for view in views if view.name not in held] or views).to(torch.float32),
-    )  # fmt: skip
+    return Files(folder, settings, loaded, reconstruction, medium, held, Gaussians.from_cloud(cloud))

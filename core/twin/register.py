@@ -2,37 +2,27 @@
 
 from __future__ import annotations
 
-import shutil
-import tempfile
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 
 from ..camera import Camera
 from ..errors import CameraError
 from ..evaluation.poses import align_similarity
-from ..files import write_json
 from ..imaging.operator import BlurOperator, shared_operator
-from ..lens import Lens
 from ..photos.load import Photo
 from ..photos.undistort import undistorted_views
 from ..progress import Progress
 from ..rasterizer import RasterSettings, render
-from ..sfm.features import FEATURES, load_features
 from ..sfm.known import load_cameras
 from ..sfm.reconstruction import Pose, Reconstruction
 from ..training.grid import GridView
-from ..views import View
 from .folder import Twin
+from .placing import COMPANIONS, Placing, shared_lens
 from .pose_steps import equations, solved, twisted
 
-#: Old photos that structure from motion gets along with the new ones: enough to tie them to the world.
-COMPANIONS = 24
-#: A pixel whose opacity is less has no surface.
-SOLID = 0.7
 #: Old photos that tell how well the twin fits where a camera is right, and how many times worse a new one may fit
 #: before its camera is doubted; LEAST: half an 8-bit step, below which nothing is told apart.
 CHECKED, WORSE, LEAST = 6, 4.0, 0.5 / 255.0
@@ -41,7 +31,8 @@ SMOOTH = (4.0, 2.0, 1.0, 0.0, 0.0)
 
 
 def register(
-    twin: Twin, photos: list[Photo], cameras: Path | None, threads: int, progress: Progress
+    twin: Twin, photos: list[Photo], cameras: Path | None, threads: int, progress: Progress,
+    placing: Placing | None = None,
 ) -> tuple[Reconstruction, bool]:
     """Cameras of new photos, and whether they are exact (else the twin itself, through the blur, should correct them).
 
@@ -57,7 +48,7 @@ def register(
     from ..sfm.find import find_cameras
     from ..sfm.settings import SfmSettings
 
-    placed_at = against_twin(twin, photos, threads, progress)
+    placed_at = against_twin(twin, photos, threads, progress, placing)
     if placed_at is not None:
         return placed_at, True
     old = [photo for photo in twin.photos if photo.name in twin.reconstruction.poses]
@@ -74,7 +65,7 @@ def register(
             "Take photos that overlap the old ones, or give their cameras with --cameras",
         )
     similarity = align_similarity(both, known)
-    lens = _lens(twin)
+    lens = shared_lens(twin.reconstruction)
     poses: dict[str, Pose] = {}
     for photo in photos:
         if photo.name not in placed:
@@ -90,23 +81,30 @@ def register(
     return replace(found, poses=poses, lenses=lenses, points=twin.reconstruction.points), False
 
 
-def against_twin(twin: Twin, photos: list[Photo], threads: int, progress: Progress) -> Reconstruction | None:
+def against_twin(
+    twin: Twin, photos: list[Photo], threads: int, progress: Progress, placing: Placing | None = None
+) -> Reconstruction | None:
     """Cameras of new photos from their matches with old ones, whose features lie on the twin's surface.
 
     Much quicker than structure from motion, and quicker still with the features that it kept; None where a photo
     did not find its place, is not what the twin shows there, or has a lens of its own.
+
+    Args:
+        placing: a search that has begun; None to begin one.
     """
-    lens = _lens(twin)
+    lens = shared_lens(twin.reconstruction)
     if lens is None or any(photo.size != (lens.width, lens.height) for photo in photos):
         return None
-    kept = load_features(twin.folder / "sfm" / FEATURES)
     usual = _usual(twin)
     progress.stage("cameras", len(photos))
-    for with_kept in (True, False) if kept is not None else (False,):
-        named = set(kept[0]) if kept is not None and with_kept else {photo.name for photo in twin.photos}
-        known = [view for view in twin.views if view.name in named]
-        known = [known[round(i)] for i in np.linspace(0, len(known) - 1, min(COMPANIONS, len(known)))]
-        poses = _placed(twin, photos, known, lens, with_kept, threads, progress) if known else None
+    for kept in (True, False):
+        search = placing if kept and placing is not None else Placing.begin(twin, photos, threads, kept=kept)
+        if search is None:
+            continue
+        try:
+            poses = search.poses(twin, progress)
+        finally:
+            search.end()
         if poses is None:
             continue
         found = replace(twin.reconstruction, poses=poses, lenses=dict.fromkeys(poses, lens))
@@ -122,49 +120,6 @@ def _usual(twin: Twin) -> float:
     return float(np.median([_misfit(twin, view) for view in twin.on_grid(old, twin.step)]))
 
 
-def _placed(twin: Twin, photos: list[Photo], known: list[View], lens: Lens, with_kept: bool, threads: int,
-            progress: Progress) -> dict[str, Pose] | None:  # fmt: skip
-    """Poses of all new photos by their matches with known ones, or None."""
-    from ..sfm.find import keep_features, talk
-    from ..sfm.job import write_job
-    from ..sfm.placing import KEPT, PLAN
-    from ..sfm.settings import SfmSettings
-
-    by_name = {photo.name: photo for photo in twin.photos}
-    psf, settings = twin.medium.psf, SfmSettings(threads=threads)
-    kernel = None if psf is None or psf.is_identity else psf.kernel()
-    features = twin.folder / "sfm" / FEATURES
-    with tempfile.TemporaryDirectory(prefix="place-", dir=twin.folder) as name:
-        folder = Path(name)
-        along = [] if with_kept else [by_name[view.name] for view in known]
-        names = write_job([*along, *photos], kernel, settings, folder)
-        images = {photo: image for image, photo in names.items()}
-        rows = {}
-        for index, view in enumerate(twin.on_grid(known, twin.step)):
-            camera = view.camera
-            np.save(folder / f"depth{index}.npy", _depth(twin, camera), allow_pickle=False)
-            rows[view.name if with_kept else images[view.name]] = {
-                "rotation": camera.rotation.tolist(), "translation": camera.translation.tolist(),
-                "focal": [camera.fx, camera.fy], "centre": [camera.cx, camera.cy], "depth": f"depth{index}.npy",
-            }  # fmt: skip
-        if with_kept:
-            shutil.copyfile(features, folder / KEPT)
-        write_json(folder / PLAN, {
-            "known": rows, "new": [images[photo.name] for photo in photos],
-            "lens": {"model": lens.model, "width": lens.width, "height": lens.height, "params": list(lens.params)},
-        })  # fmt: skip
-        _, done = talk(folder, len(photos), settings, progress)
-        if len(done["poses"]) < len(photos):
-            return None
-        keep_features(folder / FEATURES, features, names)
-    poses = {}
-    for image, pose in done["poses"].items():
-        rotation = np.array(pose["rotation"], float)
-        translation = np.array(pose["translation"], float) * twin.scale.size - rotation @ twin.scale.origin
-        poses[names[image]] = Pose(rotation, translation)
-    return poses
-
-
 def _misfit(twin: Twin, view: GridView) -> float:
     """Median difference (sRGB) between a photo and the twin through the blur: a part that changed hardly counts."""
     margin = twin.margin(twin.step)
@@ -176,16 +131,6 @@ def _misfit(twin: Twin, view: GridView) -> float:
         difference = (twin.medium.degrade(frame, blur.apply) - torch.from_numpy(view.planes())).abs()
     counted = difference if view.valid is None else difference[:, torch.from_numpy(view.valid)]
     return max(float(counted.median()), LEAST)
-
-
-def _depth(twin: Twin, camera: Camera) -> NDArray[np.float32]:
-    """[H, W] the twin's depth in the scene's own units; NaN where it is hardly there."""
-    settings = RasterSettings(low_pass=max(0.1, 0.3 / twin.step**2), depth=True)
-    with torch.no_grad():
-        seen = render(twin.scale.to_unit(twin.gaussians), camera, background=twin.background, settings=settings)
-    assert seen.depth is not None
-    alpha = seen.alpha.numpy()
-    return np.where(alpha > SOLID, seen.depth.numpy() / np.maximum(alpha, SOLID), np.nan).astype(np.float32)
 
 
 def corrected(twin: Twin, reconstruction: Reconstruction, photos: list[Photo]) -> Reconstruction:
@@ -218,9 +163,3 @@ def corrected(twin: Twin, reconstruction: Reconstruction, photos: list[Photo]) -
         translation = best.translation * twin.scale.size - best.rotation @ twin.scale.origin
         poses[view.name] = Pose(best.rotation, translation)
     return replace(reconstruction, poses=poses)
-
-
-def _lens(twin: Twin) -> Lens | None:
-    """The lens that all of the twin's photos share, or None."""
-    lenses = set(twin.reconstruction.lenses.values())
-    return lenses.pop() if len(lenses) == 1 else None

@@ -28,6 +28,7 @@ from ..photos.undistort import undistorted_views
 from ..pipeline.machine import use_threads
 from ..progress import Progress
 from ..report.known import drop_chapter
+from ..sfm.child import Waiting
 from ..sfm.reconstruction import Reconstruction
 from ..training.checkpoint import load_checkpoint, save_checkpoint
 from ..training.grid import GridView
@@ -38,8 +39,9 @@ from ..training.warmup import compile_kernels
 from ..views import View, fingerprint
 from . import history
 from .changes import Changes, find_changes, shows_changed, wider
-from .folder import Twin, open_twin, read_report
+from .folder import Files, Twin, open_files, read_report
 from .pictures import draw_changes
+from .placing import Placing
 from .register import corrected, register
 
 #: Where in the schedule an update begins: step sizes have fallen, density control still works.
@@ -83,12 +85,23 @@ class Updater(Trainer):
         return group[int(random.permutation(len(group))[turn % len(group)])]
 
 
-def update(settings: UpdateSettings, progress: Progress) -> dict[str, Any]:
+def update(settings: UpdateSettings, progress: Progress, waiting: Waiting | None = None) -> dict[str, Any]:
     """Takes new photos into a twin; what came out, as in update.json.
+
+    Args:
+        waiting: a child process that was started early to find the new photos' cameras; it is ended here.
 
     Raises:
         PhotoError: no photo is new. CameraError: none could be placed. DgsError: see the stages.
     """
+    try:
+        return _updated(settings, progress, waiting)
+    finally:
+        if waiting is not None:
+            waiting.end()
+
+
+def _updated(settings: UpdateSettings, progress: Progress, waiting: Waiting | None) -> dict[str, Any]:
     began = time.perf_counter()
     folder = settings.twin
     threads = use_threads(settings.threads)
@@ -101,9 +114,15 @@ def update(settings: UpdateSettings, progress: Progress) -> dict[str, Any]:
     # Kernels become ready while photos are read and placed.
     early = threading.Thread(target=compile_kernels, args=(int(report["settings"]["training"].get("sh_degree", 1)),))
     early.start()
-    twin = open_twin(folder, progress)
-    photos = _new_photos(settings, twin, progress)
-    found, exact = register(twin, photos, settings.cameras, threads, progress)
+    files = open_files(folder, progress)
+    photos = _new_photos(settings, files, progress)
+    placing = Placing.begin(files, photos, threads, waiting) if settings.cameras is None else None
+    try:
+        twin = files.twin()
+        found, exact = register(twin, photos, settings.cameras, threads, progress, placing)
+    finally:
+        if placing is not None:
+            placing.end()
     photos = [photo for photo in photos if photo.name in found.poses]
     found = found if exact else corrected(twin, found, photos)
     new_views = undistorted_views(photos, found)
@@ -149,7 +168,7 @@ def _round(trainer: Updater, steps: int, progress: Progress) -> None:
                 raise Cancelled("Stopped; the twin is as it was")
 
 
-def _new_photos(settings: UpdateSettings, twin: Twin, progress: Progress) -> list[Photo]:
+def _new_photos(settings: UpdateSettings, twin: Files, progress: Progress) -> list[Photo]:
     """Photos that the twin does not have yet, copied into its folder under names of their own."""
     known = {fingerprint(photo.pixels) for photo in twin.photos}
     names = {photo.name.casefold() for photo in twin.photos}

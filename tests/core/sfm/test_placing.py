@@ -11,7 +11,7 @@ from dgs.core.files import write_json
 from dgs.core.progress import Silent
 from dgs.core.sfm.find import talk
 from dgs.core.sfm.job import write_job
-from dgs.core.sfm.placing import PLAN, Known
+from dgs.core.sfm.placing import COMPANIONS, PLAN, Known
 from dgs.core.sfm.settings import SfmSettings
 from scipy.ndimage import gaussian_filter
 
@@ -54,7 +54,8 @@ def placed(folder: Path, strangers: bool = False) -> tuple[dict[str, Camera], di
             "focal": [camera.fx, camera.fy], "centre": [camera.cx, camera.cy], "depth": f"depth{index}.npy",
         }  # fmt: skip
     lens = {"model": "SIMPLE_PINHOLE", "width": WIDTH, "height": HEIGHT, "params": [FOCAL, WIDTH / 2, HEIGHT / 2]}
-    write_json(folder / PLAN, {"known": known, "new": [at[n] for n in new], "lens": lens})
+    write_json(folder / COMPANIONS, list(known))
+    write_json(folder / PLAN, {"known": known, "lens": lens})
     _, done = talk(folder, len(new), SfmSettings(), Silent())
     found = {}
     for image, pose in done["poses"].items():

@@ -1,0 +1,73 @@
+"""Starts the child process in which pycolmap runs. Light: a child can start before the rest is imported."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+WORKER = Path(__file__).with_name("worker.py")
+#: A child that was started early begins when this file is in its folder.
+GO = "go"
+#: Seconds between two looks for a file, and after which a child gives up.
+LOOK, PATIENCE = 0.01, 600.0
+
+
+def begin(folder: Path, threads: int, *words: str, worker: Path = WORKER) -> subprocess.Popen[bytes]:
+    """The child on a job folder; it ends when its stdin does."""
+    environment = dict(os.environ)
+    # The child must find the packages that this process found, also inside Blender.
+    environment["PYTHONPATH"] = os.pathsep.join(p for p in sys.path if p)
+    environment["OMP_WAIT_POLICY"] = "passive"
+    environment["OMP_NUM_THREADS"] = str(threads)
+    # Small matrices only: scipy's threaded BLAS spins while it waits, and starves everything else.
+    environment["OPENBLAS_NUM_THREADS"] = "1"
+    environment["GLOG_minloglevel"] = "3"
+    with (folder / "native.log").open("wb") as log:
+        return subprocess.Popen(
+            [sys.executable, str(worker), str(folder), *words],
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=log, env=environment,
+        )  # fmt: skip
+
+
+def wait_for(path: Path) -> None:
+    """Until a file is there.
+
+    Raises:
+        TimeoutError: it does not come.
+    """
+    began = time.perf_counter()
+    while not path.is_file():
+        if time.perf_counter() - began > PATIENCE:
+            raise TimeoutError(f"'{path.name}' did not come")
+        time.sleep(LOOK)
+
+
+class Waiting:
+    """A child that imports what it needs while its parent does the same, and then waits for its job.
+
+    Attributes:
+        folder: for the job; process: the child.
+    """
+
+    def __init__(self, where: Path, threads: int) -> None:
+        self.folder = Path(tempfile.mkdtemp(prefix="place-", dir=where))
+        self.process = begin(self.folder, threads, "--wait")
+
+    def go(self) -> None:
+        """The job is in the folder."""
+        (self.folder / GO).touch()
+
+    def end(self) -> None:
+        """Ends the child, if it still runs, and removes its folder."""
+        if self.process.poll() is None:
+            self.process.kill()
+        self.process.wait()
+        for stream in (self.process.stdin, self.process.stdout):
+            if stream is not None:
+                stream.close()
+        shutil.rmtree(self.folder, ignore_errors=True)

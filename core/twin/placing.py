@@ -1,0 +1,134 @@
+"""The search for new photos' places, in a child process that works while this one gets the twin ready."""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from ..camera import Camera
+from ..files import write_json
+from ..lens import Lens
+from ..photos.load import Photo
+from ..progress import Progress
+from ..rasterizer import RasterSettings, render
+from ..sfm.child import Waiting
+from ..sfm.features import FEATURES, load_features
+from ..sfm.reconstruction import Pose, Reconstruction
+from ..sfm.settings import SfmSettings
+from .folder import Files, Twin
+
+#: Old photos that new ones are matched with: enough to tie them to the world.
+COMPANIONS = 24
+#: A pixel whose opacity is less has no surface.
+SOLID = 0.7
+
+
+@dataclass(frozen=True)
+class Placing:
+    """A search that has begun.
+
+    Attributes:
+        photos: the new ones; names: photo name by image name in the job.
+        known: old photo by the name that the child knows it by.
+        child: the process and its folder; settings: its own.
+    """
+
+    photos: list[Photo]
+    names: dict[str, str]
+    known: dict[str, str]
+    child: Waiting
+    settings: SfmSettings
+
+    @staticmethod
+    def begin(twin: Files | Twin, photos: list[Photo], threads: int, waiting: Waiting | None = None,
+              kept: bool = True) -> Placing | None:  # fmt: skip
+        """Lets the child look for the photos' features and match them with old ones.
+
+        Args:
+            waiting: a child to use; None to start one.
+            kept: match with the features that the twin kept; else the old photos come along.
+
+        Returns:
+            None where it cannot be done: no features were kept, or the new photos have a lens of their own.
+        """
+        lens = shared_lens(twin.reconstruction)
+        features = twin.folder / "sfm" / FEATURES
+        held = load_features(features) if kept else None
+        placed = [photo.name for photo in twin.photos if photo.name in twin.reconstruction.poses]
+        old = [name for name in placed if not kept or held is not None and name in held[0]]
+        if lens is None or not old or any(photo.size != (lens.width, lens.height) for photo in photos):
+            return None
+        old = [old[round(i)] for i in np.linspace(0, len(old) - 1, min(COMPANIONS, len(old)))]
+        from ..sfm.job import write_job
+        from ..sfm.placing import COMPANIONS as NAMES
+        from ..sfm.placing import KEPT
+
+        psf, settings = twin.medium.psf, SfmSettings(threads=threads)
+        kernel = None if psf is None or psf.is_identity else psf.kernel()
+        child = waiting or Waiting(twin.folder, threads)
+        by_name = {photo.name: photo for photo in twin.photos}
+        along = [] if kept else [by_name[name] for name in old]
+        names = write_job([*along, *photos], kernel, settings, child.folder)
+        images = {photo: image for image, photo in names.items()}
+        known = {name if kept else images[name]: name for name in old}
+        if kept:
+            shutil.copyfile(features, child.folder / KEPT)
+        write_json(child.folder / NAMES, list(known))
+        child.go()
+        return Placing(photos, names, known, child, settings)
+
+    def poses(self, twin: Twin, progress: Progress) -> dict[str, Pose] | None:
+        """All new photos' poses in the twin's world, from where their matches lie on its surface; None if any lacks."""
+        from ..sfm.find import keep_features, talk
+        from ..sfm.placing import PLAN
+
+        folder = self.child.folder
+        by_name, rows = {view.name: view for view in twin.views}, {}
+        shown = twin.on_grid([by_name[name] for name in self.known.values()], twin.step)
+        for index, (name, view) in enumerate(zip(self.known, shown, strict=True)):
+            camera = view.camera
+            np.save(folder / f"depth{index}.npy", _depth(twin, camera), allow_pickle=False)
+            rows[name] = {
+                "rotation": camera.rotation.tolist(), "translation": camera.translation.tolist(),
+                "focal": [camera.fx, camera.fy], "centre": [camera.cx, camera.cy], "depth": f"depth{index}.npy",
+            }  # fmt: skip
+        lens = shared_lens(twin.reconstruction)
+        assert lens is not None
+        write_json(folder / PLAN, {
+            "known": rows,
+            "lens": {"model": lens.model, "width": lens.width, "height": lens.height, "params": list(lens.params)},
+        })  # fmt: skip
+        _, done = talk(folder, len(self.photos), self.settings, progress, self.child.process)
+        if len(done["poses"]) < len(self.photos):
+            return None
+        keep_features(folder / FEATURES, twin.folder / "sfm" / FEATURES, self.names)
+        poses = {}
+        for image, pose in done["poses"].items():
+            rotation = np.array(pose["rotation"], float)
+            translation = np.array(pose["translation"], float) * twin.scale.size - rotation @ twin.scale.origin
+            poses[self.names[image]] = Pose(rotation, translation)
+        return poses
+
+    def end(self) -> None:
+        """Ends the child and removes its folder."""
+        self.child.end()
+
+
+def shared_lens(cameras: Reconstruction) -> Lens | None:
+    """The lens that all photos share, or None."""
+    lenses = set(cameras.lenses.values())
+    return lenses.pop() if len(lenses) == 1 else None
+
+
+def _depth(twin: Twin, camera: Camera) -> NDArray[np.float32]:
+    """[H, W] the twin's depth in the scene's own units; NaN where it is hardly there."""
+    settings = RasterSettings(low_pass=max(0.1, 0.3 / twin.step**2), depth=True)
+    with torch.no_grad():
+        seen = render(twin.scale.to_unit(twin.gaussians), camera, background=twin.background, settings=settings)
+    assert seen.depth is not None
+    alpha = seen.alpha.numpy()
+    return np.where(alpha > SOLID, seen.depth.numpy() / np.maximum(alpha, SOLID), np.nan).astype(np.float32)
