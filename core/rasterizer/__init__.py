@@ -9,5 +9,6 @@
 from __future__ import annotations
 
 from .interface import BACKENDS, RasterSettings, Rendered, ScreenStatistics, render
+from .slope import with_slope
 
-__all__ = ["BACKENDS", "RasterSettings", "Rendered", "ScreenStatistics", "render"]
+__all__ = ["BACKENDS", "RasterSettings", "Rendered", "ScreenStatistics", "render", "with_slope"]

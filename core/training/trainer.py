@@ -18,7 +18,7 @@ from ..imaging.formation.chain import Formation
 from ..imaging.formation.effect import Shot
 from ..imaging.medium import Medium
 from ..imaging.spectrum import NoiseToSignal, noise_to_signal
-from ..rasterizer import RasterSettings, Rendered, render
+from ..rasterizer import RasterSettings, Rendered, render, with_slope
 from ..views import SparsePoints, View, distinct
 from .checkpoint import Checkpoint
 from .contrast import scene_contrast
@@ -187,7 +187,7 @@ class Trainer:
         shot = self.shot(view, level, rendered)
         pull = pulls(self.formation.reached(sharp, shot), photo, valid)
         gradient = self.formation.reached_gradient(pull.gradient, sharp, shot)
-        rendered.image.backward(gradient)  # type: ignore[no-untyped-call]
+        with_slope(rendered.image, gradient).backward()  # type: ignore[no-untyped-call]
         self.density.collect(rendered.screen)
         for reason, count in rendered.screen.culled.items():
             self.culled[reason] = self.culled.get(reason, 0) + count

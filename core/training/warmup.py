@@ -10,7 +10,7 @@ from ..constants import SH_COEFFICIENTS
 from ..gaussians import Gaussians
 from ..imaging.operator import BlurOperator
 from ..imaging.psf import PointSpread
-from ..rasterizer import render
+from ..rasterizer import render, with_slope
 from .optimizer import Adam
 from .photometric import PhotometricLoss
 from .settings import Rates
@@ -33,7 +33,7 @@ def compile_kernels(sh_degree: int = 1) -> None:
     _, slope = PhotometricLoss(torch.zeros(3, side, side)).value_and_gradient(blur.apply(rendered.image.detach()))
     sharp = rendered.image.detach()
     gradient = blur.adjoint(slope) + variation_gradient(sharp) + speck_gradient(sharp)
-    rendered.image.backward(gradient)  # type: ignore[no-untyped-call]
+    with_slope(rendered.image, gradient).backward()  # type: ignore[no-untyped-call]
     rates = Rates()
     optimizer.step({name: getattr(rates, name) for name in ("means", "log_scales", "quaternions",
                                                             "opacity_logits", "sh", "sh_rest")})  # fmt: skip

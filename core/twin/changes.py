@@ -22,8 +22,8 @@ from ..gaussians import Gaussians
 from ..imaging.medium import Medium
 from ..imaging.operator import shared_operator
 from ..imaging.psf import PointSpread
-from ..rasterizer import RasterSettings, render
-from ..training.grid import GridView
+from ..rasterizer import RasterSettings, render, with_slope
+from ..training.grid import GridView, coarse_camera
 from .folder import Twin
 
 #: Widths of the blur that are tried, relative to the twin's.
@@ -35,6 +35,8 @@ TIMES, LEAST = 6.0, 0.03
 #: The twin has a surface where its opacity is more than this; an old photo saw it if its own view of the twin lies as
 #: deep there within this share, and not in the outermost share of its frame.
 SOLID, SAME_DEPTH, BORDER = 0.7, 0.1, 0.02
+#: What was seen is decided on a grid coarser by this factor: every old photo's depth has to be rendered.
+COARSE = 2
 #: A splat has changed if so much of what the new photos see of it lies in changed px.
 SHARE = 0.5
 
@@ -120,16 +122,18 @@ def find_changes(twin: Twin, views: Sequence[GridView], medium: Medium) -> Chang
 def _unseen(gaussians: Gaussians, views: Sequence[GridView], old: Sequence[GridView],
             settings: RasterSettings) -> dict[str, np.ndarray]:  # fmt: skip
     """[H, W] bool by name: the twin's surface there was in no old photo, or the twin has none."""
-    depths = [_depth(gaussians, view.camera, settings) for view in old]
+    coarse = replace(settings, low_pass=settings.low_pass / COARSE**2)
+    others = [coarse_camera(view.camera, COARSE) for view in old]
+    depths = [_depth(gaussians, camera, coarse) for camera in others]
     out = {}
     for view in views:
-        camera, depth = view.camera, _depth(gaussians, view.camera, settings)
+        camera = coarse_camera(view.camera, COARSE)
+        depth = _depth(gaussians, camera, coarse)
         rows, columns = np.mgrid[: camera.height, : camera.width] + 0.5
         local = np.stack([(columns - camera.cx) / camera.fx, (rows - camera.cy) / camera.fy, np.ones_like(rows)], -1)
         points = (local * depth[..., None] - camera.translation) @ camera.rotation
         seen = np.zeros(depth.shape, bool)
-        for other, surface in zip(old, depths, strict=True):
-            c = other.camera
+        for c, surface in zip(others, depths, strict=True):
             at = points @ c.rotation.T + c.translation
             z = np.where(at[..., 2] > 0, at[..., 2], np.nan)
             x, y = at[..., 0] / z * c.fx + c.cx, at[..., 1] / z * c.fy + c.cy
@@ -137,7 +141,10 @@ def _unseen(gaussians: Gaussians, views: Sequence[GridView], old: Sequence[GridV
             inside = (x > edge) & (y > edge) & (x < c.width - edge) & (y < c.height - edge)  # (NaN is not)
             there = surface[np.where(inside, y, 0).astype(int), np.where(inside, x, 0).astype(int)]
             seen |= inside & (np.abs(there / np.where(inside, z, 1.0) - 1.0) < SAME_DEPTH)
-        out[view.name] = ~binary_opening(seen, iterations=1)
+        unseen = ~binary_opening(seen, iterations=1)
+        whole = (view.camera.height, view.camera.width)
+        fine = unseen.repeat(COARSE, axis=0).repeat(COARSE, axis=1)
+        out[view.name] = np.pad(fine, [(0, n - m) for n, m in zip(whole, fine.shape, strict=True)], mode="edge")
     return out
 
 
@@ -172,8 +179,9 @@ def _splats(gaussians, views: Sequence[GridView], changed: dict[str, np.ndarray]
         # (a colour's gradient is its blending weight where harmonics are not cut at black)
         bright = torch.zeros_like(gaussians.sh).requires_grad_()
         image = render(replace(gaussians, sh=bright), view.camera, settings=settings).image
-        (inner,) = torch.autograd.grad(image, bright, mask.expand(3, -1, -1).float().contiguous(), retain_graph=True)
-        (whole,) = torch.autograd.grad(image, bright, torch.ones_like(image))
+        seen = mask.expand(3, -1, -1).float().contiguous()
+        (inner,) = torch.autograd.grad(with_slope(image, seen), bright, retain_graph=True)
+        (whole,) = torch.autograd.grad(with_slope(image, torch.ones_like(image)), bright)
         inside += inner[:, 0].mean(dim=1) / SH_C0
         everywhere += whole[:, 0].mean(dim=1) / SH_C0
     return (inside > SHARE * everywhere) & (everywhere > 0.5)
