@@ -63,6 +63,7 @@ def next_view_command(options: argparse.Namespace, progress: Reporting) -> int:
         np.save(temporary, ranking.known.numpy().astype(np.float32))
     content = {
         "twin": str(options.twin), "candidates": options.candidates, "through_blur": settings.through_blur,
+        "expected_error": ranking.error,
         "views": [suggestion.plain() for suggestion in ranked], "seconds": round(time.perf_counter() - began, 3),
     }  # fmt: skip
     path = options.twin / "next_views.json"
