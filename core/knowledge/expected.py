@@ -112,6 +112,12 @@ class ExpectedError:
         """[H, W] expected root mean square error of the sharp view's px, sRGB."""
         return torch.einsum("k,khw->hw", self.weights, self.shapes(place, spreads).sharp).sqrt()
 
+    def view(self, place: Place) -> tuple[Tensor, Tensor]:
+        """[3, H, W] what the twin shows there, sharp, and [H, W] `deviation`."""
+        m, camera = self._looks.margin, place.camera
+        sharp = self._looks.unmoved(place)[:, m : m + camera.height, m : m + camera.width]
+        return sharp, self.deviation(place)
+
     def _untold(self, place: Place) -> tuple[Tensor, Tensor]:
         """[N, octaves] share of the detail that no photo told of what is seen from here; [N] sin^2 to the nearest."""
         here = self.detail.rays(place)[0]

@@ -11,12 +11,14 @@ from dgs.core.imaging.medium import Medium
 from dgs.core.imaging.psf import PointSpread
 from dgs.core.knowledge.expected import USUAL
 from dgs.core.knowledge.next_view import Knowledge, NextViewSettings, rank
+from dgs.core.knowledge.pictures import draw_expected
 from dgs.core.pipeline.settings import ReconstructSettings
 from dgs.core.progress import Silent
 from dgs.core.sfm.reconstruction import Figures, Reconstruction
 from dgs.core.training.scale import scene_scale
 from dgs.core.twin.folder import Twin
 from dgs.core.views import SparsePoints, View
+from PIL import Image
 
 sys.path.insert(0, str(Path(__file__).parent))
 from knowledge_scenes import camera, looks_at, plane
@@ -52,6 +54,21 @@ def test_candidates_are_ranked_with_errors_that_held_out_photos_measured(tmp_pat
     assert by["away"].covers == 0.0 and by["aside"].covers > by["again"].covers
     assert by["aside"].error > by["again"].error > 0.0
     assert ranking.error["held_photos"] == 1 and ranking.error["weights"]["placed"] < USUAL[1]
+    assert list(ranking.views) == [s.camera.name for s in ranking.suggestions if s.order]
+    sharp, deviation = ranking.views["aside"]
+    assert sharp.shape[1:] == deviation.shape and float(deviation.square().mean().sqrt()) == pytest.approx(
+        by["aside"].error, rel=1e-4
+    )
+    (tmp_path / "drawn").mkdir()
+    (tmp_path / "drawn" / "old.png").write_bytes(b"")
+    draw_expected(tmp_path / "drawn", ranking.views)
+    assert sorted(p.stem for p in (tmp_path / "drawn").iterdir()) == sorted(ranking.views)
+    drawn = np.asarray(Image.open(tmp_path / "drawn" / "aside.png")).astype(float)
+    assert drawn.shape == (32, 96, 3)
+    np.testing.assert_allclose(drawn[:, :48] / 255, sharp.clamp(0, 1).permute(1, 2, 0), atol=0.003)
+    worst, best = (int(f()) for f in (deviation.argmax, deviation.argmin))
+    redness = (drawn[:, 48:, 0] - drawn[:, 48:, 1]).ravel()
+    assert redness[worst] > redness[best] + 20
     alone = rank(twin_of(tmp_path, []), offered, QUICK, Silent())
     assert alone.error["held_photos"] == 0
     assert list(alone.error["weights"].values()) == pytest.approx(USUAL)
