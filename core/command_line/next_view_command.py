@@ -42,6 +42,7 @@ def next_view_command(options: argparse.Namespace, progress: Reporting) -> int:
     from ..files import replacing, write_json
     from ..knowledge.candidates import PATHS, candidates, candidates_from
     from ..knowledge.next_view import NextViewSettings, rank
+    from ..knowledge.pictures import draw_expected
     from ..pipeline.machine import use_threads
     from ..twin.folder import open_twin
 
@@ -59,10 +60,12 @@ def next_view_command(options: argparse.Namespace, progress: Reporting) -> int:
     settings = NextViewSettings(options.count, options.samples, through_blur=not options.without_blur)
     ranking = rank(twin, offered, settings, progress)
     ranked = ranking.suggestions
+    draw_expected(options.twin / "next_views", ranking.views)
     with replacing(options.twin / "known.npy") as temporary:
         np.save(temporary, ranking.known.numpy().astype(np.float32))
     content = {
         "twin": str(options.twin), "candidates": options.candidates, "through_blur": settings.through_blur,
+        "expected_error": ranking.error,
         "views": [suggestion.plain() for suggestion in ranked], "seconds": round(time.perf_counter() - began, 3),
     }  # fmt: skip
     path = options.twin / "next_views.json"

@@ -79,9 +79,12 @@ def spread(looks: Looks, steps: Tensor, place: Place) -> tuple[Tensor, Tensor]:
     return blurred, sharp
 
 
-def gain_of(looks: Looks, posterior: Posterior, taken: Sequence[Place], place: Place) -> Gain:
-    """The expected gain of a photo at `place`, given photos at `taken`."""
-    blurred, sharp = spread(looks, opened(looks, posterior, taken, place), place)
+def gain_of(
+    looks: Looks, posterior: Posterior, taken: Sequence[Place], place: Place,
+    spreads: tuple[Tensor, Tensor] | None = None,
+) -> Gain:  # fmt: skip
+    """The expected gain of a photo at `place`, given photos at `taken`; `spreads` there, where they are at hand."""
+    blurred, sharp = spreads or spread(looks, opened(looks, posterior, taken, place), place)
     patch = 1.0 if place.psf is None else 1.0 / float(np.square(place.psf.kernel()).sum())
     bits = 0.5 * float(torch.log2(1.0 + blurred / posterior.noise**2).sum()) / patch
     fall = float((blurred.square() / (blurred + posterior.noise**2)).sum()) / patch

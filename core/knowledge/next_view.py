@@ -17,7 +17,9 @@ from ..rasterizer import RasterSettings
 from ..training.grid import coarse_camera
 from ..twin.folder import Twin
 from .coverage import Coverage
-from .gain import Gain, gain_of
+from .detail import Detail
+from .expected import PARTS, ExpectedError
+from .gain import Gain, gain_of, opened, spread
 from .looks import Looks, Place
 from .posterior import Posterior, sample_posterior
 
@@ -25,6 +27,8 @@ from .posterior import Posterior, sample_posterior
 GRID = 320
 #: Candidates that stand for where the twin may be looked at from, at most.
 WANTED = 48
+#: Held-out photos by which the expected error is measured, at most: each costs as much as a candidate.
+HELD = 8
 
 
 @dataclass(frozen=True)
@@ -47,19 +51,27 @@ class NextViewSettings:
 
 @dataclass(frozen=True)
 class Suggestion:
-    """A candidate: its gain given the photos that are there, the share of what may be looked at that it newly covers
-    (given those chosen before it, too), and `order` 1, 2, ... for the chosen ones, None for the others."""
+    """A candidate.
+
+    Attributes:
+        gain: given the photos that are there.
+        covers: share of the detail that may be looked at that it newly tells, given those chosen before it, too.
+        error: expected rms error of the twin's sharp view there, sRGB in [0, 1].
+        order: 1, 2, ... for the chosen ones, None for the others.
+    """
 
     camera: Camera
     gain: Gain
     covers: float
+    error: float
     order: int | None
 
     def plain(self) -> dict[str, Any]:
         """For JSON: world to camera, px."""
         c = self.camera
         return {
-            "name": c.name, "order": self.order, "covers": round(self.covers, 5), **asdict(self.gain),
+            "name": c.name, "order": self.order, "covers": round(self.covers, 5),
+            "expected_error": round(self.error, 5), **asdict(self.gain),
             "centre": c.centre.tolist(),
             "rotation": c.rotation.tolist(), "translation": c.translation.tolist(),
             "width": c.width, "height": c.height, "fx": c.fx, "fy": c.fy, "cx": c.cx, "cy": c.cy,
@@ -80,7 +92,7 @@ class Knowledge:
         self.margin = twin.margin(self.step)
         gaussians = twin.scale.to_unit(twin.gaussians)
         kept = twin.kept or twin.views
-        views = twin.on_grid(kept, self.step)
+        self.views = views = twin.on_grid(kept, self.step)
         self.taken = [
             Place(v.camera, v.psf if through_blur else None, None if v.valid is None else torch.from_numpy(v.valid))
             for v in views
@@ -103,10 +115,33 @@ class Knowledge:
         return max(float(np.sqrt(np.mean(errors))), 1.0 / 255.0 / 12.0**0.5)
 
     def place(self, camera: Camera) -> Place:
-        """A candidate in world units, on the grid."""
+        """A candidate in world units, on the grid.
+
+        Where photos have blurs of their own, a candidate's is taken for that of the photo next to it.
+        """
         unit = coarse_camera(self.twin.scale.camera_to_unit(camera), self.step)
-        psf = self.twin.medium.psf if self.through_blur else None
+        medium = self.twin.medium
+        psf = medium.psf
+        if medium.per_view:
+            nearest = min(self.twin.views, key=lambda v: float(np.linalg.norm(v.camera.centre - camera.centre)))
+            psf = medium.psf_for(nearest.name)
+        psf = psf if self.through_blur else None
         return Place(unit, None if psf is None or psf.is_identity else psf.on_grid(self.step))
+
+    def held(self) -> list[tuple[Place, Tensor]]:
+        """Places and photos [3, H, W] that the twin was not trained on."""
+        names = set(self.twin.held)
+        views = self.twin.on_grid([v for v in self.twin.views if v.name in names], self.step) if self.twin.kept else []
+        return [
+            (Place(v.camera, v.psf if self.through_blur else None,
+                   None if v.valid is None else torch.from_numpy(v.valid)), torch.from_numpy(v.planes()))
+            for v in views[:: max(1, -(-len(views) // HELD))]
+        ]  # fmt: skip
+
+    def contrast(self) -> float:
+        """Variance of the photos' px, sRGB^2."""
+        some = self.views[:: max(1, len(self.views) // 12)]
+        return float(np.mean([view.planes().var(axis=(1, 2)).mean() for view in some]))
 
     def posterior(self, taken: Sequence[Place], settings: NextViewSettings, progress: Progress) -> Posterior:
         """What `taken` leave open."""
@@ -122,40 +157,60 @@ class Knowledge:
 
 @dataclass(frozen=True)
 class Ranking:
-    """Suggestions, the chosen ones first, and how much [N] of each Gaussian's colour the photos fix (0 to 1)."""
+    """Suggestions, the chosen ones first.
+
+    Attributes:
+        known: [N] how much of each Gaussian's colour the photos fix (0 to 1).
+        error: how the expected errors were measured, for JSON.
+        views: of the chosen ones by name, what the twin shows there ([3, H, W], sharp, sRGB, on the grid) and how wrong
+            it is expected to be ([H, W], rms).
+    """
 
     suggestions: list[Suggestion]
     known: Tensor
+    error: dict[str, Any]
+    views: dict[str, tuple[Tensor, Tensor]]
 
 
 def rank(twin: Twin, candidates: Sequence[Camera], settings: NextViewSettings, progress: Progress) -> Ranking:
-    """Chooses `settings.count` candidates greedily; the rest follow by their gain after those.
+    """Chooses `settings.count` candidates greedily; the rest follow by what they are worth after those.
 
     Args:
         candidates: in world units; those from which nothing of the twin is seen gain nothing.
     """
     knowledge = Knowledge(twin, settings.through_blur)
+    looks, taken = knowledge.looks, knowledge.taken
     places = {camera.name: knowledge.place(camera) for camera in candidates}
     left = {camera.name: camera for camera in candidates}
     progress.stage("information", settings.samples)
-    posterior = knowledge.posterior(knowledge.taken, settings, progress)
+    posterior = knowledge.posterior(taken, settings, progress)
     progress.stage("candidates", len(left))
     wanted = list(places.values())[:: max(1, -(-len(places) // WANTED))]
-    coverage = Coverage(knowledge.looks, knowledge.noise, wanted, settings.seed)
-    for place in knowledge.taken:
-        coverage.take(place)
-    gains, covers = {}, {}
+    detail = Detail(looks, knowledge.noise, wanted, taken)
+    coverage = Coverage(detail, wanted, taken, settings.seed)
+    expected = ExpectedError(detail, posterior, taken, knowledge.contrast())
+    held = knowledge.held()
+    expected.fit(held)
+    gains, covers, errors = {}, {}, {}
     for done, (name, place) in enumerate(places.items()):
-        gains[name] = gain_of(knowledge.looks, posterior, knowledge.taken, place)
+        spreads = spread(looks, opened(looks, posterior, taken, place), place)
+        gains[name] = gain_of(looks, posterior, taken, place, spreads)
+        errors[name] = float(expected.deviation(place, spreads).square().mean().sqrt())
         covers[name] = coverage.gain(place)
         progress.advance(done + 1)
         if progress.cancelled():
             raise Cancelled("Stopped while weighing the candidates")
     chosen = []
+    scores = coverage.scores(list(places.values()))
     for order in range(1, min(settings.count, len(candidates)) + 1):
-        best = max(left, key=lambda name: covers[name])
-        chosen.append(Suggestion(left.pop(best), gains[best], covers[best], order))
+        best = list(left)[int(np.argmax(scores))]
+        chosen.append(Suggestion(left.pop(best), gains[best], covers[best], errors[best], order))
         coverage.take(places[best])
         covers = {name: coverage.gain(places[name]) for name in left}
-    rest = [Suggestion(camera, gains[name], covers[name], None) for name, camera in left.items()]
-    return Ranking(chosen + sorted(rest, key=lambda s: -s.covers), posterior.known())
+        scores = coverage.scores([places[name] for name in left])
+    ranked = sorted(zip(scores, left.items(), strict=True), key=lambda pair: -pair[0])
+    rest = [Suggestion(camera, gains[name], covers[name], errors[name], None) for _, (name, camera) in ranked]
+    weights = {name: round(float(w), 5) for name, w in zip(PARTS, expected.weights, strict=True)}
+    measured = {"held_photos": len(held), "weights": weights}
+    views = {s.camera.name: expected.view(places[s.camera.name]) for s in chosen}
+    return Ranking(chosen + rest, posterior.known(), measured, views)

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 import torch
 from dgs.core.knowledge.candidates import candidates, looking_at, stage_of
-from dgs.core.knowledge.coverage import Coverage
 from dgs.core.knowledge.gain import carried, gain_of
 from dgs.core.knowledge.posterior import sample_posterior
 
@@ -130,27 +129,3 @@ def test_up_is_up_though_the_cameras_look_down():
     ]
     np.testing.assert_allclose(stage_of(photos).up, [0.0, -1.0, 0.0], atol=1e-6)
     assert min(-c.centre[1] for c in candidates("orbit", photos, 12)) > 1.9  # none below the table
-
-
-def test_photos_cover_what_they_see_and_a_second_one_there_adds_little():
-    looks = looks_at([camera(-0.6, -1.0)], 1.5)
-    place = lambda c: type(looks.places[0])(c, looks.places[0].psf)  # noqa: E731
-    wanted = [place(c) for c in (camera(-0.6, -1.0), camera(0.6, -1.0), camera(0.0, 2.0))]
-    coverage = Coverage(looks, NOISE, wanted)
-    first = coverage.gain(looks.places[0])
-    coverage.take(looks.places[0])
-    again, other, away = (coverage.gain(place(c)) for c in (camera(-0.6, -1.0), camera(0.6, -1.0), camera(9.0, -1.0)))
-    assert 0.0 < other < 1.0 and first > 0.0
-    assert again < 0.1 * other and away == 0.0
-    coverage.take(wanted[1])
-    assert coverage.gain(wanted[1]) == 0.0
-
-
-def test_blur_and_distance_tell_less_of_fine_splats():
-    near, blurred, far = (
-        Coverage(looks_at([c], sigma), NOISE, looks_at([c], sigma).places).told(looks_at([c], sigma).places[0])
-        for c, sigma in ((camera(0.0), 0.0), (camera(0.0), 4.0), (camera(0.0, -6.0), 0.0))
-    )
-    seen = near > 0.5
-    assert float(near[seen].mean()) > float(blurred[seen].mean())
-    assert float(near[seen].mean()) > float(far[seen].mean())
