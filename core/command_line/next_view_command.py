@@ -44,6 +44,7 @@ def next_view_command(options: argparse.Namespace, progress: Reporting) -> int:
     from ..knowledge.next_view import NextViewSettings, rank
     from ..knowledge.pictures import draw_expected
     from ..pipeline.machine import use_threads
+    from ..report.known import add_chapter
     from ..twin.folder import open_twin
 
     for name in ("number", "count", "samples"):
@@ -60,7 +61,13 @@ def next_view_command(options: argparse.Namespace, progress: Reporting) -> int:
     settings = NextViewSettings(options.count, options.samples, through_blur=not options.without_blur)
     ranking = rank(twin, offered, settings, progress)
     ranked = ranking.suggestions
-    draw_expected(options.twin / "next_views", ranking.views)
+    drawn = draw_expected(options.twin / "next_views", ranking.views, ranking.error["contrast"])
+    held = ranking.error["held_photos"]
+    add_chapter(
+        options.twin / "report.html", drawn,
+        f"How wrong the twin is was measured on {held} photos that it was not trained on." if held else
+        "No photo was held out to measure how wrong the twin is: usual values stand in.",
+    )  # fmt: skip
     with replacing(options.twin / "known.npy") as temporary:
         np.save(temporary, ranking.known.numpy().astype(np.float32))
     content = {

@@ -161,7 +161,7 @@ class Ranking:
 
     Attributes:
         known: [N] how much of each Gaussian's colour the photos fix (0 to 1).
-        error: how the expected errors were measured, for JSON.
+        error: how the expected errors were measured, for JSON; 'contrast' is the photos' own rms, sRGB.
         views: of the chosen ones by name, what the twin shows there ([3, H, W], sharp, sRGB, on the grid) and how wrong
             it is expected to be ([H, W], rms).
     """
@@ -211,6 +211,6 @@ def rank(twin: Twin, candidates: Sequence[Camera], settings: NextViewSettings, p
     ranked = sorted(zip(scores, left.items(), strict=True), key=lambda pair: -pair[0])
     rest = [Suggestion(camera, gains[name], covers[name], errors[name], None) for _, (name, camera) in ranked]
     weights = {name: round(float(w), 5) for name, w in zip(PARTS, expected.weights, strict=True)}
-    measured = {"held_photos": len(held), "weights": weights}
+    measured = {"held_photos": len(held), "contrast": round(knowledge.contrast() ** 0.5, 5), "weights": weights}
     views = {s.camera.name: expected.view(places[s.camera.name]) for s in chosen}
     return Ranking(chosen + rest, posterior.known(), measured, views)

@@ -19,12 +19,13 @@ from .pictures import jpeg
 
 #: What encloses the chapter in the page, and before what it goes.
 START, END, BEFORE = "<!-- known -->", "<!-- /known -->", "<h2>Cameras</h2>"
-#: Expected errors (sRGB) at the ends and in the middle of the scale, and its colours, those of the viewport: blue
-#: known, red guessed (told apart by colour-blind eyes too).
-SCALE = (0.0, 0.06, 0.12)
+#: Expected errors over the photos' own contrast at the ends and in the middle of the scale: at 1 the photos' mean
+#: colour would be as right. Its colours are those of the viewport: blue known, red guessed (told apart by
+#: colour-blind eyes too).
+SCALE = (0.0, 0.5, 1.0)
 COLOURS = np.array([[34, 112, 181], [242, 230, 153], [214, 48, 38]], float)
-#: From this expected error on (sRGB) a px is called guessed: details of ordinary contrast drown in it.
-GUESSED = 0.1
+#: From this share of the contrast on a px is called guessed: half of its variance is not told.
+GUESSED = 0.7
 #: Guessed px are hatched: lines so many px apart, over so much of the picture's brightness.
 HATCH, VEIL = 6, 0.55
 LONGEST_SIDE, QUALITY = 640, 85
@@ -37,7 +38,7 @@ class Predicted:
     Attributes:
         name: of the candidate; order: in which it is suggested.
         image: [H, W, 3] uint8, the twin's sharp view, sRGB.
-        error: [H, W] expected rms error of its px, sRGB in [0, 1].
+        error: [H, W] expected rms error of its px over the rms contrast of the photos.
     """
 
     name: str
@@ -52,7 +53,7 @@ class Predicted:
 
 
 def painted(error: NDArray[np.floating]) -> NDArray[np.uint8]:
-    """[H, W, 3] the expected error in colours."""
+    """[H, W, 3] the expected error (over the contrast) in colours."""
     return np.stack([np.interp(error, SCALE, COLOURS[:, c]) for c in range(3)], axis=2).round().astype(np.uint8)
 
 
@@ -70,17 +71,17 @@ def chapter(views: Sequence[Predicted], measured: str) -> str:
     parts = [
         START, "<h2>Known and guessed</h2>",
         '<p class="soft">Views that nobody took, in the order in which <code>next-view</code> suggests them. Hatched '
-        f"is what the photos do not tell (an expected error of more than {100 * GUESSED:.0f} % of white). "
+        "is what the photos do not tell: the photos' mean colour would be about as right there. "
         f"{html.escape(measured)}</p>",
     ]  # fmt: skip
     for view in views:
         figures = (
             ("The twin's view", view.image), ("Guessed parts hatched", hatched(view.image, view.error)),
-            (f"Expected error: blue none, red {100 * SCALE[-1]:.0f} % of white and more", painted(view.error)),
+            ("Expected error: blue none, red as large as the contrast", painted(view.error)),
         )  # fmt: skip
         parts.append(
-            f'<h3>{view.order}. {html.escape(view.name)} <span class="scores">{100 * view.guessed:.0f} % guessed, '
-            f'expected error {100 * float(np.sqrt(np.square(view.error).mean())):.1f} % of white</span></h3>'
+            f'<h3>{view.order}. {html.escape(view.name)} <span class="scores">{100 * view.guessed:.0f} % guessed'
+            "</span></h3>"
             '<div class="row" style="--count: 3">'
         )  # fmt: skip
         for title, pixels in figures:

@@ -61,7 +61,7 @@ def test_candidates_are_ranked_with_errors_that_held_out_photos_measured(tmp_pat
     )
     (tmp_path / "drawn").mkdir()
     (tmp_path / "drawn" / "old.png").write_bytes(b"")
-    draw_expected(tmp_path / "drawn", ranking.views)
+    draw_expected(tmp_path / "drawn", ranking.views, ranking.error["contrast"])
     assert sorted(p.stem for p in (tmp_path / "drawn").iterdir()) == sorted(ranking.views)
     drawn = np.asarray(Image.open(tmp_path / "drawn" / "aside.png")).astype(float)
     assert drawn.shape == (32, 96, 3)
