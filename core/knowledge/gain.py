@@ -14,12 +14,14 @@ shell, whose splats look known from the front, counts as unseen.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
 from torch import Tensor
 
+from ..constants import SH_C0
+from ..rasterizer import render
 from .looks import COLOUR, Looks, Place
 from .posterior import Posterior
 
@@ -98,8 +100,15 @@ def gain_of(
     return Gain(bits, fall, guessed, float(shown.float().mean()))
 
 
-def _alpha(looks: Looks, place: Place) -> Tensor:
-    from ..rasterizer import render
+def told(looks: Looks, posterior: Posterior, taken: Sequence[Place], place: Place) -> Tensor:
+    """[H, W] how far the photos tell what `place` sees: the splats' `carried`, blended; 0 where there is none."""
+    sh = torch.zeros_like(looks.gaussians.sh)
+    sh[:, 0] = ((carried(looks, posterior, taken, place) - 0.5) / SH_C0)[:, None]
+    with torch.no_grad():
+        shown = render(replace(looks.gaussians, sh=sh), place.camera, settings=looks.settings).image[0]
+    return shown.clamp(0.0, 1.0)
 
+
+def _alpha(looks: Looks, place: Place) -> Tensor:
     with torch.no_grad():
         return render(looks.gaussians, place.camera, settings=looks.settings).alpha

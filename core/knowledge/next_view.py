@@ -19,7 +19,7 @@ from ..twin.folder import Twin
 from .coverage import Coverage
 from .detail import Detail
 from .expected import PARTS, ExpectedError
-from .gain import Gain, gain_of, opened, spread
+from .gain import Gain, gain_of, opened, spread, told
 from .looks import Looks, Place
 from .posterior import Posterior, sample_posterior
 
@@ -162,14 +162,14 @@ class Ranking:
     Attributes:
         known: [N] how much of each Gaussian's colour the photos fix (0 to 1).
         error: how the expected errors were measured, for JSON; 'contrast' is the photos' own rms, sRGB.
-        views: of the chosen ones by name, what the twin shows there ([3, H, W], sharp, sRGB, on the grid) and how wrong
-            it is expected to be ([H, W], rms).
+        views: of the chosen ones by name, what the twin shows there ([3, H, W], sharp, sRGB, on the grid), how wrong
+            it is expected to be ([H, W], rms), and how far photos tell it ([H, W], see `gain.told`).
     """
 
     suggestions: list[Suggestion]
     known: Tensor
     error: dict[str, Any]
-    views: dict[str, tuple[Tensor, Tensor]]
+    views: dict[str, tuple[Tensor, Tensor, Tensor]]
 
 
 def rank(twin: Twin, candidates: Sequence[Camera], settings: NextViewSettings, progress: Progress) -> Ranking:
@@ -212,5 +212,7 @@ def rank(twin: Twin, candidates: Sequence[Camera], settings: NextViewSettings, p
     rest = [Suggestion(camera, gains[name], covers[name], errors[name], None) for _, (name, camera) in ranked]
     weights = {name: round(float(w), 5) for name, w in zip(PARTS, expected.weights, strict=True)}
     measured = {"held_photos": len(held), "contrast": round(knowledge.contrast() ** 0.5, 5), "weights": weights}
-    views = {s.camera.name: expected.view(places[s.camera.name]) for s in chosen}
+    views = {}
+    for name in (s.camera.name for s in chosen):
+        views[name] = (*expected.view(places[name]), told(looks, posterior, taken, places[name]))
     return Ranking(chosen + rest, posterior.known(), measured, views)

@@ -10,14 +10,16 @@ from torch import Tensor
 
 from ..files import make_folder
 from ..pipeline.heldout import write_png
-from ..report.known import Predicted, painted
+from ..report.known import Predicted, hatched, painted
 
 
-def draw_expected(folder: Path, views: Mapping[str, tuple[Tensor, Tensor]], contrast: float) -> list[Predicted]:
-    """Writes NAME.png per view: the twin's sharp view | its expected error, blue for none, red for the contrast and more.
+def draw_expected(
+    folder: Path, views: Mapping[str, tuple[Tensor, Tensor, Tensor]], contrast: float
+) -> list[Predicted]:
+    """Writes NAME.png per view: the twin's sharp view | with guessed parts hatched | its expected error in colours.
 
     Args:
-        views: by name, [3, H, W] sRGB and [H, W] expected rms error. Pictures of other views are removed.
+        views: by name, as in `Ranking`. Pictures of other views are removed.
         contrast: of the photos, rms, sRGB.
 
     Returns:
@@ -30,10 +32,10 @@ def draw_expected(folder: Path, views: Mapping[str, tuple[Tensor, Tensor]], cont
     for old in folder.glob("*.png"):
         old.unlink()
     out = []
-    for order, (name, (sharp, deviation)) in enumerate(views.items(), start=1):
+    for order, (name, (sharp, deviation, told)) in enumerate(views.items(), start=1):
         image = np.round(sharp.numpy().clip(0.0, 1.0).transpose(1, 2, 0) * 255.0).astype(np.uint8)
-        view = Predicted(name, order, image, deviation.numpy() / max(contrast, 1e-6))
-        panels = np.concatenate([view.image, painted(view.error)], axis=1)
+        view = Predicted(name, order, image, deviation.numpy() / max(contrast, 1e-6), told.numpy())
+        panels = np.concatenate([view.image, hatched(view), painted(view.error)], axis=1)
         write_png(folder / f"{Path(name).stem}.png", np.ascontiguousarray(panels))
         out.append(view)
     return out

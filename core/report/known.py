@@ -26,6 +26,8 @@ SCALE = (0.0, 0.5, 1.0)
 COLOURS = np.array([[34, 112, 181], [242, 230, 153], [214, 48, 38]], float)
 #: From this share of the contrast on a px is called guessed: half of its variance is not told.
 GUESSED = 0.7
+#: And where photos tell less than this of it, as splats that no photo saw from within 45 degrees.
+UNTOLD = 0.2
 #: Guessed px are hatched: lines so many px apart, over so much of the picture's brightness.
 HATCH, VEIL = 6, 0.55
 LONGEST_SIDE, QUALITY = 640, 85
@@ -39,17 +41,19 @@ class Predicted:
         name: of the candidate; order: in which it is suggested.
         image: [H, W, 3] uint8, the twin's sharp view, sRGB.
         error: [H, W] expected rms error of its px over the rms contrast of the photos.
+        told: [H, W] how far photos tell what is seen there, 0 to 1.
     """
 
     name: str
     order: int
     image: NDArray[np.uint8]
     error: NDArray[np.floating]
+    told: NDArray[np.floating]
 
     @property
-    def guessed(self) -> float:
-        """Share of the px that are guessed."""
-        return float((self.error > GUESSED).mean())
+    def guessed(self) -> NDArray[np.bool_]:
+        """[H, W] px that the photos do not tell."""
+        return np.asarray((self.error > GUESSED) | (self.told < UNTOLD))
 
 
 def painted(error: NDArray[np.floating]) -> NDArray[np.uint8]:
@@ -57,13 +61,14 @@ def painted(error: NDArray[np.floating]) -> NDArray[np.uint8]:
     return np.stack([np.interp(error, SCALE, COLOURS[:, c]) for c in range(3)], axis=2).round().astype(np.uint8)
 
 
-def hatched(image: NDArray[np.uint8], error: NDArray[np.floating]) -> NDArray[np.uint8]:
+def hatched(view: Predicted) -> NDArray[np.uint8]:
     """[H, W, 3] the view, with lines over what is guessed."""
-    rows, columns = np.indices(error.shape)
+    image = view.image
+    rows, columns = np.indices(image.shape[:2])
     line = (rows + columns) % HATCH < HATCH / 3
     grey = image.mean(axis=2, keepdims=True)
     veiled = VEIL * grey + (1.0 - VEIL) * np.where(line[..., None], COLOURS[2], 235.0)
-    return np.where((error > GUESSED)[..., None], veiled, image).round().astype(np.uint8)
+    return np.where(view.guessed[..., None], veiled, image).round().astype(np.uint8)
 
 
 def chapter(views: Sequence[Predicted], measured: str) -> str:
@@ -71,16 +76,17 @@ def chapter(views: Sequence[Predicted], measured: str) -> str:
     parts = [
         START, "<h2>Known and guessed</h2>",
         '<p class="soft">Views that nobody took, in the order in which <code>next-view</code> suggests them. Hatched '
-        "is what the photos do not tell: the photos' mean colour would be about as right there. "
+        "is what the photos do not tell: no photo saw it from within 45 degrees, or their mean colour would be about as "
+        "right. "
         f"{html.escape(measured)}</p>",
     ]  # fmt: skip
     for view in views:
         figures = (
-            ("The twin's view", view.image), ("Guessed parts hatched", hatched(view.image, view.error)),
+            ("The twin's view", view.image), ("Guessed parts hatched", hatched(view)),
             ("Expected error: blue none, red as large as the contrast", painted(view.error)),
         )  # fmt: skip
         parts.append(
-            f'<h3>{view.order}. {html.escape(view.name)} <span class="scores">{100 * view.guessed:.0f} % guessed'
+            f'<h3>{view.order}. {html.escape(view.name)} <span class="scores">{100 * view.guessed.mean():.0f} % guessed'
             "</span></h3>"
             '<div class="row" style="--count: 3">'
         )  # fmt: skip

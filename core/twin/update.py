@@ -297,6 +297,7 @@ def _write(twin: Twin, photos: Sequence[Photo], found: Reconstruction, gaussians
     write_json(folder / "update.json", facts)
     for name in ("known.npy", "next_views.json"):  # of the twin as it was
         (folder / name).unlink(missing_ok=True)
+    shutil.rmtree(folder / "next_views", ignore_errors=True)
     drop_chapter(folder / "report.html")
 
 

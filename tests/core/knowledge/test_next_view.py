@@ -55,7 +55,7 @@ def test_candidates_are_ranked_with_errors_that_held_out_photos_measured(tmp_pat
     assert by["aside"].error > by["again"].error > 0.0
     assert ranking.error["held_photos"] == 1 and ranking.error["weights"]["placed"] < USUAL[1]
     assert list(ranking.views) == [s.camera.name for s in ranking.suggestions if s.order]
-    sharp, deviation = ranking.views["aside"]
+    sharp, deviation, told = ranking.views["aside"]
     assert sharp.shape[1:] == deviation.shape and float(deviation.square().mean().sqrt()) == pytest.approx(
         by["aside"].error, rel=1e-4
     )
@@ -64,10 +64,11 @@ def test_candidates_are_ranked_with_errors_that_held_out_photos_measured(tmp_pat
     draw_expected(tmp_path / "drawn", ranking.views, ranking.error["contrast"])
     assert sorted(p.stem for p in (tmp_path / "drawn").iterdir()) == sorted(ranking.views)
     drawn = np.asarray(Image.open(tmp_path / "drawn" / "aside.png")).astype(float)
-    assert drawn.shape == (32, 96, 3)
+    assert drawn.shape == (32, 144, 3)
+    assert told.shape == deviation.shape and float(told.min()) >= 0.0 and float(told.max()) <= 1.0
     np.testing.assert_allclose(drawn[:, :48] / 255, sharp.clamp(0, 1).permute(1, 2, 0), atol=0.003)
     worst, best = (int(f()) for f in (deviation.argmax, deviation.argmin))
-    redness = (drawn[:, 48:, 0] - drawn[:, 48:, 1]).ravel()
+    redness = (drawn[:, 96:, 0] - drawn[:, 96:, 1]).ravel()
     assert redness[worst] > redness[best] + 20
     alone = rank(twin_of(tmp_path, []), offered, QUICK, Silent())
     assert alone.error["held_photos"] == 0

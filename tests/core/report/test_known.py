@@ -24,7 +24,9 @@ PAGE = f"<h1>Report</h1>\n{BEFORE}\n<p>cameras</p>\n"
 def view(name: str) -> Predicted:
     error = np.zeros((30, 40), np.float32)
     error[:, 20:] = 1.2
-    return Predicted(name, 1, np.full((30, 40, 3), 128, np.uint8), error)
+    told = np.ones((30, 40), np.float32)
+    told[:15, :10] = 0.1
+    return Predicted(name, 1, np.full((30, 40, 3), 128, np.uint8), error, told)
 
 
 def test_the_chapter_goes_in_once_and_is_replaced(tmp_path: Path) -> None:
@@ -32,7 +34,7 @@ def test_the_chapter_goes_in_once_and_is_replaced(tmp_path: Path) -> None:
     report.write_text(PAGE)
     assert add_chapter(report, [view("a <b>")], "Measured on 3 photos.")
     first = report.read_text()
-    assert first.count("<img") == 3 and "a &lt;b&gt;" in first and "50 % guessed" in first
+    assert first.count("<img") == 3 and "a &lt;b&gt;" in first and "62 % guessed" in first
     assert first.index(START) < first.index(END) < first.index(BEFORE)
     assert add_chapter(report, [view("c"), view("d")], "")
     again = report.read_text()
@@ -52,9 +54,9 @@ def test_no_report_or_a_strange_one_is_left_alone(tmp_path: Path) -> None:
 
 def test_guessed_px_are_hatched_and_red_and_known_ones_stay() -> None:
     one = view("a")
-    marked, colours = hatched(one.image, one.error), painted(one.error)
-    assert np.array_equal(marked[:, :20], one.image[:, :20])
-    lines = marked[:, 20:].astype(int)
-    assert len(np.unique(lines.reshape(-1, 3), axis=0)) == 2 and (lines[..., 0] > lines[..., 1]).any()
+    marked, colours = hatched(one), painted(one.error)
+    assert np.array_equal(marked[15:, :20], one.image[15:, :20])
+    for lines in (marked[:, 20:].astype(int), marked[:15, :10].astype(int)):
+        assert len(np.unique(lines.reshape(-1, 3), axis=0)) == 2 and (lines[..., 0] > lines[..., 1]).any()
     assert (colours[:, :20] == COLOURS[0]).all() and (colours[:, 20:] == COLOURS[2]).all()
     assert GUESSED < 1.2
