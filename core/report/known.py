@@ -76,8 +76,7 @@ def chapter(views: Sequence[Predicted], measured: str) -> str:
     parts = [
         START, "<h2>Known and guessed</h2>",
         '<p class="soft">Views that nobody took, in the order in which <code>next-view</code> suggests them. Hatched '
-        "is what the photos do not tell: no photo saw it from within 45 degrees, or their mean colour would be about as "
-        "right. "
+        "is what the photos do not tell: none saw it from within 45 degrees, or their mean colour would be as right. "
         f"{html.escape(measured)}</p>",
     ]  # fmt: skip
     for view in views:
