@@ -90,15 +90,18 @@ def next_view_command(options: argparse.Namespace, progress: Reporting) -> int:
 
 
 def table(ranked: Sequence[Suggestion]) -> list[str]:
-    """Lines for a terminal: the chosen views in their order, then the best of the others."""
-    head = f"{'take':<5} {'view':<20} {'new':>6} {'gain':>12} {'guessed':>8} {'shows twin':>11}   centre (world units)"
-    lines = [head]
+    """Lines for a terminal: the chosen views in their order, then the best of the others.
+
+    'wrong by': expected rms error of the sharp view, in 8-bit steps.
+    """
+    head = f"{'take':<5} {'view':<20} {'new':>6} {'gain':>12} {'guessed':>8} {'wrong by':>9} {'shows twin':>11}"
+    lines = [f"{head}   centre (world units)"]
     chosen = [s for s in ranked if s.order]
     for s in [*chosen, *[s for s in ranked if not s.order][:OTHERS]]:
         centre = ", ".join(f"{value:.4g}" for value in s.camera.centre)
         order = f"{s.order}." if s.order else "-"
         lines.append(
             f"{order:<5} {s.camera.name:<20} {100 * s.covers:>4.1f} % {s.gain.bits:>7.0f} bits "
-            f"{100 * s.gain.guessed:>6.0f} % {100 * s.gain.covered:>9.0f} %   ({centre})"
+            f"{100 * s.gain.guessed:>6.0f} % {255 * s.error:>9.1f} {100 * s.gain.covered:>9.0f} %   ({centre})"
         )
     return lines

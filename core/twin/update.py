@@ -48,7 +48,7 @@ from .register import corrected, register
 BEGIN = 0.5
 #: Steps of a round as a share of the twin's own, and rounds at most: another one follows as long as new photos are
 #: explained worse than held-out old ones by so many dB.
-ROUND, ROUNDS, BEHIND = 0.06, 4, 0.5
+ROUND, ROUNDS, BEHIND = 0.06, 4, 1.0
 #: Views that say whether anything was forgotten, at most.
 WATCHED = 8
 
