@@ -37,6 +37,8 @@ TIMES, LEAST = 6.0, 0.03
 SOLID, SAME_DEPTH, BORDER = 0.7, 0.1, 0.02
 #: What was seen is decided on a grid coarser by this factor: every old photo's depth has to be rendered.
 COARSE = 2
+#: Old photos that are asked, the nearest first.
+NEAREST = 16
 #: A splat has changed if so much of what the new photos see of it lies in changed px.
 SHARE = 0.5
 
@@ -50,7 +52,7 @@ class Changes:
         gain: share by which that width lowers the median squared residual.
         changed: [H, W] bool on the grid by new photo's name: the object looks different there.
         residuals: [H, W] float32 by name: photo less twin through the blur, mean over channels, sRGB.
-        unseen: [H, W] bool by name: no old photo saw that part of the object (all False where nothing looks changed).
+        unseen: [H, W] bool by name: it looks changed, but no old photo saw that part of the object.
         splats: [N] bool, Gaussians that show what has changed.
     """
 
@@ -69,7 +71,7 @@ class Changes:
 
     @property
     def unseen_share(self) -> float:
-        """Share of the new photos' px that show more than the twin knew."""
+        """Share of the new photos' px that show what the twin only guessed, and guessed wrong."""
         return float(np.mean([u.mean() for u in self.unseen.values()])) if self.unseen else 0.0
 
 
@@ -114,37 +116,47 @@ def find_changes(twin: Twin, views: Sequence[GridView], medium: Medium) -> Chang
         changed[view.name] = binary_dilation(binary_opening(found, iterations=1), iterations=round(2 * ties))
     unseen = {view.name: np.zeros_like(changed[view.name]) for view in views}
     if any(found.any() for found in changed.values()):
-        unseen = _unseen(gaussians, views, twin.on_grid(twin.kept or twin.views, step), settings)
+        unseen = _unseen(gaussians, views, changed, twin.on_grid(twin.kept or twin.views, step), settings)
     changed = {name: found & ~unseen[name] for name, found in changed.items()}
     return Changes(width, gain, changed, residuals, unseen, _splats(gaussians, views, changed, settings))
 
 
-def _unseen(gaussians: Gaussians, views: Sequence[GridView], old: Sequence[GridView],
+def _unseen(gaussians: Gaussians, views: Sequence[GridView], found: dict[str, np.ndarray], old: Sequence[GridView],
             settings: RasterSettings) -> dict[str, np.ndarray]:  # fmt: skip
-    """[H, W] bool by name: the twin's surface there was in no old photo, or the twin has none."""
+    """[H, W] bool by name: of what looks changed, where the twin has no surface, or one that was in no old photo."""
     coarse = replace(settings, low_pass=settings.low_pass / COARSE**2)
     others = [coarse_camera(view.camera, COARSE) for view in old]
-    depths = [_depth(gaussians, camera, coarse) for camera in others]
+    depths: dict[int, np.ndarray] = {}
     out = {}
     for view in views:
-        camera = coarse_camera(view.camera, COARSE)
-        depth = _depth(gaussians, camera, coarse)
-        rows, columns = np.mgrid[: camera.height, : camera.width] + 0.5
-        local = np.stack([(columns - camera.cx) / camera.fx, (rows - camera.cy) / camera.fy, np.ones_like(rows)], -1)
-        points = (local * depth[..., None] - camera.translation) @ camera.rotation
-        seen = np.zeros(depth.shape, bool)
-        for c, surface in zip(others, depths, strict=True):
+        camera, whole = coarse_camera(view.camera, COARSE), found[view.name]
+        asked = whole[: camera.height * COARSE : COARSE, : camera.width * COARSE : COARSE]
+        row, column = np.nonzero(asked)
+        z = _depth(gaussians, camera, coarse)[row, column] if len(row) else np.zeros(0)
+        local = np.stack([(column + 0.5 - camera.cx) / camera.fx, (row + 0.5 - camera.cy) / camera.fy, np.ones_like(z)])
+        points = ((local * z).T - camera.translation) @ camera.rotation
+        seen = np.zeros(len(row), bool)
+        for index in np.argsort([np.linalg.norm(c.centre - camera.centre) for c in others])[:NEAREST]:
+            if seen[np.isfinite(points[:, 0])].all():
+                break
+            c = others[index]
             at = points @ c.rotation.T + c.translation
-            z = np.where(at[..., 2] > 0, at[..., 2], np.nan)
-            x, y = at[..., 0] / z * c.fx + c.cx, at[..., 1] / z * c.fy + c.cy
+            z = np.where(at[:, 2] > 0, at[:, 2], np.nan)
+            x, y = at[:, 0] / z * c.fx + c.cx, at[:, 1] / z * c.fy + c.cy
             edge = BORDER * min(c.width, c.height)
             inside = (x > edge) & (y > edge) & (x < c.width - edge) & (y < c.height - edge)  # (NaN is not)
-            there = surface[np.where(inside, y, 0).astype(int), np.where(inside, x, 0).astype(int)]
+            if not (inside & ~seen).any():
+                continue
+            if index not in depths:
+                depths[index] = _depth(gaussians, c, coarse)
+            there = depths[index][np.where(inside, y, 0).astype(int), np.where(inside, x, 0).astype(int)]
             seen |= inside & (np.abs(there / np.where(inside, z, 1.0) - 1.0) < SAME_DEPTH)
-        unseen = ~binary_opening(seen, iterations=1)
-        whole = (view.camera.height, view.camera.width)
+        known = np.zeros(asked.shape, bool)
+        known[row, column] = seen
+        unseen = asked & ~binary_opening(known, iterations=1)
         fine = unseen.repeat(COARSE, axis=0).repeat(COARSE, axis=1)
-        out[view.name] = np.pad(fine, [(0, n - m) for n, m in zip(whole, fine.shape, strict=True)], mode="edge")
+        rest = [(0, n - m) for n, m in zip(whole.shape, fine.shape, strict=True)]
+        out[view.name] = np.pad(fine, rest, mode="edge") & whole
     return out
 
 

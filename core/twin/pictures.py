@@ -20,7 +20,7 @@ FULL = 0.15
 def draw_changes(folder: Path, views: Sequence[View], changes: Changes, step: int) -> None:
     """Writes NAME.png per new photo: photo | residual (red: brighter now, blue: darker) | what changed.
 
-    In the last one changes are red, and what no old photo saw is green.
+    In the last one changes are red, and what looks changed but was in no old photo is green.
 
     Raises:
         OutputError: the folder cannot be written.
