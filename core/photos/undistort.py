@@ -21,6 +21,8 @@ from .resample_kernels import sample
 
 #: Distortion below this (px, anywhere in the frame) is not worth touching a pixel for.
 UNTOUCHED = 0.05
+#: Maps of lenses with at most so many px are kept from one call to the next (32 MB).
+KEPT_PX = 2_000_000
 
 Floats = NDArray[np.float64]
 
@@ -163,9 +165,13 @@ def _inside(at: Floats, width: int, height: int) -> NDArray[np.bool_]:
 
 
 @lru_cache(maxsize=2)
-def _way(lens: Lens) -> Undistortion:
-    """A lens's maps, which take as long as two photos."""
+def _kept(lens: Lens) -> Undistortion:
     return Undistortion(lens)
+
+
+def _way(lens: Lens) -> Undistortion:
+    """A lens's maps: they take as long as two photos, and are kept if they are small."""
+    return _kept(lens) if lens.width * lens.height <= KEPT_PX else Undistortion(lens)
 
 
 def undistorted_views(photos: list[Photo], cameras: Reconstruction) -> list[View]:
