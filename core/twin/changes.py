@@ -117,7 +117,9 @@ def find_changes(twin: Twin, views: Sequence[GridView], medium: Medium) -> Chang
     unseen = {view.name: np.zeros_like(changed[view.name]) for view in views}
     if any(found.any() for found in changed.values()):
         unseen = _unseen(gaussians, views, changed, twin.on_grid(twin.kept or twin.views, step), settings)
-    changed = {name: found & ~unseen[name] for name, found in changed.items()}
+        # Slivers along the border of what was seen are no changes.
+        slim = max(1, round(ties))
+        changed = {name: binary_opening(found & ~unseen[name], iterations=slim) for name, found in changed.items()}
     return Changes(width, gain, changed, residuals, unseen, _splats(gaussians, views, changed, settings))
 
 
