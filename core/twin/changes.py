@@ -16,7 +16,6 @@ import torch
 from scipy.ndimage import binary_dilation, binary_opening, gaussian_filter
 from torch import Tensor
 
-from ..camera import Camera
 from ..constants import SH_C0
 from ..gaussians import Gaussians
 from ..imaging.medium import Medium
@@ -25,6 +24,7 @@ from ..imaging.psf import PointSpread
 from ..rasterizer import RasterSettings, render, with_slope
 from ..training.grid import GridView, coarse_camera
 from .folder import Twin
+from .surface import surface_depth
 
 #: Widths of the blur that are tried, relative to the twin's.
 WIDTHS = (0.6, 0.7, 0.8, 0.9, 1.0, 1.1, 1.2, 1.35, 1.5, 1.75)
@@ -32,9 +32,9 @@ WIDTHS = (0.6, 0.7, 0.8, 0.9, 1.0, 1.1, 1.2, 1.35, 1.5, 1.75)
 LEAST_GAIN = 0.1
 #: A px has changed where the smoothed residual is so many times its robust spread, and at least so large (sRGB).
 TIMES, LEAST = 6.0, 0.03
-#: The twin has a surface where its opacity is more than this; an old photo saw it if its own view of the twin lies as
-#: deep there within this share, and not in the outermost share of its frame.
-SOLID, SAME_DEPTH, BORDER = 0.7, 0.1, 0.02
+#: An old photo saw a place if its own view of the twin lies as deep there within this share, and not in the outermost
+#: share of its frame.
+SAME_DEPTH, BORDER = 0.1, 0.02
 #: What was seen is decided on a grid coarser by this factor: every old photo's depth has to be rendered.
 COARSE = 2
 #: Old photos that are asked, the nearest first.
@@ -134,7 +134,7 @@ def _unseen(gaussians: Gaussians, views: Sequence[GridView], found: dict[str, np
         camera, whole = coarse_camera(view.camera, COARSE), found[view.name]
         asked = whole[: camera.height * COARSE : COARSE, : camera.width * COARSE : COARSE]
         row, column = np.nonzero(asked)
-        z = _depth(gaussians, camera, coarse)[row, column] if len(row) else np.zeros(0)
+        z = surface_depth(gaussians, camera, coarse)[row, column] if len(row) else np.zeros(0)
         local = np.stack([(column + 0.5 - camera.cx) / camera.fx, (row + 0.5 - camera.cy) / camera.fy, np.ones_like(z)])
         points = ((local * z).T - camera.translation) @ camera.rotation
         seen = np.zeros(len(row), bool)
@@ -150,7 +150,7 @@ def _unseen(gaussians: Gaussians, views: Sequence[GridView], found: dict[str, np
             if not (inside & ~seen).any():
                 continue
             if index not in depths:
-                depths[index] = _depth(gaussians, c, coarse)
+                depths[index] = surface_depth(gaussians, c, coarse)
             there = depths[index][np.where(inside, y, 0).astype(int), np.where(inside, x, 0).astype(int)]
             seen |= inside & (np.abs(there / np.where(inside, z, 1.0) - 1.0) < SAME_DEPTH)
         known = np.zeros(asked.shape, bool)
@@ -160,14 +160,6 @@ def _unseen(gaussians: Gaussians, views: Sequence[GridView], found: dict[str, np
         rest = [(0, n - m) for n, m in zip(whole.shape, fine.shape, strict=True)]
         out[view.name] = np.pad(fine, rest, mode="edge") & whole
     return out
-
-
-def _depth(gaussians: Gaussians, camera: Camera, settings: RasterSettings) -> np.ndarray:
-    """[H, W] along the axis, NaN where there is no surface."""
-    with torch.no_grad():
-        rendered = render(gaussians, camera, settings=replace(settings, depth=True))
-    assert rendered.mean_depth is not None
-    return np.where(rendered.alpha.numpy() > SOLID, rendered.mean_depth.numpy(), np.nan)
 
 
 def _width(views: Sequence[GridView], residual) -> tuple[float, float]:  # type: ignore[no-untyped-def]

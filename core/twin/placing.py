@@ -6,25 +6,21 @@ import shutil
 from dataclasses import dataclass
 
 import numpy as np
-import torch
-from numpy.typing import NDArray
 
-from ..camera import Camera
 from ..files import write_json
 from ..lens import Lens
 from ..photos.load import Photo
 from ..progress import Progress
-from ..rasterizer import RasterSettings, render
+from ..rasterizer import RasterSettings
 from ..sfm.child import Waiting
 from ..sfm.features import FEATURES, load_features
 from ..sfm.reconstruction import Pose, Reconstruction
 from ..sfm.settings import SfmSettings
 from .folder import Files, Twin
+from .surface import surface_depth
 
 #: Old photos that new ones are matched with: enough to tie them to the world.
 COMPANIONS = 24
-#: A pixel whose opacity is less has no surface.
-SOLID = 0.7
 
 
 @dataclass(frozen=True)
@@ -89,9 +85,11 @@ class Placing:
         folder = self.child.folder
         by_name, rows = {view.name: view for view in twin.views}, {}
         shown = twin.on_grid([by_name[name] for name in self.known.values()], twin.step)
+        gaussians = twin.scale.to_unit(twin.gaussians)
+        usual = RasterSettings(low_pass=max(0.1, 0.3 / twin.step**2))
         for index, (name, view) in enumerate(zip(self.known, shown, strict=True)):
             camera = view.camera
-            np.save(folder / f"depth{index}.npy", _depth(twin, camera), allow_pickle=False)
+            np.save(folder / f"depth{index}.npy", surface_depth(gaussians, camera, usual), allow_pickle=False)
             rows[name] = {
                 "rotation": camera.rotation.tolist(), "translation": camera.translation.tolist(),
                 "focal": [camera.fx, camera.fy], "centre": [camera.cx, camera.cy], "depth": f"depth{index}.npy",
@@ -122,13 +120,3 @@ def shared_lens(cameras: Reconstruction) -> Lens | None:
     """The lens that all photos share, or None."""
     lenses = set(cameras.lenses.values())
     return lenses.pop() if len(lenses) == 1 else None
-
-
-def _depth(twin: Twin, camera: Camera) -> NDArray[np.float32]:
-    """[H, W] the twin's depth in the scene's own units; NaN where it is hardly there."""
-    settings = RasterSettings(low_pass=max(0.1, 0.3 / twin.step**2), depth=True)
-    with torch.no_grad():
-        seen = render(twin.scale.to_unit(twin.gaussians), camera, background=twin.background, settings=settings)
-    assert seen.depth is not None
-    alpha = seen.alpha.numpy()
-    return np.where(alpha > SOLID, seen.depth.numpy() / np.maximum(alpha, SOLID), np.nan).astype(np.float32)
