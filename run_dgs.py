@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """Descattering Gaussian splatting from the command line.
 
-    python run_dgs.py reconstruct PHOTOS --out DIR --psf gaussian:5
-    blender -b -P run_dgs.py -- reconstruct PHOTOS --out DIR --psf gaussian:5
+python run_dgs.py reconstruct PHOTOS --out DIR --psf gaussian:5
+blender -b -P run_dgs.py -- reconstruct PHOTOS --out DIR --psf gaussian:5
 """
 
 from __future__ import annotations
@@ -26,9 +26,7 @@ def mount_package() -> None:
     """
     if PACKAGE in sys.modules:
         return
-    spec = importlib.util.spec_from_file_location(
-        PACKAGE, ROOT / "__init__.py", submodule_search_locations=[str(ROOT)]
-    )
+    spec = importlib.util.spec_from_file_location(PACKAGE, ROOT / "__init__.py", submodule_search_locations=[str(ROOT)])
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     sys.modules[PACKAGE] = module
@@ -48,8 +46,8 @@ def main() -> int:
     if importlib.util.find_spec("torch") is None and ENGINE_WORK.intersection(arguments[:1]):
         if importlib.util.find_spec("bpy") is None:
             print(
-                "This Python lacks the engine's packages: run 'make setup', then use .venv/bin/python", file=sys.stderr,
-            )  # fmt: skip
+                "This Python lacks the engine's packages: run 'make setup', then use .venv/bin/python", file=sys.stderr
+            )
             return 2
         from dgs.dgs_addon.engine.handover import hand_over
 

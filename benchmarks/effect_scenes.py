@@ -95,17 +95,28 @@ def make_scene(
     random = np.random.default_rng([seed, 77])
     textures = [dead_leaves(random) for _ in range(3)]
     spheres = [
-        (np.array([random.uniform(-1.6, 1.6), random.uniform(-0.6, 0.5), random.uniform(3.0, 6.5)]),
-         random.uniform(0.3, 0.8), int(random.integers(3))) for _ in range(int(random.integers(2, 5)))
-    ]  # fmt: skip
+        (
+            np.array([random.uniform(-1.6, 1.6), random.uniform(-0.6, 0.5), random.uniform(3.0, 6.5)]),
+            random.uniform(0.3, 0.8),
+            int(random.integers(3)),
+        )
+        for _ in range(int(random.integers(2, 5)))
+    ]
     cards = []
     for _ in range(int(random.integers(3, 6))):
         normal = np.array([random.uniform(-0.6, 0.6), random.uniform(-0.5, 0.5), -1.0])
         normal /= np.linalg.norm(normal)
         across = np.cross([0.0, 1.0, 0.0], normal)
         across /= np.linalg.norm(across)
-        cards.append((np.array([random.uniform(-2, 2), random.uniform(-1.0, 0.6), random.uniform(2.6, 7.0)]),
-                      normal, across, random.uniform(0.4, 0.9), int(random.integers(3))))  # fmt: skip
+        cards.append(
+            (
+                np.array([random.uniform(-2, 2), random.uniform(-1.0, 0.6), random.uniform(2.6, 7.0)]),
+                normal,
+                across,
+                random.uniform(0.4, 0.9),
+                int(random.integers(3)),
+            )
+        )
     wall, floor = random.uniform(7.0, 10.0), random.uniform(1.0, 1.5)
     light_from = np.array([random.uniform(-0.6, 0.6), -0.8, -0.7])
     light_from /= np.linalg.norm(light_from)
@@ -135,8 +146,16 @@ def kept_scene(seed: int, folder: Path) -> Scene:
     folder.mkdir(parents=True, exist_ok=True)
     lens = np.array([[c.fx, c.fy, c.cx, c.cy] for c in scene.cameras])
     r, t = np.stack([c.rotation for c in scene.cameras]), np.stack([c.translation for c in scene.cameras])
-    np.savez_compressed(path, lens=lens, r=r, t=t, light=scene.light.astype(np.float16), depth=scene.depth,
-                        points=scene.points.positions, colours=scene.points.colours)  # fmt: skip
+    np.savez_compressed(
+        path,
+        lens=lens,
+        r=r,
+        t=t,
+        light=scene.light.astype(np.float16),
+        depth=scene.depth,
+        points=scene.points.positions,
+        colours=scene.points.colours,
+    )
     return scene
 
 
@@ -190,8 +209,14 @@ def _cast(camera, textures, spheres, cards, wall, floor, light_from, gloss, fine
     plane(np.array([0.0, 0.0, wall]), -axes[2], everywhere, 0, 0.6 * axes[0], 0.6 * axes[1])
     plane(np.array([0.0, floor, 0.0]), -axes[1], everywhere, 1, 0.8 * axes[0], 0.8 * axes[2])
     for middle, normal, across, half, texture in cards:
-        plane(middle, normal, lambda a, b, h=half: (np.abs(a) < h) & (np.abs(b) < h), texture, across,
-              np.cross(normal, across))  # fmt: skip
+        plane(
+            middle,
+            normal,
+            lambda a, b, h=half: (np.abs(a) < h) & (np.abs(b) < h),
+            texture,
+            across,
+            np.cross(normal, across),
+        )
     for middle, radius, texture in spheres:
         to = origin - middle.astype(np.float32)
         aa = (rays**2).sum(1)

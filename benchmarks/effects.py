@@ -52,9 +52,12 @@ MADE = {
 #: What else an effect brings with it, so that finding it is no false alarm.
 BRINGS = {
     # A blur that differs from photo to photo or with depth is a blur as well.
-    "motion": {"blur"}, "defocus": {"blur", "field_blur"}, "blur": set(), "saturation": {"exposure"},
+    "motion": {"blur"},
+    "defocus": {"blur", "field_blur"},
+    "blur": set(),
+    "saturation": {"exposure"},
     "field_blur": {"blur"},
-}  # fmt: skip
+}
 
 
 def photo_set(scene, pixels) -> PhotoSet:
@@ -108,9 +111,13 @@ def main() -> None:
         began = time.process_time()
         found = inspect_photos(photo_set(scene, pixels), Silent())
         row = {
-            "effect": effect, "level": level, "scene": seed, "truth": asdict(truth),
-            "seconds": time.process_time() - began, "found": [e.plain() for e in found],
-        }  # fmt: skip
+            "effect": effect,
+            "level": level,
+            "scene": seed,
+            "truth": asdict(truth),
+            "seconds": time.process_time() - began,
+            "found": [e.plain() for e in found],
+        }
         kept.parent.mkdir(parents=True, exist_ok=True)
         kept.write_text(json.dumps(row))
         rows.append(row)
@@ -156,8 +163,10 @@ def report(rows: list[dict]) -> None:
                 if n != name and n not in BRINGS.get(name, set()) and _needed(r, n):
                     others[n] = others.get(n, 0) + 1
         told = f"{min(ratios):.2f} to {max(ratios):.2f}" if ratios else "-"
-        lines.append(f"| {effect} | {' | '.join(cells)} | {told} | "
-                     f"{', '.join(f'{n} ({c} of {len(clear)})' for n, c in others.items()) or 'none'} |")  # fmt: skip
+        lines.append(
+            f"| {effect} | {' | '.join(cells)} | {told} | "
+            f"{', '.join(f'{n} ({c} of {len(clear)})' for n, c in others.items()) or 'none'} |"
+        )
         content["effects"][effect] = {
             "found": {str(k): v for k, v in found_at.items()},
             "ratios": ratios,

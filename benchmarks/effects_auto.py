@@ -116,21 +116,35 @@ def run(folder: Path, effects: str, preset: str, gaussians: int) -> dict:
     out = KEPT / f"running_{os.getpid()}"
     shutil.rmtree(out, ignore_errors=True)
     settings = ReconstructSettings(
-        photos=folder / "photos", out=out, psf=f"gaussian:{SIGMA:g}", blur_space="linear", threads=1, device="cpu",
-        cameras=folder / "cameras", holdout_every=HELD_EVERY, preset=preset, max_gaussians=gaussians,
+        photos=folder / "photos",
+        out=out,
+        psf=f"gaussian:{SIGMA:g}",
+        blur_space="linear",
+        threads=1,
+        device="cpu",
+        cameras=folder / "cameras",
+        holdout_every=HELD_EVERY,
+        preset=preset,
+        max_gaussians=gaussians,
         effects="all" if effects == "nothing left out" else effects,
         truth=folder / "truth",
-    )  # fmt: skip
+    )
     wall, processor = time.perf_counter(), time.process_time()
     report = reconstruct(settings, Silent()).report
     row = {
-        "effects": effects, "wall": time.perf_counter() - wall, "processor": time.process_time() - processor,
+        "effects": effects,
+        "wall": time.perf_counter() - wall,
+        "processor": time.process_time() - processor,
         **{k: report["heldout"]["degraded"][k] for k in ("psnr", "psnr_matched")},
-        "sharp": report["heldout"]["sharp"]["psnr"], "seconds": report["seconds"],
-        "steps": report["steps"], "gaussians": report["gaussians"], "load": os.getloadavg()[0],
-        "decisions": [{k: d[k] for k in ("name", "on", "why", "gain_db", "gain_error_db", "seconds")}
-                      for d in report["effects"]],
-    }  # fmt: skip
+        "sharp": report["heldout"]["sharp"]["psnr"],
+        "seconds": report["seconds"],
+        "steps": report["steps"],
+        "gaussians": report["gaussians"],
+        "load": os.getloadavg()[0],
+        "decisions": [
+            {k: d[k] for k in ("name", "on", "why", "gain_db", "gain_error_db", "seconds")} for d in report["effects"]
+        ],
+    }
     shutil.rmtree(out, ignore_errors=True)
     return row
 
@@ -159,8 +173,11 @@ def main() -> None:
                 file.write_text(json.dumps(run(folder, effects, options.preset, options.gaussians)))
             rows[name, effects] = row = json.loads(file.read_text())
             on = [d["name"] for d in row["decisions"] if d["on"]]
-            print(f"{name}, {effects}: {row['psnr_matched']:.2f} dB matched, {row['psnr']:.2f} dB, "
-                  f"{row['processor']:.1f} s of processor, {row['wall']:.1f} s, on: {on}", flush=True)  # fmt: skip
+            print(
+                f"{name}, {effects}: {row['psnr_matched']:.2f} dB matched, {row['psnr']:.2f} dB, "
+                f"{row['processor']:.1f} s of processor, {row['wall']:.1f} s, on: {on}",
+                flush=True,
+            )
     if set(options.arms) != set(ARMS):
         return
     text = table(names, rows)
@@ -184,8 +201,11 @@ def table(names: list[str], rows: dict) -> str:
         none, auto, every, full = (rows[name, effects] for effects in ARMS)
         matched, filed = (auto[kind] - none[kind] for kind in ("psnr_matched", "psnr"))
         gain[name] = min(matched, filed)
-        tried = [f"{d['name']} {d['gain_db']:+.2f} +- {d['gain_error_db']:.2f}, {'on' if d['on'] else 'off'}"
-                 for d in auto["decisions"] if d["gain_db"] is not None]  # fmt: skip
+        tried = [
+            f"{d['name']} {d['gain_db']:+.2f} +- {d['gain_error_db']:.2f}, {'on' if d['on'] else 'off'}"
+            for d in auto["decisions"]
+            if d["gain_db"] is not None
+        ]
         lines.append(
             f"| {name} | {none['psnr_matched']:.2f} | {matched:+.2f} | "
             f"{every['psnr_matched'] - none['psnr_matched']:+.2f} | {filed:+.2f} | "

@@ -67,8 +67,10 @@ def main() -> None:
     for (name, there), told in shares.items():
         known = [t for t in told if t is not None]
         values = [t.share for t in known] or [float("nan")]
-        print(f"| {name} | {there} | {min(values):.2f} to {max(values):.2f} | "
-              f"{sum(t.confirms for t in known)} of {len(told)} |")  # fmt: skip
+        print(
+            f"| {name} | {there} | {min(values):.2f} to {max(values):.2f} | "
+            f"{sum(t.confirms for t in known)} of {len(told)} |"
+        )
     print(f"{np.mean(seconds):.2f} s of processor time each.")
 
 

@@ -151,8 +151,10 @@ def needed(psnr: Sequence[float], target: float) -> float:
 def report(name: str, rows: list[dict[str, Any]]) -> None:
     """Photos that each way needs for what uniform placement reaches with 8, 10 and 12."""
     print(f"\n{name}: sharp PSNR (dB), and share of uniform's photos for uniform's PSNR\n")
-    print("| way | after 4, 6, 8, 10, 12 photos (sd over seeds at 8) | share at uniform's 8, 10, 12, mean curves | "
-          "single seeds at 12: least to most (reached) | seeds |\n|---|---|---|---|---|")  # fmt: skip
+    print(
+        "| way | after 4, 6, 8, 10, 12 photos (sd over seeds at 8) | share at uniform's 8, 10, 12, mean curves | "
+        "single seeds at 12: least to most (reached) | seeds |\n|---|---|---|---|---|"
+    )
     uniform = {row["seed"]: row["psnr"] for row in rows if row["way"] == "uniform"}
     for way in dict.fromkeys([*WAYS, ORACLE, *(row["way"] for row in rows)]):
         mine = [row for row in rows if row["way"] == way and row["seed"] in uniform]
@@ -162,8 +164,10 @@ def report(name: str, rows: list[dict[str, Any]]) -> None:
         mean, even = curves.mean(axis=0), np.mean([uniform[row["seed"]] for row in mine], axis=0)
         shown = ", ".join(f"{mean[i]:.2f}" for i in (1, 3, 5, 7, 9) if i < len(mean))
         shares = [needed(mean, even[t - FIRST]) / needed(even, even[t - FIRST]) for t in TARGETS]
-        single = [needed(row["psnr"], uniform[row["seed"]][-1]) / needed(uniform[row["seed"]],
-                  uniform[row["seed"]][-1]) for row in mine]  # fmt: skip
+        single = [
+            needed(row["psnr"], uniform[row["seed"]][-1]) / needed(uniform[row["seed"]], uniform[row["seed"]][-1])
+            for row in mine
+        ]
         got = [100 * s for s in single if np.isfinite(s)]
         spread = f"{min(got):.0f} to {max(got):.0f} % ({len(got)})" if got else "never"
         share = ", ".join("never" if np.isnan(s) else f"{100 * s:.0f} %" for s in shares)

@@ -57,8 +57,10 @@ def main() -> None:
                 if path.length and length:
                     relative.append(abs(path.length / true - 1))
                     turned.append(abs((path.angle - angle + 90) % 180 - 90))
-        print(f"| {length:g} | {sigma:g} | {sum(found)} of {len(found)} | {told(relative, 3)} | {told(turned, 1)} |",
-              flush=True)  # fmt: skip
+        print(
+            f"| {length:g} | {sigma:g} | {sum(found)} of {len(found)} | {told(relative, 3)} | {told(turned, 1)} |",
+            flush=True,
+        )
     print("\n| sigma of the photos, px | sets told to differ | all as shared | each alone | each, shrunk |")
     print("|---|---|---|---|---|")
     for low, high in WIDTHS:

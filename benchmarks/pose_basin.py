@@ -103,12 +103,17 @@ def main() -> None:
             fit = [v for v in wrong.views if v not in judges]
             found = refine_cameras(fit, judges, wrong.points, wrong.medium, settings, Silent(), focal=False)
             row = {
-                "photos": str(options.photos or "plane"), "shaken px": px, "sigma": sigma,
+                "photos": str(options.photos or "plane"),
+                "shaken px": px,
+                "sigma": sigma,
                 "before": errors(scene, {v.name: v.camera for v in wrong.views}),
-                "after": errors(scene, found.cameras), "kept": found.kept, "moved": found.moved_px,
+                "after": errors(scene, found.cameras),
+                "kept": found.kept,
+                "moved": found.moved_px,
                 "loss": [found.loss_before, found.loss_after],
-                "error": found.error, "shifts": [found.shift_before, found.shift_after, found.shift_change],
-            }  # fmt: skip
+                "error": found.error,
+                "shifts": [found.shift_before, found.shift_after, found.shift_change],
+            }
             with options.out.open("a") as file:
                 file.write(json.dumps(row) + "\n")
             print(row, flush=True)

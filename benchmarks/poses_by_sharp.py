@@ -125,8 +125,10 @@ def report(folder: Path, psf: PointSpread) -> None:
     with tempfile.TemporaryDirectory() as name:
         work = Path(name)
         pairs = sharp_matches(folder / "sharp", work)
-        sets = {"the reference": truth, "found from the sharp photos": find_cameras(sharp, None, SfmSettings(), work,
-                                                                                     Silent())}  # fmt: skip
+        sets = {
+            "the reference": truth,
+            "found from the sharp photos": find_cameras(sharp, None, SfmSettings(), work, Silent()),
+        }
         sets["blurred, features alone"] = find_cameras(photos, psf.kernel(), plain, work, Silent())
         sets["blurred, as found"] = found = find_cameras(photos, psf.kernel(), SfmSettings(), work, Silent())
     moved, decision = refined(found, photos, psf)
@@ -138,16 +140,30 @@ def report(folder: Path, psf: PointSpread) -> None:
     least = np.min([np.concatenate([found[k] for k in order]) for found in by_pair.values()], axis=0)
     true = least < FALSE
     for label, cameras in sets.items():
-        errors = pose_errors({Path(n).stem: c for n, c in cameras.cameras().items()},
-                             {Path(n).stem: c for n, c in truth.cameras().items()}, truth.points.positions)  # fmt: skip
+        errors = pose_errors(
+            {Path(n).stem: c for n, c in cameras.cameras().items()},
+            {Path(n).stem: c for n, c in truth.cameras().items()},
+            truth.points.positions,
+        )
         off = np.concatenate([by_pair[label][k] for k in order])[true]
-        stems = Reconstruction({Path(n).stem: p for n, p in cameras.poses.items()},
-                               {Path(n).stem: p for n, p in cameras.lenses.items()}, cameras.points, cameras.figures)
-        right = Reconstruction({Path(n).stem: p for n, p in truth.poses.items()},
-                               {Path(n).stem: p for n, p in truth.lenses.items()}, truth.points, truth.figures)
-        print(f"| {folder.name} | {label} | {len(cameras.poses)} | {100 * np.median(errors.focal):+.2f} % "
-              f"| {np.nanmedian(errors.centre_px):.2f} | {laid_wrong(stems, right):.2f} "
-              f"| {np.median(off):.2f}, {np.sqrt((np.minimum(off, FALSE) ** 2).mean()):.2f} |", flush=True)  # fmt: skip
+        stems = Reconstruction(
+            {Path(n).stem: p for n, p in cameras.poses.items()},
+            {Path(n).stem: p for n, p in cameras.lenses.items()},
+            cameras.points,
+            cameras.figures,
+        )
+        right = Reconstruction(
+            {Path(n).stem: p for n, p in truth.poses.items()},
+            {Path(n).stem: p for n, p in truth.lenses.items()},
+            truth.points,
+            truth.figures,
+        )
+        print(
+            f"| {folder.name} | {label} | {len(cameras.poses)} | {100 * np.median(errors.focal):+.2f} % "
+            f"| {np.nanmedian(errors.centre_px):.2f} | {laid_wrong(stems, right):.2f} "
+            f"| {np.median(off):.2f}, {np.sqrt((np.minimum(off, FALSE) ** 2).mean()):.2f} |",
+            flush=True,
+        )
 
 
 def main() -> int:

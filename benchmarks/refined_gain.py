@@ -66,8 +66,10 @@ def score(folder: Path, truth: Reconstruction, sharp: TruthFolder) -> np.ndarray
     mine = {n: c for n, c in twin.reconstruction.cameras().items() if n not in twin.held}
     into = align_similarity({n: right[n] for n in mine}, mine)
     held = [v for v in twin.views if v.name in twin.held]
-    held = [replace(v, camera=v.camera.moved(c.rotation, c.translation))
-            for v, c in ((v, into.camera(right[v.name])) for v in held)]  # fmt: skip
+    held = [
+        replace(v, camera=v.camera.moved(c.rotation, c.translation))
+        for v, c in ((v, into.camera(right[v.name])) for v in held)
+    ]
     settings = TrainingSettings(sh_degree=twin.gaussians.sh_degree, coarse_share=0.0)
     trainer = Trainer(held, [], twin.reconstruction.points, twin.medium, settings, start=twin.gaussians)
     found = []
@@ -117,10 +119,13 @@ def main() -> int:
                 model = work / f"model_{px:g}_{seed}"
                 write_lenses(model, {n: truth.lenses[n] for n in poses}, poses, truth.points)
                 pair = [
-                    score(made(work / "photos", model, work / f"out_{px:g}_{seed}_{len(more)}", options.psf, *more),
-                          truth, sharp)
+                    score(
+                        made(work / "photos", model, work / f"out_{px:g}_{seed}_{len(more)}", options.psf, *more),
+                        truth,
+                        sharp,
+                    )
                     for more in ((), ("--refine-cameras",))
-                ]  # fmt: skip
+                ]
                 rows.append(pair)
                 print(f"shaken by {px:g} px, seed {seed}: {pair[0].round(2)} -> {pair[1].round(2)} dB", flush=True)
             before, after = np.median(rows, axis=0)

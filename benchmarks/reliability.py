@@ -112,8 +112,10 @@ def report(rows: list[dict[str, Any]]) -> None:
     """Tables of the mean curves."""
     for way in ("expected", "usual weights", "colours only"):
         print(f"\n{way}: expected -> true rms error of sharp px, 8-bit steps, tenths by expected error\n")
-        print("| scene | photos | tenths, mean over seeds | most off | calibration error | "
-              "single trainings within 1.5 in all tenths | most off of any |")  # fmt: skip
+        print(
+            "| scene | photos | tenths, mean over seeds | most off | calibration error | "
+            "single trainings within 1.5 in all tenths | most off of any |"
+        )
         print("|---|---|---|---|---|---|---|")
         for name in dict.fromkeys(r["scene"] for r in rows):
             for count in sorted({r["photos"] for r in rows}):
@@ -123,8 +125,10 @@ def report(rows: list[dict[str, Any]]) -> None:
                 mean = [[float(p), float(t)] for p, t in np.mean(curves, axis=0)]
                 error = float(np.mean([abs(p - t) for p, t in mean]))
                 worst = [off(curve) for curve in curves]
-                print(f"| {name} | {count} | {', '.join(f'{p:.0f} → {t:.0f}' for p, t in mean)} | {off(mean):.2f} | "
-                      f"{error:.1f} | {sum(w <= 1.5 for w in worst)} of {len(worst)} | {max(worst):.2f} |")  # fmt: skip
+                print(
+                    f"| {name} | {count} | {', '.join(f'{p:.0f} → {t:.0f}' for p, t in mean)} | {off(mean):.2f} | "
+                    f"{error:.1f} | {sum(w <= 1.5 for w in worst)} of {len(worst)} | {max(worst):.2f} |"
+                )
 
 
 def draw(rows: list[dict[str, Any]], file: Path) -> None:

@@ -22,9 +22,7 @@ def camera(width: int, height: int, degrees: float = 0.0) -> Camera:
     right = np.cross([0.0, 1.0, 0.0], forward)
     right /= np.linalg.norm(right)
     rotation = np.stack([right, np.cross(forward, right), forward])
-    full = Camera(
-        f"{degrees:+.1f}", *SIZE, FOCAL_PX, FOCAL_PX, SIZE[0] / 2, SIZE[1] / 2, rotation, -rotation @ centre
-    )
+    full = Camera(f"{degrees:+.1f}", *SIZE, FOCAL_PX, FOCAL_PX, SIZE[0] / 2, SIZE[1] / 2, rotation, -rotation @ centre)
     return full.resized(width, height)
 
 
@@ -41,7 +39,7 @@ def surface_points(count: int, random: np.random.Generator) -> np.ndarray:
             random.uniform(-1.6, 5, count - on_ball),
         ],
         axis=1,
-    )  # fmt: skip
+    )
     return np.concatenate([ball, table]) + random.normal(scale=0.004, size=(count, 3))
 
 

@@ -74,9 +74,7 @@ def line(folder: Path, photos_name: str, sigma: float, threads: int) -> str:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--data", type=Path, action="append", default=[], metavar="FOLDER")
     parser.add_argument("--photos", default="blur5", help="name of the folder of photos inside FOLDER")
     parser.add_argument("--sigma", type=float, default=5.0, help="of the Gaussian blur in px; 0: none")

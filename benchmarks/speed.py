@@ -158,9 +158,7 @@ def compile_seconds(_: Row) -> Row:
     optimizer = Adam(scene.gaussians(500, 1))
     camera = scene.camera(64, 48)
     start = time.perf_counter()
-    blurred = BlurOperator(PointSpread(sigma_x=2.0, sigma_y=2.0), 48, 64)(
-        render(optimizer.gaussians, camera).image
-    )
+    blurred = BlurOperator(PointSpread(sigma_x=2.0, sigma_y=2.0), 48, 64)(render(optimizer.gaussians, camera).image)
     PhotometricLoss(torch.zeros(3, 48, 64))(blurred).backward()
     optimizer.step(dict.fromkeys([*(name for name, _ in optimizer.gaussians.named()), "sh_rest"], 1e-5))
     return {"seconds": round(time.perf_counter() - start, 2)}
@@ -196,16 +194,14 @@ def training_memory(row: Row) -> Row:
     for _ in range(20):
         trainer.advance(0.5)
     return {
-        **row, "gaussians": len(trainer.optimizer.gaussians), "prepared_mb": round(prepared),
+        **row,
+        "gaussians": len(trainer.optimizer.gaussians),
+        "prepared_mb": round(prepared),
         "peak_memory_mb": round(peak_memory_mb()),
-    }  # fmt: skip
+    }
 
 
-MEASUREMENTS: dict[str, Callable[[Row], Row]] = {
-    "row": measure,
-    "compile": compile_seconds,
-    "memory": training_memory,
-}
+MEASUREMENTS: dict[str, Callable[[Row], Row]] = {"row": measure, "compile": compile_seconds, "memory": training_memory}
 
 
 def in_own_process(what: str, row: Row, **environment: str) -> Row:
@@ -216,8 +212,11 @@ def in_own_process(what: str, row: Row, **environment: str) -> Row:
     """
     finished = subprocess.run(
         [sys.executable, str(HERE / "speed.py"), "--measure", what, "--row", json.dumps(row)],
-        stdout=subprocess.PIPE, check=True, text=True, env={**os.environ, **environment},
-    )  # fmt: skip
+        stdout=subprocess.PIPE,
+        check=True,
+        text=True,
+        env={**os.environ, **environment},
+    )
     result: Row = json.loads(finished.stdout.splitlines()[-1])
     return result
 
@@ -263,12 +262,20 @@ def ratios(rows: list[Row]) -> Row:
 
 
 COLUMNS = (
-    ("backend", "backend", "{}"), ("size", "size", "{0[0]}x{0[1]}"), ("gaussians", "Gaussians", "{:,}"),
-    ("threads", "thr", "{}"), ("sigma", "PSF", "{:g}"), ("forward_ms", "forward", "{:.1f}"),
-    ("psf_ms", "psf", "{:.1f}"), ("loss_ms", "loss", "{:.1f}"), ("backward_ms", "backward", "{:.1f}"),
-    ("step_ms", "step", "{:.1f}"), ("iteration_ms", "iteration", "{:.1f}"),
-    ("evaluations_per_pixel", "eval/px", "{:.0f}"), ("peak_memory_mb", "MB", "{}"),
-)  # fmt: skip
+    ("backend", "backend", "{}"),
+    ("size", "size", "{0[0]}x{0[1]}"),
+    ("gaussians", "Gaussians", "{:,}"),
+    ("threads", "thr", "{}"),
+    ("sigma", "PSF", "{:g}"),
+    ("forward_ms", "forward", "{:.1f}"),
+    ("psf_ms", "psf", "{:.1f}"),
+    ("loss_ms", "loss", "{:.1f}"),
+    ("backward_ms", "backward", "{:.1f}"),
+    ("step_ms", "step", "{:.1f}"),
+    ("iteration_ms", "iteration", "{:.1f}"),
+    ("evaluations_per_pixel", "eval/px", "{:.0f}"),
+    ("peak_memory_mb", "MB", "{}"),
+)
 
 
 def main() -> int:
@@ -296,8 +303,7 @@ def main() -> int:
     task = {"photos": 76, "size": FULL, "gaussians": 100_000, "sh_degree": 1}
     result["training_memory"] = memory = in_own_process("memory", task)
     print(
-        f"training on {memory['photos']} photos with {memory['gaussians']:,} Gaussians: "
-        f"{memory['peak_memory_mb']} MB"
+        f"training on {memory['photos']} photos with {memory['gaussians']:,} Gaussians: {memory['peak_memory_mb']} MB"
     )
     result["ratios"] = ratios(result["rows"])
     for name, value in result["ratios"].items():

@@ -56,9 +56,16 @@ def run(data: Path, words: list[str], foretold: bool) -> dict[str, Any]:
         wall = time.perf_counter() - began
         report = json.loads((Path(out) / "report.json").read_text("utf-8"))
         psnr = score(Path(out), data / "sharp")
-    return {"wall": round(wall, 1), "told": told, "psnr": round(psnr, 2), "steps": report["steps"],
-            "gaussians": report["gaussians"], "sfm": report["seconds"]["sfm"], "train": report["seconds"]["train"],
-            "notes": report["notes"]}  # fmt: skip
+    return {
+        "wall": round(wall, 1),
+        "told": told,
+        "psnr": round(psnr, 2),
+        "steps": report["steps"],
+        "gaussians": report["gaussians"],
+        "sfm": report["seconds"]["sfm"],
+        "train": report["seconds"]["train"],
+        "notes": report["notes"],
+    }
 
 
 def main() -> int:

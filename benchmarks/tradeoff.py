@@ -1,6 +1,6 @@
 """`make tradeoff`: what every knob costs in time and brings, on one or more sets; hours, resumable.
 
-    python benchmarks/tradeoff.py --data FOLDER [--data FOLDER ...] [--out FOLDER] [--quick] [--seeds N]
+python benchmarks/tradeoff.py --data FOLDER [--data FOLDER ...] [--out FOLDER] [--quick] [--seeds N]
 """
 
 from __future__ import annotations
@@ -21,9 +21,17 @@ def main() -> int:
     options, rest = parser.parse_known_args()
     for data in options.data or [ROOT / "benchmarks" / "data" / "ball_small"]:
         own = ["--psf", "gaussian:5"] if not (data / "psf.json").is_file() and "--psf" not in rest else []
-        command = [sys.executable, str(ROOT / "run_dgs.py"), "tradeoff", str(data),
-                   "--out", str(options.out / data.name),
-                   "--resume", *own, *rest]  # fmt: skip
+        command = [
+            sys.executable,
+            str(ROOT / "run_dgs.py"),
+            "tradeoff",
+            str(data),
+            "--out",
+            str(options.out / data.name),
+            "--resume",
+            *own,
+            *rest,
+        ]
         print(" ".join(command), flush=True)
         status = subprocess.run(command, check=False).returncode
         if status:

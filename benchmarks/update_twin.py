@@ -97,10 +97,20 @@ def one(data: Path, psf: str, seed: int, work: Path) -> dict[str, float]:
     update = timed("update", str(work / "twin"), str(work / "late/photos"), "--seed", str(seed))
     facts = json.loads((work / "twin/update.json").read_text("utf-8"))
     after, wanted = score(work / "twin", work / "early/sharp"), score(work / "scratch", work / "all/sharp")
-    return {"photos": len(photos), "new": len(late), "taken": len(facts["photos"]), "first_s": first,
-            "scratch_s": scratch, "update_s": update, "share": update / scratch, "before": before, "updated": after,
-            "scratch": wanted, "forgotten": facts["psnr_old"][0] - facts["psnr_old"][1],
-            "stages": facts["seconds"]}  # fmt: skip
+    return {
+        "photos": len(photos),
+        "new": len(late),
+        "taken": len(facts["photos"]),
+        "first_s": first,
+        "scratch_s": scratch,
+        "update_s": update,
+        "share": update / scratch,
+        "before": before,
+        "updated": after,
+        "scratch": wanted,
+        "forgotten": facts["psnr_old"][0] - facts["psnr_old"][1],
+        "stages": facts["seconds"],
+    }
 
 
 def main() -> int:
@@ -114,12 +124,18 @@ def main() -> int:
         for seed in range(options.seeds):
             with tempfile.TemporaryDirectory() as work:
                 rows.append(one(data, options.psf, seed, Path(work)))
-            print(data.name, json.dumps({k: round(v, 2) if isinstance(v, float) else v for k, v in rows[-1].items()}),
-                  flush=True)  # fmt: skip
+            print(
+                data.name,
+                json.dumps({k: round(v, 2) if isinstance(v, float) else v for k, v in rows[-1].items()}),
+                flush=True,
+            )
         middle = {k: statistics.median(r[k] for r in rows) for k in rows[0] if k != "stages"}
-        print(f"{data.name}: {middle['new']:.0f} new of {middle['photos']:.0f}; update {middle['update_s']:.1f} s of "
-              f"{middle['scratch_s']:.1f} s ({100 * middle['share']:.0f} %); {middle['updated']:.2f} dB, from nothing "
-              f"{middle['scratch']:.2f}, before {middle['before']:.2f}", flush=True)  # fmt: skip
+        print(
+            f"{data.name}: {middle['new']:.0f} new of {middle['photos']:.0f}; update {middle['update_s']:.1f} s of "
+            f"{middle['scratch_s']:.1f} s ({100 * middle['share']:.0f} %); {middle['updated']:.2f} dB, from nothing "
+            f"{middle['scratch']:.2f}, before {middle['before']:.2f}",
+            flush=True,
+        )
     return 0
 
 

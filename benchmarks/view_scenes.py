@@ -73,10 +73,12 @@ def splats(means: np.ndarray, size: float, opacity: float, colours: np.ndarray) 
     """Round ones."""
     n = len(means)
     return Gaussians(
-        torch.tensor(means, dtype=torch.float32), torch.full((n, 3), float(np.log(size))),
-        torch.tensor([[1.0, 0, 0, 0]]).repeat(n, 1), torch.full((n,), opacity),
+        torch.tensor(means, dtype=torch.float32),
+        torch.full((n, 3), float(np.log(size))),
+        torch.tensor([[1.0, 0, 0, 0]]).repeat(n, 1),
+        torch.full((n,), opacity),
         torch.tensor(((colours - 0.5) / SH_C0)[:, None, :], dtype=torch.float32),
-    )  # fmt: skip
+    )
 
 
 def room(seed: int, contrast: float) -> Gaussians:
@@ -196,7 +198,7 @@ class Case:
         """A twin from nothing."""
         settings = TrainingSettings(
             steps=self.steps, max_gaussians=2600, sh_degree=0, seed=self.seed if seed is None else seed, threads=1
-        )  # fmt: skip
+        )
         trainer = Trainer([self.photos[i] for i in taken], [], self.points, self.medium, settings)
         for step in range(self.steps):
             trainer.advance(step / self.steps)
@@ -206,9 +208,11 @@ class Case:
         """[3, H, W] what the twin shows, sharp."""
         with torch.no_grad():
             return render(
-                trainer.optimizer.gaussians, trainer.scale.camera_to_unit(camera), background=trainer.background,
+                trainer.optimizer.gaussians,
+                trainer.scale.camera_to_unit(camera),
+                background=trainer.background,
                 settings=trainer.raster_settings(trainer.levels[-1]),
-            ).image  # fmt: skip
+            ).image
 
     def accuracy(self, trainer: Trainer) -> float:
         """Sharp PSNR (dB) over all tests."""

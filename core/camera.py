@@ -46,16 +46,18 @@ class Camera:
         """The same view on a grid of `width` x `height` pixels."""
         sx, sy = width / self.width, height / self.height
         return replace(
-            self, width=width, height=height,
-            fx=self.fx * sx, fy=self.fy * sy, cx=self.cx * sx, cy=self.cy * sy,
-        )  # fmt: skip
+            self, width=width, height=height, fx=self.fx * sx, fy=self.fy * sy, cx=self.cx * sx, cy=self.cy * sy
+        )
 
     def with_margin(self, margin: int) -> Camera:
         """The same view with `margin` more pixels on every side (less, if negative)."""
         return replace(
-            self, width=self.width + 2 * margin, height=self.height + 2 * margin,
-            cx=self.cx + margin, cy=self.cy + margin,
-        )  # fmt: skip
+            self,
+            width=self.width + 2 * margin,
+            height=self.height + 2 * margin,
+            cx=self.cx + margin,
+            cy=self.cy + margin,
+        )
 
     def moved(self, rotation: NDArray[np.float64], translation: NDArray[np.float64]) -> Camera:
         """The same lens at another pose."""

@@ -57,9 +57,7 @@ def turn_world(points: Floats, turn: Floats = Y_DOWN_TO_Z_UP) -> Floats:
     return points @ turn.T
 
 
-def turn_world_of_pose(
-    rotation: Floats, translation: Floats, turn: Floats = Y_DOWN_TO_Z_UP
-) -> tuple[Floats, Floats]:
+def turn_world_of_pose(rotation: Floats, translation: Floats, turn: Floats = Y_DOWN_TO_Z_UP) -> tuple[Floats, Floats]:
     """The world-to-camera pose after the world was turned by the rotation `turn`."""
     return rotation @ turn.T, translation
 

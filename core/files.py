@@ -33,8 +33,7 @@ def output_error(path: Path, error: OSError) -> OutputError:
     """Says in one line why `path` cannot be written, and what to do."""
     reason = (error.strerror or str(error)).lower()
     return OutputError(
-        f"Cannot write '{path}': {reason}",
-        _WAYS_OUT.get(error.errno or 0, "Check the disk or choose another folder"),
+        f"Cannot write '{path}': {reason}", _WAYS_OUT.get(error.errno or 0, "Check the disk or choose another folder")
     )
 
 

@@ -31,8 +31,14 @@ _LONG_VECTOR = ir.VectorType(ir.IntType(64), TILE)
 _FLAGS = ("contract", "reassoc", "nsz", "arcp")
 
 #: Minimax polynomial of 2**f on [-0.5, 0.5], relative error 8e-8.
-_EXP2 = (1.0000000716546416, 0.6931469670652649, 0.2402211972396918, 0.0555071327287539, 0.0096755413310214,
-         0.0013276472167820)  # fmt: skip
+_EXP2 = (
+    1.0000000716546416,
+    0.6931469670652649,
+    0.2402211972396918,
+    0.0555071327287539,
+    0.0096755413310214,
+    0.0013276472167820,
+)
 
 
 class Lanes:
@@ -318,16 +324,34 @@ def shuffled(left: Lanes, right: Lanes, order: list[int]) -> Lanes:
 
 def transposed(rows: list[Lanes]) -> list[Lanes]:
     """Column `k` of 16 rows as vector number `k`, in four rounds of shuffles that processors have."""
-    pairs = [shuffled(rows[i], rows[i + 1], _order(lambda b, part=part: [
-        4 * b + part, TILE + 4 * b + part, 4 * b + part + 1, TILE + 4 * b + part + 1]))
-        for i in range(0, TILE, 2) for part in (0, 2)]  # fmt: skip
+    pairs = [
+        shuffled(
+            rows[i],
+            rows[i + 1],
+            _order(lambda b, part=part: [4 * b + part, TILE + 4 * b + part, 4 * b + part + 1, TILE + 4 * b + part + 1]),
+        )
+        for i in range(0, TILE, 2)
+        for part in (0, 2)
+    ]
     fours = []  # fours[4 g + k]: block b holds column 4 b + k of rows 4 g to 4 g + 3
     for g in range(4):
         low, high, low2, high2 = pairs[4 * g : 4 * g + 4]
         for a, b in ((low, low2), (high, high2)):
             for part in (0, 2):
-                fours.append(shuffled(a, b, _order(lambda n, part=part: [
-                    4 * n + part, 4 * n + part + 1, TILE + 4 * n + part, TILE + 4 * n + part + 1])))  # fmt: skip
+                fours.append(
+                    shuffled(
+                        a,
+                        b,
+                        _order(
+                            lambda n, part=part: [
+                                4 * n + part,
+                                4 * n + part + 1,
+                                TILE + 4 * n + part,
+                                TILE + 4 * n + part + 1,
+                            ]
+                        ),
+                    )
+                )
     columns: list[Lanes] = [rows[0]] * TILE
     for k in range(4):
         for odd in (0, 1):

@@ -52,9 +52,7 @@ class Lens:
 
     def __post_init__(self) -> None:
         if self.model not in MODELS:
-            raise FormatError(
-                f"The lens model '{self.model}' is not supported", f"Use one of {', '.join(MODELS)}"
-            )
+            raise FormatError(f"The lens model '{self.model}' is not supported", f"Use one of {', '.join(MODELS)}")
         simple, distortion = MODELS[self.model]
         if len(self.params) != (3 if simple else 4) + distortion:
             raise FormatError(f"A lens '{self.model}' cannot have {len(self.params)} parameters", _EXPORT)

@@ -78,10 +78,16 @@ def camera_to_engine(camera: BlenderCamera, width: int, height: int, name: str) 
     focal = camera.lens / sensor * side
     rotation, position = _pose_to_engine(camera.matrix_world)
     return Camera(
-        name=name, width=width, height=height, fx=focal / ax, fy=focal / ay,
-        cx=width / 2 - camera.shift_x * side / ax, cy=height / 2 + camera.shift_y * side / ay,
-        rotation=rotation, translation=-rotation @ position,
-    )  # fmt: skip
+        name=name,
+        width=width,
+        height=height,
+        fx=focal / ax,
+        fy=focal / ay,
+        cx=width / 2 - camera.shift_x * side / ax,
+        cy=height / 2 + camera.shift_y * side / ay,
+        rotation=rotation,
+        translation=-rotation @ position,
+    )
 
 
 def camera_to_blender(camera: Camera, sensor: float = 36.0) -> BlenderCamera:
@@ -96,11 +102,14 @@ def camera_to_blender(camera: Camera, sensor: float = 36.0) -> BlenderCamera:
     matrix[:3, :3] = ENGINE_FROM_BLENDER.T @ camera.rotation.T @ CAMERA_FLIP
     matrix[:3, 3] = points_to_blender(camera.centre)
     return BlenderCamera(
-        matrix_world=matrix, lens=camera.fx * ax * sensor / side, sensor_width=sensor,
+        matrix_world=matrix,
+        lens=camera.fx * ax * sensor / side,
+        sensor_width=sensor,
         shift_x=(camera.width / 2 - camera.cx) * ax / side,
         shift_y=(camera.cy - camera.height / 2) * ay / side,
-        pixel_aspect_x=ax, pixel_aspect_y=ay,
-    )  # fmt: skip
+        pixel_aspect_x=ax,
+        pixel_aspect_y=ay,
+    )
 
 
 def read_camera(camera_object: Any, render: Any, name: str) -> Camera:
@@ -108,10 +117,15 @@ def read_camera(camera_object: Any, render: Any, name: str) -> Camera:
     data, share = camera_object.data, render.resolution_percentage / 100
     settings = BlenderCamera(
         matrix_world=np.array(camera_object.matrix_world.normalized(), dtype=np.float64),
-        lens=data.lens, sensor_width=data.sensor_width, sensor_height=data.sensor_height,
-        sensor_fit=data.sensor_fit, shift_x=data.shift_x, shift_y=data.shift_y,
-        pixel_aspect_x=render.pixel_aspect_x, pixel_aspect_y=render.pixel_aspect_y,
-    )  # fmt: skip
+        lens=data.lens,
+        sensor_width=data.sensor_width,
+        sensor_height=data.sensor_height,
+        sensor_fit=data.sensor_fit,
+        shift_x=data.shift_x,
+        shift_y=data.shift_y,
+        pixel_aspect_x=render.pixel_aspect_x,
+        pixel_aspect_y=render.pixel_aspect_y,
+    )
     return camera_to_engine(settings, int(render.resolution_x * share), int(render.resolution_y * share), name)
 
 

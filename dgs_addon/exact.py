@@ -95,10 +95,19 @@ def start(twin: Any, scene: Any, python: Path, done: Callable[[ExactView], None]
     write_ply(folder / "twin.ply", read_twin(twin))
     write_transforms(folder / "transforms.json", {_NAME: camera_in(twin, scene)})
     command = [
-        str(python), str(RUN), "render", str(folder / "twin.ply"), "--cameras", str(folder / "transforms.json"),
-        "--out", str(folder / "out"), "--progress", "json", "--control",
+        str(python),
+        str(RUN),
+        "render",
+        str(folder / "twin.ply"),
+        "--cameras",
+        str(folder / "transforms.json"),
+        "--out",
+        str(folder / "out"),
+        "--progress",
+        "json",
+        "--control",
         *(blur if settings.view_kind == "medium" else []),
-    ]  # fmt: skip
+    ]
     worker = Worker(command, folder / "log.txt")
     view = _view = ExactView(worker, folder)
     worker.start()
@@ -130,10 +139,16 @@ def camera_in(twin: Any, scene: Any) -> Camera:
     relative[:3, :3] /= np.linalg.norm(relative[:3, :3], axis=0)  # a scaled twin leaves the camera its axes
     share, data = render.resolution_percentage / 100, thing.data
     settings = BlenderCamera(
-        matrix_world=matrix_to_blender(relative), lens=data.lens, sensor_width=data.sensor_width,
-        sensor_height=data.sensor_height, sensor_fit=data.sensor_fit, shift_x=data.shift_x, shift_y=data.shift_y,
-        pixel_aspect_x=render.pixel_aspect_x, pixel_aspect_y=render.pixel_aspect_y,
-    )  # fmt: skip
+        matrix_world=matrix_to_blender(relative),
+        lens=data.lens,
+        sensor_width=data.sensor_width,
+        sensor_height=data.sensor_height,
+        sensor_fit=data.sensor_fit,
+        shift_x=data.shift_x,
+        shift_y=data.shift_y,
+        pixel_aspect_x=render.pixel_aspect_x,
+        pixel_aspect_y=render.pixel_aspect_y,
+    )
     return camera_to_engine(settings, int(render.resolution_x * share), int(render.resolution_y * share), _NAME)
 
 
@@ -154,5 +169,3 @@ def scene_twin(scene: Any, active: Any) -> Any:
     if is_twin(active):
         return active
     return next((thing for thing in scene.objects if is_twin(thing)), None)
-
-

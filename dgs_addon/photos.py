@@ -19,9 +19,14 @@ SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp", ".bmp")
 #: As in `core.photos.movie`, for the same reason.
 MOVIES = (".mp4", ".mov", ".m4v", ".mkv", ".webm", ".avi", ".mpg", ".mpeg", ".mts", ".m2ts", ".ogv")
 _SIGNATURES = {
-    ".png": (b"\x89PNG",), ".jpg": (b"\xff\xd8",), ".jpeg": (b"\xff\xd8",), ".tif": (b"II", b"MM"),
-    ".tiff": (b"II", b"MM"), ".webp": (b"RIFF",), ".bmp": (b"BM",),
-}  # fmt: skip
+    ".png": (b"\x89PNG",),
+    ".jpg": (b"\xff\xd8",),
+    ".jpeg": (b"\xff\xd8",),
+    ".tif": (b"II", b"MM"),
+    ".tiff": (b"II", b"MM"),
+    ".webp": (b"RIFF",),
+    ".bmp": (b"BM",),
+}
 #: Enough of a file for a signature; enough for a JPEG's size, which lies behind its metadata.
 _SIGNATURE, _METADATA = 32, 65_536
 

@@ -20,13 +20,15 @@ class DGS_AP_preferences(bpy.types.AddonPreferences):
     bl_idname = __package__.rsplit(".dgs_addon", 1)[0]
 
     python: bpy.props.StringProperty(
-        name="Python of the Engine", subtype="FILE_PATH",
+        name="Python of the Engine",
+        subtype="FILE_PATH",
         description="A Python 3.11 or newer that holds the engine's packages. Empty: the one installed below",
-    )  # fmt: skip
+    )
     wheels: bpy.props.StringProperty(
-        name="Wheels", subtype="DIR_PATH",
+        name="Wheels",
+        subtype="DIR_PATH",
         description="Folder of downloaded wheels to install from without a network. Empty: from the network",
-    )  # fmt: skip
+    )
 
     def draw(self, _context: Any) -> None:
         """Where the engine is, the button that installs it, and what the last check said."""

@@ -49,84 +49,121 @@ class DGS_PG_settings(bpy.types.PropertyGroup):
     """The settings of all steps; the panel shows them, the job reads them."""
 
     photos: bpy.props.StringProperty(
-        name="Photos", subtype="DIR_PATH", update=_read_photos,
+        name="Photos",
+        subtype="DIR_PATH",
+        update=_read_photos,
         description="Folder with the photos: PNG, JPEG, TIFF, WebP or BMP, at least three. Or a movie",
-    )  # fmt: skip
+    )
     selection: bpy.props.StringProperty(
-        name="Chosen Photos", options={"HIDDEN"},
+        name="Chosen Photos",
+        options={"HIDDEN"},
         description="Names of the photos in the folder that count, one a line. Empty: all",
-    )  # fmt: skip
+    )
     frames: bpy.props.IntProperty(
-        name="Frames", min=3, soft_max=300, default=60,
+        name="Frames",
+        min=3,
+        soft_max=300,
+        default=60,
         description="Frames of the movie that are used at most: the sharpest of as many equal stretches of time",
-    )  # fmt: skip
+    )
     masks: bpy.props.StringProperty(
-        name="Masks", subtype="DIR_PATH",
+        name="Masks",
+        subtype="DIR_PATH",
         description="Folder with an image per photo, of the same name; what is black there does not count",
-    )  # fmt: skip
+    )
     out: bpy.props.StringProperty(
-        name="Results", subtype="DIR_PATH",
+        name="Results",
+        subtype="DIR_PATH",
         description="Folder for everything that is written; beside the photos if empty",
-    )  # fmt: skip
+    )
     max_size: bpy.props.IntProperty(
-        name="Longest Side", min=0, soft_max=8000, default=0, subtype="PIXEL",
+        name="Longest Side",
+        min=0,
+        soft_max=8000,
+        default=0,
+        subtype="PIXEL",
         description="Shrink photos to this longer side, in pixels; cameras and medium shrink along. 0: never",
-    )  # fmt: skip
+    )
 
     cameras: bpy.props.EnumProperty(name="Cameras", items=_CAMERAS, description="Where the cameras come from")
     model: bpy.props.StringProperty(
-        name="Model", subtype="FILE_PATH",
+        name="Model",
+        subtype="FILE_PATH",
         description="A transforms.json, or the folder of a COLMAP model (cameras.bin or cameras.txt)",
-    )  # fmt: skip
+    )
 
     medium: bpy.props.EnumProperty(
         name="Medium", items=_MEDIA, default="none", description="What lies between the cameras and the object"
     )
     sigma: bpy.props.FloatProperty(
-        name="Sigma", min=0.1, soft_max=20.0, max=200.0, default=3.0, precision=2,
+        name="Sigma",
+        min=0.1,
+        soft_max=20.0,
+        max=200.0,
+        default=3.0,
+        precision=2,
         description="Standard deviation of the blur, in pixels of the photos as they are in their files",
-    )  # fmt: skip
+    )
     sigma_minor: bpy.props.FloatProperty(
-        name="Sigma Across", min=0.1, soft_max=20.0, max=200.0, default=2.0, precision=2,
+        name="Sigma Across",
+        min=0.1,
+        soft_max=20.0,
+        max=200.0,
+        default=2.0,
+        precision=2,
         description="Standard deviation of the blur across its long direction, in pixels of the photos",
-    )  # fmt: skip
+    )
     angle: bpy.props.FloatProperty(
-        name="Angle", subtype="ANGLE", soft_min=-3.1416, soft_max=3.1416, default=0.0,
+        name="Angle",
+        subtype="ANGLE",
+        soft_min=-3.1416,
+        soft_max=3.1416,
+        default=0.0,
         description="Direction of the widest blur, from the photo's x axis towards its y axis (down)",
-    )  # fmt: skip
+    )
     psf_file: bpy.props.StringProperty(
-        name="Point Spread", subtype="FILE_PATH",
+        name="Point Spread",
+        subtype="FILE_PATH",
         description="Image of a point seen through the medium, at the photos' pixel size, centred",
-    )  # fmt: skip
+    )
     blur_space: bpy.props.EnumProperty(
-        name="Blur Acts On", description="The values that the medium mixes",
+        name="Blur Acts On",
+        description="The values that the medium mixes",
         items=(
             ("srgb", "Encoded Values", "The photos' sRGB values: made-up blur, or video-processed photos"),
             ("linear", "Light", "Linear light: what a real medium mixes before the camera encodes it"),
         ),
-    )  # fmt: skip
+    )
 
     effects: bpy.props.EnumProperty(
-        name="Other Effects", items=_EFFECTS, default="none",
+        name="Other Effects",
+        items=_EFFECTS,
+        default="none",
         description="Haze, defocus, motion, vignetting, exposure and clipping, simulated besides the blur",
-    )  # fmt: skip
+    )
     refine_cameras: bpy.props.BoolProperty(
         name="Refine Cameras",
         description="Move cameras to where their photos fit all others; kept only where photos then fit clearly better",
-    )  # fmt: skip
+    )
 
     preset: bpy.props.EnumProperty(
         name="Preset", items=_PRESETS, default="balanced", description="How much time to spend"
     )
     time_limit: bpy.props.FloatProperty(
-        name="Time Limit", min=0.0, soft_max=120.0, default=0.0, precision=1,
+        name="Time Limit",
+        min=0.0,
+        soft_max=120.0,
+        default=0.0,
+        precision=1,
         description="Minutes from the start to the report, for which all is planned; 0 for no limit",
-    )  # fmt: skip
+    )
     max_gaussians: bpy.props.IntProperty(
         name="Most Gaussians", min=0, soft_max=1_000_000, default=0, description="0 for the preset's own number"
     )
     sh_degree: bpy.props.EnumProperty(
-        name="Gloss", default="preset", description="How finely colours change with the direction of view",
+        name="Gloss",
+        default="preset",
+        description="How finely colours change with the direction of view",
         items=(
             ("preset", "As the Preset", ""),
             ("0", "None", "Matt surfaces only; the smallest files"),
@@ -134,69 +171,93 @@ class DGS_PG_settings(bpy.types.PropertyGroup):
             ("2", "Fine", "Up to degree 2; for other viewers"),
             ("3", "Finest", "Up to degree 3; for other viewers, the largest files"),
         ),
-    )  # fmt: skip
+    )
     holdout_every: bpy.props.IntProperty(
-        name="Keep Out Every", min=0, soft_max=20, default=8,
+        name="Keep Out Every",
+        min=0,
+        soft_max=20,
+        default=8,
         description="Keep every n-th photo out of the optimization to measure accuracy on it; 0 keeps none out",
-    )  # fmt: skip
+    )
     seed: bpy.props.IntProperty(
         name="Seed", min=0, default=0, description="The same seed gives the same twin on the CPU"
     )
     device: bpy.props.EnumProperty(
-        name="Device", description="Where to compute",
+        name="Device",
+        description="Where to compute",
         items=(
             ("auto", "Automatic", "CUDA if this machine and the engine have it"),
             ("cpu", "CPU", ""),
             ("cuda", "CUDA", "A graphics card by NVIDIA"),
         ),
-    )  # fmt: skip
+    )
     threads: bpy.props.IntProperty(
-        name="Threads", min=0, soft_max=64, default=0,
+        name="Threads",
+        min=0,
+        soft_max=64,
+        default=0,
         description="CPU threads of the engine; 0 for all cores. Fewer leave Blender more room",
-    )  # fmt: skip
+    )
     add_when_done: bpy.props.BoolProperty(
-        name="Add Twin When Done", default=True,
+        name="Add Twin When Done",
+        default=True,
         description="Put the twin and its cameras into this scene as soon as they are there",
-    )  # fmt: skip
+    )
     live: bpy.props.BoolProperty(
-        name="Live Twin", default=False,
+        name="Live Twin",
+        default=False,
         description="Show the twin so far in the scene while it is optimized; costs a redraw every few seconds",
-    )  # fmt: skip
+    )
 
     truth: bpy.props.StringProperty(
-        name="Sharp Photos", subtype="DIR_PATH",
+        name="Sharp Photos",
+        subtype="DIR_PATH",
         description="Photos without the medium, of the same names: only to measure the twin against",
-    )  # fmt: skip
+    )
     test_set: bpy.props.StringProperty(
-        name="Folder", subtype="DIR_PATH",
+        name="Folder",
+        subtype="DIR_PATH",
         description="Folder for the test set: photos, sharp photos and cameras are written there",
-    )  # fmt: skip
+    )
     test_views: bpy.props.IntProperty(
         name="Photos", min=3, soft_max=200, default=24, description="Photos of the test set, from all sides"
     )
     test_width: bpy.props.IntProperty(
-        name="Width", min=64, soft_max=2000, default=400, subtype="PIXEL",
+        name="Width",
+        min=64,
+        soft_max=2000,
+        default=400,
+        subtype="PIXEL",
         description="Width of the test set's photos, in pixels; they are two thirds as high",
-    )  # fmt: skip
+    )
     new_photos: bpy.props.StringProperty(
-        name="New Photos", subtype="DIR_PATH",
+        name="New Photos",
+        subtype="DIR_PATH",
         description="Folder with later photos of the same object, taken through the same medium or another",
-    )  # fmt: skip
+    )
     watching: bpy.props.BoolProperty(
-        name="Watch Folder", default=False, update=_watch,
+        name="Watch Folder",
+        default=False,
+        update=_watch,
         description="Update the twin whenever new photos have come into the folder",
-    )  # fmt: skip
+    )
     known_length: bpy.props.FloatProperty(
-        name="Known Length", subtype="DISTANCE", unit="LENGTH", min=1e-6, soft_max=100.0, default=1.0,
+        name="Known Length",
+        subtype="DISTANCE",
+        unit="LENGTH",
+        min=1e-6,
+        soft_max=100.0,
+        default=1.0,
         description="True distance between the two selected objects, or of the way through all cameras",
-    )  # fmt: skip
+    )
     view_kind: bpy.props.EnumProperty(
-        name="Show", description="What the exact view shows",
+        name="Show",
+        description="What the exact view shows",
         items=(
             ("sharp", "Sharp", "The twin as the engine sees it"),
             ("medium", "Blurred", "The twin blurred by the medium of step 3, as the photos are"),
         ),
-    )  # fmt: skip
+    )
 
 
 def register_properties() -> None:

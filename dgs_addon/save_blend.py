@@ -69,6 +69,7 @@ def _camera_before(twin: Any, scene: Any) -> None:
     radius = max(float(np.quantile(np.linalg.norm(means - centre, axis=1), 0.95)), 1e-3)
     translation = -centre + [0.0, 0.0, 3.0 * radius]
     place_camera(
-        new_camera("Camera", scene), Camera("Camera", 1280, 720, 1280, 1280, 640, 360, np.eye(3), translation),
+        new_camera("Camera", scene),
+        Camera("Camera", 1280, 720, 1280, 1280, 640, 360, np.eye(3), translation),
         scene.render,
-    )  # fmt: skip
+    )

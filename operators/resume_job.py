@@ -42,7 +42,12 @@ class DGS_OT_resume_job(bpy.types.Operator):
         kind: Kind = "cameras" if record.kind == "cameras" else "reconstruct"
         # Cameras alone have no checkpoint: they are sought again.
         request = Request(
-            kind, Path(record.photos), out, record.arguments, record.count, record.selection,
+            kind,
+            Path(record.photos),
+            out,
+            record.arguments,
+            record.count,
+            record.selection,
             resume=kind == "reconstruct",
-        )  # fmt: skip
+        )
         return start_job(self, context, lambda: request)

@@ -12,8 +12,14 @@ from .twin import DGS_PT_twin, DGS_PT_twin_look
 from .validate import DGS_PT_validate
 
 CLASSES: tuple[type, ...] = (
-    DGS_PT_main, DGS_PT_images, DGS_PT_cameras, DGS_PT_medium, DGS_PT_optimize, DGS_PT_twin, DGS_PT_twin_look,
+    DGS_PT_main,
+    DGS_PT_images,
+    DGS_PT_cameras,
+    DGS_PT_medium,
+    DGS_PT_optimize,
+    DGS_PT_twin,
+    DGS_PT_twin_look,
     DGS_PT_validate,
-)  # fmt: skip
+)
 
 __all__ = ["CLASSES", "forget_thumbnails"]

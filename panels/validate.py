@@ -52,15 +52,16 @@ def _draw_scores(layout: Any, context: Any, report: dict[str, Any]) -> None:
     try:
         held = report["heldout"]
         lines = [
-            ("Photos placed", iface_("{part} of {all}").format(
-                part=report["photos"]["registered"], all=report["photos"]["given"]
-            )),
+            (
+                "Photos placed",
+                iface_("{part} of {all}").format(part=report["photos"]["registered"], all=report["photos"]["given"]),
+            ),
             ("Gaussians", f"{report['gaussians']:,}"),
             (iface_("Held-out photos ({count})").format(count=len(held["names"])), _decibel(held["degraded"]["psnr"])),
             ("Sharp photos", _decibel(held["sharp"]["psnr"])),
             *_detail(held.get("bands") or []),
             ("Detail in the photos", f"{report['resolvable_period_px']:.1f} px"),
-        ]  # fmt: skip
+        ]
     except (KeyError, TypeError, ValueError):
         sentence(layout, context, "The report is of another version; run Optimize again", "INFO")
         return
@@ -75,12 +76,15 @@ def _draw_scores(layout: Any, context: Any, report: dict[str, Any]) -> None:
 def _detail(bands: list[dict[str, Any]]) -> list[tuple[str, str]]:
     """How much of the truth's detail the twin has, by size: correlation of what lies between two periods."""
     return [
-        (iface_("Detail of {finest} to {coarsest} px").format(
-            finest=f"{band['finest']:g}", coarsest=f"{band['coarsest']:g}"
-        ), f"{band['correlation']:.0%}")
+        (
+            iface_("Detail of {finest} to {coarsest} px").format(
+                finest=f"{band['finest']:g}", coarsest=f"{band['coarsest']:g}"
+            ),
+            f"{band['correlation']:.0%}",
+        )
         for band in bands
         if band["correlation"] is not None
-    ]  # fmt: skip
+    ]
 
 
 def _decibel(value: float | None) -> str:

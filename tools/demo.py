@@ -23,13 +23,27 @@ BLEND = OUT / "twin.blend"
 PSF = "gaussian:3"
 SYNTHESIZE = ["synthesize", "--out", str(SET), "--views", "20", "--size", "480x320", "--psf", PSF]
 RECONSTRUCT = [
-    "reconstruct", str(SET / "photos"), "--out", str(TWIN), "--psf", PSF,
-    "--truth", str(SET / "sharp"), "--time-limit", "90s",
-]  # fmt: skip
+    "reconstruct",
+    str(SET / "photos"),
+    "--out",
+    str(TWIN),
+    "--psf",
+    PSF,
+    "--truth",
+    str(SET / "sharp"),
+    "--time-limit",
+    "90s",
+]
 BLENDER = [
-    "blend", str(TWIN / "twin.ply"), "--cameras", str(TWIN / "cameras"),
-    "--photos", str(SET / "photos"), "--out", str(BLEND),
-]  # fmt: skip
+    "blend",
+    str(TWIN / "twin.ply"),
+    "--cameras",
+    str(TWIN / "cameras"),
+    "--photos",
+    str(SET / "photos"),
+    "--out",
+    str(BLEND),
+]
 
 
 def run(title: str, arguments: list[str]) -> None:

@@ -32,10 +32,21 @@ def fetch_wheels(manifest: dict[str, Any]) -> None:
         name, version = wheel.stem.split("-")[:2]
         print(f"Fetching {name} {version}", flush=True)
         subprocess.run(
-            [sys.executable, "-m", "pip", "download", "-q", "--disable-pip-version-check", "--no-deps",
-             "--only-binary=:all:", "-d", str(wheel.parent), f"{name}=={version}"],
+            [
+                sys.executable,
+                "-m",
+                "pip",
+                "download",
+                "-q",
+                "--disable-pip-version-check",
+                "--no-deps",
+                "--only-binary=:all:",
+                "-d",
+                str(wheel.parent),
+                f"{name}=={version}",
+            ],
             check=True,
-        )  # fmt: skip
+        )
         if not wheel.is_file():
             sys.exit(f"pip fetched no '{wheel.name}'. Correct 'wheels' in blender_manifest.toml.")
 

@@ -1,8 +1,9 @@
 #!/usr/bin/env bash
-# ruff over everything; mypy over the packages, mounted as `dgs` as at run time.
+# ruff (rules and format) over everything; mypy over the packages, mounted as `dgs` as at run time.
 set -eu
 cd "$(dirname "$0")/.."
 .venv/bin/python -m ruff check .
+.venv/bin/python -m ruff format --check --quiet . || { echo "Not formatted: run make format" >&2; exit 1; }
 mkdir -p .lint
 ln -sfn .. .lint/dgs  # the clone's own name need not be a Python name
 export MYPYPATH=.lint

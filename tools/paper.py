@@ -102,16 +102,24 @@ def write(options: argparse.Namespace) -> None:
     encoded, linear = render_sets(work, options.quick)
     content = compare(encoded, work / "compare_ball", options)
     views = "{registered} views".format(**content["facts"])
-    main = Chapter(f"The ball, {views}", "Blurred in sRGB values, 8 bit, as the paper most likely did.", content,
-                   pictures(work / "compare_ball", target, "ball"))  # fmt: skip
+    main = Chapter(
+        f"The ball, {views}",
+        "Blurred in sRGB values, 8 bit, as the paper most likely did.",
+        content,
+        pictures(work / "compare_ball", target, "ball"),
+    )
     one_seed = argparse.Namespace(**{**vars(options), "seeds": 1})
-    more = [Chapter("The same ball, blurred in linear light", "As a medium blurs: light, not stored values.",
-                    compare(linear, work / "compare_ball_linear", one_seed, few=True))]  # fmt: skip
+    more = [
+        Chapter(
+            "The same ball, blurred in linear light",
+            "As a medium blurs: light, not stored values.",
+            compare(linear, work / "compare_ball_linear", one_seed, few=True),
+        )
+    ]
     for folder in options.real:
         out = work / f"compare_{folder.name}"
         real = compare(folder, out, options, "--psf", "gaussian:5", few=True)
-        more.append(Chapter(f"Real photos: {folder.name}", _REAL, real,
-                            pictures(out, target, folder.name)))  # fmt: skip
+        more.append(Chapter(f"Real photos: {folder.name}", _REAL, real, pictures(out, target, folder.name)))
     wrong = compare(encoded, work / "compare_ball", one_seed, "--mismatch")
     write_text(target, page(main, more, wrong, options.quick))
     print(f"wrote {target.relative_to(ROOT) if target.is_relative_to(ROOT) else target}")

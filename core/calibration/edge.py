@@ -98,9 +98,21 @@ def measure_edge(light: Light) -> MeasuredPsf:
         notes.append("narrower than the pixels can tell: the width is an upper bound")
     place = edge.middle[0] + 0.5, edge.middle[1] + 0.5
     return MeasuredPsf(
-        "edge", light.space, kernel, sigma, sigma, 0.0, edge.uncertainty * edge.sigma / sigma, fwhm_of(kernel),
-        misfit, FREQUENCIES, np.interp(FREQUENCIES, mtf[0], mtf[1]), place, edge.slant, tuple(notes),
-    )  # fmt: skip
+        "edge",
+        light.space,
+        kernel,
+        sigma,
+        sigma,
+        0.0,
+        edge.uncertainty * edge.sigma / sigma,
+        fwhm_of(kernel),
+        misfit,
+        FREQUENCIES,
+        np.interp(FREQUENCIES, mtf[0], mtf[1]),
+        place,
+        edge.slant,
+        tuple(notes),
+    )
 
 
 def fit_edge_in(light: Light) -> EdgeFit:
@@ -223,8 +235,9 @@ def _band(light: Light, normal: float, offset: float, sigma: float) -> tuple[NDA
     return mask, (offset * c - middle * s, offset * s + middle * c)
 
 
-def _fit(values: Array, mask: NDArray[np.bool_], middle: tuple[float, float], normal: float, offset: float,
-         sigma: float) -> EdgeFit:  # fmt: skip
+def _fit(
+    values: Array, mask: NDArray[np.bool_], middle: tuple[float, float], normal: float, offset: float, sigma: float
+) -> EdgeFit:
     """Step, its place, direction and width, and a gentle slope of the light on either side."""
     rows, columns = np.nonzero(mask)
     if len(rows) > 60_000:
@@ -242,18 +255,26 @@ def _fit(values: Array, mask: NDArray[np.bool_], middle: tuple[float, float], no
 
     at = offset - middle[0] * math.cos(normal) - middle[1] * math.sin(normal)
     fit = least_squares(
-        lambda p: (model(p) - v) / step, [normal, at, sigma, low, step, 0.0, 0.0],
+        lambda p: (model(p) - v) / step,
+        [normal, at, sigma, low, step, 0.0, 0.0],
         bounds=([-np.inf, -np.inf, 0.15, -np.inf, 0.0, -0.5, -0.5], [np.inf, np.inf, np.inf, np.inf, np.inf, 0.5, 0.5]),
         x_scale=[0.01, 0.1, sigma, step, step, 0.1, 0.1],
-    )  # fmt: skip
+    )
     p = fit.x
     variance = 2 * fit.cost / max(1, len(v) - len(p))
     covariance = np.linalg.pinv(fit.jac.T @ fit.jac) * variance
     total = float(p[1] + middle[0] * math.cos(p[0]) + middle[1] * math.sin(p[0]))
     return EdgeFit(
-        float(p[0]), total, float(p[2]), float(p[3]), float(p[3] + p[4]), math.sqrt(float(covariance[2, 2])),
-        math.sqrt(variance) * step, middle, mask,
-    )  # fmt: skip
+        float(p[0]),
+        total,
+        float(p[2]),
+        float(p[3]),
+        float(p[3] + p[4]),
+        math.sqrt(float(covariance[2, 2])),
+        math.sqrt(variance) * step,
+        middle,
+        mask,
+    )
 
 
 def _check_slant(light: Light, edge: EdgeFit, d: Array) -> None:

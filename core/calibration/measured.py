@@ -62,13 +62,22 @@ class MeasuredPsf:
     def plain(self) -> dict[str, Any]:
         """For JSON, without the arrays."""
         return {
-            "kind": self.kind, "space": self.space, "kernel_size": list(self.kernel.shape),
-            "sigma": self.sigma, "sigma_uncertainty": self.sigma_uncertainty,
-            "sigma_x": self.sigma_x, "sigma_y": self.sigma_y, "angle": self.angle,
-            "fwhm": self.fwhm, "fwhm_uncertainty": self.fwhm_uncertainty, "misfit": self.misfit,
-            "mtf50": mtf50(self.frequencies, self.mtf), "place": list(self.place), "slant": self.slant,
+            "kind": self.kind,
+            "space": self.space,
+            "kernel_size": list(self.kernel.shape),
+            "sigma": self.sigma,
+            "sigma_uncertainty": self.sigma_uncertainty,
+            "sigma_x": self.sigma_x,
+            "sigma_y": self.sigma_y,
+            "angle": self.angle,
+            "fwhm": self.fwhm,
+            "fwhm_uncertainty": self.fwhm_uncertainty,
+            "misfit": self.misfit,
+            "mtf50": mtf50(self.frequencies, self.mtf),
+            "place": list(self.place),
+            "slant": self.slant,
             "notes": list(self.notes),
-        }  # fmt: skip
+        }
 
 
 def mtf50(frequencies: Array, mtf: Array) -> float | None:

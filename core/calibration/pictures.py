@@ -57,8 +57,9 @@ def draw_psf(path: Path, measured: MeasuredPsf, title: str) -> None:
     right.legend(fontsize=8)
     figure.suptitle(
         f"{title}: sigma {measured.sigma:.3f} ± {measured.sigma_uncertainty:.3f} px, FWHM {measured.fwhm:.2f} px, "
-        f"{'linear light' if measured.space == 'linear' else 'values as they stand'}", fontsize=11,
-    )  # fmt: skip
+        f"{'linear light' if measured.space == 'linear' else 'values as they stand'}",
+        fontsize=11,
+    )
     with replacing(path) as temporary:
         figure.savefig(temporary)
 

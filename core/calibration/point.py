@@ -77,11 +77,21 @@ def measure_point(light: Light) -> MeasuredPsf:
     residual = fitted.residual**2 - spread**2
     notes = _notes(light, sigmas, residual, fitted.amplitude)
     return MeasuredPsf(
-        "point", light.space, kernel, float(sigmas[1]), float(sigmas[0]),
+        "point",
+        light.space,
+        kernel,
+        float(sigmas[1]),
+        float(sigmas[0]),
         math.degrees(math.atan2(vectors[1, 1], vectors[0, 1])) % 180.0,
-        fitted.uncertainty * math.sqrt(inflated), fwhm_of(kernel), math.sqrt(max(residual, 0.0)) / fitted.amplitude,
-        frequencies, mtf, (c + 0.5 + fitted.x, r + 0.5 + fitted.y), None, notes,
-    )  # fmt: skip
+        fitted.uncertainty * math.sqrt(inflated),
+        fwhm_of(kernel),
+        math.sqrt(max(residual, 0.0)) / fitted.amplitude,
+        frequencies,
+        mtf,
+        (c + 0.5 + fitted.x, r + 0.5 + fitted.y),
+        None,
+        notes,
+    )
 
 
 def _notes(light: Light, sigmas: Array, residual: float, amplitude: float) -> tuple[str, ...]:

@@ -13,10 +13,16 @@ def cameras_command(options: argparse.Namespace, progress: Reporting) -> int:
     from ..pipeline.only_cameras import only_cameras
 
     settings = ReconstructSettings(
-        photos=options.photos, out=options.out, psf=options.psf, blur_space=options.blur_space,
-        masks=options.masks, frames=options.frames, max_size=options.max_size, device=options.device,
+        photos=options.photos,
+        out=options.out,
+        psf=options.psf,
+        blur_space=options.blur_space,
+        masks=options.masks,
+        frames=options.frames,
+        max_size=options.max_size,
+        device=options.device,
         threads=options.threads,
-    )  # fmt: skip
+    )
     found = only_cameras(settings, progress)
     figures = found.figures
     progress.finished(

@@ -88,9 +88,7 @@ def _blur() -> str:
     x, y = torch.rand((3, 72, 88), generator=random), torch.rand((3, 48, 64), generator=random)
     forward, back = float((operator.apply(x) * y).sum()), float((x * operator.adjoint(y)).sum())
     if abs(forward - back) > 1e-4 * abs(forward):
-        raise DeviceError(
-            f"Blur and adjoint disagree ({forward:.6g}, {back:.6g})", "Report it with these lines"
-        )
+        raise DeviceError(f"Blur and adjoint disagree ({forward:.6g}, {back:.6g})", "Report it with these lines")
     return f"{operator.evaluation} evaluation, adjoint exact"
 
 

@@ -28,10 +28,18 @@ def estimate_command(options: argparse.Namespace, progress: Reporting) -> int:
     from ..pipeline.settings import ReconstructSettings
 
     settings = ReconstructSettings(
-        photos=options.photos, out=Path("."), psf=options.psf, blur_space=options.blur_space, cameras=options.cameras,
-        holdout_every=options.holdout_every, max_size=options.max_size, max_gaussians=options.max_gaussians,
-        sh_degree=options.sh_degree, device=options.device, threads=options.threads,
-    )  # fmt: skip
+        photos=options.photos,
+        out=Path("."),
+        psf=options.psf,
+        blur_space=options.blur_space,
+        cameras=options.cameras,
+        holdout_every=options.holdout_every,
+        max_size=options.max_size,
+        max_gaussians=options.max_gaussians,
+        sh_degree=options.sh_degree,
+        device=options.device,
+        threads=options.threads,
+    )
     found = estimate(settings, progress)
     print(json.dumps(found) if options.json else told(found), flush=True)
     return 0

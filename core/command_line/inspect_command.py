@@ -19,14 +19,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command, without machine and progress."""
     add = parser.add_argument
     add("photos", type=Path, metavar="PHOTOS", help="folder of photos")
-    add("--cameras", type=Path, metavar="MODEL",
-        help="known cameras with points (COLMAP); found from the photos if not given")  # fmt: skip
-    add("--without-cameras", action="store_true",
-        help="look for none: quick, but says nothing on what needs the same point in several photos")  # fmt: skip
-    add("--masks", type=Path, metavar="DIR", help="images of the same names; black pixels do not count")
     add(
-        "--out", type=Path, metavar="DIR", help="folder for inspection.json and pictures; none if not given"
+        "--cameras",
+        type=Path,
+        metavar="MODEL",
+        help="known cameras with points (COLMAP); found from the photos if not given",
     )
+    add(
+        "--without-cameras",
+        action="store_true",
+        help="look for none: quick, but says nothing on what needs the same point in several photos",
+    )
+    add("--masks", type=Path, metavar="DIR", help="images of the same names; black pixels do not count")
+    add("--out", type=Path, metavar="DIR", help="folder for inspection.json and pictures; none if not given")
     add("--json", action="store_true", help="print JSON instead of the table")
 
 
@@ -53,11 +58,13 @@ def inspect_command(options: argparse.Namespace, progress: Reporting) -> int:
         seconds_cameras = time.perf_counter() - at
     found = inspect_photos(photos, progress)
     content = {
-        "photos": str(options.photos), "count": len(loaded), "cameras": photos.cameras is not None,
+        "photos": str(options.photos),
+        "count": len(loaded),
+        "cameras": photos.cameras is not None,
         "why_no_cameras": None if photos.cameras is not None else photos.no_tracks,
         "effects": [evidence.plain() for evidence in found],
         "seconds": {"cameras": round(seconds_cameras, 3), "total": round(time.perf_counter() - began, 3)},
-    }  # fmt: skip
+    }
     pictures: list[str] = []
     if options.out is not None:
         pictures = [str(path) for path in draw_inspection(options.out, photos, found)]

@@ -63,8 +63,4 @@ class Interruption:
         if self._asked.is_set():
             raise KeyboardInterrupt
         self.ask()
-        print(
-            "Stopping: what is finished will be saved (once more to stop at once).",
-            file=sys.stderr,
-            flush=True,
-        )
+        print("Stopping: what is finished will be saved (once more to stop at once).", file=sys.stderr, flush=True)

@@ -111,13 +111,9 @@ def _guarded(
     except DgsError as error:
         return _failed(progress, " ".join(str(error).split()), error.exit_code)
     except KeyboardInterrupt:
-        return _failed(
-            progress, "Stopped at once; checkpoints and files written before are kept.", Cancelled.exit_code
-        )
+        return _failed(progress, "Stopped at once; checkpoints and files written before are kept.", Cancelled.exit_code)
     except MemoryError:
-        return _failed(
-            progress, "Out of memory. Use --max-size or --max-gaussians to make the work smaller.", 2
-        )
+        return _failed(progress, "Out of memory. Use --max-size or --max-gaussians to make the work smaller.", 2)
     except BrokenPipeError:
         # Whoever read our output has gone; the interpreter must not try to flush it at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

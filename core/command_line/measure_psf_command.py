@@ -15,9 +15,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("photo", type=Path, metavar="PHOTO", help="a point of light, or a slanted edge, through the medium")
     add("--out", type=Path, required=True, metavar="KERNEL.tif", help="the kernel (.tif or .npy), for --psf file:...")
     add("--kind", choices=("auto", "point", "edge"), default="auto", help="what was photographed")
-    add("--srgb", action="store_true",
+    add(
+        "--srgb",
+        action="store_true",
         help="measure on the photo's values as they stand, for --blur-space srgb or a file that holds linear light; "
-        "otherwise the sRGB curve is undone first, for --blur-space linear")  # fmt: skip
+        "otherwise the sRGB curve is undone first, for --blur-space linear",
+    )
     add("--json", action="store_true", help="print the figures as JSON")
 
 
@@ -37,15 +40,17 @@ def measure_psf_command(options: argparse.Namespace, progress: Reporting) -> int
     edge = f"an edge, {measured.slant:.1f} degrees slanted" if measured.slant is not None else ""
     half = mtf50(measured.frequencies, measured.mtf)
     result: dict[str, object] = {
-        "kernel": str(options.out), "picture": str(picture),
+        "kernel": str(options.out),
+        "picture": str(picture),
         "photographed": edge or "a point of light",
         "sigma px": f"{measured.sigma:.3f} +- {measured.sigma_uncertainty:.3f}",
         "axes px": f"{measured.sigma_x:.3f} x {measured.sigma_y:.3f} at {measured.angle:.0f} deg"
-        if measured.sigma_x != measured.sigma_y else None,
+        if measured.sigma_x != measured.sigma_y
+        else None,
         "FWHM px": f"{measured.fwhm:.2f} +- {measured.fwhm_uncertainty:.2f}",
         "MTF50": None if half is None else f"{half:.4f} cycles/px",
         "use it with": f"--psf file:{options.out} --blur-space {measured.space}",
-    }  # fmt: skip
+    }
     if options.json:
         files = {"kernel": str(options.out), "picture": str(picture)}
         print(json.dumps({**files, **measured.plain()}, indent=2), flush=True)

@@ -23,9 +23,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command, without machine and progress."""
     add = parser.add_argument
     add("twin", type=Path, metavar="TWIN", help="folder that 'reconstruct --out' wrote")
-    add("--candidates", default="orbit", metavar="PATH",
+    add(
+        "--candidates",
+        default="orbit",
+        metavar="PATH",
         help="where the camera can go: rail | orbit | dome (around what the photos look at), or a transforms.json or "
-        "COLMAP folder")  # fmt: skip
+        "COLMAP folder",
+    )
     add("--number", type=int, default=24, metavar="N", help="candidates on a rail, orbit or dome")
     add("--count", type=int, default=3, metavar="N", help="views to choose one after the other")
     add("--samples", type=int, default=6, metavar="N", help="samples of what is left open; more are steadier")
@@ -64,17 +68,22 @@ def next_view_command(options: argparse.Namespace, progress: Reporting) -> int:
     drawn = draw_expected(options.twin / "next_views", ranking.views, ranking.error["contrast"])
     held = ranking.error["held_photos"]
     add_chapter(
-        options.twin / "report.html", drawn,
-        f"How wrong the twin is was measured on {held} photos that it was not trained on." if held else
-        "No photo was held out to measure how wrong the twin is: usual values stand in.",
-    )  # fmt: skip
+        options.twin / "report.html",
+        drawn,
+        f"How wrong the twin is was measured on {held} photos that it was not trained on."
+        if held
+        else "No photo was held out to measure how wrong the twin is: usual values stand in.",
+    )
     with replacing(options.twin / "known.npy") as temporary:
         np.save(temporary, ranking.known.numpy().astype(np.float32))
     content = {
-        "twin": str(options.twin), "candidates": options.candidates, "through_blur": settings.through_blur,
+        "twin": str(options.twin),
+        "candidates": options.candidates,
+        "through_blur": settings.through_blur,
         "expected_error": ranking.error,
-        "views": [suggestion.plain() for suggestion in ranked], "seconds": round(time.perf_counter() - began, 3),
-    }  # fmt: skip
+        "views": [suggestion.plain() for suggestion in ranked],
+        "seconds": round(time.perf_counter() - began, 3),
+    }
     path = options.twin / "next_views.json"
     write_json(path, content)
     if options.json:
@@ -83,9 +92,8 @@ def next_view_command(options: argparse.Namespace, progress: Reporting) -> int:
     if options.progress != "json":
         print("\n".join(table(ranked)), flush=True)
     progress.finished(
-        {"next": ", ".join(s.camera.name for s in ranked if s.order), "views": str(path),
-         "seconds": content["seconds"]}
-    )  # fmt: skip
+        {"next": ", ".join(s.camera.name for s in ranked if s.order), "views": str(path), "seconds": content["seconds"]}
+    )
     return 0
 
 

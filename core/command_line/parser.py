@@ -49,11 +49,7 @@ class _Whole:
         except ValueError:
             value = None
         if value is None or not self._low <= value <= self._high:
-            span = (
-                f"from {self._low} to {self._high}"
-                if math.isfinite(self._high)
-                else f"of at least {self._low}"
-            )
+            span = f"from {self._low} to {self._high}" if math.isfinite(self._high) else f"of at least {self._low}"
             raise argparse.ArgumentTypeError(f"'{text}' is no whole number {span}")
         return value
 
@@ -95,41 +91,52 @@ def _defaults(parser: argparse.ArgumentParser) -> argparse.ArgumentParser:
 
 def _add_machine(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--device", choices=("auto", "cpu", "cuda"), default="auto", help="where to compute")
-    parser.add_argument(
-        "--threads", type=whole(1, 1024), metavar="N", help="CPU threads; all cores if not given"
-    )
+    parser.add_argument("--threads", type=whole(1, 1024), metavar="N", help="CPU threads; all cores if not given")
 
 
 def _add_progress(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
-        "--progress", choices=("auto", "json", "none"), default="auto",
+        "--progress",
+        choices=("auto", "json", "none"),
+        default="auto",
         help="bars on a terminal and lines elsewhere, one JSON object a line, or nothing",
-    )  # fmt: skip
+    )
     parser.add_argument(
-        "--control", action="store_true",
+        "--control",
+        action="store_true",
         help="for programs: obey lines on standard input (cancel, pause, continue), and end when it is closed",
-    )  # fmt: skip
+    )
 
 
 def _add_medium(parser: argparse.ArgumentParser) -> None:
     medium = parser.add_argument_group("what blurs the photos")
     medium.add_argument(
-        "--psf", default="none", metavar="PSF",
+        "--psf",
+        default="none",
+        metavar="PSF",
         help="point spread function: none | gaussian:SIGMA | gaussian:SX,SY,ANGLE (px of the photos as they "
         "are, degrees) | file:PATH (.npy, .tif, .png, .fits) | per-photo:FILE.json (by photo name, '*' for others) | "
         "auto (reconstruct only: told from the photos) | auto-each (and each photo's own width around it)",
-    )  # fmt: skip
+    )
     medium.add_argument(
-        "--blur-space", choices=("srgb", "linear"), default="srgb",
+        "--blur-space",
+        choices=("srgb", "linear"),
+        default="srgb",
         help="whether the blur acts on the photos' sRGB values or on linear light",
-    )  # fmt: skip
+    )
 
 
 def _add_photos(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("photos", type=Path, metavar="PHOTOS",
-                        help="folder of photos, a list of them (.txt, one a line), or a movie")  # fmt: skip
-    parser.add_argument("--frames", type=whole(3), default=DEFAULT_FRAMES, metavar="N",
-                        help="of a movie, use at most N frames: the sharpest of N equal stretches")  # fmt: skip
+    parser.add_argument(
+        "photos", type=Path, metavar="PHOTOS", help="folder of photos, a list of them (.txt, one a line), or a movie"
+    )
+    parser.add_argument(
+        "--frames",
+        type=whole(3),
+        default=DEFAULT_FRAMES,
+        metavar="N",
+        help="of a movie, use at most N frames: the sharpest of N equal stretches",
+    )
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for all results")
 
 
@@ -143,11 +150,10 @@ def _add_cameras(commands: argparse._SubParsersAction[OneLineParser]) -> None:
     )
     _add_photos(parser)
     _add_medium(parser)
+    parser.add_argument("--masks", type=Path, metavar="DIR", help="images of the same names; black pixels do not count")
     parser.add_argument(
-        "--masks", type=Path, metavar="DIR", help="images of the same names; black pixels do not count"
+        "--max-size", type=whole(16), metavar="PIXELS", help="shrink photos to this longer side, with cameras and PSF"
     )
-    parser.add_argument("--max-size", type=whole(16), metavar="PIXELS",
-                        help="shrink photos to this longer side, with cameras and PSF")  # fmt: skip
     _add_machine(parser)
     _add_progress(parser)
 
@@ -164,51 +170,75 @@ def _add_reconstruct(commands: argparse._SubParsersAction[OneLineParser]) -> Non
     _add_photos(parser)
     _add_medium(parser)
     parser.add_argument(
-        "--effects", default="none", metavar="EFFECTS",
+        "--effects",
+        default="none",
+        metavar="EFFECTS",
         help="besides the blur: auto (what the photos call for and a short trial confirms) | none | all | names with "
         "commas out of haze, defocus, field_blur, motion, vignetting, exposure, saturation (auto,haze forces one on, "
         "auto,-haze off)",
-    )  # fmt: skip
+    )
     data = parser.add_argument_group("what is given")
     data.add_argument(
-        "--cameras", type=Path, metavar="MODEL",
+        "--cameras",
+        type=Path,
+        metavar="MODEL",
         help="known cameras: folder of a COLMAP model or a transforms.json; found from the photos if not given",
-    )  # fmt: skip
-    data.add_argument(
-        "--truth", type=Path, metavar="DIR", help="sharp photos of the same names, only for scoring"
     )
+    data.add_argument("--truth", type=Path, metavar="DIR", help="sharp photos of the same names, only for scoring")
+    data.add_argument("--masks", type=Path, metavar="DIR", help="images of the same names; black pixels do not count")
     data.add_argument(
-        "--masks", type=Path, metavar="DIR", help="images of the same names; black pixels do not count"
-    )
-    data.add_argument(
-        "--holdout-every", type=whole(0), default=8, metavar="N",
+        "--holdout-every",
+        type=whole(0),
+        default=8,
+        metavar="N",
         help="keep views 0, N, 2N ... by sorted name out of the training to score them; 0 keeps none out",
-    )  # fmt: skip
-    data.add_argument("--max-size", type=whole(16), metavar="PIXELS",
-                      help="shrink photos to this longer side, with cameras and PSF")  # fmt: skip
+    )
+    data.add_argument(
+        "--max-size", type=whole(16), metavar="PIXELS", help="shrink photos to this longer side, with cameras and PSF"
+    )
     add_refinement(data)
     effort = parser.add_argument_group("effort")
-    effort.add_argument("--preset", choices=("draft", "balanced", "fine"), default="balanced",
-                        help="how much time to spend")  # fmt: skip
-    effort.add_argument("--time-limit", type=duration, metavar="TIME",
-                        help="from the command to the report, such as 120s or 2m: steps, Gaussians and grid are "
-                        "planned for it instead of the preset's, and everything is saved by then")  # fmt: skip
-    effort.add_argument("--until-quality", type=quality, metavar="QUALITY",
-                        help="end before, on a plateau ('plateau') or at a PSNR in dB on the photos held out; "
-                        "without --time-limit at most four times the preset's steps")  # fmt: skip
-    effort.add_argument("--min-steps", type=whole(0), default=0, metavar="N",
-                        help="neither time nor quality ends the training before N steps")  # fmt: skip
-    effort.add_argument("--max-gaussians", type=whole(100), metavar="N", help="the preset's if not given")
-    effort.add_argument("--sh-degree", type=whole(0, 3), metavar="D",
-                        help="spherical harmonics, 0 (no gloss) to 3; the preset's if not given")  # fmt: skip
-    effort.add_argument("--loss", choices=("dgs", "paper"), default="dgs",
-                        help="'paper' keeps the paper's own loss, for comparison")  # fmt: skip
     effort.add_argument(
-        "--seed", type=whole(0, 2**31 - 1), default=0, metavar="N", help="same seed, same twin (CPU)"
+        "--preset", choices=("draft", "balanced", "fine"), default="balanced", help="how much time to spend"
     )
+    effort.add_argument(
+        "--time-limit",
+        type=duration,
+        metavar="TIME",
+        help="from the command to the report, such as 120s or 2m: steps, Gaussians and grid are "
+        "planned for it instead of the preset's, and everything is saved by then",
+    )
+    effort.add_argument(
+        "--until-quality",
+        type=quality,
+        metavar="QUALITY",
+        help="end before, on a plateau ('plateau') or at a PSNR in dB on the photos held out; "
+        "without --time-limit at most four times the preset's steps",
+    )
+    effort.add_argument(
+        "--min-steps",
+        type=whole(0),
+        default=0,
+        metavar="N",
+        help="neither time nor quality ends the training before N steps",
+    )
+    effort.add_argument("--max-gaussians", type=whole(100), metavar="N", help="the preset's if not given")
+    effort.add_argument(
+        "--sh-degree",
+        type=whole(0, 3),
+        metavar="D",
+        help="spherical harmonics, 0 (no gloss) to 3; the preset's if not given",
+    )
+    effort.add_argument(
+        "--loss", choices=("dgs", "paper"), default="dgs", help="'paper' keeps the paper's own loss, for comparison"
+    )
+    effort.add_argument("--seed", type=whole(0, 2**31 - 1), default=0, metavar="N", help="same seed, same twin (CPU)")
     effort.add_argument("--resume", action="store_true", help="go on from the checkpoint in DIR")
-    effort.add_argument("--snapshots", action="store_true",
-                        help="now and then write the twin so far and a picture of it to DIR/snapshot")  # fmt: skip
+    effort.add_argument(
+        "--snapshots",
+        action="store_true",
+        help="now and then write the twin so far and a picture of it to DIR/snapshot",
+    )
     _add_machine(parser)
     _add_progress(parser)
 
@@ -220,13 +250,12 @@ def _add_render(commands: argparse._SubParsersAction[OneLineParser]) -> None:
         )
     )
     parser.add_argument("twin", type=Path, metavar="TWIN.ply", help="3DGS PLY")
-    parser.add_argument("--cameras", type=Path, required=True, metavar="MODEL",
-                        help="folder of a COLMAP model or a transforms.json")  # fmt: skip
+    parser.add_argument(
+        "--cameras", type=Path, required=True, metavar="MODEL", help="folder of a COLMAP model or a transforms.json"
+    )
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for NAME.png")
     parser.add_argument("--psf", default="none", metavar="PSF", help="also blur, as in 'reconstruct'")
-    parser.add_argument(
-        "--blur-space", choices=("srgb", "linear"), default="srgb", help="where the blur acts"
-    )
+    parser.add_argument("--blur-space", choices=("srgb", "linear"), default="srgb", help="where the blur acts")
     _add_machine(parser)
     _add_progress(parser)
 
@@ -236,8 +265,12 @@ def _add_blend(commands: argparse._SubParsersAction[OneLineParser]) -> None:
         "blend", help="a .blend of a twin", description="Writes a Blender scene with a twin and its cameras."
     )
     parser.add_argument("twin", type=Path, metavar="TWIN.ply", help="3DGS PLY")
-    parser.add_argument("--cameras", type=Path, metavar="MODEL",
-                        help="folder of a COLMAP model or a transforms.json; one is placed if not given")  # fmt: skip
+    parser.add_argument(
+        "--cameras",
+        type=Path,
+        metavar="MODEL",
+        help="folder of a COLMAP model or a transforms.json; one is placed if not given",
+    )
     parser.add_argument("--photos", type=Path, metavar="DIR", help="photos to show behind the cameras")
     parser.add_argument("--out", type=Path, required=True, metavar="FILE.blend", help="the scene to write")
 

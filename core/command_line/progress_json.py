@@ -55,13 +55,7 @@ class JsonLines:
         left = None
         if self._total and done > 0:
             left = round((now - self._began) / done * max(0, self._total - done), 1)
-        event = {
-            "event": "advance",
-            "stage": self._name,
-            "done": done,
-            "total": self._total,
-            "seconds_left": left,
-        }
+        event = {"event": "advance", "stage": self._name, "done": done, "total": self._total, "seconds_left": left}
         # Figures come second so that none can overwrite the fields that readers rely on.
         self._write({**{key: _finite(value) for key, value in figures.items()}, **event})
 

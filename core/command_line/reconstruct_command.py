@@ -16,21 +16,37 @@ def reconstruct_command(options: argparse.Namespace, progress: Reporting) -> int
     from ..pipeline.reconstruct import reconstruct
 
     settings = ReconstructSettings(
-        photos=options.photos, out=options.out, psf=options.psf, blur_space=options.blur_space,
-        cameras=options.cameras, truth=options.truth, masks=options.masks, holdout_every=options.holdout_every,
+        photos=options.photos,
+        out=options.out,
+        psf=options.psf,
+        blur_space=options.blur_space,
+        cameras=options.cameras,
+        truth=options.truth,
+        masks=options.masks,
+        holdout_every=options.holdout_every,
         frames=options.frames,
-        max_size=options.max_size, preset=options.preset, loss=options.loss, time_limit=options.time_limit,
-        max_gaussians=options.max_gaussians, sh_degree=options.sh_degree, seed=options.seed,
-        device=options.device, threads=options.threads, resume=options.resume,
-        refine_cameras=options.refine_cameras, reference_cameras=options.reference_cameras,
-        snapshots=options.snapshots, effects=options.effects, until=options.until_quality, min_steps=options.min_steps,
-    )  # fmt: skip
+        max_size=options.max_size,
+        preset=options.preset,
+        loss=options.loss,
+        time_limit=options.time_limit,
+        max_gaussians=options.max_gaussians,
+        sh_degree=options.sh_degree,
+        seed=options.seed,
+        device=options.device,
+        threads=options.threads,
+        resume=options.resume,
+        refine_cameras=options.refine_cameras,
+        reference_cameras=options.reference_cameras,
+        snapshots=options.snapshots,
+        effects=options.effects,
+        until=options.until_quality,
+        min_steps=options.min_steps,
+    )
     outcome = reconstruct(settings, progress, process_began())
     progress.finished(_result(settings, outcome.report))
     if outcome.cancelled:
         raise Cancelled(
-            f"Stopped; the twin so far and its report are in '{settings.out}'",
-            "Add --resume to go on from there",
+            f"Stopped; the twin so far and its report are in '{settings.out}'", "Add --resume to go on from there"
         )
     return 0
 

@@ -21,10 +21,20 @@ if TYPE_CHECKING:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command, without the machine's."""
     add = parser.add_argument
-    add("--only", action="append", default=[], metavar="WORD",
-        help="cases whose family or name holds this word; may be repeated")  # fmt: skip
-    add("--fuzz", type=int, metavar="N", default=None,
-        help="random scenes of anything at all (100000 takes minutes); 500 with the table, if not given")  # fmt: skip
+    add(
+        "--only",
+        action="append",
+        default=[],
+        metavar="WORD",
+        help="cases whose family or name holds this word; may be repeated",
+    )
+    add(
+        "--fuzz",
+        type=int,
+        metavar="N",
+        default=None,
+        help="random scenes of anything at all (100000 takes minutes); 500 with the table, if not given",
+    )
     add("--torture", action="store_true", help="20 trainings on deliberately bad scenes instead of the table")
     add("--json", action="store_true", help="one JSON object instead of lines")
     add("--markdown", type=Path, metavar="FILE", help="also write the tables to this document")
@@ -55,8 +65,11 @@ def stress_command(options: argparse.Namespace, progress: Reporting) -> int:
     results = [] if only_extra and options.markdown is None else _table(cases, backends, say, progress)
     found = None
     if options.fuzz is not None or not (options.torture or options.only):
-        found = fuzz(500 if options.fuzz is None else options.fuzz, "cuda" if device == "cuda" else "cpu",
-                     told=lambda done: _look(progress))  # fmt: skip
+        found = fuzz(
+            500 if options.fuzz is None else options.fuzz,
+            "cuda" if device == "cuda" else "cpu",
+            told=lambda done: _look(progress),
+        )
         say(table.fuzz_line(found))
     outcomes = _torture(say, progress) if options.torture else []
     seconds, here = time.perf_counter() - began, machine(threads, device)

@@ -42,8 +42,15 @@ def add_twin_commands(commands: argparse._SubParsersAction, machine: Adder, prog
 
 def add_refinement(group: argparse._ArgumentGroup) -> None:
     """Arguments of `reconstruct` that move cameras."""
-    group.add_argument("--refine-cameras", action="store_true",
-                       help="before the training, move cameras and focal length by the loss through the blur; kept "
-                       "only if held-out photos are explained better (takes about as long as a draft)")  # fmt: skip
-    group.add_argument("--reference-cameras", type=Path, metavar="MODEL",
-                       help="true cameras, only to report errors with --refine-cameras")  # fmt: skip
+    group.add_argument(
+        "--refine-cameras",
+        action="store_true",
+        help="before the training, move cameras and focal length by the loss through the blur; kept "
+        "only if held-out photos are explained better (takes about as long as a draft)",
+    )
+    group.add_argument(
+        "--reference-cameras",
+        type=Path,
+        metavar="MODEL",
+        help="true cameras, only to report errors with --refine-cameras",
+    )

@@ -19,11 +19,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("twin", type=Path, metavar="TWIN", help="folder that 'reconstruct --out' wrote")
     add("photos", type=Path, nargs="?", metavar="NEW_PHOTOS", help="folder of photos, or a list of them (.txt)")
-    add("--cameras", type=Path, metavar="MODEL",
-        help="the new photos' cameras in the twin's world; found from the photos if not given")  # fmt: skip
-    add("--share", type=float, default=None, metavar="S",
+    add(
+        "--cameras",
+        type=Path,
+        metavar="MODEL",
+        help="the new photos' cameras in the twin's world; found from the photos if not given",
+    )
+    add(
+        "--share",
+        type=float,
+        default=None,
+        metavar="S",
         help="steps, as a share of the twin's own training; default: rounds of 0.06 until new photos are explained as "
-        "well as old ones, 4 at most")  # fmt: skip
+        "well as old ones, 4 at most",
+    )
     add("--seed", type=int, default=0, metavar="N", help="same seed, same twin (CPU)")
     add("--rollback", action="store_true", help="bring the state before the last update back instead")
     add("--json", action="store_true", help="print JSON")
@@ -49,8 +58,9 @@ def update_command(options: argparse.Namespace, progress: Reporting) -> int:
 
         facts = update(
             UpdateSettings(options.twin, options.photos, options.cameras, options.share, options.threads, options.seed),
-            progress, waiting,
-        )  # fmt: skip
+            progress,
+            waiting,
+        )
     finally:
         if waiting is not None:
             waiting.end()

@@ -16,11 +16,25 @@ from ..files import replacing
 Picture = NDArray[np.float64]
 
 #: What pictures call the methods, by kind, and their colour.
-TITLES = {"truth": "truth", "blurred": "blurred photo", "plain": "plain GS", "wiener": "Wiener, then GS",
-          "rl": "Richardson-Lucy, then GS", "paper": "the paper's loss", "dgs": "DGS",
-          "oracle": "GS of sharp photos"}  # fmt: skip
-_COLOURS = {"truth": "black", "plain": "tab:orange", "wiener": "tab:green", "rl": "tab:olive", "paper": "tab:purple",
-            "dgs": "tab:blue", "oracle": "tab:gray"}  # fmt: skip
+TITLES = {
+    "truth": "truth",
+    "blurred": "blurred photo",
+    "plain": "plain GS",
+    "wiener": "Wiener, then GS",
+    "rl": "Richardson-Lucy, then GS",
+    "paper": "the paper's loss",
+    "dgs": "DGS",
+    "oracle": "GS of sharp photos",
+}
+_COLOURS = {
+    "truth": "black",
+    "plain": "tab:orange",
+    "wiener": "tab:green",
+    "rl": "tab:olive",
+    "paper": "tab:purple",
+    "dgs": "tab:blue",
+    "oracle": "tab:gray",
+}
 #: What the profile's first panel shows: the paper's figure.
 _FIRST = ("truth", "plain", "dgs")
 #: Bands of periods (px) that are shown by themselves, and the grey level that full contrast stands for.
@@ -76,8 +90,9 @@ def widths(path: Path, found: Mapping[str, Any]) -> None:
     axes.plot(held, true[held], "kx", ms=6, label="held out")
     for method, one in found["methods"].items():
         values, spread = (np.array(one[key], float) for key in ("width", "uncertainty"))
-        axes.errorbar(at, values, spread, color=colour(method), label=title(method), lw=1, marker=".", ms=4,
-                      elinewidth=0.6)  # fmt: skip
+        axes.errorbar(
+            at, values, spread, color=colour(method), label=title(method), lw=1, marker=".", ms=4, elinewidth=0.6
+        )
     axes.set(xlabel="viewpoint along the path", ylabel=f"width of the {found['line']} line (px)")
     axes.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5))
     save(figure, path)

@@ -105,12 +105,14 @@ class Dataset:
             return replace(new, pixels=cropped_array(new.pixels, border), mask=mask)
 
         return replace(
-            self, photos=[smaller(photo) for photo in self.photos], truth=self.truth.cropped_by(border),
+            self,
+            photos=[smaller(photo) for photo in self.photos],
+            truth=self.truth.cropped_by(border),
             cameras=_without_border(self.cameras, border),
             reference=None if self.reference is None else _without_border(self.reference, border),
             masks={name: cropped_array(mask, border) for name, mask in self.masks.items()},
             border=self.border + border,
-        )  # fmt: skip
+        )
 
 
 def load_dataset(settings: CompareSettings, threads: int, progress: Progress) -> Dataset:
@@ -141,10 +143,19 @@ def load_dataset(settings: CompareSettings, threads: int, progress: Progress) ->
     rendered = (folder / "manifest.json").is_file()
     lines = read_lines(folder / "lines.json") if (folder / "lines.json").is_file() and reference else []
     return Dataset(
-        name=folder.name, photos=registered, given=len(photos), truth=truth, medium=medium, psf=psf,
-        cameras=cameras, reference=reference, lines=lines, masks=_object_masks(folder / "masks_ball", registered),
-        depths=_depth_files(folder / "depth", registered), metres=rendered,
-    )  # fmt: skip
+        name=folder.name,
+        photos=registered,
+        given=len(photos),
+        truth=truth,
+        medium=medium,
+        psf=psf,
+        cameras=cameras,
+        reference=reference,
+        lines=lines,
+        masks=_object_masks(folder / "masks_ball", registered),
+        depths=_depth_files(folder / "depth", registered),
+        metres=rendered,
+    )
 
 
 def point_spread(text: str) -> PointSpread | None:
@@ -183,9 +194,13 @@ def _medium_text(settings: CompareSettings) -> tuple[str, Any]:
 
 
 def _cameras(
-    settings: CompareSettings, photos: list[Photo], medium: Medium, reference: Reconstruction | None, threads: int,
+    settings: CompareSettings,
+    photos: list[Photo],
+    medium: Medium,
+    reference: Reconstruction | None,
+    threads: int,
     progress: Progress,
-) -> Reconstruction:  # fmt: skip
+) -> Reconstruction:
     if settings.cameras == "known":
         if reference is None:
             raise DgsError(f"'{settings.dataset}' has no cameras of its own", "Use --cameras found")

@@ -67,9 +67,13 @@ def wiener(photos: Sequence[Photo], medium: Medium, ratio: str) -> list[Photo]:
 
 
 def lucy(
-    photos: Sequence[Photo], medium: Medium, iterations: int, progress: Progress, threads: int = 1,
+    photos: Sequence[Photo],
+    medium: Medium,
+    iterations: int,
+    progress: Progress,
+    threads: int = 1,
     folder: Path | None = None,
-) -> list[Photo]:  # fmt: skip
+) -> list[Photo]:
     """Every photo after Richardson-Lucy (scikit-image's), mirrored beyond its border, in 16 bits.
 
     Args:

@@ -11,15 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..camera import Camera
-from ..evaluation.lines import (
-    LineWidth,
-    PaintedLine,
-    Station,
-    concordance,
-    contrast_direction,
-    line_width,
-    stations,
-)
+from ..evaluation.lines import LineWidth, PaintedLine, Station, concordance, contrast_direction, line_width, stations
 from ..evaluation.metrics import psnr
 from ..evaluation.poses import Similarity, align_similarity, pose_errors
 from ..evaluation.profiles import Sampler
@@ -87,8 +79,9 @@ class Measure:
             "centre_median": _finite(np.median(errors.centre), 7),
             "centre_px_median": _finite(np.median(errors.centre_px)),
             "angle_degrees_median": _finite(np.median(errors.angle), 5),
-            "focal_percent": _finite(100 * np.median(errors.focal)), "cameras": len(errors.names),
-        }  # fmt: skip
+            "focal_percent": _finite(100 * np.median(errors.focal)),
+            "cameras": len(errors.names),
+        }
 
     def twin(self, trained: Trained, folder: Path | None) -> dict[str, Any]:
         """All figures of one twin; renders of held-out views are written to `folder`."""
@@ -161,16 +154,26 @@ class Measure:
                         pictures[name] = sharp.astype(np.float64)
                     samplers[name] = Sampler.of(pictures[name])
                 seen = line_width(samplers[name], true.places, true.direction)
-                rows.append({
-                    "view": name, "heldout": name in self.held, "true": _finite(true.measured.value),
-                    "true_uncertainty": _finite(true.measured.uncertainty), "geometric": _finite(true.geometric),
-                    "rendered": _finite(seen.value), "uncertainty": _finite(seen.uncertainty),
-                    "blur": _finite(seen.blur),
-                })  # fmt: skip
+                rows.append(
+                    {
+                        "view": name,
+                        "heldout": name in self.held,
+                        "true": _finite(true.measured.value),
+                        "true_uncertainty": _finite(true.measured.uncertainty),
+                        "geometric": _finite(true.geometric),
+                        "rendered": _finite(seen.value),
+                        "uncertainty": _finite(seen.uncertainty),
+                        "blur": _finite(seen.blur),
+                    }
+                )
             held = [row for row in rows if row["heldout"]]
-            out[line] = {"concordance": _concordance(held), "concordance_all_views": _concordance(rows),
-                         "true_mean": mean_of([row["true"] for row in held]),
-                         "rendered_mean": mean_of([row["rendered"] for row in held]), "views": rows}  # fmt: skip
+            out[line] = {
+                "concordance": _concordance(held),
+                "concordance_all_views": _concordance(rows),
+                "true_mean": mean_of([row["true"] for row in held]),
+                "rendered_mean": mean_of([row["rendered"] for row in held]),
+                "views": rows,
+            }
         return out
 
     def _depth(self, trained: Trained) -> dict[str, float | None] | None:
@@ -197,8 +200,11 @@ class Measure:
                 objects.append(wrong[counted & self.data.masks[name]])
         if not errors:
             return None
-        return {"median": _median(errors), "median_percent": _finite(100 * _median_of(shares)),
-                "median_object": _median(objects) if objects else None}  # fmt: skip
+        return {
+            "median": _median(errors),
+            "median_percent": _finite(100 * _median_of(shares)),
+            "median_object": _median(objects) if objects else None,
+        }
 
 
 def render_file(name: str) -> str:

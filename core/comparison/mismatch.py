@@ -124,16 +124,27 @@ def study(settings: CompareSettings, progress: Progress) -> dict[str, Any]:
 
 def table_lines(content: dict[str, Any]) -> list[str]:
     """One row per case: PSNR of each method, what DGS has over plain splatting, and the red line."""
-    head = ["case", "plain", "Wiener (n measured)", "DGS", "DGS - plain (dB)", "DGS: red line's concordance",
-            "DGS: 10-7 px gain / corr."]  # fmt: skip
+    head = [
+        "case",
+        "plain",
+        "Wiener (n measured)",
+        "DGS",
+        "DGS - plain (dB)",
+        "DGS: red line's concordance",
+        "DGS: 10-7 px gain / corr.",
+    ]
     out = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
     for name, each in content["cases"].items():
         dgs, plain = each["dgs"]["median"], each["plain"]["median"]
         lead = dgs["psnr"] - plain["psnr"] if dgs["psnr"] is not None and plain["psnr"] is not None else math.nan
         gain, true = dgs.get("10-7 gain"), dgs.get("10-7 correlation")
-        cells = [name, *(table.cell(each[m], "psnr", 2) if m in each else "" for m in METHODS), f"{lead:+.2f}",
-                 table.cell(each["dgs"], "red concordance", 1),
-                 "-" if gain is None or true is None else f"{gain:.2f} / {true:.2f}"]  # fmt: skip
+        cells = [
+            name,
+            *(table.cell(each[m], "psnr", 2) if m in each else "" for m in METHODS),
+            f"{lead:+.2f}",
+            table.cell(each["dgs"], "red concordance", 1),
+            "-" if gain is None or true is None else f"{gain:.2f} / {true:.2f}",
+        ]
         out.append("| " + " | ".join(cells) + " |")
     return out
 
@@ -156,9 +167,11 @@ def reading(content: dict[str, Any]) -> str:
         if None not in (each["dgs"]["median"]["psnr"], each["plain"]["median"]["psnr"])
     }
     below = [f"{name} ({lead:+.1f} dB)" for name, lead in leads.items() if lead < 0]
-    where = f"DGS falls below plain splatting here: {', '.join(below)}." if below else (
-        "DGS stays above plain splatting in every case."
-    )  # fmt: skip
+    where = (
+        f"DGS falls below plain splatting here: {', '.join(below)}."
+        if below
+        else ("DGS stays above plain splatting in every case.")
+    )
     return (
         f"{where} A blur told too wide, or of a kind that lets less through than the true one, is the dangerous error:"
         " its inverse lifts what should not be lifted. Where the photos hold more fine detail than the blur could have"

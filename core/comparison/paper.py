@@ -94,14 +94,25 @@ def verdicts(content: Mapping[str, Any], wrong: Mapping[str, Any] | None) -> lis
     rivals = [name for name in (table.best(alike, "wiener"), table.best(alike, "rl")) if name]
     rival = max(rivals, key=lambda name: each[name]["median"]["psnr"], default=None)
     out = [
-        _above("DGS above the truth low-passed at 0.11 cycles/px (what one view holds)", ours["psnr"],
-               limits.get("0.11"), ABOVE_ONE_VIEW),
-        _above(f"DGS above the best of deconvolve-then-splat with the same TV ({rival})", ours["psnr"],
-               each[rival]["median"]["psnr"] if rival else None, ABOVE_BASELINES),
-        _above("Goal beyond: DGS reaches the truth low-passed at 0.125 cycles/px", ours["psnr"],
-               limits.get("0.125"), 0.0),
-        _lines(content), _band_gain(ours), _band_invention(ours),
-    ]  # fmt: skip
+        _above(
+            "DGS above the truth low-passed at 0.11 cycles/px (what one view holds)",
+            ours["psnr"],
+            limits.get("0.11"),
+            ABOVE_ONE_VIEW,
+        ),
+        _above(
+            f"DGS above the best of deconvolve-then-splat with the same TV ({rival})",
+            ours["psnr"],
+            each[rival]["median"]["psnr"] if rival else None,
+            ABOVE_BASELINES,
+        ),
+        _above(
+            "Goal beyond: DGS reaches the truth low-passed at 0.125 cycles/px", ours["psnr"], limits.get("0.125"), 0.0
+        ),
+        _lines(content),
+        _band_gain(ours),
+        _band_invention(ours),
+    ]
     if wrong is not None:
         out.append(_graceful(wrong))
     return out
@@ -130,12 +141,15 @@ def _introduction() -> str:
 def _beside(content: Mapping[str, Any]) -> list[str]:
     each = content["methods"]["each"]
     lines = [
-        "| red line's concordance | the paper | here, held-out views | here, all measured views |", "|---|---|---|---|"
-    ]  # fmt: skip
+        "| red line's concordance | the paper | here, held-out views | here, all measured views |",
+        "|---|---|---|---|",
+    ]
     for name, method, theirs in (
-        ("plain GS", "plain", table.PAPER["plain"]), ("DGS, the paper's loss", "paper", table.PAPER["dgs"]),
-        ("DGS, ours", "dgs", None), ("GS on sharp photos", "oracle", None),
-    ):  # fmt: skip
+        ("plain GS", "plain", table.PAPER["plain"]),
+        ("DGS, the paper's loss", "paper", table.PAPER["dgs"]),
+        ("DGS, ours", "dgs", None),
+        ("GS on sharp photos", "oracle", None),
+    ):
         if method in each:
             own = [table.cell(each[method], f"red {kind}", 1) for kind in ("concordance", "concordance_all_views")]
             lines.append(f"| {name} | {'-' if theirs is None else theirs} | {own[0]} | {own[1]} |")

@@ -45,8 +45,9 @@ def write_pictures(
     view = measure.held[len(measure.held) // 2] if measure.held else None
     if view is not None:
         written |= _of_one_view(out, data, measure, methods, view)
-    viewers = {method: viewer_of(twins[method.split()[0]], data.cameras) for method in methods
-               if method.split()[0] in twins}  # fmt: skip
+    viewers = {
+        method: viewer_of(twins[method.split()[0]], data.cameras) for method in methods if method.split()[0] in twins
+    }
     key = "-".join(row["key"] for row in content["rows"] if row["method"] in methods and row["seed"] == 0)
     found = widths_from_everywhere(out / "viewpoints.json", measure, viewers, key, progress or Silent())
     if found:

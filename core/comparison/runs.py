@@ -107,15 +107,25 @@ def training_settings(settings: CompareSettings, data: Dataset, threads: int, de
     usual = TrainingSettings()
     steps, most = (QUICK_STEPS, QUICK_GAUSSIANS) if settings.quick else (usual.steps, usual.max_gaussians)
     return replace(
-        usual, grid_step=grid_step(data.medium, *data.photos[0].size), threads=threads, device=device,
-        steps=settings.steps or steps, max_gaussians=settings.max_gaussians or most,
-    )  # fmt: skip
+        usual,
+        grid_step=grid_step(data.medium, *data.photos[0].size),
+        threads=threads,
+        device=device,
+        steps=settings.steps or steps,
+        max_gaussians=settings.max_gaussians or most,
+    )
 
 
 def run_all(
-    wanted: Sequence[str], settings: CompareSettings, data: Dataset, measure: Measure, base: TrainingSettings,
-    progress: Progress, folder: str = "rows", seeds: Sequence[int] | None = None,
-) -> list[dict[str, Any]]:  # fmt: skip
+    wanted: Sequence[str],
+    settings: CompareSettings,
+    data: Dataset,
+    measure: Measure,
+    base: TrainingSettings,
+    progress: Progress,
+    folder: str = "rows",
+    seeds: Sequence[int] | None = None,
+) -> list[dict[str, Any]]:
     """One row for each method and seed; those on disk are read if the settings are the same."""
     key = run_key(settings, data, base)
     main = folder == "rows"
@@ -143,9 +153,16 @@ def run_all(
 
 
 def one_run(
-    method: str, seed: int, data: Dataset, measure: Measure, kitchen: Kitchen, base: TrainingSettings,
-    progress: Progress, renders: Path | None = None, twin: Path | None = None,
-) -> dict[str, Any]:  # fmt: skip
+    method: str,
+    seed: int,
+    data: Dataset,
+    measure: Measure,
+    kitchen: Kitchen,
+    base: TrainingSettings,
+    progress: Progress,
+    renders: Path | None = None,
+    twin: Path | None = None,
+) -> dict[str, Any]:
     """Trains one twin and measures it; one row. Its held-out renders and the twin itself are kept if asked.
 
     Raises:
@@ -164,16 +181,25 @@ def one_run(
         write_ply(twin, trained.gaussians.cloud())
     seconds = {"deconvolution": ready.seconds, "wall": time.perf_counter() - wall, "cpu": time.process_time() - cpu}
     return {
-        "method": method, "seed": seed, "seconds": {name: round(value, 1) for name, value in seconds.items()},
-        "gaussians": len(trained.gaussians), "steps": trained.steps, "told": ready.told,
-        "background": list(trained.background), **measure.twin(trained, renders),
-    }  # fmt: skip
+        "method": method,
+        "seed": seed,
+        "seconds": {name: round(value, 1) for name, value in seconds.items()},
+        "gaussians": len(trained.gaussians),
+        "steps": trained.steps,
+        "told": ready.told,
+        "background": list(trained.background),
+        **measure.twin(trained, renders),
+    }
 
 
 def _prepare(
-    todo: Sequence[tuple[str, int]], kitchen: Kitchen, settings: CompareSettings, base: TrainingSettings, folder: str,
+    todo: Sequence[tuple[str, int]],
+    kitchen: Kitchen,
+    settings: CompareSettings,
+    base: TrainingSettings,
+    folder: str,
     key: str,
-) -> None:  # fmt: skip
+) -> None:
     """What takes long to deconvolve comes first, so that the time left of the trainings can be told."""
     for method, seed in todo:
         file = settings.out / folder / f"{method.replace(' ', '_')}-{seed}.json"
@@ -207,12 +233,24 @@ def _facts(
     pictures = [data.truth.pixels(name) for name in measure.held]
     unit = [picture / float(2 ** (8 * picture.dtype.itemsize) - 1) for picture in pictures]
     return {
-        "set": data.name, "photos": data.given, "registered": len(data.photos), "heldout": measure.held,
-        "size": list(data.photos[0].size), "psf": data.psf, "blur_space": data.medium.blur_space,
-        "cameras": settings.cameras, "quick": settings.quick, "grid_step": base.grid_step, "steps": base.steps,
-        "max_gaussians": base.max_gaussians, "variation_weight": base.variation_weight, "seeds": settings.seeds,
-        "metres": data.metres, "poses": measure.poses(), "machine": machine(threads, device),
+        "set": data.name,
+        "photos": data.given,
+        "registered": len(data.photos),
+        "heldout": measure.held,
+        "size": list(data.photos[0].size),
+        "psf": data.psf,
+        "blur_space": data.medium.blur_space,
+        "cameras": settings.cameras,
+        "quick": settings.quick,
+        "grid_step": base.grid_step,
+        "steps": base.steps,
+        "max_gaussians": base.max_gaussians,
+        "variation_weight": base.variation_weight,
+        "seeds": settings.seeds,
+        "metres": data.metres,
+        "poses": measure.poses(),
+        "machine": machine(threads, device),
         "truth_low_passed_psnr": {
             f"{cut:g}": mean_of([low_passed_truth_psnr(one, cut) for one in unit]) for cut in CUTOFFS
         },
-    }  # fmt: skip
+    }

@@ -25,9 +25,9 @@ def figures(row: Row) -> dict[str, float | None]:
     """The figures of one row by flat name; None where there is nothing to compare with."""
     held = row["heldout"]
     out: dict[str, float | None] = {
-        name: held.get(name) for name in ("psnr", "ssim", "psnr_inside", "psnr_object", "edge_sharpness",
-                                          "degraded_psnr")
-    }  # fmt: skip
+        name: held.get(name)
+        for name in ("psnr", "ssim", "psnr_inside", "psnr_object", "edge_sharpness", "degraded_psnr")
+    }
     out["fitted_psnr"] = row["fitted"]["psnr"]
     for band in BANDS:
         for kind in ("gain", "correlation", "energy"):
@@ -63,9 +63,11 @@ def summarised(rows: Sequence[Row], choosable: Sequence[str] = ()) -> dict[str, 
             entry["spread"][name] = round(pstdev(known), 7) if len(known) > 1 else None
         each[method] = entry
     return {
-        "each": each, "best_wiener": best(each, "wiener"), "best_rl": best(each, "rl"),
+        "each": each,
+        "best_wiener": best(each, "wiener"),
+        "best_rl": best(each, "rl"),
         "without_truth": [method for method in choosable if method in each],
-    }  # fmt: skip
+    }
 
 
 def best(each: dict[str, Any], kind: str) -> str | None:
@@ -84,8 +86,12 @@ def cell(entry: dict[str, Any], name: str, digits: int, factor: float = 1.0) -> 
 
 def table_lines(facts: dict[str, Any], summary: dict[str, Any], only: Sequence[str] | None = None) -> list[str]:
     """The table alone, as lines of Markdown; `only` picks methods."""
-    lines = [name.removesuffix(" concordance") for entry in summary["each"].values() for name in entry["median"]
-             if name.endswith(" concordance")]  # fmt: skip
+    lines = [
+        name.removesuffix(" concordance")
+        for entry in summary["each"].values()
+        for name in entry["median"]
+        if name.endswith(" concordance")
+    ]
     names = list(dict.fromkeys(lines))
     depth = any("depth median" in entry["median"] for entry in summary["each"].values())
     heads = ["method", "PSNR", "SSIM", "edges", *(f"{band} px gain / corr." for band in BANDS)]
@@ -98,8 +104,12 @@ def table_lines(facts: dict[str, Any], summary: dict[str, Any], only: Sequence[s
         if only is not None and method not in only:
             continue
         middle = entry["median"]
-        cells = [_named(method, summary), cell(entry, "psnr", 2), cell(entry, "ssim", 3),
-                 cell(entry, "edge_sharpness", 2)]  # fmt: skip
+        cells = [
+            _named(method, summary),
+            cell(entry, "psnr", 2),
+            cell(entry, "ssim", 3),
+            cell(entry, "edge_sharpness", 2),
+        ]
         cells += [f"{_plain(middle.get(f'{b} gain'))} / {_plain(middle.get(f'{b} correlation'))}" for b in BANDS]
         for name in names:
             cells.append(cell(entry, f"{name} concordance", 1))

@@ -82,8 +82,11 @@ def camera_path(cameras: Reconstruction, frames: int = FRAMES) -> Path3D:
         low, high = np.percentile(azimuths, [2, 98])
         angles, degrees = (low + high) / 2 + (high - low) / 2 * np.sin(turn), float(np.degrees(high - low))
         height, distance = (_along(azimuths, values, angles) for values in (heights, distances))
-    places = (target + height[:, None] * up
-              + distance[:, None] * (np.cos(angles)[:, None] * front + np.sin(angles)[:, None] * side))  # fmt: skip
+    places = (
+        target
+        + height[:, None] * up
+        + distance[:, None] * (np.cos(angles)[:, None] * front + np.sin(angles)[:, None] * side)
+    )
     return Path3D([_looking(place, target, up) for place in places], degrees)
 
 

@@ -46,15 +46,20 @@ def widths_from_everywhere(
                 seen[method].append(line_width(Sampler.of(picture), true.places, true.direction))
         progress.advance(number)
     found = {
-        "key": key, "line": line, "views": [name for name, _ in views],
-        "heldout": [name in measure.held for name, _ in views], "true": [_number(t.measured.value) for _, t in views],
+        "key": key,
+        "line": line,
+        "views": [name for name, _ in views],
+        "heldout": [name in measure.held for name, _ in views],
+        "true": [_number(t.measured.value) for _, t in views],
         "true_uncertainty": [_number(t.measured.uncertainty) for _, t in views],
         "methods": {
-            method: {"width": [_number(one.value) for one in widths],
-                     "uncertainty": [_number(one.uncertainty) for one in widths]}
+            method: {
+                "width": [_number(one.value) for one in widths],
+                "uncertainty": [_number(one.uncertainty) for one in widths],
+            }
             for method, widths in seen.items()
         },
-    }  # fmt: skip
+    }
     write_json(file, found)
     return found
 

@@ -45,8 +45,10 @@ def estimate(settings: ReconstructSettings, progress: Progress) -> dict[str, Any
     """
     asked = told_spreads(settings.psf)
     if is_movie(settings.photos) and not settings.photos.is_dir():
-        raise PhotoError(f"'{settings.photos.name}' is a movie: its frames have to be chosen first",
-                         "Run 'cameras' on it once, then give OUT/frames")  # fmt: skip
+        raise PhotoError(
+            f"'{settings.photos.name}' is a movie: its frames have to be chosen first",
+            "Run 'cameras' on it once, then give OUT/frames",
+        )
     threads, device = use_threads(settings.threads), choose_device(settings.device)
     records = Records(machine(threads, device))
     files = photo_files(settings.photos)
@@ -75,22 +77,33 @@ def estimate(settings: ReconstructSettings, progress: Progress) -> dict[str, Any
     for name in PRESETS:
         preset = TrainingSettings.preset(name)
         count = settings.max_gaussians or preset.max_gaussians
-        work = _scaled(work_of(photos, fitted, held, preset.steps, count, settings.cameras is None, name == "draft",
-                               compiled), len(files))  # fmt: skip
+        work = _scaled(
+            work_of(photos, fitted, held, preset.steps, count, settings.cameras is None, name == "draft", compiled),
+            len(files),
+        )
         train = speed.training(preset.steps, count)
         stages, seconds = stage_seconds(records.runs, work, train, slowdown(busy))
         expected = accuracy(records.runs, name, scene, own)
         out[name] = {
-            "seconds": seconds.plain(), "stages": {k: round(v, 1) for k, v in stages.items()},
-            "memory_mb": memory(records.runs, work).plain(0), "psnr": None if expected is None else expected.plain(2),
-            "steps": preset.steps, "gaussians": count, "train_probed": round(train, 3),
-        }  # fmt: skip
+            "seconds": seconds.plain(),
+            "stages": {k: round(v, 1) for k, v in stages.items()},
+            "memory_mb": memory(records.runs, work).plain(0),
+            "psnr": None if expected is None else expected.plain(2),
+            "steps": preset.steps,
+            "gaussians": count,
+            "train_probed": round(train, 3),
+        }
         records.predict(job_key(settings, scene, name), out[name])
     return {
-        "photos": len(files), "size": list(photos[0].size), "busy": None if busy is None else round(busy, 2),
-        "runs": sum(run.clean for run in records.runs), "scenes": len({run.scene for run in records.runs}),
-        "probe_seconds": round(speed.seconds, 2), "machine": machine(threads, device), "presets": out,
-    }  # fmt: skip
+        "photos": len(files),
+        "size": list(photos[0].size),
+        "busy": None if busy is None else round(busy, 2),
+        "runs": sum(run.clean for run in records.runs),
+        "scenes": len({run.scene for run in records.runs}),
+        "probe_seconds": round(speed.seconds, 2),
+        "machine": machine(threads, device),
+        "presets": out,
+    }
 
 
 def _spreads(told: Spreads | None, photos: list[Photo], settings: ReconstructSettings, progress: Progress) -> Spreads:
@@ -106,8 +119,10 @@ def _spreads(told: Spreads | None, photos: list[Photo], settings: ReconstructSet
 
 def told(found: dict[str, Any]) -> str:
     """A table and what to think of it, for a terminal."""
-    lines = [f"{found['photos']} photos of {found['size'][0]} x {found['size'][1]} px",
-             f"{'preset':<10}{'seconds':>18}{'memory MB':>12}{'held-out PSNR':>24}"]  # fmt: skip
+    lines = [
+        f"{found['photos']} photos of {found['size'][0]} x {found['size'][1]} px",
+        f"{'preset':<10}{'seconds':>18}{'memory MB':>12}{'held-out PSNR':>24}",
+    ]
     for name, one in found["presets"].items():
         s, m, p = one["seconds"], one["memory_mb"], one["psnr"]
         seconds = f"{s['value']:.0f} ({s['low']:.0f} to {s['high']:.0f})"

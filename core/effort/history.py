@@ -39,12 +39,19 @@ class History:
         told = self.records.predictions.get(self._key(photos))
         if not isinstance(told, dict):
             return None
-        return {"by": "estimate", "seconds": told["seconds"]["value"], "low": told["seconds"]["low"],
-                "high": told["seconds"]["high"], "memory_mb": told["memory_mb"]["value"], "psnr": told["psnr"],
-                "stages": told["stages"]}  # fmt: skip
+        return {
+            "by": "estimate",
+            "seconds": told["seconds"]["value"],
+            "low": told["seconds"]["low"],
+            "high": told["seconds"]["high"],
+            "memory_mb": told["memory_mb"]["value"],
+            "psnr": told["psnr"],
+            "stages": told["stages"],
+        }
 
-    def keep(self, report: dict[str, Any], photos: Sequence[Photo], fitted: int, budget: Budget | None,
-             page: float) -> None:  # fmt: skip
+    def keep(
+        self, report: dict[str, Any], photos: Sequence[Photo], fitted: int, budget: Budget | None, page: float
+    ) -> None:
         """Adds a finished run; one that was resumed, stopped or tried effects is like no other and is left out.
 
         `page`: seconds that writing the report itself took.
@@ -55,18 +62,32 @@ class History:
             return
         held = report["heldout"]
         hurried = s.preset == "draft" or (budget is not None and budget.hurried)
-        work = work_of(photos, fitted, len(held["names"]), report["steps"], report["gaussians"], s.cameras is None,
-                       hurried, self.compiled)  # fmt: skip
+        work = work_of(
+            photos,
+            fitted,
+            len(held["names"]),
+            report["steps"],
+            report["gaussians"],
+            s.cameras is None,
+            hurried,
+            self.compiled,
+        )
         taken = {**report["seconds"], "page": page}
         seconds = {name: value for name, value in taken.items() if value is not None and name != "total"}
         self.records.add(
             Run(
-                work=work, seconds=seconds, train_predicted=self._probed(photos, report, budget),
-                memory_mb=report["peak_memory_mb"], scene=self._scene(photos), contrast=contrast(photos),
-                preset="" if planned or s.until is not None else s.preset, psnr=held["degraded"]["psnr"],
-                sharp_psnr=held["sharp"]["psnr"], disturbed=self.others.share(),
+                work=work,
+                seconds=seconds,
+                train_predicted=self._probed(photos, report, budget),
+                memory_mb=report["peak_memory_mb"],
+                scene=self._scene(photos),
+                contrast=contrast(photos),
+                preset="" if planned or s.until is not None else s.preset,
+                psnr=held["degraded"]["psnr"],
+                sharp_psnr=held["sharp"]["psnr"],
+                disturbed=self.others.share(),
             )
-        )  # fmt: skip
+        )
 
     def _probed(self, photos: Sequence[Photo], report: dict[str, Any], budget: Budget | None) -> float | None:
         """Seconds of training that a probe had told for the steps that were done."""

@@ -81,8 +81,12 @@ class Range:
 
     def plain(self, digits: int = 1) -> dict[str, float | bool]:
         """For JSON."""
-        return {"value": round(self.value, digits), "low": round(self.low, digits), "high": round(self.high, digits),
-                "calibrated": self.calibrated}  # fmt: skip
+        return {
+            "value": round(self.value, digits),
+            "low": round(self.low, digits),
+            "high": round(self.high, digits),
+            "calibrated": self.calibrated,
+        }
 
 
 def _factor(ratios: Sequence[float]) -> tuple[float, float, bool]:
@@ -102,9 +106,7 @@ def slowdown(busy: float | None) -> float:
     return 1.0 / (1.0 - min(busy or 0.0, MOST_BUSY)) if busy is not None and busy > DISTURBED else 1.0
 
 
-def stage_seconds(
-    runs: Sequence[Run], work: Work, train: float, slow: float = 1.0
-) -> tuple[dict[str, float], Range]:
+def stage_seconds(runs: Sequence[Run], work: Work, train: float, slow: float = 1.0) -> tuple[dict[str, float], Range]:
     """Seconds by stage, and in all.
 
     Args:

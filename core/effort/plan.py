@@ -111,9 +111,13 @@ class Budget:
     """
 
     def __init__(
-        self, limit: float, began: float, runs: Sequence[Run], waited: Callable[[], float] = lambda: 0.0,
+        self,
+        limit: float,
+        began: float,
+        runs: Sequence[Run],
+        waited: Callable[[], float] = lambda: 0.0,
         busy: Callable[[], float | None] = lambda: None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         self.limit, self.began, self._runs, self._waited, self._busy = limit, began, runs, waited, busy
         self._page = 0.0
         self.plan: Plan | None = None
@@ -141,9 +145,19 @@ class Budget:
         self.hurried = self._stages(work)["sfm"] > CAMERA_SHARE * self.limit
         return self.hurried
 
-    def train(self, photos: Sequence[Photo], views: Sequence[View], held: int, points: SparsePoints, medium: Medium,
-              settings: TrainingSettings, fixed: int | None = None, formation: Formation = Formation(),
-              kept: Path | None = None, resume: bool = False) -> TrainingSettings:  # fmt: skip
+    def train(
+        self,
+        photos: Sequence[Photo],
+        views: Sequence[View],
+        held: int,
+        points: SparsePoints,
+        medium: Medium,
+        settings: TrainingSettings,
+        fixed: int | None = None,
+        formation: Formation = Formation(),
+        kept: Path | None = None,
+        resume: bool = False,
+    ) -> TrainingSettings:
         """Settings that fill what is left; probes the machine for a second or two.
 
         Args:
@@ -224,8 +238,16 @@ class Budget:
         return work_of(photos, fitted, scored, 1000, gaussians, True, False, True)
 
 
-def work_of(photos: Sequence[Photo], fitted: int, scored: int, steps: int, gaussians: int, search: bool, hurried: bool,
-            compiled: bool) -> Work:  # fmt: skip
+def work_of(
+    photos: Sequence[Photo],
+    fitted: int,
+    scored: int,
+    steps: int,
+    gaussians: int,
+    search: bool,
+    hurried: bool,
+    compiled: bool,
+) -> Work:
     """What there is to do with these photos."""
     used = [photo.size[0] * photo.size[1] for photo in photos]
     files = [(w * h) / (p.scale[0] * p.scale[1]) for p, (w, h) in ((p, p.size) for p in photos)]

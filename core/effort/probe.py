@@ -85,9 +85,17 @@ def made_up(photos: Sequence[Photo]) -> tuple[list[View], SparsePoints]:
     return views, SparsePoints(points, np.full((len(points), 3), 128, np.uint8))
 
 
-def probe(views: Sequence[View], points: SparsePoints, medium: Medium, settings: TrainingSettings, fitted: int,
-          heldout: int, counts: tuple[int, int] = COUNTS, formation: Formation = Formation(),
-          phase_seconds: float = PHASE_SECONDS) -> Speed:  # fmt: skip
+def probe(
+    views: Sequence[View],
+    points: SparsePoints,
+    medium: Medium,
+    settings: TrainingSettings,
+    fitted: int,
+    heldout: int,
+    counts: tuple[int, int] = COUNTS,
+    formation: Formation = Formation(),
+    phase_seconds: float = PHASE_SECONDS,
+) -> Speed:
     """Times iterations; takes a second or two, after the kernels are compiled.
 
     Args:

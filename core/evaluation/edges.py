@@ -91,10 +91,14 @@ def fit_edge(positions: ArrayLike, values: ArrayLike) -> Edge | None:
     low, high = float(y.min()) - 0.02 * spread, float(y.max()) + 0.02 * spread
     try:
         fit = least_squares(
-            residual, [np.clip(levels[0], low, high), np.clip(levels[1], low, high), start, 0.1 * span],
-            bounds=([low, low, x[0], STEEPEST], [high, high, x[-1], span]), x_scale=[spread, spread, 1.0, 1.0],
-            ftol=TOLERANCE, xtol=TOLERANCE, gtol=TOLERANCE,
-        )  # fmt: skip
+            residual,
+            [np.clip(levels[0], low, high), np.clip(levels[1], low, high), start, 0.1 * span],
+            bounds=([low, low, x[0], STEEPEST], [high, high, x[-1], span]),
+            x_scale=[spread, spread, 1.0, 1.0],
+            ftol=TOLERANCE,
+            xtol=TOLERANCE,
+            gtol=TOLERANCE,
+        )
     except (ValueError, OptimizeWarning):
         return None
     outside, inside, position, blur = (float(value) for value in fit.x)
@@ -122,6 +126,7 @@ def fit_width(positions: ArrayLike, values: ArrayLike, middle: float = 0.0) -> W
     if left is None or right is None:
         return None
     return Width(
-        -right.position - left.position, float(np.hypot(left.uncertainty, right.uncertainty)),
+        -right.position - left.position,
+        float(np.hypot(left.uncertainty, right.uncertainty)),
         (left.blur + right.blur) / 2,
-    )  # fmt: skip
+    )

@@ -95,11 +95,12 @@ def read_lines(path: Path) -> list[PaintedLine]:
         entries = json.loads(path.read_text(encoding="utf-8"))
         return [
             PaintedLine(
-                str(entry["name"]), float(entry["width_m"]),
+                str(entry["name"]),
+                float(entry["width_m"]),
                 *(np.array(entry[key], np.float64).reshape(-1, 3) for key in ("points", "across", "normals")),
             )
             for entry in entries
-        ]  # fmt: skip
+        ]
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise FormatError(f"'{path}' holds no lines: {error}", "Make the data set again with synthesize") from error
 

@@ -56,10 +56,15 @@ def ssim(image: Image, truth: Image, mask: Mask | None = None, border: int = 0) 
     if min(truth.shape[:2]) < 11 or not keep.any():
         return float("nan")
     _, full = structural_similarity(
-        np.asarray(image, np.float64), np.asarray(truth, np.float64),
-        data_range=1.0, channel_axis=2, gaussian_weights=True, sigma=1.5,
-        use_sample_covariance=False, full=True,
-    )  # fmt: skip
+        np.asarray(image, np.float64),
+        np.asarray(truth, np.float64),
+        data_range=1.0,
+        channel_axis=2,
+        gaussian_weights=True,
+        sigma=1.5,
+        use_sample_covariance=False,
+        full=True,
+    )
     return float(np.mean(full[keep]))
 
 

@@ -63,10 +63,7 @@ def align_similarity(
     target = np.array([reference[n].centre for n in names])
     source_mean, target_mean = source.mean(0), target.mean(0)
     source, target = source - source_mean, target - target_mean
-    source_rms, target_rms = (
-        float(np.sqrt((source**2).sum(1).mean())),
-        float(np.sqrt((target**2).sum(1).mean())),
-    )
+    source_rms, target_rms = (float(np.sqrt((source**2).sum(1).mean())), float(np.sqrt((target**2).sum(1).mean())))
     spread = np.linalg.svd(target, compute_uv=False) if len(names) > 1 else np.zeros(3)
     floor = 1e-9 * max(1.0, float(np.abs(target_mean).max()))
     placed = source_rms > 0.0 and target_rms > floor
@@ -146,6 +143,4 @@ def pose_errors(
         half = np.linalg.norm(moved.rotation - truth.rotation) / np.sqrt(8.0)
         angle.append(float(np.degrees(2.0 * np.arcsin(min(1.0, float(half))))))
         focal.append(estimated[name].fx / truth.fx - 1.0)
-    return PoseErrors(
-        names, np.array(centre), np.array(pixels), np.array(angle), np.array(focal), similarity
-    )  # fmt: skip
+    return PoseErrors(names, np.array(centre), np.array(pixels), np.array(angle), np.array(focal), similarity)

@@ -46,20 +46,12 @@ def read_model(path: Path) -> tuple[dict[str, Lens], dict[str, Pose], SparsePoin
 
 def write_model(path: Path, cameras: Mapping[str, Camera], points: SparsePoints, binary: bool = True) -> None:
     """Writes pinhole cameras and points; see `write_lenses`."""
-    lenses = {
-        name: Lens("PINHOLE", c.width, c.height, (c.fx, c.fy, c.cx, c.cy)) for name, c in cameras.items()
-    }
-    write_lenses(
-        path, lenses, {n: Pose(c.rotation, c.translation) for n, c in cameras.items()}, points, binary
-    )
+    lenses = {name: Lens("PINHOLE", c.width, c.height, (c.fx, c.fy, c.cx, c.cy)) for name, c in cameras.items()}
+    write_lenses(path, lenses, {n: Pose(c.rotation, c.translation) for n, c in cameras.items()}, points, binary)
 
 
 def write_lenses(
-    path: Path,
-    lenses: Mapping[str, Lens],
-    poses: Mapping[str, Pose],
-    points: SparsePoints,
-    binary: bool = True,
+    path: Path, lenses: Mapping[str, Lens], poses: Mapping[str, Pose], points: SparsePoints, binary: bool = True
 ) -> None:
     """Writes cameras with their distortion, and points, as every COLMAP reader takes them.
 
@@ -82,16 +74,17 @@ def write_lenses(
             shared[lens] = len(shared) + 1
             model.add_camera_with_trivial_rig(
                 pycolmap.Camera(
-                    model=lens.model, width=lens.width, height=lens.height, params=list(lens.params),
+                    model=lens.model,
+                    width=lens.width,
+                    height=lens.height,
+                    params=list(lens.params),
                     camera_id=shared[lens],
                 )
-            )  # fmt: skip
+            )
         image = pycolmap.Image(name=name, keypoints=np.zeros((0, 2)), camera_id=shared[lens], image_id=index)
         pose = poses[name]
         rotation = pycolmap.Rotation3d(np.asarray(pose.rotation, float))
-        model.add_image_with_trivial_frame(
-            image, pycolmap.Rigid3d(rotation, np.asarray(pose.translation, float))
-        )
+        model.add_image_with_trivial_frame(image, pycolmap.Rigid3d(rotation, np.asarray(pose.translation, float)))
     for position, colour in zip(points.positions, points.colours, strict=True):
         model.add_point3D(position, pycolmap.Track(), colour)
     try:
@@ -99,6 +92,5 @@ def write_lenses(
         (model.write_binary if binary else model.write_text)(str(path))
     except (OSError, RuntimeError) as error:
         raise OutputError(
-            f"The camera model cannot be written into '{path}' ({error})",
-            "Free space or choose another folder",
+            f"The camera model cannot be written into '{path}' ({error})", "Free space or choose another folder"
         ) from error

@@ -21,9 +21,17 @@ from .colmap import model_folder
 
 #: Lens models by their number in binary files; None where `Lens` has no such model.
 _NUMBERS = (
-    "SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "OPENCV_FISHEYE", "FULL_OPENCV",
-    None, "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE",
-)  # fmt: skip
+    "SIMPLE_PINHOLE",
+    "PINHOLE",
+    "SIMPLE_RADIAL",
+    "RADIAL",
+    "OPENCV",
+    "OPENCV_FISHEYE",
+    "FULL_OPENCV",
+    None,
+    "SIMPLE_RADIAL_FISHEYE",
+    "RADIAL_FISHEYE",
+)
 
 
 def read_cameras(path: Path) -> tuple[dict[str, Lens], dict[str, Pose]]:

@@ -74,11 +74,12 @@ def write_gltf(path: Path, cloud: GaussianCloud) -> None:
     shown = srgb_to_linear(np.clip(0.5 + SH_C0 * cloud.sh[:, 0].astype(np.float64), 0.0, 1.0))
     colour = np.round(np.concatenate([shown, opacity[:, None]], axis=1) * 65535)
     arrays = {
-        "POSITION": cloud.means, "COLOR_0": colour.astype("<u2"),
+        "POSITION": cloud.means,
+        "COLOR_0": colour.astype("<u2"),
         f"{_PREFIX}ROTATION": unit[:, [1, 2, 3, 0]],
         f"{_PREFIX}SCALE": np.exp(np.clip(cloud.log_scales.astype(np.float64), -80.0, 80.0)),
         f"{_PREFIX}OPACITY": opacity,
-    }  # fmt: skip
+    }
     for index in range(cloud.sh.shape[1]):
         degree = int(np.sqrt(index))
         arrays[f"{_PREFIX}SH_DEGREE_{degree}_COEF_{index - degree**2}"] = cloud.sh[:, index]
@@ -94,9 +95,11 @@ def _binary(arrays: dict[str, NDArray[Any]], name: str) -> bytes:
         packed = np.ascontiguousarray(stored).tobytes()
         width = 1 if values.ndim == 1 else values.shape[1]
         accessor: dict[str, Any] = {
-            "bufferView": len(views), "componentType": kind, "count": len(values),
+            "bufferView": len(views),
+            "componentType": kind,
+            "count": len(values),
             "type": "SCALAR" if width == 1 else f"VEC{width}",
-        }  # fmt: skip
+        }
         if kind == _USHORT:
             accessor["normalized"] = True
         if attribute == "POSITION":
@@ -109,12 +112,19 @@ def _binary(arrays: dict[str, NDArray[Any]], name: str) -> bytes:
     content = {
         "asset": {"version": "2.0", "generator": f"DGS {VERSION}"},
         "extensionsUsed": [EXTENSION],
-        "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"name": name, "mesh": 0}],
-        "meshes": [{"name": name, "primitives": [
-            {"mode": _POINTS, "attributes": attributes, "extensions": {EXTENSION: extension}}
-        ]}],
-        "accessors": accessors, "bufferViews": views, "buffers": [{"byteLength": len(data)}],
-    }  # fmt: skip
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"name": name, "mesh": 0}],
+        "meshes": [
+            {
+                "name": name,
+                "primitives": [{"mode": _POINTS, "attributes": attributes, "extensions": {EXTENSION: extension}}],
+            }
+        ],
+        "accessors": accessors,
+        "bufferViews": views,
+        "buffers": [{"byteLength": len(data)}],
+    }
     words = json.dumps(content, separators=(",", ":"), allow_nan=False).encode()
     words += b" " * (-len(words) % 4)
     data += b"\0" * (-len(data) % 4)

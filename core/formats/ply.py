@@ -47,8 +47,7 @@ def read_ply(path: Path | str) -> GaussianCloud:
     except PlyParseError as error:
         if "end-of-file" in str(error):
             raise FormatError(
-                f"'{path}' declares more Gaussians than it holds; it was cut off",
-                "Export or download it again",
+                f"'{path}' declares more Gaussians than it holds; it was cut off", "Export or download it again"
             ) from error
         raise FormatError(f"'{path}' is no readable PLY: {_one_line(error)}", "Export it again") from error
     except (OSError, ValueError, MemoryError, OverflowError) as error:

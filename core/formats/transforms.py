@@ -36,9 +36,7 @@ def read_transforms(
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
-        raise FormatError(
-            f"'{path}' cannot be read ({error.strerror})", "Check the path of the cameras"
-        ) from error
+        raise FormatError(f"'{path}' cannot be read ({error.strerror})", "Check the path of the cameras") from error
     except ValueError as error:
         raise FormatError(f"'{path}' is not JSON ({error})", _EXPORT) from error
     frames = content.get("frames") if isinstance(content, dict) else None
@@ -55,9 +53,7 @@ def read_transforms(
         except FormatError as error:
             raise FormatError(f"'{path}', frame '{name}': {error.what}", error.way_out) from error
         except (KeyError, TypeError, ValueError) as error:
-            raise FormatError(
-                f"'{path}' has a damaged frame ({type(error).__name__}: {error})", _EXPORT
-            ) from error
+            raise FormatError(f"'{path}' has a damaged frame ({type(error).__name__}: {error})", _EXPORT) from error
     return lenses, poses
 
 
@@ -99,12 +95,17 @@ def write_transforms(path: Path, cameras: Mapping[str, Camera]) -> None:
     """
     frames = [
         {
-            "file_path": name, "w": camera.width, "h": camera.height,
-            "fl_x": camera.fx, "fl_y": camera.fy, "cx": camera.cx, "cy": camera.cy,
+            "file_path": name,
+            "w": camera.width,
+            "h": camera.height,
+            "fl_x": camera.fx,
+            "fl_y": camera.fy,
+            "cx": camera.cx,
+            "cy": camera.cy,
             "transform_matrix": to_opengl(camera.rotation, camera.translation).tolist(),
         }
         for name, camera in sorted(cameras.items())
-    ]  # fmt: skip
+    ]
     text = json.dumps({"camera_model": "PINHOLE", "frames": frames}, indent=1, ensure_ascii=False)
     try:
         path.write_text(text, encoding="utf-8")

@@ -68,12 +68,23 @@ def harmonics(directions: NDArray[np.float64]) -> NDArray[np.float64]:
     x, y, z = directions.T
     xx, yy, zz = x * x, y * y, z * z
     values = [
-        np.full_like(x, SH_C0), -SH_C1 * y, SH_C1 * z, -SH_C1 * x,
-        SH_C2[0] * x * y, SH_C2[1] * y * z, SH_C2[2] * (2 * zz - xx - yy), SH_C2[3] * x * z, SH_C2[4] * (xx - yy),
-        SH_C3[0] * y * (3 * xx - yy), SH_C3[1] * x * y * z, SH_C3[2] * y * (4 * zz - xx - yy),
-        SH_C3[3] * z * (2 * zz - 3 * xx - 3 * yy), SH_C3[4] * x * (4 * zz - xx - yy), SH_C3[5] * z * (xx - yy),
+        np.full_like(x, SH_C0),
+        -SH_C1 * y,
+        SH_C1 * z,
+        -SH_C1 * x,
+        SH_C2[0] * x * y,
+        SH_C2[1] * y * z,
+        SH_C2[2] * (2 * zz - xx - yy),
+        SH_C2[3] * x * z,
+        SH_C2[4] * (xx - yy),
+        SH_C3[0] * y * (3 * xx - yy),
+        SH_C3[1] * x * y * z,
+        SH_C3[2] * y * (4 * zz - xx - yy),
+        SH_C3[3] * z * (2 * zz - 3 * xx - 3 * yy),
+        SH_C3[4] * x * (4 * zz - xx - yy),
+        SH_C3[5] * z * (xx - yy),
         SH_C3[6] * x * (xx - 3 * yy),
-    ]  # fmt: skip
+    ]
     return np.stack(values, axis=1)
 
 
@@ -98,8 +109,10 @@ def _product(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float
     bw, bx, by, bz = b.T
     return np.stack(
         [
-            w * bw - x * bx - y * by - z * bz, w * bx + x * bw + y * bz - z * by,
-            w * by - x * bz + y * bw + z * bx, w * bz + x * by - y * bx + z * bw,
+            w * bw - x * bx - y * by - z * bz,
+            w * bx + x * bw + y * bz - z * by,
+            w * by - x * bz + y * bw + z * bx,
+            w * bz + x * by - y * bx + z * bw,
         ],
         axis=1,
-    )  # fmt: skip
+    )

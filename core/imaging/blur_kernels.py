@@ -249,7 +249,12 @@ def correlate(begin: int, end: int, source: Any, out: Any, taps: Any) -> None:
             for i in range(0, taps.shape[1], 4):
                 _add_four(
                     line,
-                    row[i : i + width], row[i + 1 : i + 1 + width],
-                    row[i + 2 : i + 2 + width], row[i + 3 : i + 3 + width],
-                    taps[j, i], taps[j, i + 1], taps[j, i + 2], taps[j, i + 3],
-                )  # fmt: skip
+                    row[i : i + width],
+                    row[i + 1 : i + 1 + width],
+                    row[i + 2 : i + 2 + width],
+                    row[i + 3 : i + 3 + width],
+                    taps[j, i],
+                    taps[j, i + 1],
+                    taps[j, i + 2],
+                    taps[j, i + 3],
+                )

@@ -131,9 +131,7 @@ class Direct:
     def __init__(self, kernel: Array, frame: Frame, dtype: torch.dtype) -> None:
         self.frame = frame
         self.radius = kernel.shape[0] // 2, kernel.shape[1] // 2
-        self.forward = self._taps(
-            kernel[::-1, ::-1], dtype
-        )  # a convolution correlates with the mirrored kernel
+        self.forward = self._taps(kernel[::-1, ::-1], dtype)  # a convolution correlates with the mirrored kernel
         self.backward = self._taps(kernel, dtype)
 
     @staticmethod
@@ -196,9 +194,7 @@ class Fourier:
         (rv, rh), f = self.radius, self.frame
         embedded = torch.nn.functional.pad(photo, (rh, 0, rv, 0))
         out = torch.fft.irfft2(torch.fft.rfft2(embedded, s=self.size) * self.transfer.conj(), s=self.size)
-        return folded(
-            out[:, : f.height + 2 * rv, : f.width + 2 * rh], rv - f.margin, rh - f.margin
-        ).contiguous()
+        return folded(out[:, : f.height + 2 * rv, : f.width + 2 * rh], rv - f.margin, rh - f.margin).contiguous()
 
 
 class Reduced:
@@ -267,15 +263,11 @@ def reduced_factors(sigma: float, inside: int, margin: int) -> tuple[Array, Arra
     up = weights(np.arange(inside)[:, None] + margin - nodes[None, :])
     up /= up.sum(axis=1, keepdims=True)
     # Rows of the difference sum to 0, so values in [0, 1] count by their distance from 1/2.
-    bound = 0.5 * float(
-        np.abs(up @ down - blur_matrix(gaussian_taps(sigma, 6.0), inside, margin)).sum(axis=1).max()
-    )
+    bound = 0.5 * float(np.abs(up @ down - blur_matrix(gaussian_taps(sigma, 6.0), inside, margin)).sum(axis=1).max())
     return down, up, bound
 
 
-def candidates(
-    psf: PointSpread, frame: Frame, dtype: torch.dtype, device: torch.device
-) -> dict[str, Evaluation]:
+def candidates(psf: PointSpread, frame: Frame, dtype: torch.dtype, device: torch.device) -> dict[str, Evaluation]:
     """Every evaluation that is valid for this PSF, frame and device, by name."""
     kernel, separable = psf.kernel(), psf.separable()
     found: dict[str, Evaluation] = {"fourier": Fourier(kernel, frame, dtype, device)}

@@ -30,9 +30,14 @@ def read_kernel(path: Path) -> NDArray[np.float64]:
     if path.stat().st_size > _LARGEST_FILE:
         raise PsfError(f"The PSF file '{path}' is larger than 256 MiB", "Crop it around the point of light")
     readers = {
-        ".npy": _read_npy, ".tif": _read_tiff, ".tiff": _read_tiff,
-        ".png": _read_png, ".fits": _read_fits, ".fit": _read_fits, ".fts": _read_fits,
-    }  # fmt: skip
+        ".npy": _read_npy,
+        ".tif": _read_tiff,
+        ".tiff": _read_tiff,
+        ".png": _read_png,
+        ".fits": _read_fits,
+        ".fit": _read_fits,
+        ".fts": _read_fits,
+    }
     reader = readers.get(path.suffix.lower())
     if reader is None:
         raise PsfError(f"The PSF file '{path}' is of no known kind", "Save it as NPY, TIFF, PNG or FITS")

@@ -51,9 +51,7 @@ class Medium:
         def coarse(psf: PointSpread | None) -> PointSpread | None:
             return None if psf is None or psf.is_identity else psf.on_grid(s, low_pass)
 
-        return replace(
-            self, psf=coarse(self.psf), per_view={name: coarse(psf) for name, psf in self.per_view.items()}
-        )
+        return replace(self, psf=coarse(self.psf), per_view={name: coarse(psf) for name, psf in self.per_view.items()})
 
     def degrade(self, frame: Tensor, blur: Callable[[Tensor], Tensor]) -> Tensor:
         """[3, H + 2m, W + 2m] sRGB render -> [3, H, W] sRGB photo, through `blur` in the blur space."""

@@ -119,9 +119,15 @@ class BlurOperator:
         # Sampled kernels take the time of their size: photos with one each are not measured one by one.
         size = f"samples within {_rounded(kernel.shape[0])} x {_rounded(kernel.shape[1])}".encode()
         return choice(
-            kernel.tobytes() if self.psf.samples is None else size, self.frame, device, dtype, threads(),
-            torch.get_num_threads(), names=list(offered), measure=measure,
-        )  # fmt: skip
+            kernel.tobytes() if self.psf.samples is None else size,
+            self.frame,
+            device,
+            dtype,
+            threads(),
+            torch.get_num_threads(),
+            names=list(offered),
+            measure=measure,
+        )
 
 
 def _rounded(size: int) -> int:

@@ -160,9 +160,7 @@ class PointSpread:
         return 2.0 if lost.size == 0 else float(1.0 / frequencies[max(1, lost[0] - 1)])
 
     def _tilted_covariance(self) -> Array:
-        thick = replace(
-            self, sigma_x=max(self.sigma_x, THINNEST_TILTED), sigma_y=max(self.sigma_y, THINNEST_TILTED)
-        )
+        thick = replace(self, sigma_x=max(self.sigma_x, THINNEST_TILTED), sigma_y=max(self.sigma_y, THINNEST_TILTED))
         return thick.covariance
 
     def _scaled(self, s: float) -> PointSpread:
@@ -276,9 +274,7 @@ def _centred(samples: Array, source: str) -> tuple[Array, list[str]]:
     if even:
         notes.append(f"its even size {samples.shape[1]} x {samples.shape[0]} was made odd")
     # From the middle pixel of an odd grid; an even size has its middle between two pixels.
-    notes.append(
-        f"it was moved by ({-centroid[0]:+.3f}, {-centroid[1]:+.3f}) px onto the pixel grid's middle"
-    )
+    notes.append(f"it was moved by ({-centroid[0]:+.3f}, {-centroid[1]:+.3f}) px onto the pixel grid's middle")
     for linear in (False, True):
         moved = samples
         for _ in range(8):  # cutting the cubic's undershoot at 0 moves the centroid a little again

@@ -79,8 +79,14 @@ def together(several: list[Edges]) -> Edges:
     return Edges(*(np.concatenate([getattr(e, f.name) for e in several]) for f in fields(Edges)))
 
 
-def find_edges(grey: NDArray[np.float32], noise: float, sigma: float, clipped: NDArray[np.bool_] | None = None,
-               photo: int = 0, most: int = MOST) -> Edges:  # fmt: skip
+def find_edges(
+    grey: NDArray[np.float32],
+    noise: float,
+    sigma: float,
+    clipped: NDArray[np.bool_] | None = None,
+    photo: int = 0,
+    most: int = MOST,
+) -> Edges:
     """Fits the straight, lonely edges of a blurred picture.
 
     Args:
@@ -114,13 +120,22 @@ def find_edges(grey: NDArray[np.float32], noise: float, sigma: float, clipped: N
         ok &= (np.abs(slope) < FLAT) & (np.abs(along) * size < FLAT * full)
         ok &= left < np.hypot(LEFT_OVER * full, 1.5 * noise)
     size, full, direction, curve, left, share, slope, rows, columns = (
-        v[ok] for v in (size, full, direction, curve, left, share, slope, rows, columns))
+        v[ok] for v in (size, full, direction, curve, left, share, slope, rows, columns)
+    )
     bent = np.square(curve * size)
     true = size * (1.0 - ARC * bent / (1.0 + ARC_LESS * bent)) * np.exp(TILT * slope)
     variance = np.square(true * by) - (by * by - 1) / 12.0
     error = 2 * size * share * np.maximum(left, noise) * by * by
-    return Edges(np.full(len(size), photo), (columns + 0.5) * by, (rows + 0.5) * by, direction, variance, error,
-                 left / full, full)
+    return Edges(
+        np.full(len(size), photo),
+        (columns + 0.5) * by,
+        (rows + 0.5) * by,
+        direction,
+        variance,
+        error,
+        left / full,
+        full,
+    )
 
 
 def _averaged(values: NDArray[np.float32], by: int) -> NDArray[np.float32]:

@@ -37,9 +37,13 @@ class Evidence:
     def plain(self) -> dict[str, Any]:
         """For JSON."""
         return {
-            "name": self.name, "needed": self.needed, "estimate": dict(self.estimate),
-            "confidence": round(self.confidence, 4), "evidence": self.evidence, "seconds": round(self.seconds, 3),
-        }  # fmt: skip
+            "name": self.name,
+            "needed": self.needed,
+            "estimate": dict(self.estimate),
+            "confidence": round(self.confidence, 4),
+            "evidence": self.evidence,
+            "seconds": round(self.seconds, 3),
+        }
 
 
 def judged(name: str, value: float, error: float, smallest: float, unit: str, text: str, **details: Any) -> Evidence:

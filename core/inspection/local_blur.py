@@ -101,8 +101,9 @@ def _fit(photos: PhotoSet) -> LocalBlur | None:
         return np.asarray(np.polyval(solution[2::-1], grid - middle))
 
     best = solve(np.arange(len(v)))
-    draws = [solve(np.concatenate([members[g] for g in random.integers(0, len(groups), len(groups))]))
-             for _ in range(DRAWS)]  # fmt: skip
+    draws = [
+        solve(np.concatenate([members[g] for g in random.integers(0, len(groups), len(groups))])) for _ in range(DRAWS)
+    ]
     fitted = curve(best)
     lift = max(float(np.ptp(fitted)), 0.0) if by_depth else 0.0
     # The range of a noisy curve is larger than that of the true one: what noise alone gives is taken off.
@@ -113,10 +114,16 @@ def _fit(photos: PhotoSet) -> LocalBlur | None:
     defocus = float(np.sqrt(clean))
     error = max(lift_error / max(2 * defocus, 1.0), 0.1) if by_depth else float("inf")
     return LocalBlur(
-        by_depth, float(max(fitted.min(), 0.0)), defocus, error, float(best[-1]),
-        float(np.std([d[-1] for d in draws])), tiles.depth[use] if by_depth else np.zeros(0), v,
+        by_depth,
+        float(max(fitted.min(), 0.0)),
+        defocus,
+        error,
+        float(best[-1]),
+        float(np.std([d[-1] for d in draws])),
+        tiles.depth[use] if by_depth else np.zeros(0),
+        v,
         np.stack([1.0 / grid, fitted]) if by_depth else np.zeros((2, 0)),
-    )  # fmt: skip
+    )
 
 
 def _binned(x: Array, y: Array) -> tuple[Array, Array, Array]:

@@ -77,9 +77,7 @@ def find_pile(edges: Edges, guess: Array) -> Pile | None:
     return None if best is None else best[1]
 
 
-def _around(
-    shape: Array, basis: Array, variance: Array, error: Array, group: NDArray[np.int64]
-) -> tuple[float, Pile]:
+def _around(shape: Array, basis: Array, variance: Array, error: Array, group: NDArray[np.int64]) -> tuple[float, Pile]:
     e = np.minimum(error / (2 * variance), 0.5)
     across = np.maximum(basis @ shape, 1e-3)
     y = 0.5 * np.log(variance / across)
@@ -108,8 +106,14 @@ def _around(
     sums = np.bincount(group, weight * (y - mode))
     scatter = math.sqrt(float(np.square(sums).sum())) / total
     level = _level(_parts(y, np.hypot(e, spread), np.array(mode)), shares)
-    pile = Pile(shape * math.exp(2 * mode), max(scatter, 1 / math.sqrt(total)), float(belongs.sum()), float(shares[0]),
-                level - _hump(y, e), spread)
+    pile = Pile(
+        shape * math.exp(2 * mode),
+        max(scatter, 1 / math.sqrt(total)),
+        float(belongs.sum()),
+        float(shares[0]),
+        level - _hump(y, e),
+        spread,
+    )
     return level, pile
 
 

@@ -69,10 +69,18 @@ def fit_photometry(tracks: Tracks, seed: int = 0) -> Photometry:
     gains_draws = d[:, :, :photos].transpose(0, 2, 1)
     residual_all, weight_all = np.stack(residuals, 1), np.stack(weights, 1)
     return Photometry(
-        gains - gains.mean(axis=0), s[:, photos], s[:, photos + 1], s[:, photos + 2],
-        gains_draws - gains_draws.mean(axis=1, keepdims=True), d[:, :, photos], d[:, :, photos + 1],
-        d[:, :, photos + 2], residual_all, weight_all, 1.4826 * float(np.median(np.abs(residual_all))),
-    )  # fmt: skip
+        gains - gains.mean(axis=0),
+        s[:, photos],
+        s[:, photos + 1],
+        s[:, photos + 2],
+        gains_draws - gains_draws.mean(axis=1, keepdims=True),
+        d[:, :, photos],
+        d[:, :, photos + 1],
+        d[:, :, photos + 2],
+        residual_all,
+        weight_all,
+        1.4826 * float(np.median(np.abs(residual_all))),
+    )
 
 
 def _fit(

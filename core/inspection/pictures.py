@@ -87,8 +87,12 @@ def _spectrum(photos: PhotoSet, found: dict[str, Evidence]) -> Any:
     band = ok & (f <= blur.highest)
     law = -blur.slope * np.log(f) - 4 * np.pi**2 * blur.variance * f**2
     level = float(np.median(np.log(np.maximum(radial - noise**2, 1e-30))[band] - law[band]))
-    axes.loglog(f, np.exp(law + level) + noise**2, "C3", label=f"f^-{blur.slope:.1f}, blurred by "
-                f"{math.sqrt(max(blur.variance, 0)):.2f} px, and noise")  # fmt: skip
+    axes.loglog(
+        f,
+        np.exp(law + level) + noise**2,
+        "C3",
+        label=f"f^-{blur.slope:.1f}, blurred by {math.sqrt(max(blur.variance, 0)):.2f} px, and noise",
+    )
     axes.loglog(f, np.exp(-blur.slope * np.log(f) + level), "k:", linewidth=1, label="the scene without blur")
     axes.axhline(noise**2, color="grey", linewidth=0.8)
     axes.axvline(blur.highest, color="grey", linestyle="--", linewidth=0.8)
@@ -103,8 +107,10 @@ def _per_photo(photos: PhotoSet, found: dict[str, Evidence]) -> Any:
     """Blur, motion and gain of every photo."""
     rows: list[tuple[str, dict[str, Any]]] = []
     for name, key, title in (
-        ("blur", "sigmas", "blur, px (sigma)"), ("motion", "lengths", "own path, px"), ("exposure", "gains", "gain")
-    ):  # fmt: skip
+        ("blur", "sigmas", "blur, px (sigma)"),
+        ("motion", "lengths", "own path, px"),
+        ("exposure", "gains", "gain"),
+    ):
         values = found[name].plots.get(key) if name in found else None
         if values:
             rows.append((title, values))

@@ -112,9 +112,8 @@ def _frequencies(shortest: int) -> tuple[Array, Array, Array]:
 
 
 def fit_blur(
-    power: Array, shape: tuple[int, int], noise: float, pictures: int = 1, highest: float = HIGHEST,
-    lowest: float = 0.0,
-) -> Blur | None:  # fmt: skip
+    power: Array, shape: tuple[int, int], noise: float, pictures: int = 1, highest: float = HIGHEST, lowest: float = 0.0
+) -> Blur | None:
     """Fits scene and blur to a polar spectrum; None where too little stands clear of the noise.
 
     Args:
@@ -135,9 +134,11 @@ def fit_blur(
     y = np.log((power - noise)[clear]) - shift[clear]
     angle = np.arctan2(fy, fx)[clear]
     columns = [
-        np.ones(clear.sum()), *(g(n * angle) for n in (2, 4) for g in (np.cos, np.sin)), -np.log(f[clear]),
+        np.ones(clear.sum()),
+        *(g(n * angle) for n in (2, 4) for g in (np.cos, np.sin)),
+        -np.log(f[clear]),
         *(-4 * np.pi**2 * t[clear] for t in (fx * fx, fy * fy, 2 * fx * fy)),
-    ]  # fmt: skip
+    ]
     matrix = np.stack(columns, axis=1)
     relative = noise / np.maximum(power - noise, 1e-30)[clear]
     weight = 1.0 / np.sqrt(variance[clear] * (1 + relative) ** 2 + SCATTER**2)

@@ -67,8 +67,13 @@ class Tracks:
         return len(self.point)
 
 
-def find_tracks(photos: Sequence[Photo], cameras: Reconstruction, blur: float, seed: int = 0,
-                paths: Mapping[str, tuple[float, float]] = MappingProxyType({})) -> Tracks | None:  # fmt: skip
+def find_tracks(
+    photos: Sequence[Photo],
+    cameras: Reconstruction,
+    blur: float,
+    seed: int = 0,
+    paths: Mapping[str, tuple[float, float]] = MappingProxyType({}),
+) -> Tracks | None:
     """Looks the cameras' points up in the photos; None where too few are seen often enough.
 
     Args:
@@ -110,11 +115,17 @@ def find_tracks(photos: Sequence[Photo], cameras: Reconstruction, blur: float, s
     size = np.array([p.size for p in used], float)[photo]
     depth = depths[point, photo]
     return Tracks(
-        point, photo, light, depth / float(np.median(depth)),
+        point,
+        photo,
+        light,
+        depth / float(np.median(depth)),
         np.linalg.norm(at - size / 2, axis=1) / (np.linalg.norm(size, axis=1) / 2),
-        away / np.linalg.norm(away, axis=1, keepdims=True), at, _blocks(positions, random)[point],
-        tuple(p.name for p in used), float(np.median(depth)),
-    )  # fmt: skip
+        away / np.linalg.norm(away, axis=1, keepdims=True),
+        at,
+        _blocks(positions, random)[point],
+        tuple(p.name for p in used),
+        float(np.median(depth)),
+    )
 
 
 def _projected(

@@ -82,9 +82,12 @@ def spread(looks: Looks, steps: Tensor, place: Place) -> tuple[Tensor, Tensor]:
 
 
 def gain_of(
-    looks: Looks, posterior: Posterior, taken: Sequence[Place], place: Place,
+    looks: Looks,
+    posterior: Posterior,
+    taken: Sequence[Place],
+    place: Place,
     spreads: tuple[Tensor, Tensor] | None = None,
-) -> Gain:  # fmt: skip
+) -> Gain:
     """The expected gain of a photo at `place`, given photos at `taken`; `spreads` there, where they are at hand."""
     blurred, sharp = spreads or spread(looks, opened(looks, posterior, taken, place), place)
     patch = 1.0 if place.psf is None else 1.0 / float(np.square(place.psf.kernel()).sum())

@@ -55,8 +55,9 @@ class Looks:
         settings: low-pass of the rasterizer on this grid.
     """
 
-    def __init__(self, gaussians: Gaussians, places: Sequence[Place], margin: int, background: Tensor,
-                 settings: RasterSettings) -> None:  # fmt: skip
+    def __init__(
+        self, gaussians: Gaussians, places: Sequence[Place], margin: int, background: Tensor, settings: RasterSettings
+    ) -> None:
         self.gaussians, self.places = gaussians.detached(), list(places)
         self.margin, self.background, self.settings = margin, background, settings
         self._blurs: dict[tuple[int, int, bytes], BlurOperator] = {}
@@ -75,7 +76,7 @@ class Looks:
         """[3, H + 2m, W + 2m] the sharp frame."""
         return render(
             gaussians, place.camera.with_margin(self.margin), background=self.background, settings=self.settings
-        ).image  # fmt: skip
+        ).image
 
     def unmoved(self, place: Place) -> Tensor:
         """The twin's own sharp frame; kept."""

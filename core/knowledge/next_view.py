@@ -70,12 +70,21 @@ class Suggestion:
         """For JSON: world to camera, px."""
         c = self.camera
         return {
-            "name": c.name, "order": self.order, "covers": round(self.covers, 5),
-            "expected_error": round(self.error, 5), **asdict(self.gain),
+            "name": c.name,
+            "order": self.order,
+            "covers": round(self.covers, 5),
+            "expected_error": round(self.error, 5),
+            **asdict(self.gain),
             "centre": c.centre.tolist(),
-            "rotation": c.rotation.tolist(), "translation": c.translation.tolist(),
-            "width": c.width, "height": c.height, "fx": c.fx, "fy": c.fy, "cx": c.cx, "cy": c.cy,
-        }  # fmt: skip
+            "rotation": c.rotation.tolist(),
+            "translation": c.translation.tolist(),
+            "width": c.width,
+            "height": c.height,
+            "fx": c.fx,
+            "fy": c.fy,
+            "cx": c.cx,
+            "cy": c.cy,
+        }
 
 
 class Knowledge:
@@ -133,10 +142,16 @@ class Knowledge:
         names = set(self.twin.held)
         views = self.twin.on_grid([v for v in self.twin.views if v.name in names], self.step) if self.twin.kept else []
         return [
-            (Place(v.camera, v.psf if self.through_blur else None,
-                   None if v.valid is None else torch.from_numpy(v.valid)), torch.from_numpy(v.planes()))
+            (
+                Place(
+                    v.camera,
+                    v.psf if self.through_blur else None,
+                    None if v.valid is None else torch.from_numpy(v.valid),
+                ),
+                torch.from_numpy(v.planes()),
+            )
             for v in views[:: max(1, -(-len(views) // HELD))]
-        ]  # fmt: skip
+        ]
 
     def contrast(self) -> float:
         """Variance of the photos' px, sRGB^2."""
@@ -145,6 +160,7 @@ class Knowledge:
 
     def posterior(self, taken: Sequence[Place], settings: NextViewSettings, progress: Progress) -> Posterior:
         """What `taken` leave open."""
+
         def told(done: int) -> None:
             progress.advance(done)
             if progress.cancelled():
@@ -152,7 +168,7 @@ class Knowledge:
 
         return sample_posterior(
             self.looks, taken, self.noise, settings.samples, settings.iterations, settings.seed, told
-        )  # fmt: skip
+        )
 
 
 @dataclass(frozen=True)

@@ -13,9 +13,7 @@ from ..pipeline.heldout import write_png
 from ..report.known import Predicted, hatched, painted
 
 
-def draw_expected(
-    folder: Path, views: Mapping[str, tuple[Tensor, Tensor, Tensor]], contrast: float
-) -> list[Predicted]:
+def draw_expected(folder: Path, views: Mapping[str, tuple[Tensor, Tensor, Tensor]], contrast: float) -> list[Predicted]:
     """Writes NAME.png per view: the twin's sharp view | with guessed parts hatched | its expected error in colours.
 
     Args:

@@ -46,9 +46,14 @@ class Posterior:
 
 
 def sample_posterior(
-    looks: Looks, taken: Sequence[Place], noise: float, samples: int = 8, iterations: int = 10, seed: int = 0,
+    looks: Looks,
+    taken: Sequence[Place],
+    noise: float,
+    samples: int = 8,
+    iterations: int = 10,
+    seed: int = 0,
     told: Callable[[int], None] = lambda done: None,
-) -> Posterior:  # fmt: skip
+) -> Posterior:
     """Samples the spread that photos at `taken` leave.
 
     Args:

@@ -92,16 +92,11 @@ def photo_files(source: Path) -> list[Path]:
     try:
         entries = sorted(source.iterdir(), key=lambda p: unicodedata.normalize("NFC", p.name))
     except OSError as error:
-        raise PhotoError(
-            f"The folder '{source}' cannot be read ({error.strerror})", "Check its permissions"
-        ) from error
-    files = [
-        p for p in entries if p.suffix.lower() in SUFFIXES and not p.name.startswith(".") and p.is_file()
-    ]
+        raise PhotoError(f"The folder '{source}' cannot be read ({error.strerror})", "Check its permissions") from error
+    files = [p for p in entries if p.suffix.lower() in SUFFIXES and not p.name.startswith(".") and p.is_file()]
     if not files:
         raise PhotoError(
-            f"The folder '{source}' holds no photos",
-            "Put PNG, JPEG, TIFF, WebP or BMP files directly into it",
+            f"The folder '{source}' holds no photos", "Put PNG, JPEG, TIFF, WebP or BMP files directly into it"
         )
     return files
 
@@ -185,9 +180,7 @@ def load_photo(path: Path, max_size: int | None = None) -> Photo:
         raise
     except Exception as error:  # decoders raise whatever they like; the file's name is what helps
         reason = str(error).strip().splitlines()[0][:120] if str(error).strip() else type(error).__name__
-        raise PhotoError(
-            f"'{path.name}' cannot be read as a photo ({reason})", "Replace or remove the file"
-        ) from error
+        raise PhotoError(f"'{path.name}' cannot be read as a photo ({reason})", "Replace or remove the file") from error
     pixels, alpha, focal_35mm = read.pixels, read.alpha, read.focal_35mm
     height, width = pixels.shape[:2]
     mask = None if alpha is None or bool((alpha >= HALF).all()) else alpha >= HALF
@@ -195,9 +188,7 @@ def load_photo(path: Path, max_size: int | None = None) -> Photo:
     if (new_width, new_height) != (width, height):
         pixels = resized(pixels, new_width, new_height)
         mask = None if mask is None else resized_mask(mask, new_width, new_height)
-    focal = (
-        None if focal_35mm is None else focal_35mm / _DIAGONAL_35MM * float(np.hypot(new_width, new_height))
-    )
+    focal = None if focal_35mm is None else focal_35mm / _DIAGONAL_35MM * float(np.hypot(new_width, new_height))
     name = unicodedata.normalize("NFC", path.name)
     scale = new_width / width, new_height / height
     return Photo(name, path, pixels, mask, scale, focal, read.not_finite, read.clipped)

@@ -71,8 +71,12 @@ def extract_frames(movie: Path, folder: Path, count: int, progress: Progress) ->
     """
     if not movie.is_file():
         raise PhotoError(f"There is no movie '{movie}'", "Check its path")
-    asked = {"movie": str(movie.resolve()), "bytes": movie.stat().st_size, "changed": movie.stat().st_mtime_ns,
-             "count": count}  # fmt: skip
+    asked = {
+        "movie": str(movie.resolve()),
+        "bytes": movie.stat().st_size,
+        "changed": movie.stat().st_mtime_ns,
+        "count": count,
+    }
     if _done(folder, asked):
         return folder
     make_folder(folder)
@@ -137,9 +141,10 @@ def _best_frames(movie: Path, count: int, progress: Progress) -> Iterator[_Best]
 def _measured(index: int, frame: Any) -> _Best:
     grey = [
         frame.reformat(*size_within(frame.width, frame.height, longest), format="gray", interpolation="AREA")
-        .to_ndarray().astype(np.float32)
+        .to_ndarray()
+        .astype(np.float32)
         for longest in (_MEASURED, _COMPARED)
-    ]  # fmt: skip
+    ]
     return _Best(index, sharpness(grey[0]), frame, grey[1])
 
 

@@ -24,9 +24,7 @@ def resized(pixels: Pixels, width: int, height: int) -> Pixels:
         return np.asarray(Image.fromarray(pixels).resize((width, height), Image.Resampling.LANCZOS)).copy()
     planes = [
         np.asarray(
-            Image.fromarray(pixels[:, :, c].astype(np.float32)).resize(
-                (width, height), Image.Resampling.LANCZOS
-            )
+            Image.fromarray(pixels[:, :, c].astype(np.float32)).resize((width, height), Image.Resampling.LANCZOS)
         )
         for c in range(pixels.shape[2])
     ]

@@ -153,9 +153,13 @@ def resample(image: NDArray[np.float32], at: Floats, prefilter: bool = True) -> 
                 coefficients = spline_filter1d(coefficients, 5, axis=axis, output=np.float64, mode="mirror")
     out = np.empty((*at.shape[:2], image.shape[2]), np.float32)
     compiled.run(
-        sample, at.shape[0], np.ascontiguousarray(coefficients, np.float32),
-        np.ascontiguousarray(at, np.float64), out, grain=16,
-    )  # fmt: skip
+        sample,
+        at.shape[0],
+        np.ascontiguousarray(coefficients, np.float32),
+        np.ascontiguousarray(at, np.float64),
+        out,
+        grain=16,
+    )
     return out
 
 

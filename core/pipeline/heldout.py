@@ -127,11 +127,14 @@ class ViewScorer:
             self._compare(scores, _unit(twin), _unit(truth), photo)
         small = photo.size
         pictures = ViewPictures(
-            name=photo.name, heldout=heldout, photo=_eight_bit(photo.pixels),
-            twin=_eight_bit(twin if size == small else resized(twin, *small)), degraded=degraded,
+            name=photo.name,
+            heldout=heldout,
+            photo=_eight_bit(photo.pixels),
+            twin=_eight_bit(twin if size == small else resized(twin, *small)),
+            degraded=degraded,
             truth=None if truth is None else _eight_bit(truth if size == small else resized(truth, *small)),
             scores={"degraded": scores.degraded, "sharp": scores.sharp},
-        )  # fmt: skip
+        )
         return scores, pictures
 
     def _true(self, name: str, size: tuple[int, int]) -> NDArray[np.uint8] | NDArray[np.uint16] | None:
@@ -153,14 +156,10 @@ class ViewScorer:
                 f"The truth of '{name}' is {width} x {height} px, its photo {size[0]} x {size[1]}: not compared"
             )
             return None
-        self.progress.note(
-            f"The truth of '{name}' was scaled from {width} x {height} to {size[0]} x {size[1]} px"
-        )
+        self.progress.note(f"The truth of '{name}' was scaled from {width} x {height} to {size[0]} x {size[1]} px")
         return resized(truth, *size)
 
-    def _compare(
-        self, scores: Scores, twin: NDArray[np.float64], truth: NDArray[np.float64], photo: Photo
-    ) -> None:
+    def _compare(self, scores: Scores, twin: NDArray[np.float64], truth: NDArray[np.float64], photo: Photo) -> None:
         mask = photo.mask if photo.scale == (1.0, 1.0) else None
         scores.sharp = {
             "psnr": _number(psnr(twin, truth, mask)),
@@ -173,10 +172,13 @@ class ViewScorer:
         for (coarsest, finest), one in zip(BANDS, bands(twin, truth, BANDS), strict=True):
             scores.bands.append(
                 {
-                    "coarsest": coarsest, "finest": finest, "gain": _number(one.gain),
-                    "correlation": _number(one.correlation), "energy": _number(one.energy),
+                    "coarsest": coarsest,
+                    "finest": finest,
+                    "gain": _number(one.gain),
+                    "correlation": _number(one.correlation),
+                    "energy": _number(one.energy),
                 }
-            )  # fmt: skip
+            )
         scores.edge_sharpness = _number(edge_sharpness(twin, truth))
 
 

@@ -10,9 +10,7 @@ from pathlib import Path
 
 from ..version import VERSION
 
-_LIBRARIES = (
-    "torch", "numpy", "numba", "scipy", "scikit-image", "pycolmap", "plyfile", "pillow", "gsplat", "bpy",
-)  # fmt: skip
+_LIBRARIES = ("torch", "numpy", "numba", "scipy", "scikit-image", "pycolmap", "plyfile", "pillow", "gsplat", "bpy")
 
 
 def cores() -> int:

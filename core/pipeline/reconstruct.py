@@ -161,7 +161,7 @@ def reconstruct(settings: ReconstructSettings, progress: Progress, began: float 
     if settings.refine_cameras and not (settings.resume and (settings.out / "checkpoint.npz").is_file()):
         reconstruction, refinement = refined(
             settings, reconstruction, registered, held, medium, threads, device, keeper
-        )  # fmt: skip
+        )
         watch.lap("refine")
     trained, effects, medium, fitted = _train(
         settings, registered, held, reconstruction, medium, threads, device, keeper, watch, budget
@@ -170,13 +170,23 @@ def reconstruct(settings: ReconstructSettings, progress: Progress, began: float 
 
     keeper.stage("save", len(held) + 2)
     facts = Facts(
-        settings=settings, photos=photos, reconstruction=reconstruction, source=source, medium=medium, spreads=spreads,
-        held=held, trained=trained, machine=machine(threads, device), notes=keeper.notes, effects=effects,
-    )  # fmt: skip
+        settings=settings,
+        photos=photos,
+        reconstruction=reconstruction,
+        source=source,
+        medium=medium,
+        spreads=spreads,
+        held=held,
+        trained=trained,
+        machine=machine(threads, device),
+        notes=keeper.notes,
+        effects=effects,
+    )
     scores, pictures = _score(facts, truth, keeper, budget)
     if budget is not None and budget.overrun():
-        keeper.note(f"The time limit was passed by {-budget.left():.0f} s: the cameras alone took "
-                    f"{watch.seconds['sfm']:.0f} s")  # fmt: skip
+        keeper.note(
+            f"The time limit was passed by {-budget.left():.0f} s: the cameras alone took {watch.seconds['sfm']:.0f} s"
+        )
     watch.lap("save")
     report = summary(facts, scores, watch.seconds, watch.total())
     report["cameras"]["refined"] = plain(refinement)
@@ -189,8 +199,12 @@ def reconstruct(settings: ReconstructSettings, progress: Progress, began: float 
     return Outcome(report, settings.out, trained.stopped == "cancelled")
 
 
-def medium_for(photos: list[Photo], psf: PointSpread | None, settings: ReconstructSettings,
-               own: Mapping[str, PointSpread | None] = MappingProxyType({})) -> Medium:  # fmt: skip
+def medium_for(
+    photos: list[Photo],
+    psf: PointSpread | None,
+    settings: ReconstructSettings,
+    own: Mapping[str, PointSpread | None] = MappingProxyType({}),
+) -> Medium:
     """The medium on the grid of the photos as loaded (`--max-size` shrinks the blur too); `own` is by photo name."""
     full = Medium(psf, settings.blur_space, own)
     grids = {s: full if s == 1.0 else full.on_grid(1.0 / s) for s in {photo.scale[0] for photo in photos}}
@@ -201,9 +215,13 @@ def medium_for(photos: list[Photo], psf: PointSpread | None, settings: Reconstru
 
 
 def cameras_of(
-    settings: ReconstructSettings, photos: list[Photo], medium: Medium, threads: int, progress: Progress,
+    settings: ReconstructSettings,
+    photos: list[Photo],
+    medium: Medium,
+    threads: int,
+    progress: Progress,
     hurried: bool = False,
-) -> tuple[Reconstruction, str]:  # fmt: skip
+) -> tuple[Reconstruction, str]:
     """Known cameras, those of the run that is resumed, or cameras found from the photos.
 
     Written to `settings.out`/cameras; 'given' or 'sfm' tells where they come from.
@@ -254,9 +272,17 @@ def cameras_of(
 
 
 def _train(
-    settings: ReconstructSettings, registered: list[Photo], held: list[str], reconstruction: Reconstruction,
-    medium: Medium, threads: int, device: str, progress: Progress, watch: Stopwatch, budget: Budget | None,
-) -> tuple[Trained, Chosen, Medium, int]:  # fmt: skip
+    settings: ReconstructSettings,
+    registered: list[Photo],
+    held: list[str],
+    reconstruction: Reconstruction,
+    medium: Medium,
+    threads: int,
+    device: str,
+    progress: Progress,
+    watch: Stopwatch,
+    budget: Budget | None,
+) -> tuple[Trained, Chosen, Medium, int]:
     from ..photos.undistort import undistorted_views
     from ..training.run import train
     from ..training.settings import TrainingSettings
@@ -274,10 +300,15 @@ def _train(
         raise CameraError(what, "Use --holdout-every 0 or more photos")
     changes: dict[str, Any] = {"max_gaussians": settings.max_gaussians, "sh_degree": settings.sh_degree}
     chosen = replace(
-        TrainingSettings.preset(settings.preset), loss=settings.loss, seed=settings.seed, threads=threads,
-        device=device, until=settings.until, min_steps=settings.min_steps,
+        TrainingSettings.preset(settings.preset),
+        loss=settings.loss,
+        seed=settings.seed,
+        threads=threads,
+        device=device,
+        until=settings.until,
+        min_steps=settings.min_steps,
         **{name: value for name, value in changes.items() if value is not None},
-    )  # fmt: skip
+    )
     if settings.until is not None and budget is None:
         chosen = replace(chosen, steps=max(UNTIL_STEPS * chosen.steps, settings.min_steps))
     effects = choose_effects(settings.effects, registered, reconstruction, kept, medium, chosen, progress)
@@ -290,15 +321,31 @@ def _train(
     )
     if budget is not None:
         chosen = budget.train(
-            registered, fitted, len(watched), reconstruction.points, medium, chosen, settings.max_gaussians,
-            effects.formation, settings.out / "plan.json", settings.resume,
-        )  # fmt: skip
+            registered,
+            fitted,
+            len(watched),
+            reconstruction.points,
+            medium,
+            chosen,
+            settings.max_gaussians,
+            effects.formation,
+            settings.out / "plan.json",
+            settings.resume,
+        )
         if budget.plan is not None and budget.plan.enough:
             progress.note("The time limit is more than what makes these photos' twin better: the run ends before it")
     trained = train(
-        fitted, watched, reconstruction.points, medium, chosen, progress, settings.out / "checkpoint.npz",
-        settings.resume, Watchers(settings.out, settings.snapshots), effects.formation,
-    )  # fmt: skip
+        fitted,
+        watched,
+        reconstruction.points,
+        medium,
+        chosen,
+        progress,
+        settings.out / "checkpoint.npz",
+        settings.resume,
+        Watchers(settings.out, settings.snapshots),
+        effects.formation,
+    )
     if progress.cancelled() and trained.stopped == "done" and trained.steps < chosen.steps:
         trained.stopped = "cancelled"
     watch.lap("prepare")
@@ -316,13 +363,21 @@ def _score(
 
     cameras = facts.reconstruction.cameras()
     viewer = Viewer(
-        facts.trained.gaussians, scene_scale(list(cameras.values()), facts.reconstruction.points),
-        facts.machine["device"], facts.trained.low_pass, facts.trained.background,
-    )  # fmt: skip
+        facts.trained.gaussians,
+        scene_scale(list(cameras.values()), facts.reconstruction.points),
+        facts.machine["device"],
+        facts.trained.low_pass,
+        facts.trained.background,
+    )
     scorer = ViewScorer(
-        viewer, facts.reconstruction, facts.medium, truth, resolvable_period(facts.medium), progress,
+        viewer,
+        facts.reconstruction,
+        facts.medium,
+        truth,
+        resolvable_period(facts.medium),
+        progress,
         Formation() if facts.effects is None else facts.effects.formation,
-    )  # fmt: skip
+    )
     by_name = {photo.name: photo for photo in facts.photos if photo.name in cameras}
     wanted = [name for name in facts.held if name in by_name]
     files, scores, pictures = render_names(wanted), [], []

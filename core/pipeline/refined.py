@@ -19,9 +19,15 @@ from .settings import ReconstructSettings
 
 
 def refined(
-    settings: ReconstructSettings, reconstruction: Reconstruction, photos: list[Photo], held: list[str],
-    medium: Medium, threads: int, device: str, progress: Progress,
-) -> tuple[Reconstruction, dict[str, Any]]:  # fmt: skip
+    settings: ReconstructSettings,
+    reconstruction: Reconstruction,
+    photos: list[Photo],
+    held: list[str],
+    medium: Medium,
+    threads: int,
+    device: str,
+    progress: Progress,
+) -> tuple[Reconstruction, dict[str, Any]]:
     """Refines poses and the shared focal length, and writes them to `settings.out`/cameras if they are kept.
 
     Returns:
@@ -38,9 +44,14 @@ def refined(
     )
     one_lens = len(set(reconstruction.lenses.values())) == 1
     found = refine_cameras(
-        [v for v in views if v.name not in held], [v for v in views if v.name in held], reconstruction.points,
-        medium, chosen, progress, focal=one_lens,
-    )  # fmt: skip
+        [v for v in views if v.name not in held],
+        [v for v in views if v.name in held],
+        reconstruction.points,
+        medium,
+        chosen,
+        progress,
+        focal=one_lens,
+    )
     facts = found.plain()
     if settings.reference_cameras is not None:
         given = {view.name: view.camera for view in views}
@@ -80,9 +91,7 @@ def against(cameras: dict[str, Camera], reference: Path, photos: list[Photo]) ->
     points = None if truth.figures.scattered else truth.points.positions
     errors = pose_errors(cameras, truth.cameras(), points)
     median = lambda values: round(float(np.median(values)), 5) if np.isfinite(values).all() else None  # noqa: E731
-    return {
-        "centre_px": median(errors.centre_px), "angle_deg": median(errors.angle), "focal": median(errors.focal),
-    }  # fmt: skip
+    return {"centre_px": median(errors.centre_px), "angle_deg": median(errors.angle), "focal": median(errors.focal)}
 
 
 def _zoomed(lens: Lens, factor: float) -> Lens:

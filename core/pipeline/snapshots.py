@@ -90,7 +90,9 @@ def _picture(trainer: Trainer) -> NDArray[np.float32]:
     view = (level.heldout or level.views)[0]
     with torch.no_grad():
         image = render(
-            trainer.optimizer.gaussians, view.camera, background=trainer.background,
+            trainer.optimizer.gaussians,
+            view.camera,
+            background=trainer.background,
             settings=trainer.raster_settings(level),
-        ).image  # fmt: skip
+        ).image
     return image.cpu().numpy()

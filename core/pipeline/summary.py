@@ -93,16 +93,15 @@ def summary(facts: Facts, scores: list[Scores], seconds: dict[str, float], total
             "attempts": [asdict(attempt) for attempt in cameras.figures.attempts],
         },
         "medium": {
-            "psf": settings.psf, "blur_space": facts.medium.blur_space, "per_photo": _own_spreads(facts),
+            "psf": settings.psf,
+            "blur_space": facts.medium.blur_space,
+            "per_photo": _own_spreads(facts),
             "per_photo_sigma": _range(facts),
         },
         "effects": [] if facts.effects is None else facts.effects.plain(),
         "gaussians": len(trained.gaussians),
         "steps": trained.steps,
-        "seconds": {
-            **{name: seconds.get(name) for name in _STAGES},
-            "total": total,
-        },
+        "seconds": {**{name: seconds.get(name) for name in _STAGES}, "total": total},
         "predicted": None,
         "peak_memory_mb": peak_memory_mb(),
         "heldout": _heldout(facts, scores),
@@ -159,11 +158,12 @@ def _heldout(facts: Facts, scores: list[Scores]) -> dict[str, Any]:
     compared = [score for score in scores if score.sharp is not None]
     bands = [
         {
-            "coarsest": coarsest, "finest": finest,
+            "coarsest": coarsest,
+            "finest": finest,
             **{key: mean_of([s.bands[i][key] for s in compared]) for key in ("gain", "correlation", "energy")},
         }
         for i, (coarsest, finest) in enumerate(BANDS)
-    ]  # fmt: skip
+    ]
     return {
         "names": [score.name for score in scores],
         "unregistered": [name for name in facts.held if name not in facts.reconstruction.poses],

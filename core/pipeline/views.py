@@ -42,9 +42,13 @@ class Viewer:
     """
 
     def __init__(
-        self, gaussians: Gaussians, scale: SceneScale, device: str, low_pass: float = LOW_PASS_VARIANCE,
+        self,
+        gaussians: Gaussians,
+        scale: SceneScale,
+        device: str,
+        low_pass: float = LOW_PASS_VARIANCE,
         background: tuple[float, float, float] = (0.0, 0.0, 0.0),
-    ) -> None:  # fmt: skip
+    ) -> None:
         self._background = torch.tensor(background, device=device)
         self._gaussians = scale.to_unit(gaussians).to(device)
         self._scale = scale

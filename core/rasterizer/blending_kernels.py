@@ -126,8 +126,21 @@ def read_tile(typing_context, state, image, transmittance, image_gradient, alpha
 
 
 @kernel
-def blend_tiles(begin, end, splats, tile_starts, pairs, background, alpha_minimum, tiles_x,
-                image, transmittance, blended, evaluations, pair_rows):  # type: ignore[no-untyped-def]  # fmt: skip
+def blend_tiles(
+    begin,
+    end,
+    splats,
+    tile_starts,
+    pairs,
+    background,
+    alpha_minimum,
+    tiles_x,
+    image,
+    transmittance,
+    blended,
+    evaluations,
+    pair_rows,
+):  # type: ignore[no-untyped-def]
     """Blends tiles `begin` to `end`.
 
     Args:
@@ -153,8 +166,7 @@ def blend_tiles(begin, end, splats, tile_starts, pairs, background, alpha_minimu
         position, rows = first, 0
         while position < last:
             stop = min(position + _LOOK, last)
-            look_ahead(splats, pairs, position, stop, last, x0, y0, height_here, alpha_minimum,
-                       pair_rows)  # fmt: skip
+            look_ahead(splats, pairs, position, stop, last, x0, y0, height_here, alpha_minimum, pair_rows)
             while position < stop:
                 g = np.int64(pairs[position, GAUSSIAN])
                 begin_row, end_row, stride = unpacked(pair_rows[position])
@@ -177,8 +189,22 @@ def blend_tiles(begin, end, splats, tile_starts, pairs, background, alpha_minimu
 
 
 @kernel
-def backward_tiles(begin, end, splats, tile_starts, pairs, alpha_minimum, tiles_x,
-                   image, transmittance, blended, pair_rows, image_gradient, alpha_gradient, slots):  # type: ignore[no-untyped-def]  # fmt: skip
+def backward_tiles(
+    begin,
+    end,
+    splats,
+    tile_starts,
+    pairs,
+    alpha_minimum,
+    tiles_x,
+    image,
+    transmittance,
+    blended,
+    pair_rows,
+    image_gradient,
+    alpha_gradient,
+    slots,
+):  # type: ignore[no-untyped-def]
     """Gradients of tiles `begin` to `end`, one slot per (Gaussian, tile) pair.
 
     Args:
@@ -198,15 +224,28 @@ def backward_tiles(begin, end, splats, tile_starts, pairs, alpha_minimum, tiles_
         state[:PIXELS] = f32(1.0)
         state[PIXELS:] = f32(0.0)
         if left + TILE <= width:
-            read_tile(state, image, transmittance, image_gradient, alpha_gradient, top * width + left, width,
-                      height_here, height * width)  # fmt: skip
+            read_tile(
+                state,
+                image,
+                transmittance,
+                image_gradient,
+                alpha_gradient,
+                top * width + left,
+                width,
+                height_here,
+                height * width,
+            )
         for row in range(height_here if left + TILE > width else 0):
             for i in range(width - left):
                 o = row * TILE + i
                 y, x = top + row, left + i
                 r, g, b = image_gradient[0, y, x], image_gradient[1, y, x], image_gradient[2, y, x]
-                state[REST_ + o] = (r * image[0, y, x] + g * image[1, y, x] + b * image[2, y, x]
-                                    - alpha_gradient[y, x] * transmittance[y, x])  # fmt: skip
+                state[REST_ + o] = (
+                    r * image[0, y, x]
+                    + g * image[1, y, x]
+                    + b * image[2, y, x]
+                    - alpha_gradient[y, x] * transmittance[y, x]
+                )
                 state[DR_ + o], state[DG_ + o], state[DB_ + o] = r, g, b
         end_of_blending = first + blended[tile]
         for position in range(first, end_of_blending):
@@ -214,7 +253,18 @@ def backward_tiles(begin, end, splats, tile_starts, pairs, alpha_minimum, tiles_
             prefetch(splats, np.int64(pairs[ahead, GAUSSIAN]) * SPLAT_WIDTH)
             prefetch(slots, np.int64(pairs[ahead, SLOT]) * SLOT_WIDTH)
             begin_row, end_row, stride = unpacked(pair_rows[position])
-            backward_splat(state, splats, np.int64(pairs[position, GAUSSIAN]), x0, y0, begin_row, end_row, stride,
-                           alpha_minimum, slots, np.int64(pairs[position, SLOT]))  # fmt: skip
+            backward_splat(
+                state,
+                splats,
+                np.int64(pairs[position, GAUSSIAN]),
+                x0,
+                y0,
+                begin_row,
+                end_row,
+                stride,
+                alpha_minimum,
+                slots,
+                np.int64(pairs[position, SLOT]),
+            )
         for position in range(end_of_blending, last):
             slots[pairs[position, SLOT], :] = f32(0.0)

@@ -54,9 +54,17 @@ def view_vector(camera: Camera, pose: NDArray[np.float64] | None, settings: Rast
     view[9:12] = camera.translation if pose is None else pose[:, 3]
     view[V_CENTRE:] = -(view[:9].reshape(3, 3).T @ view[V_T : V_T + 3])
     view[12:V_CENTRE] = (
-        camera.fx, camera.fy, camera.cx, camera.cy, camera.width, camera.height,
-        settings.near, settings.low_pass, float(settings.antialias), settings.alpha_minimum,
-    )  # fmt: skip
+        camera.fx,
+        camera.fy,
+        camera.cx,
+        camera.cy,
+        camera.width,
+        camera.height,
+        settings.near,
+        settings.low_pass,
+        float(settings.antialias),
+        settings.alpha_minimum,
+    )
     return view
 
 
@@ -67,16 +75,16 @@ def _on_cache_lines(count: int) -> Floats:
     return room[skip : skip + count * SPLAT_WIDTH].reshape(count, SPLAT_WIDTH)
 
 
-def project_and_sort(view: NDArray[np.float64], parameters: tuple[Floats, ...], width: int, height: int,
-                     radius: Floats) -> Projected:  # fmt: skip
+def project_and_sort(
+    view: NDArray[np.float64], parameters: tuple[Floats, ...], width: int, height: int, radius: Floats
+) -> Projected:
     """Projection, depth order and the tiles' lists."""
     count = parameters[0].shape[0]
     splats = _on_cache_lines(count)
     status = np.empty(count, np.uint8)
     tile_counts = np.empty(count, np.int32)
     records = np.empty((count, RECORD_WIDTH), np.int16)
-    run(project, -(-count // BLOCK), view, *parameters, splats, status, radius, tile_counts, records,
-        grain=4)  # fmt: skip
+    run(project, -(-count // BLOCK), view, *parameters, splats, status, radius, tile_counts, records, grain=4)
     seen, slot_starts = np.empty(count, np.int32), np.empty(count + 1, np.int64)
     reasons = np.empty(len(CULL_REASONS), np.int64)
     seen = seen[: list_seen(status, tile_counts, seen, slot_starts, reasons)]
@@ -90,10 +98,20 @@ def project_and_sort(view: NDArray[np.float64], parameters: tuple[Floats, ...], 
     run(count_pairs, _PARTS, splats, records, order, chunk, tiles_x, np.float32(width), places)
     begin_pairs(places, tile_starts)
     pairs = np.empty((int(tile_starts[-1]), 2), np.int32)
-    run(place_pairs, _PARTS, splats, records, order, chunk, tiles_x, np.float32(width), slot_starts, places,
-        pairs)  # fmt: skip
-    return Projected(view, parameters, splats, status, reasons, tile_starts, pairs, np.empty(len(pairs), np.int32),
-                     slot_starts, tiles_x, np.float32(view[V_ALPHA_MINIMUM]))  # fmt: skip
+    run(place_pairs, _PARTS, splats, records, order, chunk, tiles_x, np.float32(width), slot_starts, places, pairs)
+    return Projected(
+        view,
+        parameters,
+        splats,
+        status,
+        reasons,
+        tile_starts,
+        pairs,
+        np.empty(len(pairs), np.int32),
+        slot_starts,
+        tiles_x,
+        np.float32(view[V_ALPHA_MINIMUM]),
+    )
 
 
 def _blend(p: Projected, splats: Floats, background: Floats, width: int, height: int) -> tuple[Any, ...]:
@@ -102,19 +120,54 @@ def _blend(p: Projected, splats: Floats, background: Floats, width: int, height:
     tiles = len(p.tile_starts) - 1
     blended = np.empty(tiles, np.int32)
     evaluations = np.empty(tiles, np.int64)
-    run(blend_tiles, tiles, splats, p.tile_starts, p.pairs, background, p.alpha_minimum, p.tiles_x,
-        image, transmittance, blended, evaluations, p.pair_rows, grain=8)  # fmt: skip
+    run(
+        blend_tiles,
+        tiles,
+        splats,
+        p.tile_starts,
+        p.pairs,
+        background,
+        p.alpha_minimum,
+        p.tiles_x,
+        image,
+        transmittance,
+        blended,
+        evaluations,
+        p.pair_rows,
+        grain=8,
+    )
     return image, transmittance, blended, int(evaluations.sum())
 
 
-def _blend_backward(p: Projected, splats: Floats, image: Floats, transmittance: Floats, blended: Any,
-                    image_gradient: Floats, alpha_gradient: Floats) -> Floats:  # fmt: skip
+def _blend_backward(
+    p: Projected,
+    splats: Floats,
+    image: Floats,
+    transmittance: Floats,
+    blended: Any,
+    image_gradient: Floats,
+    alpha_gradient: Floats,
+) -> Floats:
     # (two rows more, because vectors are read whole)
     slots = np.empty((len(p.pairs) + 2, SLOT_WIDTH), np.float32)
     slots[-2:] = 0.0
-    run(backward_tiles, len(p.tile_starts) - 1, splats, p.tile_starts, p.pairs,
-        p.alpha_minimum, p.tiles_x, image, transmittance, blended, p.pair_rows, image_gradient, alpha_gradient,
-        slots, grain=8)  # fmt: skip
+    run(
+        backward_tiles,
+        len(p.tile_starts) - 1,
+        splats,
+        p.tile_starts,
+        p.pairs,
+        p.alpha_minimum,
+        p.tiles_x,
+        image,
+        transmittance,
+        blended,
+        p.pair_rows,
+        image_gradient,
+        alpha_gradient,
+        slots,
+        grain=8,
+    )
     return slots
 
 
@@ -130,9 +183,19 @@ class _Rasterize(torch.autograd.Function):
     """means, log_scales, quaternions, opacity_logits, sh, background, pose -> image, alpha, depth."""
 
     @staticmethod
-    def forward(ctx: Any, camera: Camera, settings: RasterSettings, screen: ScreenStatistics,
-                means: Tensor, log_scales: Tensor, quaternions: Tensor, opacity_logits: Tensor, sh: Tensor,
-                background: Tensor, pose: Tensor | None) -> tuple[Tensor, Tensor, Tensor]:  # fmt: skip
+    def forward(
+        ctx: Any,
+        camera: Camera,
+        settings: RasterSettings,
+        screen: ScreenStatistics,
+        means: Tensor,
+        log_scales: Tensor,
+        quaternions: Tensor,
+        opacity_logits: Tensor,
+        sh: Tensor,
+        background: Tensor,
+        pose: Tensor | None,
+    ) -> tuple[Tensor, Tensor, Tensor]:
         parameters = tuple(
             t.detach().contiguous().numpy() for t in (means, log_scales, quaternions, opacity_logits, sh)
         )
@@ -168,8 +231,9 @@ class _Rasterize(torch.autograd.Function):
             stack[0] = ctx.depth
             gradient = np.zeros((3, *shape), np.float32)
             gradient[0] = d_depth.numpy()
-            more = _blend_backward(p, _depth_splats(p.splats), stack, ctx.transmittance, ctx.blended, gradient,
-                                   np.zeros(shape, np.float32))  # fmt: skip
+            more = _blend_backward(
+                p, _depth_splats(p.splats), stack, ctx.transmittance, ctx.blended, gradient, np.zeros(shape, np.float32)
+            )
             totals = np.concatenate(([0.0], np.cumsum(more[:, M_RED], dtype=np.float64)))
             depth_gradient = (totals[p.slot_starts[1:]] - totals[p.slot_starts[:-1]]).astype(np.float32)
             more[:, M_RED:] = 0.0
@@ -178,8 +242,20 @@ class _Rasterize(torch.autograd.Function):
         d_screen = np.empty((count, 2), np.float32)
         blocks = -(-count // BLOCK)
         d_view = np.empty((blocks, 12), np.float64)
-        run(project_backward, blocks, p.view, *p.parameters, p.status, p.slot_starts, slots,
-            depth_gradient, *outputs, d_screen, d_view, grain=4)  # fmt: skip
+        run(
+            project_backward,
+            blocks,
+            p.view,
+            *p.parameters,
+            p.status,
+            p.slot_starts,
+            slots,
+            depth_gradient,
+            *outputs,
+            d_screen,
+            d_view,
+            grain=4,
+        )
         ctx.screen.mean_gradient = torch.from_numpy(d_screen)
         d_pose = None
         if ctx.pose_dtype is not None and ctx.needs_input_grad[9]:
@@ -192,8 +268,9 @@ class _Rasterize(torch.autograd.Function):
         return (None, None, None, *(torch.from_numpy(o) for o in outputs), d_background, d_pose)
 
 
-def render_cpu(gaussians: Gaussians, camera: Camera, background: Tensor | None, pose: Tensor | None,
-               settings: RasterSettings) -> Rendered:  # fmt: skip
+def render_cpu(
+    gaussians: Gaussians, camera: Camera, background: Tensor | None, pose: Tensor | None, settings: RasterSettings
+) -> Rendered:
     """See `core.rasterizer.render`; float32 on the CPU.
 
     Raises:
@@ -207,9 +284,17 @@ def render_cpu(gaussians: Gaussians, camera: Camera, background: Tensor | None, 
     screen = ScreenStatistics(radius=torch.zeros(len(gaussians)))
     behind = torch.zeros(3) if background is None else background
     image, alpha, depth = _Rasterize.apply(  # type: ignore[no-untyped-call]
-        camera, settings, screen, gaussians.means, gaussians.log_scales, gaussians.quaternions,
-        gaussians.opacity_logits, gaussians.sh, behind, pose,
-    )  # fmt: skip
+        camera,
+        settings,
+        screen,
+        gaussians.means,
+        gaussians.log_scales,
+        gaussians.quaternions,
+        gaussians.opacity_logits,
+        gaussians.sh,
+        behind,
+        pose,
+    )
     return Rendered(image, alpha, depth if settings.depth else None, screen)
 
 

@@ -54,23 +54,15 @@ def _gsplat() -> Any:
 
 def _check(gaussians: Gaussians, settings: RasterSettings) -> None:
     if not gaussians.means.is_cuda:
-        raise DeviceError(
-            "The CUDA back end was given Gaussians in the CPU's memory", "Move them to the device first"
-        )
+        raise DeviceError("The CUDA back end was given Gaussians in the CPU's memory", "Move them to the device first")
     if gaussians.means.dtype != torch.float32:
         raise DeviceError("The CUDA back end computes in float32 only", "Use the reference back end")
     if settings.alpha_minimum != ALPHA_MINIMUM:
-        raise DeviceError(
-            f"gsplat's alpha cutoff is fixed at {ALPHA_MINIMUM:.4f}", "Use the reference back end"
-        )
+        raise DeviceError(f"gsplat's alpha cutoff is fixed at {ALPHA_MINIMUM:.4f}", "Use the reference back end")
 
 
 def render_cuda(
-    gaussians: Gaussians,
-    camera: Camera,
-    background: Tensor | None,
-    pose: Tensor | None,
-    settings: RasterSettings,
+    gaussians: Gaussians, camera: Camera, background: Tensor | None, pose: Tensor | None, settings: RasterSettings
 ) -> Rendered:
     """Renders one view; arguments and result as in `render`.
 

@@ -62,10 +62,16 @@ def rotation_matrices(quaternions: Tensor) -> Tensor:
     """Rotation matrices [N, 3, 3] of quaternions [N, 4] (w x y z, any length but zero)."""
     w, x, y, z = unit_vectors(quaternions).unbind(-1)
     rows = [
-        1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y),
-        2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x),
-        2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y),
-    ]  # fmt: skip
+        1 - 2 * (y * y + z * z),
+        2 * (x * y - w * z),
+        2 * (x * z + w * y),
+        2 * (x * y + w * z),
+        1 - 2 * (x * x + z * z),
+        2 * (y * z - w * x),
+        2 * (x * z - w * y),
+        2 * (y * z + w * x),
+        1 - 2 * (x * x + y * y),
+    ]
     return torch.stack(rows, dim=-1).reshape(-1, 3, 3)
 
 
@@ -152,9 +158,7 @@ def project(gaussians: Gaussians, camera: Camera, pose: Tensor, settings: Raster
         edge = settings.alpha_minimum or SMOOTH_ALPHA_EDGE
         reach = (2 * (opacity / edge).log()).clamp(min=0.0).sqrt() * unit
         extent = reach[:, None] * torch.stack([xx, yy], dim=-1).sqrt()
-    return Projected(
-        mean, conic, opacity, colours(gaussians.sh, directions), depth, determinant, unit, extent
-    )  # fmt: skip
+    return Projected(mean, conic, opacity, colours(gaussians.sh, directions), depth, determinant, unit, extent)
 
 
 def select(gaussians: Gaussians, index: Tensor) -> Gaussians:
@@ -186,9 +190,7 @@ def visible(
     keep(gaussians.quaternions[index].norm(dim=-1) >= QUATERNION_MINIMUM_NORM, "degenerate")
     candidates = project(select(gaussians, index), camera, pose, settings)
 
-    results = [
-        candidates.mean, candidates.conic, candidates.extent, candidates.colour, candidates.determinant[:, None]
-    ]  # fmt: skip
+    results = [candidates.mean, candidates.conic, candidates.extent, candidates.colour, candidates.determinant[:, None]]
     sound = torch.cat(results, dim=1).isfinite().all(dim=1)
     sound &= candidates.determinant * candidates.unit**2 >= DETERMINANT_MINIMUM
     sound &= candidates.depth < FAR_PLANE

@@ -30,16 +30,7 @@ from .shape_kernels import (
     harmonics,
     harmonics_slope,
 )
-from .splat_kernels import (
-    M_ALL,
-    M_RED,
-    M_X,
-    M_XX,
-    M_XY,
-    M_Y,
-    M_YY,
-    SLOT_WIDTH,
-)
+from .splat_kernels import M_ALL, M_RED, M_X, M_XX, M_XY, M_Y, M_YY, SLOT_WIDTH
 
 f32 = np.float32
 # Planes that `_chain` reads: 16 rows of sums over slots, whom to chain at all, the gradient of the depth; and works in:
@@ -119,8 +110,10 @@ def _chain(typing_context, view, parameters, count, work, out, pose):  # type: i
         d_ry = choose(shape.inside_y, -focal_y * dot(d_w, shape.v[6:]), 0.0)
         d_point = [focal_x * g_x + d_rx * inverse_z, focal_y * g_y + d_ry * inverse_z]
         # (U is proportional to 1 / z at fixed rx, ry)
-        d_point.append(work[_DEPTH].double() - inverse_z * (
-            x * d_point[0] + y * d_point[1] + dot(d_u, shape.u) + dot(d_w, shape.w)))  # fmt: skip
+        d_point.append(
+            work[_DEPTH].double()
+            - inverse_z * (x * d_point[0] + y * d_point[1] + dot(d_u, shape.u) + dot(d_w, shape.w))
+        )
 
         # V = R M, M = Rq S
         d_r = [d_point[0]] * 9
@@ -144,7 +137,8 @@ def _chain(typing_context, view, parameters, count, work, out, pose):  # type: i
             work[_BASIS + k] = value
         colour = [sums[M_RED + channel] for channel in range(3)]
         row = lambda buffer, plane, k, step: buffer.row(  # noqa: E731
-            builder.mul(k, ir.Constant(k.type, step * TILE)), plane * TILE)  # fmt: skip
+            builder.mul(k, ir.Constant(k.type, step * TILE)), plane * TILE
+        )
         lit = Running(builder, 3)
         with cgutils.for_range_slice(builder, zero, arguments[2], one, inc=True) as (k, _):
             value = row(work.buffer, _BASIS, k, 1)
@@ -187,9 +181,27 @@ def _quaternion_slope(unit: list[Lanes], r: list[Lanes]) -> list[Lanes]:
 
 
 @kernel
-def project_backward(begin, end, view, means, log_scales, quaternions, opacity_logits, sh, status,
-                     slot_starts, slots, depth_gradient, d_means, d_log_scales, d_quaternions, d_opacity_logits, d_sh,
-                     d_screen, d_view):  # type: ignore[no-untyped-def]  # fmt: skip
+def project_backward(
+    begin,
+    end,
+    view,
+    means,
+    log_scales,
+    quaternions,
+    opacity_logits,
+    sh,
+    status,
+    slot_starts,
+    slots,
+    depth_gradient,
+    d_means,
+    d_log_scales,
+    d_quaternions,
+    d_opacity_logits,
+    d_sh,
+    d_screen,
+    d_view,
+):  # type: ignore[no-untyped-def]
     """Chains screen-space gradients to the parameters, for blocks `begin` to `end`.
 
     Args:

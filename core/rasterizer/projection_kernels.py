@@ -86,7 +86,8 @@ def _project(typing_context, view, parameters, count, out):  # type: ignore[no-u
         running = Running(builder, 5)
         one, zero = (ir.Constant(ir.IntType(64), n) for n in (1, 0))
         row = lambda buffer, plane, index, step: buffer.row(  # noqa: E731
-            builder.mul(index, ir.Constant(index.type, step * TILE)), plane * TILE)  # fmt: skip
+            builder.mul(index, ir.Constant(index.type, step * TILE)), plane * TILE
+        )
         with cgutils.for_range_slice(builder, zero, arguments[2], one, inc=True) as (k, _):
             value = row(out.buffer, _BASIS, k, 1)
             for channel in range(3):
@@ -107,15 +108,23 @@ def _project(typing_context, view, parameters, count, out):  # type: ignore[no-u
         x = shape.point[0] * shape.focal_x + view[V_CX]
         y = shape.point[1] * shape.focal_y + view[V_CY]
         half_x, half_y = root(maximum(cutoff * a, 0.0)), root(maximum(cutoff * c, 0.0))
-        beside = [(x + half_x).compare("<=", 0.0), (x - half_x).compare(">=", view[V_WIDTH]),
-                  (y + half_y).compare("<=", 0.0), (y - half_y).compare(">=", view[V_HEIGHT])]  # fmt: skip
+        beside = [
+            (x + half_x).compare("<=", 0.0),
+            (x - half_x).compare(">=", view[V_WIDTH]),
+            (y + half_y).compare("<=", 0.0),
+            (y - half_y).compare(">=", view[V_HEIGHT]),
+        ]
         status = planes[0].like(SEEN).wide()
         for condition in beside:
             status = choose(condition, status.like(OUTSIDE), status)
         visible = opacity.compare(">", least)
         fits = builder.and_(shape.fits, running[4].compare("<=", HARMONICS_LIMIT**2))
-        for condition, reason in ((visible, TRANSPARENT), (fits, DEGENERATE), (shape.in_front, BEHIND),
-                                  (finite, NON_FINITE)):  # fmt: skip
+        for condition, reason in (
+            (visible, TRANSPARENT),
+            (fits, DEGENERATE),
+            (shape.in_front, BEHIND),
+            (finite, NON_FINITE),
+        ):
             status = choose(condition, status, status.like(reason))
         out[_STATUS] = status
         out[_RADIUS] = maximum(half_x, half_y).single()
@@ -127,10 +136,20 @@ def _project(typing_context, view, parameters, count, out):  # type: ignore[no-u
         conic = a * shape.inverse_determinant
         shear = b * inverse_a
         columns = {
-            X: x, Y: y, OPACITY: opacity, DEPTH: shape.point[2], CONIC: conic, FALL: exponential(-conic) - 1.0,
-            SHEAR: shear, SQUEEZE: slim * inverse_a, REACH: margin * slim, RATIO: a * inverse_c,
-            TIP: b * inverse_c * root(margin * c), TURN: shear * root(margin * a), HALF_HEIGHT: root(margin * c),
-        }  # fmt: skip
+            X: x,
+            Y: y,
+            OPACITY: opacity,
+            DEPTH: shape.point[2],
+            CONIC: conic,
+            FALL: exponential(-conic) - 1.0,
+            SHEAR: shear,
+            SQUEEZE: slim * inverse_a,
+            REACH: margin * slim,
+            RATIO: a * inverse_c,
+            TIP: b * inverse_c * root(margin * c),
+            TURN: shear * root(margin * a),
+            HALF_HEIGHT: root(margin * c),
+        }
         rows = {column: lanes.single() for column, lanes in columns.items()}
         for channel in range(3):
             rows[(RED, GREEN, BLUE)[channel]] = maximum(running[channel] + 0.5, 0.0)
@@ -142,8 +161,9 @@ def _project(typing_context, view, parameters, count, out):  # type: ignore[no-u
 
 
 @kernel
-def project(begin, end, view, means, log_scales, quaternions, opacity_logits, sh, splats, status, radius,
-            tile_counts, records):  # type: ignore[no-untyped-def]  # fmt: skip
+def project(
+    begin, end, view, means, log_scales, quaternions, opacity_logits, sh, splats, status, radius, tile_counts, records
+):  # type: ignore[no-untyped-def]
     """Projects blocks `begin` to `end` of `BLOCK` Gaussians.
 
     Args:

@@ -16,11 +16,7 @@ from .projection import Projected, camera_pose, project, select, visible
 
 
 def render_reference(
-    gaussians: Gaussians,
-    camera: Camera,
-    background: Tensor | None,
-    pose: Tensor | None,
-    settings: RasterSettings,
+    gaussians: Gaussians, camera: Camera, background: Tensor | None, pose: Tensor | None, settings: RasterSettings
 ) -> Rendered:
     """Renders one view; arguments and result as in `render`."""
     means = gaussians.means
@@ -69,9 +65,7 @@ def render_reference(
 @torch.no_grad()
 def depth_order(splats: Projected) -> Tensor:
     """Indices [M] from near to far; ties are broken by content, so input order does not matter."""
-    keys = [
-        splats.depth, *splats.mean.unbind(1), splats.opacity, *splats.colour.unbind(1), *splats.conic.unbind(1)
-    ]  # fmt: skip
+    keys = [splats.depth, *splats.mean.unbind(1), splats.opacity, *splats.colour.unbind(1), *splats.conic.unbind(1)]
     order = torch.arange(splats.depth.numel(), device=splats.depth.device)
     for key in reversed(keys):
         order = order[key[order].argsort(stable=True)]

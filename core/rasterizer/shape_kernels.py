@@ -28,7 +28,19 @@ from ..lanes_kernels import Buffer, Lanes, choose, constant, exponential, maximu
 
 # Layout of the view vector (float64): rotation row by row, translation, lens, frame, settings, the camera's centre.
 (V_T, V_FX, V_FY, V_CX, V_CY, V_WIDTH, V_HEIGHT, V_NEAR, V_LOW_PASS, V_ANTIALIAS, V_ALPHA_MINIMUM, V_CENTRE) = (
-    9, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21, 22)  # fmt: skip
+    9,
+    12,
+    13,
+    14,
+    15,
+    16,
+    17,
+    18,
+    19,
+    20,
+    21,
+    22,
+)
 VIEW_LENGTH = 25
 
 # Planes of 16 values, one per parameter: what `gathered` lays out.
@@ -110,10 +122,13 @@ class Shape:
         self.focal_x, self.focal_y = view[V_FX] * self.inverse_z, view[V_FY] * self.inverse_z
         rx, ry = x * self.inverse_z, y * self.inverse_z
         width, height, cx, cy = view[V_WIDTH], view[V_HEIGHT], view[V_CX], view[V_CY]
-        self.rx = minimum(maximum(rx, -(cx + FRUSTUM_MARGIN * width) / view[V_FX]),
-                          (width - cx + FRUSTUM_MARGIN * width) / view[V_FX])  # fmt: skip
-        self.ry = minimum(maximum(ry, -(cy + FRUSTUM_MARGIN * height) / view[V_FY]),
-                          (height - cy + FRUSTUM_MARGIN * height) / view[V_FY])  # fmt: skip
+        self.rx = minimum(
+            maximum(rx, -(cx + FRUSTUM_MARGIN * width) / view[V_FX]), (width - cx + FRUSTUM_MARGIN * width) / view[V_FX]
+        )
+        self.ry = minimum(
+            maximum(ry, -(cy + FRUSTUM_MARGIN * height) / view[V_FY]),
+            (height - cy + FRUSTUM_MARGIN * height) / view[V_FY],
+        )
         self.inside_x, self.inside_y = rx.compare("==", self.rx), ry.compare("==", self.ry)
         self.u = [self.focal_x * (self.v[j] - self.rx * self.v[6 + j]) for j in range(3)]
         self.w = [self.focal_y * (self.v[3 + j] - self.ry * self.v[6 + j]) for j in range(3)]
@@ -145,37 +160,81 @@ class Shape:
 def _rotation(w: Lanes, x: Lanes, y: Lanes, z: Lanes) -> list[Lanes]:
     """Rotation matrix of unit quaternions w x y z, row by row."""
     return [
-        1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y),
-        2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x),
-        2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y),
-    ]  # fmt: skip
+        1.0 - 2.0 * (y * y + z * z),
+        2.0 * (x * y - w * z),
+        2.0 * (x * z + w * y),
+        2.0 * (x * y + w * z),
+        1.0 - 2.0 * (x * x + z * z),
+        2.0 * (y * z - w * x),
+        2.0 * (x * z - w * y),
+        2.0 * (y * z + w * x),
+        1.0 - 2.0 * (x * x + y * y),
+    ]
 
 
 def harmonics(x: Lanes, y: Lanes, z: Lanes) -> list[Lanes]:
     """The 16 real spherical harmonics of unit directions (3DGS's signs and order)."""
     xx, yy, zz = x * x, y * y, z * z
     return [
-        constant(x.builder, SH_C0), -SH_C1 * y, SH_C1 * z, -SH_C1 * x,
-        _C2_0 * x * y, _C2_1 * y * z, _C2_2 * (2.0 * zz - xx - yy), _C2_3 * x * z, _C2_4 * (xx - yy),
-        _C3_0 * y * (3.0 * xx - yy), _C3_1 * x * y * z, _C3_2 * y * (4.0 * zz - xx - yy),
-        _C3_3 * z * (2.0 * zz - 3.0 * xx - 3.0 * yy), _C3_4 * x * (4.0 * zz - xx - yy),
-        _C3_5 * z * (xx - yy), _C3_6 * x * (xx - 3.0 * yy),
-    ]  # fmt: skip
+        constant(x.builder, SH_C0),
+        -SH_C1 * y,
+        SH_C1 * z,
+        -SH_C1 * x,
+        _C2_0 * x * y,
+        _C2_1 * y * z,
+        _C2_2 * (2.0 * zz - xx - yy),
+        _C2_3 * x * z,
+        _C2_4 * (xx - yy),
+        _C3_0 * y * (3.0 * xx - yy),
+        _C3_1 * x * y * z,
+        _C3_2 * y * (4.0 * zz - xx - yy),
+        _C3_3 * z * (2.0 * zz - 3.0 * xx - 3.0 * yy),
+        _C3_4 * x * (4.0 * zz - xx - yy),
+        _C3_5 * z * (xx - yy),
+        _C3_6 * x * (xx - 3.0 * yy),
+    ]
 
 
 def harmonics_slope(x: Lanes, y: Lanes, z: Lanes, w: list[Lanes]) -> list[Lanes]:
     """Gradient of sum_k w[k] harmonics[k] with respect to the direction."""
     xx, yy, zz = x * x, y * y, z * z
-    gx = (-SH_C1 * w[3] + _C2_0 * y * w[4] - 2.0 * _C2_2 * x * w[6] + _C2_3 * z * w[7] + 2.0 * _C2_4 * x * w[8]
-          + _C3_0 * 6.0 * x * y * w[9] + _C3_1 * y * z * w[10] - _C3_2 * 2.0 * x * y * w[11]
-          - _C3_3 * 6.0 * x * z * w[12] + _C3_4 * (4.0 * zz - 3.0 * xx - yy) * w[13]
-          + _C3_5 * 2.0 * x * z * w[14] + _C3_6 * 3.0 * (xx - yy) * w[15])  # fmt: skip
-    gy = (-SH_C1 * w[1] + _C2_0 * x * w[4] + _C2_1 * z * w[5] - 2.0 * _C2_2 * y * w[6] - 2.0 * _C2_4 * y * w[8]
-          + _C3_0 * 3.0 * (xx - yy) * w[9] + _C3_1 * x * z * w[10] + _C3_2 * (4.0 * zz - xx - 3.0 * yy) * w[11]
-          - _C3_3 * 6.0 * y * z * w[12] - _C3_4 * 2.0 * x * y * w[13]
-          - _C3_5 * 2.0 * y * z * w[14] - _C3_6 * 6.0 * x * y * w[15])  # fmt: skip
-    gz = (SH_C1 * w[2] + _C2_1 * y * w[5] + 4.0 * _C2_2 * z * w[6] + _C2_3 * x * w[7]
-          + _C3_1 * x * y * w[10] + _C3_2 * 8.0 * y * z * w[11]
-          + _C3_3 * (6.0 * zz - 3.0 * xx - 3.0 * yy) * w[12] + _C3_4 * 8.0 * x * z * w[13]
-          + _C3_5 * (xx - yy) * w[14])  # fmt: skip
+    gx = (
+        -SH_C1 * w[3]
+        + _C2_0 * y * w[4]
+        - 2.0 * _C2_2 * x * w[6]
+        + _C2_3 * z * w[7]
+        + 2.0 * _C2_4 * x * w[8]
+        + _C3_0 * 6.0 * x * y * w[9]
+        + _C3_1 * y * z * w[10]
+        - _C3_2 * 2.0 * x * y * w[11]
+        - _C3_3 * 6.0 * x * z * w[12]
+        + _C3_4 * (4.0 * zz - 3.0 * xx - yy) * w[13]
+        + _C3_5 * 2.0 * x * z * w[14]
+        + _C3_6 * 3.0 * (xx - yy) * w[15]
+    )
+    gy = (
+        -SH_C1 * w[1]
+        + _C2_0 * x * w[4]
+        + _C2_1 * z * w[5]
+        - 2.0 * _C2_2 * y * w[6]
+        - 2.0 * _C2_4 * y * w[8]
+        + _C3_0 * 3.0 * (xx - yy) * w[9]
+        + _C3_1 * x * z * w[10]
+        + _C3_2 * (4.0 * zz - xx - 3.0 * yy) * w[11]
+        - _C3_3 * 6.0 * y * z * w[12]
+        - _C3_4 * 2.0 * x * y * w[13]
+        - _C3_5 * 2.0 * y * z * w[14]
+        - _C3_6 * 6.0 * x * y * w[15]
+    )
+    gz = (
+        SH_C1 * w[2]
+        + _C2_1 * y * w[5]
+        + 4.0 * _C2_2 * z * w[6]
+        + _C2_3 * x * w[7]
+        + _C3_1 * x * y * w[10]
+        + _C3_2 * 8.0 * y * z * w[11]
+        + _C3_3 * (6.0 * zz - 3.0 * xx - 3.0 * yy) * w[12]
+        + _C3_4 * 8.0 * x * z * w[13]
+        + _C3_5 * (xx - yy) * w[14]
+    )
     return [gx, gy, gz]

@@ -55,9 +55,7 @@ def line_chart(
         parts.append(_marker(marker, across, up))
     for index, (name, points) in enumerate(kept):
         path = " ".join(f"{across(a):.1f},{up(b):.1f}" for a, b in _thinned(points))
-        parts.append(
-            f'<polyline class="line l{index}" points="{path}"><title>{escape(name)}</title></polyline>'
-        )
+        parts.append(f'<polyline class="line l{index}" points="{path}"><title>{escape(name)}</title></polyline>')
         if len(points) <= 40:
             for a, b in points:
                 parts.append(
@@ -165,8 +163,7 @@ def _marker(marker: Marker, across: _Scale, up: _Scale) -> str:
 
 def _shows(point: tuple[float, float], x: Axis, y: Axis) -> bool:
     return all(
-        math.isfinite(value) and (value > 0 or not axis.logarithmic)
-        for value, axis in zip(point, (x, y), strict=True)
+        math.isfinite(value) and (value > 0 or not axis.logarithmic) for value, axis in zip(point, (x, y), strict=True)
     )
 
 

@@ -74,21 +74,23 @@ def hatched(view: Predicted) -> NDArray[np.uint8]:
 def chapter(views: Sequence[Predicted], measured: str) -> str:
     """The chapter's HTML; `measured` says in a sentence where the expected errors come from."""
     parts = [
-        START, "<h2>Known and guessed</h2>",
+        START,
+        "<h2>Known and guessed</h2>",
         '<p class="soft">Views that nobody took, in the order in which <code>next-view</code> suggests them. Hatched '
         "is what the photos do not tell: none saw it from within 45 degrees, or their mean colour would be as right. "
         f"{html.escape(measured)}</p>",
-    ]  # fmt: skip
+    ]
     for view in views:
         figures = (
-            ("The twin's view", view.image), ("Guessed parts hatched", hatched(view)),
+            ("The twin's view", view.image),
+            ("Guessed parts hatched", hatched(view)),
             ("Expected error: blue none, red as large as the contrast", painted(view.error)),
-        )  # fmt: skip
+        )
         parts.append(
             f'<h3>{view.order}. {html.escape(view.name)} <span class="scores">{100 * view.guessed.mean():.0f} % guessed'
             "</span></h3>"
             '<div class="row" style="--count: 3">'
-        )  # fmt: skip
+        )
         for title, pixels in figures:
             data = base64.b64encode(jpeg(pixels, LONGEST_SIDE, QUALITY)).decode("ascii")
             height, width = pixels.shape[:2]

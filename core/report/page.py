@@ -44,17 +44,12 @@ def write_page(
 
 
 def page(
-    report: Mapping[str, Any],
-    pictures: list[ViewPictures],
-    psf: PointSpread | None,
-    cameras: Mapping[str, Camera],
+    report: Mapping[str, Any], pictures: list[ViewPictures], psf: PointSpread | None, cameras: Mapping[str, Camera]
 ) -> str:
     """The page as text; see `write_page`."""
     from jinja2 import Environment, StrictUndefined  # (a tenth of a second: only when a page is written)
 
-    environment = Environment(
-        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
+    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     environment.filters["number"] = _number
     environment.filters["seconds"] = _seconds
     template = environment.from_string((_FOLDER / "report.html.j2").read_text("utf-8"))
@@ -90,15 +85,19 @@ def _charts(report: Mapping[str, Any], psf: PointSpread | None) -> list[dict[str
     history = [row for row in report["history"] if row.get("seconds") is not None]
     time = Axis("training time in s", low=0.0)
     loss = [(row["seconds"], row["loss"]) for row in history if row.get("loss") is not None]
-    accuracy = [
-        (row["seconds"], row["heldout_psnr"]) for row in history if row.get("heldout_psnr") is not None
-    ]
+    accuracy = [(row["seconds"], row["heldout_psnr"]) for row in history if row.get("heldout_psnr") is not None]
     charts = [
-        ("Loss", "What the optimizer lowers, on the photos it trains on.",
-         line_chart("Loss over time", [("loss", loss)], time, Axis("loss", logarithmic=True))),
-        ("Accuracy on held-out views", "The twin through the medium against photos it was not trained on.",
-         line_chart("Accuracy over time", [("held-out PSNR", accuracy)], time, Axis("PSNR in dB"))),
-    ]  # fmt: skip
+        (
+            "Loss",
+            "What the optimizer lowers, on the photos it trains on.",
+            line_chart("Loss over time", [("loss", loss)], time, Axis("loss", logarithmic=True)),
+        ),
+        (
+            "Accuracy on held-out views",
+            "The twin through the medium against photos it was not trained on.",
+            line_chart("Accuracy over time", [("held-out PSNR", accuracy)], time, Axis("PSNR in dB")),
+        ),
+    ]
     bands = [band for band in report["heldout"]["bands"] if band["gain"] is not None]
     if bands:
 
@@ -106,20 +105,29 @@ def _charts(report: Mapping[str, Any], psf: PointSpread | None) -> list[dict[str
             return math.sqrt(band["finest"] * band["coarsest"])
 
         charts.append(
-            ("Detail that came back",
-             "Against the sharp truth: gain 1 is all of it, correlation 1 is nothing invented.",
-             line_chart(
-                 "Gain and correlation by period",
-                 [("gain", [(centre(b), b["gain"]) for b in bands]),
-                  ("correlation", [(centre(b), b["correlation"]) for b in bands if b["correlation"] is not None])],
-                 Axis("period in px (fine on the left)", logarithmic=True), Axis("share", low=0.0, high=1.1),
-                 [Marker("one photo's limit", x=report["resolvable_period_px"])]))
-        )  # fmt: skip
+            (
+                "Detail that came back",
+                "Against the sharp truth: gain 1 is all of it, correlation 1 is nothing invented.",
+                line_chart(
+                    "Gain and correlation by period",
+                    [
+                        ("gain", [(centre(b), b["gain"]) for b in bands]),
+                        ("correlation", [(centre(b), b["correlation"]) for b in bands if b["correlation"] is not None]),
+                    ],
+                    Axis("period in px (fine on the left)", logarithmic=True),
+                    Axis("share", low=0.0, high=1.1),
+                    [Marker("one photo's limit", x=report["resolvable_period_px"])],
+                ),
+            )
+        )
     if psf is not None and not psf.is_identity:
         charts.append(
-            ("What the medium lets through", "Contrast that remains of a pattern, by its period.",
-             _transfer(psf, report["resolvable_period_px"]))
-        )  # fmt: skip
+            (
+                "What the medium lets through",
+                "Contrast that remains of a pattern, by its period.",
+                _transfer(psf, report["resolvable_period_px"]),
+            )
+        )
     return [{"title": title, "text": text, "svg": svg} for title, text, svg in charts if svg]
 
 
@@ -128,10 +136,12 @@ def _transfer(psf: PointSpread, period: float) -> Markup:
     worst = np.min([psf.mtf(1.0 / periods, angle) for angle in range(0, 180, 15)], axis=0)
     points = list(zip(periods.tolist(), worst.tolist(), strict=True))
     return line_chart(
-        "Transfer of the point spread function", [("transfer", points)],
-        Axis("period in px", logarithmic=True), Axis("contrast left", low=0.0, high=1.0),
+        "Transfer of the point spread function",
+        [("transfer", points)],
+        Axis("period in px", logarithmic=True),
+        Axis("contrast left", low=0.0, high=1.0),
         [Marker(f"{period:.3g} px: finer detail is lost in the rounding", x=period)],
-    )  # fmt: skip
+    )
 
 
 def _map(cameras: Mapping[str, Camera], held: set[str]) -> Markup:
@@ -153,9 +163,7 @@ def _camera_row(camera: Camera) -> dict[str, Any]:
     return {
         "name": camera.name,
         "size": f"{camera.width} × {camera.height}",
-        "focal": f"{camera.fx:.1f}"
-        if abs(camera.fx - camera.fy) < 0.05
-        else f"{camera.fx:.1f}, {camera.fy:.1f}",
+        "focal": f"{camera.fx:.1f}" if abs(camera.fx - camera.fy) < 0.05 else f"{camera.fx:.1f}, {camera.fy:.1f}",
         "centre": ", ".join(f"{value:.4g}" for value in camera.centre),
     }
 

@@ -68,10 +68,7 @@ def embedded(views: list[ViewPictures], budget: int = BUDGET) -> list[dict[str, 
         if sum(len(data) for view in encoded for data in view.values()) <= budget:
             break
     return [
-        {
-            key: "data:image/jpeg;base64," + base64.b64encode(data).decode("ascii")
-            for key, data in view.items()
-        }
+        {key: "data:image/jpeg;base64," + base64.b64encode(data).decode("ascii") for key, data in view.items()}
         for view in encoded
     ]
 

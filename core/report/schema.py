@@ -42,16 +42,31 @@ FIELDS = (
     Field("cameras.points", "integer", "sparse points that the training started from"),
     Field("cameras.points_scattered", "boolean", "whether they are random ones, because the cameras came without any"),
     Field("cameras.world_offset", "list", "x, y, z taken from all positions, where float32 could not hold them", True),
-    Field("cameras.refined", "object", "with --refine-cameras: kept, moved_px, focal_change, loss_before, loss_after "
-          "and its error (8-bit steps squared, held-out photos), error_before, error_after against true cameras", True),
+    Field(
+        "cameras.refined",
+        "object",
+        "with --refine-cameras: kept, moved_px, focal_change, loss_before, loss_after "
+        "and its error (8-bit steps squared, held-out photos), error_before, error_after against true cameras",
+        True,
+    ),
     Field("medium.psf", "text", "the point spread function as asked for; 'none' without"),
     Field("medium.blur_space", "text", "'srgb' or 'linear': the values that the blur acts on"),
-    Field("medium.per_photo", "object",
-          "point spreads of photos with one of their own, by name, px of the files, as --psf takes them"),
-    Field("medium.per_photo_sigma", "list", "least and largest standard deviation of those, px of the photos as used",
-          True),
-    Field("effects", "list",
-          "per effect: name, on, why, evidence, gain_db, gain_error_db, seconds, parameters; empty without --effects"),
+    Field(
+        "medium.per_photo",
+        "object",
+        "point spreads of photos with one of their own, by name, px of the files, as --psf takes them",
+    ),
+    Field(
+        "medium.per_photo_sigma",
+        "list",
+        "least and largest standard deviation of those, px of the photos as used",
+        True,
+    ),
+    Field(
+        "effects",
+        "list",
+        "per effect: name, on, why, evidence, gain_db, gain_error_db, seconds, parameters; empty without --effects",
+    ),
     Field("gaussians", "integer", "Gaussians in the twin", True),
     Field("steps", "integer", "optimization steps done", True),
     Field("seconds.start", "number", "from the start of the process to the first work, in s", True),
@@ -64,9 +79,12 @@ FIELDS = (
     Field("seconds.train", "number", "training, in s", True),
     Field("seconds.save", "number", "rendering held-out views, scoring and writing, in s", True),
     Field("seconds.total", "number", "everything before this report, in s"),
-    Field("predicted", "object",
-          "what was said before: by 'plan' (a time limit) or 'estimate'; seconds, memory_mb, psnr",
-          True),
+    Field(
+        "predicted",
+        "object",
+        "what was said before: by 'plan' (a time limit) or 'estimate'; seconds, memory_mb, psnr",
+        True,
+    ),
     Field("peak_memory_mb", "number", "most memory held, child processes included, in MB (10^6 bytes)", True),
     Field("heldout.names", "list", "held-out views that were rendered and scored"),
     Field("heldout.unregistered", "list", "held-out views without a camera, which cannot be scored"),
@@ -78,8 +96,12 @@ FIELDS = (
     Field("heldout.sharp.psnr", "number", "twin against the sharp truth, mean in dB", True),
     Field("heldout.sharp.ssim", "number", "the same, mean SSIM", True),
     Field("heldout.sharp.psnr_inside", "number", "the same without a 30 px border, mean in dB", True),
-    Field("heldout.truth_low_passed_psnr", "number",
-          "PSNR in dB of the truth itself without periods below resolvable_period_px", True),
+    Field(
+        "heldout.truth_low_passed_psnr",
+        "number",
+        "PSNR in dB of the truth itself without periods below resolvable_period_px",
+        True,
+    ),
     Field("heldout.bands", "list", "per band of periods: finest, coarsest (px), gain, correlation, energy"),
     Field("heldout.edge_sharpness", "number", "slope at the truth's strongest edges / the truth's own", True),
     Field("heldout.views", "list", "per view: name, degraded {psnr, ssim}, sharp {psnr, ssim} or null"),
@@ -90,12 +112,16 @@ FIELDS = (
     Field("counters", "object", "what was culled, clamped, refused, masked or left out, and how often"),
     Field("notes", "list", "sentences that the run said"),
     Field("history", "list", "training over time: step, seconds, loss, heldout_psnr where measured"),
-)  # fmt: skip
+)
 
 _KINDS: dict[str, tuple[type, ...]] = {
-    "number": (int, float), "integer": (int,), "text": (str,), "list": (list,),
-    "object": (dict,), "boolean": (bool,),
-}  # fmt: skip
+    "number": (int, float),
+    "integer": (int,),
+    "text": (str,),
+    "list": (list,),
+    "object": (dict,),
+    "boolean": (bool,),
+}
 
 
 def lookup(report: dict[str, Any], path: str) -> Any:
@@ -118,9 +144,7 @@ def problems(report: dict[str, Any]) -> list[str]:
         if value is None:
             if not field.nullable:
                 found.append(f"{field.path} is null")
-        elif not isinstance(value, _KINDS[field.kind]) or (
-            isinstance(value, bool) and field.kind != "boolean"
-        ):
+        elif not isinstance(value, _KINDS[field.kind]) or (isinstance(value, bool) and field.kind != "boolean"):
             found.append(f"{field.path} is {type(value).__name__}, not {field.kind}")
     return found
 
@@ -128,7 +152,6 @@ def problems(report: dict[str, Any]) -> list[str]:
 def markdown_table() -> str:
     """The list as it stands in docs/report.md."""
     rows = [
-        f"| `{f.path}` | {f.kind}{' or null' if f.nullable else ''} | {f.meaning} |".replace("||", "|")
-        for f in FIELDS
+        f"| `{f.path}` | {f.kind}{' or null' if f.nullable else ''} | {f.meaning} |".replace("||", "|") for f in FIELDS
     ]
     return "\n".join(["| field | kind | meaning |", "|---|---|---|", *rows])

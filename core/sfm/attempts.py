@@ -89,9 +89,7 @@ def lighter(recipe: Recipe, job: Job) -> Recipe:
     size = 0
     if job.kernel is not None and recipe.noise_to_signal > 0 and _narrowest(job.kernel) >= settings.many_sigma:
         size = max(np.load(next(iter(job.images.values())), allow_pickle=False).shape) // 2
-    return replace(
-        recipe, max_features=min(recipe.max_features, settings.many_features), guided=False, image_size=size
-    )
+    return replace(recipe, max_features=min(recipe.max_features, settings.many_features), guided=False, image_size=size)
 
 
 def _narrowest(kernel: NDArray[np.float64]) -> float:

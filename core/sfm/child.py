@@ -30,8 +30,11 @@ def begin(folder: Path, threads: int, *words: str, worker: Path = WORKER) -> sub
     with (folder / "native.log").open("wb") as log:
         return subprocess.Popen(
             [sys.executable, str(worker), str(folder), *words],
-            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=log, env=environment,
-        )  # fmt: skip
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=log,
+            env=environment,
+        )
 
 
 def wait_for(path: Path) -> None:

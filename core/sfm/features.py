@@ -55,11 +55,13 @@ def save_features(path: Path, found: Mapping[str, Features], recipe: Recipe) -> 
     """Writes an .npz file without pickles: everything in one row, with how many belong to each photo."""
     names = sorted(found)
     np.savez(
-        path, names=np.array(json.dumps(names)), recipe=np.array(json.dumps(asdict(recipe))),
+        path,
+        names=np.array(json.dumps(names)),
+        recipe=np.array(json.dumps(asdict(recipe))),
         counts=np.array([len(found[name].places) for name in names], np.int64),
         places=np.concatenate([found[name].places for name in names] or [np.zeros((0, 2), np.float32)]),
         descriptors=np.concatenate([found[name].descriptors for name in names] or [np.zeros((0, 128), np.uint8)]),
-    )  # fmt: skip
+    )
 
 
 def load_features(path: Path) -> tuple[dict[str, Features], Recipe] | None:

@@ -77,9 +77,15 @@ def find_cameras(
         chosen = Attempt(**done)
         lenses, poses, points = read_model(folder / "best")
         figures = Figures(
-            "sfm", len(photos), chosen.registered, chosen.focal_px, chosen.reprojection_px,
-            chosen.angle_deg, time.perf_counter() - started, tuple(attempts),
-        )  # fmt: skip
+            "sfm",
+            len(photos),
+            chosen.registered,
+            chosen.focal_px,
+            chosen.reprojection_px,
+            chosen.angle_deg,
+            time.perf_counter() - started,
+            tuple(attempts),
+        )
         if keep is not None:
             keep_features(folder / "best" / FEATURES, keep, names)
         missing = sorted(set(names.values()) - {names[n] for n in poses})
@@ -108,9 +114,8 @@ def keep_features(found: Path, keep: Path, names: dict[str, str]) -> None:
 
 
 def talk(
-    folder: Path, given: int, settings: SfmSettings, progress: Progress,
-    child: subprocess.Popen[bytes] | None = None,
-) -> tuple[list[Attempt], dict[str, Any]]:  # fmt: skip
+    folder: Path, given: int, settings: SfmSettings, progress: Progress, child: subprocess.Popen[bytes] | None = None
+) -> tuple[list[Attempt], dict[str, Any]]:
     """Runs the child (or one that was started before) on a job folder to its end; its attempts and what it says then.
 
     Raises:
@@ -128,9 +133,7 @@ def talk(
                 attempts.append(Attempt(**message["attempt"]))
                 if attempts[-1].verdict != "trusted":
                     tried = attempts[-1]
-                    progress.note(
-                        f"Cameras, attempt '{tried.name}': {tried.verdict} ({tried.registered} of {given})"
-                    )
+                    progress.note(f"Cameras, attempt '{tried.name}': {tried.verdict} ({tried.registered} of {given})")
             elif "done" in message:
                 last = message["done"]
             elif "failed" in message:

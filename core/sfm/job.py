@@ -61,9 +61,7 @@ def write_job(
         image = f"{lens}/{index:04d}.png"
         names[image] = photo.name
         files[image] = f"luma/{index:04d}.npy"
-        np.save(
-            folder / files[image], np.round(luma(photo.pixels) * 65535).astype(np.uint16), allow_pickle=False
-        )
+        np.save(folder / files[image], np.round(luma(photo.pixels) * 65535).astype(np.uint16), allow_pickle=False)
         if photo.mask is not None:
             masked = True
             path = folder / "masks" / (image + ".png")  # COLMAP's naming
@@ -72,9 +70,12 @@ def write_job(
     if kernel is not None:
         np.save(folder / "kernel.npy", kernel.astype(np.float64), allow_pickle=False)
     content = {
-        "images": files, "focals": focals, "masked": masked, "blurred": kernel is not None,
+        "images": files,
+        "focals": focals,
+        "masked": masked,
+        "blurred": kernel is not None,
         "settings": settings.as_json(),
-    }  # fmt: skip
+    }
     (folder / JOB_FILE).write_text(json.dumps(content), encoding="utf-8")
     return names
 

@@ -227,9 +227,7 @@ def _by_patches(
     return result
 
 
-def _turned_in(
-    pose: Any, world: Floats, pixels: Floats, lens: Any, limit: float
-) -> tuple[Any, NDArray[np.bool_]]:
+def _turned_in(pose: Any, world: Floats, pixels: Floats, lens: Any, limit: float) -> tuple[Any, NDArray[np.bool_]]:
     """The pose that fits [N, 3] points to [N, 2] pixels, and which of them it meets within `limit` px."""
     options = pycolmap.AbsolutePoseRefinementOptions()
     options.gradient_tolerance = GRADIENT

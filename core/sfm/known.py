@@ -64,9 +64,14 @@ def load_cameras(path: Path, photos: list[Photo]) -> Reconstruction:
 
 
 def _given(
-    photos: list[Photo], lenses: dict[str, Lens], poses: dict[str, Pose], points: SparsePoints,
-    source: str, path: Path, started: float,
-) -> Reconstruction:  # fmt: skip
+    photos: list[Photo],
+    lenses: dict[str, Lens],
+    poses: dict[str, Pose],
+    points: SparsePoints,
+    source: str,
+    path: Path,
+    started: float,
+) -> Reconstruction:
     table = _table(poses)
     chosen = {p.name: table[_key(p.name)] for p in photos if _key(p.name) in table}
     if not chosen:

@@ -33,11 +33,7 @@ def choose_pairs(database: Path, settings: SfmSettings) -> list[tuple[str, str]]
     for i in range(count):
         order = [int(j) for j in np.argsort(-votes[i], kind="stable") if j != i]
         better = [j for j in order[near:] if votes[i, j] > max(chance, settings.minimum_votes)]
-        spread = (
-            [better[k] for k in np.linspace(0, len(better) - 1, partners - near).astype(int)]
-            if better
-            else []
-        )
+        spread = [better[k] for k in np.linspace(0, len(better) - 1, partners - near).astype(int)] if better else []
         for j in order[:near] + spread:
             chosen.add((min(i, j), max(i, j)))
     # Photos are usually taken in the order of their names.

@@ -67,9 +67,7 @@ def extract(job: Job, recipe: Recipe, database: Path, images: Path) -> None:
     with pycolmap.Database.open(database):
         pass  # makes the file
     pycolmap.import_images(database, images, camera_mode=mode, options=reader)
-    pycolmap.extract_features(
-        database, images, camera_mode=mode, reader_options=reader, extraction_options=options
-    )
+    pycolmap.extract_features(database, images, camera_mode=mode, reader_options=reader, extraction_options=options)
     if job.focals:
         with pycolmap.Database.open(database) as store:
             for image in store.read_all_images():
@@ -120,9 +118,14 @@ def _matching(job: Job, recipe: Recipe) -> tuple[Any, Any]:
 
 
 def map_incrementally(
-    job: Job, recipe: Recipe, database: Path, images: Path, output: Path, joined: Any = None,
+    job: Job,
+    recipe: Recipe,
+    database: Path,
+    images: Path,
+    output: Path,
+    joined: Any = None,
     only: list[str] | None = None,
-) -> list[Any]:  # fmt: skip
+) -> list[Any]:
     """COLMAP's incremental mapper (Schoenberger & Frahm 2016), of the images in `only` if any; largest model first."""
     options = pycolmap.IncrementalPipelineOptions()
     options.num_threads = 1  # sums of several threads differ from run to run

@@ -112,9 +112,12 @@ def run(job: Job, say: Callable[..., None]) -> Outcome:
 
 def _known(job: Job, row: dict[str, Any]) -> Known:
     return Known(
-        np.array(row["rotation"], float), np.array(row["translation"], float), tuple(row["focal"]),
-        tuple(row["centre"]), np.load(job.folder / row["depth"], allow_pickle=False),
-    )  # fmt: skip
+        np.array(row["rotation"], float),
+        np.array(row["translation"], float),
+        tuple(row["focal"]),
+        tuple(row["centre"]),
+        np.load(job.folder / row["depth"], allow_pickle=False),
+    )
 
 
 def _posed(seen: NDArray[np.float64], at: NDArray[np.float64], lens: Any, seed: int) -> dict[str, Any] | None:
@@ -129,6 +132,7 @@ def _posed(seen: NDArray[np.float64], at: NDArray[np.float64], lens: Any, seed: 
         return None
     pose = answer["cam_from_world"]
     return {
-        "rotation": pose.rotation.matrix().tolist(), "translation": [float(v) for v in pose.translation],
+        "rotation": pose.rotation.matrix().tolist(),
+        "translation": [float(v) for v in pose.translation],
         "inliers": int(answer["num_inliers"]),
-    }  # fmt: skip
+    }

@@ -99,11 +99,18 @@ class Reconstruction:
         """Cameras with their lens's focal length, as if it did not distort."""
         return {
             name: Camera(
-                name, lens.width, lens.height, lens.fx, lens.fy, lens.cx, lens.cy,
-                self.poses[name].rotation, self.poses[name].translation,
+                name,
+                lens.width,
+                lens.height,
+                lens.fx,
+                lens.fy,
+                lens.cx,
+                lens.cy,
+                self.poses[name].rotation,
+                self.poses[name].translation,
             )
             for name, lens in self.lenses.items()
-        }  # fmt: skip
+        }
 
 
 def no_points() -> SparsePoints:

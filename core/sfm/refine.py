@@ -21,19 +21,7 @@ from .. import compiled
 from .refine_kernels import align
 from .settings import RefineSettings
 from .straight import adjustment, with_straight_lenses
-from .tracks import (
-    Floats,
-    Integers,
-    Tracks,
-    Views,
-    chosen,
-    longest,
-    moved,
-    normals_of,
-    spread,
-    tracks_of,
-    views_of,
-)
+from .tracks import Floats, Integers, Tracks, Views, chosen, longest, moved, normals_of, spread, tracks_of, views_of
 
 #: Fewer aligned points than this hold no bundle adjustment together.
 MINIMUM_POINTS = 30
@@ -68,10 +56,19 @@ def pixel_exact(model: Any, greys: dict[str, NDArray[np.float32]], settings: Ref
 def compile_early(settings: RefineSettings) -> None:
     """Compiles the kernel for the types that `_aligned` calls it with; does nothing else."""
     align(
-        0, 0, np.zeros((1, 1, 1), np.float32), np.zeros((1, 2), np.int32), np.zeros((0, 2), np.int32),
-        np.zeros((0, 4)), np.zeros((0, 4)),
-        settings.radius, settings.stride, settings.steps, settings.reach, np.zeros((0, 4)),
-    )  # fmt: skip
+        0,
+        0,
+        np.zeros((1, 1, 1), np.float32),
+        np.zeros((1, 2), np.int32),
+        np.zeros((0, 2), np.int32),
+        np.zeros((0, 4)),
+        np.zeros((0, 4)),
+        settings.radius,
+        settings.stride,
+        settings.steps,
+        settings.reach,
+        np.zeros((0, 4)),
+    )
 
 
 def _aligned(tracks: Tracks, views: Views, settings: RefineSettings, correlation: float) -> Tracks:
@@ -89,9 +86,20 @@ def _aligned(tracks: Tracks, views: Views, settings: RefineSettings, correlation
     guesses = np.concatenate([anchor[point], tracks.pixels[others]], axis=1)
     out = np.zeros((len(others), 4))
     compiled.run(
-        align, len(others), views.images, views.sizes, pairs, guesses, warps.reshape(-1, 4),
-        settings.radius, settings.stride, settings.steps, settings.reach, out, grain=64,
-    )  # fmt: skip
+        align,
+        len(others),
+        views.images,
+        views.sizes,
+        pairs,
+        guesses,
+        warps.reshape(-1, 4),
+        settings.radius,
+        settings.stride,
+        settings.steps,
+        settings.reach,
+        out,
+        grain=64,
+    )
     good = out[:, 2] >= correlation
     pixels = tracks.pixels.copy()
     pixels[others[good]] = out[good, :2]
@@ -120,9 +128,7 @@ def _projected(axes: Floats, positions: Floats, view: Integers, views: Views) ->
     return np.asarray(jacobian @ views.rotations[view] @ axes)
 
 
-def completed(
-    model: Any, views: Views, settings: RefineSettings, only: frozenset[int] | None = None
-) -> Tracks:
+def completed(model: Any, views: Views, settings: RefineSettings, only: frozenset[int] | None = None) -> Tracks:
     """Looks for every point in all photos that should show it, close to where it should be.
 
     With `only`, image ids of the model, just there: the result holds what these photos show, beside the
@@ -154,10 +160,7 @@ def completed(
     all_points = np.concatenate(point)
     order = np.argsort(all_points, kind="stable")
     longer = replace(
-        tracks,
-        point=all_points[order],
-        view=np.concatenate(view)[order],
-        pixels=np.concatenate(pixels)[order],
+        tracks, point=all_points[order], view=np.concatenate(view)[order], pixels=np.concatenate(pixels)[order]
     )
     if only is not None:
         own = longer.view == longer.reference[longer.point]
@@ -188,9 +191,7 @@ def rebuilt(model: Any, views: Views, tracks: Tracks) -> Any:
         old = model.images[image_id]
         mine = np.flatnonzero(tracks.view == index)
         slots[mine] = np.arange(len(mine))
-        image = pycolmap.Image(
-            name=old.name, keypoints=tracks.pixels[mine], camera_id=old.camera_id, image_id=image_id
-        )
+        image = pycolmap.Image(name=old.name, keypoints=tracks.pixels[mine], camera_id=old.camera_id, image_id=image_id)
         result.add_image_with_trivial_frame(image, old.cam_from_world())
     ends = np.searchsorted(tracks.point, np.arange(len(tracks.positions) + 1))
     for number, position in enumerate(tracks.positions):

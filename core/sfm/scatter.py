@@ -11,9 +11,7 @@ from ..views import SparsePoints
 from .reconstruction import Reconstruction
 
 
-def scattered_points(
-    cameras: Reconstruction, photos: list[Photo], count: int = 5000, seed: int = 0
-) -> SparsePoints:
+def scattered_points(cameras: Reconstruction, photos: list[Photo], count: int = 5000, seed: int = 0) -> SparsePoints:
     """Random points in the frusta, coloured by the photo that each was drawn from.
 
     The depth of the scene is taken from where the optical axes come closest to one another; where

@@ -123,9 +123,7 @@ class SfmSettings:
     hard_limit: float = 300.0
     minimum_share: float = 0.75
     refine: RefineSettings = field(default_factory=RefineSettings)
-    refine_many: RefineSettings = field(
-        default_factory=lambda: RefineSettings(rounds=1, observations_per_photo=400)
-    )
+    refine_many: RefineSettings = field(default_factory=lambda: RefineSettings(rounds=1, observations_per_photo=400))
 
     def hurried(self) -> SfmSettings:
         """For drafts: half the observations in a small set's refinement."""
@@ -151,22 +149,35 @@ def recipes(blurred: bool) -> list[Recipe]:
     if not blurred:
         return [
             Recipe("plain", "the photos as they are", 0.0, max_features=4000),
-            Recipe(
-                "relaxed", "few features: lower thresholds", 0.0, 0.0015, -1, 5000, True, 10, 40, 15, 0.15
-            ),
+            Recipe("relaxed", "few features: lower thresholds", 0.0, 0.0015, -1, 5000, True, 10, 40, 15, 0.15),
         ]
     return [
         Recipe("filtered", "Wiener-filtered photos, matched twice"),
         Recipe(
-            "relaxed filter", "few matches: lower thresholds, more of the fine detail",
-            1e-4, 0.004, 0, 4000, True, 10, 40, 15, 0.15,
+            "relaxed filter",
+            "few matches: lower thresholds, more of the fine detail",
+            1e-4,
+            0.004,
+            0,
+            4000,
+            True,
+            10,
+            40,
+            15,
+            0.15,
         ),
         Recipe(
-            "strong filter", "noise upset the matches: only the safest detail",
-            1e-3, 0.004, 0, 4000, True, 10, 40, 15, 0.15,
+            "strong filter",
+            "noise upset the matches: only the safest detail",
+            1e-3,
+            0.004,
+            0,
+            4000,
+            True,
+            10,
+            40,
+            15,
+            0.15,
         ),
-        Recipe(
-            "unfiltered", "the point spread function may be wrong",
-            0.0, 0.0015, -1, 5000, True, 10, 40, 15, 0.15,
-        ),
-    ]  # fmt: skip
+        Recipe("unfiltered", "the point spread function may be wrong", 0.0, 0.0015, -1, 5000, True, 10, 40, 15, 0.15),
+    ]

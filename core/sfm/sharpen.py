@@ -55,9 +55,7 @@ def wiener(
     return result
 
 
-def _tapered(
-    image: NDArray[np.float32], rows: tuple[int, int], columns: tuple[int, int]
-) -> NDArray[np.float32]:
+def _tapered(image: NDArray[np.float32], rows: tuple[int, int], columns: tuple[int, int]) -> NDArray[np.float32]:
     padded = np.pad(image, (rows, columns), mode="symmetric")
     for axis, (before, after) in enumerate((rows, columns)):
         ramp = np.ones(padded.shape[axis], np.float32)

@@ -166,6 +166,10 @@ def chosen(tracks: Tracks, keep: NDArray[np.bool_]) -> Tracks:
     keep = keep & alive[tracks.point]
     renumber = np.cumsum(alive) - 1
     return Tracks(
-        tracks.positions[alive], renumber[tracks.point[keep]], tracks.view[keep], tracks.pixels[keep],
-        tracks.reference[alive], tracks.ids[alive],
-    )  # fmt: skip
+        tracks.positions[alive],
+        renumber[tracks.point[keep]],
+        tracks.view[keep],
+        tracks.pixels[keep],
+        tracks.reference[alive],
+        tracks.ids[alive],
+    )

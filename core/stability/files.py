@@ -54,8 +54,13 @@ def _read_whole_or_refused(read: Callable[[Path], Any], path: Path, content: byt
     return violations
 
 
-@case("files", "NaN and infinite px of a photo", "do not count, are told, and reach no pixel that counts", 0.0,
-      "a count of violations")  # fmt: skip
+@case(
+    "files",
+    "NaN and infinite px of a photo",
+    "do not count, are told, and reach no pixel that counts",
+    0.0,
+    "a count of violations",
+)
 def nan_pixels(place: Place) -> float:
     """Floating-point TIFFs hold NaN where a program found nothing. Read as black, they are a hole in the scene."""
     import tifffile
@@ -199,8 +204,14 @@ def damaged_cameras(place: Place) -> float:
 
     path = place.folder / "transforms.json"
     identity = "[[1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]"
-    for pose in ("[[NaN,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]", "[[0,0,0,0],[0,0,0,0],[0,0,0,0],[0,0,0,1]]",
-                 "[[-1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]", "[[1,0],[0,1]]", '"none"', "[]"):  # fmt: skip
+    for pose in (
+        "[[NaN,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]",
+        "[[0,0,0,0],[0,0,0,0],[0,0,0,0],[0,0,0,1]]",
+        "[[-1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]",
+        "[[1,0],[0,1]]",
+        '"none"',
+        "[]",
+    ):
         text = f'{{"w": 64, "h": 48, "fl_x": 60, "frames": [{{"file_path": "a.png", "transform_matrix": {pose}}}]}}'
         path.write_text(text, "utf-8")
         with explained(FormatError):
@@ -229,8 +240,12 @@ def damaged_kernels(place: Place) -> float:
     from ..imaging.psf import parse_psf
 
     good = np.outer(np.hanning(9), np.hanning(9))
-    for name, values in (("nan.npy", np.full((5, 5), math.nan)), ("complex.npy", good.astype(complex)),
-                         ("cube.npy", np.ones((3, 3, 7))), ("empty.npy", np.zeros((0, 5)))):  # fmt: skip
+    for name, values in (
+        ("nan.npy", np.full((5, 5), math.nan)),
+        ("complex.npy", good.astype(complex)),
+        ("cube.npy", np.ones((3, 3, 7))),
+        ("empty.npy", np.zeros((0, 5))),
+    ):
         np.save(place.folder / name, values)
         with explained(PsfError):
             parse_psf(f"file:{place.folder / name}")

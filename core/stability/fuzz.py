@@ -76,10 +76,11 @@ def any_splats(random: np.random.Generator) -> Gaussians:
     )
     return Gaussians(
         means=values(random, (count, 3), 0.0, 1.0, rate) + torch.tensor([0.0, 0.0, float(random.choice([0.0, 3.0]))]),
-        log_scales=values(random, (count, 3), -2.0, 1.5, rate), quaternions=values(random, (count, 4), 0.0, 1.0, rate),
+        log_scales=values(random, (count, 3), -2.0, 1.5, rate),
+        quaternions=values(random, (count, 4), 0.0, 1.0, rate),
         opacity_logits=values(random, (count,), 0.0, 2.0, rate),
         sh=values(random, (count, coefficients, 3), 0.0, 0.5, rate),
-    )  # fmt: skip
+    )
 
 
 def any_camera(random: np.random.Generator) -> Camera:
@@ -88,28 +89,39 @@ def any_camera(random: np.random.Generator) -> Camera:
     focal = 10.0 ** random.uniform(0, 3)
     turn = rotation_from_quaternion(np.array([3.0, 0, 0, 0]) + 0.3 * random.standard_normal(4))
     return Camera(
-        "fuzz", width, height, focal, focal * random.uniform(0.7, 1.4), width * random.uniform(0, 1),
-        height * random.uniform(0, 1), turn, 0.1 * random.standard_normal(3),
-    )  # fmt: skip
+        "fuzz",
+        width,
+        height,
+        focal,
+        focal * random.uniform(0.7, 1.4),
+        width * random.uniform(0, 1),
+        height * random.uniform(0, 1),
+        turn,
+        0.1 * random.standard_normal(3),
+    )
 
 
 def any_settings(random: np.random.Generator, smooth: bool = True) -> RasterSettings:
     """Any low-pass, antialiasing, cutoff, with or without depth."""
     return RasterSettings(
-        low_pass=float(random.choice([0.05, 0.3, 2.0])), antialias=bool(random.integers(0, 2)),
+        low_pass=float(random.choice([0.05, 0.3, 2.0])),
+        antialias=bool(random.integers(0, 2)),
         alpha_minimum=float(random.choice([ALPHA_MINIMUM, 0.0])) if smooth else ALPHA_MINIMUM,
         depth=bool(random.integers(0, 2)),
-    )  # fmt: skip
+    )
 
 
 def _kernels() -> list[PointSpread]:
     """Narrow, wide, tilted, round; none wider than half the smallest frame allows."""
     return [
-        PointSpread("gaussian", 0.4, 0.4), PointSpread("gaussian", 0.5, 0.2, 30.0), PointSpread("gaussian", 1e-6, 0.3),
-        point_spread_from_samples(disc(0.4)), PointSpread("gaussian", 2.0, 2.0),
+        PointSpread("gaussian", 0.4, 0.4),
+        PointSpread("gaussian", 0.5, 0.2, 30.0),
+        PointSpread("gaussian", 1e-6, 0.3),
+        point_spread_from_samples(disc(0.4)),
+        PointSpread("gaussian", 2.0, 2.0),
         PointSpread("gaussian", 2.4, 0.7, 70.0),
         point_spread_from_samples(disc(2.0)),
-    ]  # fmt: skip
+    ]
 
 
 class Fuzzer:
@@ -157,8 +169,9 @@ class Fuzzer:
         gradients = torch.autograd.grad(pulled, [t for _, t in leaves.named()], allow_unused=True)
         outputs = [view.image, view.alpha, view.depth, seen, slope, weights, torch.tensor(value), *gradients]
         bad = sum(int((~t.detach().isfinite()).sum()) for t in outputs if t is not None)
-        poisoned = ~torch.stack([t.flatten(1).isfinite().all(1) if t.ndim > 1 else t.isfinite()
-                                 for _, t in scene.named()]).all(0)  # fmt: skip
+        poisoned = ~torch.stack(
+            [t.flatten(1).isfinite().all(1) if t.ndim > 1 else t.isfinite() for _, t in scene.named()]
+        ).all(0)
         shown = view.screen.radius.cpu() > 0
         uncounted = abs(count - int(shown.sum()) - sum(view.screen.culled.values())) + int((shown & poisoned).sum())
         # (harmonics of 1e38 may count as non-finite, too: their sums are)
@@ -193,6 +206,9 @@ def packed(values_: NDArray[np.float32], count: int, coefficients: int) -> Gauss
     """Gaussians from one flat array of parameters [count, 11 + 3 coefficients], as a property-based test draws it."""
     rows = torch.from_numpy(np.ascontiguousarray(values_.reshape(count, 11 + 3 * coefficients)))
     return Gaussians(
-        rows[:, :3].contiguous(), rows[:, 3:6].contiguous(), rows[:, 6:10].contiguous(), rows[:, 10].contiguous(),
+        rows[:, :3].contiguous(),
+        rows[:, 3:6].contiguous(),
+        rows[:, 6:10].contiguous(),
+        rows[:, 10].contiguous(),
         rows[:, 11:].reshape(count, coefficients, 3).contiguous(),
-    )  # fmt: skip
+    )

@@ -17,14 +17,24 @@ from .scenes import against_float64, drawn, joined, make_camera, random_scene, r
 POISON = (math.nan, math.inf, -math.inf, 3.4e38, -3.4e38, 1e-45, 0.0)
 TURN = (0.9, 0.1, 0.3, 0.2)
 SHAPES = {
-    "needle": [3.0, 1e-12, 1e-12], "disc": [0.5, 0.5, 1e-12], "edge-on disc": [1e-12, 0.5, 0.5],
-    "giant": [1e3, 1e3, 1e3], "needle of a thousand frames": [1e3, 1e-3, 1e-3], "dust": [1e-12, 1e-12, 1e-12],
+    "needle": [3.0, 1e-12, 1e-12],
+    "disc": [0.5, 0.5, 1e-12],
+    "edge-on disc": [1e-12, 0.5, 0.5],
+    "giant": [1e3, 1e3, 1e3],
+    "needle of a thousand frames": [1e3, 1e-3, 1e-3],
+    "dust": [1e-12, 1e-12, 1e-12],
     "giant disc": [1e6, 1e6, 1e-6],
-}  # fmt: skip
+}
 
 
-@case("geometry", "poison in every slot", "finite, or culled and counted; the others undisturbed", 0.0,
-      "a count of violations", ALL)  # fmt: skip
+@case(
+    "geometry",
+    "poison in every slot",
+    "finite, or culled and counted; the others undisturbed",
+    0.0,
+    "a count of violations",
+    ALL,
+)
 def poison_in_every_slot(place: Place) -> float:
     """NaN, infinities, the largest and the smallest float and 0 in every parameter of one of twelve. Elsewhere:
     NaN radii, reads out of bounds."""
@@ -64,11 +74,12 @@ def nothing_is_left(place: Place) -> float:
 def must_cull(place: Place) -> float:
     """Behind, too near, beyond the far plane, beside the frame, transparent, without direction, too bright."""
     wanted = {
-        "behind": single((0.0, 0.0, -3.0), 0.1), "outside": single((9.0, 0.0, 3.0), 0.05),
+        "behind": single((0.0, 0.0, -3.0), 0.1),
+        "outside": single((9.0, 0.0, 3.0), 0.05),
         "transparent": single((0.0, 0.0, 3.0), 0.1, -8.0),
         "degenerate": single((0.0, 0.0, 3.0), 0.1, turn=(0.0, 0.0, 0.0, 0.0)),
         "non_finite": single((math.nan, 0.0, 3.0), 0.1),
-    }  # fmt: skip
+    }
     far, bright = single((0.0, 0.0, 2 * FAR_PLANE), 1e12), single((0.0, 0.0, 3.0), 0.1)
     bright.sh *= 10 * HARMONICS_LIMIT
     scenes = [*wanted.items(), ("degenerate", far), ("degenerate", bright)]
@@ -79,8 +90,14 @@ def must_cull(place: Place) -> float:
     return float(violations)
 
 
-@case("geometry", "giants must not be culled", "alpha is 0.5 everywhere", 1e-3,
-      "the Gaussian itself falls by 5e-4 over the frame at a scale of 1e3 / 30", OWN)  # fmt: skip
+@case(
+    "geometry",
+    "giants must not be culled",
+    "alpha is 0.5 everywhere",
+    1e-3,
+    "the Gaussian itself falls by 5e-4 over the frame at a scale of 1e3 / 30",
+    OWN,
+)
 def giants_cover_the_frame(place: Place) -> float:
     """Scales of 1e3 to 1e12: huge but valid, and elsewhere they vanish."""
     errors = []
@@ -98,8 +115,14 @@ def specks_are_drawn(place: Place) -> float:
     return float(not found.finite or not float(found.alpha.max()) > 0.3)
 
 
-@case("geometry", "scales from 1e-12 to 1e12: image", "float32 equals float64", 1e-4,
-      "the reference rounds covariances to float32 (4e-5); cpu computes them in double (3e-6)", OWN)  # fmt: skip
+@case(
+    "geometry",
+    "scales from 1e-12 to 1e12: image",
+    "float32 equals float64",
+    1e-4,
+    "the reference rounds covariances to float32 (4e-5); cpu computes them in double (3e-6)",
+    OWN,
+)
 def extreme_shapes_image(place: Place) -> float:
     """Needles, discs seen flat and edge on, giants, dust: determinants of 0."""
     return max(
@@ -108,8 +131,14 @@ def extreme_shapes_image(place: Place) -> float:
     )
 
 
-@case("geometry", "scales from 1e-12 to 1e12: gradients", "float32 equals float64, relative", 1e-3,
-      "the target; the parameters themselves are rounded to 6e-8", OWN)  # fmt: skip
+@case(
+    "geometry",
+    "scales from 1e-12 to 1e12: gradients",
+    "float32 equals float64, relative",
+    1e-3,
+    "the target; the parameters themselves are rounded to 6e-8",
+    OWN,
+)
 def extreme_shapes_gradients(place: Place) -> float:
     """The same shapes, backward: the inverse of a covariance of rank 1."""
     return max(
@@ -123,9 +152,10 @@ def needle_end_on(place: Place) -> float:
     """The antialiasing's square root has no slope at 0."""
     camera = replace(make_camera(), rotation=np.eye(3), translation=np.zeros(3))
     scene = joined(
-        single((0.0, 0.0, 3.0), [1e-12, 1e-12, 1.0]), single((0.3, 0.0, 3.0), [1e-6, 0.3, 1e-30]),
+        single((0.0, 0.0, 3.0), [1e-12, 1e-12, 1.0]),
+        single((0.3, 0.0, 3.0), [1e-6, 0.3, 1e-30]),
         single((0.0, 0.2, 3.0), [0.0, 0.0, 0.0]),
-    )  # fmt: skip
+    )
     return float(not drawn(scene, camera, place.backend, RasterSettings(antialias=True)).finite)
 
 
@@ -153,8 +183,14 @@ def _at(point: tuple[float, float, float], scale: float) -> Gaussians:
     return scene
 
 
-@case("geometry", "sweep through the camera's plane", "finite; behind the near plane culled", 0.0,
-      "a count of violations", ALL)  # fmt: skip
+@case(
+    "geometry",
+    "sweep through the camera's plane",
+    "finite; behind the near plane culled",
+    0.0,
+    "a count of violations",
+    ALL,
+)
 def sweep_through_the_camera(place: Place) -> float:
     """At, behind and beside the camera, out to ten times the viewing direction: the Jacobian explodes."""
     violations = 0
@@ -166,16 +202,23 @@ def sweep_through_the_camera(place: Place) -> float:
     return float(violations)
 
 
-@case("geometry", "grazing and beside the frame: gradients", "float32 equals float64, relative", 1e-3,
-      "the target", OWN)  # fmt: skip
+@case(
+    "geometry", "grazing and beside the frame: gradients", "float32 equals float64, relative", 1e-3, "the target", OWN
+)
 def grazing_gradients(place: Place) -> float:
     """Large Gaussians centred far beside the frame: the Jacobian's direction is clamped, its gradient ends."""
     places = [(0.6, 0.1, 0.9), (-2.0, 0.3, 1.0), (0.2, 4.0, 1.0), (10.0, -5.0, 1.0)]
     return max(against_float64(_at(p, 0.35 * abs(p[0]) + 0.2), make_camera(), place)[1] for p in places)
 
 
-@case("geometry", "clamped branch has no slope", "gradient equals finite differences", 1e-3,
-      "of central differences with a step of 1e-5 in float64", OWN)  # fmt: skip
+@case(
+    "geometry",
+    "clamped branch has no slope",
+    "gradient equals finite differences",
+    1e-3,
+    "of central differences with a step of 1e-5 in float64",
+    OWN,
+)
 def clamped_branch(place: Place) -> float:
     """Beyond the frame's margin the Jacobian is constant; a gradient that still follows x/z is wrong."""
     camera, scene = make_camera(), _at((-2.0, 0.3, 1.0), 0.9)
@@ -218,8 +261,9 @@ def points_at_the_cameras(place: Place) -> float:
     views, points, medium = small_set()
     centres = np.stack([view.camera.centre for view in views])
     points = replace(
-        points, positions=np.concatenate([points.positions, centres, centres + 1e-9]),
+        points,
+        positions=np.concatenate([points.positions, centres, centres + 1e-9]),
         colours=np.concatenate([points.colours, np.full((2 * len(centres), 3), 200, np.uint8)]),
-    )  # fmt: skip
+    )
     trainer = trained_steps(views, points, medium, 200)
     return float(sum(int((~t.isfinite()).sum()) for _, t in trainer.optimizer.gaussians.named()))

@@ -44,8 +44,13 @@ def flat_similarity(place: Place) -> float:
     return excess
 
 
-@case("loss", "flat and nearly flat: value", "compiled equals float64", 2e-5,
-      "what SSIM makes of float32 images: variances of 1e-8 beside C2 = 9e-4")  # fmt: skip
+@case(
+    "loss",
+    "flat and nearly flat: value",
+    "compiled equals float64",
+    2e-5,
+    "what SSIM makes of float32 images: variances of 1e-8 beside C2 = 9e-4",
+)
 def hard_images_value(place: Place) -> float:
     """Black, white, flat, nearly flat, a single bright px, HDR."""
     return max(_loss_errors())
@@ -56,8 +61,15 @@ def _loss_errors(gradients: bool = False) -> list[float]:
     spot[:, 16, 25] = 1.0
     ramp = torch.linspace(0, 1, 50).expand(3, 33, 50).contiguous()
     noise, other = _noise(3, 33, 50, seed=1), _noise(3, 33, 50, seed=2)
-    pairs = [(torch.zeros_like(flat), noise), (torch.ones_like(flat), noise), (flat, flat + 1e-3 * (noise - 0.5)),
-             (spot, torch.zeros_like(flat)), (ramp, flat), (noise, other), (noise, 1.0 - noise)]  # fmt: skip
+    pairs = [
+        (torch.zeros_like(flat), noise),
+        (torch.ones_like(flat), noise),
+        (flat, flat + 1e-3 * (noise - 0.5)),
+        (spot, torch.zeros_like(flat)),
+        (ramp, flat),
+        (noise, other),
+        (noise, 1.0 - noise),
+    ]
     errors = []
     for photo, image in pairs:
         value, slope = PhotometricLoss(photo).value_and_gradient(image)
@@ -213,8 +225,13 @@ def density_of_extremes(place: Place) -> float:
     return float(violations)
 
 
-@case("loss", "another medium than was said", "training ends finite and closer to the photos than it began", 1.0,
-      "loss at the end over loss at the start, for the worst of three")  # fmt: skip
+@case(
+    "loss",
+    "another medium than was said",
+    "training ends finite and closer to the photos than it began",
+    1.0,
+    "loss at the end over loss at the start, for the worst of three",
+)
 def wrong_medium(place: Place) -> float:
     """The inverse crime: data made by the renderer that explains it. Here photos come from rays on textured planes,
     quantised, with noise, and the point spread is 20 % too wide, 20 % too narrow, or a disc said to be a Gaussian."""

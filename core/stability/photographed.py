@@ -135,9 +135,13 @@ def moved_world(
 
 
 def trained_steps(
-    views: Sequence[View], points: SparsePoints, medium: Medium, steps: int,
-    begin: Callable[[Trainer], None] | None = None, **changes: Any,
-) -> Trainer:  # fmt: skip
+    views: Sequence[View],
+    points: SparsePoints,
+    medium: Medium,
+    steps: int,
+    begin: Callable[[Trainer], None] | None = None,
+    **changes: Any,
+) -> Trainer:
     """A trainer after `steps` iterations; `begin` may alter what it starts from."""
     trainer = Trainer(views, [], points, medium, replace(SHORT, **{"steps": steps, **changes}))
     if begin is not None:
@@ -155,9 +159,11 @@ def misfit(trainer: Trainer) -> float:
     for view in level.views:
         with torch.no_grad():
             image = render(
-                trainer.optimizer.gaussians, view.camera.with_margin(level.margin), background=trainer.background,
+                trainer.optimizer.gaussians,
+                view.camera.with_margin(level.margin),
+                background=trainer.background,
                 settings=trainer.raster_settings(level),
-            ).image  # fmt: skip
+            ).image
             degraded = trainer.objective(level, view).degraded(image).cpu()
         mask = None if view.valid is None else torch.from_numpy(view.valid)
         losses.append(

@@ -181,8 +181,14 @@ def recovered_px(off: float, seed: int) -> float:
         return float((at(twist.detach() * px) - at(torch.zeros(6))).norm(dim=1).median())
 
 
-@case("poses", "perturbed by 0.5 to 8 px", "the pose is found again, to a twentieth of a px", 0.05,
-      "of the median Gaussian; the noise of photos leaves more open", ("cpu",))  # fmt: skip
+@case(
+    "poses",
+    "perturbed by 0.5 to 8 px",
+    "the pose is found again, to a twentieth of a px",
+    0.05,
+    "of the median Gaussian; the noise of photos leaves more open",
+    ("cpu",),
+)
 def basin(place: Place) -> float:
     """The basin from which gradients lead back to the pose: refined poses must score better, not only look better."""
     return max(recovered_px(off, seed) for off in BASIN_PX for seed in (6, 7, 8))

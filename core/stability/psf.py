@@ -18,8 +18,15 @@ from .case import Place, Unexplained, case, explained, worst
 from .photographed import disc
 
 #: (text or None for a lopsided file, margin in px)
-SPREADS = (("gaussian:5", 20), ("gaussian:5", 7), ("gaussian:5", 0), ("gaussian:2,4,0", 30), ("gaussian:3,1.5,25", 5),
-           ("gaussian:0.2", 2), (None, 1))  # fmt: skip
+SPREADS = (
+    ("gaussian:5", 20),
+    ("gaussian:5", 7),
+    ("gaussian:5", 0),
+    ("gaussian:2,4,0", 30),
+    ("gaussian:3,1.5,25", 5),
+    ("gaussian:0.2", 2),
+    (None, 1),
+)
 EVALUATIONS = ("direct", "separable", "fourier", "reduced")
 
 
@@ -33,8 +40,9 @@ def _spread(text: str | None) -> PointSpread:
     return psf
 
 
-def _operators(psf: PointSpread, height: int, width: int, margin: int,
-               dtype: torch.dtype = torch.float32) -> list[BlurOperator]:  # fmt: skip
+def _operators(
+    psf: PointSpread, height: int, width: int, margin: int, dtype: torch.dtype = torch.float32
+) -> list[BlurOperator]:
     """Every evaluation that fits."""
     found = []
     for name in EVALUATIONS:
@@ -62,8 +70,13 @@ def no_width(place: Place) -> float:
     return float(differing)
 
 
-@case("psf", "sigma to 0", "kernel's slope by sigma stays bounded", 3.0,
-      "sum of |d taps / d sigma| per px; its true maximum is 2.74, near half a px")  # fmt: skip
+@case(
+    "psf",
+    "sigma to 0",
+    "kernel's slope by sigma stays bounded",
+    3.0,
+    "sum of |d taps / d sigma| per px; its true maximum is 2.74, near half a px",
+)
 def sigma_to_zero(place: Place) -> float:
     """Between no blur and a narrow one there is no jump and no pole."""
     worst_slope, step = 0.0, 1e-6
@@ -204,8 +217,13 @@ def adjoint_float64(place: Place) -> float:
     return _adjoint_error(torch.float64)
 
 
-@case("psf", "sRGB against linear light", "a two-tone edge is the error function, in either space", 1e-3,
-      "a sum of samples is off the integral by slope / 24; the curve is steeper in the dark")  # fmt: skip
+@case(
+    "psf",
+    "sRGB against linear light",
+    "a two-tone edge is the error function, in either space",
+    1e-3,
+    "a sum of samples is off the integral by slope / 24; the curve is steeper in the dark",
+)
 def two_tone_edge(place: Place) -> float:
     """A medium blurs light, a virtual blur most likely sRGB values: the edge moves."""
     width, sigma, errors = 81, 4.0, []

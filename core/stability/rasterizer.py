@@ -14,16 +14,7 @@ from ..constants import ALPHA_MAXIMUM, ALPHA_MINIMUM, NEAR_PLANE
 from ..gaussians import Gaussians
 from ..rasterizer import RasterSettings
 from .case import ALL, OWN, Place, case, worst
-from .scenes import (
-    against_float64,
-    drawn,
-    joined,
-    make_camera,
-    pixels_apart,
-    random_scene,
-    rows,
-    single,
-)
+from .scenes import against_float64, drawn, joined, make_camera, pixels_apart, random_scene, rows, single
 
 SIZES = ((1, 1), (1, 40), (40, 1), (16, 16), (17, 15), (15, 65), (33, 130), (100, 7))
 SMOOTH = RasterSettings(alpha_minimum=0.0)
@@ -38,8 +29,14 @@ def opaque_stack(logit: float) -> Gaussians:
     return scene
 
 
-@case("rasterizer", "64 opaque splats in a stack: image", "float32 equals float64", 2e-4,
-      "rounding decides at the transmittance stop whether one more counts, which adds 1e-4", OWN)  # fmt: skip
+@case(
+    "rasterizer",
+    "64 opaque splats in a stack: image",
+    "float32 equals float64",
+    2e-4,
+    "rounding decides at the transmittance stop whether one more counts, which adds 1e-4",
+    OWN,
+)
 def stack_image(place: Place) -> float:
     """Transmittance runs out after a few layers."""
     return max(against_float64(opaque_stack(logit), make_camera(), place)[0] for logit in (3.0, 12.0))
@@ -53,21 +50,33 @@ def stack_gradients(place: Place) -> float:
     return max(against_float64(opaque_stack(logit), make_camera(), place)[1] for logit in (3.0, 12.0))
 
 
-@case("rasterizer", "alpha at its cap", "slope 0 above the cap, and that of float64 below", 1e-4,
-      "ten times float32's error; slopes above the cap would be 9e-4", OWN)  # fmt: skip
+@case(
+    "rasterizer",
+    "alpha at its cap",
+    "slope 0 above the cap, and that of float64 below",
+    1e-4,
+    "ten times float32's error; slopes above the cap would be 9e-4",
+    OWN,
+)
 def alpha_cap(place: Place) -> float:
     """Opacities just below and just above the largest alpha: forward and backward share one constant."""
     errors = []
     for opacity in (ALPHA_MAXIMUM - 2e-3, ALPHA_MAXIMUM + 2e-3, 0.998):
         scene = joined(
             single((0.0, 0.0, 3.0), 0.4, math.log(opacity / (1 - opacity))), single((0.1, 0.0, 3.5), 0.5, 1.0)
-        )  # fmt: skip
+        )
         errors.append(against_float64(scene, make_camera(), place)[1])
     return max(errors)
 
 
-@case("rasterizer", "alpha cutoff at 1/255", "smooth and cut image differ by at most 2/255", 2 / 255,
-      "what is cut off is below 1/255 each; the colours here are below 1", OWN)  # fmt: skip
+@case(
+    "rasterizer",
+    "alpha cutoff at 1/255",
+    "smooth and cut image differ by at most 2/255",
+    2 / 255,
+    "what is cut off is below 1/255 each; the colours here are below 1",
+    OWN,
+)
 def alpha_cutoff(place: Place) -> float:
     """The cutoff is a step: gradient checks fail on it. So there are two modes, and their difference is bounded."""
     scene = random_scene(60, 0, seed=6)
@@ -75,8 +84,14 @@ def alpha_cutoff(place: Place) -> float:
     return worst(images[0], images[1])
 
 
-@case("rasterizer", "smooth mode is differentiable", "gradient equals finite differences", 1e-3,
-      "of central differences along 6 random directions in float64", OWN)  # fmt: skip
+@case(
+    "rasterizer",
+    "smooth mode is differentiable",
+    "gradient equals finite differences",
+    1e-3,
+    "of central differences along 6 random directions in float64",
+    OWN,
+)
 def smooth_mode(place: Place) -> float:
     """Without the cutoff the image is smooth in every parameter."""
     scene, camera = random_scene(20, 1, seed=7), make_camera()
@@ -101,8 +116,13 @@ def smooth_mode(place: Place) -> float:
     return max(errors)
 
 
-@case("rasterizer", "no splat is dead for good", "density control acts, and leaves none below the cutoff", 0.0,
-      "a count of violations")  # fmt: skip
+@case(
+    "rasterizer",
+    "no splat is dead for good",
+    "density control acts, and leaves none below the cutoff",
+    0.0,
+    "a count of violations",
+)
 def no_splat_is_dead_for_good(place: Place) -> float:
     """Opacity resets elsewhere never happen, or zero gradients for ever. Here is none: what fell below the cutoff,
     and with it lost its gradient, is taken out at the next density control instead."""
@@ -120,8 +140,14 @@ def no_splat_is_dead_for_good(place: Place) -> float:
     return float(faded) + float(not acted) + float(not TRANSPARENT > ALPHA_MINIMUM)
 
 
-@case("rasterizer", "ties in depth", "any order of the input gives the same image", 1e-6,
-      "0 on cpu; torch rounds the ends of long vectors in another way", OWN)  # fmt: skip
+@case(
+    "rasterizer",
+    "ties in depth",
+    "any order of the input gives the same image",
+    1e-6,
+    "0 on cpu; torch rounds the ends of long vectors in another way",
+    OWN,
+)
 def depth_ties(place: Place) -> float:
     """A wall that faces the camera, with forty Gaussians at one and the same place."""
     scene, camera = random_scene(200, 0, seed=3), make_camera()
@@ -225,9 +251,14 @@ def _turned(scene: Gaussians, camera: Camera) -> tuple[Gaussians, Camera]:
     w, (x, y, z) = math.cos(angle / 2), math.sin(angle / 2) * axis
     qw, qx, qy, qz = scene.quaternions.unbind(1)
     out.quaternions = torch.stack(
-        [w * qw - x * qx - y * qy - z * qz, w * qx + x * qw + y * qz - z * qy,
-         w * qy - x * qz + y * qw + z * qx, w * qz + x * qy - y * qx + z * qw], dim=1,
-    ).to(scene.quaternions)  # fmt: skip
+        [
+            w * qw - x * qx - y * qy - z * qz,
+            w * qx + x * qw + y * qz - z * qy,
+            w * qy - x * qz + y * qw + z * qx,
+            w * qz + x * qy - y * qx + z * qw,
+        ],
+        dim=1,
+    ).to(scene.quaternions)
     rotation = camera.rotation @ turn.T
     return out, camera.moved(rotation, camera.translation - rotation @ shift)
 
@@ -271,16 +302,27 @@ def law_resolution(place: Place) -> float:
     scene, camera = random_scene(100, 1, seed=14, size=-1.8), make_camera()
     scene.means[:, :2] *= 0.5
     fine = replace(
-        camera, width=2 * camera.width, height=2 * camera.height, fx=2 * camera.fx, fy=2 * camera.fy,
-        cx=2 * camera.cx - 0.5, cy=2 * camera.cy - 0.5,
-    )  # fmt: skip
+        camera,
+        width=2 * camera.width,
+        height=2 * camera.height,
+        fx=2 * camera.fx,
+        fy=2 * camera.fy,
+        cx=2 * camera.cx - 0.5,
+        cy=2 * camera.cy - 0.5,
+    )
     one = drawn(scene, camera, place.backend).image
     other = drawn(scene, fine, place.backend, RasterSettings(low_pass=1.2)).image[:, ::2, ::2]
     return pixels_apart(other, one)
 
 
-@case("rasterizer", "law: a splat in two halves", "difference at most opacity^2 / 4", 1.01,
-      "two of half the opacity cover o - o^2/4; in units of o^2/4", OWN)  # fmt: skip
+@case(
+    "rasterizer",
+    "law: a splat in two halves",
+    "difference at most opacity^2 / 4",
+    1.01,
+    "two of half the opacity cover o - o^2/4; in units of o^2/4",
+    OWN,
+)
 def law_two_halves(place: Place) -> float:
     """Splitting a faint splat in two at the same place changes the image by the square of its opacity only."""
     opacity = 0.05

@@ -37,8 +37,13 @@ def _apart(size: float, offset: float) -> float:
     return float((images[0] - images[1]).abs().mean())
 
 
-@case("scale", "units of 1e-3 and 1e3", "training gives the same picture, mean difference", 1e-3,
-      "rounding differs in the last bit, and signs in the loss let few steps part")  # fmt: skip
+@case(
+    "scale",
+    "units of 1e-3 and 1e3",
+    "training gives the same picture, mean difference",
+    1e-3,
+    "rounding differs in the last bit, and signs in the loss let few steps part",
+)
 def units(place: Place) -> float:
     """Photogrammetry in millimetres or kilometres: step sizes and the near plane must follow."""
     return max(_apart(1e-3, 0.0), _apart(1e3, 0.0))
@@ -50,8 +55,13 @@ def utm_training(place: Place) -> float:
     return _apart(1.0, 1e6)
 
 
-@case("scale", "a twin 1e6 away in a float32 file", "places are kept to 1e-6 of the viewing distance", 1e-6,
-      "float32's rounding at coordinates of about 1")  # fmt: skip
+@case(
+    "scale",
+    "a twin 1e6 away in a float32 file",
+    "places are kept to 1e-6 of the viewing distance",
+    1e-6,
+    "float32's rounding at coordinates of about 1",
+)
 def utm_file(place: Place) -> float:
     """PLY files hold float32: cameras and twin are moved near the origin, and the report keeps the offset."""
     views, points, _ = small_set(6)
@@ -116,9 +126,14 @@ def no_extent(place: Place) -> float:
     line = points.positions * [1.0, 0.0, 0.0]
     for positions in (np.zeros((50, 3)), line, np.repeat(points.positions[:5], 9, axis=0), points.positions[:1]):
         gaussians = first_gaussians(
-            [v.camera for v in views], lambda i: views[i].planes(), positions,
-            np.full((len(positions), 3), 90, np.uint8), 300, 1, np.random.default_rng(0),
-        )  # fmt: skip
+            [v.camera for v in views],
+            lambda i: views[i].planes(),
+            positions,
+            np.full((len(positions), 3), 90, np.uint8),
+            300,
+            1,
+            np.random.default_rng(0),
+        )
         violations += not 1 <= len(gaussians) <= 300
         violations += sum(int((~t.isfinite()).sum()) for _, t in gaussians.named())
     return float(violations)

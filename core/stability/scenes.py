@@ -27,9 +27,16 @@ def make_camera(width: int = 61, height: int = 45, focal: float = 60.0) -> Camer
     angle = 0.1
     rotation = np.array([[np.cos(angle), 0, np.sin(angle)], [0, 1, 0], [-np.sin(angle), 0, np.cos(angle)]])
     return Camera(
-        "case.png", width, height, focal, focal * 1.03, width / 2 + 0.7, height / 2 - 0.4, rotation,
+        "case.png",
+        width,
+        height,
+        focal,
+        focal * 1.03,
+        width / 2 + 0.7,
+        height / 2 - 0.4,
+        rotation,
         np.array([0.05, -0.1, 0.2]),
-    )  # fmt: skip
+    )
 
 
 def random_scene(count: int, degree: int = 1, seed: int = 0, size: float = -2.3) -> Gaussians:
@@ -45,15 +52,20 @@ def random_scene(count: int, degree: int = 1, seed: int = 0, size: float = -2.3)
 
 
 def single(
-    position: tuple[float, float, float], scale: float | list[float], logit: float = 2.0,
+    position: tuple[float, float, float],
+    scale: float | list[float],
+    logit: float = 2.0,
     turn: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0),
-) -> Gaussians:  # fmt: skip
+) -> Gaussians:
     """One grey Gaussian."""
     scales = torch.tensor([scale] * 3 if isinstance(scale, float) else scale, dtype=torch.float64)
     return Gaussians(
-        torch.tensor([position]), scales.log().float()[None], torch.tensor([turn]),
-        torch.tensor([logit]), torch.full((1, 1, 3), 0.8),
-    )  # fmt: skip
+        torch.tensor([position]),
+        scales.log().float()[None],
+        torch.tensor([turn]),
+        torch.tensor([logit]),
+        torch.full((1, 1, 3), 0.8),
+    )
 
 
 def joined(*parts: Gaussians) -> Gaussians:
@@ -90,9 +102,13 @@ class Drawn:
 
 
 def drawn(
-    gaussians: Gaussians, camera: Camera, backend: Backend, settings: RasterSettings = RasterSettings(),
-    background: Tensor | None = None, seed: int = 5,
-) -> Drawn:  # fmt: skip
+    gaussians: Gaussians,
+    camera: Camera,
+    backend: Backend,
+    settings: RasterSettings = RasterSettings(),
+    background: Tensor | None = None,
+    seed: int = 5,
+) -> Drawn:
     """Renders on a back end (the Gaussians are moved to it) and differentiates."""
     device = "cuda" if backend == "cuda" else "cpu"
     leaves = gaussians.detached().to(device=device).requires_grad_()

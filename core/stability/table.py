@@ -83,25 +83,44 @@ def as_json(
         "failed": failures(results, found, outcomes),
         "cases": [
             {
-                "family": r.case.family, "name": r.case.name, "states": r.case.states, "invariant": r.case.invariant,
-                "backend": r.backend or None, "error": number(r.error), "tolerance": r.case.tolerance,
-                "reason": r.case.reason, "raised": r.raised or None, "seconds": round(r.seconds, 3), "passed": r.passed,
+                "family": r.case.family,
+                "name": r.case.name,
+                "states": r.case.states,
+                "invariant": r.case.invariant,
+                "backend": r.backend or None,
+                "error": number(r.error),
+                "tolerance": r.case.tolerance,
+                "reason": r.case.reason,
+                "raised": r.raised or None,
+                "seconds": round(r.seconds, 3),
+                "passed": r.passed,
             }
             for r in results
         ],
-        "fuzz": None if found is None else {
-            "scenes": found.scenes, "splats": found.splats, "non_finite": found.non_finite,
-            "uncounted": found.uncounted, "culled": found.culled, "seconds": round(found.seconds, 1),
+        "fuzz": None
+        if found is None
+        else {
+            "scenes": found.scenes,
+            "splats": found.splats,
+            "non_finite": found.non_finite,
+            "uncounted": found.uncounted,
+            "culled": found.culled,
+            "seconds": round(found.seconds, 1),
             "seeds": found.worst,
         },
         "torture": [
             {
-                "name": o.name, "before": number(o.before), "after": number(o.after), "non_finite": o.non_finite,
-                "stopped": o.stopped or None, "seconds": round(o.seconds, 2), "passed": o.passed,
+                "name": o.name,
+                "before": number(o.before),
+                "after": number(o.after),
+                "non_finite": o.non_finite,
+                "stopped": o.stopped or None,
+                "seconds": round(o.seconds, 2),
+                "passed": o.passed,
             }
             for o in outcomes
         ],
-    }  # fmt: skip
+    }
 
 
 def markdown(

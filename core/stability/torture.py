@@ -123,8 +123,12 @@ def tortures() -> Iterator[Torture]:
     yield Torture("PSF of 0.4 of the photo's height", photographs(cameras, 19.0), points, _blur(19.0))
     yield Torture("PSF 20 % too wide", photographs(cameras, 1.25), points, medium)
     yield Torture("PSF of the wrong family", photographs(cameras, disc(3.0)), points, medium)
-    yield Torture("PSF with zeros in its transfer, linear light", photographs(cameras, disc(3.0)), points,
-                  Medium(point_spread_from_samples(disc(3.0)), "linear"))  # fmt: skip
+    yield Torture(
+        "PSF with zeros in its transfer, linear light",
+        photographs(cameras, disc(3.0)),
+        points,
+        Medium(point_spread_from_samples(disc(3.0)), "linear"),
+    )
     yield Torture("world 1e6 away", *moved_world(views, points, 1.0, np.array([1e6, -1e6, 5e5])), medium)
     yield Torture("world in units of 1e-3, 1e6 units away", *moved_world(views, points, 1e-3, np.full(3, 1e3)), medium)
     yield Torture("needles to begin with, 1 : 1e5", views, points, medium, _start("needles", 5.8))
@@ -133,8 +137,9 @@ def tortures() -> Iterator[Torture]:
     fast = replace(rates, **{n: 10 * getattr(rates, n) for n in rates.__dataclass_fields__})
     yield Torture("learning rates x 10", views, points, medium, changes={"rates": fast})
     centres = np.stack([view.camera.centre for view in views])
-    at_cameras = SparsePoints(np.concatenate([points.positions, centres, centres + 1e-9]),
-                              np.full((200 + 2 * VIEWS, 3), 200, np.uint8))  # fmt: skip
+    at_cameras = SparsePoints(
+        np.concatenate([points.positions, centres, centres + 1e-9]), np.full((200 + 2 * VIEWS, 3), 200, np.uint8)
+    )
     yield Torture("points at the camera centres", views, at_cameras, medium)
     noise = np.random.default_rng(1).integers(0, 256, views[0].photo.shape).astype(np.uint8)
     yield Torture("the same photo of noise from everywhere", [replace(v, photo=noise) for v in views], points, medium)

@@ -17,9 +17,17 @@ FAR = 16
 _PLACES = tuple(
     (dx * reach, dy * reach, side)
     for reach in (1.0, 1.9, 3.2, 4.8, 6.8)
-    for dx, dy, side in ((6, -2, "left"), (-6, -2, "right"), (0, 6, "center"), (0, -11, "center"), (5, 6, "left"),
-                         (-5, 6, "right"), (5, -10, "left"), (-5, -10, "right"))
-)  # fmt: skip
+    for dx, dy, side in (
+        (6, -2, "left"),
+        (-6, -2, "right"),
+        (0, 6, "center"),
+        (0, -11, "center"),
+        (5, 6, "left"),
+        (-5, 6, "right"),
+        (5, -10, "left"),
+        (-5, -10, "right"),
+    )
+)
 
 
 def draw(points: Sequence[Point], target: float | None, title: str, svg: Path, png: Path) -> None:
@@ -40,25 +48,50 @@ def draw(points: Sequence[Point], target: float | None, title: str, svg: Path, p
         figure, axes = pyplot.subplots(figsize=(10.66, 7.2), layout="constrained")
         axes.set_xscale("log")
         if front:
-            axes.step([p["seconds"] for p in front], [p["psnr"] for p in front], where="post", color=_FRONT, lw=1.4,
-                      zorder=1, label="nothing is quicker and as exact")  # fmt: skip
+            axes.step(
+                [p["seconds"] for p in front],
+                [p["psnr"] for p in front],
+                where="post",
+                color=_FRONT,
+                lw=1.4,
+                zorder=1,
+                label="nothing is quicker and as exact",
+            )
         for point in measured:
             colour = _FRONT if point["front"] else _DOMINATED
             preset = point["group"] == "preset"
             axes.errorbar(
-                point["seconds"], point["psnr"], point["psnr_spread"] or None, point["seconds_spread"] or None,
-                fmt="D" if preset else "o", ms=7 if preset else 4.5, color=colour, ecolor=colour, elinewidth=0.7,
-                markeredgecolor=_PRESET if preset else colour, zorder=3 if point["front"] else 2,
-            )  # fmt: skip
+                point["seconds"],
+                point["psnr"],
+                point["psnr_spread"] or None,
+                point["seconds_spread"] or None,
+                fmt="D" if preset else "o",
+                ms=7 if preset else 4.5,
+                color=colour,
+                ecolor=colour,
+                elinewidth=0.7,
+                markeredgecolor=_PRESET if preset else colour,
+                zorder=3 if point["front"] else 2,
+            )
         if target is not None and measured:
             axes.axhline(target, color="0.3", lw=0.8, ls=":")
-            axes.annotate(f"target {target:g} dB", (0.995, target), xycoords=("axes fraction", "data"), fontsize=8,
-                          color="0.3", ha="right", va="bottom")  # fmt: skip
+            axes.annotate(
+                f"target {target:g} dB",
+                (0.995, target),
+                xycoords=("axes fraction", "data"),
+                fontsize=8,
+                color="0.3",
+                ha="right",
+                va="bottom",
+            )
         axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
         axes.xaxis.set_minor_formatter(FuncFormatter(_minor))
         axes.tick_params(axis="x", which="minor", labelsize=7)
-        axes.set(xlabel="seconds from photos to twin (scoring not counted)", ylabel="PSNR of held-out views in dB",
-                 title=f"{title}: what accuracy costs in time")  # fmt: skip
+        axes.set(
+            xlabel="seconds from photos to twin (scoring not counted)",
+            ylabel="PSNR of held-out views in dB",
+            title=f"{title}: what accuracy costs in time",
+        )
         axes.margins(x=0.12, y=0.08)
         axes.grid(which="major", color="0.92", zorder=0)
         if front:
@@ -88,10 +121,15 @@ def _label(figure: Any, axes: Any, points: Sequence[Point]) -> None:
     taken: list[Any] = []
     for point, dot in sorted(zip(points, dots, strict=True), key=lambda pair: not pair[0]["front"]):
         text = axes.annotate(
-            point["knob"], (point["seconds"], point["psnr"]), xytext=(0, 0), textcoords="offset points", fontsize=7.5,
-            color="black" if point["front"] else "0.45", zorder=4,
+            point["knob"],
+            (point["seconds"], point["psnr"]),
+            xytext=(0, 0),
+            textcoords="offset points",
+            fontsize=7.5,
+            color="black" if point["front"] else "0.45",
+            zorder=4,
             arrowprops={"arrowstyle": "-", "lw": 0.4, "color": "0.6", "shrinkA": 0, "shrinkB": 2},
-        )  # fmt: skip
+        )
         text.set_in_layout(False)
         size = text.get_window_extent(renderer)
         best: tuple[float, Any, tuple[float, float, str]] | None = None

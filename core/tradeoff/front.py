@@ -61,14 +61,18 @@ def points(rows: Sequence[Row], target: float | None = None) -> tuple[list[dict[
         if not skipped:
             seconds, psnrs = [r["seconds"]["total"] for r in own], [r["heldout"]["psnr"] for r in own]
             point |= {
-                "seconds": median(seconds), "seconds_spread": pstdev(seconds), "psnr": median(psnrs),
-                "psnr_spread": pstdev(psnrs), "ssim": median(r["heldout"]["ssim"] for r in own),
+                "seconds": median(seconds),
+                "seconds_spread": pstdev(seconds),
+                "psnr": median(psnrs),
+                "psnr_spread": pstdev(psnrs),
+                "ssim": median(r["heldout"]["ssim"] for r in own),
                 "line_error": _median(line_error(r) for r in own),
                 "time_to_target": None if target is None else _median((time_to(r, target) for r in own), all_of=True),
                 "best_in_60": _median((best_within(r, SHORT) for r in own), all_of=True),
-                "gaussians": median(r["gaussians"] for r in own), "steps": median(r["steps"] for r in own),
+                "gaussians": median(r["gaussians"] for r in own),
+                "steps": median(r["steps"] for r in own),
                 "disturbed": _median(r.get("disturbed") for r in own),
-            }  # fmt: skip
+            }
         found.append(point)
     measured = [point for point in found if not point["skipped"]]
     for point in measured:

@@ -11,8 +11,17 @@ from ..training.settings import TrainingSettings
 Cameras = Literal["usual", "unrefined", "hurried", "refined"]
 
 GROUPS = (
-    "preset", "iterations", "gaussians", "resolution", "harmonics", "blur", "float width", "loss", "cameras", "effects",
-)  # fmt: skip
+    "preset",
+    "iterations",
+    "gaussians",
+    "resolution",
+    "harmonics",
+    "blur",
+    "float width",
+    "loss",
+    "cameras",
+    "effects",
+)
 
 
 @dataclass(frozen=True)
@@ -60,12 +69,17 @@ def knobs(quick: bool, only: Sequence[str] = ()) -> list[Knob]:
 
 def _quick() -> list[Knob]:
     return [
-        Knob("iterations", "30 steps", {"steps": 30}), Knob("gaussians", "1000 Gaussians", {"max_gaussians": 1000}),
-        Knob("resolution", "grid 2 px", {"grid_step": 2}), Knob("harmonics", "SH 0", {"sh_degree": 0}),
-        Knob("blur", "Fourier", {"blur_evaluation": "fourier"}), Knob("blur", "splats", {"blur_evaluation": "splats"}),
-        Knob("float width", "16-bit twin", bits=16), Knob("loss", "no SSIM", {"ssim_weight": 0.0}),
-        Knob("cameras", "poses through the loss", cameras="refined"), Knob("effects", "without the blur", medium=False),
-    ]  # fmt: skip
+        Knob("iterations", "30 steps", {"steps": 30}),
+        Knob("gaussians", "1000 Gaussians", {"max_gaussians": 1000}),
+        Knob("resolution", "grid 2 px", {"grid_step": 2}),
+        Knob("harmonics", "SH 0", {"sh_degree": 0}),
+        Knob("blur", "Fourier", {"blur_evaluation": "fourier"}),
+        Knob("blur", "splats", {"blur_evaluation": "splats"}),
+        Knob("float width", "16-bit twin", bits=16),
+        Knob("loss", "no SSIM", {"ssim_weight": 0.0}),
+        Knob("cameras", "poses through the loss", cameras="refined"),
+        Knob("effects", "without the blur", medium=False),
+    ]
 
 
 def _all() -> list[Knob]:
@@ -80,16 +94,20 @@ def _all() -> list[Knob]:
     found += [Knob("resolution", f"grid {n} px", {"grid_step": n}) for n in (1, 2, 3, 4)]
     found += [Knob("resolution", "no coarse start", {"coarse_share": 0.0})]
     found += [Knob("harmonics", f"SH {n}", {"sh_degree": n}) for n in (0, 2, 3)]
-    found += [Knob("blur", name, {"blur_evaluation": name.lower()}) for name in
-              ("direct", "separable", "Fourier", "reduced", "splats")]  # fmt: skip
+    found += [
+        Knob("blur", name, {"blur_evaluation": name.lower()})
+        for name in ("direct", "separable", "Fourier", "reduced", "splats")
+    ]
     found += [Knob("float width", "16-bit twin", bits=16)]
     found += [
-        Knob("loss", "no SSIM", {"ssim_weight": 0.0}), Knob("loss", "no variation", {"variation_weight": 0.0}),
-        Knob("loss", "no sharpened start", {"start_share": 0.0}), Knob("loss", "paper's loss", {"loss": "paper"}),
+        Knob("loss", "no SSIM", {"ssim_weight": 0.0}),
+        Knob("loss", "no variation", {"variation_weight": 0.0}),
+        Knob("loss", "no sharpened start", {"start_share": 0.0}),
+        Knob("loss", "paper's loss", {"loss": "paper"}),
         Knob("cameras", "cameras unrefined", cameras="unrefined"),
         Knob("cameras", "cameras hurried", cameras="hurried"),
         Knob("cameras", "poses through the loss", cameras="refined"),
         Knob("effects", "without the blur", medium=False),
-    ]  # fmt: skip
+    ]
     named = ("haze", "vignetting", "exposure", "saturation")
     return [*found, *(Knob("effects", f"with {name}", effects=name) for name in named)]

@@ -34,16 +34,18 @@ def write_page(path: Path, content: Mapping[str, Any], svg: str) -> None:
     points = content["points"]
     measured = [point for point in points if not point["skipped"]]
     text = template.render(
-        content=content, version=VERSION,
+        content=content,
+        version=VERSION,
         points=sorted(measured, key=lambda point: float(point["seconds"])),
         skipped=[point for point in points if point["skipped"]],
         lines=any(point["line_error"] is not None for point in measured),
-        busy=max((point["disturbed"] or 0.0 for point in measured), default=0.0), disturbed=DISTURBED,
+        busy=max((point["disturbed"] or 0.0 for point in measured), default=0.0),
+        disturbed=DISTURBED,
         style=Markup((_FOLDER.parent / "report" / "report.css").read_text("utf-8")),
         # The prolog of a file is no part of a page.
         chart=Markup(re.sub(r"^.*?(?=<svg)", "", svg, flags=re.DOTALL)),
         made=datetime.now().astimezone().strftime("%Y-%m-%d %H:%M"),
-    )  # fmt: skip
+    )
     write_text(path, text)
 
 

@@ -48,8 +48,24 @@ LOOKS = (0.06, 0.12, 0.2, 0.35, 0.5, 0.7, 0.85)
 #: Held-out views of these looks.
 LOOKED = 3
 #: Columns of the table, in order.
-COLUMNS = ("group", "knob", "seeds", "seconds", "seconds_spread", "psnr", "psnr_spread", "ssim", "line_error",
-           "time_to_target", "best_in_60", "gaussians", "steps", "front", "disturbed", "skipped")  # fmt: skip
+COLUMNS = (
+    "group",
+    "knob",
+    "seeds",
+    "seconds",
+    "seconds_spread",
+    "psnr",
+    "psnr_spread",
+    "ssim",
+    "line_error",
+    "time_to_target",
+    "best_in_60",
+    "gaussians",
+    "steps",
+    "front",
+    "disturbed",
+    "skipped",
+)
 
 
 def measure_tradeoff(settings: TradeoffSettings, progress: Progress) -> dict[str, Any]:
@@ -71,11 +87,20 @@ def measure_tradeoff(settings: TradeoffSettings, progress: Progress) -> dict[str
     rows = _rows(settings, data, base, progress)
     found, target = points(rows, settings.target)
     content = {
-        "set": data.name, "photos": data.given, "registered": len(data.photos), "size": list(data.photos[0].size),
-        "psf": data.psf, "cameras": settings.cameras, "quick": settings.quick, "seeds": settings.seeds,
+        "set": data.name,
+        "photos": data.given,
+        "registered": len(data.photos),
+        "size": list(data.photos[0].size),
+        "psf": data.psf,
+        "cameras": settings.cameras,
+        "quick": settings.quick,
+        "seeds": settings.seeds,
         "target": target,
-        "heldout": len(data.heldout), "machine": machine(threads, device), "points": found, "rows": rows,
-    }  # fmt: skip
+        "heldout": len(data.heldout),
+        "machine": machine(threads, device),
+        "points": found,
+        "rows": rows,
+    }
     write_json(settings.out / "tradeoff.json", content)
     write_text(settings.out / "tradeoff.csv", table(found))
     draw(found, target, data.name, settings.out / "tradeoff.svg", settings.out / "tradeoff.png")
@@ -139,8 +164,9 @@ def one_run(knob: Knob, settings: TrainingSettings, sets: _Sets, progress: Progr
     effects = choose_effects(knob.effects, data.photos, data.cameras, views, medium, settings, Quiet(progress))
     fitted = corrected(views, effects.formation, effects.saturation)
     looks = _Looks(data, measure.held[:: max(1, len(measure.held) // LOOKED)][:LOOKED], began, settings.steps)
-    trained = train(fitted, [], data.cameras.points, medium, settings, Quiet(progress), watch=looks,
-                    formation=effects.formation)  # fmt: skip
+    trained = train(
+        fitted, [], data.cameras.points, medium, settings, Quiet(progress), watch=looks, formation=effects.formation
+    )
     wall = time.perf_counter() - began - looks.away
     processor = time.process_time() - processor - looks.away_processor
     if trained.steps < settings.steps and progress.cancelled():
@@ -154,11 +180,18 @@ def one_run(knob: Knob, settings: TrainingSettings, sets: _Sets, progress: Progr
     curve = [[round(searching + seconds, 2), round(value + offset, 3)] for seconds, value in looks.curve]
     total = searching + wall
     return {
-        "seconds": {"cameras": round(searching, 2), "training": round(wall, 2), "total": round(total, 2),
-                    "processor": round(processor, 2)},
-        "gaussians": len(trained.gaussians), "steps": trained.steps, "curve": [*curve, [round(total, 2), end]],
-        "disturbed": others.share(), **found,
-    }  # fmt: skip
+        "seconds": {
+            "cameras": round(searching, 2),
+            "training": round(wall, 2),
+            "total": round(total, 2),
+            "processor": round(processor, 2),
+        },
+        "gaussians": len(trained.gaussians),
+        "steps": trained.steps,
+        "curve": [*curve, [round(total, 2), end]],
+        "disturbed": others.share(),
+        **found,
+    }
 
 
 class _Looks:
@@ -238,9 +271,13 @@ class _Sets:
         chosen = replace(base_settings(self._settings.quick), threads=self._threads)
         found = refine_cameras(
             [view for view in views if view.name not in data.heldout],
-            [view for view in views if view.name in data.heldout], data.cameras.points, data.medium, chosen,
-            Quiet(self._progress), focal=len(set(data.cameras.lenses.values())) == 1,
-        )  # fmt: skip
+            [view for view in views if view.name in data.heldout],
+            data.cameras.points,
+            data.medium,
+            chosen,
+            Quiet(self._progress),
+            focal=len(set(data.cameras.lenses.values())) == 1,
+        )
         moved = replace(data, cameras=taken_over(data.cameras, found))
         return moved, Measure(moved, only_heldout=True), seconds + time.perf_counter() - began
 

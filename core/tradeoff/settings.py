@@ -41,6 +41,14 @@ class TradeoffSettings:
     def comparison(self) -> CompareSettings:
         """The same for reading the set."""
         return CompareSettings(
-            dataset=self.dataset, out=self.out, photos=self.photos, psf=self.psf, blur_space=self.blur_space,
-            cameras=self.cameras, quick=self.quick, resume=self.resume, threads=self.threads, device=self.device,
-        )  # fmt: skip
+            dataset=self.dataset,
+            out=self.out,
+            photos=self.photos,
+            psf=self.psf,
+            blur_space=self.blur_space,
+            cameras=self.cameras,
+            quick=self.quick,
+            resume=self.resume,
+            threads=self.threads,
+            device=self.device,
+        )

@@ -33,8 +33,7 @@ def adam_run(values, gradient, first, second, begin, end, rates, beta1, beta2, c
 
 
 @kernel
-def adam_step(begin, end, values, gradient, first, second, rates, period, beta1, beta2, correction,
-              epsilon, refused):  # type: ignore[no-untyped-def]  # fmt: skip
+def adam_step(begin, end, values, gradient, first, second, rates, period, beta1, beta2, correction, epsilon, refused):  # type: ignore[no-untyped-def]
     """Updates blocks `begin` to `end` of flat arrays in place.
 
     Args:
@@ -48,6 +47,17 @@ def adam_step(begin, end, values, gradient, first, second, rates, period, beta1,
         bad = 0
         stop = min((block + 1) * ROWS * period, values.shape[0])
         for at in range(block * ROWS * period, stop, rates.shape[0]):
-            bad += adam_run(values, gradient, first, second, at, min(at + rates.shape[0], stop), rates,
-                            beta1, beta2, correction, epsilon)  # fmt: skip
+            bad += adam_run(
+                values,
+                gradient,
+                first,
+                second,
+                at,
+                min(at + rates.shape[0], stop),
+                rates,
+                beta1,
+                beta2,
+                correction,
+                epsilon,
+            )
         refused[block] = bad

@@ -49,9 +49,13 @@ def save_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
         OutputError: the disk is full or the place cannot be written to.
     """
     facts = {
-        "format": FORMAT, "fingerprint": checkpoint.fingerprint, "step": checkpoint.step,
-        "seconds": checkpoint.seconds, "history": checkpoint.history, "counters": checkpoint.counters,
-    }  # fmt: skip
+        "format": FORMAT,
+        "fingerprint": checkpoint.fingerprint,
+        "step": checkpoint.step,
+        "seconds": checkpoint.seconds,
+        "history": checkpoint.history,
+        "counters": checkpoint.counters,
+    }
     text = np.frombuffer(json.dumps(facts).encode("utf-8"), np.uint8)
     with replacing(path) as temporary, open(temporary, "wb") as file:
         np.savez(file, __facts__=text, **checkpoint.arrays)
@@ -68,9 +72,13 @@ def load_checkpoint(path: Path, fingerprint: dict[str, Any]) -> Checkpoint:
             arrays = {name: archive[name] for name in archive.files}
         facts = json.loads(arrays.pop("__facts__").tobytes().decode("utf-8"))
         checkpoint = Checkpoint(
-            arrays, facts["fingerprint"], int(facts["step"]), float(facts["seconds"]),
-            list(facts["history"]), dict(facts["counters"]),
-        )  # fmt: skip
+            arrays,
+            facts["fingerprint"],
+            int(facts["step"]),
+            float(facts["seconds"]),
+            list(facts["history"]),
+            dict(facts["counters"]),
+        )
         known = facts["format"]
     except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile, json.JSONDecodeError) as error:
         raise CheckpointError(

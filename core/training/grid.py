@@ -39,9 +39,14 @@ def grid_step(medium: Medium, width: int, height: int) -> int:
 def coarse_camera(camera: Camera, step: int) -> Camera:
     """The camera of a photo averaged over `step` x `step` px (a rest at the right and bottom is cut)."""
     return replace(
-        camera, width=camera.width // step, height=camera.height // step,
-        fx=camera.fx / step, fy=camera.fy / step, cx=camera.cx / step, cy=camera.cy / step,
-    )  # fmt: skip
+        camera,
+        width=camera.width // step,
+        height=camera.height // step,
+        fx=camera.fx / step,
+        fy=camera.fy / step,
+        cx=camera.cx / step,
+        cy=camera.cy / step,
+    )
 
 
 def averaged(planes: NDArray[np.float32], step: int, space: BlurSpace = "srgb") -> NDArray[np.float32]:

@@ -49,7 +49,5 @@ def drop_non_finite(optimizer: Adam, step: int) -> dict[str, int]:
             "Lower the step sizes, or check the cameras and the photos",
         )
     g = optimizer.gaussians.detached()
-    optimizer.keep_and_append(
-        torch.nonzero(~bad)[:, 0], Gaussians(**{name: tensor[:0] for name, tensor in g.named()})
-    )
+    optimizer.keep_and_append(torch.nonzero(~bad)[:, 0], Gaussians(**{name: tensor[:0] for name, tensor in g.named()}))
     return {name: int(rows.sum()) for name, rows in found.items()}

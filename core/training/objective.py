@@ -81,9 +81,18 @@ class Objective:
         contrast: of the sharp scene on this grid (`contrast.scene_contrast`), the unit of differences.
     """
 
-    def __init__(self, psf: PointSpread | None, height: int, width: int, margin: int, space: BlurSpace,
-                 settings: TrainingSettings, device: torch.device,
-                 ratio: NoiseToSignal | None = None, contrast: float = 0.2) -> None:  # fmt: skip
+    def __init__(
+        self,
+        psf: PointSpread | None,
+        height: int,
+        width: int,
+        margin: int,
+        space: BlurSpace,
+        settings: TrainingSettings,
+        device: torch.device,
+        ratio: NoiseToSignal | None = None,
+        contrast: float = 0.2,
+    ) -> None:
         self.settings, self.margin, self.space, self.device = settings, margin, space, device
         self.knee, self.inverse_width = settings.variation_knee * contrast, settings.inverse_width * contrast
         if settings.blur_evaluation == "splats":  # the splats themselves are widened: see `Trainer.raster_settings`

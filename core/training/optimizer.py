@@ -55,13 +55,26 @@ class Adam:
             flat = lambda t: t.detach().reshape(-1).numpy()  # noqa: E731
             rates_of_one = np.full(period, tail, np.float32)
             rates_of_one[: 3 if name == "sh" else period] = rate
-            run(adam_step, blocks, flat(tensor), flat(gradient.contiguous()), flat(self.first[name]),
-                flat(self.second[name]), np.tile(rates_of_one, RUN), period, np.float32(BETA1), np.float32(BETA2),
-                np.float32(bias2**-0.5), np.float32(EPSILON), refused)  # fmt: skip
+            run(
+                adam_step,
+                blocks,
+                flat(tensor),
+                flat(gradient.contiguous()),
+                flat(self.first[name]),
+                flat(self.second[name]),
+                np.tile(rates_of_one, RUN),
+                period,
+                np.float32(BETA1),
+                np.float32(BETA2),
+                np.float32(bias2**-0.5),
+                np.float32(EPSILON),
+                refused,
+            )
             self._count(name, int(refused.sum()))
 
-    def _step_torch(self, name: str, tensor: Tensor, gradient: Tensor, rate: float, tail: float,
-                    correction: float) -> None:  # fmt: skip
+    def _step_torch(
+        self, name: str, tensor: Tensor, gradient: Tensor, rate: float, tail: float, correction: float
+    ) -> None:
         with torch.no_grad():
             finite = gradient.isfinite()
             self._count(name, int((~finite).sum()))

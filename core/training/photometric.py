@@ -155,6 +155,7 @@ def structural_similarity_map(x: Tensor, y: Tensor) -> Tensor:
     variance_y = (window(y * y) - mean_y**2).clamp(min=0)
     covariance = torch.minimum(window(x * y) - mean_x * mean_y, 0.5 * (variance_x + variance_y))
     return (
-        (2 * mean_x * mean_y + C1) * (2 * covariance + C2)
+        (2 * mean_x * mean_y + C1)
+        * (2 * covariance + C2)
         / ((mean_x**2 + mean_y**2 + C1) * (variance_x + variance_y + C2))
-    )  # fmt: skip
+    )

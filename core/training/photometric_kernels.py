@@ -111,9 +111,7 @@ def _similarity(typing_context, slots, position, weights, slopes, column, counte
     def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
         windows = Buffer(context, builder, signature.args[0], arguments[0])
         at = [_slot(builder, arguments[1], shift) for shift in (-1, 0, 1)]
-        weight_rows, slope_rows = (
-            _table(context, builder, signature, arguments, n, arguments[4]) for n in (2, 3)
-        )
+        weight_rows, slope_rows = (_table(context, builder, signature, arguments, n, arguments[4]) for n in (2, 3))
         share = Buffer(context, builder, signature.args[5], arguments[5])
         sums = Buffer(context, builder, signature.args[6], arguments[6])
         with cgutils.for_range_slice(builder, _index(0), _index(_STEP), _index(1), inc=True) as (row, _):

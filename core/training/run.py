@@ -64,10 +64,18 @@ class Trained:
     settings: TrainingSettings
 
 
-def train(views: Sequence[View], heldout: Sequence[View], points: SparsePoints, medium: Medium,
-          settings: TrainingSettings, progress: Progress, checkpoint: Path | None = None,
-          resume: bool = False, watch: Callable[[Trainer], None] | None = None,
-          formation: Formation = Formation()) -> Trained:  # fmt: skip
+def train(
+    views: Sequence[View],
+    heldout: Sequence[View],
+    points: SparsePoints,
+    medium: Medium,
+    settings: TrainingSettings,
+    progress: Progress,
+    checkpoint: Path | None = None,
+    resume: bool = False,
+    watch: Callable[[Trainer], None] | None = None,
+    formation: Formation = Formation(),
+) -> Trained:
     """Optimizes Gaussians against photos through the medium.
 
     Args:
@@ -151,12 +159,21 @@ def train(views: Sequence[View], heldout: Sequence[View], points: SparsePoints, 
     gaussians = trainer.result()
     behind = trainer.background.cpu()
     return Trained(
-        gaussians=gaussians, low_pass=LOW_PASS_VARIANCE,
-        background=(float(behind[0]), float(behind[1]), float(behind[2])), history=history, counters=trainer.counters(),
-        seconds={"compile": compiled_at - start, "prepare": prepared - compiled_at, "train": before + spent,
-                 "finish": time.perf_counter() - end},
-        steps=trainer.step, stopped=stopped, settings=replace(settings),
-    )  # fmt: skip
+        gaussians=gaussians,
+        low_pass=LOW_PASS_VARIANCE,
+        background=(float(behind[0]), float(behind[1]), float(behind[2])),
+        history=history,
+        counters=trainer.counters(),
+        seconds={
+            "compile": compiled_at - start,
+            "prepare": prepared - compiled_at,
+            "train": before + spent,
+            "finish": time.perf_counter() - end,
+        },
+        steps=trainer.step,
+        stopped=stopped,
+        settings=replace(settings),
+    )
 
 
 def _warn_of_blur(ratio: NoiseToSignal | None, progress: Progress) -> None:
@@ -202,7 +219,11 @@ class _Best:
 
 def _look(trainer: Trainer, loss: float, seconds: float) -> dict[str, float]:
     """One row of the history."""
-    row = {"step": trainer.step, "seconds": round(seconds, 3), "loss": loss,
-           "gaussians": len(trainer.optimizer.gaussians)}  # fmt: skip
+    row = {
+        "step": trainer.step,
+        "seconds": round(seconds, 3),
+        "loss": loss,
+        "gaussians": len(trainer.optimizer.gaussians),
+    }
     psnr = trainer.heldout_psnr()
     return row if psnr is None else {**row, "heldout_psnr": psnr}

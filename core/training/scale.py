@@ -76,4 +76,3 @@ def scene_scale(cameras: Sequence[Camera], points: SparsePoints) -> SceneScale:
             "No reconstructed point lies in front of a camera", "Check the cameras' axes (world to camera, z forward)"
         )
     return SceneScale(np.median(positions, axis=0).astype(np.float64), float(np.median(seen)))
-

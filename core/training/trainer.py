@@ -76,15 +76,23 @@ class Trainer:
         CameraError: no point lies in front of a camera.
     """
 
-    def __init__(self, views: Sequence[View], heldout: Sequence[View], points: SparsePoints, medium: Medium,
-                 settings: TrainingSettings, formation: Formation = Formation(),
-                 start: Gaussians | None = None) -> None:  # fmt: skip
+    def __init__(
+        self,
+        views: Sequence[View],
+        heldout: Sequence[View],
+        points: SparsePoints,
+        medium: Medium,
+        settings: TrainingSettings,
+        formation: Formation = Formation(),
+        start: Gaussians | None = None,
+    ) -> None:
         self.distinct = distinct(views)  # copies average no noise away
         settings = replace(
-            settings, variation_weight=settings.variation_weight * smoothness(self.distinct),
+            settings,
+            variation_weight=settings.variation_weight * smoothness(self.distinct),
             speck_weight=settings.speck_weight * smoothness(self.distinct),
             start_share=settings.start_share * start_share(self.distinct),
-        )  # fmt: skip
+        )
         self.settings, self.medium, self.formation = settings, medium, formation
         self.device = torch.device(settings.device if settings.device != "auto" else "cpu")
         self.views, self.heldout, self.points = views, heldout, points
@@ -95,11 +103,20 @@ class Trainer:
         self.levels = [fine]
         if settings.coarse_share > 0 and min(width, height) // (2 * step) >= SMALLEST_SIDE:
             self.levels = [self._level(2 * step), fine]
-        gaussians = self.scale.to_unit(start) if start is not None else first_gaussians(
-            [v.camera for v in fine.views], lambda i: fine.views[i].planes(),
-            self.scale.points_to_unit(points.positions), points.colours, settings.max_gaussians,
-            settings.sh_degree, np.random.default_rng([settings.seed, 0]), margin=fine.margin,
-        )  # fmt: skip
+        gaussians = (
+            self.scale.to_unit(start)
+            if start is not None
+            else first_gaussians(
+                [v.camera for v in fine.views],
+                lambda i: fine.views[i].planes(),
+                self.scale.points_to_unit(points.positions),
+                points.colours,
+                settings.max_gaussians,
+                settings.sh_degree,
+                np.random.default_rng([settings.seed, 0]),
+                margin=fine.margin,
+            )
+        )
         self.optimizer = Adam(gaussians.to(self.device))
         self.density = DensityControl(len(gaussians), self.device)
         self.background = mean_colour(views).to(self.device)
@@ -134,9 +151,16 @@ class Trainer:
         key = (view.camera.height, view.camera.width, view.psf)
         if key not in level.objectives:
             level.objectives[key] = Objective(
-                view.psf, view.camera.height, view.camera.width, level.margin, self.medium.blur_space,
-                self.settings, self.device, level.ratio, level.contrast,
-            )  # fmt: skip
+                view.psf,
+                view.camera.height,
+                view.camera.width,
+                level.margin,
+                self.medium.blur_space,
+                self.settings,
+                self.device,
+                level.ratio,
+                level.contrast,
+            )
         return level.objectives[key]
 
     def raster_settings(self, level: Level) -> RasterSettings:
@@ -176,9 +200,11 @@ class Trainer:
         level = self.levels[0] if share < s.coarse_share else self.levels[-1]
         view = self.view_at(level, self.step)
         rendered = render(
-            self.optimizer.gaussians, view.camera.with_margin(level.margin), background=self.backdrop(),
+            self.optimizer.gaussians,
+            view.camera.with_margin(level.margin),
+            background=self.backdrop(),
             settings=self.raster_settings(level),
-        )  # fmt: skip
+        )
         valid = None if view.valid is None else torch.from_numpy(view.valid).to(self.device)
         photo = torch.from_numpy(view.planes()).to(self.device)
         objective = self.objective(level, view)
@@ -197,7 +223,7 @@ class Trainer:
             clamped = out_of_range(self.optimizer.gaussians)
             self.repairs["clamped scales, most at once"] = max(
                 self.repairs.get("clamped scales, most at once", 0), clamped
-            )  # fmt: skip
+            )
             for name, count in drop_non_finite(self.optimizer, self.step).items():
                 self.repairs[f"dropped, non-finite {name}"] = self.repairs.get(f"dropped, non-finite {name}", 0) + count
                 self.density = DensityControl(len(self.optimizer.gaussians), self.device)
@@ -212,9 +238,11 @@ class Trainer:
         for view in level.heldout:
             with torch.no_grad():
                 rendered = render(
-                    self.optimizer.gaussians, view.camera.with_margin(level.margin), background=self.background,
+                    self.optimizer.gaussians,
+                    view.camera.with_margin(level.margin),
+                    background=self.background,
                     settings=self.raster_settings(level),
-                )  # fmt: skip
+                )
                 reached = self.formation.reached(rendered.image, self.shot(view, level, rendered))
                 degraded = self.objective(level, view).degraded(reached).cpu().numpy()
             error = (degraded - view.planes()) ** 2
@@ -247,12 +275,13 @@ class Trainer:
             settings.pop(free)
         psf = self.medium.psf
         return {
-            "settings": settings, "photos": [v.name for v in self.views],
+            "settings": settings,
+            "photos": [v.name for v in self.views],
             "point spread": None if psf is None else np.round(psf.kernel(), 9).sum(axis=0).tolist(),
             "blur space": self.medium.blur_space,
             **({"own point spreads": self._own_spreads()} if self.medium.per_view else {}),
             **({"effects": {e.name: e.described() for e in self.formation.effects}} if self.formation else {}),
-        }  # fmt: skip
+        }
 
     def _own_spreads(self) -> dict[str, str]:
         """A digest of each kernel that a photo has of its own."""
@@ -269,10 +298,13 @@ class Trainer:
             arrays[f"value.{name}"] = tensor.detach().cpu().numpy()
             arrays[f"first.{name}"] = o.first[name].cpu().numpy()
             arrays[f"second.{name}"] = o.second[name].cpu().numpy()
-        counters = {"steps": o.steps, **{f"density.{k}": v for k, v in d.counts.items()},
-                    **{f"refused.{k}": v for k, v in o.refused.items()},
-                    **{f"culled.{k}": v for k, v in self.culled.items()},
-                    **{f"repair.{k}": v for k, v in self.repairs.items()}}  # fmt: skip
+        counters = {
+            "steps": o.steps,
+            **{f"density.{k}": v for k, v in d.counts.items()},
+            **{f"refused.{k}": v for k, v in o.refused.items()},
+            **{f"culled.{k}": v for k, v in self.culled.items()},
+            **{f"repair.{k}": v for k, v in self.repairs.items()},
+        }
         return Checkpoint(arrays, self.fingerprint(), self.step, seconds, history, counters)
 
     def restore(self, checkpoint: Checkpoint) -> None:

@@ -23,10 +23,12 @@ def compile_kernels(sh_degree: int = 1) -> None:
     side = 48
     camera = Camera("warm-up", side, side, side, side, side / 2, side / 2, np.eye(3), np.zeros(3))
     gaussians = Gaussians(
-        means=torch.tensor([[0.0, 0.0, 2.0], [0.1, 0.0, 2.0]]), log_scales=torch.full((2, 3), -2.0),
-        quaternions=torch.tensor([[1.0, 0.0, 0.0, 0.0]] * 2), opacity_logits=torch.zeros(2),
+        means=torch.tensor([[0.0, 0.0, 2.0], [0.1, 0.0, 2.0]]),
+        log_scales=torch.full((2, 3), -2.0),
+        quaternions=torch.tensor([[1.0, 0.0, 0.0, 0.0]] * 2),
+        opacity_logits=torch.zeros(2),
         sh=torch.zeros(2, SH_COEFFICIENTS[sh_degree], 3),
-    )  # fmt: skip
+    )
     optimizer = Adam(gaussians)
     rendered = render(optimizer.gaussians, camera)
     blur = BlurOperator(PointSpread("gaussian", 1.0, 1.0), side, side, 0, evaluation="separable")
@@ -35,5 +37,9 @@ def compile_kernels(sh_degree: int = 1) -> None:
     gradient = blur.adjoint(slope) + variation_gradient(sharp) + speck_gradient(sharp)
     with_slope(rendered.image, gradient).backward()  # type: ignore[no-untyped-call]
     rates = Rates()
-    optimizer.step({name: getattr(rates, name) for name in ("means", "log_scales", "quaternions",
-                                                            "opacity_logits", "sh", "sh_rest")})  # fmt: skip
+    optimizer.step(
+        {
+            name: getattr(rates, name)
+            for name in ("means", "log_scales", "quaternions", "opacity_logits", "sh", "sh_rest")
+        }
+    )

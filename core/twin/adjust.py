@@ -57,8 +57,9 @@ class _State:
     zoom: float
 
 
-def adjusted(cameras: Sequence[Camera], points: Floats, seen: Sightings, focal: bool,
-             loose: float = LOOSE) -> tuple[list[Camera], float]:  # fmt: skip
+def adjusted(
+    cameras: Sequence[Camera], points: Floats, seen: Sightings, focal: bool, loose: float = LOOSE
+) -> tuple[list[Camera], float]:
     """Cameras that explain the sightings, and what is left of them.
 
     Args:
@@ -132,8 +133,9 @@ class _Problem:
         columns = np.concatenate([6 * at[:, None] + np.arange(6), np.full((k, 1), self.size - 1)], axis=1)
         rows = 2 * np.arange(k)[:, None] + np.arange(2)
         camera_side = _sparse(by_camera * root[..., None], rows, columns, (2 * k, self.size))
-        point_side = _sparse(by_point * root[..., None], rows, 3 * which[:, None] + np.arange(3),
-                             (2 * k, 3 * len(state.points)))  # fmt: skip
+        point_side = _sparse(
+            by_point * root[..., None], rows, 3 * which[:, None] + np.arange(3), (2 * k, 3 * len(state.points))
+        )
         right = (rest * root).ravel()
         square = camera_side.T @ camera_side
         mixed = camera_side.T @ point_side
@@ -151,9 +153,11 @@ class _Problem:
         pose = move[:-1].reshape(self.n, 6)
         turn = Rotation.from_rotvec(pose[:, 3:]).as_matrix()
         return _State(
-            turn @ state.rotation, np.einsum("nab,nb->na", turn, state.translation) + pose[:, :3],
-            state.points + points.reshape(-1, 3), state.zoom + float(move[-1]),
-        )  # fmt: skip
+            turn @ state.rotation,
+            np.einsum("nab,nb->na", turn, state.translation) + pose[:, :3],
+            state.points + points.reshape(-1, 3),
+            state.zoom + float(move[-1]),
+        )
 
 
 def laid(camera: Camera, points: Floats, place: Floats, error: Floats, loose: float = LOOSE) -> Camera:
@@ -188,8 +192,9 @@ def _derivatives(local: Floats, length: Floats) -> tuple[Floats, Floats]:
     return by_local, np.concatenate([by_local, by_local @ cross, zoom], axis=2)
 
 
-def _sparse(values: Floats, rows: NDArray[np.int64], columns: NDArray[np.int64],
-            shape: tuple[int, int]) -> sparse.csr_matrix:  # fmt: skip
+def _sparse(
+    values: Floats, rows: NDArray[np.int64], columns: NDArray[np.int64], shape: tuple[int, int]
+) -> sparse.csr_matrix:
     """Blocks [K, 2, C] at rows [K, 2] and columns [K, C]."""
     k, _, c = values.shape
     i = np.repeat(rows[:, :, None], c, axis=2).ravel()

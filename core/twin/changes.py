@@ -68,7 +68,6 @@ class Changes:
         """Share of the new photos' px that changed."""
         return float(np.mean([c.mean() for c in self.changed.values()])) if self.changed else 0.0
 
-
     @property
     def unseen_share(self) -> float:
         """Share of the new photos' px that show what the twin only guessed, and guessed wrong."""
@@ -123,8 +122,13 @@ def find_changes(twin: Twin, views: Sequence[GridView], medium: Medium) -> Chang
     return Changes(width, gain, changed, residuals, unseen, _splats(gaussians, views, changed, settings))
 
 
-def _unseen(gaussians: Gaussians, views: Sequence[GridView], found: dict[str, np.ndarray], old: Sequence[GridView],
-            settings: RasterSettings) -> dict[str, np.ndarray]:  # fmt: skip
+def _unseen(
+    gaussians: Gaussians,
+    views: Sequence[GridView],
+    found: dict[str, np.ndarray],
+    old: Sequence[GridView],
+    settings: RasterSettings,
+) -> dict[str, np.ndarray]:
     """[H, W] bool by name: of what looks changed, where the twin has no surface, or one that was in no old photo."""
     coarse = replace(settings, low_pass=settings.low_pass / COARSE**2)
     others = [coarse_camera(view.camera, COARSE) for view in old]
@@ -174,8 +178,9 @@ def _width(views: Sequence[GridView], residual) -> tuple[float, float]:  # type:
     return (best, gain) if gain > LEAST_GAIN else (1.0, 0.0)
 
 
-def _splats(gaussians, views: Sequence[GridView], changed: dict[str, np.ndarray],  # type: ignore[no-untyped-def]
-            settings: RasterSettings) -> Tensor:  # fmt: skip
+def _splats(
+    gaussians: Gaussians, views: Sequence[GridView], changed: dict[str, np.ndarray], settings: RasterSettings
+) -> Tensor:
     """[N] bool: which splats are seen mostly in changed px (their blending weights, summed)."""
     inside, everywhere = torch.zeros(len(gaussians)), torch.zeros(len(gaussians))
     for view in views:

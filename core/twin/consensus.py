@@ -80,9 +80,11 @@ def shown(trainer: Trainer, level: Level, view: GridView) -> tuple[torch.Tensor,
     settings = replace(trainer.raster_settings(level), depth=True)
     with torch.no_grad():
         rendered = render(
-            trainer.optimizer.gaussians, view.camera.with_margin(level.margin), background=trainer.background,
+            trainer.optimizer.gaussians,
+            view.camera.with_margin(level.margin),
+            background=trainer.background,
             settings=settings,
-        )  # fmt: skip
+        )
         reached = trainer.formation.reached(rendered.image, trainer.shot(view, level, rendered))
         picture = trainer.objective(level, view).degraded(reached)
     assert rendered.mean_depth is not None

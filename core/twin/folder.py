@@ -83,9 +83,12 @@ class Twin:
         """Grid px that a render must be larger on every side, so that light from beyond the border is there."""
         spreads = [self.medium.psf, *self.medium.per_view.values()]
         widest = max(
-            (0.0 if p is None or p.is_identity else float(np.linalg.eigvalsh(p.covariance)[-1]) ** 0.5
-             for p in spreads), default=0.0,
-        )  # fmt: skip
+            (
+                0.0 if p is None or p.is_identity else float(np.linalg.eigvalsh(p.covariance)[-1]) ** 0.5
+                for p in spreads
+            ),
+            default=0.0,
+        )
         return int(np.ceil(MARGIN_SIGMAS * widest / step))
 
 
@@ -140,9 +143,17 @@ class Files:
         scale = scene_scale([view.camera for view in views], self.reconstruction.points)
         shown = [view for view in views if view.name not in self.held] or views
         return Twin(
-            self.folder, self.settings, self.photos, self.reconstruction, self.medium, views, self.held,
-            self.gaussians, scale, mean_colour(shown).to(torch.float32),
-        )  # fmt: skip
+            self.folder,
+            self.settings,
+            self.photos,
+            self.reconstruction,
+            self.medium,
+            views,
+            self.held,
+            self.gaussians,
+            scale,
+            mean_colour(shown).to(torch.float32),
+        )
 
 
 def open_twin(folder: Path, progress: Progress, photos: Path | None = None) -> Twin:

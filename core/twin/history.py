@@ -13,8 +13,15 @@ from ..files import make_folder, output_error, write_json
 HISTORY, FACTS = "history", "twin.json"
 #: What makes a state; photos are only ever added, and stay.
 FILES = (
-    "twin.ply", "checkpoint.npz", "report.json", FACTS, "photos.txt", "update.json", "known.npy", "next_views.json",
-)  # fmt: skip
+    "twin.ply",
+    "checkpoint.npz",
+    "report.json",
+    FACTS,
+    "photos.txt",
+    "update.json",
+    "known.npy",
+    "next_views.json",
+)
 FOLDERS = ("cameras",)
 
 

@@ -40,8 +40,9 @@ class Placing:
     settings: SfmSettings
 
     @staticmethod
-    def begin(twin: Files | Twin, photos: list[Photo], threads: int, waiting: Waiting | None = None,
-              kept: bool = True) -> Placing | None:  # fmt: skip
+    def begin(
+        twin: Files | Twin, photos: list[Photo], threads: int, waiting: Waiting | None = None, kept: bool = True
+    ) -> Placing | None:
         """Lets the child look for the photos' features and match them with old ones.
 
         Args:
@@ -91,15 +92,21 @@ class Placing:
             camera = view.camera
             np.save(folder / f"depth{index}.npy", surface_depth(gaussians, camera, usual), allow_pickle=False)
             rows[name] = {
-                "rotation": camera.rotation.tolist(), "translation": camera.translation.tolist(),
-                "focal": [camera.fx, camera.fy], "centre": [camera.cx, camera.cy], "depth": f"depth{index}.npy",
-            }  # fmt: skip
+                "rotation": camera.rotation.tolist(),
+                "translation": camera.translation.tolist(),
+                "focal": [camera.fx, camera.fy],
+                "centre": [camera.cx, camera.cy],
+                "depth": f"depth{index}.npy",
+            }
         lens = shared_lens(twin.reconstruction)
         assert lens is not None
-        write_json(folder / PLAN, {
-            "known": rows,
-            "lens": {"model": lens.model, "width": lens.width, "height": lens.height, "params": list(lens.params)},
-        })  # fmt: skip
+        write_json(
+            folder / PLAN,
+            {
+                "known": rows,
+                "lens": {"model": lens.model, "width": lens.width, "height": lens.height, "params": list(lens.params)},
+            },
+        )
         _, done = talk(folder, len(self.photos), self.settings, progress, self.child.process)
         if len(done["poses"]) < len(self.photos):
             return None

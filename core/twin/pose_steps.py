@@ -71,8 +71,14 @@ class Equations:
     count: int
 
 
-def equations(camera: Camera, photo: Tensor, valid: Tensor | None, look: Callable[[Camera], Tensor],
-              with_focal: bool = True, smooth: float = 0.0) -> Equations:  # fmt: skip
+def equations(
+    camera: Camera,
+    photo: Tensor,
+    valid: Tensor | None,
+    look: Callable[[Camera], Tensor],
+    with_focal: bool = True,
+    smooth: float = 0.0,
+) -> Equations:
     """The photo's pull at its camera.
 
     Args:
@@ -111,9 +117,12 @@ def equations(camera: Camera, photo: Tensor, valid: Tensor | None, look: Callabl
             weight = weight * valid.expand(3, -1, -1).flatten()
         weighted = jacobian * weight
         return Equations(
-            (weighted @ jacobian.T).numpy(), (weighted @ r).numpy(),
-            float((weight * r.square()).sum() / weight.sum().clamp(min=1.0)), units, int(weight.numel()),
-        )  # fmt: skip
+            (weighted @ jacobian.T).numpy(),
+            (weighted @ r).numpy(),
+            float((weight * r.square()).sum() / weight.sum().clamp(min=1.0)),
+            units,
+            int(weight.numel()),
+        )
 
 
 def solved(pulls: Sequence[Equations], focal: bool, drift: Sequence[Floats]) -> tuple[list[Floats], float]:

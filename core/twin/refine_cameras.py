@@ -81,8 +81,15 @@ class Refined:
         return {name: value for name, value in content.items() if name not in ("cameras", "tried")}
 
 
-def refine_cameras(views: Sequence[View], judges: Sequence[View], points: SparsePoints, medium: Medium,
-                   settings: TrainingSettings, progress: Progress, focal: bool = True) -> Refined:  # fmt: skip
+def refine_cameras(
+    views: Sequence[View],
+    judges: Sequence[View],
+    points: SparsePoints,
+    medium: Medium,
+    settings: TrainingSettings,
+    progress: Progress,
+    focal: bool = True,
+) -> Refined:
     """Refines the cameras of `views` and `judges`.
 
     Args:
@@ -115,15 +122,23 @@ def refine_cameras(views: Sequence[View], judges: Sequence[View], points: Sparse
     kept = nearer.clear and float(gain.mean()) > -2.0 * error
     given = {view.name: view.camera for view in [*views, *judges]}
     tried = {**cameras[1], **placed[1]}
-    px = [
-        np.linalg.norm(cameras[1][v.name].centre - v.camera.centre) / trainer.scale.size * v.camera.fx for v in views
-    ]
+    px = [np.linalg.norm(cameras[1][v.name].centre - v.camera.centre) / trainer.scale.size * v.camera.fx for v in views]
     ratio = cameras[1][views[0].name].fx / views[0].camera.fx
     return Refined(
-        kept, tried if kept else given, tried, float(ratio - 1.0), float(np.median(px)), float(losses[0].mean()),
-        float(losses[1].mean()), error, _median(shifts[0]), _median(shifts[1]), nearer.change,
-        nearer.error if np.isfinite(nearer.error) else None, tuple(view.name for view in judges),
-    )  # fmt: skip
+        kept,
+        tried if kept else given,
+        tried,
+        float(ratio - 1.0),
+        float(np.median(px)),
+        float(losses[0].mean()),
+        float(losses[1].mean()),
+        error,
+        _median(shifts[0]),
+        _median(shifts[1]),
+        nearer.change,
+        nearer.error if np.isfinite(nearer.error) else None,
+        tuple(view.name for view in judges),
+    )
 
 
 @dataclass(frozen=True)
@@ -152,8 +167,14 @@ def _median(px: NDArray[np.float64]) -> float | None:
     return float(np.nanmedian(px)) if np.isfinite(px).any() else None
 
 
-def _trained(views: Sequence[View], points: SparsePoints, medium: Medium, settings: TrainingSettings, stage: str,
-             progress: Progress) -> Trainer:  # fmt: skip
+def _trained(
+    views: Sequence[View],
+    points: SparsePoints,
+    medium: Medium,
+    settings: TrainingSettings,
+    stage: str,
+    progress: Progress,
+) -> Trainer:
     """A short training to its end."""
     progress.stage(stage, settings.steps)
     trainer = Trainer(views, [], points, medium, settings)
@@ -166,8 +187,14 @@ def _trained(views: Sequence[View], points: SparsePoints, medium: Medium, settin
     return trainer
 
 
-def _agreed(views: Sequence[View], points: SparsePoints, medium: Medium, settings: TrainingSettings, focal: bool,
-            progress: Progress) -> list[View]:  # fmt: skip
+def _agreed(
+    views: Sequence[View],
+    points: SparsePoints,
+    medium: Medium,
+    settings: TrainingSettings,
+    focal: bool,
+    progress: Progress,
+) -> list[View]:
     """The views with the cameras that their photos agree on, the world where it was."""
     short = replace(settings, steps=ROUND_STEPS)
     views = list(views)
@@ -199,7 +226,7 @@ class Laying:
         scale, medium = self.trainer.scale, self.trainer.medium
         on_grid = GridView(
             view, scale.camera_to_unit(view.camera), level.step, medium.psf_for(view.name), medium.blur_space
-        )  # fmt: skip
+        )
         on_grid.camera = replace(on_grid.camera, fx=level.views[0].camera.fx, fy=level.views[0].camera.fy)
         laid_over(self.trainer, level, on_grid)
         return self._error(level, on_grid), self.world(view.camera, on_grid.camera, level.step)
@@ -212,6 +239,4 @@ class Laying:
         """A camera of the unit world and a grid as one of the world and the photo."""
         scale = self.trainer.scale
         translation = unit.translation * scale.size - unit.rotation @ scale.origin
-        return replace(
-            given, rotation=unit.rotation, translation=translation, fx=unit.fx * step, fy=unit.fy * step
-        )  # fmt: skip
+        return replace(given, rotation=unit.rotation, translation=translation, fx=unit.fx * step, fy=unit.fy * step)

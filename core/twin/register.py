@@ -31,7 +31,11 @@ SMOOTH = (4.0, 2.0, 1.0, 0.0, 0.0)
 
 
 def register(
-    twin: Twin, photos: list[Photo], cameras: Path | None, threads: int, progress: Progress,
+    twin: Twin,
+    photos: list[Photo],
+    cameras: Path | None,
+    threads: int,
+    progress: Progress,
     placing: Placing | None = None,
 ) -> tuple[Reconstruction, bool]:
     """Cameras of new photos, and whether they are exact (else the twin itself, through the blur, should correct them).
@@ -125,8 +129,12 @@ def _misfit(twin: Twin, view: GridView) -> float:
     margin = twin.margin(twin.step)
     settings = RasterSettings(low_pass=max(0.1, 0.3 / twin.step**2))
     with torch.no_grad():
-        frame = render(twin.scale.to_unit(twin.gaussians), view.camera.with_margin(margin),
-                       background=twin.background, settings=settings).image  # fmt: skip
+        frame = render(
+            twin.scale.to_unit(twin.gaussians),
+            view.camera.with_margin(margin),
+            background=twin.background,
+            settings=settings,
+        ).image
         blur = shared_operator(view.psf, view.camera.height, view.camera.width, margin)
         difference = (twin.medium.degrade(frame, blur.apply) - torch.from_numpy(view.planes())).abs()
     counted = difference if view.valid is None else difference[:, torch.from_numpy(view.valid)]

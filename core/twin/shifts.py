@@ -35,8 +35,9 @@ class Shifts:
     detail: Floats
 
 
-def shifts_between(picture: NDArray[np.floating], photo: NDArray[np.floating],
-                   valid: NDArray[np.bool_] | None = None) -> Shifts:  # fmt: skip
+def shifts_between(
+    picture: NDArray[np.floating], photo: NDArray[np.floating], valid: NDArray[np.bool_] | None = None
+) -> Shifts:
     """Shifts that lay `photo` over `picture`, both [3, H, W] in [0, 1]; px that are not `valid` [H, W] do not count."""
     still, moving = (np.tensordot(BRIGHTNESS, np.asarray(p, np.float64), 1) for p in (picture, photo))
     y, x = np.mgrid[: still.shape[0], : still.shape[1]].astype(np.float64)

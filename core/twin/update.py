@@ -132,9 +132,10 @@ def _updated(settings: UpdateSettings, progress: Progress, waiting: Waiting | No
     changes = find_changes(twin, twin.on_grid(new_views, twin.step), twin.medium)
     medium = _medium(twin, [v.name for v in new_views], changes.width)
     kept = [_masked(twin, view, changes) for view in twin.kept]
-    before = _residuals(twin, twin.gaussians, twin.medium, _watched(twin)), _residuals(
-        twin, twin.gaussians, medium, new_views
-    )  # fmt: skip
+    before = (
+        _residuals(twin, twin.gaussians, twin.medium, _watched(twin)),
+        _residuals(twin, twin.gaussians, medium, new_views),
+    )
     trainer, steps = _trainer(twin, kept, new_views, medium, report, settings)
     for _ in range(ROUNDS):
         progress.stage("update", steps)
@@ -145,15 +146,20 @@ def _updated(settings: UpdateSettings, progress: Progress, waiting: Waiting | No
             break
     state = history.keep(folder)
     facts = {
-        "photos": [photo.name for photo in photos], "steps": trainer.step, "gaussians": len(gaussians),
+        "photos": [photo.name for photo in photos],
+        "steps": trainer.step,
+        "gaussians": len(gaussians),
         "medium": {"width": changes.width, "gain": round(changes.gain, 4)},
-        "object": {"changed_share": round(changes.share, 5), "changed_splats": int(changes.splats.sum()),
-                   "unseen_share": round(changes.unseen_share, 5)},
-        "psnr_new": [before[1], after[1]], "psnr_old": [before[0], after[0]], "before": state.name,
-        "seconds": {
-            "register": round(registered - began, 3), "update": round(time.perf_counter() - registered, 3),
+        "object": {
+            "changed_share": round(changes.share, 5),
+            "changed_splats": int(changes.splats.sum()),
+            "unseen_share": round(changes.unseen_share, 5),
         },
-    }  # fmt: skip
+        "psnr_new": [before[1], after[1]],
+        "psnr_old": [before[0], after[0]],
+        "before": state.name,
+        "seconds": {"register": round(registered - began, 3), "update": round(time.perf_counter() - registered, 3)},
+    }
     _write(twin, photos, found, gaussians, trainer, medium, report, facts)
     draw_changes(folder / "changes", new_views, changes, twin.step)
     return facts
@@ -211,8 +217,14 @@ def _masked(twin: Twin, view: View, changes: Changes) -> View:
     return replace(view, mask=counts if view.mask is None else counts & view.mask)
 
 
-def _trainer(twin: Twin, kept: Sequence[View], new: Sequence[View], medium: Medium, report: dict[str, Any],
-             settings: UpdateSettings) -> tuple[Updater, int]:  # fmt: skip
+def _trainer(
+    twin: Twin,
+    kept: Sequence[View],
+    new: Sequence[View],
+    medium: Medium,
+    report: dict[str, Any],
+    settings: UpdateSettings,
+) -> tuple[Updater, int]:
     """A trainer that stands where the twin's own training ended."""
     whole = int(report["steps"])
     path = twin.folder / "checkpoint.npz"
@@ -230,9 +242,14 @@ def _trainer(twin: Twin, kept: Sequence[View], new: Sequence[View], medium: Medi
     room = max(count, round(count * (1.0 + len(new) / max(1, len(kept)))))
     steps = max(20, round((ROUND if settings.share is None else settings.share) * whole))
     chosen = replace(
-        chosen, steps=steps, max_gaussians=room, seed=settings.seed, threads=settings.threads or 0, time_limit=None,
+        chosen,
+        steps=steps,
+        max_gaussians=room,
+        seed=settings.seed,
+        threads=settings.threads or 0,
+        time_limit=None,
         coarse_share=0.0,
-    )  # fmt: skip
+    )
     compile_kernels(chosen.sh_degree)
     photos = set(state.fingerprint.get("photos", []))
     cameras = [view.camera for view in twin.views if view.name in photos] or [view.camera for view in twin.kept]
@@ -264,16 +281,28 @@ def _residuals(twin: Twin, gaussians: Gaussians, medium: Medium, views: Sequence
     errors = []
     for view in replace(twin, medium=medium).on_grid(list(views), step):
         with torch.no_grad():
-            frame = render(unit, view.camera.with_margin(margin), background=twin.background,
-                           settings=RasterSettings(low_pass=max(0.1, 0.3 / step**2))).image  # fmt: skip
+            frame = render(
+                unit,
+                view.camera.with_margin(margin),
+                background=twin.background,
+                settings=RasterSettings(low_pass=max(0.1, 0.3 / step**2)),
+            ).image
             blur = shared_operator(view.psf, view.camera.height, view.camera.width, margin)
             error = (medium.degrade(frame, blur.apply) - torch.from_numpy(view.planes())).square()
         errors.append(float(error.mean() if view.valid is None else error[:, torch.from_numpy(view.valid)].mean()))
     return round(-10.0 * float(np.log10(max(float(np.mean(errors)), 1e-10))), 3)
 
 
-def _write(twin: Twin, photos: Sequence[Photo], found: Reconstruction, gaussians: Gaussians, trainer: Trainer,
-           medium: Medium, report: dict[str, Any], facts: dict[str, Any]) -> None:  # fmt: skip
+def _write(
+    twin: Twin,
+    photos: Sequence[Photo],
+    found: Reconstruction,
+    gaussians: Gaussians,
+    trainer: Trainer,
+    medium: Medium,
+    report: dict[str, Any],
+    facts: dict[str, Any],
+) -> None:
     folder = twin.folder
     poses = {**twin.reconstruction.poses, **found.poses}
     lenses = {**twin.reconstruction.lenses, **{name: found.lenses[name] for name in found.poses}}
@@ -291,13 +320,9 @@ def _write(twin: Twin, photos: Sequence[Photo], found: Reconstruction, gaussians
     new = {name: psf for name, psf in medium.per_view.items() if name not in twin.medium.per_view}
     past = history.read_facts(folder)
     own = {**past.get("psf", {}), **{name: psf.source for name, psf in new.items() if psf is not None and psf.source}}
-    history.note_facts(
-        folder, {"held": twin.held, "psf": own, "updates": [*past.get("updates", []), facts]}
-    )  # fmt: skip
+    history.note_facts(folder, {"held": twin.held, "psf": own, "updates": [*past.get("updates", []), facts]})
     write_json(folder / "update.json", facts)
     for name in ("known.npy", "next_views.json"):  # of the twin as it was
         (folder / name).unlink(missing_ok=True)
     shutil.rmtree(folder / "next_views", ignore_errors=True)
     drop_chapter(folder / "report.html")
-
-

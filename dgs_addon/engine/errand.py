@@ -86,9 +86,16 @@ class Errand:
             return 0
         self.lines.append("$ " + " ".join(step.action))
         with subprocess.Popen(
-            list(step.action), stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
-            encoding="utf-8", errors="replace", env=environment(), creationflags=flags(),
-        ) as process:  # fmt: skip
+            list(step.action),
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            encoding="utf-8",
+            errors="replace",
+            env=environment(),
+            creationflags=flags(),
+        ) as process:
             give_way(process.pid)
             with self._lock:
                 self._process = process

@@ -48,9 +48,18 @@ def install_steps(
 
     python = str(python_in(folder))
     install = [
-        python, "-m", "pip", "install", "--disable-pip-version-check", "--no-input", "--progress-bar", "off",
-        *source, "-r", str(requirements),
-    ]  # fmt: skip
+        python,
+        "-m",
+        "pip",
+        "install",
+        "--disable-pip-version-check",
+        "--no-input",
+        "--progress-bar",
+        "off",
+        *source,
+        "-r",
+        str(requirements),
+    ]
     return [
         Step("Making an environment", [base, "-m", "venv", str(folder)]),
         Step("Installing the packages", install),

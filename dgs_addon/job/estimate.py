@@ -11,12 +11,35 @@ from ..engine.errand import Errand, Step
 
 #: Settings that a prediction depends on; another value makes it one of another job.
 _DECIDING = (
-    "photos", "selection", "max_size", "cameras", "model", "medium", "sigma", "sigma_minor", "angle", "psf_file",
-    "blur_space", "max_gaussians", "sh_degree", "holdout_every", "device", "threads",
-)  # fmt: skip
+    "photos",
+    "selection",
+    "max_size",
+    "cameras",
+    "model",
+    "medium",
+    "sigma",
+    "sigma_minor",
+    "angle",
+    "psf_file",
+    "blur_space",
+    "max_gaussians",
+    "sh_degree",
+    "holdout_every",
+    "device",
+    "threads",
+)
 #: Arguments of a run that `estimate` takes too, each with a value.
-_SHARED = ("--psf", "--blur-space", "--max-size", "--cameras", "--holdout-every", "--max-gaussians", "--sh-degree",
-           "--device", "--threads")  # fmt: skip
+_SHARED = (
+    "--psf",
+    "--blur-space",
+    "--max-size",
+    "--cameras",
+    "--holdout-every",
+    "--max-gaussians",
+    "--sh-degree",
+    "--device",
+    "--threads",
+)
 
 _errand: Errand | None = None
 _asked: tuple[Any, ...] = ()

@@ -83,9 +83,12 @@ def thinned(cloud: GaussianCloud, most: int) -> GaussianCloud:
     kept = np.linspace(0, len(cloud) - 1, most).astype(int)
     larger = np.float32(0.5 * np.log(len(cloud) / most))
     return GaussianCloud(
-        means=cloud.means[kept], log_scales=cloud.log_scales[kept] + larger, quaternions=cloud.quaternions[kept],
-        opacity_logits=cloud.opacity_logits[kept], sh=cloud.sh[kept],
-    )  # fmt: skip
+        means=cloud.means[kept],
+        log_scales=cloud.log_scales[kept] + larger,
+        quaternions=cloud.quaternions[kept],
+        opacity_logits=cloud.opacity_logits[kept],
+        sh=cloud.sh[kept],
+    )
 
 
 def _time(path: Path) -> int | None:

@@ -12,11 +12,17 @@ Phase = Literal["running", "paused", "cancelling", "done", "cancelled", "failed"
 ALIVE = ("running", "paused", "cancelling")
 #: What the engine's stages are called in the panel.
 STAGES = {
-    "movie": "Choosing frames", "photos": "Reading photos", "cameras": "Finding cameras",
-    "geometry": "Preparing surfaces", "compile": "Compiling", "train": "Optimizing",
-    "changes": "Looking for changes", "update": "Updating",
-    "save": "Scoring and saving", "render": "Rendering",
-}  # fmt: skip
+    "movie": "Choosing frames",
+    "photos": "Reading photos",
+    "cameras": "Finding cameras",
+    "geometry": "Preparing surfaces",
+    "compile": "Compiling",
+    "train": "Optimizing",
+    "changes": "Looking for changes",
+    "update": "Updating",
+    "save": "Scoring and saving",
+    "render": "Rendering",
+}
 
 
 @dataclass(frozen=True)

@@ -35,10 +35,24 @@ def test_set_request(settings: Any) -> Request:
         raise DgsError("A test set has no photos yet that could tell the medium", "Choose another medium in step 3")
     width = settings.test_width
     arguments = [
-        "synthesize", "--out", str(out), "--views", str(settings.test_views), "--path", "dome",
-        "--size", f"{width}x{round(width * _HEIGHT)}", "--psf", psf_argument(settings),
-        "--blur-space", settings.blur_space, *_samples(), "--progress", "json", "--control",
-    ]  # fmt: skip
+        "synthesize",
+        "--out",
+        str(out),
+        "--views",
+        str(settings.test_views),
+        "--path",
+        "dome",
+        "--size",
+        f"{width}x{round(width * _HEIGHT)}",
+        "--psf",
+        psf_argument(settings),
+        "--blur-space",
+        settings.blur_space,
+        *_samples(),
+        "--progress",
+        "json",
+        "--control",
+    ]
     return Request("synthesize", out / "photos", out, arguments, settings.test_views, program=_blender())
 
 

@@ -53,9 +53,12 @@ class Worker:
     """
 
     def __init__(
-        self, command: Sequence[str], log: Path, look: Callable[[], Any] | None = None,
+        self,
+        command: Sequence[str],
+        log: Path,
+        look: Callable[[], Any] | None = None,
         began: Callable[[int], None] | None = None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         self.events: queue.Queue[Message] = queue.Queue()
         self.pid: int | None = None
         self._command, self._log, self._look, self._told = list(command), log, look, began
@@ -102,9 +105,16 @@ class Worker:
             log.write(f"$ {' '.join(self._command)}\n")
             log.flush()
             with subprocess.Popen(
-                self._command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=log, text=True,
-                encoding="utf-8", errors="replace", env=environment(), creationflags=_flags(),
-            ) as process:  # fmt: skip
+                self._command,
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=log,
+                text=True,
+                encoding="utf-8",
+                errors="replace",
+                env=environment(),
+                creationflags=_flags(),
+            ) as process:
                 self._began(process)
                 assert process.stdout is not None
                 for line in process.stdout:

@@ -15,10 +15,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     usual = SynthesizeSettings()
     add = parser.add_argument
     add("--out", type=Path, required=True, metavar="DIR", help="folder to write the data set into")
-    add("--scene", default=usual.scene, metavar="SCENE",
-        help=f"{', '.join(SCENES)}, or FILE.blend with its own lights and materials")  # fmt: skip
-    add("--mesh", default=usual.mesh, metavar="FILE",
-        help="an object instead of the ball: OBJ, PLY, STL, glTF, USD, FBX")  # fmt: skip
+    add(
+        "--scene",
+        default=usual.scene,
+        metavar="SCENE",
+        help=f"{', '.join(SCENES)}, or FILE.blend with its own lights and materials",
+    )
+    add(
+        "--mesh",
+        default=usual.mesh,
+        metavar="FILE",
+        help="an object instead of the ball: OBJ, PLY, STL, glTF, USD, FBX",
+    )
     add("--path", choices=PATH_NAMES, default=usual.path, help="where the cameras stand; scene: the .blend's own")
     add("--views", type=int, default=usual.views, help="number of photos")
     add("--size", type=_size, default=(usual.width, usual.height), metavar="WxH", help="frame in pixels")
@@ -33,21 +41,56 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--masks", action="store_true", help="also write where the ball is seen")
     add("--depth", action="store_true", help="also write depth maps")
     add("--normals", action="store_true", help="also write normal maps")
-    add("--exposure-drift", type=float, default=usual.exposure_drift, metavar="STOPS",
-        help="largest change of exposure over the photos, up or down")  # fmt: skip
-    add("--aperture", type=float, default=usual.aperture, metavar="N",
-        help="f-number of a rendered lens: depth of field; a pinhole if not given")  # fmt: skip
+    add(
+        "--exposure-drift",
+        type=float,
+        default=usual.exposure_drift,
+        metavar="STOPS",
+        help="largest change of exposure over the photos, up or down",
+    )
+    add(
+        "--aperture",
+        type=float,
+        default=usual.aperture,
+        metavar="N",
+        help="f-number of a rendered lens: depth of field; a pinhole if not given",
+    )
     add("--focus", type=float, default=usual.focus, metavar="METRES", help="depth that is sharp; the object's middle")
-    add("--camera-motion", type=float, default=usual.camera_motion, metavar="MM",
-        help="way of the camera along its path during each exposure")  # fmt: skip
-    add("--object-motion", type=_motion, default=usual.object_motion, metavar="X,Y,Z",
-        help="way of the object in mm during each exposure, Blender's axes")  # fmt: skip
-    add("--fog", type=float, default=usual.fog, metavar="PER_METRE",
-        help="rendered fog: how often light is scattered per metre")  # fmt: skip
-    add("--fog-anisotropy", type=float, default=usual.fog_anisotropy, metavar="G",
-        help="-0.99 scatters back, 0 evenly, 0.99 on")  # fmt: skip
-    add("--full-well", type=float, default=usual.full_well, metavar="ELECTRONS",
-        help="count photons: electrons that white is (shot noise)")  # fmt: skip
+    add(
+        "--camera-motion",
+        type=float,
+        default=usual.camera_motion,
+        metavar="MM",
+        help="way of the camera along its path during each exposure",
+    )
+    add(
+        "--object-motion",
+        type=_motion,
+        default=usual.object_motion,
+        metavar="X,Y,Z",
+        help="way of the object in mm during each exposure, Blender's axes",
+    )
+    add(
+        "--fog",
+        type=float,
+        default=usual.fog,
+        metavar="PER_METRE",
+        help="rendered fog: how often light is scattered per metre",
+    )
+    add(
+        "--fog-anisotropy",
+        type=float,
+        default=usual.fog_anisotropy,
+        metavar="G",
+        help="-0.99 scatters back, 0 evenly, 0.99 on",
+    )
+    add(
+        "--full-well",
+        type=float,
+        default=usual.full_well,
+        metavar="ELECTRONS",
+        help="count photons: electrons that white is (shot noise)",
+    )
     add("--read-noise", type=float, default=usual.read_noise, metavar="ELECTRONS", help="rms of reading the sensor")
     add("--jpeg", type=int, default=usual.jpeg, metavar="QUALITY", help="compress the photos, 1 to 100")
     add("--keep-linear", action="store_true", help="keep float renders, to try other media without rendering")
@@ -56,14 +99,35 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def settings_of(args: argparse.Namespace) -> SynthesizeSettings:
     """The settings that the parsed arguments ask for."""
     return SynthesizeSettings(
-        scene=args.scene, path=args.path, views=args.views, width=args.size[0], height=args.size[1],
-        psf=args.psf, blur_space=args.blur_space, bits=args.bits, noise=args.noise, overscan=args.overscan,
-        samples=args.samples, denoise=args.denoise, seed=args.seed, masks=args.masks, depth=args.depth,
-        keep_linear=args.keep_linear, mesh=args.mesh, exposure_drift=args.exposure_drift, normals=args.normals,
-        aperture=args.aperture, focus=args.focus, camera_motion=args.camera_motion, object_motion=args.object_motion,
-        fog=args.fog, fog_anisotropy=args.fog_anisotropy, full_well=args.full_well, read_noise=args.read_noise,
+        scene=args.scene,
+        path=args.path,
+        views=args.views,
+        width=args.size[0],
+        height=args.size[1],
+        psf=args.psf,
+        blur_space=args.blur_space,
+        bits=args.bits,
+        noise=args.noise,
+        overscan=args.overscan,
+        samples=args.samples,
+        denoise=args.denoise,
+        seed=args.seed,
+        masks=args.masks,
+        depth=args.depth,
+        keep_linear=args.keep_linear,
+        mesh=args.mesh,
+        exposure_drift=args.exposure_drift,
+        normals=args.normals,
+        aperture=args.aperture,
+        focus=args.focus,
+        camera_motion=args.camera_motion,
+        object_motion=args.object_motion,
+        fog=args.fog,
+        fog_anisotropy=args.fog_anisotropy,
+        full_well=args.full_well,
+        read_noise=args.read_noise,
         jpeg=args.jpeg,
-    )  # fmt: skip
+    )
 
 
 def run(args: argparse.Namespace, progress: Progress) -> int:

@@ -1,11 +1,11 @@
 """Writes a data set: photos through the medium, sharp pictures, cameras, and how it was made.
 
-    photos/NAME     through the medium, sRGB-encoded       sharp/NAME      the truth, same size
-    cameras/        COLMAP model with points on surfaces   transforms.json the same cameras
-    psf.json        the medium                             lines.json      painted lines, in the world
-    masks_ball/     255 where the object is seen           depth/*.npy     metres along the camera's axis
-    normals/*.npy   unit normals in the engine's world     (lines.json only with the ball)
-    manifest.json   all settings; `SynthesizeSettings.from_json(manifest["settings"])` repeats them
+photos/NAME     through the medium, sRGB-encoded       sharp/NAME      the truth, same size
+cameras/        COLMAP model with points on surfaces   transforms.json the same cameras
+psf.json        the medium                             lines.json      painted lines, in the world
+masks_ball/     255 where the object is seen           depth/*.npy     metres along the camera's axis
+normals/*.npy   unit normals in the engine's world     (lines.json only with the ball)
+manifest.json   all settings; `SynthesizeSettings.from_json(manifest["settings"])` repeats them
 """
 
 from __future__ import annotations
@@ -46,9 +46,11 @@ def _array(name: str) -> str:
 
 #: What can stand beside the photos: its setting, its folder, and how its files are called after the photo's.
 _BESIDE = (
-    ("masks", "masks_ball", _same), ("depth", "depth", _array), ("normals", "normals", _array),
+    ("masks", "masks_ball", _same),
+    ("depth", "depth", _array),
+    ("normals", "normals", _array),
     ("keep_linear", "linear", lambda name: f"{name}.npy"),
-)  # fmt: skip
+)
 
 
 def synthesize(settings: SynthesizeSettings, out: Path, progress: Progress) -> None:
@@ -124,9 +126,14 @@ def _photos(
 
 
 def _through_the_medium(
-    settings: SynthesizeSettings, cameras: list[Camera], kernel: NDArray[np.float64], out: Path, studio: Studio,
-    progress: Progress, scratch: Path,
-) -> None:  # fmt: skip
+    settings: SynthesizeSettings,
+    cameras: list[Camera],
+    kernel: NDArray[np.float64],
+    out: Path,
+    studio: Studio,
+    progress: Progress,
+    scratch: Path,
+) -> None:
     """Photos that Cycles renders through a lens, in motion or in fog; the rest of the medium comes on top."""
     studio.enter()
     from . import effects
@@ -158,10 +165,17 @@ def _photo(
 ) -> NDArray[np.uint8] | NDArray[np.uint16]:
     gains = degrade.exposures(settings.views, settings.exposure_drift, settings.seed)
     photo = degrade.photograph(
-        linear, kernel, blur_space=settings.blur_space, margin=settings.overscan, bits=settings.bits,
-        noise=settings.noise, seed=(settings.seed, index), gain=float(gains[index]),
-        full_well=settings.full_well, read_noise=settings.read_noise,
-    )  # fmt: skip
+        linear,
+        kernel,
+        blur_space=settings.blur_space,
+        margin=settings.overscan,
+        bits=settings.bits,
+        noise=settings.noise,
+        seed=(settings.seed, index),
+        gain=float(gains[index]),
+        full_well=settings.full_well,
+        read_noise=settings.read_noise,
+    )
     if not settings.jpeg:
         return photo
     from .jpeg import compressed
@@ -246,21 +260,29 @@ def _manifest(settings: SynthesizeSettings, kernel: NDArray[np.float64]) -> dict
     if source:
         digest, more["source_sha256"] = f"{digest}-{source}", source
     return {
-        "kind": "dgs synthetic data set", "version": 1, "settings": settings.to_json(),
-        "fingerprint": f"{settings.fingerprint()}-{digest}", "render_fingerprint": rendered,
+        "kind": "dgs synthetic data set",
+        "version": 1,
+        "settings": settings.to_json(),
+        "fingerprint": f"{settings.fingerprint()}-{digest}",
+        "render_fingerprint": rendered,
         "world": "engine (COLMAP): x right, y down, z away; metres",
-        "photos": f"sRGB-encoded, {settings.bits} bit", "blur_space": settings.blur_space,
+        "photos": f"sRGB-encoded, {settings.bits} bit",
+        "blur_space": settings.blur_space,
         **more,
-    }  # fmt: skip
+    }
 
 
 def _psf(settings: SynthesizeSettings, kernel: NDArray[np.float64]) -> dict[str, Any]:
     y, x = (np.arange(side) - side // 2 for side in kernel.shape)
     variance = [float((kernel.sum(0) * x**2).sum()), float((kernel.sum(1) * y**2).sum())]
     return {
-        "psf": settings.psf, "blur_space": settings.blur_space, "size": list(kernel.shape[::-1]),
-        "sigma_px": np.sqrt(variance).tolist(), "sampled": "at pixel centres, sum 1", "overscan_px": settings.overscan,
-    }  # fmt: skip
+        "psf": settings.psf,
+        "blur_space": settings.blur_space,
+        "size": list(kernel.shape[::-1]),
+        "sigma_px": np.sqrt(variance).tolist(),
+        "sampled": "at pixel centres, sum 1",
+        "overscan_px": settings.overscan,
+    }
 
 
 def _lines() -> list[dict[str, Any]]:
@@ -270,10 +292,15 @@ def _lines() -> list[dict[str, Any]]:
         points, across = centre_line(line, SHAPE)
         normal = points / np.array([SHAPE.half_length, SHAPE.radius, SHAPE.radius]) ** 2
         normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
-        result.append({
-            "name": line.name, "width_m": line.width, "points": (points @ matrix[:3, :3].T + matrix[:3, 3]).tolist(),
-            "across": (across @ matrix[:3, :3].T).tolist(), "normals": (normal @ matrix[:3, :3].T).tolist(),
-        })  # fmt: skip
+        result.append(
+            {
+                "name": line.name,
+                "width_m": line.width,
+                "points": (points @ matrix[:3, :3].T + matrix[:3, 3]).tolist(),
+                "across": (across @ matrix[:3, :3].T).tolist(),
+                "normals": (normal @ matrix[:3, :3].T).tolist(),
+            }
+        )
     return result
 
 

@@ -45,9 +45,7 @@ def kernel_of(psf: str) -> NDArray[np.float64]:
     raise PsfError(f"The point spread function '{psf}' makes no sense", _FORMS)
 
 
-def blur(
-    planes: NDArray[np.float64], kernel: NDArray[np.float64], margin: int
-) -> NDArray[np.float64]:
+def blur(planes: NDArray[np.float64], kernel: NDArray[np.float64], margin: int) -> NDArray[np.float64]:
     """Convolves [H, W, 3] pixels and cuts `margin` pixels from each side.
 
     Where the kernel reaches beyond the margin, the outermost pixels are repeated.

@@ -85,8 +85,7 @@ def leather(lines: Sequence[Line]) -> Any:
     """Pebbled leather with painted lines; reads the attributes 'relief' and 'tint' of the mesh."""
     graph = _Graph("leather")
     tint = graph.ramp(
-        graph.attribute("tint"),
-        [(0.0, (0.13, 0.035, 0.012)), (0.5, (0.30, 0.095, 0.030)), (1.0, (0.46, 0.18, 0.065))],
+        graph.attribute("tint"), [(0.0, (0.13, 0.035, 0.012)), (0.5, (0.30, 0.095, 0.030)), (1.0, (0.46, 0.18, 0.065))]
     )
     colour = graph.mix(graph.attribute("relief"), (0.020, 0.008, 0.006), tint)
     place = graph.node("ShaderNodeTexCoord").outputs["Object"]
@@ -116,8 +115,12 @@ def table_top() -> Any:
     clouds = _noise(graph, place, scale=6.0, detail=7.0, roughness=0.62)
     colour = graph.ramp(
         clouds,
-        [(0.30, (0.10, 0.12, 0.16)), (0.45, (0.42, 0.38, 0.30)),
-         (0.55, (0.20, 0.30, 0.30)), (0.70, (0.62, 0.58, 0.50))],
+        [
+            (0.30, (0.10, 0.12, 0.16)),
+            (0.45, (0.42, 0.38, 0.30)),
+            (0.55, (0.20, 0.30, 0.30)),
+            (0.70, (0.62, 0.58, 0.50)),
+        ],
     )
     for scale, threshold in ((18.0, 0.72), (55.0, 0.66), (160.0, 0.62), (420.0, 0.60)):
         chips = graph.node("ShaderNodeTexVoronoi", feature="F1", voronoi_dimensions="2D")
@@ -128,11 +131,15 @@ def table_top() -> Any:
         chip = graph.ramp(
             hue.outputs[1],
             [
-                (0.00, (0.03, 0.03, 0.04)), (0.20, (0.55, 0.50, 0.42)), (0.40, (0.30, 0.08, 0.05)),
-                (0.55, (0.08, 0.16, 0.24)), (0.70, (0.70, 0.68, 0.62)), (0.85, (0.10, 0.20, 0.09)),
+                (0.00, (0.03, 0.03, 0.04)),
+                (0.20, (0.55, 0.50, 0.42)),
+                (0.40, (0.30, 0.08, 0.05)),
+                (0.55, (0.08, 0.16, 0.24)),
+                (0.70, (0.70, 0.68, 0.62)),
+                (0.85, (0.10, 0.20, 0.09)),
             ],
             constant=True,
-        )  # fmt: skip
+        )
         chosen = graph.math("GREATER_THAN", hue.outputs[0], threshold)
         inside = graph.math("LESS_THAN", chips.outputs["Distance"], 0.47)
         colour = graph.mix(graph.math("MULTIPLY", chosen, inside), colour, chip)

@@ -18,12 +18,18 @@ from .render import quiet
 LONGEST_SIDE = 0.28
 #: What Blender reads, and with which operator.
 _READERS = {
-    ".obj": ("wm", "obj_import"), ".ply": ("wm", "ply_import"), ".stl": ("wm", "stl_import"),
-    ".usd": ("wm", "usd_import"), ".usda": ("wm", "usd_import"), ".usdc": ("wm", "usd_import"),
-    ".usdz": ("wm", "usd_import"), ".gltf": ("import_scene", "gltf"), ".glb": ("import_scene", "gltf"),
+    ".obj": ("wm", "obj_import"),
+    ".ply": ("wm", "ply_import"),
+    ".stl": ("wm", "stl_import"),
+    ".usd": ("wm", "usd_import"),
+    ".usda": ("wm", "usd_import"),
+    ".usdc": ("wm", "usd_import"),
+    ".usdz": ("wm", "usd_import"),
+    ".gltf": ("import_scene", "gltf"),
+    ".glb": ("import_scene", "gltf"),
     # Blender's own reader where there is one (4.5 on): the older add-on stumbles over lamps in 5.0.
     ".fbx": ("wm", "fbx_import") if "fbx_import" in dir(bpy.ops.wm) else ("import_scene", "fbx"),
-}  # fmt: skip
+}
 EXTENSIONS = tuple(_READERS)
 _CLAY = (0.46, 0.36, 0.28)
 

@@ -50,9 +50,7 @@ def spiral(views: int) -> NDArray[np.float64]:
     return TARGET + DISTANCE * _on_sphere(share * SPIRAL_TURNS * 2 * np.pi - np.pi / 2, np.radians(12.0 + 56.0 * share))
 
 
-PATHS: dict[str, Callable[[int], NDArray[np.float64]]] = {
-    "rail": rail, "orbit": orbit, "dome": dome, "spiral": spiral,
-}  # fmt: skip
+PATHS: dict[str, Callable[[int], NDArray[np.float64]]] = {"rail": rail, "orbit": orbit, "dome": dome, "spiral": spiral}
 
 
 def names(views: int) -> list[str]:

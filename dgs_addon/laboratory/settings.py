@@ -17,9 +17,19 @@ SCENE_VERSION = 3
 PATH_NAMES = ("rail", "orbit", "dome", "spiral", "scene")
 #: Settings that came later; where they are as before, manifests and fingerprints are too.
 _LATER = (
-    "mesh", "exposure_drift", "normals", "aperture", "focus", "camera_motion", "object_motion", "fog",
-    "fog_anisotropy", "full_well", "read_noise", "jpeg",
-)  # fmt: skip
+    "mesh",
+    "exposure_drift",
+    "normals",
+    "aperture",
+    "focus",
+    "camera_motion",
+    "object_motion",
+    "fog",
+    "fog_anisotropy",
+    "full_well",
+    "read_noise",
+    "jpeg",
+)
 #: What is written beside the photos and changes none of them: it can be added to a set that is there.
 EXTRAS = ("masks", "depth", "normals", "keep_linear")
 
@@ -97,13 +107,23 @@ class SynthesizeSettings:
             if value not in allowed:
                 raise DgsError(f"There is no {name} '{value}'", f"Choose one of {', '.join(map(str, allowed))}")
         for name, amount, least in (
-            ("views", self.views, 1), ("width", self.width, 4), ("height", self.height, 4),
-            ("samples", self.samples, 1), ("overscan", self.overscan, 0), ("noise", self.noise, 0),
-            ("seed", self.seed, 0), ("exposure drift", self.exposure_drift, 0), ("aperture", self.aperture, 0),
-            ("focus", self.focus, 0), ("camera motion", self.camera_motion, 0), ("fog", self.fog, 0),
-            ("fog anisotropy", self.fog_anisotropy, -0.99), ("full well", self.full_well, 0),
-            ("read noise", self.read_noise, 0), ("JPEG quality", self.jpeg, 0),
-        ):  # fmt: skip
+            ("views", self.views, 1),
+            ("width", self.width, 4),
+            ("height", self.height, 4),
+            ("samples", self.samples, 1),
+            ("overscan", self.overscan, 0),
+            ("noise", self.noise, 0),
+            ("seed", self.seed, 0),
+            ("exposure drift", self.exposure_drift, 0),
+            ("aperture", self.aperture, 0),
+            ("focus", self.focus, 0),
+            ("camera motion", self.camera_motion, 0),
+            ("fog", self.fog, 0),
+            ("fog anisotropy", self.fog_anisotropy, -0.99),
+            ("full well", self.full_well, 0),
+            ("read noise", self.read_noise, 0),
+            ("JPEG quality", self.jpeg, 0),
+        ):
             if not amount >= least:
                 raise DgsError(f"The laboratory's {name} must be at least {least}, not {amount}", "Give another value")
         if self.fog_anisotropy > 0.99 or self.jpeg > 100 or not np.isfinite(self.object_motion).all():

@@ -62,9 +62,11 @@ def ball_surface(shape: BallShape, seed: int) -> BallSurface:
     vertices = smooth + normal * (shape.height * (relief - 1.0))[..., None]
     tint = generator.random(len(centres))[owner]
     return BallSurface(
-        vertices=vertices.reshape(-1, 3).astype(np.float32), faces=_faces(shape),
-        relief=relief.reshape(-1).astype(np.float32), tint=tint.reshape(-1).astype(np.float32),
-    )  # fmt: skip
+        vertices=vertices.reshape(-1, 3).astype(np.float32),
+        faces=_faces(shape),
+        relief=relief.reshape(-1).astype(np.float32),
+        tint=tint.reshape(-1).astype(np.float32),
+    )
 
 
 def _grid(shape: BallShape) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
@@ -94,9 +96,7 @@ def _pebble_centres(shape: BallShape, generator: np.random.Generator) -> NDArray
     polar = np.interp((np.arange(count) + 0.5) / count * area[-1], area, fine)
     azimuth = np.arange(count) * np.pi * (3 - np.sqrt(5))
     radius = shape.radius * np.sin(polar)
-    points = np.stack(
-        [shape.half_length * np.cos(polar), radius * np.cos(azimuth), radius * np.sin(azimuth)], axis=-1
-    )
+    points = np.stack([shape.half_length * np.cos(polar), radius * np.cos(azimuth), radius * np.sin(azimuth)], axis=-1)
     points += generator.normal(0.0, 0.20 * shape.pitch, points.shape)
     axes = np.array([shape.half_length, shape.radius, shape.radius])
     return points / np.linalg.norm(points / axes, axis=-1, keepdims=True)

@@ -21,8 +21,12 @@ def build(scene: Any, seed: int) -> None:
         plain(f"paint {i}", colour)
         for i, colour in enumerate(
             [
-                (0.6, 0.05, 0.04), (0.05, 0.25, 0.55), (0.75, 0.52, 0.05),
-                (0.06, 0.35, 0.12), (0.8, 0.8, 0.76), (0.03, 0.03, 0.03),
+                (0.6, 0.05, 0.04),
+                (0.05, 0.25, 0.55),
+                (0.75, 0.52, 0.05),
+                (0.06, 0.35, 0.12),
+                (0.8, 0.8, 0.76),
+                (0.03, 0.03, 0.03),
             ]
         )
     ]
@@ -83,8 +87,10 @@ def _bar_card(scene: Any, palette: list[Any]) -> None:
 def _box(centre: Any, size: Any) -> tuple[list[tuple[float, float, float]], list[tuple[int, ...]]]:
     vertices: list[tuple[float, float, float]] = [
         (centre[0] + a * size[0] / 2, centre[1] + b * size[1] / 2, centre[2] + c * size[2] / 2)
-        for a in (-1, 1) for b in (-1, 1) for c in (-1, 1)
-    ]  # fmt: skip
+        for a in (-1, 1)
+        for b in (-1, 1)
+        for c in (-1, 1)
+    ]
     faces: list[tuple[int, ...]] = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
     return vertices, faces
 

@@ -79,11 +79,18 @@ def load_cameras(path: Path) -> dict[str, Camera]:
         raise FormatError(f"'{path}' places no camera", "Choose another model")
     return {
         name: Camera(
-            name, lens.width, lens.height, lens.fx, lens.fy, lens.cx, lens.cy,
-            poses[name].rotation, poses[name].translation,
+            name,
+            lens.width,
+            lens.height,
+            lens.fx,
+            lens.fy,
+            lens.cx,
+            lens.cy,
+            poses[name].rotation,
+            poses[name].translation,
         )
         for name, lens in lenses.items()
-    }  # fmt: skip
+    }
 
 
 def _pictures(folder: Path) -> dict[str, Path]:

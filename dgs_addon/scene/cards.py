@@ -84,7 +84,6 @@ def _share(graph: Graph) -> Any:
     return graph.math("MINIMUM", graph.math("DIVIDE", reach, REACH), 1.0)
 
 
-
 def _matrix(graph: Graph, view: View, rotation: Any, radii: Any) -> Any:
     back = graph.node("FunctionNodeInvertRotation", rotation).outputs[0]
 

@@ -36,12 +36,18 @@ def add_next_views(path: Path, name: str, scene: Any) -> list[Any]:
         chosen = sorted((v for v in views if v["order"]), key=lambda v: int(v["order"]))
         cameras = [
             Camera(
-                str(v["name"]), int(v["width"]), int(v["height"]), float(v["fx"]), float(v["fy"]), float(v["cx"]),
-                float(v["cy"]), np.array(v["rotation"], float).reshape(3, 3),
+                str(v["name"]),
+                int(v["width"]),
+                int(v["height"]),
+                float(v["fx"]),
+                float(v["fy"]),
+                float(v["cx"]),
+                float(v["cy"]),
+                np.array(v["rotation"], float).reshape(3, 3),
                 np.array(v["translation"], float).reshape(3),
             )
             for v in chosen
-        ]  # fmt: skip
+        ]
         gains = [float(v["bits"]) for v in chosen]
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise FormatError(f"'{path}' is damaged ({type(error).__name__})", "Run next-view again") from error

@@ -27,8 +27,14 @@ _FLATTEST = 0.01
 GLOSS = ("dgs_gloss_red", "dgs_gloss_green", "dgs_gloss_blue")
 
 SIZE_INPUT, THRESHOLD_INPUT, COUNT_INPUT, VIEWPORT_INPUT, FACE_INPUT, CROP_INPUT, BOX_INPUT = (
-    "Splat Size", "Opacity Threshold", "Max Count", "Max in Viewport", "Face Camera", "Crop", "Crop Box",
-)  # fmt: skip
+    "Splat Size",
+    "Opacity Threshold",
+    "Max Count",
+    "Max in Viewport",
+    "Face Camera",
+    "Crop",
+    "Crop Box",
+)
 _NAME = "Descatter Splats"
 #: More than a scene will hold.
 ALL = 100_000_000
@@ -52,8 +58,7 @@ def _group_name(view_dependent: bool) -> str:
 def splat_modifier(twin: Any) -> Any:
     """The `bpy` modifier that shows a twin's splats, or None if the user has removed it."""
     return next(
-        (m for m in twin.modifiers if m.type == "NODES" and m.node_group and m.node_group.name.startswith(_NAME)),
-        None,
+        (m for m in twin.modifiers if m.type == "NODES" and m.node_group and m.node_group.name.startswith(_NAME)), None
     )
 
 
@@ -153,7 +158,9 @@ def _interface(tree: Any) -> None:
         facing.description = "Render exactly as trained, for the scene's camera; off for panoramas and mirrors"
     crop = new(CROP_INPUT, in_out="INPUT", socket_type="NodeSocketBool")
     crop.description = "Show only the splats whose centres lie in the box"
-    new(BOX_INPUT, in_out="INPUT", socket_type="NodeSocketObject").description = (
+    new(
+        BOX_INPUT, in_out="INPUT", socket_type="NodeSocketObject"
+    ).description = (
         "An object whose own space from -1 to 1 is the box: an empty cube, or a mesh cube as Blender adds it"
     )
 
@@ -176,9 +183,12 @@ def _fewer(graph: Graph, points: Any, given: Any) -> Any:
     """The points that are opaque enough, at most as many as wanted."""
     total = graph.node("GeometryNodeAttributeDomainSize", points).outputs[0]
     most = graph.node(
-        "GeometryNodeSwitch", graph.node("GeometryNodeIsViewport").outputs[0], given[3],
-        graph.math("MINIMUM", given[3], given[4]), input_type="INT",
-    ).outputs[0]  # fmt: skip
+        "GeometryNodeSwitch",
+        graph.node("GeometryNodeIsViewport").outputs[0],
+        given[3],
+        graph.math("MINIMUM", given[3], given[4]),
+        input_type="INT",
+    ).outputs[0]
     share = graph.math("MINIMUM", graph.math("DIVIDE", most, total), 1.0)
     index = graph.node("GeometryNodeInputIndex").outputs[0]
     before = graph.math("FLOOR", graph.math("MULTIPLY", index, share))
@@ -206,16 +216,16 @@ def _base(graph: Graph) -> Any:
 def _slopes(graph: Graph) -> list[Any]:
     """v_c of red, green and blue in the twin's own axes."""
     first, second, third = (
-        graph.node("ShaderNodeSeparateXYZ", graph.named("FLOAT_VECTOR", f"radiance:sh_{i}")).outputs
-        for i in range(3)
+        graph.node("ShaderNodeSeparateXYZ", graph.named("FLOAT_VECTOR", f"radiance:sh_{i}")).outputs for i in range(3)
     )
     return [
         graph.vector(
-            "MULTIPLY", graph.node("ShaderNodeCombineXYZ", third[c], first[c], second[c]).outputs[0],
+            "MULTIPLY",
+            graph.node("ShaderNodeCombineXYZ", third[c], first[c], second[c]).outputs[0],
             (-SH_C1, -SH_C1, SH_C1),
         )
         for c in range(3)
-    ]  # fmt: skip
+    ]
 
 
 def _opacity(graph: Graph) -> Any:

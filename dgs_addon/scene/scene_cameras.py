@@ -56,10 +56,15 @@ def _settings(thing: Any, render: Any) -> BlenderCamera:
     data = thing.data
     return BlenderCamera(
         matrix_world=np.array(thing.matrix_world.normalized(), dtype=np.float64),
-        lens=data.lens, sensor_width=data.sensor_width, sensor_height=data.sensor_height,
-        sensor_fit=data.sensor_fit, shift_x=data.shift_x, shift_y=data.shift_y,
-        pixel_aspect_x=render.pixel_aspect_x, pixel_aspect_y=render.pixel_aspect_y,
-    )  # fmt: skip
+        lens=data.lens,
+        sensor_width=data.sensor_width,
+        sensor_height=data.sensor_height,
+        sensor_fit=data.sensor_fit,
+        shift_x=data.shift_x,
+        shift_y=data.shift_y,
+        pixel_aspect_x=render.pixel_aspect_x,
+        pixel_aspect_y=render.pixel_aspect_y,
+    )
 
 
 def _key(name: str) -> str:

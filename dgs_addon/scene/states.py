@@ -92,5 +92,3 @@ def _remove(out: Path, scene: Any) -> None:
 
 def _stem(out: Path) -> str:
     return out.name.removesuffix("-twin") or "twin"
-
-

@@ -44,9 +44,13 @@ def package() -> Path:
 def test_the_zip_holds_what_blender_needs_and_no_more(package: Path) -> None:
     names = zipfile.ZipFile(package).namelist()
     for needed in (
-        "__init__.py", "blender_manifest.toml", "run_dgs.py", "core/formats/ply.py", "panels/twin.py",
+        "__init__.py",
+        "blender_manifest.toml",
+        "run_dgs.py",
+        "core/formats/ply.py",
+        "panels/twin.py",
         "dgs_addon/engine/requirements.txt",
-    ):  # fmt: skip
+    ):
         assert needed in names
     for name in names:
         assert not name.startswith(("tests/", ".", "benchmarks/", "docs/", "tools/")) and "__pycache__" not in name
@@ -66,6 +70,9 @@ def test_installs_offline_and_imports_a_twin(package: Path, cloud: object, tmp_p
     environment = {**os.environ, "BLENDER_USER_RESOURCES": str(tmp_path / "resources")}
     done = subprocess.run(
         [sys.executable, "-c", _INSTALL, str(package), str(tmp_path / "twin.ply"), str(tmp_path / "resources")],
-        env=environment, capture_output=True, text=True, timeout=120,
-    )  # fmt: skip
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
     assert done.returncode == 0 and "installed" in done.stdout, done.stdout + done.stderr

@@ -56,9 +56,18 @@ def test_suggested_cameras_stand_where_they_should(tmp_path: Path) -> None:
     rotation = rotation_from_quaternion(np.array([1.0, 0.2, -0.3, 0.1]))
     camera = Camera("orbit_003", 320, 200, 410.0, 410.0, 160.0, 100.0, rotation, np.array([0.1, 0.2, 3.0]))
     view = {
-        "name": camera.name, "order": 1, "bits": 123.4, "width": 320, "height": 200, "fx": 410.0, "fy": 410.0,
-        "cx": 160.0, "cy": 100.0, "rotation": rotation.tolist(), "translation": camera.translation.tolist(),
-    }  # fmt: skip
+        "name": camera.name,
+        "order": 1,
+        "bits": 123.4,
+        "width": 320,
+        "height": 200,
+        "fx": 410.0,
+        "fy": 410.0,
+        "cx": 160.0,
+        "cy": 100.0,
+        "rotation": rotation.tolist(),
+        "translation": camera.translation.tolist(),
+    }
     other = {**view, "name": "orbit_007", "order": None}
     path = tmp_path / "next_views.json"
     path.write_text(json.dumps({"views": [other, view]}))

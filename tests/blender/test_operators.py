@@ -70,8 +70,14 @@ def test_in_an_empty_scene_a_button_says_what_is_missing(operator: str, words: s
 
 
 def test_no_operator_is_forgotten() -> None:
-    always = {"dgs.import_twin", "dgs.import_cameras", "dgs.prepare_scene", "dgs.choose_photos", "dgs.check_engine",
-              "dgs.measure_psf"}  # fmt: skip
+    always = {
+        "dgs.import_twin",
+        "dgs.import_cameras",
+        "dgs.prepare_scene",
+        "dgs.choose_photos",
+        "dgs.check_engine",
+        "dgs.measure_psf",
+    }
     source = Path(__file__).read_text("utf-8")
     for kind in operators.CLASSES:
         if issubclass(kind, bpy.types.Operator) and kind.bl_idname not in always:

@@ -112,11 +112,12 @@ def test_gloss_turns_with_the_twin(cloud: GaussianCloud, tmp_path: Path) -> None
 
 def test_the_nearer_of_two_covers_the_other(cloud: GaussianCloud, tmp_path: Path) -> None:
     two = GaussianCloud(
-        means=np.array([[0, 0, 6], [0, 0, 4]], np.float32), log_scales=np.full((2, 3), -1.6, np.float32),
+        means=np.array([[0, 0, 6], [0, 0, 4]], np.float32),
+        log_scales=np.full((2, 3), -1.6, np.float32),
         quaternions=np.tile(np.array([1, 0, 0, 0], np.float32), (2, 1)),
         opacity_logits=np.array([4.0, 1.0], np.float32),
         sh=np.array([[[1.7, -1.7, -1.7]], [[-1.7, 1.7, -1.7]]], np.float32),
-    )  # fmt: skip
+    )
     add_twin(two, "two", bpy.context.scene.collection)
     red, green, _, alpha = _cycles(tmp_path)[46:50, 46:50].mean(axis=(0, 1))
     near, far = 1 / (1 + np.exp(-1.0)), 1 / (1 + np.exp(-4.0))

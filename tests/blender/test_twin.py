@@ -145,10 +145,12 @@ def test_a_million_splats_in_two_seconds(tmp_path: Path) -> None:
     count = 1_000_000
     generator = np.random.default_rng(0)
     many = GaussianCloud(
-        generator.random((count, 3), np.float32), np.full((count, 3), -6, np.float32),
-        generator.random((count, 4), np.float32), np.zeros(count, np.float32),
+        generator.random((count, 3), np.float32),
+        np.full((count, 3), -6, np.float32),
+        generator.random((count, 4), np.float32),
+        np.zeros(count, np.float32),
         generator.random((count, 1, 3), np.float32),
-    )  # fmt: skip
+    )
     write_ply(tmp_path / "many.ply", many)
     started = time.thread_time()
     add_twin(read_ply(tmp_path / "many.ply"), "many", bpy.context.scene.collection)

@@ -152,8 +152,11 @@ def test_states_stand_on_the_timeline(scene: Any) -> None:
     assert len(things) == 3
     assert len([o for o in scene.objects if STATE in o]) == 3
     assert {m.frame: m.name for m in scene.timeline_markers} == {
-        7: "state of play", 1: "out state 0", 11: "out state 1: 2 new photos", 21: "out state 2: 2 new photos"
-    }  # fmt: skip
+        7: "state of play",
+        1: "out state 0",
+        11: "out state 1: 2 new photos",
+        21: "out state 2: 2 new photos",
+    }
     for frame, shown in ((1, 0), (10, 0), (11, 1), (20, 1), (21, 2), (30, 2)):
         scene.frame_set(frame)
         assert [not thing.hide_viewport for thing in things] == [number == shown for number in range(3)], frame

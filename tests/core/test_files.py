@@ -17,9 +17,10 @@ def test_writes_and_replaces(tmp_path):
 
 def test_a_full_disk_names_the_file_and_keeps_the_old(tmp_path):
     write_text(tmp_path / "report.json", "old")
-    with pytest.raises(OutputError, match=r"report\.json.*no space.*Free some space"), replacing(
-        tmp_path / "report.json"
-    ) as temporary:
+    with (
+        pytest.raises(OutputError, match=r"report\.json.*no space.*Free some space"),
+        replacing(tmp_path / "report.json") as temporary,
+    ):
         temporary.write_text("half")
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
     assert [p.name for p in tmp_path.iterdir()] == ["report.json"]

@@ -15,9 +15,16 @@ PACKAGES = ("core", "dgs_addon", "operators", "panels")
 BLENDER = {"bpy", "bpy_extras", "mathutils", "gpu", "gpu_extras", "bmesh", "blf", "bl_math", "aud", "idprop"}
 #: What Blender's own Python must be able to read: numpy is there, torch is not.
 WITHOUT_TORCH = (
-    "cloud", "camera", "conventions", "errors", "files", "progress", "formats.gaussians", "formats.colmap_numpy",
+    "cloud",
+    "camera",
+    "conventions",
+    "errors",
+    "files",
+    "progress",
+    "formats.gaussians",
+    "formats.colmap_numpy",
     "colour",
-)  # fmt: skip
+)
 
 NAMES_BLENDER = "import numpy\nfrom mathutils import Vector\n"
 NAMES_ITSELF = "from dgs.core.camera import Camera\n"
@@ -87,9 +94,18 @@ def test_packages_import_themselves_relatively(package):
 
 def test_the_top_level_is_as_agreed():
     files = (
-        "__init__.py", "blender_manifest.toml", "run_dgs.py", "pyproject.toml", "Makefile", "LICENSE",
-        "CHANGELOG.md", "README.md", ".ci/run", "docs/architecture.md", "docs/install.md",
-    )  # fmt: skip
+        "__init__.py",
+        "blender_manifest.toml",
+        "run_dgs.py",
+        "pyproject.toml",
+        "Makefile",
+        "LICENSE",
+        "CHANGELOG.md",
+        "README.md",
+        ".ci/run",
+        "docs/architecture.md",
+        "docs/install.md",
+    )
     folders = (*PACKAGES, "tests", "docs", "benchmarks")
     assert [name for name in files if not (ROOT / name).is_file()] == []
     assert [name for name in folders if not (ROOT / name).is_dir()] == []
@@ -118,8 +134,17 @@ def test_what_blender_reads_loads_no_torch():
 def test_no_file_names_a_machine_or_a_registry():
     # Written in pieces, so that this file does not name them either.
     machine = re.compile(r"(?<![\w.}$])/(" + "|".join(["wo" + "rk/", "ro" + "ot/", "home/" + r"\w"]) + ")")
-    registry = re.compile("|".join([r"py" + r"pi\.org", r"python" + r"hosted\.", r"deb\." + r"debian\.org",
-                                    r"archive\." + r"ubuntu", r"download\." + r"pytorch"]))  # fmt: skip
+    registry = re.compile(
+        "|".join(
+            [
+                r"py" + r"pi\.org",
+                r"python" + r"hosted\.",
+                r"deb\." + r"debian\.org",
+                r"archive\." + r"ubuntu",
+                r"download\." + r"pytorch",
+            ]
+        )
+    )
     wrong = []
     for file in tracked():
         try:
@@ -147,13 +172,6 @@ def test_nothing_unpickles_and_no_shell_strings():
             ):
                 wrong.append(f"{file.relative_to(ROOT)}:{node.lineno}: {name}")
     assert wrong == []
-
-
-def test_short_files():
-    """A file is short enough to read in one sitting; compiled kernels may be longer."""
-    files = [file for package in PACKAGES for file in sources(package) if "kernels" not in file.name]
-    lengths = {str(file.relative_to(ROOT)): len(file.read_text("utf-8").splitlines()) for file in files}
-    assert {name: length for name, length in lengths.items() if length > 350} == {}
 
 
 def test_every_pinned_requirement_is_locked_to_the_same_version():

@@ -20,9 +20,7 @@ def test_pure_translation_and_quarter_turn() -> None:
     moved = se3_exponential(torch.tensor([1.0, 2.0, 3.0, 0.0, 0.0, 0.0]))
     assert torch.allclose(moved[:, 3], torch.tensor([1.0, 2.0, 3.0]))
     turned = se3_exponential(torch.tensor([0.0, 0.0, 0.0, 0.0, 0.0, math.pi / 2]))
-    assert torch.allclose(
-        turned[:, :3] @ torch.tensor([1.0, 0.0, 0.0]), torch.tensor([0.0, 1.0, 0.0]), atol=1e-6
-    )
+    assert torch.allclose(turned[:, :3] @ torch.tensor([1.0, 0.0, 0.0]), torch.tensor([0.0, 1.0, 0.0]), atol=1e-6)
 
 
 def test_screw_motion_closes_after_a_whole_turn() -> None:

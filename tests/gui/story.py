@@ -192,10 +192,15 @@ def _figures(ticks: list[Tick]) -> dict[str, object]:
     gaps, undrawn = sorted(tick.gap for tick in ticks), sorted(tick.gap for tick in ticks if not tick.drawn)
     late = [tick for tick in ticks if tick.gap > 0.1]
     return {
-        "ticks": len(ticks), "usual": _usual(gaps), "worst": gaps[-1], "undrawn": len(undrawn) / len(gaps),
-        "undrawn_usual": _usual(undrawn), "late": len(late), "load": os.getloadavg()[0],
+        "ticks": len(ticks),
+        "usual": _usual(gaps),
+        "worst": gaps[-1],
+        "undrawn": len(undrawn) / len(gaps),
+        "undrawn_usual": _usual(undrawn),
+        "late": len(late),
+        "load": os.getloadavg()[0],
         "waited": sum(tick.gap - tick.worked > 0.1 for tick in late),
-    }  # fmt: skip
+    }
 
 
 def _usual(ranked: list[float]) -> float:

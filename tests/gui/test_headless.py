@@ -28,16 +28,49 @@ def test_blender_passes_the_work_on_to_the_engine(tmp_path: Path) -> None:
     if reason:
         pytest.skip(reason)
     subprocess.run(
-        [sys.executable, str(ROOT / "run_dgs.py"), "synthesize", "--out", str(tmp_path / "set"), "--views", "10",
-         "--size", "240x160", "--psf", "gaussian:1.5", "--samples", "2", "--progress", "none"],
+        [
+            sys.executable,
+            str(ROOT / "run_dgs.py"),
+            "synthesize",
+            "--out",
+            str(tmp_path / "set"),
+            "--views",
+            "10",
+            "--size",
+            "240x160",
+            "--psf",
+            "gaussian:1.5",
+            "--samples",
+            "2",
+            "--progress",
+            "none",
+        ],
         check=True,
-    )  # fmt: skip
+    )
     # The engine sees another /tmp than Blender does: the clone must lie where both see it.
     clone = tmp_path / "clone"
     shutil.copytree(ROOT, clone, ignore=shutil.ignore_patterns(".*", "data", "runs", "dist", "demo_output"))
-    command = ["blender", "-b", "-P", str(clone / "run_dgs.py"), "--", "reconstruct", str(tmp_path / "set" / "photos"),
-               "--cameras", str(tmp_path / "set" / "cameras"), "--out", str(tmp_path / "twin"),
-               "--psf", "gaussian:1.5", "--preset", "draft", "--time-limit", "20s", "--progress", "none"]  # fmt: skip
+    command = [
+        "blender",
+        "-b",
+        "-P",
+        str(clone / "run_dgs.py"),
+        "--",
+        "reconstruct",
+        str(tmp_path / "set" / "photos"),
+        "--cameras",
+        str(tmp_path / "set" / "cameras"),
+        "--out",
+        str(tmp_path / "twin"),
+        "--psf",
+        "gaussian:1.5",
+        "--preset",
+        "draft",
+        "--time-limit",
+        "20s",
+        "--progress",
+        "none",
+    ]
     window.run(SUITE, tmp_path, command, 300, window=False)
     report = json.loads((tmp_path / "twin" / "report.json").read_text("utf-8"))
     assert report["photos"]["registered"] == 10 and report["gaussians"] > 0

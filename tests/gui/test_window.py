@@ -36,10 +36,24 @@ def seen(tmp_path_factory: pytest.TempPathFactory) -> dict[str, object]:
     work = tmp_path_factory.mktemp("window")
     python = [sys.executable, str(ROOT / "run_dgs.py")]
     subprocess.run(
-        [*python, "synthesize", "--out", str(work / "set"), "--views", "12", "--size", "240x160", "--psf",
-         "gaussian:1.5", "--samples", "4", "--progress", "none"],
+        [
+            *python,
+            "synthesize",
+            "--out",
+            str(work / "set"),
+            "--views",
+            "12",
+            "--size",
+            "240x160",
+            "--psf",
+            "gaussian:1.5",
+            "--samples",
+            "4",
+            "--progress",
+            "none",
+        ],
         check=True,
-    )  # fmt: skip
+    )
     shutil.move(work / "set" / "photos", work / "photos")
     subprocess.run([sys.executable, str(ROOT / "tools" / "extension.py")], check=True, capture_output=True)
     package = shutil.copy(ROOT / "dist" / f"dgs-{VERSION}.zip", work)

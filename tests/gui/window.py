@@ -64,11 +64,16 @@ def environment(work: Path) -> dict[str, str]:
     resources.mkdir(exist_ok=True)
     (work / "tmp").mkdir(exist_ok=True)  # /tmp is another one for the engine
     return {
-        "PATH": "/usr/local/bin:/usr/bin:/bin:/usr/games:/usr/sbin:/sbin", "HOME": str(work), "LANG": "C.UTF-8",
-        "TMPDIR": str(work / "tmp"), "DISPLAY": ":99", "LIBGL_ALWAYS_SOFTWARE": "1",
+        "PATH": "/usr/local/bin:/usr/bin:/bin:/usr/games:/usr/sbin:/sbin",
+        "HOME": str(work),
+        "LANG": "C.UTF-8",
+        "TMPDIR": str(work / "tmp"),
+        "DISPLAY": ":99",
+        "LIBGL_ALWAYS_SOFTWARE": "1",
         "BLENDER_USER_RESOURCES": str(resources),
-        "DGS_ENGINE_PYTHON": str(engine), "OMP_WAIT_POLICY": "passive",
-    }  # fmt: skip
+        "DGS_ENGINE_PYTHON": str(engine),
+        "OMP_WAIT_POLICY": "passive",
+    }
 
 
 def run(suite: str, work: Path, command: list[str], seconds: float, window: bool = True) -> str:
@@ -81,10 +86,29 @@ def run(suite: str, work: Path, command: list[str], seconds: float, window: bool
     if window:
         line = _DISPLAY.format(width=SCREEN[0], height=SCREEN[1], command=line)
     process = subprocess.Popen(
-        ["unshare", "-m", "-n", "-p", "-f", "--kill-child", "bash", "-c", _NAMESPACE, "bash", str(_CACHE / suite),
-         str(work), "bash", "-c", line],
-        env=environment(work), stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace",
-    )  # fmt: skip
+        [
+            "unshare",
+            "-m",
+            "-n",
+            "-p",
+            "-f",
+            "--kill-child",
+            "bash",
+            "-c",
+            _NAMESPACE,
+            "bash",
+            str(_CACHE / suite),
+            str(work),
+            "bash",
+            "-c",
+            line,
+        ],
+        env=environment(work),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        errors="replace",
+    )
     try:
         words = process.communicate(timeout=seconds)[0]
     except subprocess.TimeoutExpired:

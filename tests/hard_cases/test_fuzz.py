@@ -38,9 +38,11 @@ def scenes(draw, element=ANY):
     focal = draw(st.floats(0.5, 1e4))
     camera = Camera("", width, height, focal, focal, width / 2, height / 2, np.eye(3), np.zeros(3))
     how = RasterSettings(
-        low_pass=draw(st.sampled_from([0.05, 0.3, 2.0])), antialias=draw(st.booleans()), depth=draw(st.booleans()),
+        low_pass=draw(st.sampled_from([0.05, 0.3, 2.0])),
+        antialias=draw(st.booleans()),
+        depth=draw(st.booleans()),
         alpha_minimum=draw(st.sampled_from([ALPHA_MINIMUM, 0.0])),
-    )  # fmt: skip
+    )
     return packed(values, count, coefficients), camera, how
 
 
@@ -80,8 +82,12 @@ def test_what_is_not_before_the_near_plane_must_be_culled(backend, z, x, y):
     assert float(view.alpha.abs().max()) == 0.0 and sum(view.screen.culled.values()) == 1
 
 
-@given(sigma=arrays(np.float64, 2, elements=st.floats(0, 12)), angle=st.floats(-360, 360), margin=st.integers(0, 9),
-       seed=st.integers(0, 99))  # fmt: skip
+@given(
+    sigma=arrays(np.float64, 2, elements=st.floats(0, 12)),
+    angle=st.floats(-360, 360),
+    margin=st.integers(0, 9),
+    seed=st.integers(0, 99),
+)
 @QUICK
 def test_any_gaussian_point_spread(sigma, angle, margin, seed):
     psf = PointSpread("gaussian", float(sigma[0]), float(sigma[1]), angle)
@@ -133,10 +139,15 @@ def test_any_text_for_a_point_spread(text):
     assert psf is None or (np.isfinite(psf.covariance).all() and psf.source == text.strip())
 
 
-@given(photo=arrays(np.float32, (3, 13, 18), elements=st.one_of(st.floats(0, 1, width=32), st.sampled_from(
-           [np.nan, np.inf, -np.inf, 1.0, 0.0, 1e4]))),
-       image=arrays(np.float32, (3, 13, 18), elements=st.floats(-1e4, 1e4, width=32)),
-       weight=st.floats(0, 1))  # fmt: skip
+@given(
+    photo=arrays(
+        np.float32,
+        (3, 13, 18),
+        elements=st.one_of(st.floats(0, 1, width=32), st.sampled_from([np.nan, np.inf, -np.inf, 1.0, 0.0, 1e4])),
+    ),
+    image=arrays(np.float32, (3, 13, 18), elements=st.floats(-1e4, 1e4, width=32)),
+    weight=st.floats(0, 1),
+)
 @QUICK
 def test_any_photo_and_any_finite_image(photo, image, weight):
     y, x = torch.from_numpy(photo), torch.from_numpy(image)

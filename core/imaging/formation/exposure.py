@@ -64,5 +64,7 @@ class Exposure(Effect):
 
     def described(self) -> dict[str, object]:
         """Gain of each channel by photo."""
-        return {name: [round(float(v), 4) for v in row.exp()] for name, row in
-                zip(self.names, self.parameters["log_gains"].detach(), strict=True)}  # fmt: skip
+        return {
+            name: [round(float(v), 4) for v in row.exp()]
+            for name, row in zip(self.names, self.parameters["log_gains"].detach(), strict=True)
+        }

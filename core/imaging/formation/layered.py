@@ -108,8 +108,15 @@ class LayeredBlur:
             from .layered_kernels import weighed
 
             out = torch.empty((len(light) + 1, *light.shape[1:]))
-            run(weighed, light.shape[1], light.contiguous().numpy(), self._variance.numpy(),
-                *np.asarray(tent, np.float32), out.numpy(), grain=_GRAIN)  # fmt: skip
+            run(
+                weighed,
+                light.shape[1],
+                light.contiguous().numpy(),
+                self._variance.numpy(),
+                *np.asarray(tent, np.float32),
+                out.numpy(),
+                grain=_GRAIN,
+            )
             return out
         weight = self._weight(tent)[None]
         return torch.cat([weight * light, weight])
@@ -124,8 +131,17 @@ class LayeredBlur:
         if self._compiled(light):
             from .layered_kernels import gathered
 
-            run(gathered, light.shape[1], back.contiguous().numpy(), light.contiguous().numpy(), v.numpy(),
-                *np.asarray(tent, np.float32), gradient.numpy(), in_variance.numpy(), grain=_GRAIN)  # fmt: skip
+            run(
+                gathered,
+                light.shape[1],
+                back.contiguous().numpy(),
+                light.contiguous().numpy(),
+                v.numpy(),
+                *np.asarray(tent, np.float32),
+                gradient.numpy(),
+                in_variance.numpy(),
+                grain=_GRAIN,
+            )
             return
         r0, r1, f0, f1 = tent
         rising, falling = r0 + r1 * v, f0 + f1 * v

@@ -28,9 +28,18 @@ def weighed(begin: int, end: int, light: Any, variance: Any, r0: Any, r1: Any, f
 
 @kernel
 def gathered(
-    begin: int, end: int, back: Any, light: Any, variance: Any, r0: Any, r1: Any, f0: Any, f1: Any, gradient: Any,
+    begin: int,
+    end: int,
+    back: Any,
+    light: Any,
+    variance: Any,
+    r0: Any,
+    r1: Any,
+    f0: Any,
+    f1: Any,
+    gradient: Any,
     in_variance: Any,
-) -> None:  # fmt: skip
+) -> None:
     """Items are rows: adds a level's part to the gradients in light [C, h, w] and in variance [h, w].
 
     back: [C + 1, h, w] what came back through the level's blur: of every channel, and of all together last.

@@ -41,8 +41,9 @@ def inspect(photos: PhotoSet) -> Evidence:
     round_ = sx < 1.15 * sy
     shape = "alike in all directions" if round_ else f"{sx:.1f} x {sy:.1f} px, the longer axis at {angle:.0f} degrees"
     text = f"Spectra fall as under a blur of {value:.2f} px (sigma), {shape}"
-    evidence = judged("blur", value, error, SMALLEST, "px", text,
-                      sigma_x=round(sx, 3), sigma_y=round(sy, 3), angle=round(angle, 1))  # fmt: skip
+    evidence = judged(
+        "blur", value, error, SMALLEST, "px", text, sigma_x=round(sx, 3), sigma_y=round(sy, 3), angle=round(angle, 1)
+    )
     sigmas = {name: math.sqrt(max(blur.variance, 0.0)) for name, blur in known}
     evidence.plots.update(sigmas=sigmas)
     return evidence

@@ -43,6 +43,10 @@ def inspect(photos: PhotoSet) -> Evidence:
     value = float(np.sqrt(max(mean, 0.0)))
     error = max(deviation / max(2 * value, 0.03), 0.004)
     return judged(
-        "view_dependence", value, error, SMALLEST, "relative",
+        "view_dependence",
+        value,
+        error,
+        SMALLEST,
+        "relative",
         f"A point's light changes by {100 * value:.1f} % (rms) with the direction of view",
-    )  # fmt: skip
+    )

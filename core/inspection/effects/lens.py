@@ -18,6 +18,10 @@ def inspect(photos: PhotoSet) -> Evidence:
     shifts = [lens.largest_shift() for lens in set(photos.cameras.lenses.values())]
     value = float(np.median(shifts))
     return judged(
-        "lens_distortion", value, max(0.1 * value, 0.2), SMALLEST, "px",
+        "lens_distortion",
+        value,
+        max(0.1 * value, 0.2),
+        SMALLEST,
+        "px",
         f"The lens moves the corners by {value:.1f} px; photos are straightened with the cameras' own lenses",
-    )  # fmt: skip
+    )

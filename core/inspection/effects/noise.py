@@ -34,5 +34,13 @@ def inspect(photos: PhotoSet) -> Evidence:
     error = float(1.4826 * np.median(np.abs(steps - np.median(steps))) / np.sqrt(len(steps)))
     dark, bright = 255.0 * np.median(np.array(rows), axis=0)
     text = f"The quietest blocks vary by {value:.2f} steps of 255 (dark halves {dark:.2f}, bright halves {bright:.2f})"
-    return judged("noise", value, max(error, 0.08 * value), SMALLEST, "8-bit steps", text,
-                  dark=round(float(dark), 3), bright=round(float(bright), 3))  # fmt: skip
+    return judged(
+        "noise",
+        value,
+        max(error, 0.08 * value),
+        SMALLEST,
+        "8-bit steps",
+        text,
+        dark=round(float(dark), 3),
+        bright=round(float(bright), 3),
+    )

@@ -19,6 +19,10 @@ def inspect(photos: PhotoSet) -> Evidence:
     draws = fit.gains_draws - fit.gains_draws.mean(axis=2, keepdims=True)
     value, error = spread(tint, draws)
     return judged(
-        "white_balance", value, error, SMALLEST, "relative",
+        "white_balance",
+        value,
+        error,
+        SMALLEST,
+        "relative",
         f"The channels of the same points differ by {100 * value:.1f} % (rms) from photo to photo",
-    )  # fmt: skip
+    )

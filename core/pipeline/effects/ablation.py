@@ -87,9 +87,14 @@ class Ablation:
         self.step = max(1, min((min(v.camera.width, v.camera.height) for v in self.views), default=1) // SIDE)
         self._asked = settings
         self.settings = replace(
-            settings, steps=min(STEPS, settings.steps), time_limit=None, until=None, min_steps=0, grid_step=None,
+            settings,
+            steps=min(STEPS, settings.steps),
+            time_limit=None,
+            until=None,
+            min_steps=0,
+            grid_step=None,
             max_gaussians=min(GAUSSIANS, settings.max_gaussians),
-        )  # fmt: skip
+        )
         self._full, self.medium = medium, medium.on_grid(self.step)
         self._known: dict[tuple[str, ...], Array] = {}
 

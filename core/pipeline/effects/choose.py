@@ -51,9 +51,14 @@ class Chosen:
 
 
 def choose_effects(
-    asked: str, photos: Sequence[Photo], cameras: Reconstruction, views: Sequence[View], medium: Medium,
-    settings: TrainingSettings, progress: Progress,
-) -> Chosen:  # fmt: skip
+    asked: str,
+    photos: Sequence[Photo],
+    cameras: Reconstruction,
+    views: Sequence[View],
+    medium: Medium,
+    settings: TrainingSettings,
+    progress: Progress,
+) -> Chosen:
     """Inspects the photos, tries what they call for, and decides.
 
     Args:
@@ -105,9 +110,13 @@ def choose_effects(
 
 
 def _tried(
-    name: str, source: PhotoSet, effects: dict[str, Effect], chosen: Chosen, ablation: Ablation | None,
+    name: str,
+    source: PhotoSet,
+    effects: dict[str, Effect],
+    chosen: Chosen,
+    ablation: Ablation | None,
     progress: Progress,
-) -> Decision:  # fmt: skip
+) -> Decision:
     """Ablation of one effect on top of those that are on; switches it on where it gains."""
     began = time.perf_counter()
     assert ablation is not None
@@ -180,6 +189,12 @@ def _with_evidence(decision: Decision, found: dict[str, Evidence], effects: dict
     seconds = decision.seconds + sum(e.seconds for e in speakers)
     parameters = dict(effects[decision.name].described()) if decision.on and decision.name in effects else None
     return Decision(
-        decision.name, decision.on, decision.why, first.plain(), decision.gain_db, decision.gain_error_db, seconds,
+        decision.name,
+        decision.on,
+        decision.why,
+        first.plain(),
+        decision.gain_db,
+        decision.gain_error_db,
+        seconds,
         parameters,
-    )  # fmt: skip
+    )

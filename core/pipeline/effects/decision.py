@@ -39,9 +39,15 @@ class Decision:
     def plain(self) -> dict[str, Any]:
         """For JSON."""
         return {
-            "name": self.name, "on": self.on, "why": self.why, "evidence": self.evidence, "gain_db": self.gain_db,
-            "gain_error_db": self.gain_error_db, "seconds": round(self.seconds, 3), "parameters": self.parameters,
-        }  # fmt: skip
+            "name": self.name,
+            "on": self.on,
+            "why": self.why,
+            "evidence": self.evidence,
+            "gain_db": self.gain_db,
+            "gain_error_db": self.gain_error_db,
+            "seconds": round(self.seconds, 3),
+            "parameters": self.parameters,
+        }
 
 
 def parse_effects(text: str) -> tuple[str, tuple[str, ...]]:

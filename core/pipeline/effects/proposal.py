@@ -23,9 +23,14 @@ from ...training.scale import scene_scale
 
 #: Which evidence speaks for an effect.
 SPEAKS = {
-    "exposure": ("exposure", "white_balance"), "vignetting": ("vignetting",), "haze": ("haze",),
-    "saturation": ("saturation",), "defocus": ("defocus",), "field_blur": ("field_blur",), "motion": ("motion",),
-}  # fmt: skip
+    "exposure": ("exposure", "white_balance"),
+    "vignetting": ("vignetting",),
+    "haze": ("haze",),
+    "saturation": ("saturation",),
+    "defocus": ("defocus",),
+    "field_blur": ("field_blur",),
+    "motion": ("motion",),
+}
 #: A channel's gain that is less certain than this (natural log) is not taken.
 LEAST_CERTAIN = 0.1
 #: Least attenuation (per median depth) that a veil is divided by.

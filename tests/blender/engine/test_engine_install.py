@@ -91,5 +91,5 @@ def test_the_engine_gets_what_the_repository_was_tested_with() -> None:
     def lines(path: Path) -> set[str]:
         return {line.strip() for line in path.read_text("utf-8").splitlines() if line.strip() and line[0] != "#"}
 
-    wanted = {line.split(";")[0] for line in lines(REQUIREMENTS) if 'python_version >=' not in line}
+    wanted = {line.split(";")[0] for line in lines(REQUIREMENTS) if "python_version >=" not in line}
     assert wanted == lines(ROOT / "requirements.txt")

@@ -77,8 +77,8 @@ def exact_view_is_the_engines(scene: object, renders: Path) -> None:
     name = Path(scene.camera["dgs_photo"]).stem
     wanted = pixels(bpy.data.images.load(str(renders / f"{name}.png")))
     twin = scene.camera.parent
-    twin.matrix_world = Matrix.Translation((3, 1, -2)) @ Matrix.Rotation(0.7, 4, "Z") @ Matrix.Scale(2.5, 4) @ (
-        twin.matrix_world
+    twin.matrix_world = (
+        Matrix.Translation((3, 1, -2)) @ Matrix.Rotation(0.7, 4, "Z") @ Matrix.Scale(2.5, 4) @ (twin.matrix_world)
     )
     bpy.context.view_layer.update()
     assert bpy.ops.dgs.exact_view() == {"FINISHED"}
@@ -137,8 +137,9 @@ def test_cancel_keeps_what_was_done_and_resume_ends_it(scene: object, tmp_path: 
     record = read_record(tmp_path / "out")
     again = runner.start(
         Request("reconstruct", Path(record.photos), tmp_path / "out", record.arguments, resume=True),
-        Path(sys.executable), scene,
-    )  # fmt: skip
+        Path(sys.executable),
+        scene,
+    )
     until(lambda: again.state.marks)
     assert again.state.marks[0].step >= done
     runner.cancel()
@@ -189,8 +190,11 @@ def test_the_engine_dies_with_its_blender_and_the_next_one_can_resume(scene: obj
     out = tmp_path / "out"
     done = subprocess.run(
         [sys.executable, "-c", _ORPHAN, str(ROOT), str(request.photos), str(out), *request.arguments],
-        capture_output=True, text=True, timeout=120, check=False,
-    )  # fmt: skip
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
     assert done.returncode == -signal.SIGKILL, done.stderr
     pid = int(done.stdout.split()[-1])
     end = time.monotonic() + 10

@@ -37,10 +37,12 @@ def test_fast_windows_are_drawn_often_and_slow_ones_seldom() -> None:
 def test_a_live_twin_has_few_splats_that_still_cover_it() -> None:
     count = 1000
     cloud = GaussianCloud(
-        means=np.arange(3 * count, dtype=np.float32).reshape(count, 3), log_scales=np.zeros((count, 3), np.float32),
-        quaternions=np.ones((count, 4), np.float32), opacity_logits=np.zeros(count, np.float32),
+        means=np.arange(3 * count, dtype=np.float32).reshape(count, 3),
+        log_scales=np.zeros((count, 3), np.float32),
+        quaternions=np.ones((count, 4), np.float32),
+        opacity_logits=np.zeros(count, np.float32),
         sh=np.zeros((count, 1, 3), np.float32),
-    )  # fmt: skip
+    )
     few = thinned(cloud, 250)
     assert len(few) == 250 and few.means[0, 0] == 0.0 and few.means[-1, 2] == 3 * count - 1
     assert np.allclose(np.exp(2 * few.log_scales) * len(few), count)  # the areas' sum stays

@@ -13,9 +13,18 @@ from skimage import io
 pytest.importorskip("bpy")
 
 TINY = SynthesizeSettings(
-    views=2, width=32, height=24, psf="gaussian:1", overscan=6, samples=1, denoise=False,
-    masks=True, depth=True, keep_linear=True, path="orbit",
-)  # fmt: skip
+    views=2,
+    width=32,
+    height=24,
+    psf="gaussian:1",
+    overscan=6,
+    samples=1,
+    denoise=False,
+    masks=True,
+    depth=True,
+    keep_linear=True,
+    path="orbit",
+)
 
 
 @pytest.fixture(scope="module")

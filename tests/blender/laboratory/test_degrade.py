@@ -18,9 +18,12 @@ def test_two_tone_edge_in_both_spaces(space):
     dark, bright = 0.05, 0.8
     linear = np.full((41, 81, 3), dark, dtype=np.float32)
     linear[:, 40:] = bright
-    photo = degrade.photograph(
-        linear, degrade.kernel_of("gaussian:3"), blur_space=space, margin=0, bits=16, noise=0.0, seed=(0, 0)
-    )[20, :, 0] / 65535  # fmt: skip
+    photo = (
+        degrade.photograph(
+            linear, degrade.kernel_of("gaussian:3"), blur_space=space, margin=0, bits=16, noise=0.0, seed=(0, 0)
+        )[20, :, 0]
+        / 65535
+    )
     # The sampled kernel adds whole pixels; integrated over a pixel it is the error function.
     share = special.ndtr((np.arange(81) + 0.5 - 40) / 3.0)
     if space == "linear":

@@ -17,8 +17,8 @@ from dgs.dgs_addon.laboratory import SynthesizeSettings, degrade, rail, synthesi
 from PIL import Image  # noqa: E402
 
 TINY = SynthesizeSettings(
-    views=3, width=48, height=32, psf="gaussian:1", overscan=6, samples=1, denoise=False, masks=True, depth=True,
-)  # fmt: skip
+    views=3, width=48, height=32, psf="gaussian:1", overscan=6, samples=1, denoise=False, masks=True, depth=True
+)
 EXPORTS = {
     "obj": lambda path: bpy.ops.wm.obj_export(filepath=path),
     "ply": lambda path: bpy.ops.wm.ply_export(filepath=path),

@@ -21,7 +21,7 @@ FOCAL = WIDTH * LENS / 36  # px
 DEPTH = 2.0
 PLAIN = SynthesizeSettings(
     views=1, width=WIDTH, height=HEIGHT, psf="none", bits=16, samples=200, denoise=False, overscan=4
-)  # fmt: skip
+)
 
 
 def patch(file: Path, depth: float = DEPTH, frames: int = 3) -> SynthesizeSettings:

@@ -21,9 +21,17 @@ from PIL import Image  # noqa: E402
 from scipy.ndimage import gaussian_filter  # noqa: E402
 
 TINY = SynthesizeSettings(
-    views=3, width=32, height=24, psf="gaussian:1", overscan=6, samples=1, denoise=False,
-    masks=True, depth=True, keep_linear=True,
-)  # fmt: skip
+    views=3,
+    width=32,
+    height=24,
+    psf="gaussian:1",
+    overscan=6,
+    samples=1,
+    denoise=False,
+    masks=True,
+    depth=True,
+    keep_linear=True,
+)
 
 
 class StopsAfter(Silent):

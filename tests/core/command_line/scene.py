@@ -43,9 +43,7 @@ def scene_cameras(count: int = 9) -> list[Camera]:
         right /= np.linalg.norm(right)
         rotation = np.stack([right, np.cross(forward, right), forward])
         name = f"phöto {index:02d}.png"
-        cameras.append(
-            Camera(name, WIDTH, HEIGHT, 180.0, 180.0, WIDTH / 2, HEIGHT / 2, rotation, -rotation @ centre)
-        )
+        cameras.append(Camera(name, WIDTH, HEIGHT, 180.0, 180.0, WIDTH / 2, HEIGHT / 2, rotation, -rotation @ centre))
     return cameras
 
 
@@ -66,6 +64,7 @@ def write_scene(folder: Path) -> None:
             Image.fromarray(pixels).save(folder / where / camera.name)
     points = gaussians.means.double().numpy()
     write_model(
-        folder / "model", {camera.name: camera for camera in cameras},
+        folder / "model",
+        {camera.name: camera for camera in cameras},
         SparsePoints(points, np.full((len(points), 3), 128, np.uint8)),
-    )  # fmt: skip
+    )

@@ -20,10 +20,25 @@ ROOT = Path(dgs.__file__).parent
 def start(tmp_path):
     write_scene(tmp_path)
     command = [
-        sys.executable, str(ROOT / "run_dgs.py"), "reconstruct", str(tmp_path / "photos"),
-        "--out", str(tmp_path / "out"), "--cameras", str(tmp_path / "model"), "--psf", f"gaussian:{SIGMA}",
-        "--preset", "fine", "--max-gaussians", "2000", "--progress", "json", "--control", "--snapshots",
-    ]  # fmt: skip
+        sys.executable,
+        str(ROOT / "run_dgs.py"),
+        "reconstruct",
+        str(tmp_path / "photos"),
+        "--out",
+        str(tmp_path / "out"),
+        "--cameras",
+        str(tmp_path / "model"),
+        "--psf",
+        f"gaussian:{SIGMA}",
+        "--preset",
+        "fine",
+        "--max-gaussians",
+        "2000",
+        "--progress",
+        "json",
+        "--control",
+        "--snapshots",
+    ]
     process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, encoding="utf-8")
     yield process
     process.kill()

@@ -44,8 +44,16 @@ def own_cache(tmp_path_factory) -> Path:
 
 
 def settings(scene: Path, out: Path, **changes) -> ReconstructSettings:
-    return ReconstructSettings(photos=scene / "photos", out=out, psf=PSF, cameras=scene / "model", threads=1,
-                               max_gaussians=1500, holdout_every=4, **changes)  # fmt: skip
+    return ReconstructSettings(
+        photos=scene / "photos",
+        out=out,
+        psf=PSF,
+        cameras=scene / "model",
+        threads=1,
+        max_gaussians=1500,
+        holdout_every=4,
+        **changes,
+    )
 
 
 def test_time_that_helps_nobody_is_not_used(scene, tmp_path, monkeypatch):
@@ -76,8 +84,22 @@ def test_the_time_is_kept_and_all_of_it_is_used(scene, tmp_path, monkeypatch):
 
 
 def test_an_estimate_is_compared_with_what_it_took(scene, tmp_path, capsys, own_cache):
-    words = ["estimate", str(scene / "photos"), "--psf", PSF, "--cameras", str(scene / "model"), "--threads", "1",
-             "--max-gaussians", "1500", "--holdout-every", "4", "--progress", "none"]  # fmt: skip
+    words = [
+        "estimate",
+        str(scene / "photos"),
+        "--psf",
+        PSF,
+        "--cameras",
+        str(scene / "model"),
+        "--threads",
+        "1",
+        "--max-gaussians",
+        "1500",
+        "--holdout-every",
+        "4",
+        "--progress",
+        "none",
+    ]
     assert run([*words, "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert set(told["presets"]) == {"draft", "balanced", "fine"} and told["photos"] == 9

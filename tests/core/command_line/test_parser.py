@@ -90,6 +90,8 @@ def test_a_python_without_the_engine_says_what_to_use() -> None:
     """`-S` leaves out the installed packages, as a bare Python (or Blender's) would."""
     done = subprocess.run(
         [sys.executable, "-S", str(ROOT / "run_dgs.py"), "reconstruct", "photos", "--out", "x"],
-        capture_output=True, text=True, check=False,
-    )  # fmt: skip
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     assert done.returncode == 2 and "make setup" in done.stderr and "Traceback" not in done.stderr

@@ -40,10 +40,27 @@ def execute(*arguments) -> subprocess.CompletedProcess:
 def finished(scene):
     """One whole run, shared by the tests that only look."""
     done = execute(
-        "reconstruct", scene / "photos", "--out", scene / "out", "--psf", PSF, "--cameras", scene / "model",
-        "--truth", scene / "sharp", "--preset", "draft", "--max-gaussians", 3000, "--holdout-every", 4,
-        "--sh-degree", 0, "--progress", "json",
-    )  # fmt: skip
+        "reconstruct",
+        scene / "photos",
+        "--out",
+        scene / "out",
+        "--psf",
+        PSF,
+        "--cameras",
+        scene / "model",
+        "--truth",
+        scene / "sharp",
+        "--preset",
+        "draft",
+        "--max-gaussians",
+        3000,
+        "--holdout-every",
+        4,
+        "--sh-degree",
+        0,
+        "--progress",
+        "json",
+    )
     assert done.returncode == 0, done.stderr
     return scene / "out", [json.loads(line) for line in done.stdout.splitlines()]
 
@@ -137,10 +154,27 @@ def test_bad_requests_are_found_before_any_work(scene, tmp_path, capfd):
 @pytest.mark.skipif(os.name != "posix", reason="sends a POSIX signal")
 def test_stopping_keeps_the_twin_so_far(scene, tmp_path):
     child = subprocess.Popen(
-        command("reconstruct", scene / "photos", "--out", tmp_path, "--psf", PSF, "--cameras", scene / "model",
-                "--preset", "fine", "--max-gaussians", 400, "--progress", "json"),
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, encoding="utf-8",
-    )  # fmt: skip
+        command(
+            "reconstruct",
+            scene / "photos",
+            "--out",
+            tmp_path,
+            "--psf",
+            PSF,
+            "--cameras",
+            scene / "model",
+            "--preset",
+            "fine",
+            "--max-gaussians",
+            400,
+            "--progress",
+            "json",
+        ),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        encoding="utf-8",
+    )
     for line in child.stdout:
         event = json.loads(line)
         if event["event"] == "advance" and event["stage"] == "train":

@@ -40,9 +40,18 @@ def cameras() -> list[Camera]:
         right /= np.linalg.norm(right)
         rotation = np.stack([right, np.cross(forward, right), forward])
         found.append(
-            Camera(f"view_{index:03d}.png", WIDTH, HEIGHT, 130.0, 130.0, WIDTH / 2, HEIGHT / 2, rotation,
-                   -rotation @ centre)
-        )  # fmt: skip
+            Camera(
+                f"view_{index:03d}.png",
+                WIDTH,
+                HEIGHT,
+                130.0,
+                130.0,
+                WIDTH / 2,
+                HEIGHT / 2,
+                rotation,
+                -rotation @ centre,
+            )
+        )
     return found
 
 
@@ -83,8 +92,13 @@ def rendered_set(tmp_path_factory: pytest.TempPathFactory) -> Path:
     sparse = SparsePoints(points, np.array(colours, np.uint8))
     write_model(folder / "cameras", {camera.name: camera for camera in cameras()}, sparse)
     heights = np.linspace(-1.5, 1.5, 61)
-    line = {"name": "red", "width_m": LINE_WIDTH, "points": [[0.0, y, 0.0] for y in heights],
-            "across": [[1.0, 0.0, 0.0]] * 61, "normals": [[0.0, 0.0, -1.0]] * 61}  # fmt: skip
+    line = {
+        "name": "red",
+        "width_m": LINE_WIDTH,
+        "points": [[0.0, y, 0.0] for y in heights],
+        "across": [[1.0, 0.0, 0.0]] * 61,
+        "normals": [[0.0, 0.0, -1.0]] * 61,
+    }
     (folder / "lines.json").write_text(json.dumps([line]))
     (folder / "psf.json").write_text(json.dumps({"psf": f"gaussian:{SIGMA}", "blur_space": "srgb"}))
     (folder / "manifest.json").write_text("{}")

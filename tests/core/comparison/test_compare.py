@@ -18,8 +18,23 @@ METHODS = ("plain", "dgs", "oracle", WIENER_MEASURED, f"rl 5 {VARIATION}")
 
 def arguments(folder, out, *more):
     only = [word for method in METHODS for word in ("--only", method)]
-    return ["compare", str(folder), "--out", str(out), "--cameras", "known", "--quick", "--steps", "150",
-            "--threads", "1", "--progress", "none", *only, *more]  # fmt: skip
+    return [
+        "compare",
+        str(folder),
+        "--out",
+        str(out),
+        "--cameras",
+        "known",
+        "--quick",
+        "--steps",
+        "150",
+        "--threads",
+        "1",
+        "--progress",
+        "none",
+        *only,
+        *more,
+    ]
 
 
 @pytest.fixture(scope="module")
@@ -65,8 +80,27 @@ def test_resume_runs_nothing_again_but_other_settings_do(compared, rendered_set)
     assert {path: path.stat().st_mtime_ns for path in (compared / "rows").iterdir()} == rows
     key = json.loads(next(iter(rows)).read_text())["key"]
     other = ["--only", "plain", "--resume", "--max-gaussians", "500"]
-    assert run(["compare", str(rendered_set), "--out", str(compared), "--cameras", "known", "--quick", "--steps", "5",
-                "--threads", "1", "--progress", "none", *other]) == 0  # fmt: skip
+    assert (
+        run(
+            [
+                "compare",
+                str(rendered_set),
+                "--out",
+                str(compared),
+                "--cameras",
+                "known",
+                "--quick",
+                "--steps",
+                "5",
+                "--threads",
+                "1",
+                "--progress",
+                "none",
+                *other,
+            ]
+        )
+        == 0
+    )
     assert json.loads((compared / "rows" / "plain-0.json").read_text())["key"] != key
 
 
@@ -95,8 +129,29 @@ def test_a_cropped_set_sees_the_same_world(rendered_set, tmp_path):
 
 
 def test_mismatch_tells_every_case(rendered_set, tmp_path):
-    assert run(["compare", str(rendered_set), "--out", str(tmp_path), "--cameras", "known", "--quick", "--steps", "8",
-                "--max-gaussians", "700", "--mismatch", "--threads", "1", "--progress", "none"]) == 0  # fmt: skip
+    assert (
+        run(
+            [
+                "compare",
+                str(rendered_set),
+                "--out",
+                str(tmp_path),
+                "--cameras",
+                "known",
+                "--quick",
+                "--steps",
+                "8",
+                "--max-gaussians",
+                "700",
+                "--mismatch",
+                "--threads",
+                "1",
+                "--progress",
+                "none",
+            ]
+        )
+        == 0
+    )
     content = json.loads((tmp_path / "mismatch.json").read_text())
     assert set(content["cases"]) >= {"as told", "sigma told -20 %", "disc of the same variance", "noise 3 %"}
     assert all({"plain", "dgs"} <= set(each) for each in content["cases"].values())
@@ -106,8 +161,21 @@ def test_mismatch_tells_every_case(rendered_set, tmp_path):
 def test_methods_are_named_and_unknown_ones_refused(rendered_set, tmp_path, capsys):
     assert {"plain", "paper", "dgs", "oracle"} < set(methods())
     assert {WIENER_MEASURED, LUCY_MEASURED} == set(CHOSEN) < set(methods())
-    code = run(["compare", str(rendered_set), "--out", str(tmp_path), "--cameras", "known", "--quick",
-                "--only", "magic", "--progress", "none"])  # fmt: skip
+    code = run(
+        [
+            "compare",
+            str(rendered_set),
+            "--out",
+            str(tmp_path),
+            "--cameras",
+            "known",
+            "--quick",
+            "--only",
+            "magic",
+            "--progress",
+            "none",
+        ]
+    )
     assert code == 2 and "magic" in capsys.readouterr().err
 
 
@@ -120,6 +188,18 @@ def test_a_set_without_truth_or_medium_says_what_to_do(rendered_set, tmp_path, c
         (tmp_path / "bare" / name).symlink_to(rendered_set / name)
     assert run(["compare", str(tmp_path / "bare"), "--out", str(tmp_path / "out"), "--progress", "none"]) == 2
     assert "--psf" in capsys.readouterr().err
-    code = run(["compare", str(tmp_path / "bare"), "--out", str(tmp_path / "out"), "--psf", f"gaussian:{SIGMA}",
-                "--cameras", "known", "--progress", "none"])  # fmt: skip
+    code = run(
+        [
+            "compare",
+            str(tmp_path / "bare"),
+            "--out",
+            str(tmp_path / "out"),
+            "--psf",
+            f"gaussian:{SIGMA}",
+            "--cameras",
+            "known",
+            "--progress",
+            "none",
+        ]
+    )
     assert code == 2 and "--cameras found" in capsys.readouterr().err

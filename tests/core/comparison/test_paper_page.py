@@ -7,35 +7,80 @@ from dgs.core.comparison import mismatch, paper, table
 
 
 def row(method, seed, psnr, red, thin, gain=1.0, correlation=0.6, energy=0.5):
-    held = {"psnr": psnr, "ssim": 0.7, "psnr_inside": psnr, "psnr_object": None, "edge_sharpness": 0.8,
-            "degraded_psnr": 40.0,
-            "bands": {"14-10": {"gain": gain, "correlation": 0.99, "energy": 1.0},
-                      "10-7": {"gain": 0.4, "correlation": correlation, "energy": energy}}}  # fmt: skip
-    lines = {name: {"concordance": value, "concordance_all_views": value, "true_mean": 13.0, "rendered_mean": 13.1,
-                    "views": []} for name, value in (("red", red), ("white thin", thin))}  # fmt: skip
-    return {"method": method, "seed": seed, "seconds": {"deconvolution": 1.0, "wall": 10.0, "cpu": 18.0},
-            "heldout": held, "fitted": {"psnr": psnr + 1}, "lines": lines, "depth": {"median": 0.001}}  # fmt: skip
+    held = {
+        "psnr": psnr,
+        "ssim": 0.7,
+        "psnr_inside": psnr,
+        "psnr_object": None,
+        "edge_sharpness": 0.8,
+        "degraded_psnr": 40.0,
+        "bands": {
+            "14-10": {"gain": gain, "correlation": 0.99, "energy": 1.0},
+            "10-7": {"gain": 0.4, "correlation": correlation, "energy": energy},
+        },
+    }
+    lines = {
+        name: {
+            "concordance": value,
+            "concordance_all_views": value,
+            "true_mean": 13.0,
+            "rendered_mean": 13.1,
+            "views": [],
+        }
+        for name, value in (("red", red), ("white thin", thin))
+    }
+    return {
+        "method": method,
+        "seed": seed,
+        "seconds": {"deconvolution": 1.0, "wall": 10.0, "cpu": 18.0},
+        "heldout": held,
+        "fitted": {"psnr": psnr + 1},
+        "lines": lines,
+        "depth": {"median": 0.001},
+    }
 
 
 def content(dgs=26.3):
     rows = [row("plain", seed, 21.5 + 0.1 * seed, 4.0, 2.0, gain=0.05) for seed in range(3)]
     rows += [row("dgs", seed, dgs + 0.1 * seed, 120 - 15 * seed, 50) for seed in range(3)]
-    rows += [row("wiener 1e-5 v0.1", 0, 25.4, 41, 21), row("wiener 1e-4 v0.3", 0, 25.9, 41, 21),
-             row("rl 50 v0.1", 0, 25.0, 12, 18)]  # fmt: skip
-    facts = {"set": "ball", "photos": 76, "registered": 76, "heldout": ["a"] * 10, "size": [800, 533], "metres": True,
-             "psf": "gaussian:5", "blur_space": "srgb", "cameras": "found", "quick": False, "grid_step": 2, "steps": 1,
-             "max_gaussians": 1, "variation_weight": 0.1, "seeds": 3,
-             "poses": {"centre_px_median": 0.4, "angle_degrees_median": 0.01, "focal_percent": 0.2, "cameras": 76},
-             "machine": {"processor": "P", "threads": 2, "device": "cpu"},
-             "truth_low_passed_psnr": {"0.11": 25.7, "0.125": 26.6}}  # fmt: skip
+    rows += [
+        row("wiener 1e-5 v0.1", 0, 25.4, 41, 21),
+        row("wiener 1e-4 v0.3", 0, 25.9, 41, 21),
+        row("rl 50 v0.1", 0, 25.0, 12, 18),
+    ]
+    facts = {
+        "set": "ball",
+        "photos": 76,
+        "registered": 76,
+        "heldout": ["a"] * 10,
+        "size": [800, 533],
+        "metres": True,
+        "psf": "gaussian:5",
+        "blur_space": "srgb",
+        "cameras": "found",
+        "quick": False,
+        "grid_step": 2,
+        "steps": 1,
+        "max_gaussians": 1,
+        "variation_weight": 0.1,
+        "seeds": 3,
+        "poses": {"centre_px_median": 0.4, "angle_degrees_median": 0.01, "focal_percent": 0.2, "cameras": 76},
+        "machine": {"processor": "P", "threads": 2, "device": "cpu"},
+        "truth_low_passed_psnr": {"0.11": 25.7, "0.125": 26.6},
+    }
     return {"facts": facts, "methods": table.summarised(rows, ["wiener 1e-5 v0.1"]), "rows": rows}
 
 
 def wrong(lead):
     cases = {}
     for name in ("as told", "sigma told -20 %", "sigma told +20 %"):
-        each = table.summarised([row("plain", 0, 21.0, 4, 2), row("dgs", 0, 21.0 + lead, 50, 30),
-                                 row("wiener measured v0.1", 0, 24.0, 9, 9)])["each"]  # fmt: skip
+        each = table.summarised(
+            [
+                row("plain", 0, 21.0, 4, 2),
+                row("dgs", 0, 21.0 + lead, 50, 30),
+                row("wiener measured v0.1", 0, 24.0, 9, 9),
+            ]
+        )["each"]
         cases[name] = each
     return {"psf": "gaussian:5", "border": 40, "seeds": 1, "quick": False, "cases": cases}
 

@@ -102,10 +102,12 @@ def test_a_twin_is_rendered_as_the_trainer_saw_it(rendered_set, tmp_path):
     colours = wall()[((y + 2) * 100).astype(int), ((x + 2) * 100).astype(int)]
     count = len(x)
     cloud = GaussianCloud(
-        np.stack([x, y, 0 * x], -1).astype(np.float32), np.full((count, 3), np.log(0.02), np.float32),
-        np.tile(np.float32([1, 0, 0, 0]), (count, 1)), np.full(count, 3.0, np.float32),
+        np.stack([x, y, 0 * x], -1).astype(np.float32),
+        np.full((count, 3), np.log(0.02), np.float32),
+        np.tile(np.float32([1, 0, 0, 0]), (count, 1)),
+        np.full(count, 3.0, np.float32),
         ((colours[:, None, :] - 0.5) / 0.28209479).astype(np.float32),
-    )  # fmt: skip
+    )
     write_ply(tmp_path / "twin.ply", cloud)
     path = turntable.camera_path(cameras, 8)
     drawn = turntable.frames_of(turntable.Twin("twin", tmp_path / "twin.ply", (0.5, 0.5, 0.5)), cameras, path)
@@ -114,5 +116,3 @@ def test_a_twin_is_rendered_as_the_trainer_saw_it(rendered_set, tmp_path):
     middle = np.asarray(drawn[0]).astype(float)[30:50]
     red = middle[..., 0] - middle[..., 1]
     assert red[:, 46:50].mean() > 100 > 60 > red[:, 10:30].mean()  # the line in the middle of the wall
-
-

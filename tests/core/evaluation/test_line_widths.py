@@ -159,8 +159,13 @@ def test_concordance_is_as_defined():
 
 
 def test_lines_are_read_back(tmp_path):
-    entry = {"name": "red", "width_m": 0.007, "points": [[0, 0, 1]] * 2, "across": [[1, 0, 0]] * 2,
-             "normals": [[0, 0, -1]] * 2}  # fmt: skip
+    entry = {
+        "name": "red",
+        "width_m": 0.007,
+        "points": [[0, 0, 1]] * 2,
+        "across": [[1, 0, 0]] * 2,
+        "normals": [[0, 0, -1]] * 2,
+    }
     file = tmp_path / "lines.json"
     file.write_text(json.dumps([entry]))
     (line,) = read_lines(file)

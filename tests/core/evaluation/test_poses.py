@@ -14,9 +14,7 @@ def camera(name: str, centre: np.ndarray, rotation: np.ndarray) -> Camera:
     return Camera(name, 80, 60, 100.0, 100.0, 40.0, 30.0, rotation, -rotation @ centre)
 
 
-def transformed(
-    cameras: dict[str, Camera], scale: float, turn: np.ndarray, shift: np.ndarray
-) -> dict[str, Camera]:
+def transformed(cameras: dict[str, Camera], scale: float, turn: np.ndarray, shift: np.ndarray) -> dict[str, Camera]:
     return {n: camera(n, scale * turn @ c.centre + shift, c.rotation @ turn.T) for n, c in cameras.items()}
 
 
@@ -43,8 +41,10 @@ def test_any_similarity_is_undone(collinear: bool) -> None:
 
 def test_a_rail_keeps_its_roll() -> None:
     reference = rail(True)
-    rolled = {n: c.moved(Rotation.from_euler("z", 10, degrees=True).as_matrix() @ c.rotation, c.translation)
-              for n, c in reference.items()}  # fmt: skip
+    rolled = {
+        n: c.moved(Rotation.from_euler("z", 10, degrees=True).as_matrix() @ c.rotation, c.translation)
+        for n, c in reference.items()
+    }
     rolled = {n: camera(n, reference[n].centre, c.rotation) for n, c in rolled.items()}
     assert pose_errors(rolled, reference).angle.max() > 3.0
 

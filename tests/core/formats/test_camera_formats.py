@@ -22,12 +22,16 @@ from scipy.spatial.transform import Rotation
 
 ROTATION = Rotation.from_rotvec([0.4, -0.2, 1.0]).as_matrix()
 PARAMS = {
-    "SIMPLE_PINHOLE": (), "PINHOLE": (), "SIMPLE_RADIAL": (-0.08,), "RADIAL": (-0.1, 0.03),
+    "SIMPLE_PINHOLE": (),
+    "PINHOLE": (),
+    "SIMPLE_RADIAL": (-0.08,),
+    "RADIAL": (-0.1, 0.03),
     "OPENCV": (-0.1, 0.02, 0.002, -0.001),
     "FULL_OPENCV": (-0.1, 0.02, 0.002, -0.001, 0.01, 0.02, 0.01, 0.005),
-    "SIMPLE_RADIAL_FISHEYE": (0.05,), "RADIAL_FISHEYE": (0.05, -0.01),
+    "SIMPLE_RADIAL_FISHEYE": (0.05,),
+    "RADIAL_FISHEYE": (0.05, -0.01),
     "OPENCV_FISHEYE": (0.05, -0.01, 0.004, -0.001),
-}  # fmt: skip
+}
 
 
 def lens(model: str) -> Lens:
@@ -115,8 +119,7 @@ def test_transforms_of_the_nerf_data_sets(tmp_path: Path) -> None:
 SINGULAR = '{"w":1,"h":1,"fl_x":1,"frames":[{"file_path":"a","transform_matrix":' + str([[0] * 4] * 3) + "}]}"
 
 
-@pytest.mark.parametrize("text", ["", "[]", "{}", '{"frames": [{"file_path": "a"}]}', '{"frames": [3]}',
-    SINGULAR])  # fmt: skip
+@pytest.mark.parametrize("text", ["", "[]", "{}", '{"frames": [{"file_path": "a"}]}', '{"frames": [3]}', SINGULAR])
 def test_bad_transforms_are_format_errors(tmp_path: Path, text: str) -> None:
     (tmp_path / "t.json").write_text(text)
     with pytest.raises(FormatError, match=r"t\.json"):

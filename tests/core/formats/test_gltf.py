@@ -145,14 +145,22 @@ def test_small_integers_and_strides_are_read(tmp_path: Path) -> None:
         {"bufferView": 1, "componentType": 5126, "type": "VEC3", "count": 2},
         {"bufferView": 1, "byteOffset": 24, "componentType": 5126, "type": "VEC3", "count": 2},
     ]
-    attributes = {"POSITION": 2, f"{PREFIX}ROTATION": 0, f"{PREFIX}SCALE": 3, f"{PREFIX}OPACITY": 1,
-                  f"{PREFIX}SH_DEGREE_0_COEF_0": 2}  # fmt: skip
+    attributes = {
+        "POSITION": 2,
+        f"{PREFIX}ROTATION": 0,
+        f"{PREFIX}SCALE": 3,
+        f"{PREFIX}OPACITY": 1,
+        f"{PREFIX}SH_DEGREE_0_COEF_0": 2,
+    }
     extension = {"KHR_gaussian_splatting": {"kernel": "ellipse", "colorSpace": "srgb_rec709_display"}}
     content = {
-        "asset": {"version": "2.0"}, "nodes": [{"mesh": 0}], "accessors": accessors, "bufferViews": views,
+        "asset": {"version": "2.0"},
+        "nodes": [{"mesh": 0}],
+        "accessors": accessors,
+        "bufferViews": views,
         "buffers": [{"byteLength": len(data), "uri": "a%20b.bin"}],
         "meshes": [{"primitives": [{"mode": 0, "attributes": attributes, "extensions": extension}]}],
-    }  # fmt: skip
+    }
     (tmp_path / "a.gltf").write_text(json.dumps(content))
     with pytest.raises(FormatError, match=r"a b\.bin"):
         read_gaussians(tmp_path / "a.gltf")

@@ -51,10 +51,12 @@ def test_spz_round_trip(cloud, tmp_path):
 def test_spz_turns_the_axes(tmp_path):
     """In the file y points up and z back: the bytes say so."""
     cloud = GaussianCloud(
-        means=np.array([[1.0, 2.0, 3.0]], np.float32), log_scales=np.zeros((1, 3), np.float32),
-        quaternions=np.array([[0.9, 0.1, 0.2, 0.3]], np.float32), opacity_logits=np.zeros(1, np.float32),
+        means=np.array([[1.0, 2.0, 3.0]], np.float32),
+        log_scales=np.zeros((1, 3), np.float32),
+        quaternions=np.array([[0.9, 0.1, 0.2, 0.3]], np.float32),
+        opacity_logits=np.zeros(1, np.float32),
         sh=np.array([[[0.0] * 3, [0.5] * 3, [0.25] * 3, [0.125] * 3]], np.float32),
-    )  # fmt: skip
+    )
     write_gaussians(tmp_path / "a.spz", cloud)
     data = gzip.decompress((tmp_path / "a.spz").read_bytes())
     magic, version, count, degree, fraction, _, _ = struct.unpack_from("<IIIBBBB", data)
@@ -72,10 +74,25 @@ def test_spz_harmonics_keep_their_meaning(tmp_path):
     x, y, z = np.random.default_rng(0).normal(size=3)
 
     def real(x, y, z):
-        return np.array([y, z, x, x * y, y * z, 2 * z * z - x * x - y * y, x * z, x * x - y * y,
-                         y * (3 * x * x - y * y), x * y * z, y * (4 * z * z - x * x - y * y),
-                         z * (2 * z * z - 3 * x * x - 3 * y * y), x * (4 * z * z - x * x - y * y),
-                         z * (x * x - y * y), x * (x * x - 3 * y * y)])  # fmt: skip
+        return np.array(
+            [
+                y,
+                z,
+                x,
+                x * y,
+                y * z,
+                2 * z * z - x * x - y * y,
+                x * z,
+                x * x - y * y,
+                y * (3 * x * x - y * y),
+                x * y * z,
+                y * (4 * z * z - x * x - y * y),
+                z * (2 * z * z - 3 * x * x - 3 * y * y),
+                x * (4 * z * z - x * x - y * y),
+                z * (x * x - y * y),
+                x * (x * x - 3 * y * y),
+            ]
+        )
 
     np.testing.assert_allclose(real(x, -y, -z), FLIP * real(x, y, z))
 

@@ -14,13 +14,7 @@ from scipy import ndimage
 LOPSIDED = point_spread_from_samples(
     np.array([[0, 0, 1, 0, 0], [0, 2, 5, 1, 0], [0, 6, 9, 3, 2], [0, 1, 5, 2, 0], [0, 0, 1, 0, 0.0]])
 )
-CASES = [
-    ("gaussian:5", 20),
-    ("gaussian:5", 7),
-    ("gaussian:5", 0),
-    ("gaussian:2,4,0", 30),
-    ("gaussian:3,1.5,25", 5),
-]
+CASES = [("gaussian:5", 20), ("gaussian:5", 7), ("gaussian:5", 0), ("gaussian:2,4,0", 30), ("gaussian:3,1.5,25", 5)]
 ALL = ("direct", "separable", "fourier", "reduced")
 
 
@@ -30,9 +24,7 @@ def spread(name: str) -> PointSpread:
     return psf
 
 
-def operators(
-    psf: PointSpread, height: int, width: int, margin: int, dtype=torch.float32
-) -> list[BlurOperator]:
+def operators(psf: PointSpread, height: int, width: int, margin: int, dtype=torch.float32) -> list[BlurOperator]:
     found = []
     for name in ALL:
         try:
@@ -50,9 +42,7 @@ def test_evaluations_agree_with_scipy(name, margin):
     expected = ndimage.convolve(frame.double().numpy(), psf.kernel()[None], mode="nearest")
     expected = expected[:, margin : margin + height, margin : margin + width]
     found = operators(psf, height, width, margin)
-    assert {"direct", "fourier"} <= {o.evaluation for o in found} or "separable" in {
-        o.evaluation for o in found
-    }
+    assert {"direct", "fourier"} <= {o.evaluation for o in found} or "separable" in {o.evaluation for o in found}
     for operator in found:
         tolerance = REDUCED_TOLERANCE if operator.evaluation == "reduced" else 1e-5
         assert np.abs(operator.apply(frame).numpy() - expected).max() < tolerance, operator.evaluation
@@ -69,9 +59,7 @@ def test_adjoint(name, margin, dtype):
         forward = (operator.apply(x).double() * y.double()).sum()
         backward = (x.double() * operator.adjoint(y).double()).sum()
         scale = x.double().norm() * y.double().norm()
-        assert abs(forward - backward) / scale < (1e-6 if dtype == torch.float32 else 1e-12), (
-            operator.evaluation
-        )
+        assert abs(forward - backward) / scale < (1e-6 if dtype == torch.float32 else 1e-12), operator.evaluation
 
 
 @pytest.mark.parametrize("evaluation", ALL)

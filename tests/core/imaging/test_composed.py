@@ -77,8 +77,9 @@ def test_convolution_by_transform_is_that_by_hand():
     random = np.random.default_rng(0)
     a, b = random.random((7, 9)), random.random((9, 11))
     by_hand = sum(v * np.pad(a, ((i, 8 - i), (j, 10 - j))) for (i, j), v in np.ndenumerate(b))
-    assert np.allclose(convolved_samples(a, b), by_hand) and np.allclose(convolved_samples(b, a[:3, :3]).sum(),
-                                                                         b.sum() * a[:3, :3].sum())  # fmt: skip
+    assert np.allclose(convolved_samples(a, b), by_hand) and np.allclose(
+        convolved_samples(b, a[:3, :3]).sum(), b.sum() * a[:3, :3].sum()
+    )
 
 
 @pytest.mark.parametrize("text", ["path:", "path:3", "path:3,x", "path:-3,0", "gaussian:2+path:3", "gauss:2+path:3,0"])

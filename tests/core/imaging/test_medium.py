@@ -14,11 +14,7 @@ from dgs.core.imaging.psf import parse_psf
 def test_per_view_spreads():
     shared, own = parse_psf("gaussian:5"), parse_psf("gaussian:2")
     medium = Medium(shared, per_view={"a.png": own, "b.png": None})
-    assert (
-        medium.psf_for("a.png") is own
-        and medium.psf_for("b.png") is None
-        and medium.psf_for("c.png") is shared
-    )
+    assert medium.psf_for("a.png") is own and medium.psf_for("b.png") is None and medium.psf_for("c.png") is shared
     assert medium.blurs and not Medium().blurs and Medium(None, per_view={"a": own}).blurs
     coarse = medium.on_grid(2.0).psf_for("a.png")
     assert coarse is not None and coarse.sigma_x == pytest.approx(math.sqrt(4.25) / 2)

@@ -33,8 +33,7 @@ def test_texts():
 
 
 @pytest.mark.parametrize(
-    "text",
-    ["", "gauss:5", "gaussian:", "gaussian:-1", "gaussian:nan", "gaussian:1,2,3,4", "none:3", "file:", "5"],
+    "text", ["", "gauss:5", "gaussian:", "gaussian:-1", "gaussian:nan", "gaussian:1,2,3,4", "none:3", "file:", "5"]
 )
 def test_nonsense_is_explained(text):
     with pytest.raises(PsfError) as caught:
@@ -95,11 +94,16 @@ def test_a_good_kernel_is_left_alone():
 @pytest.mark.parametrize(
     "values",
     [
-        np.zeros((5, 5)), np.full((5, 5), np.nan), -np.ones((5, 5)), np.ones(5), np.ones((3, 3, 3)),
-        np.ones((1100, 3)), blob(41, 41, 2, 20, 1.0),
+        np.zeros((5, 5)),
+        np.full((5, 5), np.nan),
+        -np.ones((5, 5)),
+        np.ones(5),
+        np.ones((3, 3, 3)),
+        np.ones((1100, 3)),
+        blob(41, 41, 2, 20, 1.0),
     ],
     ids=["dark", "nan", "negative", "line", "cube", "large", "far off"],
-)  # fmt: skip
+)
 def test_senseless_kernels_are_refused(values):
     with pytest.raises(PsfError):
         point_spread_from_samples(values, "it")
@@ -107,9 +111,14 @@ def test_senseless_kernels_are_refused(values):
 
 def _fits(values: np.ndarray, bitpix: int, scale: float = 1.0, zero: float = 0.0) -> bytes:
     cards = [
-        ("SIMPLE", "T"), ("BITPIX", bitpix), ("NAXIS", 2), ("NAXIS1", values.shape[1]),
-        ("NAXIS2", values.shape[0]), ("BSCALE", scale), ("BZERO", zero),
-    ]  # fmt: skip
+        ("SIMPLE", "T"),
+        ("BITPIX", bitpix),
+        ("NAXIS", 2),
+        ("NAXIS1", values.shape[1]),
+        ("NAXIS2", values.shape[0]),
+        ("BSCALE", scale),
+        ("BZERO", zero),
+    ]
     header = "".join(f"{k:<8}= {v!s:>20} / comment".ljust(80) for k, v in cards) + "END".ljust(80)
     data = values.tobytes()
     return header.ljust(2880).encode() + data + bytes(-len(data) % 2880)
@@ -191,9 +200,7 @@ def test_downsampled_blurred_photo_is_the_coarse_blur():
     scene = 0.5 + 0.5 * np.sin(2 * np.pi * x / 40)
     photo = np.convolve(scene, gaussian_taps(3.0), mode="same").reshape(-1, s).mean(axis=1)
     coarse = 0.5 + 0.5 * np.sin(2 * np.pi * (np.arange(n // s) + 0.5) * s / 40)
-    ours = np.convolve(
-        coarse, gaussian_taps(PointSpread(sigma_x=3.0, sigma_y=3.0).on_grid(s).sigma_x), mode="same"
-    )
+    ours = np.convolve(coarse, gaussian_taps(PointSpread(sigma_x=3.0, sigma_y=3.0).on_grid(s).sigma_x), mode="same")
     wrong = np.convolve(coarse, gaussian_taps(3.0 / s), mode="same")
     inside = slice(20, -20)
     assert np.abs(ours - photo)[inside].max() < 2e-4 < np.abs(wrong - photo)[inside].max()

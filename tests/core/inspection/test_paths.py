@@ -60,8 +60,10 @@ def test_motion_is_not_taken_for_haze(taken):
     assert motion_of(taken(motion=8.0)).significant and not haze.inspect(taken(motion=8.0)).needed
     assert haze.inspect(taken(haze=0.4)).needed
     photos, own = taken(motion=8.0), {n: (p.length, p.angle) for n, p in paths_of(taken(motion=8.0)).items()}
-    told = [fit_photometry(find_tracks(photos.photos, photos.cameras, photos.sigma, paths=paths)).attenuation.mean()
-            for paths in ({}, own)]  # fmt: skip
+    told = [
+        fit_photometry(find_tracks(photos.photos, photos.cameras, photos.sigma, paths=paths)).attenuation.mean()
+        for paths in ({}, own)
+    ]
     assert abs(told[1]) < 0.6 * abs(told[0])  # windows of equal blur see less of a haze that is not there
 
 

@@ -23,10 +23,12 @@ def plane(spacing: float = 0.12, half: float = 0.9) -> Gaussians:
     random = np.random.default_rng(0)
     means = np.stack([x.ravel(), y.ravel(), np.zeros(n)], axis=1)
     return Gaussians(
-        torch.tensor(means, dtype=torch.float32), torch.full((n, 3), float(np.log(spacing / 2))),
-        torch.tensor([[1.0, 0.0, 0.0, 0.0]]).repeat(n, 1), torch.full((n,), 2.0),
+        torch.tensor(means, dtype=torch.float32),
+        torch.full((n, 3), float(np.log(spacing / 2))),
+        torch.tensor([[1.0, 0.0, 0.0, 0.0]]).repeat(n, 1),
+        torch.full((n,), 2.0),
         torch.tensor(random.uniform(-0.6, 0.6, (n, 1, 3)), dtype=torch.float32),
-    )  # fmt: skip
+    )
 
 
 def camera(x: float, z: float = -2.0, look: float | None = None) -> Camera:

@@ -97,9 +97,7 @@ def test_the_back_of_what_was_seen_from_the_front_is_open():
     looks = looks_at([camera(0.0)], 1.5)
     posterior = sample_posterior(looks, looks.places, NOISE, 4, 10)
     place = lambda c: type(looks.places[0])(c, looks.places[0].psf)  # noqa: E731
-    front, back = (
-        gain_of(looks, posterior, looks.places, place(c)) for c in (camera(0.05), camera(0.0, 2.0))
-    )
+    front, back = (gain_of(looks, posterior, looks.places, place(c)) for c in (camera(0.05), camera(0.0, 2.0)))
     assert back.bits > 2 * front.bits
     seen = posterior.seen[0]
     assert float(carried(looks, posterior, looks.places, place(camera(0.0)))[seen].min()) > 0.99

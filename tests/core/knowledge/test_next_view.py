@@ -39,15 +39,24 @@ def twin_of(tmp_path, held, per_view=None):
     figures = Figures("transforms.json", 5, 5, 40.0, float("nan"), 10.0, 0.0)
     settings = ReconstructSettings(photos=tmp_path, out=tmp_path)
     return Twin(
-        tmp_path, settings, [], Reconstruction({}, {}, points, figures), medium, views, held, gaussians,
-        scene_scale(cameras, points), torch.zeros(3),
-    )  # fmt: skip
+        tmp_path,
+        settings,
+        [],
+        Reconstruction({}, {}, points, figures),
+        medium,
+        views,
+        held,
+        gaussians,
+        scene_scale(cameras, points),
+        torch.zeros(3),
+    )
 
 
 def test_candidates_are_ranked_with_errors_that_held_out_photos_measured(tmp_path):
-    offered = [replace(c, name=n) for c, n in (
-        (camera(-0.3, look=0.0), "again"), (camera(1.5, -1.0, 0.0), "aside"), (camera(30.0), "away"),
-    )]  # fmt: skip
+    offered = [
+        replace(c, name=n)
+        for c, n in ((camera(-0.3, look=0.0), "again"), (camera(1.5, -1.0, 0.0), "aside"), (camera(30.0), "away"))
+    ]
     ranking = rank(twin_of(tmp_path, ["2.png"]), offered, QUICK, Silent())
     by = {s.camera.name: s for s in ranking.suggestions}
     assert ranking.suggestions[0].camera.name == "aside" and by["aside"].order == 1

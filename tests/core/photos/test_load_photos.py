@@ -47,19 +47,14 @@ def png16(path: Path, values: np.ndarray, row_filter: int) -> None:
     colour = {1: 0, 2: 4, 3: 2, 4: 6}[channels]
     header = struct.pack(">IIBBBBB", width, height, 16, colour, 0, 0, 0)
     path.write_bytes(
-        b"\x89PNG\r\n\x1a\n"
-        + chunk(b"IHDR", header)
-        + chunk(b"IDAT", zlib.compress(packed))
-        + chunk(b"IEND", b"")
+        b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", zlib.compress(packed)) + chunk(b"IEND", b"")
     )
 
 
 @pytest.mark.parametrize("suffix", [".png", ".bmp", ".tif", ".webp"])
 def test_lossless_files_come_back_bitwise(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"blé d'été{suffix}"
-    Image.fromarray(picture()).save(path, lossless=True) if suffix == ".webp" else Image.fromarray(
-        picture()
-    ).save(path)
+    Image.fromarray(picture()).save(path, lossless=True) if suffix == ".webp" else Image.fromarray(picture()).save(path)
     photo = load_photo(path)
     np.testing.assert_array_equal(photo.pixels, picture())
     assert photo.mask is None and photo.size == (30, 20)

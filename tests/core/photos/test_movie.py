@@ -30,9 +30,12 @@ def blurred_but_every_tenth(index: int) -> Image.Image:
 
 
 def write_movie(
-    path: Path, picture: Callable[[int], Image.Image], codec: str = "mpeg4", frames: int = LENGTH,
+    path: Path,
+    picture: Callable[[int], Image.Image],
+    codec: str = "mpeg4",
+    frames: int = LENGTH,
     pixels: str = "yuv420p",
-) -> Path:  # fmt: skip
+) -> Path:
     with av.open(str(path), "w") as container:
         stream = container.add_stream(codec, rate=RATE)
         first = picture(0)

@@ -52,11 +52,15 @@ def test_spreads_shrink_with_their_photos(tmp_path):
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        ("{", "no JSON"), ("[]", "no object"), ({"a": 3}, "no object"), ({"a": "gauss:3", "*": "none"}, "'a'"),
-        ({"a": "gaussian:3"}, "says nothing of 'b'"), ({"typo": "gaussian:3", "*": "none"}, "'typo'"),
+        ("{", "no JSON"),
+        ("[]", "no object"),
+        ({"a": 3}, "no object"),
+        ({"a": "gauss:3", "*": "none"}, "'a'"),
+        ({"a": "gaussian:3"}, "says nothing of 'b'"),
+        ({"typo": "gaussian:3", "*": "none"}, "'typo'"),
         ({"a": "missing.npy", "*": "none"}, "missing.npy"),
     ],
-)  # fmt: skip
+)
 def test_wrong_lists_are_explained(tmp_path, content, words):
     with pytest.raises(PsfError) as caught:
         listed(tmp_path, content, "a", "b")

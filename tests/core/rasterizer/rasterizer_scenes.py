@@ -18,9 +18,16 @@ def make_camera(width: int = 61, height: int = 45, focal: float = 60.0) -> Camer
     angle = 0.1
     rotation = np.array([[np.cos(angle), 0, np.sin(angle)], [0, 1, 0], [-np.sin(angle), 0, np.cos(angle)]])
     return Camera(
-        "test.png", width, height, focal, focal * 1.03, width / 2 + 0.7, height / 2 - 0.4, rotation,
+        "test.png",
+        width,
+        height,
+        focal,
+        focal * 1.03,
+        width / 2 + 0.7,
+        height / 2 - 0.4,
+        rotation,
         np.array([0.05, -0.1, 0.2]),
-    )  # fmt: skip
+    )
 
 
 def random_scene(
@@ -34,9 +41,7 @@ def random_scene(
 
     means = normal(count, 3) * torch.tensor([1.1, 0.8, 0.7]) + torch.tensor([0.0, 0.0, 3.5])
     sh = normal(count, SH_COEFFICIENTS[degree], 3) * 0.3
-    scene = Gaussians(
-        means, normal(count, 3) * 0.5 + size, normal(count, 4), (normal(count) * 1.5).clamp(max=3.0), sh
-    )
+    scene = Gaussians(means, normal(count, 3) * 0.5 + size, normal(count, 4), (normal(count) * 1.5).clamp(max=3.0), sh)
     return scene.to(dtype=dtype)
 
 
@@ -44,22 +49,29 @@ def single(position: tuple[float, float, float], scale: float | list[float], log
     """One grey Gaussian, for edge cases."""
     scales = torch.tensor([scale] * 3 if isinstance(scale, float) else scale)
     return Gaussians(
-        torch.tensor([position]), scales.log()[None], torch.tensor([[1.0, 0.0, 0.0, 0.0]]),
-        torch.tensor([logit]), torch.full((1, 1, 3), 0.8),
-    )  # fmt: skip
+        torch.tensor([position]),
+        scales.log()[None],
+        torch.tensor([[1.0, 0.0, 0.0, 0.0]]),
+        torch.tensor([logit]),
+        torch.full((1, 1, 3), 0.8),
+    )
 
 
 def joined(*parts: Gaussians) -> Gaussians:
     """Several sets of Gaussians as one."""
-    return Gaussians(
-        **{name: torch.cat([getattr(p, name) for p in parts]) for name, _ in parts[0].named()}
-    )
+    return Gaussians(**{name: torch.cat([getattr(p, name) for p in parts]) for name, _ in parts[0].named()})
 
 
 def gradients(
-    gaussians: Gaussians, camera: Camera, backend: str, *, background: Tensor | None = None,
-    twist: Tensor | None = None, seed: int = 5, **options: object,
-) -> tuple[Rendered, dict[str, Tensor]]:  # fmt: skip
+    gaussians: Gaussians,
+    camera: Camera,
+    backend: str,
+    *,
+    background: Tensor | None = None,
+    twist: Tensor | None = None,
+    seed: int = 5,
+    **options: object,
+) -> tuple[Rendered, dict[str, Tensor]]:
     """Renders and differentiates a fixed random weighting of all outputs.
 
     Returns the view (on the CPU's memory) and the gradients of all parameters and of what else was

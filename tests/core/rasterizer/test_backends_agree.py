@@ -6,15 +6,7 @@ import pytest
 import torch
 from dgs.core.gaussians import Gaussians
 from dgs.core.rasterizer import RasterSettings, render
-from rasterizer_scenes import (
-    assert_same_image,
-    gradients,
-    joined,
-    make_camera,
-    random_scene,
-    relative,
-    single,
-)
+from rasterizer_scenes import assert_same_image, gradients, joined, make_camera, random_scene, relative, single
 
 DEFAULTS = RasterSettings()
 #: Of colours around 1 in float32.
@@ -30,9 +22,12 @@ def check_agreement(
     camera = make_camera(width, height)
     inputs = {"background": torch.tensor([0.2, 0.7, 0.4]), "twist": torch.full((6,), 0.01)}
     truth, wanted = gradients(
-        scene.to(dtype=torch.float64), camera, "reference", settings=settings,
+        scene.to(dtype=torch.float64),
+        camera,
+        "reference",
+        settings=settings,
         **{name: value.double() for name, value in inputs.items()},
-    )  # fmt: skip
+    )
     found, got = gradients(scene, camera, backend, settings=settings, **inputs)
     assert_same_image(found.image, truth.image, VALUES)
     assert_same_image(found.alpha, truth.alpha, VALUES)
@@ -65,9 +60,7 @@ def test_every_degree_and_filter(backend: str, degree: int, antialias: bool) -> 
     check_agreement(random_scene(150, degree, seed=degree), backend, settings=settings)
 
 
-@pytest.mark.parametrize(
-    ("width", "height"), [(1, 1), (1, 40), (16, 16), (17, 15), (32, 16), (33, 50), (100, 7)]
-)
+@pytest.mark.parametrize(("width", "height"), [(1, 1), (1, 40), (16, 16), (17, 15), (32, 16), (33, 50), (100, 7)])
 def test_sizes_that_are_no_multiple_of_the_tile(backend: str, width: int, height: int) -> None:
     check_agreement(random_scene(80, seed=3), backend, width, height, RasterSettings(depth=True))
 
@@ -117,9 +110,7 @@ def test_outputs_alone_have_their_own_gradients(backend: str) -> None:
             plane = getattr(view, output)
             weights = torch.randn(plane.shape, generator=torch.Generator().manual_seed(1)).to(plane)
             (plane * weights).sum().backward()
-            found[name] = {
-                n: (t.new_zeros(t.shape) if t.grad is None else t.grad).cpu() for n, t in scene.named()
-            }
+            found[name] = {n: (t.new_zeros(t.shape) if t.grad is None else t.grad).cpu() for n, t in scene.named()}
         for parameter, gradient in found["reference"].items():
             assert relative(found[backend][parameter], gradient) < GRADIENTS, (output, parameter)
 

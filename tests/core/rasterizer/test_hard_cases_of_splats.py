@@ -9,15 +9,7 @@ import torch
 from dgs.core.constants import NEAR_PLANE
 from dgs.core.gaussians import Gaussians
 from dgs.core.rasterizer import RasterSettings, Rendered, render
-from rasterizer_scenes import (
-    assert_same_image,
-    gradients,
-    joined,
-    make_camera,
-    random_scene,
-    relative,
-    single,
-)
+from rasterizer_scenes import assert_same_image, gradients, joined, make_camera, random_scene, relative, single
 from torch import Tensor
 
 
@@ -197,6 +189,9 @@ def test_large_world_coordinates_after_recentring(any_backend: str) -> None:
         device = "cuda" if any_backend == "cuda" else "cpu"
         moved = camera.moved(camera.rotation, camera.translation * unit)
         view = render(
-            other.to(device=device), moved, settings=RasterSettings(near=NEAR_PLANE * unit), backend=any_backend  # type: ignore[arg-type]
-        )  # fmt: skip
+            other.to(device=device),
+            moved,
+            settings=RasterSettings(near=NEAR_PLANE * unit),
+            backend=any_backend,  # type: ignore[arg-type]
+        )
         assert_same_image(view.image.cpu(), base, 1e-4)

@@ -105,9 +105,7 @@ def test_screen_gradient_is_that_of_a_shift() -> None:
     camera = axis_camera(41)
 
     def loss(shift: float) -> Tensor:
-        moved = Camera(
-            "m.png", 41, 41, 50.0, 50.0, 20.5 + shift, 20.5, camera.rotation, camera.translation
-        )
+        moved = Camera("m.png", 41, 41, 50.0, 50.0, 20.5 + shift, 20.5, camera.rotation, camera.translation)
         view = render(scene, moved, settings=settings, backend="reference")
         weights = torch.linspace(0, 40, view.image.numel(), dtype=torch.float64).sin()
         loss.view = view  # type: ignore[attr-defined]

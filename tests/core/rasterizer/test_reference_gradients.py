@@ -43,9 +43,8 @@ def test_image_alpha_and_depth(degree: int, antialias: bool) -> None:
     def outputs(*inputs: Tensor) -> Tensor:
         pose = moved_pose(inputs[6], camera_pose(camera, inputs[0]))
         view = render(
-            Gaussians(*inputs[:5]), camera, background=inputs[5], pose=pose, settings=settings,
-            backend="reference",
-        )  # fmt: skip
+            Gaussians(*inputs[:5]), camera, background=inputs[5], pose=pose, settings=settings, backend="reference"
+        )
         assert view.depth is not None
         return weighted([view.image, view.alpha, view.depth])
 
@@ -101,9 +100,7 @@ def test_from_gaussians_to_loss_through_the_medium() -> None:
 
     height, width, margin = 14, 19, 3
     camera = make_camera(width, height, 20.0)
-    blur = BlurOperator(
-        PointSpread(sigma_x=1.4, sigma_y=0.9, angle=20.0), height, width, margin, dtype=torch.float64
-    )
+    blur = BlurOperator(PointSpread(sigma_x=1.4, sigma_y=0.9, angle=20.0), height, width, margin, dtype=torch.float64)
     photo = torch.rand(3, height, width, dtype=torch.float64, generator=torch.Generator().manual_seed(0))
     scene = small_scene(1)
 

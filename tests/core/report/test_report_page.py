@@ -16,37 +16,98 @@ from dgs.core.report.pictures import ViewPictures, embedded, spread
 from dgs.core.report.schema import FIELDS, markdown_table, problems
 
 REPORT = {
-    "schema": 1, "status": "done",
-    "photos": {"folder": "photos & <b>more", "given": 9, "registered": 8, "unregistered": ["lost.jpg"],
-               "size": [64, 48], "scale": 1.0},
-    "cameras": {"source": "sfm", "file": None, "focal_px": 70.0, "reprojection_error_px": None, "points": 120,
-                "points_scattered": False, "world_offset": None, "refined": None},
+    "schema": 1,
+    "status": "done",
+    "photos": {
+        "folder": "photos & <b>more",
+        "given": 9,
+        "registered": 8,
+        "unregistered": ["lost.jpg"],
+        "size": [64, 48],
+        "scale": 1.0,
+    },
+    "cameras": {
+        "source": "sfm",
+        "file": None,
+        "focal_px": 70.0,
+        "reprojection_error_px": None,
+        "points": 120,
+        "points_scattered": False,
+        "world_offset": None,
+        "refined": None,
+    },
     "medium": {"psf": "gaussian:5", "blur_space": "srgb", "per_photo": {}, "per_photo_sigma": None},
-    "gaussians": 1234, "steps": 100,
-    "effects": [{"name": "haze", "on": True, "why": "confirmed: it gains", "gain_db": 0.25, "gain_error_db": 0.05,
-                 "seconds": 9.0, "parameters": {"veil": [0.5, 0.5, 0.5]},
-                 "evidence": {"name": "haze", "needed": True, "confidence": 0.99, "seconds": 1.0, "evidence": "Fades.",
-                              "estimate": {"value": 0.4, "error": 0.02, "unit": "optical depth", "smallest": 0.08}}},
-                {"name": "exposure", "on": False, "why": "not needed", "gain_db": None, "gain_error_db": None,
-                 "seconds": 0.1, "parameters": None, "evidence": None}],
-    "seconds": {"start": None, "photos": 1.0, "sfm": 2.0, "refine": None, "effects": 9.1, "compile": None,
-                "prepare": None, "train": 61.0,
-                "save": 1.0, "total": 3700.0},
+    "gaussians": 1234,
+    "steps": 100,
+    "effects": [
+        {
+            "name": "haze",
+            "on": True,
+            "why": "confirmed: it gains",
+            "gain_db": 0.25,
+            "gain_error_db": 0.05,
+            "seconds": 9.0,
+            "parameters": {"veil": [0.5, 0.5, 0.5]},
+            "evidence": {
+                "name": "haze",
+                "needed": True,
+                "confidence": 0.99,
+                "seconds": 1.0,
+                "evidence": "Fades.",
+                "estimate": {"value": 0.4, "error": 0.02, "unit": "optical depth", "smallest": 0.08},
+            },
+        },
+        {
+            "name": "exposure",
+            "on": False,
+            "why": "not needed",
+            "gain_db": None,
+            "gain_error_db": None,
+            "seconds": 0.1,
+            "parameters": None,
+            "evidence": None,
+        },
+    ],
+    "seconds": {
+        "start": None,
+        "photos": 1.0,
+        "sfm": 2.0,
+        "refine": None,
+        "effects": 9.1,
+        "compile": None,
+        "prepare": None,
+        "train": 61.0,
+        "save": 1.0,
+        "total": 3700.0,
+    },
     "predicted": None,
     "peak_memory_mb": 300.5,
-    "heldout": {"names": ["a.png"], "unregistered": [], "every": 8, "in_sfm": True,
-                "degraded": {"psnr": 38.25, "ssim": 0.98, "psnr_matched": 38.5},
-                "sharp": {"psnr": 25.5, "ssim": 0.7, "psnr_inside": 26.0},
-                "truth_low_passed_psnr": 25.7,
-                "bands": [{"coarsest": 20.0, "finest": 14.0, "gain": 0.9, "correlation": 0.95, "energy": 0.94},
-                          {"coarsest": 14.0, "finest": 10.0, "gain": 0.5, "correlation": 0.6, "energy": 0.8}],
-                "edge_sharpness": 0.8, "views": []},
+    "heldout": {
+        "names": ["a.png"],
+        "unregistered": [],
+        "every": 8,
+        "in_sfm": True,
+        "degraded": {"psnr": 38.25, "ssim": 0.98, "psnr_matched": 38.5},
+        "sharp": {"psnr": 25.5, "ssim": 0.7, "psnr_inside": 26.0},
+        "truth_low_passed_psnr": 25.7,
+        "bands": [
+            {"coarsest": 20.0, "finest": 14.0, "gain": 0.9, "correlation": 0.95, "energy": 0.94},
+            {"coarsest": 14.0, "finest": 10.0, "gain": 0.5, "correlation": 0.6, "energy": 0.8},
+        ],
+        "edge_sharpness": 0.8,
+        "views": [],
+    },
     "resolvable_period_px": 9.03,
     "settings": {"run": {"psf": "gaussian:5", "cameras": None}, "training": {"steps": 200, "sh_degree": 1}},
-    "versions": {"dgs": "0.1.0"}, "machine": {"cores": 2}, "counters": {"culled": 3}, "notes": ["A <note>"],
-    "history": [{"step": 0, "seconds": 0.0, "loss": 1.0, "heldout_psnr": 20.0},
-                {"step": 100, "seconds": 5.0, "loss": 0.1, "heldout_psnr": 30.0}],
-}  # fmt: skip
+    "versions": {"dgs": "0.1.0"},
+    "machine": {"cores": 2},
+    "counters": {"culled": 3},
+    "notes": ["A <note>"],
+    "history": [
+        {"step": 0, "seconds": 0.0, "loss": 1.0, "heldout_psnr": 20.0},
+        {"step": 100, "seconds": 5.0, "loss": 0.1, "heldout_psnr": 30.0},
+    ],
+}
 
 
 def pictures(count=1, size=(48, 64), truth=True):
@@ -57,10 +118,17 @@ def pictures(count=1, size=(48, 64), truth=True):
 
     score = {"psnr": 30.0, "ssim": 0.9}
     return [
-        ViewPictures(f"view {i}.png", True, one(), one(), one(), one() if truth else None,
-                     {"degraded": score, "sharp": score if truth else None})
+        ViewPictures(
+            f"view {i}.png",
+            True,
+            one(),
+            one(),
+            one(),
+            one() if truth else None,
+            {"degraded": score, "sharp": score if truth else None},
+        )
         for i in range(count)
-    ]  # fmt: skip
+    ]
 
 
 def cameras():
@@ -104,9 +172,18 @@ def test_the_page_needs_no_other_file():
 
 def test_the_page_says_what_a_user_must_know():
     text = page(REPORT, pictures(), parse_psf("gaussian:5"), cameras())
-    for words in ("25.50", "38.25", "Detail finer than about 9.03 px", "took part in finding the cameras",
-                  "lost.jpg", "1\u202f234", "61 s", "1 h 1 min", "A &lt;note&gt;",
-                  "photos &amp; &lt;b&gt;more"):  # fmt: skip
+    for words in (
+        "25.50",
+        "38.25",
+        "Detail finer than about 9.03 px",
+        "took part in finding the cameras",
+        "lost.jpg",
+        "1\u202f234",
+        "61 s",
+        "1 h 1 min",
+        "A &lt;note&gt;",
+        "photos &amp; &lt;b&gt;more",
+    ):
         assert words in text, words
     assert "prefers-color-scheme: dark" in text
     assert text.count("<svg") == 5  # loss, accuracy, bands, transfer, map
@@ -121,8 +198,14 @@ def test_an_unfinished_run_says_so(status):
 
 def test_a_run_without_anything_optional_still_makes_a_page():
     report = copy.deepcopy(REPORT)
-    report["heldout"].update(names=[], degraded={"psnr": None, "ssim": None}, bands=[], truth_low_passed_psnr=None,
-                             sharp={"psnr": None, "ssim": None, "psnr_inside": None}, edge_sharpness=None)  # fmt: skip
+    report["heldout"].update(
+        names=[],
+        degraded={"psnr": None, "ssim": None},
+        bands=[],
+        truth_low_passed_psnr=None,
+        sharp={"psnr": None, "ssim": None, "psnr_inside": None},
+        edge_sharpness=None,
+    )
     report.update(history=[], counters={}, notes=[], peak_memory_mb=None, resolvable_period_px=2.0)
     report["medium"]["psf"] = "none"
     text = page(report, pictures(truth=False), None, cameras())
@@ -149,8 +232,13 @@ def test_spread_keeps_first_and_last():
 
 def test_charts_leave_out_what_cannot_be_drawn():
     nan = float("nan")
-    svg = line_chart("t", [("a", [(0, nan), (1, 1.0), (2, 0.0), (3, 10.0)])], Axis("x"), Axis("y", logarithmic=True),
-                     [Marker("m", x=2.0), Marker("n", y=5.0)])  # fmt: skip
+    svg = line_chart(
+        "t",
+        [("a", [(0, nan), (1, 1.0), (2, 0.0), (3, 10.0)])],
+        Axis("x"),
+        Axis("y", logarithmic=True),
+        [Marker("m", x=2.0), Marker("n", y=5.0)],
+    )
     assert "nan" not in svg and svg.count("<circle") == 2 and svg.count('class="marker"') == 2
     assert line_chart("t", [("a", [(0, nan)])], Axis("x"), Axis("y")) == ""
     flat = line_chart("t", [("a", [(0, 1.0), (1, 1.0)])], Axis("x"), Axis("y"))

@@ -95,9 +95,7 @@ def blurred() -> tuple[dict[str, Camera], list[Photo]]:
     ]
 
 
-def test_finds_cameras_of_blurred_photos(
-    blurred: tuple[dict[str, Camera], list[Photo]], tmp_path: Path
-) -> None:
+def test_finds_cameras_of_blurred_photos(blurred: tuple[dict[str, Camera], list[Photo]], tmp_path: Path) -> None:
     truth, photos = blurred
     found = find.find_cameras(photos, kernel(SIGMA), SfmSettings(), tmp_path, Silent())
     assert found.names == tuple(sorted(truth))
@@ -166,17 +164,18 @@ def test_an_abort_in_native_code_is_an_error(
 def test_the_child_dies_with_its_parent(tmp_path: Path) -> None:
     parent = subprocess.Popen(
         [
-            sys.executable, "-c",
+            sys.executable,
+            "-c",
             "import subprocess, sys, time\n"
             "child = subprocess.Popen([sys.executable, '-c', 'import importlib.util, sys, time;"
-            "spec = importlib.util.spec_from_file_location(\"w\", sys.argv[1]);"
+            'spec = importlib.util.spec_from_file_location("w", sys.argv[1]);'
             "w = importlib.util.module_from_spec(spec); spec.loader.exec_module(w);"
             "w.end_with_parent(); time.sleep(60)', sys.argv[1]], stdin=subprocess.PIPE)\n"
             "print(child.pid, flush=True); time.sleep(60)",
             str(find._WORKER),
         ],
         stdout=subprocess.PIPE,
-    )  # fmt: skip
+    )
     assert parent.stdout is not None
     child = int(parent.stdout.readline())
     time.sleep(1.0)

@@ -80,9 +80,7 @@ def test_the_others_find_their_place(tmp_path: Path, monkeypatch: pytest.MonkeyP
     """In this process, to see which way was taken; the photos left out come as close as the mapped ones."""
     textures = [texture(1), texture(2)]
     truth = cameras(16)
-    blurred = [
-        photo(name, gaussian_filter(photographed(c, textures), SIGMA, truncate=5)) for name, c in truth.items()
-    ]
+    blurred = [photo(name, gaussian_filter(photographed(c, textures), SIGMA, truncate=5)) for name, c in truth.items()]
     names = write_job(blurred, kernel(SIGMA), SfmSettings(many=12, many_features=3000, choose_pairs_from=100), tmp_path)
     job = read_job(tmp_path)
     mapped: list[list[str] | None] = []

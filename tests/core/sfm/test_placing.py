@@ -50,9 +50,12 @@ def placed(folder: Path, strangers: bool = False) -> tuple[dict[str, Camera], di
         camera = truth[name]
         np.save(folder / f"depth{index}.npy", depth(camera))
         known[at[name]] = {
-            "rotation": camera.rotation.tolist(), "translation": camera.translation.tolist(),
-            "focal": [camera.fx, camera.fy], "centre": [camera.cx, camera.cy], "depth": f"depth{index}.npy",
-        }  # fmt: skip
+            "rotation": camera.rotation.tolist(),
+            "translation": camera.translation.tolist(),
+            "focal": [camera.fx, camera.fy],
+            "centre": [camera.cx, camera.cy],
+            "depth": f"depth{index}.npy",
+        }
     lens = {"model": "SIMPLE_PINHOLE", "width": WIDTH, "height": HEIGHT, "params": [FOCAL, WIDTH / 2, HEIGHT / 2]}
     write_json(folder / COMPANIONS, list(known))
     write_json(folder / PLAN, {"known": known, "lens": lens})

@@ -18,15 +18,28 @@ CURVE = [[5.0, 18.0], [10.0, 20.0], [20.0, 21.0], [80.0, 22.0]]
 
 def row(knob: str, seconds: float, psnr: float, curve: list[list[float]] | None = None, **more) -> dict:
     return {
-        "knob": knob, "group": "iterations", "seconds": {"total": seconds}, "gaussians": 100, "steps": 10,
-        "heldout": {"psnr": psnr, "ssim": 0.5}, "curve": curve or [[seconds, psnr]], "lines": {}, "disturbed": 0.0,
+        "knob": knob,
+        "group": "iterations",
+        "seconds": {"total": seconds},
+        "gaussians": 100,
+        "steps": 10,
+        "heldout": {"psnr": psnr, "ssim": 0.5},
+        "curve": curve or [[seconds, psnr]],
+        "lines": {},
+        "disturbed": 0.0,
         **more,
-    }  # fmt: skip
+    }
 
 
 def test_the_front_is_what_nothing_beats():
-    rows = [row("slow, exact", 100, 25), row("quick, coarse", 10, 20), row("beaten", 50, 19), row("equal", 10, 20),
-            row("middle", 40, 23), row("same time, worse", 40, 22.9)]  # fmt: skip
+    rows = [
+        row("slow, exact", 100, 25),
+        row("quick, coarse", 10, 20),
+        row("beaten", 50, 19),
+        row("equal", 10, 20),
+        row("middle", 40, 23),
+        row("same time, worse", 40, 22.9),
+    ]
     found, _ = points(rows)
     assert {p["knob"] for p in found if p["front"]} == {"slow, exact", "quick, coarse", "equal", "middle"}
     assert front_names(found)[-2:] == ["middle", "slow, exact"]
@@ -50,8 +63,11 @@ def test_time_to_target_and_best_in_a_minute():
 
 
 def test_line_width_error_in_percent():
-    views = [{"heldout": True, "true": 10.0, "rendered": 11.0}, {"heldout": True, "true": 20.0, "rendered": 19.0},
-             {"heldout": False, "true": 10.0, "rendered": 30.0}]  # fmt: skip
+    views = [
+        {"heldout": True, "true": 10.0, "rendered": 11.0},
+        {"heldout": True, "true": 20.0, "rendered": 19.0},
+        {"heldout": False, "true": 10.0, "rendered": 30.0},
+    ]
     assert line_error({"lines": {"red": {"views": views}}}) == pytest.approx(7.5)
     assert line_error({"lines": {}}) is None
 

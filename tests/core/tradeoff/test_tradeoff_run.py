@@ -16,8 +16,19 @@ from dgs.core.tradeoff.settings import TradeoffSettings
 @pytest.fixture(scope="module")
 def measured(rendered_set: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("tradeoff")
-    words = ["tradeoff", str(rendered_set), "--out", str(out), "--cameras", "known", "--quick", "--threads", "1",
-             "--progress", "none"]  # fmt: skip
+    words = [
+        "tradeoff",
+        str(rendered_set),
+        "--out",
+        str(out),
+        "--cameras",
+        "known",
+        "--quick",
+        "--threads",
+        "1",
+        "--progress",
+        "none",
+    ]
     assert run([*words, "--only", "iterations", "--only", "blur", "--only", "float width", "--only", "effects"]) == 0
     return out
 
@@ -56,8 +67,16 @@ def test_rows_are_taken_up_again(measured: Path, rendered_set: Path):
     files = {file: file.stat().st_mtime_ns for file in (measured / "rows").iterdir()}
     one = min(files)
     one.unlink()
-    settings = TradeoffSettings(rendered_set, measured, cameras="known", seeds=1, quick=True, resume=True, threads=1,
-                                only=("iterations", "blur", "float width", "effects"))  # fmt: skip
+    settings = TradeoffSettings(
+        rendered_set,
+        measured,
+        cameras="known",
+        seeds=1,
+        quick=True,
+        resume=True,
+        threads=1,
+        only=("iterations", "blur", "float width", "effects"),
+    )
     measure_tradeoff(settings, Silent())
     assert one.is_file()
     assert all(file.stat().st_mtime_ns == before for file, before in files.items() if file != one)

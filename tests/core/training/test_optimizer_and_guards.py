@@ -18,8 +18,13 @@ RATES = {"means": 1e-3, "log_scales": 2e-2, "quaternions": 3e-3, "opacity_logits
 
 def some(count: int = 40, degree: int = 1, seed: int = 0) -> Gaussians:
     random = torch.Generator().manual_seed(seed)
-    shapes = {"means": (count, 3), "log_scales": (count, 3), "quaternions": (count, 4),
-              "opacity_logits": (count,), "sh": (count, (degree + 1) ** 2, 3)}  # fmt: skip
+    shapes = {
+        "means": (count, 3),
+        "log_scales": (count, 3),
+        "quaternions": (count, 4),
+        "opacity_logits": (count,),
+        "sh": (count, (degree + 1) ** 2, 3),
+    }
     return Gaussians(**{name: torch.randn(*shape, generator=random) for name, shape in shapes.items()})
 
 

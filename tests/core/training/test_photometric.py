@@ -3,11 +3,7 @@
 import numpy as np
 import pytest
 import torch
-from dgs.core.training.photometric import (
-    PhotometricLoss,
-    photometric_reference,
-    structural_similarity_map,
-)
+from dgs.core.training.photometric import PhotometricLoss, photometric_reference, structural_similarity_map
 
 
 def pair(height: int, width: int, seed: int = 0) -> tuple[torch.Tensor, torch.Tensor]:
@@ -41,9 +37,14 @@ def test_agrees_with_scikit_image():
     image, photo = pair(60, 70)
     ours = structural_similarity_map(image.double(), photo.double())[:, 5:-5, 5:-5].mean()
     theirs = structural_similarity(
-        image.double().numpy(), photo.double().numpy(), channel_axis=0, data_range=1.0,
-        gaussian_weights=True, sigma=1.5, use_sample_covariance=False,
-    )  # fmt: skip
+        image.double().numpy(),
+        photo.double().numpy(),
+        channel_axis=0,
+        data_range=1.0,
+        gaussian_weights=True,
+        sigma=1.5,
+        use_sample_covariance=False,
+    )
     assert float(ours) == pytest.approx(float(theirs), abs=1e-7)
 
 
@@ -69,11 +70,7 @@ def test_masked_nan_and_saturated_pixels_have_no_gradient():
     image[:, ~mask] = float("nan")  # what the render holds there must not matter
     value, gradient = PhotometricLoss(photo, mask, saturation=1.0).value_and_gradient(image)
     assert np.isfinite(value) and torch.isfinite(gradient).all()
-    assert (
-        (gradient[:, ~mask] == 0).all()
-        and (gradient[1, 20:24, 30:40] == 0).all()
-        and gradient[2, 5, 100] == 0
-    )
+    assert (gradient[:, ~mask] == 0).all() and (gradient[1, 20:24, 30:40] == 0).all() and gradient[2, 5, 100] == 0
     x = image.double().requires_grad_()
     expected = photometric_reference(x, photo.double(), mask, saturation=1.0)
     assert value == pytest.approx(expected.item(), abs=1e-6)

@@ -137,9 +137,7 @@ def test_masked_pixels_have_no_influence(scene):
     image = torch.rand(size, generator=torch.Generator().manual_seed(1))
     objective = clean.objective(clean.levels[-1], view)
     assert view.valid is not None and other.valid is not None
-    a, b = (
-        objective.pull(image, torch.from_numpy(v.planes()), torch.from_numpy(v.valid)) for v in (view, other)
-    )
+    a, b = (objective.pull(image, torch.from_numpy(v.planes()), torch.from_numpy(v.valid)) for v in (view, other))
     assert a.loss == b.loss and torch.equal(a.gradient, b.gradient)
     unmasked = objective.pull(image, torch.from_numpy(other.planes()), None)
     assert not torch.equal(a.gradient, unmasked.gradient)
@@ -148,9 +146,10 @@ def test_masked_pixels_have_no_influence(scene):
 def test_point_at_a_camera_centre_does_no_harm(scene):
     centres = np.stack([view.camera.centre for view in scene.views])
     points = replace(
-        scene.points, positions=np.concatenate([scene.points.positions, centres, centres + 1e-9]),
+        scene.points,
+        positions=np.concatenate([scene.points.positions, centres, centres + 1e-9]),
         colours=np.concatenate([scene.points.colours, np.full((2 * len(centres), 3), 200, np.uint8)]),
-    )  # fmt: skip
+    )
     trained = run(replace(scene, points=points), replace(SHORT, steps=200, density_every=50, max_gaussians=400))
     assert trained.steps == 200
     for name, tensor in trained.gaussians.named():

@@ -51,10 +51,12 @@ def coloured_plane(seed: int = 0) -> Gaussians:
     n = len(means)
     colours = 0.5 + 0.25 * np.sin(means[:, :1] * 3 + [0.0, 1.0, 2.0]) + random.choice([-0.22, 0.22], (n, 3))
     return Gaussians(
-        means=torch.tensor(means, dtype=torch.float32), log_scales=torch.full((n, 3), float(np.log(0.05))),
-        quaternions=torch.tensor([[1.0, 0.0, 0.0, 0.0]]).repeat(n, 1), opacity_logits=torch.full((n,), 3.0),
+        means=torch.tensor(means, dtype=torch.float32),
+        log_scales=torch.full((n, 3), float(np.log(0.05))),
+        quaternions=torch.tensor([[1.0, 0.0, 0.0, 0.0]]).repeat(n, 1),
+        opacity_logits=torch.full((n,), 3.0),
         sh=torch.tensor(((colours - 0.5) / SH_C0)[:, None, :], dtype=torch.float32),
-    )  # fmt: skip
+    )
 
 
 def photographed(truth: Gaussians, camera: Camera, psf: PointSpread | None) -> np.ndarray:
@@ -87,10 +89,9 @@ def blurred_scene(count: int = 12, sigma: float = SIGMA, seed: int = 0) -> Scene
 def moved(scene: Scene, size: float, offset: np.ndarray) -> Scene:
     """The same photos of the same scene, in another world: x' = size x + offset."""
     views = [
-        replace(v, camera=v.camera.moved(v.camera.rotation,
-                                         size * v.camera.translation - v.camera.rotation @ offset))
+        replace(v, camera=v.camera.moved(v.camera.rotation, size * v.camera.translation - v.camera.rotation @ offset))
         for v in scene.views
-    ]  # fmt: skip
+    ]
     points = replace(scene.points, positions=scene.points.positions * size + offset)
     return replace(scene, views=views, points=points)
 

@@ -62,9 +62,7 @@ def test_the_focal_length_is_found_with_the_poses():
     photos = [look(v.camera) for v in scene.views]
     cameras = [zoomed(v.camera, 0.02) for v in scene.views]
     for smooth in (2.0, 1.0, 1.0, 0.5, 0.5, 0.0, 0.0, 0.0):
-        pulls = [
-            equations(c, photo, None, look, smooth=smooth) for c, photo in zip(cameras, photos, strict=True)
-        ]
+        pulls = [equations(c, photo, None, look, smooth=smooth) for c, photo in zip(cameras, photos, strict=True)]
         twists, share = solved(pulls, True, [np.zeros(6)] * len(cameras))
         cameras = [zoomed(twisted(c, t), share) for c, t in zip(cameras, twists, strict=True)]
     assert cameras[0].fx == pytest.approx(scene.views[0].camera.fx, rel=0.003)

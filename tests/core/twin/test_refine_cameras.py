@@ -121,8 +121,13 @@ def test_wrong_cameras_come_right_and_right_ones_stay(monkeypatch: pytest.Monkey
     assert found.kept
     assert off(found.cameras) < 0.5 * off({v.name: v.camera for v in shaken})
     right = refine_cameras(
-        [v for i, v in enumerate(scene.views) if i % 4], list(scene.views[::4]), scene.points, scene.medium, settings,
-        Silent(), focal=False,
-    )  # fmt: skip
+        [v for i, v in enumerate(scene.views) if i % 4],
+        list(scene.views[::4]),
+        scene.points,
+        scene.medium,
+        settings,
+        Silent(),
+        focal=False,
+    )
     assert not right.kept
     assert right.cameras == truth

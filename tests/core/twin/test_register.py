@@ -49,8 +49,22 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     points = np.stack([on_walls[:, 0], on_walls[:, 1], -np.abs(on_walls[:, 0])], axis=1)
     sparse = SparsePoints(points, np.full((400, 3), 128, np.uint8))
     write_lenses(folder / "model", dict.fromkeys(poses, lens), poses, sparse)
-    words = ["--psf", f"gaussian:{SIGMA}", "--cameras", str(folder / "model"), "--preset", "draft", "--max-gaussians",
-             "5000", "--holdout-every", "0", "--threads", "2", "--progress", "none"]  # fmt: skip
+    words = [
+        "--psf",
+        f"gaussian:{SIGMA}",
+        "--cameras",
+        str(folder / "model"),
+        "--preset",
+        "draft",
+        "--max-gaussians",
+        "5000",
+        "--holdout-every",
+        "0",
+        "--threads",
+        "2",
+        "--progress",
+        "none",
+    ]
     assert run(["reconstruct", str(folder / "photos"), "--out", str(folder / "out"), *words]) == 0
     return folder
 

@@ -36,11 +36,35 @@ def made(tmp_path_factory):
     linked = (folder / "photos" / "phöto 01.png").rename(folder / "elsewhere.png")
     (folder / "photos" / "phöto 01.png").symlink_to(linked)
     done = subprocess.run(
-        [sys.executable, str(ROOT / "run_dgs.py"), "reconstruct", str(folder / "photos"), "--out", str(folder / "out"),
-         "--psf", f"gaussian:{SIGMA}", "--cameras", str(folder / "model"), "--preset", "draft",
-         "--max-gaussians", "2500", "--holdout-every", "4", "--sh-degree", "0", "--threads", "1", "--progress", "none"],
-        capture_output=True, text=True, timeout=600, check=False,
-    )  # fmt: skip
+        [
+            sys.executable,
+            str(ROOT / "run_dgs.py"),
+            "reconstruct",
+            str(folder / "photos"),
+            "--out",
+            str(folder / "out"),
+            "--psf",
+            f"gaussian:{SIGMA}",
+            "--cameras",
+            str(folder / "model"),
+            "--preset",
+            "draft",
+            "--max-gaussians",
+            "2500",
+            "--holdout-every",
+            "4",
+            "--sh-degree",
+            "0",
+            "--threads",
+            "1",
+            "--progress",
+            "none",
+        ],
+        capture_output=True,
+        text=True,
+        timeout=600,
+        check=False,
+    )
     assert done.returncode == 0, done.stderr
     return folder
 

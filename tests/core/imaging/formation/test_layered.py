@@ -79,10 +79,14 @@ def shot(scale: int = 1, depth: torch.Tensor | None = None) -> Shot:
     return Shot("a", H // scale, W // scale, depth=depth)
 
 
-@pytest.mark.parametrize("made", [
-    lambda: Defocus(torch.tensor(0.03).double(), torch.tensor(1.1).double()),
-    lambda: FieldBlur(torch.tensor(0.04).double()), lambda: FieldBlur(torch.tensor(-0.04).double()),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "made",
+    [
+        lambda: Defocus(torch.tensor(0.03).double(), torch.tensor(1.1).double()),
+        lambda: FieldBlur(torch.tensor(0.04).double()),
+        lambda: FieldBlur(torch.tensor(-0.04).double()),
+    ],
+)
 def test_parameters_gradients_against_differences(made):
     light, weight = picture(3, H, W), picture(3, H, W, seed=1)
 
@@ -110,8 +114,14 @@ def test_changed_parameters_are_noticed_between_forward_and_gradient():
     assert torch.equal(effect.gradient(light, light, here), fresh.gradient(light, light, here))
 
 
-@pytest.mark.parametrize("effect", [Defocus(torch.tensor(0.0), torch.tensor(1.0)), FieldBlur(torch.tensor(0.0)),
-                                    FieldBlur(torch.tensor(0.9 * INVISIBLE / 80))])  # fmt: skip
+@pytest.mark.parametrize(
+    "effect",
+    [
+        Defocus(torch.tensor(0.0), torch.tensor(1.0)),
+        FieldBlur(torch.tensor(0.0)),
+        FieldBlur(torch.tensor(0.9 * INVISIBLE / 80)),
+    ],
+)
 def test_what_is_not_visible_costs_nothing(effect):
     light = picture(3, H, W, dtype=torch.float32)
     assert effect.forward(light, shot()) is light
@@ -132,8 +142,9 @@ def test_the_field_is_sharp_in_the_middle_or_in_the_corner():
         assert float(variance.max()) == pytest.approx((0.01 * here.diagonal) ** 2, rel=0.02)
 
 
-@pytest.mark.parametrize("effect", [Defocus(torch.tensor(0.03).double(), torch.tensor(1.1).double()),
-                                    FieldBlur(torch.tensor(0.04).double())])  # fmt: skip
+@pytest.mark.parametrize(
+    "effect", [Defocus(torch.tensor(0.03).double(), torch.tensor(1.1).double()), FieldBlur(torch.tensor(0.04).double())]
+)
 def test_the_same_effect_on_every_grid(effect):
     """A coarse grid shows the average of the fine one, whatever unit px are."""
     smooth = LayeredBlur(torch.full((H, W), 4.0, dtype=torch.float64)).apply(picture(3, H, W))

@@ -41,8 +41,10 @@ def scene():
 @pytest.fixture(scope="module")
 def sets(scene):
     kinds = {"clean": {}, "defocus": {"defocus": PX}, "field": {"field": PX}}
-    return {kind: validation.photo_set(scene, degrade(scene, Truth(psf=(SIGMA, SIGMA, 0.0), **done), 1))
-            for kind, done in kinds.items()}  # fmt: skip
+    return {
+        kind: validation.photo_set(scene, degrade(scene, Truth(psf=(SIGMA, SIGMA, 0.0), **done), 1))
+        for kind, done in kinds.items()
+    }
 
 
 @pytest.fixture(scope="module")

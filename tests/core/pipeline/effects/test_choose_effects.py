@@ -127,9 +127,14 @@ def test_a_trial_s_price_does_not_grow_with_the_photos(dim):
 def enlarged(camera, s):
     """The camera of a photo with `s` times as many px along each side."""
     return replace(
-        camera, width=s * camera.width, height=s * camera.height, fx=s * camera.fx, fy=s * camera.fy,
-        cx=s * camera.cx, cy=s * camera.cy,
-    )  # fmt: skip
+        camera,
+        width=s * camera.width,
+        height=s * camera.height,
+        fx=s * camera.fx,
+        fy=s * camera.fy,
+        cx=s * camera.cx,
+        cy=s * camera.cy,
+    )
 
 
 def test_trials_stop_when_asked_to(dim):
