@@ -52,7 +52,7 @@ def main() -> int:
         from dgs.dgs_addon.engine.handover import hand_over
 
         return hand_over(arguments)
-    from dgs.core.command_line import run
+    from dgs.command_line import run
 
     return run(arguments)
 

@@ -3,7 +3,7 @@
 
     python benchmarks/accuracy.py --data FOLDER [--data FOLDER ...] [--seeds 3] [--steps 1000]
 
-The same as `run_dgs.py compare FOLDER` for several sets (see `core/comparison/methods.py` for the
+The same as `run_dgs.py compare FOLDER` for several sets (see `studies/comparison/methods.py` for the
 methods); rows that are there already are not run again. Rows and pictures go to benchmarks/runs/,
 tables to benchmarks/accuracy_<set>.json and .md.
 """
@@ -37,7 +37,7 @@ def main() -> int:
     parser.add_argument("--threads", type=int, default=2)
     options = parser.parse_args()
     run_dgs.mount_package()
-    from dgs.core.command_line import run
+    from dgs.command_line import run
 
     chosen = {"--photos": options.photos, "--steps": options.steps, "--max-gaussians": options.gaussians}
     shared = [word for name, value in chosen.items() if value for word in (name, str(value))]

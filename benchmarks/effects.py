@@ -29,8 +29,9 @@ from dgs.core.inspection.inspect import inspect_photos  # noqa: E402
 from dgs.core.inspection.photo_set import PhotoSet  # noqa: E402
 from dgs.core.lens import Lens  # noqa: E402
 from dgs.core.photos.load import Photo  # noqa: E402
+from dgs.core.pose import Pose  # noqa: E402
 from dgs.core.progress import Silent  # noqa: E402
-from dgs.core.sfm.reconstruction import Figures, Pose, Reconstruction  # noqa: E402
+from dgs.core.reconstruction import Figures, Reconstruction  # noqa: E402
 from effect_scenes import Truth, degrade, kept_scene  # noqa: E402
 
 KEPT = ROOT / "benchmarks/data/effects"

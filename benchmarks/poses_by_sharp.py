@@ -33,11 +33,12 @@ from dgs.core.imaging.medium import Medium  # noqa: E402
 from dgs.core.imaging.psf import PointSpread, parse_psf  # noqa: E402
 from dgs.core.photos.load import Photo, load_photos  # noqa: E402
 from dgs.core.photos.undistort import undistorted_views  # noqa: E402
+from dgs.core.pose import Pose  # noqa: E402
 from dgs.core.progress import Silent  # noqa: E402
+from dgs.core.reconstruction import Reconstruction  # noqa: E402
 from dgs.core.sfm.find import find_cameras  # noqa: E402
 from dgs.core.sfm.keyframes import read_matches  # noqa: E402
 from dgs.core.sfm.known import load_cameras  # noqa: E402
-from dgs.core.sfm.reconstruction import Pose, Reconstruction  # noqa: E402
 from dgs.core.sfm.settings import SfmSettings  # noqa: E402
 from dgs.core.training.settings import TrainingSettings  # noqa: E402
 from dgs.core.twin.refine_cameras import refine_cameras  # noqa: E402

@@ -33,9 +33,10 @@ from dgs.core.formats.colmap import write_lenses  # noqa: E402
 from dgs.core.photos.load import load_photos  # noqa: E402
 from dgs.core.pipeline.heldout import TruthFolder  # noqa: E402
 from dgs.core.pipeline.views import Viewer, to_pixels  # noqa: E402
+from dgs.core.pose import Pose  # noqa: E402
 from dgs.core.progress import Silent  # noqa: E402
+from dgs.core.reconstruction import Reconstruction  # noqa: E402
 from dgs.core.sfm.known import load_cameras  # noqa: E402
-from dgs.core.sfm.reconstruction import Pose, Reconstruction  # noqa: E402
 from dgs.core.training.settings import TrainingSettings  # noqa: E402
 from dgs.core.training.trainer import Trainer  # noqa: E402
 from dgs.core.twin.consensus import laid_over  # noqa: E402

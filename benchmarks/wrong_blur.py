@@ -32,12 +32,12 @@ def main() -> int:
     parser.add_argument("--photos", type=int, default=6)
     options = parser.parse_args()
     run_dgs.mount_package()
-    from dgs.core.comparison import degrade, mismatch
     from dgs.core.imaging.contradiction import CONTRADICTED
     from dgs.core.imaging.psf import PointSpread
     from dgs.core.imaging.spectrum import noise_to_signal
     from dgs.core.photos.load import load_photo
     from dgs.core.training.grid import averaged
+    from dgs.studies.comparison import degrade, mismatch
 
     cases = mismatch.cases(SIGMA)
     cut = max(case.kernel.shape[0] // 2 for case in cases)

@@ -135,7 +135,7 @@ def main() -> int:
     parser.add_argument("--kills", type=int, default=20)
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
-    sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "core" / "command_line")]
+    sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "command_line")]
     import run_dgs
 
     run_dgs.mount_package()

@@ -38,7 +38,7 @@ class Failed(Exception):
 
 def command(*words: object) -> None:
     """Runs one command of ours in this process."""
-    from dgs.core.command_line import run
+    from dgs.command_line import run
 
     print("run_dgs.py " + " ".join(map(str, words)), flush=True)
     status = run([str(word) for word in words])
@@ -71,7 +71,7 @@ def render_sets(work: Path, quick: bool) -> tuple[Path, Path]:
 
 def compare(data: Path, out: Path, options: argparse.Namespace, *more: object, few: bool = False) -> dict[str, Any]:
     """The table of one set, taking up what is there; `few` leaves out Richardson-Lucy and every search."""
-    from dgs.core.comparison.methods import WIENER_MEASURED
+    from dgs.studies.comparison.methods import WIENER_MEASURED
 
     rows = ("plain", "paper", "dgs", WIENER_MEASURED, "oracle")
     only = [word for method in rows for word in ("--only", method)] if few else []
@@ -94,8 +94,8 @@ def pictures(out: Path, page: Path, label: str) -> dict[str, str]:
 
 def write(options: argparse.Namespace) -> None:
     """All sets, all comparisons, the page."""
-    from dgs.core.comparison.paper import Chapter, page
     from dgs.core.files import write_text
+    from dgs.studies.comparison.paper import Chapter, page
 
     work = ROOT / "benchmarks" / "runs" / ("paper_quick" if options.quick else "paper")
     target = options.page or (work / "paper.md" if options.quick else ROOT / "docs" / "paper.md")

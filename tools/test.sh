@@ -11,7 +11,7 @@ trap 'rm -f "$log"' EXIT
 summary=()
 status=0
 
-run_tests() {  # target, then pytest arguments
+run_tests() {  # targets, then pytest arguments; the first names them all
   local target=$1 code line
   printf '\n== %s\n' "$target"
   .venv/bin/python -m pytest "$@" </dev/null 2>&1 | tee "$log"
@@ -22,11 +22,11 @@ run_tests() {  # target, then pytest arguments
   [ "$code" = 5 ] || summary+=("$(printf '%-52s %s' "$target" "${line:-no summary}")")
 }
 
-run_tests tests/core "$@"
+run_tests "tests/core" tests/studies tests/command_line "$@"
 run_tests tests/hard_cases "$@"
 while IFS= read -r file; do
   run_tests "$file" "$@"
-done < <(find tests -name 'test_*.py' -not -path 'tests/core/*' -not -path 'tests/hard_cases/*' | sort)
+done < <(find tests -name 'test_*.py' -not -path 'tests/core/*' -not -path 'tests/studies/*' -not -path 'tests/command_line/*' -not -path 'tests/hard_cases/*' | sort)
 
 printf '\n== Summary\n'
 printf '%s\n' "${summary[@]:-no test was selected}"

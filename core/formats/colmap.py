@@ -10,7 +10,7 @@ import numpy as np
 from ..camera import Camera
 from ..errors import FormatError, OutputError
 from ..lens import Lens
-from ..sfm.reconstruction import Pose
+from ..pose import Pose
 from ..views import SparsePoints
 
 _FOLDERS = (".", "sparse/0", "sparse", "0", "cameras", "colmap/sparse/0")

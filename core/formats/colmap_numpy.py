@@ -15,7 +15,7 @@ import numpy as np
 from ..conventions import rotation_from_quaternion
 from ..errors import FormatError
 from ..lens import MODELS, Lens
-from ..sfm.reconstruction import Pose
+from ..pose import Pose
 from ..views import SparsePoints
 from .colmap import model_folder
 

@@ -14,7 +14,7 @@ from ..camera import Camera
 from ..conventions import from_opengl, to_opengl
 from ..errors import FormatError, OutputError
 from ..lens import Lens
-from ..sfm.reconstruction import Pose
+from ..pose import Pose
 
 _EXPORT = "Export it again, or give a COLMAP model"
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..colour import srgb_to_linear
 from ..photos.load import Photo
-from ..sfm.reconstruction import Reconstruction
+from ..reconstruction import Reconstruction
 from .noise_level import noise_of
 from .photometry import Photometry, fit_photometry
 from .spectra import Blur, fit_blur, polar_power

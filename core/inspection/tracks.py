@@ -18,7 +18,7 @@ from scipy import ndimage
 
 from ..colour import srgb_to_linear
 from ..photos.load import Photo
-from ..sfm.reconstruction import Reconstruction
+from ..reconstruction import Reconstruction
 
 Array = NDArray[np.float64]
 

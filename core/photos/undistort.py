@@ -14,7 +14,8 @@ from scipy.ndimage import spline_filter1d
 from .. import compiled
 from ..camera import Camera
 from ..lens import Lens
-from ..sfm.reconstruction import Pose, Reconstruction
+from ..pose import Pose
+from ..reconstruction import Reconstruction
 from ..views import View
 from .load import Photo
 from .resample_kernels import sample

@@ -19,8 +19,8 @@ from ..imaging.medium import Medium
 from ..photos.load import Photo, load_photo, photo_files
 from ..photos.scale import resized
 from ..progress import Progress
+from ..reconstruction import Reconstruction
 from ..report.pictures import ViewPictures
-from ..sfm.reconstruction import Reconstruction
 from .effects.matched import matched_psnr
 from .views import Viewer, to_pixels
 

@@ -6,7 +6,7 @@ from ..files import check_writable
 from ..photos.load import load_photos
 from ..photos.source import photo_source
 from ..progress import Progress
-from ..sfm.reconstruction import Reconstruction
+from ..reconstruction import Reconstruction
 from .blind import spreads_of, told_spreads
 from .machine import use_threads
 from .reconstruct import cameras_of, medium_for

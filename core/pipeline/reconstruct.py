@@ -20,12 +20,12 @@ from ..imaging.psf import PointSpread
 from ..photos.load import Photo, load_photos
 from ..photos.source import photo_source
 from ..progress import Progress
+from ..reconstruction import Reconstruction
 from ..report.page import write_page
 from ..report.pictures import ViewPictures, spread
 from ..sfm.features import FEATURES
 from ..sfm.find import find_cameras
 from ..sfm.known import load_cameras
-from ..sfm.reconstruction import Reconstruction
 from ..views import fingerprint
 from .blind import spreads_of, told_spreads
 from .heldout import Scores, TruthFolder, ViewScorer, heldout_names, render_names

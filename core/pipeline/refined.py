@@ -12,8 +12,9 @@ from ..camera import Camera
 from ..imaging.medium import Medium
 from ..lens import MODELS, Lens
 from ..photos.load import Photo
+from ..pose import Pose
 from ..progress import Progress
-from ..sfm.reconstruction import Pose, Reconstruction
+from ..reconstruction import Reconstruction
 from ..twin.refine_cameras import Refined
 from .settings import ReconstructSettings
 

@@ -12,8 +12,8 @@ import numpy as np
 
 from ..imaging.medium import Medium
 from ..photos.load import Photo
+from ..reconstruction import Reconstruction
 from ..report.schema import SCHEMA_VERSION
-from ..sfm.reconstruction import Reconstruction
 from ..views import fingerprint
 from .blind import Spreads
 from .heldout import BANDS, Scores, mean_of

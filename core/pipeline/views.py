@@ -19,8 +19,8 @@ from ..imaging.medium import Medium
 from ..imaging.operator import BlurOperator
 from ..lens import Lens
 from ..photos.undistort import Undistortion
+from ..pose import Pose
 from ..rasterizer import RasterSettings, Rendered, render
-from ..sfm.reconstruction import Pose
 from ..training.scale import SceneScale
 
 #: Pixels around a frame that interpolation at its border reads.

@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..sfm.reconstruction import Pose, Reconstruction
+from ..pose import Pose
+from ..reconstruction import Reconstruction
 
 #: Farther from the origin than this many times the spread of cameras and points, float32 numbers lie more than
 #: 6e-5 of the spread apart: about a tenth of a px.

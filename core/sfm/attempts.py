@@ -13,10 +13,10 @@ import numpy as np
 import pycolmap
 from numpy.typing import NDArray
 
+from ..reconstruction import Attempt
 from . import keyframes, pipeline
 from .features import FEATURES, read_features, save_features
 from .job import Job
-from .reconstruction import Attempt
 from .refine import pixel_exact
 from .settings import Recipe, SfmSettings, recipes
 

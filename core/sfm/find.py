@@ -21,10 +21,10 @@ from ..errors import CameraError, Cancelled, NativeCrash, TooFewPhotos
 from ..formats.colmap import read_model
 from ..photos.load import Photo
 from ..progress import Progress
+from ..reconstruction import Attempt, Figures, Reconstruction
 from .child import WORKER, begin
 from .features import FEATURES, load_features, save_features
 from .job import write_job
-from .reconstruction import Attempt, Figures, Reconstruction
 from .settings import SfmSettings
 
 #: Three views are the least that check one another.

@@ -15,8 +15,9 @@ from ..formats.colmap import model_folder, read_model
 from ..formats.transforms import read_transforms
 from ..lens import Lens
 from ..photos.load import Photo
+from ..pose import Pose
+from ..reconstruction import Figures, Reconstruction, no_points
 from ..views import SparsePoints
-from .reconstruction import Figures, Pose, Reconstruction, no_points
 from .scatter import scattered_points
 
 #: Sides may differ by this share before a lens no longer fits a photo.

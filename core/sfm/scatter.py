@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from ..camera import Camera
 from ..photos.load import Photo
+from ..reconstruction import Reconstruction
 from ..views import SparsePoints
-from .reconstruction import Reconstruction
 
 
 def scattered_points(cameras: Reconstruction, photos: list[Photo], count: int = 5000, seed: int = 0) -> SparsePoints:

@@ -23,8 +23,8 @@ from ..pipeline.heldout import heldout_names
 from ..pipeline.reconstruct import medium_for
 from ..pipeline.settings import ReconstructSettings
 from ..progress import Progress
+from ..reconstruction import Reconstruction
 from ..sfm.known import load_cameras
-from ..sfm.reconstruction import Reconstruction
 from ..training.grid import GridView, grid_step
 from ..training.scale import SceneScale, scene_scale
 from ..training.trainer import MARGIN_SIGMAS, mean_colour

@@ -10,11 +10,12 @@ import numpy as np
 from ..files import write_json
 from ..lens import Lens
 from ..photos.load import Photo
+from ..pose import Pose
 from ..progress import Progress
 from ..rasterizer import RasterSettings
+from ..reconstruction import Reconstruction
 from ..sfm.child import Waiting
 from ..sfm.features import FEATURES, load_features
-from ..sfm.reconstruction import Pose, Reconstruction
 from ..sfm.settings import SfmSettings
 from .folder import Files, Twin
 from .surface import surface_depth

@@ -14,10 +14,11 @@ from ..evaluation.poses import align_similarity
 from ..imaging.operator import BlurOperator, shared_operator
 from ..photos.load import Photo
 from ..photos.undistort import undistorted_views
+from ..pose import Pose
 from ..progress import Progress
 from ..rasterizer import RasterSettings, render
+from ..reconstruction import Reconstruction
 from ..sfm.known import load_cameras
-from ..sfm.reconstruction import Pose, Reconstruction
 from ..training.grid import GridView
 from .folder import Twin
 from .placing import COMPANIONS, Placing, shared_lens

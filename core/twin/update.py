@@ -27,9 +27,9 @@ from ..photos.load import Photo, load_photos
 from ..photos.undistort import undistorted_views
 from ..pipeline.machine import use_threads
 from ..progress import Progress
+from ..reconstruction import Reconstruction
 from ..report.known import drop_chapter
 from ..sfm.child import Waiting
-from ..sfm.reconstruction import Reconstruction
 from ..training.checkpoint import load_checkpoint, save_checkpoint
 from ..training.grid import GridView
 from ..training.scale import scene_scale

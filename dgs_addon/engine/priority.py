@@ -1,6 +1,6 @@
 """Commands beside Blender give way to its window. Knows no Blender.
 
-Jobs do so by themselves (`--control`, see `core.command_line.control`).
+Jobs do so by themselves (`--control`, see `command_line.control`).
 """
 
 from __future__ import annotations

@@ -16,7 +16,7 @@ from dgs.core.conventions import rotation_from_quaternion  # noqa: E402
 from dgs.core.errors import FormatError  # noqa: E402
 from dgs.core.formats.colmap import write_model  # noqa: E402
 from dgs.core.formats.transforms import write_transforms  # noqa: E402
-from dgs.core.sfm.reconstruction import no_points  # noqa: E402
+from dgs.core.reconstruction import no_points  # noqa: E402
 from dgs.dgs_addon.axes import points_to_blender, read_camera  # noqa: E402
 from dgs.dgs_addon.scene.cameras import add_cameras  # noqa: E402
 from mathutils import Vector  # noqa: E402

@@ -1,4 +1,4 @@
-"""The cases of `core.stability` as tests, on every back end that is here."""
+"""The cases of `studies.stability` as tests, on every back end that is here."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from dgs.core.stability.case import Case, measured
+from dgs.studies.stability.case import Case, measured
 
 sys.path.insert(0, str(Path(__file__).parent))  # for `case_rows`
 

@@ -1,4 +1,4 @@
-"""Hard cases: files. The cases themselves are in core/stability/files.py."""
+"""Hard cases: files. The cases themselves are in studies/stability/files.py."""
 
 import pytest
 from case_rows import rows

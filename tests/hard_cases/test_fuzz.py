@@ -13,8 +13,8 @@ from dgs.core.errors import PsfError
 from dgs.core.imaging.operator import BlurOperator
 from dgs.core.imaging.psf import PointSpread, parse_psf, point_spread_from_samples
 from dgs.core.rasterizer import RasterSettings, render
-from dgs.core.stability.fuzz import Fuzzer, fuzz, packed
 from dgs.core.training.photometric import PhotometricLoss, photometric_reference
+from dgs.studies.stability.fuzz import Fuzzer, fuzz, packed
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays

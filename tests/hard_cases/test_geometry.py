@@ -1,4 +1,4 @@
-"""Hard cases: geometry. The cases themselves are in core/stability/geometry.py."""
+"""Hard cases: geometry. The cases themselves are in studies/stability/geometry.py."""
 
 import pytest
 from case_rows import rows

@@ -1,4 +1,4 @@
-"""Hard cases: loss. The cases themselves are in core/stability/loss.py."""
+"""Hard cases: loss. The cases themselves are in studies/stability/loss.py."""
 
 import pytest
 from case_rows import rows

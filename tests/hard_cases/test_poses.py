@@ -1,4 +1,4 @@
-"""Hard cases: poses. The cases themselves are in core/stability/poses.py."""
+"""Hard cases: poses. The cases themselves are in studies/stability/poses.py."""
 
 import pytest
 from case_rows import rows

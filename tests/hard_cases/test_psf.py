@@ -1,4 +1,4 @@
-"""Hard cases: psf. The cases themselves are in core/stability/psf.py."""
+"""Hard cases: psf. The cases themselves are in studies/stability/psf.py."""
 
 import pytest
 from case_rows import rows

@@ -1,4 +1,4 @@
-"""Hard cases: rasterizer. The cases themselves are in core/stability/rasterizer.py."""
+"""Hard cases: rasterizer. The cases themselves are in studies/stability/rasterizer.py."""
 
 import pytest
 from case_rows import rows

@@ -1,4 +1,4 @@
-"""Hard cases: scale. The cases themselves are in core/stability/scale.py."""
+"""Hard cases: scale. The cases themselves are in studies/stability/scale.py."""
 
 import pytest
 from case_rows import rows

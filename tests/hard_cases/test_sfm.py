@@ -1,4 +1,4 @@
-"""Hard cases: sfm. The cases themselves are in core/stability/sfm.py."""
+"""Hard cases: sfm. The cases themselves are in studies/stability/sfm.py."""
 
 import pytest
 from case_rows import rows

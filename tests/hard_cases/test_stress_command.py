@@ -2,10 +2,10 @@
 
 import json
 
-from dgs.core.command_line import run
-from dgs.core.stability import case as case_module
-from dgs.core.stability import table
-from dgs.core.stability.case import Case, all_cases, measured, runs
+from dgs.command_line import run
+from dgs.studies.stability import case as case_module
+from dgs.studies.stability import table
+from dgs.studies.stability.case import Case, all_cases, measured, runs
 
 
 def test_the_table_as_lines_json_and_document(tmp_path, capsys):

@@ -1,7 +1,7 @@
 """Trainings on bad scenes: here a few steps of each; `run_dgs.py stress --torture` runs 500."""
 
 import pytest
-from dgs.core.stability.torture import tortured, tortures
+from dgs.studies.stability.torture import tortured, tortures
 
 STEPS = 120
 
@@ -20,7 +20,7 @@ def test_same_seed_same_twin():
     """Two trainings of one process and two thread counts: the very bits."""
     import torch
     from dgs.core import compiled
-    from dgs.core.stability.photographed import small_set, trained_steps
+    from dgs.studies.stability.photographed import small_set, trained_steps
 
     before, twins = compiled.threads(), []
     for threads in (1, 2, 2):

@@ -13,8 +13,8 @@ from scipy.special import stdtrit
 from ...imaging.formation.chain import Formation
 from ...imaging.medium import Medium
 from ...lens import Lens
+from ...pose import Pose
 from ...progress import Silent
-from ...sfm.reconstruction import Pose
 from ...training.grid import coarse_view
 from ...training.run import train
 from ...training.settings import TrainingSettings

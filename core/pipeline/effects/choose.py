@@ -16,7 +16,7 @@ from ...inspection.inspect import inspect_photos
 from ...inspection.photo_set import PhotoSet
 from ...photos.load import Photo
 from ...progress import Progress
-from ...sfm.reconstruction import Reconstruction
+from ...reconstruction import Reconstruction
 from ...training.settings import TrainingSettings
 from ...views import View
 from .ablation import FEWEST, Ablation

@@ -28,7 +28,7 @@ from dgs.dgs_addon.scene.twin import is_twin  # noqa: E402
 from mathutils import Matrix  # noqa: E402
 
 ROOT = Path(dgs.__path__[0])
-sys.path.insert(0, str(ROOT / "tests" / "core" / "command_line"))
+sys.path.insert(0, str(ROOT / "tests" / "command_line"))
 from scene import SIGMA, write_scene  # noqa: E402
 
 

@@ -12,7 +12,7 @@ pytest.importorskip("bpy")
 import dgs
 
 ROOT = Path(dgs.__path__[0])
-sys.path[:0] = [str(ROOT / "tools"), str(ROOT / "tests" / "core" / "command_line")]
+sys.path[:0] = [str(ROOT / "tools"), str(ROOT / "tests" / "command_line")]
 import kill_engine  # noqa: E402
 from scene import write_scene  # noqa: E402
 

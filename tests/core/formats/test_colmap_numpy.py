@@ -8,7 +8,8 @@ from dgs.core.errors import FormatError
 from dgs.core.formats.colmap import read_model, write_lenses
 from dgs.core.formats.colmap_numpy import read_cameras, read_points
 from dgs.core.lens import MODELS, Lens
-from dgs.core.sfm.reconstruction import Pose, no_points
+from dgs.core.pose import Pose
+from dgs.core.reconstruction import no_points
 from dgs.core.views import SparsePoints
 
 pytest.importorskip("pycolmap")

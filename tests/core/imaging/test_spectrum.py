@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from dgs.core.comparison import degrade
 from dgs.core.imaging.psf import PointSpread
 from dgs.core.imaging.spectrum import HIGHEST, frequencies, noise_to_signal, radial_power
+from dgs.studies.comparison import degrade
 
 SIZE = 256
 CONTRAST = 0.15

@@ -14,7 +14,7 @@ from dgs.core.knowledge.next_view import Knowledge, NextViewSettings, rank
 from dgs.core.knowledge.pictures import draw_expected
 from dgs.core.pipeline.settings import ReconstructSettings
 from dgs.core.progress import Silent
-from dgs.core.sfm.reconstruction import Figures, Reconstruction
+from dgs.core.reconstruction import Figures, Reconstruction
 from dgs.core.training.scale import scene_scale
 from dgs.core.twin.folder import Twin
 from dgs.core.views import SparsePoints, View

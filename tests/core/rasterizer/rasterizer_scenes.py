@@ -77,8 +77,8 @@ def gradients(
     Returns the view (on the CPU's memory) and the gradients of all parameters and of what else was
     given: 'background', 'twist'.
     """
-    from dgs.core.pose import moved_pose
     from dgs.core.rasterizer.projection import camera_pose
+    from dgs.core.rigid_motion import moved_pose
 
     device = "cuda" if backend == "cuda" else "cpu"
     leaves = gaussians.detached().to(device=device).requires_grad_()

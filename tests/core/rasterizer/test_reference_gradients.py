@@ -7,9 +7,9 @@ from dataclasses import replace
 import pytest
 import torch
 from dgs.core.gaussians import Gaussians
-from dgs.core.pose import moved_pose
 from dgs.core.rasterizer import RasterSettings, render
 from dgs.core.rasterizer.projection import camera_pose
+from dgs.core.rigid_motion import moved_pose
 from rasterizer_scenes import make_camera, random_scene
 from torch import Tensor
 

@@ -9,14 +9,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from dgs.core.command_line import run
+from dgs.command_line import run
 from dgs.core.formats.colmap import write_lenses
 from dgs.core.lens import Lens
 from dgs.core.photos.load import load_photos
+from dgs.core.pose import Pose
 from dgs.core.progress import Silent
 from dgs.core.sfm import find, job
 from dgs.core.sfm.features import FEATURES
-from dgs.core.sfm.reconstruction import Pose
 from dgs.core.twin import register as module
 from dgs.core.twin.folder import Twin, open_twin
 from dgs.core.views import SparsePoints

@@ -14,7 +14,7 @@ from dgs.core.photos.undistort import undistorted_views
 from dgs.core.pipeline.effects.choose import choose_effects
 from dgs.core.pipeline.effects.decision import SWITCHED
 from dgs.core.progress import Silent
-from dgs.core.sfm.reconstruction import Reconstruction
+from dgs.core.reconstruction import Reconstruction
 from dgs.core.training.settings import TrainingSettings
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[4] / "benchmarks"))

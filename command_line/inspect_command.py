@@ -1,0 +1,101 @@
+"""`inspect`: which effects the photos show."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from .progress_choice import Reporting
+
+if TYPE_CHECKING:
+    from ..core.inspection.evidence import Evidence
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments of the command, without machine and progress."""
+    add = parser.add_argument
+    add("photos", type=Path, metavar="PHOTOS", help="folder of photos")
+    add(
+        "--cameras",
+        type=Path,
+        metavar="MODEL",
+        help="known cameras with points (COLMAP); found from the photos if not given",
+    )
+    add(
+        "--without-cameras",
+        action="store_true",
+        help="look for none: quick, but says nothing on what needs the same point in several photos",
+    )
+    add("--masks", type=Path, metavar="DIR", help="images of the same names; black pixels do not count")
+    add("--out", type=Path, metavar="DIR", help="folder for inspection.json and pictures; none if not given")
+    add("--json", action="store_true", help="print JSON instead of the table")
+
+
+def inspect_command(options: argparse.Namespace, progress: Reporting) -> int:
+    """Prints a table (or JSON) of every effect, and writes pictures."""
+    from ..core.files import check_writable, write_json
+    from ..core.inspection.cameras import with_cameras
+    from ..core.inspection.inspect import inspect_photos
+    from ..core.inspection.photo_set import PhotoSet
+    from ..core.inspection.pictures import draw_inspection
+    from ..core.photos.load import load_photos
+    from ..core.pipeline.machine import use_threads
+
+    began = time.perf_counter()
+    threads = use_threads(options.threads)
+    if options.out is not None:
+        check_writable(options.out)
+    loaded = load_photos(options.photos, None, progress, options.masks, minimum=1)
+    photos = PhotoSet(loaded, why="cameras were not asked for" if options.without_cameras else "")
+    seconds_cameras = 0.0
+    if not options.without_cameras:
+        at = time.perf_counter()
+        photos = with_cameras(photos, options.cameras, threads, progress)
+        seconds_cameras = time.perf_counter() - at
+    found = inspect_photos(photos, progress)
+    content = {
+        "photos": str(options.photos),
+        "count": len(loaded),
+        "cameras": photos.cameras is not None,
+        "why_no_cameras": None if photos.cameras is not None else photos.no_tracks,
+        "effects": [evidence.plain() for evidence in found],
+        "seconds": {"cameras": round(seconds_cameras, 3), "total": round(time.perf_counter() - began, 3)},
+    }
+    pictures: list[str] = []
+    if options.out is not None:
+        pictures = [str(path) for path in draw_inspection(options.out, photos, found)]
+        content["pictures"] = pictures
+        write_json(options.out / "inspection.json", content)
+    if options.json:
+        print(json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False), flush=True)
+        return 0
+    if options.progress != "json":
+        print("\n".join(table(found)), flush=True)
+    progress.finished(
+        {
+            "needed": ", ".join(e.name for e in found if e.needed) or "none",
+            "figures": None if options.out is None else str(options.out / "inspection.json"),
+            "pictures": ", ".join(pictures) or None,
+            "seconds": content["seconds"]["total"],  # type: ignore[index]
+        }
+    )
+    return 0
+
+
+def table(found: Sequence[Evidence]) -> list[str]:
+    """Lines for a terminal: what is needed first."""
+    lines = [f"{'effect':<16} {'needed':<7} {'estimate':>18} {'sure':>5}  evidence"]
+    for e in sorted(found, key=lambda e: not e.needed):
+        value, error, unit = (e.estimate.get(k) for k in ("value", "error", "unit"))
+        size = "not measured" if value is None else f"{value:.3g} +- {error:.2g} {_short(str(unit))}"
+        sure = "-" if value is None else f"{100 * e.confidence:.0f} %"
+        lines.append(f"{e.name:<16} {'YES' if e.needed else 'no':<7} {size:>18} {sure:>5}  {e.evidence}")
+    return lines
+
+
+def _short(unit: str) -> str:
+    return {"relative": "", "share": "", "optical depth": "", "8-bit steps": "steps"}.get(unit, unit)

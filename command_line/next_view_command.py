@@ -1,0 +1,115 @@
+"""`next-view`: which photo to take next."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from .progress_choice import Reporting
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from ..core.knowledge.next_view import Suggestion
+
+#: Lines of the table below the chosen views.
+OTHERS = 7
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments of the command, without machine and progress."""
+    add = parser.add_argument
+    add("twin", type=Path, metavar="TWIN", help="folder that 'reconstruct --out' wrote")
+    add(
+        "--candidates",
+        default="orbit",
+        metavar="PATH",
+        help="where the camera can go: rail | orbit | dome (around what the photos look at), or a transforms.json or "
+        "COLMAP folder",
+    )
+    add("--number", type=int, default=24, metavar="N", help="candidates on a rail, orbit or dome")
+    add("--count", type=int, default=3, metavar="N", help="views to choose one after the other")
+    add("--samples", type=int, default=6, metavar="N", help="samples of what is left open; more are steadier")
+    add("--photos", type=Path, metavar="DIR", help="where the twin's photos lie now, if they were moved")
+    add("--without-blur", action="store_true", help="rank as if the medium were clear, for comparison")
+    add("--json", action="store_true", help="print JSON instead of the table")
+
+
+def next_view_command(options: argparse.Namespace, progress: Reporting) -> int:
+    """Prints the ranking; writes TWIN/next_views.json, and TWIN/known.npy: how far photos fix each splat's colour."""
+    import numpy as np
+
+    from ..core.errors import DgsError
+    from ..core.files import replacing, write_json
+    from ..core.knowledge.candidates import PATHS, candidates, candidates_from
+    from ..core.knowledge.next_view import NextViewSettings, rank
+    from ..core.knowledge.pictures import draw_expected
+    from ..core.pipeline.machine import use_threads
+    from ..core.report.known import add_chapter
+    from ..core.twin.folder import open_twin
+
+    for name in ("number", "count", "samples"):
+        if getattr(options, name) < 1:
+            raise DgsError(f"--{name} is {getattr(options, name)}", f"Give --{name} a whole number of at least 1")
+    began = time.perf_counter()
+    use_threads(options.threads)
+    twin = open_twin(options.twin, progress, options.photos)
+    cameras = [view.camera for view in twin.views]
+    if options.candidates in PATHS:
+        offered = candidates(options.candidates, cameras, options.number)
+    else:
+        offered = candidates_from(Path(options.candidates), cameras[0])
+    settings = NextViewSettings(options.count, options.samples, through_blur=not options.without_blur)
+    ranking = rank(twin, offered, settings, progress)
+    ranked = ranking.suggestions
+    drawn = draw_expected(options.twin / "next_views", ranking.views, ranking.error["contrast"])
+    held = ranking.error["held_photos"]
+    add_chapter(
+        options.twin / "report.html",
+        drawn,
+        f"How wrong the twin is was measured on {held} photos that it was not trained on."
+        if held
+        else "No photo was held out to measure how wrong the twin is: usual values stand in.",
+    )
+    with replacing(options.twin / "known.npy") as temporary:
+        np.save(temporary, ranking.known.numpy().astype(np.float32))
+    content = {
+        "twin": str(options.twin),
+        "candidates": options.candidates,
+        "through_blur": settings.through_blur,
+        "expected_error": ranking.error,
+        "views": [suggestion.plain() for suggestion in ranked],
+        "seconds": round(time.perf_counter() - began, 3),
+    }
+    path = options.twin / "next_views.json"
+    write_json(path, content)
+    if options.json:
+        print(json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False), flush=True)
+        return 0
+    if options.progress != "json":
+        print("\n".join(table(ranked)), flush=True)
+    progress.finished(
+        {"next": ", ".join(s.camera.name for s in ranked if s.order), "views": str(path), "seconds": content["seconds"]}
+    )
+    return 0
+
+
+def table(ranked: Sequence[Suggestion]) -> list[str]:
+    """Lines for a terminal: the chosen views in their order, then the best of the others.
+
+    'wrong by': expected rms error of the sharp view, in 8-bit steps.
+    """
+    head = f"{'take':<5} {'view':<20} {'new':>6} {'gain':>12} {'guessed':>8} {'wrong by':>9} {'shows twin':>11}"
+    lines = [f"{head}   centre (world units)"]
+    chosen = [s for s in ranked if s.order]
+    for s in [*chosen, *[s for s in ranked if not s.order][:OTHERS]]:
+        centre = ", ".join(f"{value:.4g}" for value in s.camera.centre)
+        order = f"{s.order}." if s.order else "-"
+        lines.append(
+            f"{order:<5} {s.camera.name:<20} {100 * s.covers:>4.1f} % {s.gain.bits:>7.0f} bits "
+            f"{100 * s.gain.guessed:>6.0f} % {255 * s.error:>9.1f} {100 * s.gain.covered:>9.0f} %   ({centre})"
+        )
+    return lines

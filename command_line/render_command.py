@@ -1,0 +1,64 @@
+"""`render`: images of a twin from the cameras of a model."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ..core.errors import Cancelled
+from .progress_choice import Reporting
+
+if TYPE_CHECKING:
+    from ..core.lens import Lens
+    from ..core.pose import Pose
+
+
+def render_command(options: argparse.Namespace, progress: Reporting) -> int:
+    """Writes OUT/NAME.png for every camera of the model, sharp or through the given PSF."""
+    from ..core.files import check_writable
+    from ..core.formats.ply import read_ply
+    from ..core.imaging.medium import Medium
+    from ..core.imaging.psf import parse_psf
+
+    psf = parse_psf(options.psf)
+    cloud = read_ply(options.twin)
+    check_writable(options.out)
+
+    import numpy as np
+
+    from ..core.gaussians import Gaussians
+    from ..core.photos.undistort import Undistortion
+    from ..core.pipeline.heldout import render_names, write_png
+    from ..core.pipeline.machine import choose_device, use_threads
+    from ..core.pipeline.views import Viewer, to_pixels
+    from ..core.training.scale import scene_scale
+    from ..core.views import SparsePoints
+
+    use_threads(options.threads)
+    lenses, poses = _cameras(options.cameras)
+    medium = Medium(psf, options.blur_space)
+    points = SparsePoints(cloud.means.astype(np.float64), np.zeros(cloud.means.shape, np.uint8))
+    names = sorted(poses)
+    scale = scene_scale([Undistortion(lenses[name]).camera(name, poses[name]) for name in names], points)
+    viewer = Viewer(Gaussians.from_cloud(cloud), scale, choose_device(options.device))
+    files = render_names(names)
+    progress.stage("render", len(files))
+    for index, (name, file) in enumerate(files.items()):
+        if progress.cancelled():
+            raise Cancelled(f"Stopped after {index} of {len(files)} pictures; they are in '{options.out}'")
+        write_png(options.out / file, to_pixels(viewer.degraded(lenses[name], poses[name], medium, name)))
+        progress.advance(index + 1)
+    progress.finished({"pictures": len(files), "folder": str(options.out)})
+    return 0
+
+
+def _cameras(path: Path) -> tuple[dict[str, Lens], dict[str, Pose]]:
+    """Lenses and poses by image name, from a COLMAP model or a transforms.json."""
+    from ..core.formats.colmap import read_model
+    from ..core.formats.transforms import read_transforms
+
+    if path.suffix.lower() == ".json" or (path / "transforms.json").is_file():
+        return read_transforms(path)
+    lenses, poses, _ = read_model(path)
+    return lenses, poses

@@ -1,0 +1,114 @@
+"""`stress`: every hard case on this machine and device, one line each."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ..core.errors import Cancelled
+from .progress_choice import Reporting
+
+if TYPE_CHECKING:
+    from ..core.rasterizer.interface import Backend
+    from ..studies.stability.case import Result
+    from ..studies.stability.torture import Outcome
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments of the command, without the machine's."""
+    add = parser.add_argument
+    add(
+        "--only",
+        action="append",
+        default=[],
+        metavar="WORD",
+        help="cases whose family or name holds this word; may be repeated",
+    )
+    add(
+        "--fuzz",
+        type=int,
+        metavar="N",
+        default=None,
+        help="random scenes of anything at all (100000 takes minutes); 500 with the table, if not given",
+    )
+    add("--torture", action="store_true", help="20 trainings on deliberately bad scenes instead of the table")
+    add("--json", action="store_true", help="one JSON object instead of lines")
+    add("--markdown", type=Path, metavar="FILE", help="also write the tables to this document")
+    add("--list", action="store_true", help="name the cases, and run none")
+
+
+def stress_command(options: argparse.Namespace, progress: Reporting) -> int:
+    """Runs what was asked for; 2 if anything failed."""
+    from ..core.pipeline.machine import choose_device, machine, use_threads
+    from ..studies.stability import table
+    from ..studies.stability.case import all_cases, backends_here
+    from ..studies.stability.fuzz import fuzz
+
+    threads, device = use_threads(options.threads), choose_device(options.device)
+    cases = [
+        c
+        for c in all_cases()
+        if not options.only or any(w.lower() in f"{c.family} {c.name}".lower() for w in options.only)
+    ]
+    if options.list:
+        for one in cases:
+            print(f"{one.family:<11}{one.name}: {one.states}")
+        return 0
+    say = (lambda text: None) if options.json else (lambda text: print(text, flush=True))
+    began = time.perf_counter()
+    only_extra = options.torture or options.fuzz is not None
+    backends = tuple(b for b in backends_here() if device == "cuda" or b != "cuda")
+    results = [] if only_extra and options.markdown is None else _table(cases, backends, say, progress)
+    found = None
+    if options.fuzz is not None or not (options.torture or options.only):
+        found = fuzz(
+            500 if options.fuzz is None else options.fuzz,
+            "cuda" if device == "cuda" else "cpu",
+            told=lambda done: _look(progress),
+        )
+        say(table.fuzz_line(found))
+    outcomes = _torture(say, progress) if options.torture else []
+    seconds, here = time.perf_counter() - began, machine(threads, device)
+    failed = table.failures(results, found, outcomes)
+    if options.json:
+        json.dump(table.as_json(results, found, outcomes, here, seconds), sys.stdout, indent=1)
+        print()
+    if options.markdown is not None:
+        table.write_markdown(options.markdown, table.markdown(results, found, outcomes, here, seconds))
+    count = len(results) + len(outcomes) + (found is not None)
+    say(f"{count - failed} of {count} hold, {failed} failed; {seconds:.0f} s on {table.described(here)}")
+    return 2 if failed else 0
+
+
+def _table(cases, backends: tuple[Backend, ...], say, progress: Reporting) -> list[Result]:  # type: ignore[no-untyped-def]
+    from ..studies.stability import table
+    from ..studies.stability.case import measured, runs
+
+    results = []
+    say(table.heading())
+    for one, backend in runs(cases, backends):
+        _look(progress)
+        results.append(measured(one, backend))
+        say(table.line(results[-1]))
+    return results
+
+
+def _torture(say, progress: Reporting) -> list[Outcome]:  # type: ignore[no-untyped-def]
+    from ..studies.stability import table
+    from ..studies.stability.torture import tortured, tortures
+
+    outcomes = []
+    for one in tortures():
+        _look(progress)
+        outcomes.append(tortured(one))
+        say(table.torture_line(outcomes[-1]))
+    return outcomes
+
+
+def _look(progress: Reporting) -> None:
+    if progress.cancelled():
+        raise Cancelled("Stopped before all cases were measured")

@@ -1,0 +1,94 @@
+"""`update`: new photos into a finished twin, or its last state back."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from .progress_choice import Reporting
+
+if TYPE_CHECKING:
+    from ..core.sfm.child import Waiting
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments of the command, without machine and progress."""
+    add = parser.add_argument
+    add("twin", type=Path, metavar="TWIN", help="folder that 'reconstruct --out' wrote")
+    add("photos", type=Path, nargs="?", metavar="NEW_PHOTOS", help="folder of photos, or a list of them (.txt)")
+    add(
+        "--cameras",
+        type=Path,
+        metavar="MODEL",
+        help="the new photos' cameras in the twin's world; found from the photos if not given",
+    )
+    add(
+        "--share",
+        type=float,
+        default=None,
+        metavar="S",
+        help="steps, as a share of the twin's own training; default: rounds of 0.06 until new photos are explained as "
+        "well as old ones, 4 at most",
+    )
+    add("--seed", type=int, default=0, metavar="N", help="same seed, same twin (CPU)")
+    add("--rollback", action="store_true", help="bring the state before the last update back instead")
+    add("--json", action="store_true", help="print JSON")
+
+
+def update_command(options: argparse.Namespace, progress: Reporting) -> int:
+    """Updates or rolls back; writes TWIN/update.json and TWIN/changes."""
+    from ..core.errors import DgsError
+
+    if options.rollback:
+        from ..core.twin.history import rollback
+
+        state = rollback(options.twin)
+        progress.finished({"twin": str(options.twin / "twin.ply"), "state": state.name})
+        return 0
+    if options.photos is None:
+        raise DgsError("There are no new photos to take in", "Name their folder, or give --rollback")
+    if options.share is not None and not 0.0 < options.share <= 2.0:
+        raise DgsError(f"--share is {options.share:g}", "Give a share above 0 and up to 2")
+    waiting = _helper(options)  # it imports its own libraries while this process imports torch
+    try:
+        from ..core.twin.update import UpdateSettings, update
+
+        facts = update(
+            UpdateSettings(options.twin, options.photos, options.cameras, options.share, options.threads, options.seed),
+            progress,
+            waiting,
+        )
+    finally:
+        if waiting is not None:
+            waiting.end()
+    if options.json:
+        print(json.dumps(facts, indent=2, ensure_ascii=False, allow_nan=False), flush=True)
+        return 0
+    medium, thing = facts["medium"], facts["object"]
+    progress.finished(
+        {
+            "new photos": len(facts["photos"]),
+            "medium": "as before" if medium["width"] == 1.0 else f"blur {medium['width']:g} times as wide",
+            "object": f"changed in {100 * thing['changed_share']:.1f} % of the new photos' px",
+            "psnr new photos": f"{facts['psnr_new'][0]:.2f} -> {facts['psnr_new'][1]:.2f} dB",
+            "psnr old photos": f"{facts['psnr_old'][0]:.2f} -> {facts['psnr_old'][1]:.2f} dB",
+            "changes": str(options.twin / "changes"),
+            "seconds": sum(facts["seconds"].values()),
+        }
+    )
+    return 0
+
+
+def _helper(options: argparse.Namespace) -> Waiting | None:
+    """The process that will look for the new photos' cameras, where there are features to match them with."""
+    from ..core.sfm.child import Waiting
+
+    if options.cameras is not None or not (options.twin / "sfm" / "features.npz").is_file():
+        return None
+    try:
+        return Waiting(options.twin, options.threads or os.cpu_count() or 1)
+    except OSError:  # what is wrong with the folder is said where it is written to
+        return None

@@ -1,0 +1,105 @@
+"""What is known about the cameras of a set: poses, lenses, points, and how far to trust them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from .camera import Camera
+from .lens import Lens
+from .pose import Pose
+from .views import SparsePoints
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """One way that was tried to find the cameras.
+
+    Attributes:
+        name, reason: what was tried, and why.
+        registered, points, focal_px, reprojection_px, angle_deg: what it gave.
+        seconds: wall time.
+        verdict: 'trusted', or what spoke against it.
+    """
+
+    name: str
+    reason: str
+    registered: int = 0
+    points: int = 0
+    focal_px: float = 0.0
+    reprojection_px: float = 0.0
+    angle_deg: float = 0.0
+    seconds: float = 0.0
+    verdict: str = ""
+
+
+@dataclass(frozen=True)
+class Figures:
+    """How the cameras were found.
+
+    Attributes:
+        source: 'sfm' or the name of the camera file.
+        given, registered: photos handed in, photos with a camera.
+        focal_px: mean focal length of the registered photos in px.
+        reprojection_px: mean reprojection error, NaN without tracks.
+        angle_deg: median over the points of the widest angle between two of their rays.
+        seconds: wall time.
+        attempts: everything that was tried, in order.
+        offset: what was taken from all positions, where the world lay too far from its origin for float32.
+        scattered: whether the points are random ones, because the cameras came without any.
+    """
+
+    source: str
+    given: int
+    registered: int
+    focal_px: float
+    reprojection_px: float
+    angle_deg: float
+    seconds: float
+    attempts: tuple[Attempt, ...] = ()
+    offset: tuple[float, float, float] | None = None
+    scattered: bool = False
+
+
+@dataclass(frozen=True)
+class Reconstruction:
+    """Cameras of a set of photos.
+
+    Attributes:
+        poses, lenses: by photo name; the same names in both.
+        points: sparse points (may be empty).
+        figures: how they were found.
+    """
+
+    poses: dict[str, Pose] = field(repr=False)
+    lenses: dict[str, Lens] = field(repr=False)
+    points: SparsePoints = field(repr=False)
+    figures: Figures
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the photos with a camera, sorted."""
+        return tuple(sorted(self.poses))
+
+    def cameras(self) -> dict[str, Camera]:
+        """Cameras with their lens's focal length, as if it did not distort."""
+        return {
+            name: Camera(
+                name,
+                lens.width,
+                lens.height,
+                lens.fx,
+                lens.fy,
+                lens.cx,
+                lens.cy,
+                self.poses[name].rotation,
+                self.poses[name].translation,
+            )
+            for name, lens in self.lenses.items()
+        }
+
+
+def no_points() -> SparsePoints:
+    """Not a single point."""
+    return SparsePoints(np.zeros((0, 3)), np.zeros((0, 3), np.uint8))

@@ -1,0 +1,1 @@
+"""Studies of the engine: comparisons, what accuracy costs, stability. The engine imports nothing of them."""

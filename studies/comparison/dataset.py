@@ -1,0 +1,242 @@
+"""A set whose truth is known: blurred photos, sharp ones, and whatever else the set came with."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...core.camera import Camera
+from ...core.errors import DgsError, PhotoError
+from ...core.evaluation.lines import PaintedLine, read_lines
+from ...core.files import write_json
+from ...core.formats.colmap import write_lenses
+from ...core.imaging.medium import Medium
+from ...core.imaging.psf import PointSpread, parse_psf, point_spread_from_samples
+from ...core.lens import MODELS, Lens
+from ...core.photos.load import Photo, load_photo, load_photos, photo_files
+from ...core.pipeline.heldout import TruthFolder, heldout_names
+from ...core.progress import Progress
+from ...core.reconstruction import Reconstruction
+from ...core.sfm.find import find_cameras
+from ...core.sfm.known import load_cameras
+from ...core.sfm.settings import SfmSettings
+from .degrade import disc
+from .settings import EVERY, CompareSettings
+
+_PHOTO_FOLDERS = ("photos", "blur5")
+_CAMERA_FOLDERS = ("cameras", "reference_cameras")
+
+
+class CroppedTruth(TruthFolder):
+    """Sharp photos without `border` px on every side."""
+
+    def __init__(self, folder: Path, border: int = 0) -> None:
+        super().__init__(folder)
+        self.folder, self.border = folder, border
+
+    def cropped_by(self, border: int) -> CroppedTruth:
+        """The same photos, smaller by `border` px more on every side."""
+        return CroppedTruth(self.folder, self.border + border)
+
+    def pixels(self, name: str) -> NDArray[np.uint8] | NDArray[np.uint16]:
+        """[H - 2 border, W - 2 border, 3], sRGB-encoded."""
+        return cropped_array(super().pixels(name), self.border)
+
+
+@dataclass(frozen=True)
+class Dataset:
+    """Everything that a comparison reads.
+
+    Attributes:
+        name: of the folder.
+        photos: those with a camera, through the medium.
+        given: how many photos there are.
+        truth: their sharp counterparts.
+        medium: what blurred them; `psf` is how it was written.
+        cameras: what all methods train with.
+        reference: the set's own cameras (exact for a rendered set), or None.
+        lines: painted lines in the reference's world; may be empty.
+        masks: [H, W] bool by photo name, True on the object.
+        depths: files of depth maps by photo name, in the reference's units.
+        metres: whether the reference's unit is a metre.
+        border: px cut from every side of what the files hold.
+    """
+
+    name: str
+    photos: list[Photo] = field(repr=False)
+    given: int
+    truth: CroppedTruth = field(repr=False)
+    medium: Medium
+    psf: str
+    cameras: Reconstruction = field(repr=False)
+    reference: Reconstruction | None = field(repr=False)
+    lines: list[PaintedLine] = field(repr=False)
+    masks: Mapping[str, NDArray[np.bool_]] = field(repr=False)
+    depths: Mapping[str, Path] = field(repr=False)
+    metres: bool = False
+    border: int = 0
+
+    @property
+    def heldout(self) -> list[str]:
+        """Names of the photos that no method trains on."""
+        return heldout_names([photo.name for photo in self.photos], EVERY)
+
+    def reference_cameras(self) -> dict[str, Camera]:
+        """By photo name; empty without a reference."""
+        return {} if self.reference is None else self.reference.cameras()
+
+    def depth(self, name: str) -> NDArray[np.float32] | None:
+        """[H, W] along the camera's axis, inf in the void; None if there is none."""
+        file = self.depths.get(name)
+        return None if file is None else cropped_array(np.load(file, allow_pickle=False), self.border)
+
+    def cropped(self, border: int, photos: Callable[[Photo], Photo]) -> Dataset:
+        """The set without `border` px on every side, with other photos (of the full size, cropped here)."""
+
+        def smaller(photo: Photo) -> Photo:
+            new = photos(photo)
+            mask = None if new.mask is None else cropped_array(new.mask, border)
+            return replace(new, pixels=cropped_array(new.pixels, border), mask=mask)
+
+        return replace(
+            self,
+            photos=[smaller(photo) for photo in self.photos],
+            truth=self.truth.cropped_by(border),
+            cameras=_without_border(self.cameras, border),
+            reference=None if self.reference is None else _without_border(self.reference, border),
+            masks={name: cropped_array(mask, border) for name, mask in self.masks.items()},
+            border=self.border + border,
+        )
+
+
+def load_dataset(settings: CompareSettings, threads: int, progress: Progress) -> Dataset:
+    """Reads a set, and finds its cameras if they are to be found (kept in `settings.out`/cameras).
+
+    Raises:
+        PhotoError: no blurred or no sharp photos.
+        DgsError: the point spread function is not known.
+        CameraError: no trustworthy cameras.
+    """
+    folder = settings.dataset
+    names = [settings.photos] if settings.photos else list(_PHOTO_FOLDERS)
+    source = next((folder / name for name in names if (folder / name).is_dir()), None)
+    if source is None or not (folder / "sharp").is_dir():
+        raise PhotoError(
+            f"'{folder}' needs a folder of blurred photos ({' or '.join(names)}) and one named sharp",
+            "Make a set with 'run_dgs.py synthesize', or name the folder with --photos",
+        )
+    photos = load_photos(source, None, progress)
+    truth = CroppedTruth(folder / "sharp")
+    photos = [photo for photo in photos if photo.name in truth]
+    psf, space = _medium_text(settings)
+    medium = Medium(point_spread(psf), space)
+    own = next((folder / name for name in _CAMERA_FOLDERS if (folder / name).is_dir()), None)
+    reference = None if own is None else load_cameras(own, photos)
+    cameras = _cameras(settings, photos, medium, reference, threads, progress)
+    registered = [photo for photo in photos if photo.name in cameras.poses]
+    rendered = (folder / "manifest.json").is_file()
+    lines = read_lines(folder / "lines.json") if (folder / "lines.json").is_file() and reference else []
+    return Dataset(
+        name=folder.name,
+        photos=registered,
+        given=len(photos),
+        truth=truth,
+        medium=medium,
+        psf=psf,
+        cameras=cameras,
+        reference=reference,
+        lines=lines,
+        masks=_object_masks(folder / "masks_ball", registered),
+        depths=_depth_files(folder / "depth", registered),
+        metres=rendered,
+    )
+
+
+def point_spread(text: str) -> PointSpread | None:
+    """As `parse_psf`, and 'disk:RADIUS', which synthesize knows too.
+
+    Raises:
+        PsfError: the text makes no sense.
+    """
+    kind, _, rest = text.partition(":")
+    if kind == "disk":
+        try:
+            return point_spread_from_samples(disc(float(rest)), text)
+        except ValueError:
+            pass
+    return parse_psf(text)
+
+
+def cropped_array(array: NDArray[Any], border: int) -> NDArray[Any]:
+    """[H, W, ...] without `border` rows and columns on every side."""
+    height, width = array.shape[:2]
+    return np.ascontiguousarray(array[border : height - border, border : width - border])
+
+
+def _medium_text(settings: CompareSettings) -> tuple[str, Any]:
+    told: dict[str, Any] = {}
+    file = settings.dataset / "psf.json"
+    if file.is_file():
+        try:
+            told = json.loads(file.read_text(encoding="utf-8"))
+        except (OSError, ValueError) as error:
+            raise DgsError(f"'{file}' cannot be read: {error}", "Give --psf") from error
+    psf = settings.psf or told.get("psf")
+    if not psf:
+        raise DgsError(f"Nobody says what blurred the photos of '{settings.dataset.name}'", "Give --psf gaussian:SIGMA")
+    return str(psf), settings.blur_space or told.get("blur_space", "srgb")
+
+
+def _cameras(
+    settings: CompareSettings,
+    photos: list[Photo],
+    medium: Medium,
+    reference: Reconstruction | None,
+    threads: int,
+    progress: Progress,
+) -> Reconstruction:
+    if settings.cameras == "known":
+        if reference is None:
+            raise DgsError(f"'{settings.dataset}' has no cameras of its own", "Use --cameras found")
+        return reference
+    if settings.cameras != "found":
+        return load_cameras(Path(settings.cameras), photos)
+    kept = settings.out / "cameras"
+    if not (settings.resume and kept.is_dir()):
+        kernel = None if medium.psf is None or medium.psf.is_identity else medium.psf.kernel()
+        found = find_cameras(photos, kernel, SfmSettings(threads=threads), settings.out / "sfm", progress)
+        write_lenses(kept, found.lenses, found.poses, found.points)
+        write_json(kept / "seconds.json", round(found.figures.seconds, 2))
+    return load_cameras(kept, photos)
+
+
+def _object_masks(folder: Path, photos: list[Photo]) -> dict[str, NDArray[np.bool_]]:
+    if not folder.is_dir():
+        return {}
+    files = {path.stem: path for path in photo_files(folder)}
+    found = {photo.name: files[Path(photo.name).stem] for photo in photos if Path(photo.name).stem in files}
+    return {name: load_photo(path).pixels.max(axis=2) > 0 for name, path in found.items()}
+
+
+def _depth_files(folder: Path, photos: list[Photo]) -> dict[str, Path]:
+    files = {photo.name: folder / f"{Path(photo.name).stem}.npy" for photo in photos}
+    return {name: file for name, file in files.items() if file.is_file()}
+
+
+def _without_border(cameras: Reconstruction, border: int) -> Reconstruction:
+    return replace(cameras, lenses={name: _smaller_lens(lens, border) for name, lens in cameras.lenses.items()})
+
+
+def _smaller_lens(lens: Lens, border: int) -> Lens:
+    """The same lens on a frame without `border` px on every side."""
+    values = list(lens.params)
+    first = 1 if MODELS[lens.model][0] else 2  # behind f, or behind fx and fy
+    values[first] -= border
+    values[first + 1] -= border
+    return replace(lens, width=lens.width - 2 * border, height=lens.height - 2 * border, params=tuple(values))

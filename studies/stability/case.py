@@ -1,0 +1,179 @@
+"""What a hard case is, and the list of them all."""
+
+from __future__ import annotations
+
+import math
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from torch import Tensor
+
+from ...core.errors import DgsError
+from ...core.gaussians import Gaussians
+from ...core.rasterizer.interface import Backend
+
+Family = Literal["geometry", "rasterizer", "psf", "loss", "poses", "sfm", "scale", "files"]
+#: In the order of the table.
+FAMILIES: tuple[Family, ...] = ("geometry", "rasterizer", "psf", "loss", "poses", "sfm", "scale", "files")
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a case is measured.
+
+    Attributes:
+        backend: of the rasterizer.
+        folder: an empty folder for files.
+    """
+
+    backend: Backend
+    folder: Path
+
+    @property
+    def device(self) -> str:
+        """The torch device of the back end's tensors."""
+        return "cuda" if self.backend == "cuda" else "cpu"
+
+    def put(self, gaussians: Gaussians) -> Gaussians:
+        """The Gaussians where the back end wants them."""
+        return gaussians.to(device=self.device)
+
+
+@dataclass(frozen=True)
+class Case:
+    """One hard case.
+
+    Attributes:
+        name: unique, a few words.
+        family: which table it stands in.
+        states: what happens, and how it fails elsewhere (one or two sentences).
+        invariant: what must hold.
+        tolerance: the largest error that counts as holding.
+        reason: why that much.
+        measure: gives the error (>= 0).
+        backends: rasterizer back ends that it concerns; empty where it concerns none of them.
+    """
+
+    name: str
+    family: Family
+    states: str
+    invariant: str
+    tolerance: float
+    reason: str
+    measure: Callable[[Place], float]
+    backends: tuple[Backend, ...] = ()
+
+
+@dataclass(frozen=True)
+class Result:
+    """What a case measured.
+
+    Attributes:
+        case: the case; backend: where, or '' where it concerns no back end.
+        error: NaN where something was raised.
+        seconds: wall time.
+        raised: what was raised instead of a figure; empty if nothing.
+    """
+
+    case: Case
+    backend: str
+    error: float
+    seconds: float
+    raised: str = ""
+
+    @property
+    def passed(self) -> bool:
+        """Whether the error is within the tolerance (NaN never is)."""
+        return not self.raised and self.error <= self.case.tolerance
+
+
+_CASES: list[Case] = []
+#: Cases of the rasterizer run on all of these that are there.
+ALL: tuple[Backend, ...] = ("reference", "cpu", "cuda")
+#: gsplat computes the covariance in float32, caps alpha at 0.999, and leaves out the Gaussian that crosses the
+#: transmittance stop: cases about just that do not concern it.
+OWN: tuple[Backend, ...] = ("reference", "cpu")
+
+
+def case(
+    family: Family, name: str, invariant: str, tolerance: float, reason: str, backends: tuple[Backend, ...] = ()
+) -> Callable[[Callable[[Place], float]], Callable[[Place], float]]:
+    """Puts a function into the list of cases; its docstring says what happens."""
+
+    def register(measure: Callable[[Place], float]) -> Callable[[Place], float]:
+        states = " ".join((measure.__doc__ or "").split())
+        _CASES.append(Case(name, family, states, invariant, tolerance, reason, measure, backends))
+        return measure
+
+    return register
+
+
+def all_cases() -> list[Case]:
+    """Every case, family by family, in the order in which the files state them."""
+    from . import files, geometry, loss, poses, psf, rasterizer, scale, sfm  # noqa: F401 (they fill the list)
+
+    return sorted(_CASES, key=lambda c: FAMILIES.index(c.family))
+
+
+def backends_here() -> tuple[Backend, ...]:
+    """Rasterizer back ends that this machine has."""
+    from ...core.rasterizer.cuda import available
+
+    return ALL if available() else OWN
+
+
+def measured(one: Case, backend: Backend | Literal[""]) -> Result:
+    """Runs a case; whatever it raises is a result, too."""
+    began = time.perf_counter()
+    error, raised = math.nan, ""
+    with tempfile.TemporaryDirectory(prefix="dgs-case-") as folder:
+        try:
+            error = float(one.measure(Place(backend or "cpu", Path(folder))))
+        except Exception as failure:  # noqa: BLE001 (a case that raises has failed, and the others go on)
+            raised = f"{type(failure).__name__}: {' '.join(str(failure).split())[:200]}"
+    return Result(one, backend, error, time.perf_counter() - began, raised)
+
+
+def runs(cases: Sequence[Case], backends: Sequence[Backend]) -> Iterator[tuple[Case, Backend | Literal[""]]]:
+    """Every case with every back end that it concerns."""
+    for one in cases:
+        for backend in [b for b in backends if b in one.backends] if one.backends else [""]:
+            yield one, backend  # type: ignore[misc]
+
+
+class Unexplained(Exception):
+    """Something ended without the typed error that it should have ended with."""
+
+
+@contextmanager
+def explained(kind: type[DgsError] = DgsError) -> Iterator[None]:
+    """The block must raise `kind` with a way out.
+
+    Raises:
+        Unexplained: it did not.
+    """
+    try:
+        yield
+    except kind as error:
+        if not error.way_out:
+            raise Unexplained(f"no way out is told: {error}") from error
+        return
+    raise Unexplained(f"no {kind.__name__} was raised")
+
+
+def worst(found: Tensor, truth: Tensor) -> float:
+    """Largest absolute difference; infinite where something is not finite, 0 where there is nothing."""
+    if not bool(found.isfinite().all()):
+        return math.inf
+    difference = (found.double().cpu() - truth.double().cpu()).abs()
+    return float(difference.max()) if difference.numel() else 0.0
+
+
+def non_finite(*tensors: Tensor | None) -> int:
+    """How many values are NaN or infinite."""
+    return sum(int((~t.isfinite()).sum()) for t in tensors if t is not None)

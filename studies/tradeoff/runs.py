@@ -1,0 +1,305 @@
+"""Trains and measures every point with every seed; rows are kept on disk and taken up again."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import time
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...core.effort.clock import OthersLoad
+from ...core.errors import Cancelled, DgsError
+from ...core.evaluation.metrics import psnr
+from ...core.files import make_folder, write_json, write_text
+from ...core.formats.colmap import write_lenses
+from ...core.gaussians import Gaussians
+from ...core.imaging.medium import Medium
+from ...core.photos.undistort import undistorted_views
+from ...core.pipeline.effects.choose import choose_effects
+from ...core.pipeline.effects.corrected import corrected
+from ...core.pipeline.machine import choose_device, machine, use_threads
+from ...core.pipeline.refined import taken_over
+from ...core.pipeline.views import Viewer, to_pixels
+from ...core.progress import Progress
+from ...core.sfm.find import find_cameras
+from ...core.sfm.known import load_cameras
+from ...core.sfm.settings import SfmSettings
+from ...core.training.run import Trained, train
+from ...core.training.scale import scene_scale
+from ...core.training.settings import TrainingSettings
+from ...core.training.trainer import Trainer
+from ...core.twin.refine_cameras import refine_cameras
+from ..comparison.dataset import Dataset, load_dataset
+from ..comparison.measure import Measure
+from ..comparison.runs import Quiet, run_key
+from .chart import draw
+from .front import points
+from .knobs import GROUPS, Knob, base_settings, knobs
+from .page import write_page
+from .settings import TradeoffSettings
+
+#: Shares of a run at which its accuracy is looked at; the end comes on top.
+LOOKS = (0.06, 0.12, 0.2, 0.35, 0.5, 0.7, 0.85)
+#: Held-out views of these looks.
+LOOKED = 3
+#: Columns of the table, in order.
+COLUMNS = (
+    "group",
+    "knob",
+    "seeds",
+    "seconds",
+    "seconds_spread",
+    "psnr",
+    "psnr_spread",
+    "ssim",
+    "line_error",
+    "time_to_target",
+    "best_in_60",
+    "gaussians",
+    "steps",
+    "front",
+    "disturbed",
+    "skipped",
+)
+
+
+def measure_tradeoff(settings: TradeoffSettings, progress: Progress) -> dict[str, Any]:
+    """Measures all points and writes tradeoff.json, .csv, .svg, .png and .html to `settings.out`.
+
+    Raises:
+        DgsError: the set cannot be used.
+        Cancelled: the user asked to stop; finished rows stay, and --resume goes on from them.
+    """
+    unknown = [group for group in settings.only if group not in GROUPS]
+    if unknown:
+        raise DgsError(f"There is no knob '{unknown[0]}'", f"Choose among {', '.join(GROUPS)}")
+    threads, device = use_threads(settings.threads), choose_device(settings.device)
+    make_folder(settings.out)
+    data = load_dataset(settings.comparison(), threads, progress)
+    if len(data.heldout) >= len(data.photos):
+        raise DgsError(f"'{data.name}' has too few photos to hold some out", "Give a set of 9 photos or more")
+    base = replace(base_settings(settings.quick), threads=threads, device=device)
+    rows = _rows(settings, data, base, progress)
+    found, target = points(rows, settings.target)
+    content = {
+        "set": data.name,
+        "photos": data.given,
+        "registered": len(data.photos),
+        "size": list(data.photos[0].size),
+        "psf": data.psf,
+        "cameras": settings.cameras,
+        "quick": settings.quick,
+        "seeds": settings.seeds,
+        "target": target,
+        "heldout": len(data.heldout),
+        "machine": machine(threads, device),
+        "points": found,
+        "rows": rows,
+    }
+    write_json(settings.out / "tradeoff.json", content)
+    write_text(settings.out / "tradeoff.csv", table(found))
+    draw(found, target, data.name, settings.out / "tradeoff.svg", settings.out / "tradeoff.png")
+    write_page(settings.out / "tradeoff.html", content, (settings.out / "tradeoff.svg").read_text("utf-8"))
+    return content
+
+
+def table(found: list[dict[str, Any]]) -> str:
+    """The points as CSV; empty where something was not measured."""
+    text = io.StringIO()
+    writer = csv.DictWriter(text, COLUMNS, extrasaction="ignore", lineterminator="\n")
+    writer.writeheader()
+    for point in found:
+        writer.writerow({k: round(v, 4) if isinstance(v, float) else v for k, v in point.items() if v is not None})
+    return text.getvalue()
+
+
+def _rows(
+    settings: TradeoffSettings, data: Dataset, base: TrainingSettings, progress: Progress
+) -> list[dict[str, Any]]:
+    kitchen = _Sets(settings, data, base.threads, progress)
+    # Seed by seed: whoever stops early has all knobs once, not some of them three times.
+    todo = [(knob, seed) for seed in range(settings.seeds) for knob in knobs(settings.quick, settings.only)]
+    progress.stage("tradeoff", len(todo))
+    rows = []
+    for number, (knob, seed) in enumerate(todo, start=1):
+        file = settings.out / "rows" / f"{knob.name}-{seed}.json"
+        told = {name: value for name, value in asdict(knob).items() if name != "changes"}
+        key = run_key(settings.comparison(), data, knob.settings(base)) + json.dumps(told, sort_keys=True)
+        row = _kept(file, key) if settings.resume else None
+        if row is None:
+            if progress.cancelled():
+                raise Cancelled(f"Stopped after {number - 1} of {len(todo)} runs", "Go on with --resume")
+            row = {"key": key, "knob": knob.label, "group": knob.group, "seed": seed}
+            try:
+                row |= one_run(knob, replace(knob.settings(base), seed=seed), kitchen, progress)
+            except Cancelled:
+                raise
+            except DgsError as error:  # a knob that this set does not have
+                row |= {"skipped": " ".join(str(error).split())}
+                progress.note(f"{knob.label}: {row['skipped']}")
+            write_json(file, row)
+        rows.append(row)
+        if not row.get("skipped"):
+            progress.advance(number, psnr=row["heldout"]["psnr"], seconds=row["seconds"]["total"])
+    return rows
+
+
+def one_run(knob: Knob, settings: TrainingSettings, sets: _Sets, progress: Progress) -> dict[str, Any]:
+    """Trains one twin and measures it. Scoring and looks do not count; cameras, effects and views do.
+
+    Raises:
+        Cancelled: the user stopped the training.
+        DgsError: the set has no such knob.
+    """
+    data, measure, searching = sets.of(knob)
+    others = OthersLoad()
+    began, processor = time.perf_counter(), time.process_time()
+    medium = data.medium if knob.medium else Medium(None, data.medium.blur_space)
+    views = [view for view in undistorted_views(data.photos, data.cameras) if view.name not in measure.held]
+    effects = choose_effects(knob.effects, data.photos, data.cameras, views, medium, settings, Quiet(progress))
+    fitted = corrected(views, effects.formation, effects.saturation)
+    looks = _Looks(data, measure.held[:: max(1, len(measure.held) // LOOKED)][:LOOKED], began, settings.steps)
+    trained = train(
+        fitted, [], data.cameras.points, medium, settings, Quiet(progress), watch=looks, formation=effects.formation
+    )
+    wall = time.perf_counter() - began - looks.away
+    processor = time.process_time() - processor - looks.away_processor
+    if trained.steps < settings.steps and progress.cancelled():
+        raise Cancelled(f"Stopped while '{knob.label}' was trained", "Go on with --resume")
+    if knob.bits == 16:
+        trained.gaussians = Gaussians(**{name: t.half().float() for name, t in trained.gaussians.named()})
+    found = measure.twin(trained, None)
+    end = found["heldout"]["psnr"]
+    # Looks see a few views only; all of them are seen at the end, and tell the difference.
+    offset = end - looks.psnr(trained.gaussians, trained)
+    curve = [[round(searching + seconds, 2), round(value + offset, 3)] for seconds, value in looks.curve]
+    total = searching + wall
+    return {
+        "seconds": {
+            "cameras": round(searching, 2),
+            "training": round(wall, 2),
+            "total": round(total, 2),
+            "processor": round(processor, 2),
+        },
+        "gaussians": len(trained.gaussians),
+        "steps": trained.steps,
+        "curve": [*curve, [round(total, 2), end]],
+        "disturbed": others.share(),
+        **found,
+    }
+
+
+class _Looks:
+    """The accuracy on a few held-out views while a training runs; its own time is taken out."""
+
+    def __init__(self, data: Dataset, names: list[str], began: float, steps: int) -> None:
+        now, processor = time.perf_counter(), time.process_time()
+        self._data, self._began = data, began
+        self._due = sorted({max(1, round(share * steps)) for share in LOOKS})
+        self._truth = {name: _unit(data.truth.pixels(name)) for name in names}
+        self._scale = scene_scale(list(data.cameras.cameras().values()), data.cameras.points)
+        self.curve: list[tuple[float, float]] = []
+        self.away, self.away_processor = time.perf_counter() - now, time.process_time() - processor
+
+    def __call__(self, trainer: Trainer) -> None:
+        """After an iteration."""
+        if trainer.step not in self._due:
+            return
+        now, processor = time.perf_counter(), time.process_time()
+        behind = trainer.background.cpu()
+        colour = (float(behind[0]), float(behind[1]), float(behind[2]))
+        self.curve.append((now - self._began - self.away, self._psnr(trainer.result(), colour)))
+        self.away += time.perf_counter() - now
+        self.away_processor += time.process_time() - processor
+
+    def psnr(self, gaussians: Gaussians, trained: Trained) -> float:
+        """Of the finished twin, on the same views."""
+        return self._psnr(gaussians, trained.background)
+
+    def _psnr(self, gaussians: Gaussians, background: tuple[float, float, float]) -> float:
+        viewer = Viewer(gaussians, self._scale, "cpu", background=background)
+        cameras = self._data.cameras
+        found = []
+        for name, truth in self._truth.items():
+            twin = _unit(to_pixels(viewer.sharp(cameras.lenses[name], cameras.poses[name])))
+            found.append(psnr(twin, truth))
+        return float(np.mean(found))
+
+
+class _Sets:
+    """The set with cameras found in different ways, each once."""
+
+    def __init__(self, settings: TradeoffSettings, data: Dataset, threads: int, progress: Progress) -> None:
+        self._settings, self._data, self._threads, self._progress = settings, data, threads, progress
+        self._known: dict[str, tuple[Dataset, Measure, float]] = {}
+
+    def of(self, knob: Knob) -> tuple[Dataset, Measure, float]:
+        """The set, what measures its twins, and the seconds that finding the cameras took.
+
+        Raises:
+            DgsError: the cameras are given, so that there is nothing to be found differently.
+        """
+        if knob.cameras == "refined" and "refined" not in self._known:
+            self._known["refined"] = self._refined()
+        if knob.cameras not in self._known:
+            data, seconds = self._data, 0.0
+            if self._settings.cameras == "found":
+                folder = self._settings.out / ("cameras" if knob.cameras == "usual" else f"cameras-{knob.cameras}")
+                if knob.cameras != "usual" and not (self._settings.resume and (folder / "seconds.json").is_file()):
+                    self._find(knob, folder)
+                if not (folder / "seconds.json").is_file():
+                    raise DgsError(f"Nobody knows how long the cameras in '{folder}' took", "Start without --resume")
+                seconds = float(json.loads((folder / "seconds.json").read_text("utf-8")))
+                cameras = load_cameras(folder, data.photos)
+                photos = [photo for photo in data.photos if photo.name in cameras.poses]
+                data = replace(data, cameras=cameras, photos=photos)
+            elif knob.cameras == "unrefined":
+                raise DgsError("The cameras are given and were not refined here", "Use --cameras found")
+            self._known[knob.cameras] = data, Measure(data, only_heldout=True), seconds
+        return self._known[knob.cameras]
+
+    def _refined(self) -> tuple[Dataset, Measure, float]:
+        """The usual cameras, moved by the loss; held-out photos judge whether they are kept."""
+        data, _, seconds = self.of(Knob("cameras", "usual"))
+        began = time.perf_counter()
+        views = undistorted_views(data.photos, data.cameras)
+        chosen = replace(base_settings(self._settings.quick), threads=self._threads)
+        found = refine_cameras(
+            [view for view in views if view.name not in data.heldout],
+            [view for view in views if view.name in data.heldout],
+            data.cameras.points,
+            data.medium,
+            chosen,
+            Quiet(self._progress),
+            focal=len(set(data.cameras.lenses.values())) == 1,
+        )
+        moved = replace(data, cameras=taken_over(data.cameras, found))
+        return moved, Measure(moved, only_heldout=True), seconds + time.perf_counter() - began
+
+    def _find(self, knob: Knob, folder: Path) -> None:
+        psf = self._data.medium.psf
+        kernel = None if psf is None or psf.is_identity else psf.kernel()
+        usual = SfmSettings(threads=self._threads)
+        wanted = usual.hurried()
+        if knob.cameras == "unrefined":
+            wanted = usual.unrefined()
+        found = find_cameras(self._data.photos, kernel, wanted, self._settings.out / "sfm", self._progress)
+        write_lenses(folder, found.lenses, found.poses, found.points)
+        write_json(folder / "seconds.json", round(found.figures.seconds, 2))
+
+
+def _unit(pixels: Any) -> Any:
+    return pixels / float(np.iinfo(pixels.dtype).max)
+
+
+def _kept(file: Path, key: str) -> dict[str, Any] | None:
+    try:
+        row = json.loads(file.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    return row if isinstance(row, dict) and row.get("key") == key else None
