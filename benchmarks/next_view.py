@@ -1,7 +1,7 @@
 """How many photos reach an accuracy, by the way the next one is chosen: `python benchmarks/next_view.py`.
 
 Every way starts from the same three neighbouring photos of a scene of `view_scenes` and adds one at a time; after each,
-a twin is trained from nothing and compared with the sharp truth from 16 other places. Rows are appended to
+a twin is trained from nothing and compared with the sharp truth from 16 other viewpoints. Rows are appended to
 runs/next_view.jsonl as they come, and what is there is not computed again. `--oracle` tries every candidate and keeps
 the one with which the trained twin is best by its truth: what choosing one after the other could reach at all, nearly.
 """
@@ -22,13 +22,13 @@ import torch
 from view_scenes import SCENES, Case, dome
 
 from dgs.core import compiled  # isort: skip
-from dgs.core.knowledge.coverage import Coverage
-from dgs.core.knowledge.detail import Detail
-from dgs.core.knowledge.looks import Looks, Place
 from dgs.core.rasterizer import RasterSettings
 from dgs.core.training.trainer import Trainer
+from dgs.core.uncertainty.coverage import Coverage
+from dgs.core.uncertainty.detail import Detail
+from dgs.core.uncertainty.linear_model import LinearModel, Viewpoint
 
-FIRST, MOST = 3, 12
+FIRST_PHOTOS, LARGEST_COUNT = 3, 12
 OURS = "detail through the blur"
 WAYS = (OURS, "detail without blur", "random", "uniform", "farthest", "fisher without blur")
 ORACLE = "oracle"
@@ -63,40 +63,45 @@ class Run:
             return left[int(nearest.argmax())]
         if way == ORACLE:
             return max(left, key=lambda i: self.trained([*taken, i])[1])
-        looks, places, noise = knowledge(self.trained(taken)[0], taken, case, "through the blur" in way)
+        linear, viewpoints, noise = linear_model(self.trained(taken)[0], taken, case, "through the blur" in way)
         if way.startswith("detail"):
-            seen = [places[i] for i in taken]
-            coverage = Coverage(Detail(looks, noise, places, seen), places, seen)
-            return left[int(np.argmax(coverage.scores([places[i] for i in left])))]
+            seen = [viewpoints[i] for i in taken]
+            coverage = Coverage(Detail(linear, noise, viewpoints, seen), viewpoints, seen)
+            return left[int(np.argmax(coverage.scores([viewpoints[i] for i in left])))]
         generator = torch.Generator().manual_seed(step)
-        known = 1.0 + looks.diagonal([places[i] for i in taken], generator) / noise**2
-        return max(left, key=lambda i: float((looks.diagonal([places[i]], generator) / noise**2 / known).sum()))
+        information = 1.0 + linear.diagonal([viewpoints[i] for i in taken], generator) / noise**2
+        return max(
+            left, key=lambda i: float((linear.diagonal([viewpoints[i]], generator) / noise**2 / information).sum())
+        )
 
     def curve(self, way: str, most: int) -> tuple[list[float], list[int]]:
         """Sharp PSNR after 3, 4, ... photos, and those taken."""
         taken, accuracies = list(self.case.first), []
-        for count in range(FIRST, most + 1):
+        for count in range(FIRST_PHOTOS, most + 1):
             if way == "uniform":
-                taken = evenly(self.case, count - FIRST)
+                taken = evenly(self.case, count - FIRST_PHOTOS)
             accuracies.append(self.trained(taken)[1])
             if count < most and way != "uniform":
                 taken = [*taken, self.choose(way, taken, count)]
         return accuracies, taken
 
 
-def knowledge(trainer: Trainer, taken: Sequence[int], case: Case, blur: bool) -> tuple[Looks, list[Place], float]:
-    """Looks at the trained twin, the candidates' places, and the rms residual of the photos taken."""
-    places = [
-        Place(trainer.scale.camera_to_unit(c), psf if blur else None)
+def linear_model(
+    trainer: Trainer, taken: Sequence[int], case: Case, blur: bool
+) -> tuple[LinearModel, list[Viewpoint], float]:
+    """The linear model at the trained twin, the candidates' viewpoints, and the rms residual of the photos taken."""
+    viewpoints = [
+        Viewpoint(trainer.scale.camera_to_unit(c), psf if blur else None)
         for c, psf in zip(case.cameras, case.spreads, strict=True)
     ]
     low_pass = trainer.raster_settings(trainer.levels[-1]).low_pass
     settings = RasterSettings(low_pass=low_pass)
-    looks = Looks(trainer.optimizer.gaussians, places, case.margin, trainer.background, settings)
+    linear = LinearModel(trainer.optimizer.gaussians, viewpoints, case.margin, trainer.background, settings)
     errors = [
-        float((looks.photo(Place(places[i].camera, case.spreads[i])) - case.planes(i)).square().mean()) for i in taken
+        float((linear.photo(Viewpoint(viewpoints[i].camera, case.spreads[i])) - case.planes(i)).square().mean())
+        for i in taken
     ]
-    return looks, places, max(float(np.sqrt(np.mean(errors))), 1 / 255 / 12**0.5)
+    return linear, viewpoints, max(float(np.sqrt(np.mean(errors))), 1 / 255 / 12**0.5)
 
 
 def evenly(case: Case, count: int) -> list[int]:
@@ -130,7 +135,7 @@ def main() -> None:
                 if any(all(row[k] == v for k, v in key.items()) for row in rows):
                     continue
                 run = run or Run(Case(SCENES[name], seed, options.steps))
-                accuracies, taken = run.curve(way, 9 if way == ORACLE else MOST)
+                accuracies, taken = run.curve(way, 9 if way == ORACLE else LARGEST_COUNT)
                 rows.append({**key, "psnr": accuracies, "taken": taken})
                 with options.out.open("a") as file:
                     file.write(json.dumps(rows[-1]) + "\n")
@@ -144,7 +149,7 @@ def needed(psnr: Sequence[float], target: float) -> float:
     for i, value in enumerate(psnr):
         if value >= target:
             before = psnr[i - 1] if i else value
-            return FIRST + i - (0.0 if i == 0 or value == before else (value - target) / (value - before))
+            return FIRST_PHOTOS + i - (0.0 if i == 0 or value == before else (value - target) / (value - before))
     return float("nan")
 
 
@@ -163,7 +168,7 @@ def report(name: str, rows: list[dict[str, Any]]) -> None:
         curves = np.array([row["psnr"] for row in mine])
         mean, even = curves.mean(axis=0), np.mean([uniform[row["seed"]] for row in mine], axis=0)
         shown = ", ".join(f"{mean[i]:.2f}" for i in (1, 3, 5, 7, 9) if i < len(mean))
-        shares = [needed(mean, even[t - FIRST]) / needed(even, even[t - FIRST]) for t in TARGETS]
+        shares = [needed(mean, even[t - FIRST_PHOTOS]) / needed(even, even[t - FIRST_PHOTOS]) for t in TARGETS]
         single = [
             needed(row["psnr"], uniform[row["seed"]][-1]) / needed(uniform[row["seed"]], uniform[row["seed"]][-1])
             for row in mine

@@ -1,8 +1,9 @@
 """Is the expected error of a twin's sharp views as large as the true one? `python benchmarks/reliability.py`.
 
-Photos of scenes of `view_scenes` are taken at places drawn by chance; a twin is trained on most of them, the rest is
-held out and measures the parts of the expected error (`core/knowledge/expected.py`), through the blur. Then the px of
-16 sharp views from elsewhere are sorted by what is expected, and each tenth's expected and true rms error compared.
+Photos of scenes of `view_scenes` are taken from viewpoints drawn at random; a twin is trained on most of them, the rest
+is held out and measures the parts of the expected error (`core/uncertainty/expected_error.py`), through the blur. Then
+the px of 16 sharp views from elsewhere are sorted by what is expected, and each tenth's expected and true rms error
+compared.
 Rows go to runs/reliability.jsonl; `--picture FILE` draws the curves.
 """
 
@@ -18,15 +19,15 @@ os.environ.setdefault("OMP_WAIT_POLICY", "passive")  # spinning threads slow a s
 
 import numpy as np
 import torch
-from next_view import knowledge
+from next_view import linear_model
 from view_scenes import BOARD, SCENES, Case
 
 from dgs.core import compiled  # isort: skip
-from dgs.core.knowledge.detail import Detail
-from dgs.core.knowledge.expected import PARTS, USUAL, ExpectedError
-from dgs.core.knowledge.gain import opened, spread
-from dgs.core.knowledge.looks import Place
-from dgs.core.knowledge.posterior import sample_posterior
+from dgs.core.uncertainty.detail import Detail
+from dgs.core.uncertainty.expected_error import PARTS, USUAL, ExpectedError
+from dgs.core.uncertainty.information_gain import opened, spread
+from dgs.core.uncertainty.linear_model import Viewpoint
+from dgs.core.uncertainty.posterior import sample_posterior
 
 ALL = {**SCENES, "board": BOARD}
 #: Photos trained on, and held out besides.
@@ -48,18 +49,18 @@ def measure(case: Case, count: int, keep: dict[str, torch.Tensor] | None = None)
     order = [int(i) for i in np.random.default_rng([case.seed, 7]).permutation(len(case.cameras))]
     taken, held = order[:count], order[count : count + PHOTOS[count]]
     trainer = case.train(taken)
-    looks, places, noise = knowledge(trainer, taken, case, True)
-    tests = [Place(trainer.scale.camera_to_unit(c), None) for c in case.tests]
-    seen = [places[i] for i in taken]
-    posterior = sample_posterior(looks, seen, noise, 6, 8, case.seed)
+    linear, viewpoints, noise = linear_model(trainer, taken, case, True)
+    tests = [Viewpoint(trainer.scale.camera_to_unit(c), None) for c in case.tests]
+    seen = [viewpoints[i] for i in taken]
+    posterior = sample_posterior(linear, seen, noise, 6, 8, case.seed)
     variance = float(torch.stack([case.planes(i).var(dim=(1, 2)).mean() for i in taken]).mean())
-    model = ExpectedError(Detail(looks, noise, tests, seen), posterior, seen, variance)
-    model.fit([(places[i], case.planes(i)) for i in held])
-    m, parts, true, alone = looks.margin, [], [], []
-    for place, camera, truth in zip(tests, case.tests, case.sharp, strict=True):
-        parts.append(model.shapes(place).sharp.flatten(1))
+    model = ExpectedError(Detail(linear, noise, tests, seen), posterior, seen, variance)
+    model.fit([(viewpoints[i], case.planes(i)) for i in held])
+    m, parts, true, alone = linear.margin, [], [], []
+    for viewpoint, camera, truth in zip(tests, case.tests, case.sharp, strict=True):
+        parts.append(model.shapes(viewpoint).sharp.flatten(1))
         true.append((case.view(trainer, camera) - truth).square().mean(dim=0).flatten())
-        own = spread(looks, opened(looks, posterior, seen, place), place)[1]
+        own = spread(linear, opened(linear, posterior, seen, viewpoint), viewpoint)[1]
         alone.append(own[:, m : own.shape[1] - m, m : own.shape[2] - m].mean(dim=0).flatten())
     shapes, errors = torch.cat(parts, dim=1), torch.cat(true)
     if keep is not None:

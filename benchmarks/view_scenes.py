@@ -19,10 +19,10 @@ from dgs.core.gaussians import Gaussians  # noqa: E402
 from dgs.core.imaging.medium import Medium  # noqa: E402
 from dgs.core.imaging.operator import BlurOperator  # noqa: E402
 from dgs.core.imaging.psf import PointSpread  # noqa: E402
-from dgs.core.knowledge.candidates import looking_at  # noqa: E402
 from dgs.core.rasterizer import render  # noqa: E402
 from dgs.core.training.settings import TrainingSettings  # noqa: E402
 from dgs.core.training.trainer import Trainer  # noqa: E402
+from dgs.core.uncertainty.candidates import looking_at  # noqa: E402
 from dgs.core.views import SparsePoints, View  # noqa: E402
 
 WIDTH, HEIGHT, FOCAL = 72, 54, 80.0
@@ -149,7 +149,7 @@ def dome(count: int, seed: int, distances: tuple[float, float], name: str, even_
 
 
 class Case:
-    """One seed of a scene: object, candidates with their photos, test places.
+    """One seed of a scene: object, candidates with their photos, test viewpoints.
 
     Args:
         steps: of a training; first: neighbouring photos that are there from the beginning.
@@ -175,8 +175,8 @@ class Case:
         start = int(random.integers(count))
         self.first = [int(i) for i in np.argsort(-self.directions @ self.directions[start])[:first]]
         chosen = np.concatenate([random.permutation(self.thing)[:500], self.thing + random.permutation(ROOM)[:350]])
-        places = self.truth.means.numpy()[chosen].astype(float)
-        self.points = SparsePoints(places, np.full((len(chosen), 3), 128, np.uint8))
+        centres = self.truth.means.numpy()[chosen].astype(float)
+        self.points = SparsePoints(centres, np.full((len(chosen), 3), 128, np.uint8))
         self.sharp = [self._sharp(c) for c in self.tests]
 
     def _photo(self, camera: Camera, psf: PointSpread) -> View:

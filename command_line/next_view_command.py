@@ -13,7 +13,7 @@ from .progress_choice import Reporting
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from ..core.knowledge.next_view import Suggestion
+    from ..core.uncertainty.next_view import Suggestion
 
 #: Lines of the table below the chosen views.
 OTHERS = 7
@@ -44,12 +44,12 @@ def next_view_command(options: argparse.Namespace, progress: Reporting) -> int:
 
     from ..core.errors import DgsError
     from ..core.files import replacing, write_json
-    from ..core.knowledge.candidates import PATHS, candidates, candidates_from
-    from ..core.knowledge.next_view import NextViewSettings, rank
-    from ..core.knowledge.pictures import draw_expected
     from ..core.pipeline.machine import use_threads
     from ..core.report.known import add_chapter
     from ..core.twin.folder import open_twin
+    from ..core.uncertainty.candidates import CAMERA_PATHS, candidates, candidates_from
+    from ..core.uncertainty.next_view import NextViewSettings, rank
+    from ..core.uncertainty.pictures import draw_expected
 
     for name in ("number", "count", "samples"):
         if getattr(options, name) < 1:
@@ -58,7 +58,7 @@ def next_view_command(options: argparse.Namespace, progress: Reporting) -> int:
     use_threads(options.threads)
     twin = open_twin(options.twin, progress, options.photos)
     cameras = [view.camera for view in twin.views]
-    if options.candidates in PATHS:
+    if options.candidates in CAMERA_PATHS:
         offered = candidates(options.candidates, cameras, options.number)
     else:
         offered = candidates_from(Path(options.candidates), cameras[0])
@@ -75,7 +75,7 @@ def next_view_command(options: argparse.Namespace, progress: Reporting) -> int:
         else "No photo was held out to measure how wrong the twin is: usual values stand in.",
     )
     with replacing(options.twin / "known.npy") as temporary:
-        np.save(temporary, ranking.known.numpy().astype(np.float32))
+        np.save(temporary, ranking.determined.numpy().astype(np.float32))
     content = {
         "twin": str(options.twin),
         "candidates": options.candidates,

@@ -6,23 +6,23 @@ from pathlib import Path
 
 import pytest
 import torch
-from dgs.core.knowledge.detail import OCTAVES, Detail
-from dgs.core.knowledge.expected import PARTS, USUAL, ExpectedError, painted, steepness, weighed
-from dgs.core.knowledge.looks import Looks
-from dgs.core.knowledge.posterior import sample_posterior
+from dgs.core.uncertainty.detail import OCTAVES, Detail
+from dgs.core.uncertainty.expected_error import PARTS, USUAL, ExpectedError, painted, steepness, weighed
+from dgs.core.uncertainty.linear_model import LinearModel
+from dgs.core.uncertainty.posterior import sample_posterior
 
 sys.path.insert(0, str(Path(__file__).parent))
-from knowledge_scenes import camera, looks_at
+from uncertainty_scenes import camera, linear_model_at
 
 NOISE = 0.01
 WHERE = [camera(x, look=0.0) for x in (-0.5, 0.0, 0.5)]
 HELD, ELSEWHERE = camera(0.25, look=0.0), camera(-0.25, look=0.0)
 
 
-def model_of(looks, wanted=()):
-    kind = type(looks.places[0])
-    detail = Detail(looks, NOISE, [*looks.places, *(kind(c, None) for c in wanted)], looks.places)
-    return ExpectedError(detail, sample_posterior(looks, looks.places, NOISE, 4, 4), looks.places, 0.04)
+def model_of(linear, wanted=()):
+    kind = type(linear.viewpoints[0])
+    detail = Detail(linear, NOISE, [*linear.viewpoints, *(kind(c, None) for c in wanted)], linear.viewpoints)
+    return ExpectedError(detail, sample_posterior(linear, linear.viewpoints, NOISE, 4, 4), linear.viewpoints, 0.04)
 
 
 def test_weights_are_found_from_residuals_and_stay_usual_without():
@@ -33,16 +33,16 @@ def test_weights_are_found_from_residuals_and_stay_usual_without():
     residuals = variance * torch.randn(6000, generator=generator).square()
     torch.testing.assert_close(weighed(shapes, residuals, trust=1.0), true, rtol=0.35, atol=0.1)
     torch.testing.assert_close(weighed(shapes, residuals, trust=1e9), torch.tensor(USUAL), rtol=1e-3, atol=1e-4)
-    model = model_of(looks_at(WHERE, 1.5))
+    model = model_of(linear_model_at(WHERE, 1.5))
     model.fit([])
     assert model.weights.tolist() == pytest.approx(list(USUAL)) and model.patches == 0
 
 
 def test_values_are_painted_as_they_are():
-    looks = looks_at([camera(0.0)], 0.0)
-    right = looks.gaussians.means[:, :1].clamp(min=0.0)
+    linear = linear_model_at([camera(0.0)], 0.0)
+    right = linear.gaussians.means[:, :1].clamp(min=0.0)
     values = torch.cat([torch.full_like(right, 0.003), right], dim=1)
-    planes, alpha = painted(looks, values, looks.places[0])
+    planes, alpha = painted(linear, values, linear.viewpoints[0])
     inside = alpha > 0.9
     torch.testing.assert_close(planes[0][inside], torch.full_like(planes[0][inside], 0.003), rtol=1e-3, atol=1e-6)
     assert float(planes[1][:, :16][inside[:, :16]].max()) < 0.05 < float(planes[1][:, 36:][inside[:, 36:]].min())
@@ -53,33 +53,33 @@ def test_steepness_is_the_squared_gradient():
     torch.testing.assert_close(steepness(across)[:, 1:-1], torch.full((7, 9), 0.01))
 
 
-def test_what_no_photo_told_is_open_and_the_blur_hides_it():
-    looks = looks_at([camera(0.0)], 1.5)
-    kind = type(looks.places[0])
-    model = model_of(looks)
-    same, aside = (model.shapes(kind(c, looks.places[0].psf)) for c in (camera(0.0), camera(-2.0, -0.8, 0.0)))
+def test_what_no_photo_resolved_is_open_and_the_blur_hides_it():
+    linear = linear_model_at([camera(0.0)], 1.5)
+    kind = type(linear.viewpoints[0])
+    model = model_of(linear)
+    same, aside = (model.shapes(kind(c, linear.viewpoints[0].psf)) for c in (camera(0.0), camera(-2.0, -0.8, 0.0)))
     middle = (slice(12, 20), slice(20, 28))
     detail, depth = PARTS.index("detail"), PARTS.index("depth")
     assert float(aside.sharp[detail][middle].mean()) > 1.2 * float(same.sharp[detail][middle].mean())
     assert float(same.sharp[depth][middle].max()) < 0.01 * float(aside.sharp[depth][middle].max())
     for shapes in (same, aside):
         assert float(shapes.photo[detail][middle].mean()) < 0.7 * float(shapes.sharp[detail][middle].mean())
-    assert model.detail.told(looks.places[0]).shape == (len(looks.gaussians), len(OCTAVES))
+    assert model.detail.resolved(linear.viewpoints[0]).shape == (len(linear.gaussians), len(OCTAVES))
 
 
 def off_by(shift):
     """A twin that stands `shift` too far to the right, and its expected and true rms error elsewhere."""
-    looks = looks_at(WHERE, 1.5)
-    kind, psf = type(looks.places[0]), looks.places[0].psf
-    moved = replace(looks.gaussians, means=looks.gaussians.means + torch.tensor([shift, 0.0, 0.0]))
-    twin = Looks(moved, looks.places, looks.margin, torch.zeros(3), looks.settings)
+    linear = linear_model_at(WHERE, 1.5)
+    kind, psf = type(linear.viewpoints[0]), linear.viewpoints[0].psf
+    moved = replace(linear.gaussians, means=linear.gaussians.means + torch.tensor([shift, 0.0, 0.0]))
+    twin = LinearModel(moved, linear.viewpoints, linear.margin, torch.zeros(3), linear.settings)
     model = model_of(twin, [ELSEWHERE])
-    model.fit([(kind(c, psf), looks.photo(kind(c, psf))) for c in (HELD, camera(-0.1), camera(0.4, -2.2))])
+    model.fit([(kind(c, psf), linear.photo(kind(c, psf))) for c in (HELD, camera(-0.1), camera(0.4, -2.2))])
     assert model.patches > 300
-    place = kind(ELSEWHERE, None)
-    m = looks.margin
-    true = (twin.unmoved(place) - looks.unmoved(place))[:, m:-m, m:-m].square().mean().sqrt()
-    return float(model.deviation(place).square().mean().sqrt()), float(true)
+    viewpoint = kind(ELSEWHERE, None)
+    m = linear.margin
+    true = (twin.unmoved(viewpoint) - linear.unmoved(viewpoint))[:, m:-m, m:-m].square().mean().sqrt()
+    return float(model.deviation(viewpoint).square().mean().sqrt()), float(true)
 
 
 def test_the_worse_the_held_out_photos_fit_the_more_is_expected():

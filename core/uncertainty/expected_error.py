@@ -1,13 +1,13 @@
 """How wrong a sharp view is expected to be, px by px: parts of known shape, whose sizes the held-out photos measure.
 
 What the photos leave open of the colours (`posterior`, Fisher's information through the blur) is only one part of what
-is wrong with a twin, and the smaller one: surfaces also lie in the wrong place, detail was never told, and what stands
-behind was never seen. Each part predicts a variance of the sharp view's px AND of the same view through the blur:
+is wrong with a twin, and the smaller one: surfaces also lie in the wrong place, detail was never resolved, and what
+stands behind was never seen. Each part predicts a variance of the sharp view's px AND of the view through the blur:
 
     colours    spread of the posterior's samples; blurred, each sample goes through the blur
     placed     |grad I|^2: a surface that is shifted by a px shows its own gradient; blurred, the blurred view's
     depth      the same times sin^2 of the angle to the nearest photo that saw it: depth errors show from aside
-    detail     the contrast of the octaves that no photo told (`detail`); blurred, what of them passes the blur
+    detail     the contrast of the octaves that no photo resolved (`detail`); blurred, what of them passes the blur
     empty      where the twin shows nothing: the photos' own variance
     rest       the same everywhere
 
@@ -27,8 +27,8 @@ from torch.nn.functional import avg_pool2d, pad
 from ..constants import SH_C0
 from ..rasterizer import render
 from .detail import LEAST_SEEN, OCTAVES, TURNS, Detail
-from .gain import opened, spread
-from .looks import Looks, Place
+from .information_gain import opened, spread
+from .linear_model import LinearModel, Viewpoint
 from .posterior import Posterior
 
 PARTS = ("colours", "placed", "depth", "detail", "empty", "rest")
@@ -37,7 +37,7 @@ PARTS = ("colours", "placed", "depth", "detail", "empty", "rest")
 USUAL = (0.07, 0.5, 2.4, 0.1, 1.6, 0.1)
 #: The usual weights count as much as so many patches of held-out photos: on those 18, 300 to 1000 did equally well.
 TRUST = 500.0
-#: Residuals are averaged over patches of so many px: neighbours are wrong together, and tell no more than one.
+#: Residuals are averaged over patches of so many px: neighbours are wrong together, and say no more than one.
 PATCH = 3
 REST = 1e-4
 #: Rounds of the fit: the weights have settled to a per cent.
@@ -46,7 +46,7 @@ ROUNDS = 100
 
 @dataclass(frozen=True)
 class Shapes:
-    """Variances that the parts of weight 1 predict at a place.
+    """Variances that the parts of weight 1 predict at a viewpoint.
 
     Attributes:
         sharp: [parts, H, W] of the sharp view's px, sRGB^2, mean over the channels.
@@ -65,67 +65,67 @@ class ExpectedError:
         variance: of the photos' px, for where nothing stands.
     """
 
-    def __init__(self, detail: Detail, posterior: Posterior, taken: Sequence[Place], variance: float) -> None:
+    def __init__(self, detail: Detail, posterior: Posterior, taken: Sequence[Viewpoint], variance: float) -> None:
         self.detail, self.posterior, self.taken, self.variance = detail, posterior, list(taken), variance
         self.weights = torch.tensor(USUAL)
         self.patches = 0
 
     @property
-    def _looks(self) -> Looks:
-        return self.detail.looks
+    def _linear(self) -> LinearModel:
+        return self.detail.linear
 
-    def shapes(self, place: Place, spreads: tuple[Tensor, Tensor] | None = None) -> Shapes:
-        """The parts at a place; `spreads` are those of `gain.spread` there, where they are at hand."""
-        looks, camera = self._looks, place.camera
-        m = looks.margin
-        left, aside = self._untold(place)
+    def shapes(self, viewpoint: Viewpoint, spreads: tuple[Tensor, Tensor] | None = None) -> Shapes:
+        """The parts at a viewpoint; `spreads` are those of `information_gain.spread` there, where they are at hand."""
+        linear, camera = self._linear, viewpoint.camera
+        m = linear.margin
+        left, aside = self._unresolved(viewpoint)
         open_now = self.detail.variance[:, None] * left
-        through = (open_now * self.detail.passed(place)).sum(dim=1)
-        values, alpha = painted(looks, torch.stack([open_now.sum(dim=1), through, aside], dim=1), place)
+        through = (open_now * self.detail.passed(viewpoint)).sum(dim=1)
+        values, alpha = painted(linear, torch.stack([open_now.sum(dim=1), through, aside], dim=1), viewpoint)
         if spreads is None:
-            spreads = spread(looks, opened(looks, self.posterior, self.taken, place), place)
+            spreads = spread(linear, opened(linear, self.posterior, self.taken, viewpoint), viewpoint)
         blurred, sharp = spreads
         inner = (slice(None), slice(m, m + camera.height), slice(m, m + camera.width))
-        own, seen = steepness(looks.unmoved(place)[inner]), steepness(looks.photo(place))
+        own, seen = steepness(linear.unmoved(viewpoint)[inner]), steepness(linear.photo(viewpoint))
         empty, rest = (1.0 - alpha) * self.variance, torch.full_like(alpha, REST)
         return Shapes(
             _finite([sharp[inner].mean(dim=0), own, own * values[2], values[0], empty, rest]),
             _finite([blurred.mean(dim=0), seen, seen * values[2], values[1], empty, rest]),
         )
 
-    def fit(self, held: Sequence[tuple[Place, Tensor]]) -> None:
+    def fit(self, held: Sequence[tuple[Viewpoint, Tensor]]) -> None:
         """Weighs the parts by photos [3, H, W] that the twin was not trained on."""
         shapes, residuals = [], []
-        for place, photo in held:
-            error = (self._looks.photo(place) - photo).square().mean(dim=0)
-            predicted = self.shapes(place).photo
-            if place.valid is not None:
-                error, predicted = error * place.valid, predicted * place.valid
-            whole = _patches(torch.ones_like(error) if place.valid is None else place.valid.float()) > 0.99
+        for viewpoint, photo in held:
+            error = (self._linear.photo(viewpoint) - photo).square().mean(dim=0)
+            predicted = self.shapes(viewpoint).photo
+            if viewpoint.valid is not None:
+                error, predicted = error * viewpoint.valid, predicted * viewpoint.valid
+            whole = _patches(torch.ones_like(error) if viewpoint.valid is None else viewpoint.valid.float()) > 0.99
             shapes.append(_patches(predicted)[:, whole])
             residuals.append(_patches(error)[whole])
         if residuals:
             self.patches = sum(len(r) for r in residuals)
             self.weights = weighed(torch.cat(shapes, dim=1), torch.cat(residuals))
 
-    def deviation(self, place: Place, spreads: tuple[Tensor, Tensor] | None = None) -> Tensor:
+    def deviation(self, viewpoint: Viewpoint, spreads: tuple[Tensor, Tensor] | None = None) -> Tensor:
         """[H, W] expected root mean square error of the sharp view's px, sRGB."""
-        return torch.einsum("k,khw->hw", self.weights, self.shapes(place, spreads).sharp).sqrt()
+        return torch.einsum("k,khw->hw", self.weights, self.shapes(viewpoint, spreads).sharp).sqrt()
 
-    def view(self, place: Place) -> tuple[Tensor, Tensor]:
+    def view(self, viewpoint: Viewpoint) -> tuple[Tensor, Tensor]:
         """[3, H, W] what the twin shows there, sharp, and [H, W] `deviation`."""
-        m, camera = self._looks.margin, place.camera
-        sharp = self._looks.unmoved(place)[:, m : m + camera.height, m : m + camera.width]
-        return sharp, self.deviation(place)
+        m, camera = self._linear.margin, viewpoint.camera
+        sharp = self._linear.unmoved(viewpoint)[:, m : m + camera.height, m : m + camera.width]
+        return sharp, self.deviation(viewpoint)
 
-    def _untold(self, place: Place) -> tuple[Tensor, Tensor]:
-        """[N, octaves] share of the detail that no photo told of what is seen from here; [N] sin^2 to the nearest."""
-        here = self.detail.rays(place)[0]
+    def _unresolved(self, viewpoint: Viewpoint) -> tuple[Tensor, Tensor]:
+        """[N, octaves] share of the detail seen from here that no photo resolved; [N] sin^2 to the nearest."""
+        here = self.detail.rays(viewpoint)[0]
         left, nearest = torch.ones((len(here), len(OCTAVES))), torch.zeros(len(here))
         for photo in self.taken:
             cosine = (here * self.detail.rays(photo)[0]).sum(dim=1).clamp(-1.0, 1.0)
             carried = torch.exp(-((torch.arccos(cosine)[:, None] / torch.tensor(TURNS)).square()))
-            left = torch.minimum(left, 1.0 - self.detail.told(photo) * carried)
+            left = torch.minimum(left, 1.0 - self.detail.resolved(photo) * carried)
             sees = self.detail.seen(photo) > LEAST_SEEN
             nearest = torch.where(sees, torch.maximum(nearest, cosine), nearest)
         return left, 1.0 - nearest.square()
@@ -147,7 +147,7 @@ def weighed(shapes: Tensor, residuals: Tensor, trust: float = TRUST) -> Tensor:
     return weights
 
 
-def painted(looks: Looks, values: Tensor, place: Place) -> tuple[Tensor, Tensor]:
+def painted(linear: LinearModel, values: Tensor, viewpoint: Viewpoint) -> tuple[Tensor, Tensor]:
     """[C, H, W] means of the Gaussians' [N, C] values (>= 0) over what each px shows, and its [H, W] opacity."""
     planes, alpha = [], torch.zeros(())
     for first in range(0, values.shape[1], 3):
@@ -155,7 +155,7 @@ def painted(looks: Looks, values: Tensor, place: Place) -> tuple[Tensor, Tensor]
         top = float(three.max()) if len(three) else 1.0
         sh = (three / max(top, 1e-12) - 0.5) / SH_C0
         with torch.no_grad():
-            shown = render(replace(looks.gaussians, sh=sh[:, None, :]), place.camera, settings=looks.settings)
+            shown = render(replace(linear.gaussians, sh=sh[:, None, :]), viewpoint.camera, settings=linear.settings)
         alpha = shown.alpha
         planes.append(shown.image * max(top, 1e-12) / alpha.clamp(min=1e-3))
     return torch.cat(planes)[: values.shape[1]], alpha

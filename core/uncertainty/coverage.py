@@ -1,14 +1,15 @@
-"""Which detail of which surface is told, seen from where: photos cover triples of Gaussians, octaves and directions.
+"""Which detail of which surface the photos resolve, seen from where: they cover triples of Gaussian, octave, direction.
 
-    told(e) = sum over Gaussians k, octaves b of  W_ke v_k max over photos t of q_ktb exp(-(angle_k(t, e) / turn_b)^2)
+    resolved(e) = sum over Gaussians k, octaves b of
+                  W_ke v_k max over photos t of q_ktb exp(-(angle_k(t, e) / turn_b)^2)
 
 W is how many px of a view e that may be wanted a Gaussian covers, v the contrast around it and q the share of its
-octave that a photo tells through the blur (`detail`): so the fall of the views' squared error is weighed, where there
-is something to get wrong. The finer the octave, the less far what was told carries, because depths are never exact.
-It grows less with every photo (it is submodular), so that choosing the best photo each time comes within 1 - 1/e of the
-best choice of all (Nemhauser et al. 1978).
+octave that a photo resolves through the blur (`detail`): so the fall of the views' squared error is weighed, where
+there is something to get wrong. The finer the octave, the less far what was resolved carries, because depths are never
+exact. It grows less with every photo (it is submodular), so that choosing the best photo each time comes within 1 - 1/e
+of the best choice of all (Nemhauser et al. 1978).
 
-A twin of few photos does not know what it does not know (surfaces that nobody saw, in the wrong place). So a candidate
+A twin of few photos cannot say what it misses (surfaces that nobody saw, in the wrong place). So a candidate
 also counts by how far aside of all photos it stands, a little.
 """
 
@@ -21,7 +22,7 @@ import torch
 from torch import Tensor
 
 from .detail import OCTAVES, TURNS, Detail
-from .looks import Place
+from .linear_model import Viewpoint
 
 #: Weight of standing aside, both in standard deviations over the candidates. Of what a training with each
 #: candidate truly gained (eight trainings of the benchmark's scenes, seeds of their own), the ranks' correlation was
@@ -35,62 +36,64 @@ class Coverage:
     """What photos cover of what may be looked at.
 
     Args:
-        detail: at the twin; wanted: places from which it may be looked at, such as all candidates.
-        photos: places of those that are there.
+        detail: at the twin; wanted: viewpoints from which it may be looked at, such as all candidates.
+        photos: viewpoints of those that are there.
     """
 
-    def __init__(self, detail: Detail, wanted: Sequence[Place], photos: Sequence[Place] = (), seed: int = 0) -> None:
+    def __init__(
+        self, detail: Detail, wanted: Sequence[Viewpoint], photos: Sequence[Viewpoint] = (), seed: int = 0
+    ) -> None:
         self.detail = detail
         count = len(detail.variance)
         generator = torch.Generator().manual_seed(seed)
         self._rows = torch.randperm(count, generator=generator)[:SAMPLE].sort().values
-        self._towards = torch.stack([detail.rays(place)[0][self._rows] for place in wanted])
-        size = torch.stack([detail.seen(place)[self._rows] for place in wanted])
+        self._towards = torch.stack([detail.rays(viewpoint)[0][self._rows] for viewpoint in wanted])
+        size = torch.stack([detail.seen(viewpoint)[self._rows] for viewpoint in wanted])
         self._size = size * detail.variance[self._rows]
         self._left = torch.ones((len(wanted), len(self._rows), len(OCTAVES)))
         self._middle = self._focus(size.sum(dim=0))
         self._photos: list[Tensor] = []
-        for place in photos:
-            self.take(place)
+        for viewpoint in photos:
+            self.take(viewpoint)
 
-    def take(self, place: Place) -> None:
+    def take(self, viewpoint: Viewpoint) -> None:
         """A photo there is taken."""
-        self._left = torch.minimum(self._left, self._by(place))
-        self._photos.append(self._direction(place))
+        self._left = torch.minimum(self._left, self._by(viewpoint))
+        self._photos.append(self._direction(viewpoint))
 
-    def gain(self, place: Place) -> float:
-        """By how much one more photo there raises the share of the wanted detail that is told, at most 1."""
-        fall = (self._left - torch.minimum(self._left, self._by(place))).mean(dim=2)
+    def gain(self, viewpoint: Viewpoint) -> float:
+        """By how much one more photo there raises the share of the wanted detail that is resolved, at most 1."""
+        fall = (self._left - torch.minimum(self._left, self._by(viewpoint))).mean(dim=2)
         return float((self._size * fall).sum() / self._size.sum().clamp(min=1e-12))
 
-    def aside(self, place: Place) -> float:
+    def aside(self, viewpoint: Viewpoint) -> float:
         """Angle (radians) to the nearest photo, seen from the middle of the twin, times the share of px showing it."""
-        here = self._direction(place)
+        here = self._direction(viewpoint)
         angles = [float(torch.arccos((here @ there).clamp(-1.0, 1.0))) for there in self._photos]
-        shown = float(self.detail.seen(place).sum()) / (place.camera.height * place.camera.width)
+        shown = float(self.detail.seen(viewpoint).sum()) / (viewpoint.camera.height * viewpoint.camera.width)
         return min(angles, default=float(np.pi)) * min(shown, 1.0)
 
-    def scores(self, places: Sequence[Place]) -> list[float]:
+    def scores(self, viewpoints: Sequence[Viewpoint]) -> list[float]:
         """What candidates are worth beside each other; the best one is to be taken."""
-        gains, asides = (np.array([f(place) for place in places]) for f in (self.gain, self.aside))
+        gains, asides = (np.array([f(viewpoint) for viewpoint in viewpoints]) for f in (self.gain, self.aside))
         total = _standard(gains) + ASIDE * _standard(asides)
         return [float(score) for score in total]
 
-    def _by(self, place: Place) -> Tensor:
-        """[E, sample, octaves] share that a photo there leaves untold of what may be looked at."""
-        towards = self.detail.rays(place)[0][self._rows]
+    def _by(self, viewpoint: Viewpoint) -> Tensor:
+        """[E, sample, octaves] share that a photo there leaves unresolved of what may be looked at."""
+        towards = self.detail.rays(viewpoint)[0][self._rows]
         angle = torch.arccos((self._towards * towards).sum(dim=2).clamp(-1.0, 1.0))
         carried = torch.exp(-((angle[:, :, None] / torch.tensor(TURNS)).square()))
-        return 1.0 - self.detail.told(place)[self._rows] * carried
+        return 1.0 - self.detail.resolved(viewpoint)[self._rows] * carried
 
-    def _direction(self, place: Place) -> Tensor:
+    def _direction(self, viewpoint: Viewpoint) -> Tensor:
         """[3] unit vector from the middle of the twin to the camera."""
-        ray = torch.from_numpy(place.camera.centre).float() - self._middle
+        ray = torch.from_numpy(viewpoint.camera.centre).float() - self._middle
         return ray / ray.norm().clamp(min=1e-12)
 
     def _focus(self, size: Tensor) -> Tensor:
         """[3] median of the Gaussians' centres by the px they cover: walls far around do not move it."""
-        means = self.detail.looks.gaussians.means[self._rows]
+        means = self.detail.linear.gaussians.means[self._rows]
         if not len(means):
             return torch.zeros(3)
         order = means.argsort(dim=0)

@@ -9,19 +9,19 @@ import pytest
 import torch
 from dgs.core.imaging.medium import Medium
 from dgs.core.imaging.psf import PointSpread
-from dgs.core.knowledge.expected import USUAL
-from dgs.core.knowledge.next_view import Knowledge, NextViewSettings, rank
-from dgs.core.knowledge.pictures import draw_expected
 from dgs.core.pipeline.settings import ReconstructSettings
 from dgs.core.progress import Silent
 from dgs.core.reconstruction import Figures, Reconstruction
 from dgs.core.training.scale import scene_scale
 from dgs.core.twin.folder import Twin
+from dgs.core.uncertainty.expected_error import USUAL
+from dgs.core.uncertainty.next_view import NextViewSettings, Observations, rank
+from dgs.core.uncertainty.pictures import draw_expected
 from dgs.core.views import SparsePoints, View
 from PIL import Image
 
 sys.path.insert(0, str(Path(__file__).parent))
-from knowledge_scenes import camera, looks_at, plane
+from uncertainty_scenes import camera, linear_model_at, plane
 
 QUICK = NextViewSettings(count=2, samples=3, iterations=3)
 
@@ -29,8 +29,10 @@ QUICK = NextViewSettings(count=2, samples=3, iterations=3)
 def twin_of(tmp_path, held, per_view=None):
     """The plane, photographed by five cameras through 1.5 px."""
     cameras = [replace(camera(x, look=0.0), name=f"{i}.png") for i, x in enumerate((-0.6, -0.4, -0.2, 0.0, 0.2))]
-    looks = looks_at(cameras, 1.5)
-    photos = [np.round(looks.photo(place).numpy().clip(0, 1).transpose(1, 2, 0) * 255) for place in looks.places]
+    linear = linear_model_at(cameras, 1.5)
+    photos = [
+        np.round(linear.photo(viewpoint).numpy().clip(0, 1).transpose(1, 2, 0) * 255) for viewpoint in linear.viewpoints
+    ]
     views = [View(c, np.ascontiguousarray(p.astype(np.uint8))) for c, p in zip(cameras, photos, strict=True)]
     gaussians = plane()
     where = gaussians.means.numpy().astype(float)
@@ -64,7 +66,7 @@ def test_candidates_are_ranked_with_errors_that_held_out_photos_measured(tmp_pat
     assert by["aside"].error > by["again"].error > 0.0
     assert ranking.error["held_photos"] == 1 and ranking.error["weights"]["placed"] < USUAL[1]
     assert list(ranking.views) == [s.camera.name for s in ranking.suggestions if s.order]
-    sharp, deviation, told = ranking.views["aside"]
+    sharp, deviation, observed = ranking.views["aside"]
     assert sharp.shape[1:] == deviation.shape and float(deviation.square().mean().sqrt()) == pytest.approx(
         by["aside"].error, rel=1e-4
     )
@@ -74,7 +76,7 @@ def test_candidates_are_ranked_with_errors_that_held_out_photos_measured(tmp_pat
     assert sorted(p.stem for p in (tmp_path / "drawn").iterdir()) == sorted(ranking.views)
     drawn = np.asarray(Image.open(tmp_path / "drawn" / "aside.png")).astype(float)
     assert drawn.shape == (32, 144, 3)
-    assert told.shape == deviation.shape and float(told.min()) >= 0.0 and float(told.max()) <= 1.0
+    assert observed.shape == deviation.shape and float(observed.min()) >= 0.0 and float(observed.max()) <= 1.0
     np.testing.assert_allclose(drawn[:, :48] / 255, sharp.clamp(0, 1).permute(1, 2, 0), atol=0.003)
     worst, best = (int(f()) for f in (deviation.argmax, deviation.argmin))
     redness = (drawn[:, 96:, 0] - drawn[:, 96:, 1]).ravel()
@@ -87,7 +89,7 @@ def test_candidates_are_ranked_with_errors_that_held_out_photos_measured(tmp_pat
 
 def test_a_candidate_has_the_blur_of_the_photo_next_to_it(tmp_path):
     wide = PointSpread("gaussian", 4.0, 4.0)
-    knowledge = Knowledge(twin_of(tmp_path, [], {"4.png": wide}))
-    blurs = [knowledge.place(camera(x, look=0.0)).psf for x in (-0.6, 0.3)]
+    observations = Observations(twin_of(tmp_path, [], {"4.png": wide}))
+    blurs = [observations.viewpoint(camera(x, look=0.0)).psf for x in (-0.6, 0.3)]
     assert [round(psf.sigma_x, 3) for psf in blurs] == [1.5, 4.0]
-    assert Knowledge(twin_of(tmp_path, []), through_blur=False).place(camera(0.3)).psf is None
+    assert Observations(twin_of(tmp_path, []), through_blur=False).viewpoint(camera(0.3)).psf is None

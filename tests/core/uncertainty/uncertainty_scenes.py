@@ -7,9 +7,9 @@ import torch
 from dgs.core.camera import Camera
 from dgs.core.gaussians import Gaussians
 from dgs.core.imaging.psf import PointSpread
-from dgs.core.knowledge.candidates import looking_at
-from dgs.core.knowledge.looks import Looks, Place
 from dgs.core.rasterizer import RasterSettings
+from dgs.core.uncertainty.candidates import looking_at
+from dgs.core.uncertainty.linear_model import LinearModel, Viewpoint
 
 WIDTH, HEIGHT = 48, 32
 LENS = Camera("", WIDTH, HEIGHT, 40.0, 40.0, WIDTH / 2, HEIGHT / 2, np.eye(3), np.zeros(3))
@@ -37,9 +37,9 @@ def camera(x: float, z: float = -2.0, look: float | None = None) -> Camera:
     return looking_at(LENS, f"at {x:g} {z:g}", np.array([x, 0.0, z]), focus, UP)
 
 
-def looks_at(cameras: list[Camera], sigma: float, spacing: float = 0.12) -> Looks:
+def linear_model_at(cameras: list[Camera], sigma: float, spacing: float = 0.12) -> LinearModel:
     """The plane through a blur of `sigma` px."""
     gaussians = plane(spacing)
     psf = PointSpread("gaussian", sigma, sigma) if sigma else None
-    places = [Place(c, psf) for c in cameras]
-    return Looks(gaussians, places, 6 if sigma else 0, torch.zeros(3), RasterSettings(low_pass=0.3))
+    viewpoints = [Viewpoint(c, psf) for c in cameras]
+    return LinearModel(gaussians, viewpoints, 6 if sigma else 0, torch.zeros(3), RasterSettings(low_pass=0.3))

@@ -30,9 +30,9 @@ def draw_expected(folder: Path, views: Mapping[str, tuple[Tensor, Tensor, Tensor
     for old in folder.glob("*.png"):
         old.unlink()
     out = []
-    for order, (name, (sharp, deviation, told)) in enumerate(views.items(), start=1):
+    for order, (name, (sharp, deviation, observed)) in enumerate(views.items(), start=1):
         image = np.round(sharp.numpy().clip(0.0, 1.0).transpose(1, 2, 0) * 255.0).astype(np.uint8)
-        view = Predicted(name, order, image, deviation.numpy() / max(contrast, 1e-6), told.numpy())
+        view = Predicted(name, order, image, deviation.numpy() / max(contrast, 1e-6), observed.numpy())
         panels = np.concatenate([view.image, hatched(view), painted(view.error)], axis=1)
         write_png(folder / f"{Path(name).stem}.png", np.ascontiguousarray(panels))
         out.append(view)

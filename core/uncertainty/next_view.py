@@ -1,4 +1,4 @@
-"""Which photo to take next: ranks candidate cameras by what they are expected to tell about a twin."""
+"""Which photo to take next: ranks candidate cameras by what they are expected to add about a twin."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from ..training.grid import coarse_camera
 from ..twin.folder import Twin
 from .coverage import Coverage
 from .detail import Detail
-from .expected import PARTS, ExpectedError
-from .gain import Gain, gain_of, opened, spread, told
-from .looks import Looks, Place
+from .expected_error import PARTS, ExpectedError
+from .information_gain import InformationGain, gain_of, observed_share, opened, spread
+from .linear_model import LinearModel, Viewpoint
 from .posterior import Posterior, sample_posterior
 
-#: Long side in px of the grid that gains are computed on at most: what a view tells changes slowly.
+#: Long side in px of the grid that gains are computed on at most: what a view adds changes slowly.
 GRID = 320
 #: Candidates that stand for where the twin may be looked at from, at most.
 WANTED = 48
@@ -36,7 +36,7 @@ class NextViewSettings:
     """Effort and assumptions.
 
     Attributes:
-        count: how many views to choose one after the other, each knowing those before it.
+        count: how many views to choose one after the other, each given those before it.
         samples, iterations: of `sample_posterior`.
         through_blur: False ranks as if the medium were clear (for comparison).
         seed: of the samples.
@@ -55,13 +55,13 @@ class Suggestion:
 
     Attributes:
         gain: given the photos that are there.
-        covers: share of the detail that may be looked at that it newly tells, given those chosen before it, too.
+        covers: share of the detail that may be looked at that it newly resolves, given those chosen before it, too.
         error: expected rms error of the twin's sharp view there, sRGB in [0, 1].
         order: 1, 2, ... for the chosen ones, None for the others.
     """
 
     camera: Camera
-    gain: Gain
+    gain: InformationGain
     covers: float
     error: float
     order: int | None
@@ -87,8 +87,8 @@ class Suggestion:
         }
 
 
-class Knowledge:
-    """What a twin's photos say about it, on one grid.
+class Observations:
+    """A twin's photos, their viewpoints, noise and linear model, on one grid.
 
     Args:
         twin: the twin; `through_blur` False leaves the point spread out.
@@ -103,11 +103,11 @@ class Knowledge:
         kept = twin.kept or twin.views
         self.views = views = twin.on_grid(kept, self.step)
         self.taken = [
-            Place(v.camera, v.psf if through_blur else None, None if v.valid is None else torch.from_numpy(v.valid))
+            Viewpoint(v.camera, v.psf if through_blur else None, None if v.valid is None else torch.from_numpy(v.valid))
             for v in views
         ]
         settings = RasterSettings(low_pass=max(0.1, 0.3 / self.step**2))
-        self.looks = Looks(gaussians, self.taken, self.margin, twin.background, settings)
+        self.linear = LinearModel(gaussians, self.taken, self.margin, twin.background, settings)
         self.through_blur = through_blur
         self.noise = self._residual(views)
 
@@ -118,12 +118,12 @@ class Knowledge:
         """
         errors = []
         for view in views[:: max(1, len(views) // 12)]:
-            place = Place(view.camera, view.psf)
-            error = (self.looks.photo(place) - torch.from_numpy(view.planes())).square()
+            viewpoint = Viewpoint(view.camera, view.psf)
+            error = (self.linear.photo(viewpoint) - torch.from_numpy(view.planes())).square()
             errors.append(float(error.mean() if view.valid is None else error[:, torch.from_numpy(view.valid)].mean()))
         return max(float(np.sqrt(np.mean(errors))), 1.0 / 255.0 / 12.0**0.5)
 
-    def place(self, camera: Camera) -> Place:
+    def viewpoint(self, camera: Camera) -> Viewpoint:
         """A candidate in world units, on the grid.
 
         Where photos have blurs of their own, a candidate's is taken for that of the photo next to it.
@@ -135,15 +135,15 @@ class Knowledge:
             nearest = min(self.twin.views, key=lambda v: float(np.linalg.norm(v.camera.centre - camera.centre)))
             psf = medium.psf_for(nearest.name)
         psf = psf if self.through_blur else None
-        return Place(unit, None if psf is None or psf.is_identity else psf.on_grid(self.step))
+        return Viewpoint(unit, None if psf is None or psf.is_identity else psf.on_grid(self.step))
 
-    def held(self) -> list[tuple[Place, Tensor]]:
+    def held(self) -> list[tuple[Viewpoint, Tensor]]:
         """Places and photos [3, H, W] that the twin was not trained on."""
         names = set(self.twin.held)
         views = self.twin.on_grid([v for v in self.twin.views if v.name in names], self.step) if self.twin.kept else []
         return [
             (
-                Place(
+                Viewpoint(
                     v.camera,
                     v.psf if self.through_blur else None,
                     None if v.valid is None else torch.from_numpy(v.valid),
@@ -158,16 +158,16 @@ class Knowledge:
         some = self.views[:: max(1, len(self.views) // 12)]
         return float(np.mean([view.planes().var(axis=(1, 2)).mean() for view in some]))
 
-    def posterior(self, taken: Sequence[Place], settings: NextViewSettings, progress: Progress) -> Posterior:
+    def posterior(self, taken: Sequence[Viewpoint], settings: NextViewSettings, progress: Progress) -> Posterior:
         """What `taken` leave open."""
 
-        def told(done: int) -> None:
+        def on_sample(done: int) -> None:
             progress.advance(done)
             if progress.cancelled():
                 raise Cancelled("Stopped while weighing what the photos say")
 
         return sample_posterior(
-            self.looks, taken, self.noise, settings.samples, settings.iterations, settings.seed, told
+            self.linear, taken, self.noise, settings.samples, settings.iterations, settings.seed, on_sample
         )
 
 
@@ -176,14 +176,14 @@ class Ranking:
     """Suggestions, the chosen ones first.
 
     Attributes:
-        known: [N] how much of each Gaussian's colour the photos fix (0 to 1).
+        determined: [N] how much of each Gaussian's colour the photos fix (0 to 1).
         error: how the expected errors were measured, for JSON; 'contrast' is the photos' own rms, sRGB.
         views: of the chosen ones by name, what the twin shows there ([3, H, W], sharp, sRGB, on the grid), how wrong
-            it is expected to be ([H, W], rms), and how far photos tell it ([H, W], see `gain.told`).
+            it is expected to be ([H, W], rms), and how far photos determine it ([H, W], see `observed_share`).
     """
 
     suggestions: list[Suggestion]
-    known: Tensor
+    determined: Tensor
     error: dict[str, Any]
     views: dict[str, tuple[Tensor, Tensor, Tensor]]
 
@@ -194,41 +194,41 @@ def rank(twin: Twin, candidates: Sequence[Camera], settings: NextViewSettings, p
     Args:
         candidates: in world units; those from which nothing of the twin is seen gain nothing.
     """
-    knowledge = Knowledge(twin, settings.through_blur)
-    looks, taken = knowledge.looks, knowledge.taken
-    places = {camera.name: knowledge.place(camera) for camera in candidates}
+    observations = Observations(twin, settings.through_blur)
+    linear, taken = observations.linear, observations.taken
+    viewpoints = {camera.name: observations.viewpoint(camera) for camera in candidates}
     left = {camera.name: camera for camera in candidates}
     progress.stage("information", settings.samples)
-    posterior = knowledge.posterior(taken, settings, progress)
+    posterior = observations.posterior(taken, settings, progress)
     progress.stage("candidates", len(left))
-    wanted = list(places.values())[:: max(1, -(-len(places) // WANTED))]
-    detail = Detail(looks, knowledge.noise, wanted, taken)
+    wanted = list(viewpoints.values())[:: max(1, -(-len(viewpoints) // WANTED))]
+    detail = Detail(linear, observations.noise, wanted, taken)
     coverage = Coverage(detail, wanted, taken, settings.seed)
-    expected = ExpectedError(detail, posterior, taken, knowledge.contrast())
-    held = knowledge.held()
+    expected = ExpectedError(detail, posterior, taken, observations.contrast())
+    held = observations.held()
     expected.fit(held)
     gains, covers, errors = {}, {}, {}
-    for done, (name, place) in enumerate(places.items()):
-        spreads = spread(looks, opened(looks, posterior, taken, place), place)
-        gains[name] = gain_of(looks, posterior, taken, place, spreads)
-        errors[name] = float(expected.deviation(place, spreads).square().mean().sqrt())
-        covers[name] = coverage.gain(place)
+    for done, (name, viewpoint) in enumerate(viewpoints.items()):
+        spreads = spread(linear, opened(linear, posterior, taken, viewpoint), viewpoint)
+        gains[name] = gain_of(linear, posterior, taken, viewpoint, spreads)
+        errors[name] = float(expected.deviation(viewpoint, spreads).square().mean().sqrt())
+        covers[name] = coverage.gain(viewpoint)
         progress.advance(done + 1)
         if progress.cancelled():
             raise Cancelled("Stopped while weighing the candidates")
     chosen = []
-    scores = coverage.scores(list(places.values()))
+    scores = coverage.scores(list(viewpoints.values()))
     for order in range(1, min(settings.count, len(candidates)) + 1):
         best = list(left)[int(np.argmax(scores))]
         chosen.append(Suggestion(left.pop(best), gains[best], covers[best], errors[best], order))
-        coverage.take(places[best])
-        covers = {name: coverage.gain(places[name]) for name in left}
-        scores = coverage.scores([places[name] for name in left])
+        coverage.take(viewpoints[best])
+        covers = {name: coverage.gain(viewpoints[name]) for name in left}
+        scores = coverage.scores([viewpoints[name] for name in left])
     ranked = sorted(zip(scores, left.items(), strict=True), key=lambda pair: -pair[0])
     rest = [Suggestion(camera, gains[name], covers[name], errors[name], None) for _, (name, camera) in ranked]
     weights = {name: round(float(w), 5) for name, w in zip(PARTS, expected.weights, strict=True)}
-    measured = {"held_photos": len(held), "contrast": round(knowledge.contrast() ** 0.5, 5), "weights": weights}
+    measured = {"held_photos": len(held), "contrast": round(observations.contrast() ** 0.5, 5), "weights": weights}
     views = {}
     for name in (s.camera.name for s in chosen):
-        views[name] = (*expected.view(places[name]), told(looks, posterior, taken, places[name]))
-    return Ranking(chosen + rest, posterior.known(), measured, views)
+        views[name] = (*expected.view(viewpoints[name]), observed_share(linear, posterior, taken, viewpoints[name]))
+    return Ranking(chosen + rest, posterior.determined(), measured, views)

@@ -1,4 +1,4 @@
-"""How much a photo would tell: expected information through the blur.
+"""How much a photo would add: expected information through the blur.
 
     gain = 1/2 sum over px of log2(1 + v / s^2) / patch        [bits]
 
@@ -8,7 +8,7 @@ Px are taken as independent beyond that, so the figure ranks views; it is no exa
 
 What was seen from one side says less about another: a splat's colour seen from angle a off its nearest photo
 is correlated with what that photo saw by exp(-(a / 35 deg)^2), the rest is open. So the far side of a
-shell, whose splats look known from the front, counts as unseen.
+shell, whose splats seem determined from the front, counts as unseen.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from torch import Tensor
 
 from ..constants import SH_C0
 from ..rasterizer import render
-from .looks import COLOUR, Looks, Place
+from .linear_model import COLOUR, LinearModel, Viewpoint
 from .posterior import Posterior
 
 #: Angle (radians) after which a surface seen from another side is mostly open: relief, gloss, occlusion.
@@ -30,8 +30,8 @@ TURN = np.radians(35.0)
 
 
 @dataclass(frozen=True)
-class Gain:
-    """What one more photo would tell.
+class InformationGain:
+    """What one more photo would add.
 
     Attributes:
         bits: expected information.
@@ -46,15 +46,15 @@ class Gain:
     covered: float
 
 
-def carried(looks: Looks, posterior: Posterior, taken: Sequence[Place], place: Place) -> Tensor:
-    """[N] correlation of what `place` sees of each Gaussian with what the photos saw of it."""
-    means = looks.gaussians.means.double()
+def carried(linear: LinearModel, posterior: Posterior, taken: Sequence[Viewpoint], viewpoint: Viewpoint) -> Tensor:
+    """[N] correlation of what `viewpoint` sees of each Gaussian with what the photos saw of it."""
+    means = linear.gaussians.means.double()
 
-    def towards(p: Place) -> Tensor:
+    def towards(p: Viewpoint) -> Tensor:
         rays = torch.from_numpy(p.camera.centre) - means
         return rays / rays.norm(dim=1, keepdim=True).clamp(min=1e-12)
 
-    here = towards(place)
+    here = towards(viewpoint)
     nearest = torch.full((len(means),), -1.0, dtype=torch.float64)
     for index, photo in enumerate(taken):
         cosine = torch.where(posterior.seen[index], (towards(photo) * here).sum(dim=1), -1.0)
@@ -63,55 +63,57 @@ def carried(looks: Looks, posterior: Posterior, taken: Sequence[Place], place: P
     return torch.exp(-((angle / TURN) ** 2)).float()
 
 
-def opened(looks: Looks, posterior: Posterior, taken: Sequence[Place], place: Place) -> Tensor:
-    """[S, N, 3] samples of what is open as seen from `place`."""
-    share = carried(looks, posterior, taken, place)[None, :, None]
+def opened(linear: LinearModel, posterior: Posterior, taken: Sequence[Viewpoint], viewpoint: Viewpoint) -> Tensor:
+    """[S, N, 3] samples of what is open as seen from `viewpoint`."""
+    share = carried(linear, posterior, taken, viewpoint)[None, :, None]
     generator = torch.Generator().manual_seed(12345)
     fresh = torch.randn(posterior.steps.shape, generator=generator)
     return share.sqrt() * posterior.steps + (1.0 - share).sqrt() * fresh
 
 
-def spread(looks: Looks, steps: Tensor, place: Place) -> tuple[Tensor, Tensor]:
+def spread(linear: LinearModel, steps: Tensor, viewpoint: Viewpoint) -> tuple[Tensor, Tensor]:
     """Variance over samples of the photo [3, H, W], and of the sharp frame [3, H + 2m, W + 2m]."""
     blurred, sharp = torch.zeros(()), torch.zeros(())
     for step in steps:
-        change = looks.sharp_change(step, place)
+        change = linear.sharp_change(step, viewpoint)
         sharp = sharp + change.square() / len(steps)
-        blurred = blurred + looks.blur(place).apply(change).square() / len(steps)
+        blurred = blurred + linear.blur(viewpoint).apply(change).square() / len(steps)
     return blurred, sharp
 
 
 def gain_of(
-    looks: Looks,
+    linear: LinearModel,
     posterior: Posterior,
-    taken: Sequence[Place],
-    place: Place,
+    taken: Sequence[Viewpoint],
+    viewpoint: Viewpoint,
     spreads: tuple[Tensor, Tensor] | None = None,
-) -> Gain:
-    """The expected gain of a photo at `place`, given photos at `taken`; `spreads` there, where they are at hand."""
-    blurred, sharp = spreads or spread(looks, opened(looks, posterior, taken, place), place)
-    patch = 1.0 if place.psf is None else 1.0 / float(np.square(place.psf.kernel()).sum())
+) -> InformationGain:
+    """The expected gain of a photo at `viewpoint`, given photos at `taken`; `spreads` there, where they are at hand."""
+    blurred, sharp = spreads or spread(linear, opened(linear, posterior, taken, viewpoint), viewpoint)
+    patch = 1.0 if viewpoint.psf is None else 1.0 / float(np.square(viewpoint.psf.kernel()).sum())
     bits = 0.5 * float(torch.log2(1.0 + blurred / posterior.noise**2).sum()) / patch
     fall = float((blurred.square() / (blurred + posterior.noise**2)).sum()) / patch
     if not np.isfinite(bits + fall):
         bits = fall = 0.0
-    shown = _alpha(looks, place) > 0.5
+    shown = _alpha(linear, viewpoint) > 0.5
     limit = 0.5 * COLOUR**2
-    m = looks.margin
+    m = linear.margin
     inner = sharp.mean(dim=0)[m : m + shown.shape[0], m : m + shown.shape[1]]
     guessed = float((inner[shown] > limit).float().mean()) if bool(shown.any()) else 1.0
-    return Gain(bits, fall, guessed, float(shown.float().mean()))
+    return InformationGain(bits, fall, guessed, float(shown.float().mean()))
 
 
-def told(looks: Looks, posterior: Posterior, taken: Sequence[Place], place: Place) -> Tensor:
-    """[H, W] how far the photos tell what `place` sees: the splats' `carried`, blended; 0 where there is none."""
-    sh = torch.zeros_like(looks.gaussians.sh)
-    sh[:, 0] = ((carried(looks, posterior, taken, place) - 0.5) / SH_C0)[:, None]
+def observed_share(
+    linear: LinearModel, posterior: Posterior, taken: Sequence[Viewpoint], viewpoint: Viewpoint
+) -> Tensor:
+    """[H, W] how far photos determine what `viewpoint` sees: the splats' `carried`, blended; 0 where none is."""
+    sh = torch.zeros_like(linear.gaussians.sh)
+    sh[:, 0] = ((carried(linear, posterior, taken, viewpoint) - 0.5) / SH_C0)[:, None]
     with torch.no_grad():
-        shown = render(replace(looks.gaussians, sh=sh), place.camera, settings=looks.settings).image[0]
+        shown = render(replace(linear.gaussians, sh=sh), viewpoint.camera, settings=linear.settings).image[0]
     return shown.clamp(0.0, 1.0)
 
 
-def _alpha(looks: Looks, place: Place) -> Tensor:
+def _alpha(linear: LinearModel, viewpoint: Viewpoint) -> Tensor:
     with torch.no_grad():
-        return render(looks.gaussians, place.camera, settings=looks.settings).alpha
+        return render(linear.gaussians, viewpoint.camera, settings=linear.settings).alpha

@@ -5,7 +5,7 @@
 The parameters are the Gaussians' mean colours, in units c of the prior; centres, shapes and opacities are held
 fixed (how a surface may look different from another side is in `gain`). Blending is linear in colours, so J x is
 the difference of two renders, J' comes from the rasterizer's gradients and H' from the blur's own adjoint.
-Without a point spread H only crops the margin: what is known without the medium.
+Without a point spread H only crops the margin: what the photos determine without the medium.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ DIFFERENCE = 0.01
 
 
 @dataclass(frozen=True)
-class Place:
+class Viewpoint:
     """Where a photo is or could be taken.
 
     Attributes:
@@ -44,85 +44,90 @@ class Place:
     valid: Tensor | None = None
 
 
-class Looks:
-    """Linear maps of several places at one twin.
+class LinearModel:
+    """Linear maps of several viewpoints at one twin.
 
     Args:
         gaussians: in the scene's own units, float32 on the CPU.
-        places: photos taken or to be taken.
+        viewpoints: photos taken or to be taken.
         margin: grid px that renders are larger on each side.
         background: [3] sRGB.
         settings: low-pass of the rasterizer on this grid.
     """
 
     def __init__(
-        self, gaussians: Gaussians, places: Sequence[Place], margin: int, background: Tensor, settings: RasterSettings
+        self,
+        gaussians: Gaussians,
+        viewpoints: Sequence[Viewpoint],
+        margin: int,
+        background: Tensor,
+        settings: RasterSettings,
     ) -> None:
-        self.gaussians, self.places = gaussians.detached(), list(places)
+        self.gaussians, self.viewpoints = gaussians.detached(), list(viewpoints)
         self.margin, self.background, self.settings = margin, background, settings
         self._blurs: dict[tuple[int, int, bytes], BlurOperator] = {}
-        self._frames: dict[int, tuple[Place, Tensor]] = {}
+        self._frames: dict[int, tuple[Viewpoint, Tensor]] = {}
 
-    def blur(self, place: Place) -> BlurOperator:
-        """The blur of a place."""
-        camera = place.camera
-        kernel = b"" if place.psf is None else place.psf.kernel().tobytes()
+    def blur(self, viewpoint: Viewpoint) -> BlurOperator:
+        """The blur of a viewpoint."""
+        camera = viewpoint.camera
+        kernel = b"" if viewpoint.psf is None else viewpoint.psf.kernel().tobytes()
         key = (camera.height, camera.width, kernel)
         if key not in self._blurs:
-            self._blurs[key] = BlurOperator(place.psf, camera.height, camera.width, self.margin)
+            self._blurs[key] = BlurOperator(viewpoint.psf, camera.height, camera.width, self.margin)
         return self._blurs[key]
 
-    def frame(self, gaussians: Gaussians, place: Place) -> Tensor:
+    def frame(self, gaussians: Gaussians, viewpoint: Viewpoint) -> Tensor:
         """[3, H + 2m, W + 2m] the sharp frame."""
         return render(
-            gaussians, place.camera.with_margin(self.margin), background=self.background, settings=self.settings
+            gaussians, viewpoint.camera.with_margin(self.margin), background=self.background, settings=self.settings
         ).image
 
-    def unmoved(self, place: Place) -> Tensor:
+    def unmoved(self, viewpoint: Viewpoint) -> Tensor:
         """The twin's own sharp frame; kept."""
-        if id(place) not in self._frames:  # (the place is kept too, so that its id stays its own)
+        if id(viewpoint) not in self._frames:  # (the viewpoint is kept too, so that its id stays its own)
             with torch.no_grad():
-                self._frames[id(place)] = place, self.frame(self.gaussians, place)
-        return self._frames[id(place)][1]
+                self._frames[id(viewpoint)] = viewpoint, self.frame(self.gaussians, viewpoint)
+        return self._frames[id(viewpoint)][1]
 
-    def photo(self, place: Place) -> Tensor:
-        """[3, H, W] what the place sees of the twin through the blur."""
-        return self.blur(place).apply(self.unmoved(place))
+    def photo(self, viewpoint: Viewpoint) -> Tensor:
+        """[3, H, W] what the viewpoint sees of the twin through the blur."""
+        return self.blur(viewpoint).apply(self.unmoved(viewpoint))
 
-    def sharp_change(self, step: Tensor, place: Place) -> Tensor:
+    def sharp_change(self, step: Tensor, viewpoint: Viewpoint) -> Tensor:
         """c J x: [3, H + 2m, W + 2m] change of the sharp frame."""
         with torch.no_grad():
             sh = self.gaussians.sh.clone()
             sh[:, 0] += step * (DIFFERENCE * COLOUR / SH_C0)
-            moved = self.frame(replace(self.gaussians, sh=sh), place)
-            return (moved - self.unmoved(place)) / DIFFERENCE
+            moved = self.frame(replace(self.gaussians, sh=sh), viewpoint)
+            return (moved - self.unmoved(viewpoint)) / DIFFERENCE
 
-    def apply(self, step: Tensor, place: Place) -> Tensor:
+    def apply(self, step: Tensor, viewpoint: Viewpoint) -> Tensor:
         """H c J x: [3, H, W] change of the photo."""
-        change = self.blur(place).apply(self.sharp_change(step, place))
-        return change if place.valid is None else change * place.valid
+        change = self.blur(viewpoint).apply(self.sharp_change(step, viewpoint))
+        return change if viewpoint.valid is None else change * viewpoint.valid
 
-    def adjoint(self, changes: Sequence[Tensor], place: Place) -> list[Tensor]:
+    def adjoint(self, changes: Sequence[Tensor], viewpoint: Viewpoint) -> list[Tensor]:
         """c J' H' dy for each of several [3, H, W], from one render: [N, 3] each."""
         sh = self.gaussians.sh.clone().requires_grad_()
-        image = self.frame(replace(self.gaussians, sh=sh), place)
+        image = self.frame(replace(self.gaussians, sh=sh), viewpoint)
         out = []
         for index, change in enumerate(changes):
-            counted = change if place.valid is None else change * place.valid
-            upstream = self.blur(place).adjoint(counted.contiguous()).contiguous()
+            counted = change if viewpoint.valid is None else change * viewpoint.valid
+            upstream = self.blur(viewpoint).adjoint(counted.contiguous()).contiguous()
             (gradient,) = torch.autograd.grad(image, sh, upstream, retain_graph=index + 1 < len(changes))
             out.append(torch.nan_to_num(gradient[:, 0], 0.0, 0.0, 0.0) * (COLOUR / SH_C0))
         return out
 
-    def diagonal(self, places: Sequence[Place], generator: torch.Generator, probes: int = 1) -> Tensor:
-        """[N, 3] diagonal of c^2 J' H' H J over `places`, by random signs (Hutchinson's probing of the root).
+    def diagonal(self, viewpoints: Sequence[Viewpoint], generator: torch.Generator, probes: int = 1) -> Tensor:
+        """[N, 3] diagonal of c^2 J' H' H J over `viewpoints`, by random signs (Hutchinson's probing of the root).
 
         For signs z: E[(c J' H' z)^2] is the diagonal; unbiased, with a relative error of about (2 / photos)^0.5.
         """
         total = torch.zeros((len(self.gaussians), 3))
-        for place in places:
-            shape = (3, place.camera.height, place.camera.width)
+        for viewpoint in viewpoints:
+            shape = (3, viewpoint.camera.height, viewpoint.camera.width)
             signs = [torch.randint(0, 2, shape, generator=generator).float() * 2 - 1 for _ in range(probes)]
-            for gradient in self.adjoint(signs, place):
+            for gradient in self.adjoint(signs, viewpoint):
                 total += gradient.square() / probes
         return total

@@ -13,20 +13,20 @@ from numpy.typing import NDArray
 from ..camera import Camera
 from ..errors import FormatError
 
-PathName = Literal["rail", "orbit", "dome"]
-PATHS: tuple[PathName, ...] = ("rail", "orbit", "dome")
+CameraPath = Literal["rail", "orbit", "dome"]
+CAMERA_PATHS: tuple[CameraPath, ...] = ("rail", "orbit", "dome")
 #: A rail is offered this much beyond its ends, as a share of its length.
 BEYOND = 0.25
 #: Lowest and highest elevation of a dome's cameras, degrees above the horizon.
 LOWEST, HIGHEST = -10.0, 75.0
-#: Cameras that turn less than this (radians, about) do not tell which way is up across their rows.
+#: Cameras that turn less than this (radians, about) do not show which way is up across their rows.
 LEAST_TURN = 0.05
 
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Stage:
+class ViewingGeometry:
     """How the photos stand around the scene, in world units.
 
     Attributes:
@@ -42,8 +42,8 @@ class Stage:
     elevation: float
 
 
-def stage_of(cameras: Sequence[Camera]) -> Stage:
-    """The stage of a set of photos: the point nearest to all optical axes (least squares)."""
+def viewing_geometry(cameras: Sequence[Camera]) -> ViewingGeometry:
+    """The viewing geometry of a set of photos: the point nearest to all optical axes (least squares)."""
     centres = np.array([camera.centre for camera in cameras])
     axes = np.array([camera.rotation[2] for camera in cameras])
     across = np.eye(3) - axes[:, :, None] * axes[:, None, :]
@@ -56,7 +56,7 @@ def stage_of(cameras: Sequence[Camera]) -> Stage:
     rays = centres - focus
     distances = np.linalg.norm(rays, axis=1)
     heights = np.arcsin(np.clip(rays @ up / np.maximum(distances, 1e-12), -1.0, 1.0))
-    return Stage(focus, up, float(np.median(distances)), float(np.median(heights)))
+    return ViewingGeometry(focus, up, float(np.median(distances)), float(np.median(heights)))
 
 
 def _up(cameras: Sequence[Camera]) -> Floats:
@@ -82,31 +82,31 @@ def looking_at(like: Camera, name: str, centre: Floats, focus: Floats, up: Float
     return Camera(name, like.width, like.height, like.fx, like.fy, like.cx, like.cy, rotation, -rotation @ centre)
 
 
-def candidates(path: PathName, cameras: Sequence[Camera], count: int) -> list[Camera]:
-    """`count` cameras on a path that fits the photos' own stage.
+def candidates(path: CameraPath, cameras: Sequence[Camera], count: int) -> list[Camera]:
+    """`count` cameras on a camera path that fits how the photos were taken.
 
     Args:
         path: 'rail' (the photos' own line, a little longer), 'orbit' (a circle at their distance and
             elevation) or 'dome' (evenly over directions from 10 degrees below the horizon to 75 above).
         cameras: of the photos, world units.
     """
-    stage = stage_of(cameras)
+    geometry = viewing_geometry(cameras)
     if path == "rail":
         centres = _rail(np.array([camera.centre for camera in cameras]), count)
     else:
-        right, forward = _horizon(stage, cameras)
+        right, forward = _horizon(geometry, cameras)
         if path == "orbit":
             angles = 2.0 * np.pi * np.arange(count) / count
-            heights = np.full(count, stage.elevation)
+            heights = np.full(count, geometry.elevation)
         else:  # the golden angle spreads evenly (Fibonacci's sphere)
             angles = np.arange(count) * np.pi * (3.0 - 5.0**0.5)
             low, high = np.sin(np.radians([LOWEST, HIGHEST]))
             heights = np.arcsin(low + (high - low) * (np.arange(count) + 0.5) / count)
         flat = np.cos(angles)[:, None] * forward + np.sin(angles)[:, None] * right
-        rays = np.cos(heights)[:, None] * flat + np.sin(heights)[:, None] * stage.up
-        centres = stage.focus + stage.distance * rays
+        rays = np.cos(heights)[:, None] * flat + np.sin(heights)[:, None] * geometry.up
+        centres = geometry.focus + geometry.distance * rays
     return [
-        looking_at(cameras[0], f"{path}_{index:03d}", centre, stage.focus, stage.up)
+        looking_at(cameras[0], f"{path}_{index:03d}", centre, geometry.focus, geometry.up)
         for index, centre in enumerate(centres)
     ]
 
@@ -127,7 +127,7 @@ def candidates_from(file: Path, like: Camera) -> list[Camera]:
     else:
         raise FormatError(
             f"There are no candidate cameras in '{file}'",
-            f"Give one of {', '.join(PATHS)}, a transforms.json or the folder of a COLMAP model",
+            f"Give one of {', '.join(CAMERA_PATHS)}, a transforms.json or the folder of a COLMAP model",
         )
     return [
         Camera(name, lens.width, lens.height, lens.fx, lens.fy, lens.cx, lens.cy, pose.rotation, pose.translation)
@@ -135,14 +135,14 @@ def candidates_from(file: Path, like: Camera) -> list[Camera]:
     ]
 
 
-def _horizon(stage: Stage, cameras: Sequence[Camera]) -> tuple[Floats, Floats]:
+def _horizon(geometry: ViewingGeometry, cameras: Sequence[Camera]) -> tuple[Floats, Floats]:
     """Two horizontal unit vectors: to the right, and from the focus towards the first camera."""
-    ray = cameras[0].centre - stage.focus
-    forward = ray - (ray @ stage.up) * stage.up
+    ray = cameras[0].centre - geometry.focus
+    forward = ray - (ray @ geometry.up) * geometry.up
     if np.linalg.norm(forward) < 1e-9:
         forward = cameras[0].rotation[0]
     forward = forward / np.linalg.norm(forward)
-    return np.cross(stage.up, forward), forward
+    return np.cross(geometry.up, forward), forward
 
 
 def _rail(centres: Floats, count: int) -> Floats:
