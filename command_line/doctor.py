@@ -12,7 +12,7 @@ from .progress_choice import Reporting
 
 def doctor_command(options: argparse.Namespace, progress: Reporting) -> int:
     """Prints a line per check; 2 if one fails, with the way out in its line."""
-    from ..core.pipeline.machine import choose_device, machine, use_threads, versions
+    from ..core.machine import choose_device, machine, use_threads, versions
 
     facts: dict[str, object] = {**versions()}
     for name, value in facts.items():

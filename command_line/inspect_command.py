@@ -42,8 +42,8 @@ def inspect_command(options: argparse.Namespace, progress: Reporting) -> int:
     from ..core.inspection.inspect import inspect_photos
     from ..core.inspection.photo_set import PhotoSet
     from ..core.inspection.pictures import draw_inspection
+    from ..core.machine import use_threads
     from ..core.photos.load import load_photos
-    from ..core.pipeline.machine import use_threads
 
     began = time.perf_counter()
     threads = use_threads(options.threads)

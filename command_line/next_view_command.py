@@ -44,7 +44,7 @@ def next_view_command(options: argparse.Namespace, progress: Reporting) -> int:
 
     from ..core.errors import DgsError
     from ..core.files import replacing, write_json
-    from ..core.pipeline.machine import use_threads
+    from ..core.machine import use_threads
     from ..core.report.known import add_chapter
     from ..core.twin.folder import open_twin
     from ..core.uncertainty.candidates import CAMERA_PATHS, candidates, candidates_from

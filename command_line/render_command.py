@@ -28,9 +28,9 @@ def render_command(options: argparse.Namespace, progress: Reporting) -> int:
     import numpy as np
 
     from ..core.gaussians import Gaussians
+    from ..core.machine import choose_device, use_threads
     from ..core.photos.undistort import Undistortion
-    from ..core.pipeline.heldout import render_names, write_png
-    from ..core.pipeline.machine import choose_device, use_threads
+    from ..core.photos.write import render_names, write_png
     from ..core.pipeline.views import Viewer, to_pixels
     from ..core.training.scale import scene_scale
     from ..core.views import SparsePoints

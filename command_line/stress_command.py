@@ -43,7 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def stress_command(options: argparse.Namespace, progress: Reporting) -> int:
     """Runs what was asked for; 2 if anything failed."""
-    from ..core.pipeline.machine import choose_device, machine, use_threads
+    from ..core.machine import choose_device, machine, use_threads
     from ..studies.stability import table
     from ..studies.stability.case import all_cases, backends_here
     from ..studies.stability.fuzz import fuzz

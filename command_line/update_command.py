@@ -54,7 +54,7 @@ def update_command(options: argparse.Namespace, progress: Reporting) -> int:
         raise DgsError(f"--share is {options.share:g}", "Give a share above 0 and up to 2")
     waiting = _helper(options)  # it imports its own libraries while this process imports torch
     try:
-        from ..core.twin.update import UpdateSettings, update
+        from ..core.pipeline.update import UpdateSettings, update
 
         facts = update(
             UpdateSettings(options.twin, options.photos, options.cameras, options.share, options.threads, options.seed),

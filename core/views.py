@@ -50,6 +50,11 @@ def fingerprint(photo: NDArray[np.uint8] | NDArray[np.uint16]) -> int:
     return zlib.crc32(np.ascontiguousarray(photo[::8, ::8]).tobytes() + str(photo.shape).encode())
 
 
+def heldout_names(names: Sequence[str], every: int) -> list[str]:
+    """Views 0, n, 2n ... by sorted name; none if `every` is 0."""
+    return sorted(names)[::every] if every > 0 else []
+
+
 def distinct(views: Sequence[View]) -> int:
     """How many views there are, copies of a photo counted once."""
     return len({fingerprint(view.photo) for view in views})

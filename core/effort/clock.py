@@ -6,7 +6,7 @@ import os
 import time
 from pathlib import Path
 
-from ..pipeline.machine import cores
+from ..machine import cores
 
 _imported = time.perf_counter()
 

@@ -11,15 +11,15 @@ from typing import Any
 
 from ..compiled import cache_folder
 from ..errors import Cancelled, PhotoError, PsfError
+from ..machine import choose_device, machine, use_threads
 from ..photos.load import Photo, load_photo, photo_files
 from ..photos.movie import is_movie
 from ..pipeline.blind import Spreads, spreads_of, told_spreads
-from ..pipeline.heldout import heldout_names
-from ..pipeline.machine import choose_device, machine, use_threads
 from ..pipeline.reconstruct import medium_for
 from ..pipeline.settings import ReconstructSettings
 from ..progress import Progress
 from ..training.settings import PresetName, TrainingSettings
+from ..views import heldout_names
 from .clock import OthersLoad
 from .model import accuracy, contrast, memory, sample, slowdown, stage_seconds
 from .plan import work_of

@@ -9,15 +9,14 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 
 from ..errors import DgsError
 from ..evaluation.metrics import bands, edge_sharpness, low_passed_truth_psnr, psnr, ssim
-from ..files import replacing
 from ..imaging.formation.chain import Formation
 from ..imaging.medium import Medium
 from ..photos.load import Photo, load_photo, photo_files
 from ..photos.scale import resized
+from ..photos.write import photo_stem, write_png
 from ..progress import Progress
 from ..reconstruction import Reconstruction
 from ..report.pictures import ViewPictures
@@ -42,11 +41,6 @@ class Scores:
     edge_sharpness: float | None = None
 
 
-def heldout_names(names: Sequence[str], every: int) -> list[str]:
-    """Views 0, n, 2n ... by sorted name; none if `every` is 0."""
-    return sorted(names)[::every] if every > 0 else []
-
-
 class TruthFolder:
     """Sharp photos by the names of the blurred ones, whatever their extension.
 
@@ -55,36 +49,15 @@ class TruthFolder:
     """
 
     def __init__(self, folder: Path) -> None:
-        self._files = {_stem(path.name): path for path in photo_files(folder)}
+        self._files = {photo_stem(path.name): path for path in photo_files(folder)}
         self._files.update({unicodedata.normalize("NFC", path.name): path for path in photo_files(folder)})
 
     def __contains__(self, name: str) -> bool:
-        return name in self._files or _stem(name) in self._files
+        return name in self._files or photo_stem(name) in self._files
 
     def pixels(self, name: str) -> NDArray[np.uint8] | NDArray[np.uint16]:
         """[H, W, 3], sRGB-encoded; PhotoError if it cannot be read."""
-        return load_photo(self._files.get(name) or self._files[_stem(name)]).pixels
-
-
-def _stem(name: str) -> str:
-    return unicodedata.normalize("NFC", Path(name).stem).casefold()
-
-
-def write_png(path: Path, pixels: NDArray[np.uint8]) -> None:
-    """Writes [H, W, 3] uint8, whole or not at all; raises OutputError."""
-    with replacing(path) as temporary:
-        Image.fromarray(pixels).save(temporary, "PNG", compress_level=4)
-
-
-def render_name(name: str) -> str:
-    """File name of a view's render: the photo's, as PNG."""
-    return f"{Path(name).stem}.png"
-
-
-def render_names(names: Sequence[str]) -> dict[str, str]:
-    """Render's file name by view; photos that differ only in their extension keep it apart."""
-    plain = [_stem(name) for name in names]
-    return {name: render_name(name) if plain.count(_stem(name)) == 1 else f"{name}.png" for name in names}
+        return load_photo(self._files.get(name) or self._files[photo_stem(name)]).pixels
 
 
 @dataclass

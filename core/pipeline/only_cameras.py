@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from ..files import check_writable
+from ..machine import use_threads
 from ..photos.load import load_photos
 from ..photos.source import photo_source
 from ..progress import Progress
 from ..reconstruction import Reconstruction
 from .blind import spreads_of, told_spreads
-from .machine import use_threads
 from .reconstruct import cameras_of, medium_for
 from .settings import ReconstructSettings
 

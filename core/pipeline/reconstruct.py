@@ -12,13 +12,15 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from ..errors import CameraError, DgsError
-from ..files import check_writable, make_folder, write_json
+from ..files import check_writable, make_folder, plain, write_json
 from ..formats.ply import write_ply
 from ..imaging.formation.chain import Formation
 from ..imaging.medium import Medium
 from ..imaging.psf import PointSpread
+from ..machine import choose_device, machine, use_threads
 from ..photos.load import Photo, load_photos
 from ..photos.source import photo_source
+from ..photos.write import render_names
 from ..progress import Progress
 from ..reconstruction import Reconstruction
 from ..report.page import write_page
@@ -26,14 +28,13 @@ from ..report.pictures import ViewPictures, spread
 from ..sfm.features import FEATURES
 from ..sfm.find import find_cameras
 from ..sfm.known import load_cameras
-from ..views import fingerprint
+from ..views import fingerprint, heldout_names
 from .blind import spreads_of, told_spreads
-from .heldout import Scores, TruthFolder, ViewScorer, heldout_names, render_names
-from .machine import choose_device, machine, use_threads
-from .refined import refined
+from .heldout import Scores, TruthFolder, ViewScorer
+from .refinement import refined
 from .settings import ReconstructSettings
 from .snapshots import Watchers
-from .summary import Facts, plain, resolvable_period, summary
+from .summary import Facts, resolvable_period, summary
 from .views import Viewer
 from .world import near_origin
 

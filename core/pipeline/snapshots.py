@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from ..files import make_folder, write_bytes
 from ..formats.ply import write_ply
 from ..photos.scale import resized, size_within
+from ..photos.write import write_png
 from ..rasterizer import render
-from .heldout import write_png
 from .views import to_pixels
 
 if TYPE_CHECKING:

@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass, is_dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from statistics import median
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..files import plain
 from ..imaging.medium import Medium
+from ..machine import peak_memory_mb, versions
 from ..photos.load import Photo
 from ..reconstruction import Reconstruction
 from ..report.schema import SCHEMA_VERSION
 from ..views import fingerprint
 from .blind import Spreads
 from .heldout import BANDS, Scores, mean_of
-from .machine import peak_memory_mb, versions
 from .settings import ReconstructSettings
 
 if TYPE_CHECKING:
@@ -176,20 +177,3 @@ def _heldout(facts: Facts, scores: list[Scores]) -> dict[str, Any]:
         "edge_sharpness": mean_of([score.edge_sharpness for score in compared]),
         "views": [{"name": s.name, "degraded": s.degraded, "sharp": s.sharp} for s in scores],
     }
-
-
-def plain(value: Any) -> Any:
-    """Values that JSON holds: dataclasses as objects, numpy's numbers as Python's, NaN as null."""
-    if is_dataclass(value) and not isinstance(value, type):
-        return plain(asdict(value))
-    if isinstance(value, dict):
-        return {str(key): plain(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [plain(item) for item in value]
-    if isinstance(value, (str, bool, int)) or value is None:
-        return value
-    if hasattr(value, "item"):
-        return plain(value.item())
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    return str(value)

@@ -19,7 +19,6 @@ from ..imaging.psf import parse_psf
 from ..photos.load import Photo, load_photos
 from ..photos.source import photo_source
 from ..photos.undistort import undistorted_views
-from ..pipeline.heldout import heldout_names
 from ..pipeline.reconstruct import medium_for
 from ..pipeline.settings import ReconstructSettings
 from ..progress import Progress
@@ -28,7 +27,7 @@ from ..sfm.known import load_cameras
 from ..training.grid import GridView, grid_step
 from ..training.scale import SceneScale, scene_scale
 from ..training.trainer import MARGIN_SIGMAS, mean_colour
-from ..views import View
+from ..views import View, heldout_names
 from .history import read_facts
 
 _PATHS = ("photos", "out", "cameras", "truth", "masks")

@@ -9,7 +9,7 @@ import numpy as np
 from PIL import Image
 
 from ..files import make_folder
-from ..pipeline.heldout import write_png
+from ..photos.write import write_png
 from ..views import View
 from .changes import Changes
 

@@ -9,7 +9,7 @@ import numpy as np
 from torch import Tensor
 
 from ..files import make_folder
-from ..pipeline.heldout import write_png
+from ..photos.write import write_png
 from ..report.known import Predicted, hatched, painted
 
 

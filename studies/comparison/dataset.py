@@ -20,12 +20,13 @@ from ...core.imaging.medium import Medium
 from ...core.imaging.psf import PointSpread, parse_psf, point_spread_from_samples
 from ...core.lens import MODELS, Lens
 from ...core.photos.load import Photo, load_photo, load_photos, photo_files
-from ...core.pipeline.heldout import TruthFolder, heldout_names
+from ...core.pipeline.heldout import TruthFolder
 from ...core.progress import Progress
 from ...core.reconstruction import Reconstruction
 from ...core.sfm.find import find_cameras
 from ...core.sfm.known import load_cameras
 from ...core.sfm.settings import SfmSettings
+from ...core.views import heldout_names
 from .degrade import disc
 from .settings import EVERY, CompareSettings
 

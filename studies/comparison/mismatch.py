@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from ...core.errors import DgsError
 from ...core.files import write_json, write_text
+from ...core.machine import choose_device, use_threads
 from ...core.photos.load import Photo
-from ...core.pipeline.machine import choose_device, use_threads
 from ...core.progress import Progress
 from . import degrade, table
 from .dataset import Dataset, load_dataset, point_spread

@@ -15,9 +15,9 @@ from ...core.errors import Cancelled, DgsError
 from ...core.evaluation.metrics import low_passed_truth_psnr
 from ...core.files import make_folder, write_json
 from ...core.formats.ply import write_ply
+from ...core.machine import choose_device, machine, use_threads
 from ...core.photos.undistort import undistorted_views
 from ...core.pipeline.heldout import mean_of
-from ...core.pipeline.machine import choose_device, machine, use_threads
 from ...core.progress import Progress
 from ...core.training.grid import grid_step
 from ...core.training.run import train

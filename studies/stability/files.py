@@ -263,8 +263,7 @@ def nan_in_json(place: Place) -> float:
     """JSON has no NaN; many programs write one all the same."""
     import json
 
-    from ...core.files import write_json
-    from ...core.pipeline.summary import plain
+    from ...core.files import plain, write_json
 
     write_json(place.folder / "a.json", plain({"a": math.nan, "b": [math.inf, np.float32("nan"), 1.5]}))
 

@@ -19,11 +19,11 @@ from ...core.files import make_folder, write_json, write_text
 from ...core.formats.colmap import write_lenses
 from ...core.gaussians import Gaussians
 from ...core.imaging.medium import Medium
+from ...core.machine import choose_device, machine, use_threads
 from ...core.photos.undistort import undistorted_views
 from ...core.pipeline.effects.choose import choose_effects
 from ...core.pipeline.effects.corrected import corrected
-from ...core.pipeline.machine import choose_device, machine, use_threads
-from ...core.pipeline.refined import taken_over
+from ...core.pipeline.refinement import taken_over
 from ...core.pipeline.views import Viewer, to_pixels
 from ...core.progress import Progress
 from ...core.sfm.find import find_cameras

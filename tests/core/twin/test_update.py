@@ -10,10 +10,10 @@ import dgs
 import numpy as np
 import pytest
 from dgs.core.errors import DgsError, PhotoError
+from dgs.core.pipeline.update import UpdateSettings, update
 from dgs.core.progress import Silent
 from dgs.core.twin import history
 from dgs.core.twin.folder import open_twin
-from dgs.core.twin.update import UpdateSettings, update
 from PIL import Image
 from scipy.ndimage import gaussian_filter
 

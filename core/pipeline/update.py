@@ -23,9 +23,9 @@ from ..formats.colmap import write_lenses
 from ..formats.ply import write_ply
 from ..gaussians import Gaussians
 from ..imaging.medium import Medium
+from ..machine import use_threads
 from ..photos.load import Photo, load_photos
 from ..photos.undistort import undistorted_views
-from ..pipeline.machine import use_threads
 from ..progress import Progress
 from ..reconstruction import Reconstruction
 from ..report.known import drop_chapter
@@ -36,13 +36,13 @@ from ..training.scale import scene_scale
 from ..training.settings import TrainingSettings
 from ..training.trainer import Level, Trainer
 from ..training.warmup import compile_kernels
+from ..twin import history
+from ..twin.changes import Changes, find_changes, shows_changed, wider
+from ..twin.folder import Files, Twin, open_files, read_report
+from ..twin.pictures import draw_changes
+from ..twin.placing import Placing
+from ..twin.register import corrected, register
 from ..views import View, fingerprint
-from . import history
-from .changes import Changes, find_changes, shows_changed, wider
-from .folder import Files, Twin, open_files, read_report
-from .pictures import draw_changes
-from .placing import Placing
-from .register import corrected, register
 
 #: Where in the schedule an update begins: step sizes have fallen, density control still works.
 BEGIN = 0.5

@@ -8,7 +8,7 @@ import sys
 from importlib import metadata
 from pathlib import Path
 
-from ..version import VERSION
+from .version import VERSION
 
 _LIBRARIES = ("torch", "numpy", "numba", "scipy", "scikit-image", "pycolmap", "plyfile", "pillow", "gsplat", "bpy")
 
@@ -24,7 +24,7 @@ def use_threads(count: int | None) -> int:
     """Sets the threads of torch and of the kernels; returns how many. Call before the first kernel."""
     import torch
 
-    from ..compiled import set_threads
+    from .compiled import set_threads
 
     threads = count or cores()
     torch.set_num_threads(threads)
@@ -42,7 +42,7 @@ def choose_device(asked: str) -> str:
         return "cpu"
     import torch
 
-    from ..errors import DeviceError
+    from .errors import DeviceError
 
     if not torch.cuda.is_available():
         if asked == "cuda":
