@@ -39,8 +39,8 @@ from dgs.core.inspection.photo_set import PhotoSet  # noqa: E402
 from dgs.core.pipeline.effects import choose  # noqa: E402
 from dgs.core.pipeline.effects.proposal import BLURS, build  # noqa: E402
 from dgs.core.pipeline.reconstruct import reconstruct  # noqa: E402
-from dgs.core.pipeline.settings import ReconstructSettings  # noqa: E402
 from dgs.core.progress import Silent  # noqa: E402
+from dgs.core.run_settings import ReconstructSettings  # noqa: E402
 from effect_scenes import Truth, degrade, make_scene, write_set  # noqa: E402
 
 KEPT = ROOT / "benchmarks/data/effects_auto"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from ..core.pipeline.settings import ReconstructSettings
+from ..core.run_settings import ReconstructSettings
 from .progress_choice import Reporting
 
 

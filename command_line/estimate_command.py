@@ -25,7 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def estimate_command(options: argparse.Namespace, progress: Reporting) -> int:
     """Prints the prediction for every preset."""
     from ..core.effort.estimate import estimate, told
-    from ..core.pipeline.settings import ReconstructSettings
+    from ..core.run_settings import ReconstructSettings
 
     settings = ReconstructSettings(
         photos=options.photos,

@@ -8,7 +8,7 @@ import re
 from pathlib import Path
 from typing import NoReturn
 
-from ..core.pipeline.settings import DEFAULT_FRAMES
+from ..core.run_settings import DEFAULT_FRAMES
 from ..core.version import VERSION
 from .effort_parser import add_effort_commands
 from .quality import quality

@@ -6,7 +6,7 @@ import argparse
 from typing import Any
 
 from ..core.errors import Cancelled
-from ..core.pipeline.settings import ReconstructSettings
+from ..core.run_settings import ReconstructSettings
 from .progress_choice import Reporting
 
 

@@ -16,8 +16,8 @@ from ..photos.load import Photo, load_photo, photo_files
 from ..photos.movie import is_movie
 from ..pipeline.blind import Spreads, spreads_of, told_spreads
 from ..pipeline.reconstruct import medium_for
-from ..pipeline.settings import ReconstructSettings
 from ..progress import Progress
+from ..run_settings import ReconstructSettings
 from ..training.settings import PresetName, TrainingSettings
 from ..views import heldout_names
 from .clock import OthersLoad

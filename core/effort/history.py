@@ -15,7 +15,7 @@ from .plan import Budget, work_of
 from .records import Records, Run
 
 if TYPE_CHECKING:
-    from ..pipeline.settings import ReconstructSettings
+    from ..run_settings import ReconstructSettings
 
 
 class History:

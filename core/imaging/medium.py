@@ -53,6 +53,18 @@ class Medium:
 
         return replace(self, psf=coarse(self.psf), per_view={name: coarse(psf) for name, psf in self.per_view.items()})
 
+    def at_scales(self, scales: Mapping[str, float]) -> Medium:
+        """The medium for photos that were shrunk from their files, whose px it is in.
+
+        Args:
+            scales: size as used over size in the file, by photo name; the first one's is that of the shared `psf`.
+        """
+        grids = {s: self if s == 1.0 else self.on_grid(1.0 / s) for s in set(scales.values())}
+        if len(grids) == 1:
+            return next(iter(grids.values()))
+        spreads = {name: grids[s].psf_for(name) for name, s in scales.items()}
+        return replace(self, psf=grids[next(iter(scales.values()))].psf, per_view=spreads)
+
     def degrade(self, frame: Tensor, blur: Callable[[Tensor], Tensor]) -> Tensor:
         """[3, H + 2m, W + 2m] sRGB render -> [3, H, W] sRGB photo, through `blur` in the blur space."""
         if self.blur_space == "srgb" or not self.blurs:

@@ -17,7 +17,7 @@ from ..inspection.effects.motion import paths_of
 from ..inspection.photo_set import PhotoSet
 from ..inspection.psf_per_photo import gaussian_text, psf_per_photo
 from ..photos.load import Photo
-from .settings import ReconstructSettings
+from ..run_settings import ReconstructSettings
 
 #: Words that ask for an estimate.
 ESTIMATED = ("auto", "auto-each")

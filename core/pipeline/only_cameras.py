@@ -8,9 +8,9 @@ from ..photos.load import load_photos
 from ..photos.source import photo_source
 from ..progress import Progress
 from ..reconstruction import Reconstruction
+from ..run_settings import ReconstructSettings
 from .blind import spreads_of, told_spreads
 from .reconstruct import cameras_of, medium_for
-from .settings import ReconstructSettings
 
 
 def only_cameras(settings: ReconstructSettings, progress: Progress) -> Reconstruction:

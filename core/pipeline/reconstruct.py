@@ -25,6 +25,7 @@ from ..progress import Progress
 from ..reconstruction import Reconstruction
 from ..report.page import write_page
 from ..report.pictures import ViewPictures, spread
+from ..run_settings import ReconstructSettings
 from ..sfm.features import FEATURES
 from ..sfm.find import find_cameras
 from ..sfm.known import load_cameras
@@ -32,7 +33,6 @@ from ..views import fingerprint, heldout_names
 from .blind import spreads_of, told_spreads
 from .heldout import Scores, TruthFolder, ViewScorer
 from .refinement import refined
-from .settings import ReconstructSettings
 from .snapshots import Watchers
 from .summary import Facts, resolvable_period, summary
 from .views import Viewer
@@ -207,12 +207,7 @@ def medium_for(
     own: Mapping[str, PointSpread | None] = MappingProxyType({}),
 ) -> Medium:
     """The medium on the grid of the photos as loaded (`--max-size` shrinks the blur too); `own` is by photo name."""
-    full = Medium(psf, settings.blur_space, own)
-    grids = {s: full if s == 1.0 else full.on_grid(1.0 / s) for s in {photo.scale[0] for photo in photos}}
-    if len(grids) == 1:
-        return next(iter(grids.values()))
-    spreads = {photo.name: grids[photo.scale[0]].psf_for(photo.name) for photo in photos}
-    return replace(full, psf=grids[photos[0].scale[0]].psf, per_view=spreads)
+    return Medium(psf, settings.blur_space, own).at_scales({photo.name: photo.scale[0] for photo in photos})
 
 
 def cameras_of(

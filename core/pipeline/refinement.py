@@ -15,8 +15,8 @@ from ..photos.load import Photo
 from ..pose import Pose
 from ..progress import Progress
 from ..reconstruction import Reconstruction
+from ..run_settings import ReconstructSettings
 from ..twin.refine_cameras import Refined
-from .settings import ReconstructSettings
 
 
 def refined(

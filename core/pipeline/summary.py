@@ -16,10 +16,10 @@ from ..machine import peak_memory_mb, versions
 from ..photos.load import Photo
 from ..reconstruction import Reconstruction
 from ..report.schema import SCHEMA_VERSION
+from ..run_settings import ReconstructSettings
 from ..views import fingerprint
 from .blind import Spreads
 from .heldout import BANDS, Scores, mean_of
-from .settings import ReconstructSettings
 
 if TYPE_CHECKING:
     from ..training.run import Trained

@@ -19,10 +19,9 @@ from ..imaging.psf import parse_psf
 from ..photos.load import Photo, load_photos
 from ..photos.source import photo_source
 from ..photos.undistort import undistorted_views
-from ..pipeline.reconstruct import medium_for
-from ..pipeline.settings import ReconstructSettings
 from ..progress import Progress
 from ..reconstruction import Reconstruction
+from ..run_settings import ReconstructSettings
 from ..sfm.known import load_cameras
 from ..training.grid import GridView, grid_step
 from ..training.scale import SceneScale, scene_scale
@@ -177,7 +176,7 @@ def open_files(folder: Path, progress: Progress, photos: Path | None = None) -> 
     source = photo_source(settings.photos, folder, settings.frames, progress)
     loaded = load_photos(source, settings.max_size, progress, settings.masks)
     listed = {name: parse_psf(text) for name, text in (report["medium"].get("per_photo") or {}).items()}
-    medium = medium_for(loaded, psf, settings, listed)
+    medium = Medium(psf, settings.blur_space, listed).at_scales({photo.name: photo.scale[0] for photo in loaded})
     noted = read_facts(folder)
     own = {name: parse_psf(text) for name, text in noted.get("psf", {}).items()}
     medium = replace(medium, per_view={**medium.per_view, **own})

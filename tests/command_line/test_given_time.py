@@ -15,9 +15,9 @@ from dgs.core.effort import plan
 from dgs.core.effort.clock import OthersLoad, process_began
 from dgs.core.errors import DgsError
 from dgs.core.pipeline.reconstruct import reconstruct
-from dgs.core.pipeline.settings import ReconstructSettings
 from dgs.core.progress import Silent
 from dgs.core.report.schema import problems
+from dgs.core.run_settings import ReconstructSettings
 
 sys.path.insert(0, str(Path(__file__).parent))
 from scene import SIGMA, write_scene

@@ -9,7 +9,7 @@ from dgs.core.errors import PsfError
 from dgs.core.photos.load import Photo
 from dgs.core.pipeline.blind import spreads_of, told_spreads
 from dgs.core.pipeline.reconstruct import medium_for
-from dgs.core.pipeline.settings import ReconstructSettings
+from dgs.core.run_settings import ReconstructSettings
 
 
 def photos(*names, scale=1.0):

@@ -9,9 +9,9 @@ import pytest
 import torch
 from dgs.core.imaging.medium import Medium
 from dgs.core.imaging.psf import PointSpread
-from dgs.core.pipeline.settings import ReconstructSettings
 from dgs.core.progress import Silent
 from dgs.core.reconstruction import Figures, Reconstruction
+from dgs.core.run_settings import ReconstructSettings
 from dgs.core.training.scale import scene_scale
 from dgs.core.twin.folder import Twin
 from dgs.core.uncertainty.expected_error import USUAL
