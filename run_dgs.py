@@ -14,8 +14,6 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent
 PACKAGE = "dgs"
-#: Commands that need the engine's packages, which Blender's own Python does not have.
-ENGINE_WORK = {"reconstruct", "cameras", "render", "compare", "doctor", "stress", "measure-psf", "inspect"}
 
 
 def mount_package() -> None:
@@ -33,6 +31,14 @@ def mount_package() -> None:
     spec.loader.exec_module(module)
 
 
+def lacks_packages(arguments: list[str]) -> bool:
+    """Whether this Python lacks what the command needs, as Blender's own Python lacks the engine's packages."""
+    from dgs.command_line.table import command_of  # late: the package has to be mounted first
+
+    command = command_of(arguments)
+    return command is not None and command.needs_engine and importlib.util.find_spec("torch") is None
+
+
 def main() -> int:
     """Runs the command line and returns its exit status."""
     # A spinning OpenMP thread starves whoever shares the machine (measured: 200 -> 2400 ms).
@@ -43,16 +49,16 @@ def main() -> int:
     arguments = sys.argv[1:]
     if "--" in arguments:  # behind `blender -b -P run_dgs.py --`
         arguments = arguments[arguments.index("--") + 1 :]
-    if importlib.util.find_spec("torch") is None and ENGINE_WORK.intersection(arguments[:1]):
+    if lacks_packages(arguments):
         if importlib.util.find_spec("bpy") is None:
             print(
                 "This Python lacks the engine's packages: run 'make setup', then use .venv/bin/python", file=sys.stderr
             )
             return 2
-        from dgs.dgs_addon.engine.handover import hand_over
+        from dgs.dgs_addon.engine.handover import hand_over  # late: only in Blender
 
         return hand_over(arguments)
-    from dgs.command_line import run
+    from dgs.command_line import run  # late: the package has to be mounted first
 
     return run(arguments)
 

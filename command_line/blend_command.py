@@ -3,13 +3,29 @@
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 
 from .progress_choice import Reporting
 
 
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments of the command."""
+    parser.description = "Writes a Blender scene with a twin and its cameras."
+    add = parser.add_argument
+    add("twin", type=Path, metavar="TWIN.ply", help="3DGS PLY")
+    add(
+        "--cameras",
+        type=Path,
+        metavar="MODEL",
+        help="folder of a COLMAP model or a transforms.json; one is placed if not given",
+    )
+    add("--photos", type=Path, metavar="DIR", help="photos to show behind the cameras")
+    add("--out", type=Path, required=True, metavar="FILE.blend", help="the scene to write")
+
+
 def blend_command(options: argparse.Namespace, progress: Reporting) -> int:
     """Writes OUT with the twin and the cameras; needs bpy."""
-    from ..dgs_addon.save_blend import save_blend
+    from ..dgs_addon.save_blend import save_blend  # heavy: bpy
 
     save_blend(options.twin, options.cameras, options.out, options.photos)
     progress.finished({"blend": str(options.out)})

@@ -5,12 +5,25 @@ from __future__ import annotations
 import argparse
 
 from ..core.run_settings import ReconstructSettings
+from .arguments import add_machine, add_masks, add_max_size, add_medium, add_photos, add_progress, show_defaults
 from .progress_choice import Reporting
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments of the command."""
+    parser.description = "Finds the cameras and writes DIR/cameras, which 'reconstruct --resume' goes on from."
+    show_defaults(parser)
+    add_photos(parser)
+    add_medium(parser)
+    add_masks(parser)
+    add_max_size(parser)
+    add_machine(parser)
+    add_progress(parser)
 
 
 def cameras_command(options: argparse.Namespace, progress: Reporting) -> int:
     """Writes OUT/cameras; `reconstruct --resume` takes them from there."""
-    from ..core.pipeline.only_cameras import only_cameras
+    from ..core.pipeline.only_cameras import only_cameras  # heavy: torch
 
     settings = ReconstructSettings(
         photos=options.photos,

@@ -5,11 +5,20 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from ..core.errors import DgsError
+from ..core.files import check_writable
+from ..studies.comparison.settings import CompareSettings
+from .arguments import add_machine, add_progress, show_defaults
 from .progress_choice import Reporting
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Arguments of the command, without machine and progress."""
+    """Arguments of the command."""
+    parser.description = (
+        "Trains twins from the same blurred photos in several ways (plain, Wiener or Richardson-Lucy "
+        "first, the paper's loss, DGS, and from the sharp photos) and scores them against the sharp photos."
+    )
+    show_defaults(parser)
     add = parser.add_argument
     add(
         "dataset",
@@ -40,13 +49,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--quick", action="store_true", help="few methods and short trainings: proves the machinery only")
     add("--mismatch", action="store_true", help="instead: what happens when the medium is not what it was told to be")
     add("--resume", action="store_true", help="keep the rows in DIR that belong to the same settings")
+    add_machine(parser)
+    add_progress(parser)
 
 
 def compare_command(options: argparse.Namespace, progress: Reporting) -> int:
     """Runs the comparison, or the mismatch study, and names the table."""
-    from ..core.errors import DgsError
-    from ..core.files import check_writable
-    from ..studies.comparison.settings import CompareSettings
 
     seeds = options.seeds if options.seeds is not None else (1 if options.quick else 3)
     for name, value in (("seeds", seeds), ("steps", options.steps), ("max-gaussians", options.max_gaussians)):
@@ -71,12 +79,12 @@ def compare_command(options: argparse.Namespace, progress: Reporting) -> int:
     )
     check_writable(settings.out)
     if settings.mismatch:
-        from ..studies.comparison.mismatch import study
+        from ..studies.comparison.mismatch import study  # heavy: torch
 
         study(settings, progress)
         progress.finished({"table": str(settings.out / "mismatch.md")})
         return 0
-    from ..studies.comparison.runs import compare
+    from ..studies.comparison.runs import compare  # heavy: torch
 
     content = compare(settings, progress)
     middle = {method: entry["median"]["psnr"] for method, entry in content["methods"]["each"].items()}

@@ -1,4 +1,4 @@
-"""`estimate`: what a run would take and reach, told before it begins."""
+"""`estimate`: what a run would take and reach, predicted before it begins."""
 
 from __future__ import annotations
 
@@ -6,13 +6,20 @@ import argparse
 import json
 from pathlib import Path
 
+from ..core.run_settings import ReconstructSettings
+from .arguments import add_machine, add_medium, add_progress, show_defaults, whole
 from .progress_choice import Reporting
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Arguments of the command besides photos, medium and machine."""
-    from .parser import whole  # which reads this file first
-
+    """Arguments of the command."""
+    parser.description = (
+        "Tries a few iterations on some of the photos and predicts seconds, memory and accuracy of every "
+        "preset; past runs on this machine calibrate it."
+    )
+    show_defaults(parser)
+    parser.add_argument("photos", type=Path, metavar="PHOTOS", help="folder of photos, or a list of them (.txt)")
+    add_medium(parser)
     add = parser.add_argument
     add("--cameras", type=Path, metavar="MODEL", help="known cameras, which need not be found")
     add("--holdout-every", type=whole(0), default=8, metavar="N", help="as of the run")
@@ -20,12 +27,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--max-gaussians", type=whole(100), metavar="N", help="as of the run; the preset's if not given")
     add("--sh-degree", type=whole(0, 3), metavar="D", help="as of the run; the preset's if not given")
     add("--json", action="store_true", help="one JSON object instead of a table")
+    add_machine(parser)
+    add_progress(parser)
 
 
 def estimate_command(options: argparse.Namespace, progress: Reporting) -> int:
     """Prints the prediction for every preset."""
-    from ..core.effort.estimate import estimate, told
-    from ..core.run_settings import ReconstructSettings
+    from ..core.effort.estimate import estimate, told  # heavy: torch
 
     settings = ReconstructSettings(
         photos=options.photos,

@@ -9,6 +9,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ..core.files import check_writable, write_json
+from .arguments import add_machine, add_masks, add_progress, show_defaults
 from .progress_choice import Reporting
 
 if TYPE_CHECKING:
@@ -16,7 +18,12 @@ if TYPE_CHECKING:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Arguments of the command, without machine and progress."""
+    """Arguments of the command."""
+    parser.description = (
+        "Looks for blur, defocus, motion, haze, differing exposure, vignetting, noise, clipping and "
+        "gloss in the photos, before anything is trained: size, uncertainty and evidence of each."
+    )
+    show_defaults(parser)
     add = parser.add_argument
     add("photos", type=Path, metavar="PHOTOS", help="folder of photos")
     add(
@@ -30,20 +37,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="look for none: quick, but says nothing on what needs the same point in several photos",
     )
-    add("--masks", type=Path, metavar="DIR", help="images of the same names; black pixels do not count")
+    add_masks(parser)
     add("--out", type=Path, metavar="DIR", help="folder for inspection.json and pictures; none if not given")
     add("--json", action="store_true", help="print JSON instead of the table")
+    add_machine(parser)
+    add_progress(parser)
 
 
 def inspect_command(options: argparse.Namespace, progress: Reporting) -> int:
     """Prints a table (or JSON) of every effect, and writes pictures."""
-    from ..core.files import check_writable, write_json
-    from ..core.inspection.cameras import with_cameras
-    from ..core.inspection.inspect import inspect_photos
-    from ..core.inspection.photo_set import PhotoSet
-    from ..core.inspection.pictures import draw_inspection
-    from ..core.machine import use_threads
-    from ..core.photos.load import load_photos
+    from ..core.inspection.cameras import with_cameras  # heavy: torch
+    from ..core.inspection.inspect import inspect_photos  # heavy: torch
+    from ..core.inspection.photo_set import PhotoSet  # heavy: torch
+    from ..core.inspection.pictures import draw_inspection  # heavy: torch
+    from ..core.machine import use_threads  # late: slows --help
+    from ..core.photos.load import load_photos  # heavy: torch
 
     began = time.perf_counter()
     threads = use_threads(options.threads)

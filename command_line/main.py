@@ -6,15 +6,45 @@ import argparse
 import os
 import sys
 import traceback
-from collections.abc import Callable
+from typing import NoReturn
 
 from ..core.errors import Cancelled, DgsError
+from ..core.version import VERSION
 from .interruption import Interruption
-from .parser import build_parser
 from .progress_choice import Reporting, choose_progress
+from .table import COMMANDS, Command, command_of
 
 #: Exit status of a fault of ours, not the user's.
 BUG = 1
+
+
+class OneLineParser(argparse.ArgumentParser):
+    """Says what is wrong in one line instead of printing the usage first."""
+
+    def error(self, message: str) -> NoReturn:
+        """Ends with one line, exit code 2."""
+        self.exit(2, f"{message}. See '{self.prog} --help'.\n")
+
+
+def build_parser(arguments: list[str]) -> argparse.ArgumentParser:
+    """The parser of all commands; `command` is None if none was given.
+
+    Args:
+        arguments: what will be parsed. Only the command that they name is asked for its own arguments, so that
+            nothing is read that this run does not need.
+    """
+    parser = OneLineParser(
+        prog="run_dgs.py",
+        description="Descattering Gaussian splatting: a sharp 3D twin from photos through something that blurs.",
+    )
+    parser.add_argument("--version", action="version", version=f"dgs {VERSION}")
+    commands = parser.add_subparsers(dest="command", metavar="COMMAND", parser_class=OneLineParser)
+    asked = command_of(arguments)
+    for command in COMMANDS:
+        own = commands.add_parser(command.name, help=command.help)
+        if command is asked:
+            command.add_arguments(own)
+    return parser
 
 
 def run(arguments: list[str]) -> int:
@@ -32,82 +62,23 @@ def run(arguments: list[str]) -> int:
         options = parser.parse_args(arguments)
     except SystemExit as stop:  # argparse has said why
         return int(stop.code or 0)
-    if options.command is None:
+    command = command_of(arguments)
+    if command is None:
         parser.print_help()
         return 2
     interruption = Interruption()
     progress = choose_progress(getattr(options, "progress", "none"), interruption)
     if getattr(options, "control", False):
-        from .control import obey
+        from .control import obey  # late: only where a program steers the command
 
         obey(interruption)
     with interruption, progress:
-        return _guarded(_command(options.command), options, progress)
+        return _guarded(command, options, progress)
 
 
-def _command(name: str) -> Callable[[argparse.Namespace, Reporting], int]:
-    if name == "reconstruct":
-        from .reconstruct_command import reconstruct_command
-
-        return reconstruct_command
-    if name == "cameras":
-        from .cameras_command import cameras_command
-
-        return cameras_command
-    if name == "render":
-        from .render_command import render_command
-
-        return render_command
-    if name == "blend":
-        from .blend_command import blend_command
-
-        return blend_command
-    if name == "synthesize":
-        from .synthesize_command import synthesize_command
-
-        return synthesize_command
-    if name == "compare":
-        from .compare_command import compare_command
-
-        return compare_command
-    if name == "inspect":
-        from .inspect_command import inspect_command
-
-        return inspect_command
-    if name == "estimate":
-        from .estimate_command import estimate_command
-
-        return estimate_command
-    if name == "tradeoff":
-        from .tradeoff_command import tradeoff_command
-
-        return tradeoff_command
-    if name == "measure-psf":
-        from .measure_psf_command import measure_psf_command
-
-        return measure_psf_command
-    if name == "stress":
-        from .stress_command import stress_command
-
-        return stress_command
-    if name == "next-view":
-        from .next_view_command import next_view_command
-
-        return next_view_command
-    if name == "update":
-        from .update_command import update_command
-
-        return update_command
-    from .doctor import doctor_command
-
-    return doctor_command
-
-
-def _guarded(
-    command: Callable[[argparse.Namespace, Reporting], int], options: argparse.Namespace, progress: Reporting
-) -> int:
+def _guarded(command: Command, options: argparse.Namespace, progress: Reporting) -> int:
     try:
-        return command(options, progress)
+        return command.handler()(options, progress)
     except DgsError as error:
         return _failed(progress, " ".join(str(error).split()), error.exit_code)
     except KeyboardInterrupt:

@@ -6,11 +6,17 @@ import argparse
 import json
 from pathlib import Path
 
+from .arguments import add_progress, show_defaults
 from .progress_choice import Reporting
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Arguments of the command, without progress."""
+    """Arguments of the command."""
+    parser.description = (
+        "Measures what the medium does to a point of light, from a photo of one (pinhole, star, bead) "
+        "or of a slanted edge (ISO 12233); writes a kernel for --psf file:KERNEL.tif with a picture beside it."
+    )
+    show_defaults(parser)
     add = parser.add_argument
     add("photo", type=Path, metavar="PHOTO", help="a point of light, or a slanted edge, through the medium")
     add("--out", type=Path, required=True, metavar="KERNEL.tif", help="the kernel (.tif or .npy), for --psf file:...")
@@ -22,13 +28,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "otherwise the sRGB curve is undone first, for --blur-space linear",
     )
     add("--json", action="store_true", help="print the figures as JSON")
+    add_progress(parser)
 
 
 def measure_psf_command(options: argparse.Namespace, progress: Reporting) -> int:
     """Writes the kernel and a picture beside it, and prints width and uncertainty."""
-    from ..core.calibration.measure import measure_psf, write_kernel
-    from ..core.calibration.measured import mtf50
-    from ..core.calibration.pictures import draw_psf
+    from ..core.calibration.measure import measure_psf, write_kernel  # heavy: torch
+    from ..core.calibration.measured import mtf50  # heavy: torch
+    from ..core.calibration.pictures import draw_psf  # heavy: torch
 
     progress.stage("measure")
     measured = measure_psf(options.photo, options.kind, not options.srgb)

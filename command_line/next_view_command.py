@@ -8,6 +8,9 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ..core.errors import DgsError
+from ..core.files import replacing, write_json
+from .arguments import add_machine, add_progress, show_defaults
 from .progress_choice import Reporting
 
 if TYPE_CHECKING:
@@ -20,7 +23,12 @@ OTHERS = 7
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Arguments of the command, without machine and progress."""
+    """Arguments of the command."""
+    parser.description = (
+        "Ranks cameras by what a photo from there is expected to tell about a twin, through its blur; "
+        "writes TWIN/next_views.json."
+    )
+    show_defaults(parser)
     add = parser.add_argument
     add("twin", type=Path, metavar="TWIN", help="folder that 'reconstruct --out' wrote")
     add(
@@ -36,20 +44,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--photos", type=Path, metavar="DIR", help="where the twin's photos lie now, if they were moved")
     add("--without-blur", action="store_true", help="rank as if the medium were clear, for comparison")
     add("--json", action="store_true", help="print JSON instead of the table")
+    add_machine(parser)
+    add_progress(parser)
 
 
 def next_view_command(options: argparse.Namespace, progress: Reporting) -> int:
     """Prints the ranking; writes TWIN/next_views.json, and TWIN/known.npy: how far photos fix each splat's colour."""
-    import numpy as np
+    import numpy as np  # heavy
 
-    from ..core.errors import DgsError
-    from ..core.files import replacing, write_json
-    from ..core.machine import use_threads
-    from ..core.report.known import add_chapter
-    from ..core.twin.folder import open_twin
-    from ..core.uncertainty.candidates import CAMERA_PATHS, candidates, candidates_from
-    from ..core.uncertainty.next_view import NextViewSettings, rank
-    from ..core.uncertainty.pictures import draw_expected
+    from ..core.machine import use_threads  # late: slows --help
+    from ..core.report.known import add_chapter  # heavy: torch
+    from ..core.twin.folder import open_twin  # heavy: torch
+    from ..core.uncertainty.candidates import CAMERA_PATHS, candidates, candidates_from  # heavy: torch
+    from ..core.uncertainty.next_view import NextViewSettings, rank  # heavy: torch
+    from ..core.uncertainty.pictures import draw_expected  # heavy: torch
 
     for name in ("number", "count", "samples"):
         if getattr(options, name) < 1:

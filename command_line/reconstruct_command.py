@@ -3,17 +3,128 @@
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 from typing import Any
 
 from ..core.errors import Cancelled
 from ..core.run_settings import ReconstructSettings
+from .arguments import (
+    add_machine,
+    add_masks,
+    add_max_size,
+    add_medium,
+    add_photos,
+    add_progress,
+    duration,
+    quality,
+    show_defaults,
+    whole,
+)
 from .progress_choice import Reporting
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments of the command."""
+    parser.description = (
+        "Finds the cameras, fits sharp Gaussians that explain the blurred photos, and writes "
+        "twin.ply, cameras/, renders/, report.html and report.json."
+    )
+    show_defaults(parser)
+    add_photos(parser)
+    add_medium(parser)
+    parser.add_argument(
+        "--effects",
+        default="none",
+        metavar="EFFECTS",
+        help="besides the blur: auto (what the photos call for and a short trial confirms) | none | all | names with "
+        "commas out of haze, defocus, field_blur, motion, vignetting, exposure, saturation (auto,haze forces one on, "
+        "auto,-haze off)",
+    )
+    _add_given(parser.add_argument_group("what is given"))
+    _add_effort(parser.add_argument_group("effort"))
+    add_machine(parser)
+    add_progress(parser)
+
+
+def _add_given(data: argparse._ArgumentGroup) -> None:
+    data.add_argument(
+        "--cameras",
+        type=Path,
+        metavar="MODEL",
+        help="known cameras: folder of a COLMAP model or a transforms.json; found from the photos if not given",
+    )
+    data.add_argument("--truth", type=Path, metavar="DIR", help="sharp photos of the same names, only for scoring")
+    add_masks(data)
+    data.add_argument(
+        "--holdout-every",
+        type=whole(0),
+        default=8,
+        metavar="N",
+        help="keep views 0, N, 2N ... by sorted name out of the training to score them; 0 keeps none out",
+    )
+    add_max_size(data)
+    data.add_argument(
+        "--refine-cameras",
+        action="store_true",
+        help="before the training, move cameras and focal length by the loss through the blur; kept "
+        "only if held-out photos are explained better (takes about as long as a draft)",
+    )
+    data.add_argument(
+        "--reference-cameras",
+        type=Path,
+        metavar="MODEL",
+        help="true cameras, only to report errors with --refine-cameras",
+    )
+
+
+def _add_effort(effort: argparse._ArgumentGroup) -> None:
+    effort.add_argument(
+        "--preset", choices=("draft", "balanced", "fine"), default="balanced", help="how much time to spend"
+    )
+    effort.add_argument(
+        "--time-limit",
+        type=duration,
+        metavar="TIME",
+        help="from the command to the report, such as 120s or 2m: steps, Gaussians and grid are "
+        "planned for it instead of the preset's, and everything is saved by then",
+    )
+    effort.add_argument(
+        "--until-quality",
+        type=quality,
+        metavar="QUALITY",
+        help="end before, on a plateau ('plateau') or at a PSNR in dB on the photos held out; "
+        "without --time-limit at most four times the preset's steps",
+    )
+    effort.add_argument(
+        "--min-steps",
+        type=whole(0),
+        default=0,
+        metavar="N",
+        help="neither time nor quality ends the training before N steps",
+    )
+    effort.add_argument("--max-gaussians", type=whole(100), metavar="N", help="the preset's if not given")
+    effort.add_argument(
+        "--sh-degree",
+        type=whole(0, 3),
+        metavar="D",
+        help="spherical harmonics, 0 (no gloss) to 3; the preset's if not given",
+    )
+    effort.add_argument(
+        "--loss", choices=("dgs", "paper"), default="dgs", help="'paper' keeps the paper's own loss, for comparison"
+    )
+    effort.add_argument("--seed", type=whole(0, 2**31 - 1), default=0, metavar="N", help="same seed, same twin (CPU)")
+    effort.add_argument("--resume", action="store_true", help="go on from the checkpoint in DIR")
+    effort.add_argument(
+        "--snapshots",
+        action="store_true",
+        help="now and then write the twin so far and a picture of it to DIR/snapshot",
+    )
 
 
 def reconstruct_command(options: argparse.Namespace, progress: Reporting) -> int:
     """Runs the whole pipeline; 130 if it was stopped (the twin so far is saved and reported)."""
-    from ..core.effort.clock import process_began
-    from ..core.pipeline.reconstruct import reconstruct
+    from ..core.effort.clock import process_began  # late: slows --help
+    from ..core.pipeline.reconstruct import reconstruct  # heavy: torch
 
     settings = ReconstructSettings(
         photos=options.photos,

@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..core.errors import Cancelled
+from ..core.files import check_writable
+from .arguments import add_machine, add_progress, show_defaults
 from .progress_choice import Reporting
 
 if TYPE_CHECKING:
@@ -14,26 +16,39 @@ if TYPE_CHECKING:
     from ..core.pose import Pose
 
 
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments of the command."""
+    parser.description = "Renders a twin from the cameras of a model."
+    show_defaults(parser)
+    add = parser.add_argument
+    add("twin", type=Path, metavar="TWIN.ply", help="3DGS PLY")
+    add("--cameras", type=Path, required=True, metavar="MODEL", help="folder of a COLMAP model or a transforms.json")
+    add("--out", type=Path, required=True, metavar="DIR", help="folder for NAME.png")
+    add("--psf", default="none", metavar="PSF", help="also blur, as in 'reconstruct'")
+    add("--blur-space", choices=("srgb", "linear"), default="srgb", help="where the blur acts")
+    add_machine(parser)
+    add_progress(parser)
+
+
 def render_command(options: argparse.Namespace, progress: Reporting) -> int:
     """Writes OUT/NAME.png for every camera of the model, sharp or through the given PSF."""
-    from ..core.files import check_writable
-    from ..core.formats.ply import read_ply
-    from ..core.imaging.medium import Medium
-    from ..core.imaging.psf import parse_psf
+    from ..core.formats.ply import read_ply  # heavy: torch
+    from ..core.imaging.medium import Medium  # heavy: torch
+    from ..core.imaging.psf import parse_psf  # heavy: torch
+    from ..core.machine import choose_device, use_threads  # late: slows --help
 
     psf = parse_psf(options.psf)
     cloud = read_ply(options.twin)
     check_writable(options.out)
 
-    import numpy as np
+    import numpy as np  # heavy
 
-    from ..core.gaussians import Gaussians
-    from ..core.machine import choose_device, use_threads
-    from ..core.photos.undistort import Undistortion
-    from ..core.photos.write import render_names, write_png
-    from ..core.pipeline.views import Viewer, to_pixels
-    from ..core.training.scale import scene_scale
-    from ..core.views import SparsePoints
+    from ..core.gaussians import Gaussians  # heavy: torch
+    from ..core.photos.undistort import Undistortion  # heavy: torch
+    from ..core.photos.write import render_names, write_png  # heavy: torch
+    from ..core.pipeline.views import Viewer, to_pixels  # heavy: torch
+    from ..core.training.scale import scene_scale  # heavy: torch
+    from ..core.views import SparsePoints  # heavy: torch
 
     use_threads(options.threads)
     lenses, poses = _cameras(options.cameras)
@@ -55,8 +70,8 @@ def render_command(options: argparse.Namespace, progress: Reporting) -> int:
 
 def _cameras(path: Path) -> tuple[dict[str, Lens], dict[str, Pose]]:
     """Lenses and poses by image name, from a COLMAP model or a transforms.json."""
-    from ..core.formats.colmap import read_model
-    from ..core.formats.transforms import read_transforms
+    from ..core.formats.colmap import read_model  # heavy: torch
+    from ..core.formats.transforms import read_transforms  # heavy: torch
 
     if path.suffix.lower() == ".json" or (path / "transforms.json").is_file():
         return read_transforms(path)

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..core.errors import Cancelled
+from .arguments import add_machine, show_defaults
 from .progress_choice import Reporting
 
 if TYPE_CHECKING:
@@ -19,7 +20,12 @@ if TYPE_CHECKING:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Arguments of the command, without the machine's."""
+    """Arguments of the command."""
+    parser.description = (
+        "Runs every known hard case (poison, needles, giants, ties, wide blurs, rails, damaged files) "
+        "on this machine and device; a line each with its error and what is allowed. Ends with 2 if one fails."
+    )
+    show_defaults(parser)
     add = parser.add_argument
     add(
         "--only",
@@ -39,14 +45,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--json", action="store_true", help="one JSON object instead of lines")
     add("--markdown", type=Path, metavar="FILE", help="also write the tables to this document")
     add("--list", action="store_true", help="name the cases, and run none")
+    add_machine(parser)
 
 
 def stress_command(options: argparse.Namespace, progress: Reporting) -> int:
     """Runs what was asked for; 2 if anything failed."""
-    from ..core.machine import choose_device, machine, use_threads
-    from ..studies.stability import table
-    from ..studies.stability.case import all_cases, backends_here
-    from ..studies.stability.fuzz import fuzz
+    from ..core.machine import choose_device, machine, use_threads  # late: slows --help
+    from ..studies.stability import table  # heavy: torch
+    from ..studies.stability.case import all_cases, backends_here  # heavy: torch
+    from ..studies.stability.fuzz import fuzz  # heavy: torch
 
     threads, device = use_threads(options.threads), choose_device(options.device)
     cases = [
@@ -85,8 +92,8 @@ def stress_command(options: argparse.Namespace, progress: Reporting) -> int:
 
 
 def _table(cases, backends: tuple[Backend, ...], say, progress: Reporting) -> list[Result]:  # type: ignore[no-untyped-def]
-    from ..studies.stability import table
-    from ..studies.stability.case import measured, runs
+    from ..studies.stability import table  # heavy: torch
+    from ..studies.stability.case import measured, runs  # heavy: torch
 
     results = []
     say(table.heading())
@@ -98,8 +105,8 @@ def _table(cases, backends: tuple[Backend, ...], say, progress: Reporting) -> li
 
 
 def _torture(say, progress: Reporting) -> list[Outcome]:  # type: ignore[no-untyped-def]
-    from ..studies.stability import table
-    from ..studies.stability.torture import tortured, tortures
+    from ..studies.stability import table  # heavy: torch
+    from ..studies.stability.torture import tortured, tortures  # heavy: torch
 
     outcomes = []
     for one in tortures():

@@ -4,11 +4,22 @@ from __future__ import annotations
 
 import argparse
 
+from .arguments import add_progress, show_defaults
 from .progress_choice import Reporting
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments of the command; the laboratory names its own."""
+    from ..dgs_addon.laboratory.command import add_arguments as add_settings  # heavy: numpy
+
+    parser.description = "Renders photos of a known object with Blender, blurred and sharp, with their cameras."
+    show_defaults(parser)
+    add_settings(parser)
+    add_progress(parser)
 
 
 def synthesize_command(options: argparse.Namespace, progress: Reporting) -> int:
     """Runs the laboratory, which says in one line what to do where there is no Blender."""
-    from ..dgs_addon.laboratory.command import run
+    from ..dgs_addon.laboratory.command import run  # heavy: numpy
 
     return int(run(options, progress) or 0)

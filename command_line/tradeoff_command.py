@@ -5,11 +5,20 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from ..core.errors import DgsError
+from ..core.files import check_writable
+from ..studies.tradeoff.settings import TradeoffSettings
+from .arguments import add_machine, add_progress, show_defaults
 from .progress_choice import Reporting
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Arguments of the command, without machine and progress."""
+    """Arguments of the command."""
+    parser.description = (
+        "Trains twins with one knob turned at a time, several seeds each, scores them against the sharp "
+        "photos, and draws accuracy over time with the front that nothing beats."
+    )
+    show_defaults(parser)
     add = parser.add_argument
     add(
         "dataset",
@@ -39,15 +48,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--target", type=float, metavar="DB", help="PSNR whose time is told; half a dB below the best if not given")
     add("--quick", action="store_true", help="few points and short trainings: proves the machinery only")
     add("--resume", action="store_true", help="keep the rows in DIR that belong to the same settings")
+    add_machine(parser)
+    add_progress(parser)
 
 
 def tradeoff_command(options: argparse.Namespace, progress: Reporting) -> int:
     """Measures, and names the page and the front."""
-    from ..core.errors import DgsError
-    from ..core.files import check_writable
-    from ..studies.tradeoff.chart import front_names
-    from ..studies.tradeoff.runs import measure_tradeoff
-    from ..studies.tradeoff.settings import TradeoffSettings
+    from ..studies.tradeoff.chart import front_names  # heavy: torch
+    from ..studies.tradeoff.runs import measure_tradeoff  # heavy: torch
 
     seeds = options.seeds if options.seeds is not None else (1 if options.quick else 3)
     if seeds < 1:

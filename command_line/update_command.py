@@ -6,16 +6,21 @@ import argparse
 import json
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from ..core.errors import DgsError
+from ..core.sfm.child import Waiting
+from ..core.twin.history import rollback
+from .arguments import add_machine, add_progress, show_defaults
 from .progress_choice import Reporting
-
-if TYPE_CHECKING:
-    from ..core.sfm.child import Waiting
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Arguments of the command, without machine and progress."""
+    """Arguments of the command."""
+    parser.description = (
+        "Registers new photos to a twin, distinguishes changes of the medium from changes of the object, and fits "
+        "the twin to them from where it stands; the state before is kept (--rollback)."
+    )
+    show_defaults(parser)
     add = parser.add_argument
     add("twin", type=Path, metavar="TWIN", help="folder that 'reconstruct --out' wrote")
     add("photos", type=Path, nargs="?", metavar="NEW_PHOTOS", help="folder of photos, or a list of them (.txt)")
@@ -36,15 +41,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--seed", type=int, default=0, metavar="N", help="same seed, same twin (CPU)")
     add("--rollback", action="store_true", help="bring the state before the last update back instead")
     add("--json", action="store_true", help="print JSON")
+    add_machine(parser)
+    add_progress(parser)
 
 
 def update_command(options: argparse.Namespace, progress: Reporting) -> int:
     """Updates or rolls back; writes TWIN/update.json and TWIN/changes."""
-    from ..core.errors import DgsError
 
     if options.rollback:
-        from ..core.twin.history import rollback
-
         state = rollback(options.twin)
         progress.finished({"twin": str(options.twin / "twin.ply"), "state": state.name})
         return 0
@@ -54,7 +58,7 @@ def update_command(options: argparse.Namespace, progress: Reporting) -> int:
         raise DgsError(f"--share is {options.share:g}", "Give a share above 0 and up to 2")
     waiting = _helper(options)  # it imports its own libraries while this process imports torch
     try:
-        from ..core.pipeline.update import UpdateSettings, update
+        from ..core.pipeline.update import UpdateSettings, update  # heavy: torch
 
         facts = update(
             UpdateSettings(options.twin, options.photos, options.cameras, options.share, options.threads, options.seed),
@@ -84,7 +88,6 @@ def update_command(options: argparse.Namespace, progress: Reporting) -> int:
 
 def _helper(options: argparse.Namespace) -> Waiting | None:
     """The process that will look for the new photos' cameras, where there are features to match them with."""
-    from ..core.sfm.child import Waiting
 
     if options.cameras is not None or not (options.twin / "sfm" / "features.npz").is_file():
         return None

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 from dgs.command_line import run
+from dgs.command_line.arguments import quality
 from dgs.command_line.progress_bars import curve
-from dgs.command_line.quality import quality
 from dgs.core.effort import plan
 from dgs.core.effort.clock import OthersLoad, process_began
 from dgs.core.errors import DgsError

@@ -8,7 +8,8 @@ from pathlib import Path
 import dgs
 import pytest
 from dgs.command_line import run
-from dgs.command_line.parser import build_parser, duration
+from dgs.command_line.arguments import duration
+from dgs.command_line.main import build_parser
 
 ROOT = Path(dgs.__file__).parent
 
@@ -39,13 +40,15 @@ def test_a_wrong_argument_is_one_line(arguments, capsys):
 
 
 def test_all_arguments_of_a_reconstruction():
-    options = build_parser([]).parse_args(
+    words = (
         "reconstruct photos --out d --psf gaussian:5 --cameras m --truth t --holdout-every 5 --preset draft "
         "--time-limit 120s --seed 3 --device cpu --threads 2 --resume --sh-degree 2 --max-gaussians 5000 "
-        "--max-size 400 --masks k --progress json --blur-space linear --loss paper".split()
-    )
+        "--max-size 400 --masks k --progress json --blur-space linear --loss paper"
+    ).split()
+    options = build_parser(words).parse_args(words)
     assert (options.holdout_every, options.time_limit, options.max_size, options.resume) == (5, 120.0, 400, True)
-    defaults = build_parser([]).parse_args(["reconstruct", "photos", "--out", "d"])
+    words = ["reconstruct", "photos", "--out", "d"]
+    defaults = build_parser(words).parse_args(words)
     assert (defaults.psf, defaults.blur_space, defaults.holdout_every, defaults.seed) == ("none", "srgb", 8, 0)
     assert (defaults.preset, defaults.device, defaults.progress, defaults.loss) == ("balanced", "auto", "auto", "dgs")
 
@@ -84,14 +87,3 @@ def test_the_manifest_has_the_same_version():
 
     manifest = ROOT / "blender_manifest.toml"
     assert tomllib.loads(manifest.read_text("utf-8"))["version"] == VERSION
-
-
-def test_a_python_without_the_engine_says_what_to_use() -> None:
-    """`-S` leaves out the installed packages, as a bare Python (or Blender's) would."""
-    done = subprocess.run(
-        [sys.executable, "-S", str(ROOT / "run_dgs.py"), "reconstruct", "photos", "--out", "x"],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 2 and "make setup" in done.stderr and "Traceback" not in done.stderr

@@ -6,13 +6,20 @@ import argparse
 import time
 from collections.abc import Callable
 
-from ..core.errors import DgsError
+from ..core.errors import CameraError, DeviceError, DgsError
+from .arguments import add_machine
 from .progress_choice import Reporting
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments of the command."""
+    parser.description = "Versions, device, and a self-check of the engine."
+    add_machine(parser)
 
 
 def doctor_command(options: argparse.Namespace, progress: Reporting) -> int:
     """Prints a line per check; 2 if one fails, with the way out in its line."""
-    from ..core.machine import choose_device, machine, use_threads, versions
+    from ..core.machine import choose_device, machine, use_threads, versions  # late: slows --help
 
     facts: dict[str, object] = {**versions()}
     for name, value in facts.items():
@@ -40,13 +47,12 @@ def doctor_command(options: argparse.Namespace, progress: Reporting) -> int:
 
 def _rasterizer() -> str:
     """The fast back end agrees with the specification, gradient included."""
-    import numpy as np
-    import torch
+    import numpy as np  # heavy
+    import torch  # heavy
 
-    from ..core.camera import Camera
-    from ..core.errors import DeviceError
-    from ..core.gaussians import Gaussians
-    from ..core.rasterizer import render
+    from ..core.camera import Camera  # heavy: numpy
+    from ..core.gaussians import Gaussians  # heavy: torch
+    from ..core.rasterizer import render  # heavy: torch
 
     random = torch.Generator().manual_seed(0)
     count = 200
@@ -77,11 +83,10 @@ def _rasterizer() -> str:
 
 def _blur() -> str:
     """Blur and its adjoint are transposes of each other."""
-    import torch
+    import torch  # heavy
 
-    from ..core.errors import DeviceError
-    from ..core.imaging.operator import BlurOperator
-    from ..core.imaging.psf import parse_psf
+    from ..core.imaging.operator import BlurOperator  # heavy: torch
+    from ..core.imaging.psf import parse_psf  # heavy: torch
 
     operator = BlurOperator(parse_psf("gaussian:3"), 48, 64, 12)
     random = torch.Generator().manual_seed(0)
@@ -95,8 +100,6 @@ def _blur() -> str:
 def _cameras() -> str:
     """The library that finds cameras is there; it is not imported, because it may abort a Blender."""
     from importlib.util import find_spec
-
-    from ..core.errors import CameraError
 
     if find_spec("pycolmap") is None:
         raise CameraError("pycolmap is not installed", "Run: pip install pycolmap; or give --cameras")
