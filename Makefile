@@ -15,13 +15,13 @@ setup:  ## Create .venv with the pinned packages (at once if it is there)
 	@tools/setup.sh
 
 demo: setup  ## Render a small blurred set of a ball, reconstruct it, write a .blend (demo_output/)
-	@$(PY) tools/demo.py
+	@$(PY) -m tools.demo
 
 test: setup  ## All tests (less than 10 minutes on 2 cores); ARGS="-k word" goes to pytest
 	@tools/test.sh $(ARGS)
 
 mutants: setup  ## Break a copy of the tree in known ways: the tests of hard cases must see each (minutes)
-	@$(PY) tools/mutants.py $(ARGS)
+	@$(PY) -m tools.mutants $(ARGS)
 
 stress: setup  ## Every hard case on this machine; ARGS="--torture" or "--fuzz 100000"
 	@$(PY) run_dgs.py stress $(ARGS)
@@ -34,22 +34,22 @@ format: setup  ## Let ruff rewrite the code
 	@$(PY) -m ruff format .
 
 bench: setup  ## Measure speed; prints a table and writes benchmarks/results.json
-	@$(PY) benchmarks/speed.py $(ARGS)
+	@$(PY) -m benchmarks.speed $(ARGS)
 
 bench-sfm: setup  ## Measure structure from motion on the shared photo sets
-	@$(PY) benchmarks/sfm.py $(ARGS)
+	@$(PY) -m benchmarks.sfm $(ARGS)
 
 accuracy: setup  ## Measure accuracy against other ways; ARGS="--data FOLDER --seeds 3"
-	@$(PY) benchmarks/accuracy.py $(ARGS)
+	@$(PY) -m benchmarks.accuracy $(ARGS)
 
 tradeoff: setup  ## What each knob costs in time and brings (hours, resumable); ARGS="--data FOLDER --seeds 3"
-	@$(PY) benchmarks/tradeoff.py $(ARGS)
+	@$(PY) -m benchmarks.tradeoff $(ARGS)
 
 paper: setup  ## Repeat the paper's experiment (hours, resumable; ARGS="--quick": minutes) and write docs/paper.md
-	@$(PY) tools/paper.py $(ARGS)
+	@$(PY) -m tools.paper $(ARGS)
 
 extension: setup  ## Build the Blender extension into dist/
-	@$(PY) tools/extension.py
+	@$(PY) -m tools.extension
 
 window: setup  ## The panel in real Blenders with a window, 5.2 and 4.3 (needs root; 20 minutes at first)
 	@for suite in sid trixie; do tools/window_blender.sh $$suite && \

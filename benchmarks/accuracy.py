@@ -1,7 +1,6 @@
-#!/usr/bin/env python3
 """How sharp the twin becomes, against what else could be done with the same blurred photos.
 
-    python benchmarks/accuracy.py --data FOLDER [--data FOLDER ...] [--seeds 3] [--steps 1000]
+    python -m benchmarks.accuracy --data FOLDER [--data FOLDER ...] [--seeds 3] [--steps 1000]
 
 The same as `run_dgs.py compare FOLDER` for several sets (see `studies/comparison/methods.py` for the
 methods); rows that are there already are not run again. Rows and pictures go to benchmarks/runs/,
@@ -11,17 +10,11 @@ tables to benchmarks/accuracy_<set>.json and .md.
 from __future__ import annotations
 
 import argparse
-import os
 import shutil
 import sys
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
-sys.path[:0] = [str(HERE.parent), str(HERE)]
-os.environ.setdefault("OMP_WAIT_POLICY", "passive")
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # its threads spin: minutes on a busy machine
-
-import run_dgs  # noqa: E402
 
 
 def main() -> int:
@@ -36,7 +29,6 @@ def main() -> int:
     parser.add_argument("--only", action="append", default=[], metavar="METHOD", help="as named in the table")
     parser.add_argument("--threads", type=int, default=2)
     options = parser.parse_args()
-    run_dgs.mount_package()
     from dgs.command_line import run
 
     chosen = {"--photos": options.photos, "--steps": options.steps, "--max-gaussians": options.gaussians}

@@ -1,6 +1,6 @@
 """How well photos tell their own blur: sharp pictures are blurred by known Gaussians, and `--psf auto` is asked.
 
-    python benchmarks/blind_psf.py [--data FOLDER_WITH_SHARP ...] [--photos 8] [--scenes 5] [--calibrate]
+    python -m benchmarks.blind_psf [--data FOLDER_WITH_SHARP ...] [--photos 8] [--scenes 5] [--calibrate]
 
 Three groups, each with its own summary: ray-cast scenes of true steps (drawn once, kept in benchmarks/data), light or
 encoded values blurred, every second with noise of one step; photographs, the given sets and single pictures that come
@@ -11,31 +11,23 @@ scenes and pictures that `--calibrate` asks (others of each kind); the given set
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
-os.environ.setdefault("OMP_WAIT_POLICY", "passive")
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # its threads would spin on the small fits
-
 import numpy as np
+from dgs.core.colour import linear_to_srgb, srgb_to_linear
+from dgs.core.inspection.blind_psf import BlindPsf, blind_psf
+from dgs.core.inspection.photo_set import PhotoSet
+from dgs.core.photos.load import Photo
+from PIL import Image
+from scipy import ndimage
+
+from .effect_scenes import MARGIN, make_scene
 
 ROOT = Path(__file__).resolve().parent.parent
-sys.path[:0] = [str(ROOT), str(ROOT / "benchmarks")]
-
-import run_dgs  # noqa: E402
-
-run_dgs.mount_package()
-from dgs.core.colour import linear_to_srgb, srgb_to_linear  # noqa: E402
-from dgs.core.inspection.blind_psf import BlindPsf, blind_psf  # noqa: E402
-from dgs.core.inspection.photo_set import PhotoSet  # noqa: E402
-from dgs.core.photos.load import Photo  # noqa: E402
-from effect_scenes import MARGIN, make_scene  # noqa: E402
-from PIL import Image  # noqa: E402
-from scipy import ndimage  # noqa: E402
 
 WIDTHS = (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0)
 #: Photographs among scikit-image's pictures; not charts, drawings, or pictures that show single blobs only. The first

@@ -1,6 +1,6 @@
 """Does `inspect` find what is there, and nothing else? Synthetic sets with known effects, clean ones among them.
 
-    python benchmarks/effects.py [--scenes 12] [--quick]
+    python -m benchmarks.effects [--scenes 12] [--quick]
 
 Writes benchmarks/effects.json and the table between the markers in docs/effects.md. Resumable: sets that were
 inspected with the same code are kept in benchmarks/data/effects.
@@ -11,28 +11,22 @@ from __future__ import annotations
 import argparse
 import hashlib
 import json
-import os
-import sys
 import time
 from dataclasses import asdict
 from pathlib import Path
 
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-os.environ.setdefault("OMP_WAIT_POLICY", "passive")
-ROOT = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(ROOT), str(ROOT / "benchmarks")]
-import run_dgs  # noqa: E402
+from dgs.core.camera import Camera
+from dgs.core.inspection.inspect import inspect_photos
+from dgs.core.inspection.photo_set import PhotoSet
+from dgs.core.lens import Lens
+from dgs.core.photos.load import Photo
+from dgs.core.pose import Pose
+from dgs.core.progress import Silent
+from dgs.core.reconstruction import Figures, Reconstruction
 
-run_dgs.mount_package()
-from dgs.core.camera import Camera  # noqa: E402
-from dgs.core.inspection.inspect import inspect_photos  # noqa: E402
-from dgs.core.inspection.photo_set import PhotoSet  # noqa: E402
-from dgs.core.lens import Lens  # noqa: E402
-from dgs.core.photos.load import Photo  # noqa: E402
-from dgs.core.pose import Pose  # noqa: E402
-from dgs.core.progress import Silent  # noqa: E402
-from dgs.core.reconstruction import Figures, Reconstruction  # noqa: E402
-from effect_scenes import Truth, degrade, kept_scene  # noqa: E402
+from .effect_scenes import Truth, degrade, kept_scene
+
+ROOT = Path(__file__).resolve().parents[1]
 
 KEPT = ROOT / "benchmarks/data/effects"
 #: Effect -> (what is made, given a multiple of the smallest visible size). Clear is 2.

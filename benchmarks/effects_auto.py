@@ -1,6 +1,6 @@
 """Is `--effects auto` as accurate as `none` and cheaper than `all`? Whole reconstructions of sets with known effects.
 
-    python benchmarks/effects_auto.py [--only haze,clean] [--preset draft] [--gaussians 4000]
+    python -m benchmarks.effects_auto [--only haze,clean] [--preset draft] [--gaussians 4000]
 
 Draws small scenes, does known things to their light, runs the product's own pipeline (known cameras, one thread) with
 --effects none, auto and all, and once more with nothing left out: `all` skips what the photos show no size of; this
@@ -16,32 +16,27 @@ import json
 import math
 import os
 import shutil
-import sys
 import time
 from pathlib import Path
 
-os.environ["OPENBLAS_NUM_THREADS"] = "1"
-os.environ["OMP_WAIT_POLICY"] = "passive"
-ROOT = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(ROOT), str(ROOT / "benchmarks")]
-import run_dgs  # noqa: E402
+import numpy as np
+import torch
+from dgs.core.imaging.formation.defocus import Defocus
+from dgs.core.imaging.formation.effect import Effect
+from dgs.core.imaging.formation.field_blur import FieldBlur
+from dgs.core.imaging.formation.haze import Haze
+from dgs.core.imaging.formation.motion import motion_from
+from dgs.core.inspection.effects.haze import SMALLEST as SMALLEST_HAZE
+from dgs.core.inspection.photo_set import PhotoSet
+from dgs.core.pipeline.effects import choose
+from dgs.core.pipeline.effects.proposal import BLURS, build
+from dgs.core.pipeline.reconstruct import reconstruct
+from dgs.core.progress import Silent
+from dgs.core.run_settings import ReconstructSettings
 
-run_dgs.mount_package()
-import numpy as np  # noqa: E402
-import torch  # noqa: E402
-from dgs.core.imaging.formation.defocus import Defocus  # noqa: E402
-from dgs.core.imaging.formation.effect import Effect  # noqa: E402
-from dgs.core.imaging.formation.field_blur import FieldBlur  # noqa: E402
-from dgs.core.imaging.formation.haze import Haze  # noqa: E402
-from dgs.core.imaging.formation.motion import motion_from  # noqa: E402
-from dgs.core.inspection.effects.haze import SMALLEST as SMALLEST_HAZE  # noqa: E402
-from dgs.core.inspection.photo_set import PhotoSet  # noqa: E402
-from dgs.core.pipeline.effects import choose  # noqa: E402
-from dgs.core.pipeline.effects.proposal import BLURS, build  # noqa: E402
-from dgs.core.pipeline.reconstruct import reconstruct  # noqa: E402
-from dgs.core.progress import Silent  # noqa: E402
-from dgs.core.run_settings import ReconstructSettings  # noqa: E402
-from effect_scenes import Truth, degrade, make_scene, write_set  # noqa: E402
+from .effect_scenes import Truth, degrade, make_scene, write_set
+
+ROOT = Path(__file__).resolve().parents[1]
 
 KEPT = ROOT / "benchmarks/data/effects_auto"
 PAGE = ROOT / "docs/effects.md"

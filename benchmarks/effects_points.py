@@ -1,6 +1,6 @@
 """Do the same points in different photos tell a blur that varies from one that does not?
 
-    python benchmarks/effects_points.py [--scenes 12]
+    python -m benchmarks.effects_points [--scenes 12]
 
 Every scene of benchmarks/effects.py behind a medium (sigma 2 px), without and with 2 px of defocus or of field blur.
 Where an effect is there, the size that the photos tell is asked for (`proposal.build`), where it is not, 2 px of it are
@@ -10,25 +10,19 @@ claimed all the same. Prints the table in docs/effects.md.
 from __future__ import annotations
 
 import argparse
-import sys
 import time
-from pathlib import Path
 
-sys.path[:0] = [str(Path(__file__).resolve().parents[1]), str(Path(__file__).resolve().parent)]
-import numpy as np  # noqa: E402
-import torch  # noqa: E402
+import numpy as np
+import torch
+from dgs.core.imaging.formation.defocus import Defocus
+from dgs.core.imaging.formation.field_blur import FieldBlur
+from dgs.core.imaging.formation.layered import SpreadingEffect
+from dgs.core.inspection.photo_set import PhotoSet
+from dgs.core.pipeline.effects.confirmed import told_by_points
+from dgs.core.pipeline.effects.proposal import build, depth_unit
 
-import run_dgs  # noqa: E402
-
-run_dgs.mount_package()
-from dgs.core.imaging.formation.defocus import Defocus  # noqa: E402
-from dgs.core.imaging.formation.field_blur import FieldBlur  # noqa: E402
-from dgs.core.imaging.formation.layered import SpreadingEffect  # noqa: E402
-from dgs.core.inspection.photo_set import PhotoSet  # noqa: E402
-from dgs.core.pipeline.effects.confirmed import told_by_points  # noqa: E402
-from dgs.core.pipeline.effects.proposal import build, depth_unit  # noqa: E402
-from effect_scenes import Truth, degrade, kept_scene  # noqa: E402
-from effects import KEPT, photo_set  # noqa: E402
+from .effect_scenes import Truth, degrade, kept_scene
+from .effects import KEPT, photo_set
 
 SIGMA, PX = 2.0, 2.0
 SETS = {"clean": {}, "defocus": {"defocus": PX}, "field_blur": {"field": PX}}

@@ -1,4 +1,4 @@
-"""How many photos reach an accuracy, by the way the next one is chosen: `python benchmarks/next_view.py`.
+"""How many photos reach an accuracy, by the way the next one is chosen: `python -m benchmarks.next_view`.
 
 Every way starts from the same three neighbouring photos of a scene of `view_scenes` and adds one at a time; after each,
 a twin is trained from nothing and compared with the sharp truth from 16 other viewpoints. Rows are appended to
@@ -10,23 +10,20 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-os.environ.setdefault("OMP_WAIT_POLICY", "passive")  # spinning threads slow a shared machine tenfold
-
 import numpy as np
 import torch
-from view_scenes import SCENES, Case, dome
-
-from dgs.core import compiled  # isort: skip
+from dgs.core import compiled
 from dgs.core.rasterizer import RasterSettings
 from dgs.core.training.trainer import Trainer
 from dgs.core.uncertainty.coverage import Coverage
 from dgs.core.uncertainty.detail import Detail
 from dgs.core.uncertainty.linear_model import LinearModel, Viewpoint
+
+from .view_scenes import SCENES, Case, dome
 
 FIRST_PHOTOS, LARGEST_COUNT = 3, 12
 OURS = "detail through the blur"

@@ -1,6 +1,6 @@
 """How well each photo tells its own path of motion and its own width of blur: synthetic sets, known truth.
 
-    python benchmarks/own_blurs.py [--scenes 6]
+    python -m benchmarks.own_blurs [--scenes 6]
 
 Prints two tables in Markdown: errors of lengths and directions, and of sigmas with and without shrinkage.
 """
@@ -8,25 +8,15 @@ Prints two tables in Markdown: errors of lengths and directions, and of sigmas w
 from __future__ import annotations
 
 import argparse
-import os
-import sys
-from pathlib import Path
 
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-os.environ.setdefault("OMP_WAIT_POLICY", "passive")
-ROOT = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(ROOT), str(ROOT / "benchmarks")]
-import numpy as np  # noqa: E402
+import numpy as np
+from dgs.core.inspection.blind_psf import blind_psf
+from dgs.core.inspection.effects.motion import paths_of
+from dgs.core.inspection.photo_set import PhotoSet
+from dgs.core.inspection.psf_per_photo import psf_per_photo
 
-import run_dgs  # noqa: E402
-
-run_dgs.mount_package()
-from dgs.core.inspection.blind_psf import blind_psf  # noqa: E402
-from dgs.core.inspection.effects.motion import paths_of  # noqa: E402
-from dgs.core.inspection.photo_set import PhotoSet  # noqa: E402
-from dgs.core.inspection.psf_per_photo import psf_per_photo  # noqa: E402
-from effect_scenes import Truth, degrade, kept_scene, own_paths, own_sigmas  # noqa: E402
-from effects import KEPT, photo_set  # noqa: E402
+from .effect_scenes import Truth, degrade, kept_scene, own_paths, own_sigmas
+from .effects import KEPT, photo_set
 
 #: Sets whose photos moved: mean length (px), and the blur besides.
 MOVED = ((0.0, 0.0), (0.0, 2.0), (3.0, 0.0), (6.0, 0.0), (12.0, 0.0), (6.0, 2.0), (12.0, 2.0), (6.0, 4.0), (12.0, 4.0))

@@ -1,4 +1,4 @@
-"""How wrong cameras may be for the loss to mend them: `python benchmarks/pose_basin.py`.
+"""How wrong cameras may be for the loss to mend them: `python -m benchmarks.pose_basin`.
 
 The tests' bumpy plane, 12 photos of 112 x 96 px, every camera shaken by so many px (turned and shifted at random),
 with the blur and without; or, with --photos FOLDER --cameras MODEL --sigma 5, photos of your own, whose cameras are
@@ -10,31 +10,26 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+import torch
+from dgs.core import compiled
+from dgs.core.camera import Camera
+from dgs.core.evaluation.poses import pose_errors
+from dgs.core.imaging.medium import Medium
+from dgs.core.imaging.psf import PointSpread
+from dgs.core.photos.load import load_photos
+from dgs.core.photos.undistort import undistorted_views
+from dgs.core.progress import Silent
+from dgs.core.sfm.known import load_cameras
+from dgs.core.training.settings import TrainingSettings
+from dgs.core.twin.pose_steps import twisted
+from dgs.core.twin.refine_cameras import refine_cameras
+from dgs.tests.core.training.training_scenes import Scene, blurred_scene
+
 ROOT = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(ROOT), str(ROOT / "tests/core/training")]
-import run_dgs  # noqa: E402
-
-run_dgs.mount_package()
-
-import numpy as np  # noqa: E402
-import torch  # noqa: E402
-from dgs.core import compiled  # noqa: E402
-from dgs.core.camera import Camera  # noqa: E402
-from dgs.core.evaluation.poses import pose_errors  # noqa: E402
-from dgs.core.imaging.medium import Medium  # noqa: E402
-from dgs.core.imaging.psf import PointSpread  # noqa: E402
-from dgs.core.photos.load import load_photos  # noqa: E402
-from dgs.core.photos.undistort import undistorted_views  # noqa: E402
-from dgs.core.progress import Silent  # noqa: E402
-from dgs.core.sfm.known import load_cameras  # noqa: E402
-from dgs.core.training.settings import TrainingSettings  # noqa: E402
-from dgs.core.twin.pose_steps import twisted  # noqa: E402
-from dgs.core.twin.refine_cameras import refine_cameras  # noqa: E402
-from training_scenes import Scene, blurred_scene  # noqa: E402
 
 
 def shaken(scene: Scene, px: float, seed: int) -> Scene:

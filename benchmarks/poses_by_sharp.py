@@ -1,5 +1,4 @@
-#!/usr/bin/env python3
-"""How right cameras are that were found from blurred photos: `python benchmarks/poses_by_sharp.py --data FOLDER`.
+"""How right cameras are that were found from blurred photos: `python -m benchmarks.poses_by_sharp --data FOLDER`.
 
 FOLDER holds `blur5/`, `sharp/` and `reference_cameras/` (structure from motion on the sharp photos). A reference that
 was itself found from photos is uncertain: a camera that moves sideways and turns back is hardly seen to move. So each
@@ -20,28 +19,22 @@ import tempfile
 from dataclasses import replace
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
-
-import run_dgs
-
-run_dgs.mount_package()
-
-import numpy as np  # noqa: E402
-import pycolmap  # noqa: E402
-from dgs.core.evaluation.poses import align_similarity, pose_errors  # noqa: E402
-from dgs.core.imaging.medium import Medium  # noqa: E402
-from dgs.core.imaging.psf import PointSpread, parse_psf  # noqa: E402
-from dgs.core.photos.load import Photo, load_photos  # noqa: E402
-from dgs.core.photos.undistort import undistorted_views  # noqa: E402
-from dgs.core.pose import Pose  # noqa: E402
-from dgs.core.progress import Silent  # noqa: E402
-from dgs.core.reconstruction import Reconstruction  # noqa: E402
-from dgs.core.sfm.find import find_cameras  # noqa: E402
-from dgs.core.sfm.keyframes import read_matches  # noqa: E402
-from dgs.core.sfm.known import load_cameras  # noqa: E402
-from dgs.core.sfm.settings import SfmSettings  # noqa: E402
-from dgs.core.training.settings import TrainingSettings  # noqa: E402
-from dgs.core.twin.refine_cameras import refine_cameras  # noqa: E402
+import numpy as np
+import pycolmap
+from dgs.core.evaluation.poses import align_similarity, pose_errors
+from dgs.core.imaging.medium import Medium
+from dgs.core.imaging.psf import PointSpread, parse_psf
+from dgs.core.photos.load import Photo, load_photos
+from dgs.core.photos.undistort import undistorted_views
+from dgs.core.pose import Pose
+from dgs.core.progress import Silent
+from dgs.core.reconstruction import Reconstruction
+from dgs.core.sfm.find import find_cameras
+from dgs.core.sfm.keyframes import read_matches
+from dgs.core.sfm.known import load_cameras
+from dgs.core.sfm.settings import SfmSettings
+from dgs.core.training.settings import TrainingSettings
+from dgs.core.twin.refine_cameras import refine_cameras
 
 #: Matches of a pair that count, and a match that is farther off under every set of cameras is a false one (px).
 FEWEST, FALSE = 30, 4.0

@@ -1,4 +1,4 @@
-"""What refined cameras bring to the twin: `python benchmarks/refined_gain.py --data FOLDER [--px 1 3 6] [--seeds 3]`.
+"""What refined cameras bring to the twin: `python -m benchmarks.refined_gain --data FOLDER [--px 1 3 6] [--seeds 3]`.
 
 FOLDER holds `photos/`, `sharp/` and true `cameras/` (as `synthesize` writes them). Every camera is shaken by about so
 many px; a twin is made with the shaken cameras as they are, one with `--refine-cameras`, and one with the true cameras.
@@ -10,39 +10,32 @@ blur, lies best on the blurred held-out photo (a world that is bent a little is 
 from __future__ import annotations
 
 import argparse
-import os
 import subprocess
 import sys
 import tempfile
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+from dgs.core.camera import Camera
+from dgs.core.evaluation.metrics import psnr
+from dgs.core.evaluation.poses import align_similarity, scene_depth
+from dgs.core.formats.colmap import write_lenses
+from dgs.core.photos.load import load_photos
+from dgs.core.pipeline.heldout import TruthFolder
+from dgs.core.pipeline.views import Viewer, to_pixels
+from dgs.core.pose import Pose
+from dgs.core.progress import Silent
+from dgs.core.reconstruction import Reconstruction
+from dgs.core.sfm.known import load_cameras
+from dgs.core.training.settings import TrainingSettings
+from dgs.core.training.trainer import Trainer
+from dgs.core.twin.consensus import laid_over
+from dgs.core.twin.folder import open_twin
+from dgs.core.twin.pose_steps import twisted
+from dgs.core.twin.refine_cameras import Laying
+
 ROOT = Path(__file__).resolve().parents[1]
-os.environ.setdefault("OMP_WAIT_POLICY", "passive")
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-sys.path[:0] = [str(ROOT)]
-import run_dgs  # noqa: E402
-
-run_dgs.mount_package()
-
-import numpy as np  # noqa: E402
-from dgs.core.camera import Camera  # noqa: E402
-from dgs.core.evaluation.metrics import psnr  # noqa: E402
-from dgs.core.evaluation.poses import align_similarity, scene_depth  # noqa: E402
-from dgs.core.formats.colmap import write_lenses  # noqa: E402
-from dgs.core.photos.load import load_photos  # noqa: E402
-from dgs.core.pipeline.heldout import TruthFolder  # noqa: E402
-from dgs.core.pipeline.views import Viewer, to_pixels  # noqa: E402
-from dgs.core.pose import Pose  # noqa: E402
-from dgs.core.progress import Silent  # noqa: E402
-from dgs.core.reconstruction import Reconstruction  # noqa: E402
-from dgs.core.sfm.known import load_cameras  # noqa: E402
-from dgs.core.training.settings import TrainingSettings  # noqa: E402
-from dgs.core.training.trainer import Trainer  # noqa: E402
-from dgs.core.twin.consensus import laid_over  # noqa: E402
-from dgs.core.twin.folder import open_twin  # noqa: E402
-from dgs.core.twin.pose_steps import twisted  # noqa: E402
-from dgs.core.twin.refine_cameras import Laying  # noqa: E402
 
 HOLDOUT = 8
 

@@ -1,4 +1,4 @@
-"""Is the expected error of a twin's sharp views as large as the true one? `python benchmarks/reliability.py`.
+"""Is the expected error of a twin's sharp views as large as the true one? `python -m benchmarks.reliability`.
 
 Photos of scenes of `view_scenes` are taken from viewpoints drawn at random; a twin is trained on most of them, the rest
 is held out and measures the parts of the expected error (`core/uncertainty/expected_error.py`), through the blur. Then
@@ -11,23 +11,20 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 from pathlib import Path
 from typing import Any
 
-os.environ.setdefault("OMP_WAIT_POLICY", "passive")  # spinning threads slow a shared machine tenfold
-
 import numpy as np
 import torch
-from next_view import linear_model
-from view_scenes import BOARD, SCENES, Case
-
-from dgs.core import compiled  # isort: skip
+from dgs.core import compiled
 from dgs.core.uncertainty.detail import Detail
 from dgs.core.uncertainty.expected_error import PARTS, USUAL, ExpectedError
 from dgs.core.uncertainty.information_gain import opened, spread
 from dgs.core.uncertainty.linear_model import Viewpoint
 from dgs.core.uncertainty.posterior import sample_posterior
+
+from .next_view import linear_model
+from .view_scenes import BOARD, SCENES, Case
 
 ALL = {**SCENES, "board": BOARD}
 #: Photos trained on, and held out besides.

@@ -1,7 +1,6 @@
-#!/usr/bin/env python3
 """How well cameras are found: a line per data set.
 
-    python benchmarks/sfm.py --data FOLDER [--data FOLDER ...] [--sigma 5] [--threads 2]
+    python -m benchmarks.sfm --data FOLDER [--data FOLDER ...] [--sigma 5] [--threads 2]
 
 FOLDER holds `blur5/` (photos) and, to compare with, `reference_cameras/` (a COLMAP model or a
 transforms.json); folders that are not there are skipped. px-eq: the error of a camera's centre over
@@ -19,20 +18,13 @@ import time
 from pathlib import Path
 
 import numpy as np
-
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
-
-import run_dgs
-
-run_dgs.mount_package()
-
-from dgs.core.errors import DgsError  # noqa: E402
-from dgs.core.evaluation.poses import pose_errors  # noqa: E402
-from dgs.core.photos.load import load_photos  # noqa: E402
-from dgs.core.progress import Silent  # noqa: E402
-from dgs.core.sfm.find import find_cameras  # noqa: E402
-from dgs.core.sfm.known import load_cameras  # noqa: E402
-from dgs.core.sfm.settings import SfmSettings  # noqa: E402
+from dgs.core.errors import DgsError
+from dgs.core.evaluation.poses import pose_errors
+from dgs.core.photos.load import load_photos
+from dgs.core.progress import Silent
+from dgs.core.sfm.find import find_cameras
+from dgs.core.sfm.known import load_cameras
+from dgs.core.sfm.settings import SfmSettings
 
 
 def gaussian(sigma: float) -> np.ndarray | None:

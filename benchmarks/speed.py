@@ -1,7 +1,6 @@
-#!/usr/bin/env python3
 """How fast one iteration is, against the reference back end in the same run.
 
-    python benchmarks/speed.py            # table, and benchmarks/results.json
+    python -m benchmarks.speed            # table, and benchmarks/results.json
 
 An iteration is what training repeats: render, blur, loss, backward pass, optimizer step. Every row
 is measured in a process of its own, so that its peak memory is its own.
@@ -23,9 +22,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-os.environ.setdefault("OMP_WAIT_POLICY", "passive")
 HERE = Path(__file__).resolve().parent
-sys.path[:0] = [str(HERE.parent), str(HERE)]
 
 RESULTS = HERE / "results.json"
 SIGMA_PX = 5.0
@@ -48,9 +45,7 @@ def rows_to_measure() -> list[Row]:
 
 
 def _cuda_available() -> bool:
-    import run_dgs
 
-    run_dgs.mount_package()
     from dgs.core.rasterizer.cuda import available
 
     return available()
@@ -66,10 +61,7 @@ def peak_memory_mb() -> float:
 
 def measure(row: Row) -> Row:
     """One row, in this process: medians of the stages of an iteration, in milliseconds."""
-    import run_dgs
 
-    run_dgs.mount_package()
-    import scene
     import torch
     from dgs.core import compiled
     from dgs.core.imaging.operator import BlurOperator
@@ -77,6 +69,8 @@ def measure(row: Row) -> Row:
     from dgs.core.rasterizer import render
     from dgs.core.training.optimizer import Adam
     from dgs.core.training.photometric import PhotometricLoss
+
+    from . import scene
 
     torch.set_num_threads(row["threads"])
     compiled.set_threads(row["threads"])
@@ -144,16 +138,15 @@ def measure(row: Row) -> Row:
 
 def compile_seconds(_: Row) -> Row:
     """Time until the first iteration's kernels are there, in this process."""
-    import run_dgs
 
-    run_dgs.mount_package()
-    import scene
     import torch
     from dgs.core.imaging.operator import BlurOperator
     from dgs.core.imaging.psf import PointSpread
     from dgs.core.rasterizer import render
     from dgs.core.training.optimizer import Adam
     from dgs.core.training.photometric import PhotometricLoss
+
+    from . import scene
 
     optimizer = Adam(scene.gaussians(500, 1))
     camera = scene.camera(64, 48)
@@ -167,16 +160,13 @@ def compile_seconds(_: Row) -> Row:
 def training_memory(row: Row) -> Row:
     """Peak memory of training itself, on photos of noise (memory does not care), in this process."""
     import numpy as np
-
-    import run_dgs
-
-    run_dgs.mount_package()
-    import scene
     from dgs.core.imaging.medium import Medium
     from dgs.core.imaging.psf import PointSpread
     from dgs.core.training.settings import TrainingSettings
     from dgs.core.training.trainer import Trainer
     from dgs.core.views import SparsePoints, View
+
+    from . import scene
 
     random = np.random.default_rng(0)
     width, height = row["size"]
@@ -211,10 +201,11 @@ def in_own_process(what: str, row: Row, **environment: str) -> Row:
         subprocess.CalledProcessError: the measurement failed; its traceback is on stderr.
     """
     finished = subprocess.run(
-        [sys.executable, str(HERE / "speed.py"), "--measure", what, "--row", json.dumps(row)],
+        [sys.executable, "-m", "benchmarks.speed", "--measure", what, "--row", json.dumps(row)],
         stdout=subprocess.PIPE,
         check=True,
         text=True,
+        cwd=HERE.parent,
         env={**os.environ, **environment},
     )
     result: Row = json.loads(finished.stdout.splitlines()[-1])

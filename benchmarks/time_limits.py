@@ -1,4 +1,4 @@
-"""What is promised about time, against what happened: `python benchmarks/time_limits.py --data FOLDER ...`.
+"""What is promised about time, against what happened: `python -m benchmarks.time_limits --data FOLDER ...`.
 
     --limit 25s --limit 45s --seeds 3     runs with these limits; wall clock of the whole command, and PSNR against
                                           the sharp truth of ALL held-out views (the run itself scores what it has
@@ -20,9 +20,9 @@ import time
 from pathlib import Path
 from typing import Any
 
+from .update_twin import score
+
 ROOT = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(ROOT), str(ROOT / "benchmarks")]
-from update_twin import score  # noqa: E402
 
 RUN = [sys.executable, str(ROOT / "run_dgs.py")]
 

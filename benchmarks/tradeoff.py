@@ -1,6 +1,6 @@
 """`make tradeoff`: what every knob costs in time and brings, on one or more sets; hours, resumable.
 
-python benchmarks/tradeoff.py --data FOLDER [--data FOLDER ...] [--out FOLDER] [--quick] [--seeds N]
+python -m benchmarks.tradeoff --data FOLDER [--data FOLDER ...] [--out FOLDER] [--quick] [--seeds N]
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What an update is worth: `python benchmarks/update_twin.py --data FOLDER [--seeds 3]`.
+"""What an update is worth: `python -m benchmarks.update_twin --data FOLDER [--seeds 3]`.
 
 Of a set's photos every eighth is held out, and of the others every tenth comes later. A twin is made of the early
 ones and updated with the late ones; another is made of all from nothing. Prints, for each seed: seconds of both
@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import statistics
 import subprocess
 import sys
@@ -17,20 +16,14 @@ import tempfile
 import time
 from pathlib import Path
 
+import numpy as np
+from dgs.core.evaluation.metrics import psnr
+from dgs.core.pipeline.heldout import TruthFolder
+from dgs.core.pipeline.views import Viewer, to_pixels
+from dgs.core.progress import Silent
+from dgs.core.twin.folder import open_twin
+
 ROOT = Path(__file__).resolve().parents[1]
-os.environ.setdefault("OMP_WAIT_POLICY", "passive")
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-sys.path[:0] = [str(ROOT)]
-import run_dgs  # noqa: E402
-
-run_dgs.mount_package()
-
-import numpy as np  # noqa: E402
-from dgs.core.evaluation.metrics import psnr  # noqa: E402
-from dgs.core.pipeline.heldout import TruthFolder  # noqa: E402
-from dgs.core.pipeline.views import Viewer, to_pixels  # noqa: E402
-from dgs.core.progress import Silent  # noqa: E402
-from dgs.core.twin.folder import open_twin  # noqa: E402
 
 HOLDOUT, LATE = 8, 10
 

@@ -2,28 +2,21 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass
-from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-import run_dgs
-
-run_dgs.mount_package()
-
-import numpy as np  # noqa: E402
-import torch  # noqa: E402
-from dgs.core.camera import Camera  # noqa: E402
-from dgs.core.constants import SH_C0  # noqa: E402
-from dgs.core.gaussians import Gaussians  # noqa: E402
-from dgs.core.imaging.medium import Medium  # noqa: E402
-from dgs.core.imaging.operator import BlurOperator  # noqa: E402
-from dgs.core.imaging.psf import PointSpread  # noqa: E402
-from dgs.core.rasterizer import render  # noqa: E402
-from dgs.core.training.settings import TrainingSettings  # noqa: E402
-from dgs.core.training.trainer import Trainer  # noqa: E402
-from dgs.core.uncertainty.candidates import looking_at  # noqa: E402
-from dgs.core.views import SparsePoints, View  # noqa: E402
+import numpy as np
+import torch
+from dgs.core.camera import Camera
+from dgs.core.constants import SH_C0
+from dgs.core.gaussians import Gaussians
+from dgs.core.imaging.medium import Medium
+from dgs.core.imaging.operator import BlurOperator
+from dgs.core.imaging.psf import PointSpread
+from dgs.core.rasterizer import render
+from dgs.core.training.settings import TrainingSettings
+from dgs.core.training.trainer import Trainer
+from dgs.core.uncertainty.candidates import looking_at
+from dgs.core.views import SparsePoints, View
 
 WIDTH, HEIGHT, FOCAL = 72, 54, 80.0
 #: Splats of the object and of the room around it.

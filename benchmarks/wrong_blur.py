@@ -1,6 +1,6 @@
 """When do photos contradict the blur that was told? (`core/imaging/contradiction.py`)
 
-    python benchmarks/wrong_blur.py --data FOLDER_WITH_SHARP ... [--photos 6]
+    python -m benchmarks.wrong_blur --data FOLDER_WITH_SHARP ... [--photos 6]
 
 Sharp photos are blurred as in the mismatch study. Prints, on the training's grids (2 and 4 px): how many times the
 explained power they hold at fine scales, and the largest share of the told width that they would not contradict.
@@ -9,18 +9,10 @@ explained power they hold at fine scales, and the largest share of the told widt
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 from pathlib import Path
 
-os.environ.setdefault("OMP_WAIT_POLICY", "passive")
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-
 import numpy as np
-
-ROOT = Path(__file__).resolve().parent.parent
-sys.path.insert(0, str(ROOT))
-import run_dgs  # noqa: E402
 
 SIGMA, GRIDS = 5.0, (2, 4)
 
@@ -31,7 +23,6 @@ def main() -> int:
     parser.add_argument("--data", type=Path, action="append", required=True, help="set with a folder sharp/")
     parser.add_argument("--photos", type=int, default=6)
     options = parser.parse_args()
-    run_dgs.mount_package()
     from dgs.core.imaging.contradiction import CONTRADICTED
     from dgs.core.imaging.psf import PointSpread
     from dgs.core.imaging.spectrum import noise_to_signal

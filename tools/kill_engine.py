@@ -1,6 +1,6 @@
 """Kills the engine (signal 9) at random moments of real jobs and says what it cost. Prints a table.
 
-    .venv/bin/python tools/kill_engine.py [--kills 20] [--seed 0]
+    .venv/bin/python -m tools.kill_engine [--kills 20] [--seed 0]
 
 One set of a dozen small photos; each job runs to a random moment of its preparation or its optimization,
 is killed, and is resumed to the next moment, until all kills are done; the last job runs to its end.
@@ -135,12 +135,11 @@ def main() -> int:
     parser.add_argument("--kills", type=int, default=20)
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
-    sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "command_line")]
     import run_dgs
 
     run_dgs.mount_package()
     import dgs
-    from scene import write_scene
+    from dgs.tests.command_line.scene import write_scene
 
     dgs.register()
     print(HEAD, flush=True)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from importlib import util
 from pathlib import Path
 
 import numpy as np
@@ -13,12 +12,7 @@ from PIL import Image
 bpy = pytest.importorskip("bpy")
 
 import dgs  # noqa: E402
-
-ROOT = Path(__file__).resolve().parents[2]
-_spec = util.spec_from_file_location("calibration_photos", ROOT / "tests/core/calibration/calibration_photos.py")
-assert _spec is not None and _spec.loader is not None
-photos = util.module_from_spec(_spec)
-_spec.loader.exec_module(photos)
+from dgs.tests.core.calibration import calibration_photos as photos  # noqa: E402
 
 
 @pytest.fixture(autouse=True)

@@ -23,8 +23,7 @@ from dgs.dgs_addon.scene.states import STATE, add_states  # noqa: E402
 from dgs.dgs_addon.watch import Watch, twins_photos  # noqa: E402
 
 ROOT = Path(dgs.__path__[0])
-sys.path.insert(0, str(ROOT / "tests" / "command_line"))
-from scene import SIGMA, write_scene  # noqa: E402
+from dgs.tests.command_line.scene import SIGMA, write_scene  # noqa: E402
 
 NEW = ("phöto 03.png", "phöto 05.png")
 

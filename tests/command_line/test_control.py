@@ -8,10 +8,8 @@ from pathlib import Path
 import dgs
 import pytest
 from dgs.core.formats.ply import read_ply
+from dgs.tests.command_line.scene import HEIGHT, SIGMA, WIDTH, write_scene
 from PIL import Image
-
-sys.path.insert(0, str(Path(__file__).parent))
-from scene import HEIGHT, SIGMA, WIDTH, write_scene
 
 ROOT = Path(dgs.__file__).parent
 

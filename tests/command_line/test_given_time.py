@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 import time
 from pathlib import Path
 
@@ -18,9 +17,7 @@ from dgs.core.pipeline.reconstruct import reconstruct
 from dgs.core.progress import Silent
 from dgs.core.report.schema import problems
 from dgs.core.run_settings import ReconstructSettings
-
-sys.path.insert(0, str(Path(__file__).parent))
-from scene import SIGMA, write_scene
+from dgs.tests.command_line.scene import SIGMA, write_scene
 
 PSF = f"gaussian:{SIGMA}"
 

@@ -60,14 +60,14 @@ def test_no_command_prints_the_help(capsys):
 
 def test_help_names_units_and_loads_nothing_heavy():
     code = (
-        "import sys; sys.path.insert(0, sys.argv[1]); import run_dgs; run_dgs.mount_package()\n"
+        "import sys, run_dgs; run_dgs.mount_package()\n"
         "from dgs.command_line import run\n"
         "status = run(['reconstruct', '--help'])\n"
         "heavy = [m for m in ('torch', 'numba', 'scipy', 'pycolmap', 'numpy') if m in sys.modules]\n"
         "sys.exit(status or len(heavy))"
     )
     began = time.perf_counter()
-    done = subprocess.run([sys.executable, "-c", code, str(ROOT)], capture_output=True, text=True, timeout=60)
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=60)
     assert done.returncode == 0, done.stderr
     assert "px" in done.stdout and "default: 8" in done.stdout
     assert time.perf_counter() - began < 30

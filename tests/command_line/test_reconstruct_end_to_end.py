@@ -12,10 +12,8 @@ import numpy as np
 import pytest
 from dgs.core.formats.ply import read_ply
 from dgs.core.report.schema import problems
+from dgs.tests.command_line.scene import HEIGHT, SIGMA, WIDTH, write_scene
 from PIL import Image
-
-sys.path.insert(0, str(Path(__file__).parent))
-from scene import HEIGHT, SIGMA, WIDTH, write_scene
 
 ROOT = Path(dgs.__file__).parent
 PSF = f"gaussian:{SIGMA}"

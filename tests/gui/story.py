@@ -18,7 +18,7 @@ from typing import Any
 
 import bpy
 
-sys.path.insert(0, str(Path(__file__).parent))
+sys.path.insert(0, str(Path(__file__).parent))  # Blender runs this file where no package is
 from robot import Robot, Story, Tick
 
 FOLDER = Path(sys.argv[sys.argv.index("--") + 1])

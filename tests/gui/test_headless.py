@@ -16,8 +16,7 @@ import dgs
 import pytest
 
 ROOT = Path(dgs.__path__[0])
-sys.path.insert(0, str(ROOT / "tests" / "gui"))
-import window  # noqa: E402
+from dgs.tests.gui import window  # noqa: E402
 
 pytestmark = pytest.mark.timeout(600)
 SUITE = os.environ.get("DGS_WINDOW", "")

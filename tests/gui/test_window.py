@@ -18,8 +18,7 @@ import pytest
 from dgs.core.version import VERSION
 
 ROOT = Path(dgs.__path__[0])
-sys.path.insert(0, str(ROOT / "tests" / "gui"))
-import window  # noqa: E402
+from dgs.tests.gui import window  # noqa: E402
 
 pytestmark = pytest.mark.timeout(1200)
 SUITE = os.environ.get("DGS_WINDOW", "")

@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
-from pathlib import Path
 
 import pytest
 from dgs.studies.stability.case import Case, measured
-
-sys.path.insert(0, str(Path(__file__).parent))  # for `case_rows`
 
 
 @pytest.fixture

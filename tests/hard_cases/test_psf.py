@@ -1,7 +1,7 @@
 """Hard cases: psf. The cases themselves are in studies/stability/psf.py."""
 
 import pytest
-from case_rows import rows
+from dgs.tests.hard_cases.case_rows import rows
 
 
 @pytest.mark.parametrize(("one", "backend"), rows("psf"))

@@ -1,7 +1,7 @@
 """Hard cases: rasterizer. The cases themselves are in studies/stability/rasterizer.py."""
 
 import pytest
-from case_rows import rows
+from dgs.tests.hard_cases.case_rows import rows
 
 
 @pytest.mark.parametrize(("one", "backend"), rows("rasterizer"))

@@ -1,7 +1,7 @@
 """Hard cases: sfm. The cases themselves are in studies/stability/sfm.py."""
 
 import pytest
-from case_rows import rows
+from dgs.tests.hard_cases.case_rows import rows
 
 
 @pytest.mark.parametrize(("one", "backend"), rows("sfm"))

@@ -28,8 +28,7 @@ from dgs.dgs_addon.scene.twin import is_twin  # noqa: E402
 from mathutils import Matrix  # noqa: E402
 
 ROOT = Path(dgs.__path__[0])
-sys.path.insert(0, str(ROOT / "tests" / "command_line"))
-from scene import SIGMA, write_scene  # noqa: E402
+from dgs.tests.command_line.scene import SIGMA, write_scene  # noqa: E402
 
 
 @pytest.fixture(scope="module")
@@ -169,14 +168,13 @@ def test_another_file_lets_the_job_go_on_and_gets_nothing_of_it(scene: object, t
 
 
 _ORPHAN = """
-import sys; sys.path.insert(0, sys.argv[1])
-import run_dgs; run_dgs.mount_package()
+import sys, run_dgs; run_dgs.mount_package()
 import bpy, dgs, os
 from pathlib import Path
 dgs.register()
 from dgs.dgs_addon.job import runner
 from dgs.dgs_addon.job.request import Request
-photos, out, *arguments = sys.argv[2:]
+photos, out, *arguments = sys.argv[1:]
 job = runner.start(Request("reconstruct", Path(photos), Path(out), arguments), Path(sys.executable), bpy.context.scene)
 while not job.state.marks:
     runner.wait(0.05)
@@ -189,7 +187,8 @@ def test_the_engine_dies_with_its_blender_and_the_next_one_can_resume(scene: obj
     request = request_of("reconstruct", scene)
     out = tmp_path / "out"
     done = subprocess.run(
-        [sys.executable, "-c", _ORPHAN, str(ROOT), str(request.photos), str(out), *request.arguments],
+        [sys.executable, "-c", _ORPHAN, str(request.photos), str(out), *request.arguments],
+        cwd=ROOT,
         capture_output=True,
         text=True,
         timeout=120,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 import pytest
@@ -12,9 +11,8 @@ pytest.importorskip("bpy")
 import dgs
 
 ROOT = Path(dgs.__path__[0])
-sys.path[:0] = [str(ROOT / "tools"), str(ROOT / "tests" / "command_line")]
-import kill_engine  # noqa: E402
-from scene import write_scene  # noqa: E402
+from dgs.tests.command_line.scene import write_scene  # noqa: E402
+from dgs.tools import kill_engine  # noqa: E402
 
 
 @pytest.mark.timeout(1200)

@@ -3,7 +3,6 @@
 import json
 import subprocess
 import sys
-from importlib import util
 from pathlib import Path
 
 import numpy as np
@@ -11,12 +10,10 @@ import pytest
 from dgs.core.calibration.measure import measure_psf
 from dgs.core.errors import PsfError
 from dgs.core.imaging.psf import parse_psf, point_spread_from_samples
+from dgs.tests.core.calibration import calibration_photos as photos
 from PIL import Image
 
 ROOT = Path(__file__).resolve().parents[3]
-_spec = util.spec_from_file_location("calibration_photos", Path(__file__).with_name("calibration_photos.py"))
-photos = util.module_from_spec(_spec)
-_spec.loader.exec_module(photos)
 
 
 @pytest.mark.parametrize("sigma", [1.0, 2.0, 5.0])

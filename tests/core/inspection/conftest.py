@@ -1,14 +1,9 @@
 """A small synthetic scene, drawn once, and photos of it with known effects."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[3] / "benchmarks"))
-import effects as validation
-from effect_scenes import Truth, degrade, make_scene
+from dgs.benchmarks import effects as validation
+from dgs.benchmarks.effect_scenes import Truth, degrade, make_scene
 
 
 @pytest.fixture(scope="session")
@@ -37,6 +32,6 @@ def taken(scene):
 
 def picture(size=(256, 320), seed=0):
     """A plane of discs in [0, 1], linear scale-invariant, sharp."""
-    from effect_scenes import dead_leaves
+    from dgs.benchmarks.effect_scenes import dead_leaves
 
     return dead_leaves(np.random.default_rng(seed))[: size[0], : size[1]].astype(float)

@@ -72,8 +72,8 @@ def test_the_decision_follows_value_and_error():
 
 
 def test_the_command_prints_a_table_and_json_and_draws(tmp_path, scene, capsys):
+    from dgs.benchmarks.effect_scenes import Truth, degrade, write_set
     from dgs.command_line import run
-    from effect_scenes import Truth, degrade, write_set
 
     write_set(tmp_path / "set", scene, degrade(scene, Truth(exposure=0.15)))
     call = ["inspect", str(tmp_path / "set/photos"), "--threads", "1"]

@@ -1,10 +1,8 @@
 """Every photo's own path of motion: length and direction told, nothing invented, and no haze because of it."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
+from dgs.benchmarks.effect_scenes import Truth, own_paths
 from dgs.core.inspection.effects import haze
 from dgs.core.inspection.effects.motion import motion_of, paths_of
 from dgs.core.inspection.paths import PathFinder
@@ -12,9 +10,6 @@ from dgs.core.inspection.photo_set import PhotoSet
 from dgs.core.inspection.photometry import fit_photometry
 from dgs.core.inspection.tracks import WINDOW_SHARE, _narrowed, find_tracks
 from dgs.core.pipeline.effects.proposal import build
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[3] / "benchmarks"))
-from effect_scenes import Truth, own_paths
 
 
 @pytest.mark.parametrize("length", [6.0, 12.0])

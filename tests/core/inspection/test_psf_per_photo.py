@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from dgs.benchmarks.effect_scenes import Truth, own_sigmas
 from dgs.core.imaging.psf import parse_psf
 from dgs.core.inspection.psf_per_photo import psf_per_photo
-from effect_scenes import Truth, own_sigmas
 
 
 def test_equal_photos_share_their_blur(taken):

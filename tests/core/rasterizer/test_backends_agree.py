@@ -6,7 +6,15 @@ import pytest
 import torch
 from dgs.core.gaussians import Gaussians
 from dgs.core.rasterizer import RasterSettings, render
-from rasterizer_scenes import assert_same_image, gradients, joined, make_camera, random_scene, relative, single
+from dgs.tests.core.rasterizer.rasterizer_scenes import (
+    assert_same_image,
+    gradients,
+    joined,
+    make_camera,
+    random_scene,
+    relative,
+    single,
+)
 
 DEFAULTS = RasterSettings()
 #: Of colours around 1 in float32.

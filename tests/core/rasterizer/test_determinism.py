@@ -6,7 +6,7 @@ import pytest
 import torch
 from dgs.core import compiled
 from dgs.core.rasterizer import RasterSettings
-from rasterizer_scenes import gradients, make_camera, random_scene
+from dgs.tests.core.rasterizer.rasterizer_scenes import gradients, make_camera, random_scene
 
 
 @pytest.mark.parametrize("threads", [1, 2, 3])

@@ -9,7 +9,15 @@ import torch
 from dgs.core.constants import NEAR_PLANE
 from dgs.core.gaussians import Gaussians
 from dgs.core.rasterizer import RasterSettings, Rendered, render
-from rasterizer_scenes import assert_same_image, gradients, joined, make_camera, random_scene, relative, single
+from dgs.tests.core.rasterizer.rasterizer_scenes import (
+    assert_same_image,
+    gradients,
+    joined,
+    make_camera,
+    random_scene,
+    relative,
+    single,
+)
 from torch import Tensor
 
 

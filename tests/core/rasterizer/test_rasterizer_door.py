@@ -7,7 +7,7 @@ import torch
 from dgs.core.errors import DeviceError
 from dgs.core.rasterizer import RasterSettings, render
 from dgs.core.rasterizer.cuda import available
-from rasterizer_scenes import make_camera, random_scene
+from dgs.tests.core.rasterizer.rasterizer_scenes import make_camera, random_scene
 
 
 def test_auto_takes_the_reference_for_float64_and_cpu_for_float32() -> None:

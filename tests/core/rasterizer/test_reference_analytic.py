@@ -11,7 +11,7 @@ from dgs.core.camera import Camera
 from dgs.core.constants import LOW_PASS_VARIANCE
 from dgs.core.rasterizer import RasterSettings, render
 from dgs.core.rasterizer.harmonics import basis
-from rasterizer_scenes import joined, random_scene, relative, single
+from dgs.tests.core.rasterizer.rasterizer_scenes import joined, random_scene, relative, single
 from torch import Tensor
 
 

@@ -10,7 +10,7 @@ from dgs.core.gaussians import Gaussians
 from dgs.core.rasterizer import RasterSettings, render
 from dgs.core.rasterizer.projection import camera_pose
 from dgs.core.rigid_motion import moved_pose
-from rasterizer_scenes import make_camera, random_scene
+from dgs.tests.core.rasterizer.rasterizer_scenes import make_camera, random_scene
 from torch import Tensor
 
 SMOOTH = RasterSettings(alpha_minimum=0.0, depth=True)

@@ -11,7 +11,7 @@ from dgs.core.rasterizer import ScreenStatistics
 from dgs.core.training.density import TRANSPARENT, DensityControl
 from dgs.core.training.guards import drop_non_finite
 from dgs.core.training.optimizer import Adam
-from training_scenes import same
+from dgs.tests.core.training.training_scenes import same
 
 RATES = {"means": 1e-3, "log_scales": 2e-2, "quaternions": 3e-3, "opacity_logits": 0.1, "sh": 1e-2, "sh_rest": 5e-4}
 

@@ -14,7 +14,7 @@ from dgs.core.progress import Silent
 from dgs.core.rasterizer import RasterSettings, render
 from dgs.core.training.run import train
 from dgs.core.training.trainer import Trainer
-from training_scenes import SHORT, blurred_scene, photographed, psnr
+from dgs.tests.core.training.training_scenes import SHORT, blurred_scene, photographed, psnr
 
 PATH = 9.0
 

@@ -10,7 +10,7 @@ from dgs.core.progress import Silent
 from dgs.core.training.run import Trained, train
 from dgs.core.training.schedule import COOLING, Schedule
 from dgs.core.training.settings import TrainingSettings
-from training_scenes import SHORT, Scene, blurred_scene, same
+from dgs.tests.core.training.training_scenes import SHORT, Scene, blurred_scene, same
 
 SETTINGS = TrainingSettings(steps=100)
 

@@ -14,7 +14,7 @@ from dgs.core.training.grid import averaged, coarse_camera, grid_step
 from dgs.core.training.initial import first_gaussians
 from dgs.core.training.specks import speck_gradient, speck_price
 from dgs.core.training.variation import SMOOTH, variation_gradient
-from training_scenes import HEIGHT, WIDTH, camera_at, coloured_plane
+from dgs.tests.core.training.training_scenes import HEIGHT, WIDTH, camera_at, coloured_plane
 
 
 def project(camera, points):

@@ -12,7 +12,7 @@ from dgs.core.rasterizer import render
 from dgs.core.training import trainer as trainer_module
 from dgs.core.training.run import Trained, train
 from dgs.core.training.trainer import Trainer
-from training_scenes import SHORT, Scene, blurred_scene, moved, psnr, same
+from dgs.tests.core.training.training_scenes import SHORT, Scene, blurred_scene, moved, psnr, same
 
 
 @pytest.fixture(scope="module")

@@ -1,8 +1,5 @@
 """Cameras moved by the loss: one step on a known twin, and what a step must not do."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 import torch
@@ -11,9 +8,7 @@ from dgs.core.evaluation.poses import align_similarity
 from dgs.core.imaging.operator import BlurOperator
 from dgs.core.rasterizer import render
 from dgs.core.twin.pose_steps import equations, solved, twisted, without_gauge, zoomed
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "training"))
-from training_scenes import HEIGHT, WIDTH, blurred_scene, camera_at
+from dgs.tests.core.training.training_scenes import HEIGHT, WIDTH, blurred_scene, camera_at
 
 
 def looker(scene):

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,10 +15,8 @@ from dgs.core.twin.adjust import Sightings, adjusted, laid
 from dgs.core.twin.pose_steps import twisted
 from dgs.core.twin.refine_cameras import Nearer, refine_cameras
 from dgs.core.twin.shifts import shifts_between
+from dgs.tests.core.training.training_scenes import blurred_scene
 from scipy.ndimage import gaussian_filter, shift
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "training"))
-from training_scenes import blurred_scene
 
 PX = 100.0
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -20,11 +19,9 @@ from dgs.core.sfm.features import FEATURES
 from dgs.core.twin import register as module
 from dgs.core.twin.folder import Twin, open_twin
 from dgs.core.views import SparsePoints
+from dgs.tests.core.sfm.test_find_cameras import FOCAL, HEIGHT, SIGMA, WIDTH, cameras, photographed, texture
 from PIL import Image
 from scipy.ndimage import gaussian_filter
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "sfm"))
-from test_find_cameras import FOCAL, HEIGHT, SIGMA, WIDTH, cameras, photographed, texture
 
 COUNT, NEW = 9, (3, 6)
 WRITE = job.write_job

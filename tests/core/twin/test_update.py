@@ -14,11 +14,9 @@ from dgs.core.pipeline.update import UpdateSettings, update
 from dgs.core.progress import Silent
 from dgs.core.twin import history
 from dgs.core.twin.folder import open_twin
+from dgs.tests.command_line.scene import SIGMA, write_scene
 from PIL import Image
 from scipy.ndimage import gaussian_filter
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "command_line"))
-from scene import SIGMA, write_scene
 
 ROOT = Path(dgs.__file__).parent
 NEW = ("phöto 03.png", "phöto 05.png")

@@ -1,8 +1,6 @@
 """Detail that photos resolve through the blur, and which candidate covers most of it."""
 
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 import torch
@@ -10,9 +8,7 @@ from dgs.core.imaging.psf import PointSpread
 from dgs.core.uncertainty.coverage import Coverage
 from dgs.core.uncertainty.detail import Detail, passed
 from dgs.core.uncertainty.linear_model import LinearModel
-
-sys.path.insert(0, str(Path(__file__).parent))
-from uncertainty_scenes import camera, linear_model_at
+from dgs.tests.core.uncertainty.uncertainty_scenes import camera, linear_model_at
 
 NOISE = 0.02
 

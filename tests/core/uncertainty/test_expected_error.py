@@ -1,8 +1,6 @@
 """The expected error of sharp views: its parts, their weights, and whether it is about as large as the true one."""
 
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 import torch
@@ -10,9 +8,7 @@ from dgs.core.uncertainty.detail import OCTAVES, Detail
 from dgs.core.uncertainty.expected_error import PARTS, USUAL, ExpectedError, painted, steepness, weighed
 from dgs.core.uncertainty.linear_model import LinearModel
 from dgs.core.uncertainty.posterior import sample_posterior
-
-sys.path.insert(0, str(Path(__file__).parent))
-from uncertainty_scenes import camera, linear_model_at
+from dgs.tests.core.uncertainty.uncertainty_scenes import camera, linear_model_at
 
 NOISE = 0.01
 WHERE = [camera(x, look=0.0) for x in (-0.5, 0.0, 0.5)]

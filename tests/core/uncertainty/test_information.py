@@ -1,17 +1,12 @@
 """What the photos determine and what they leave open, against dense linear algebra and against common sense."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 import torch
 from dgs.core.uncertainty.candidates import candidates, looking_at, viewing_geometry
 from dgs.core.uncertainty.information_gain import carried, gain_of
 from dgs.core.uncertainty.posterior import sample_posterior
-
-sys.path.insert(0, str(Path(__file__).parent))
-from uncertainty_scenes import UP, camera, linear_model_at
+from dgs.tests.core.uncertainty.uncertainty_scenes import UP, camera, linear_model_at
 
 NOISE = 0.02
 

@@ -1,8 +1,6 @@
 """The ranking of candidates at a whole twin."""
 
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,10 +16,8 @@ from dgs.core.uncertainty.expected_error import USUAL
 from dgs.core.uncertainty.next_view import NextViewSettings, Observations, rank
 from dgs.core.uncertainty.pictures import draw_expected
 from dgs.core.views import SparsePoints, View
+from dgs.tests.core.uncertainty.uncertainty_scenes import camera, linear_model_at, plane
 from PIL import Image
-
-sys.path.insert(0, str(Path(__file__).parent))
-from uncertainty_scenes import camera, linear_model_at, plane
 
 QUICK = NextViewSettings(count=2, samples=3, iterations=3)
 

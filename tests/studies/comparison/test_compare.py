@@ -10,8 +10,7 @@ from dgs.studies.comparison.dataset import load_dataset
 from dgs.studies.comparison.measure import Measure
 from dgs.studies.comparison.methods import CHOSEN, LUCY_MEASURED, VARIATION, WIENER_MEASURED, methods
 from dgs.studies.comparison.settings import CompareSettings
-
-from .conftest import LINE_WIDTH, SIGMA
+from dgs.tests.studies.conftest import LINE_WIDTH, SIGMA
 
 METHODS = ("plain", "dgs", "oracle", WIENER_MEASURED, f"rl 5 {VARIATION}")
 

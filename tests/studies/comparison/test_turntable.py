@@ -93,8 +93,7 @@ def test_a_twin_is_rendered_as_the_trainer_saw_it(rendered_set, tmp_path):
     from dgs.core.formats.ply import write_ply
     from dgs.core.photos.load import load_photos
     from dgs.core.progress import Silent
-
-    from .conftest import wall
+    from dgs.tests.studies.conftest import wall
 
     photos = load_photos(rendered_set / "sharp", None, Silent())
     cameras = load_cameras(rendered_set / "cameras", photos)

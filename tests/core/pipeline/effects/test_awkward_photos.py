@@ -1,11 +1,11 @@
 """Photos that say little or nothing: inspection and choice go on, say so, and switch nothing on."""
 
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
+from dgs.benchmarks import effects as validation
+from dgs.benchmarks.effect_scenes import Truth, degrade, make_scene
 from dgs.core.imaging.medium import Medium
 from dgs.core.inspection.inspect import inspect_photos
 from dgs.core.inspection.photo_set import PhotoSet
@@ -16,10 +16,6 @@ from dgs.core.pipeline.effects.decision import SWITCHED
 from dgs.core.progress import Silent
 from dgs.core.reconstruction import Reconstruction
 from dgs.core.training.settings import TrainingSettings
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[4] / "benchmarks"))
-import effects as validation
-from effect_scenes import Truth, degrade, make_scene
 
 SETTINGS = TrainingSettings(steps=20, max_gaussians=1000, sh_degree=0, threads=1)
 

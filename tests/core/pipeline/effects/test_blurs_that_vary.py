@@ -1,12 +1,12 @@
 """Defocus and field blur through the pipeline: their size, what confirms them, and what they give back to the twin."""
 
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
+from dgs.benchmarks import effects as validation
+from dgs.benchmarks.effect_scenes import Truth, degrade, make_scene
 from dgs.core.errors import DgsError
 from dgs.core.imaging.formation.chain import Formation
 from dgs.core.imaging.formation.defocus import Defocus
@@ -22,10 +22,6 @@ from dgs.core.progress import Silent
 from dgs.core.training.run import train
 from dgs.core.training.scale import scene_scale
 from dgs.core.training.settings import TrainingSettings
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[4] / "benchmarks"))
-import effects as validation
-from effect_scenes import Truth, degrade, make_scene
 
 SETTINGS = TrainingSettings(steps=80, max_gaussians=2000, sh_degree=0, threads=1)
 #: Blur of the medium, and of the effects where they are largest, px.

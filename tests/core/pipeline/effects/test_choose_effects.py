@@ -1,11 +1,11 @@
 """Which effects a run simulates: what was asked, what the photos call for, what a trial confirms."""
 
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
+from dgs.benchmarks import effects as validation
+from dgs.benchmarks.effect_scenes import Truth, degrade, make_scene
 from dgs.core.errors import Cancelled, DgsError
 from dgs.core.imaging.formation.chain import Formation
 from dgs.core.imaging.formation.motion import motion_from
@@ -19,10 +19,6 @@ from dgs.core.pipeline.effects.matched import matched_psnr
 from dgs.core.progress import Silent
 from dgs.core.training.grid import coarse_view
 from dgs.core.training.settings import TrainingSettings
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[4] / "benchmarks"))
-import effects as validation
-from effect_scenes import Truth, degrade, make_scene
 
 SETTINGS = TrainingSettings(steps=30, max_gaussians=2000, sh_degree=0, threads=1)
 
