@@ -6,7 +6,7 @@ SHELL := /bin/bash
 PY := .venv/bin/python
 export PYTHON
 
-.PHONY: help setup demo test mutants stress lint format bench bench-sfm accuracy tradeoff paper extension window clean
+.PHONY: help setup demo test same mutants stress lint format bench bench-sfm accuracy tradeoff paper extension window clean
 
 help:  ## This list
 	@grep -E '^[a-z-]+:.*## ' Makefile | sed -E 's/:.*## /\t/' | expand -t 14
@@ -17,8 +17,11 @@ setup:  ## Create .venv with the pinned packages (at once if it is there)
 demo: setup  ## Render a small blurred set of a ball, reconstruct it, write a .blend (demo_output/)
 	@$(PY) -m tools.demo
 
-test: setup  ## All tests (less than 10 minutes on 2 cores); ARGS="-k word" goes to pytest
-	@tools/test.sh $(ARGS)
+test: setup  ## All tests, files side by side (less than 12 minutes on 2 cores); ARGS="-k word" goes to pytest
+	@$(PY) tools/test.py $(ARGS)
+
+same: setup  ## The same twins, to the bit, as the commit in tools/same_reference.txt? ARGS="--against COMMIT"
+	@$(PY) tools/same.py $(ARGS)
 
 mutants: setup  ## Break a copy of the tree in known ways: the tests of hard cases must see each (minutes)
 	@$(PY) -m tools.mutants $(ARGS)

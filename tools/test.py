@@ -1,0 +1,134 @@
+#!/usr/bin/env python3
+"""Runs all tests, several files side by side, and sums up.
+
+    .venv/bin/python tools/test.py [--jobs N] [pytest arguments]
+
+Packages without Blender's module run folder by folder; every other test file runs in a process of its own, because
+bpy keeps global state that a test file may not inherit. As many processes at a time as there are cores. What failed
+is printed whole, the rest in a line each. The last line is the sum of all: `N passed, N failed, N skipped`.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tempfile
+import time
+import xml.etree.ElementTree as ElementTree
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+#: Folders whose test files share a process (no bpy there).
+TOGETHER = ("tests/core", "tests/studies", "tests/command_line", "tests/hard_cases")
+#: Longest first, so that no long one is left alone at the end (seconds on two cores; others in any order).
+LONG = ("tests/core/pipeline", "tests/blender/job", "tests/hard_cases", "tests/core/sfm", "tests/core/training")
+#: pytest's status where no test was selected.
+NOTHING_SELECTED = 5
+
+
+@dataclass(frozen=True)
+class Ran:
+    """One process of pytest.
+
+    Attributes:
+        target: what it ran.
+        passed, failed, skipped: tests.
+        status: of the process.
+        seconds: wall time.
+        output: all it printed.
+    """
+
+    target: str
+    passed: int
+    failed: int
+    skipped: int
+    status: int
+    seconds: float
+    output: str
+
+    @property
+    def fine(self) -> bool:
+        """Whether nothing failed (no test selected is fine)."""
+        return self.status in (0, NOTHING_SELECTED) and not self.failed
+
+
+def targets() -> list[str]:
+    """What to run, the longest first."""
+    found: set[str] = set()
+    for file in (ROOT / "tests").rglob("test_*.py"):
+        name = file.relative_to(ROOT).as_posix()
+        together = next((folder for folder in TOGETHER if name.startswith(folder + "/")), None)
+        found.add(
+            name if together is None or file.parent == ROOT / "tests/core" else file.parent.relative_to(ROOT).as_posix()
+        )
+    return sorted(found, key=lambda name: (not name.startswith(LONG), not name.startswith("tests/blender"), name))
+
+
+def run(target: str, arguments: list[str]) -> Ran:
+    """Runs pytest on `target`, in a process of its own."""
+    environment = {**os.environ, "OMP_WAIT_POLICY": "passive"}
+    for name in ("BLENDER_USER_RESOURCES", "PYTHONPATH"):
+        environment.pop(name, None)
+    began = time.perf_counter()
+    with tempfile.TemporaryDirectory() as folder:
+        results = Path(folder) / "results.xml"
+        done = subprocess.run(
+            [sys.executable, "-m", "pytest", f"--junitxml={results}", target, *arguments],
+            cwd=ROOT,
+            env=environment,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            errors="replace",
+            check=False,
+        )
+        passed, failed, skipped = counts(results)
+    broken = done.returncode not in (0, 1, NOTHING_SELECTED)  # ended early: a crash counts as a failed test
+    return Ran(target, passed, failed + broken, skipped, done.returncode, time.perf_counter() - began, done.stdout)
+
+
+def counts(results: Path) -> tuple[int, int, int]:
+    """Passed, failed and skipped tests of a JUnit file; none if it was not written."""
+    if not results.is_file():
+        return 0, 0, 0
+    suites = ElementTree.parse(results).getroot().iter("testsuite")
+    total = failed = skipped = 0
+    for suite in suites:
+        total += int(suite.get("tests", 0))
+        failed += int(suite.get("failures", 0)) + int(suite.get("errors", 0))
+        skipped += int(suite.get("skipped", 0))
+    return total - failed - skipped, failed, skipped
+
+
+def main() -> int:
+    """Runs everything; 1 if anything failed or nothing ran."""
+    arguments, jobs = sys.argv[1:], len(os.sched_getaffinity(0))
+    if arguments[:1] == ["--jobs"]:
+        jobs, arguments = int(arguments[1]), arguments[2:]
+    began, all_ran = time.perf_counter(), []
+    with ThreadPoolExecutor(max(1, jobs)) as pool:
+        for ran in pool.map(lambda target: run(target, arguments), targets()):
+            all_ran.append(ran)
+            if ran.status == NOTHING_SELECTED:
+                continue
+            print(
+                f"{ran.target:52s} {ran.passed} passed, {ran.failed} failed, {ran.skipped} skipped {ran.seconds:.0f} s",
+                flush=True,
+            )
+            if not ran.fine:
+                print(ran.output, flush=True)
+    passed, failed, skipped = (sum(getattr(ran, name) for ran in all_ran) for name in ("passed", "failed", "skipped"))
+    broken = [ran.target for ran in all_ran if not ran.fine]
+    if broken:
+        print("Failed: " + ", ".join(broken))
+    print(f"All tests took {time.perf_counter() - began:.0f} s")
+    print(f"{passed} passed, {failed} failed, {skipped} skipped", flush=True)
+    return int(bool(broken) or not passed)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
