@@ -30,10 +30,10 @@ from dgs.core.reconstruction import Reconstruction
 from dgs.core.sfm.known import load_cameras
 from dgs.core.training.settings import TrainingSettings
 from dgs.core.training.trainer import Trainer
-from dgs.core.twin.consensus import laid_over
+from dgs.core.twin.consensus import align_view
 from dgs.core.twin.folder import open_twin
 from dgs.core.twin.pose_steps import twisted
-from dgs.core.twin.refine_cameras import Laying
+from dgs.core.twin.refine_cameras import ViewAligner
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -68,8 +68,8 @@ def score(folder: Path, truth: Reconstruction, sharp: TruthFolder) -> np.ndarray
     trainer = Trainer(held, [], twin.reconstruction.points, twin.medium, settings, start=twin.gaussians)
     found = []
     for view, on_grid in zip(held, trainer.levels[-1].views, strict=True):
-        laid_over(trainer, trainer.levels[-1], on_grid)
-        laid = Laying(trainer).world(view.camera, on_grid.camera, trainer.levels[-1].step)
+        align_view(trainer, trainer.levels[-1], on_grid)
+        laid = ViewAligner(trainer).world(view.camera, on_grid.camera, trainer.levels[-1].step)
         wanted = sharp.pixels(view.name)
         pair = []
         for camera in (view.camera, laid):

@@ -1,4 +1,4 @@
-"""Cameras and points laid where the photos see the points: bundle adjustment, held where the photos are silent.
+"""Bundle adjustment: cameras and points moved to where the photos see the points, held where the photos are silent.
 
 Gauss and Newton's steps, damped (Levenberg and Marquardt), the points eliminated by Schur's complement (Triggs et al.
 2000). What the photos determine only weakly - a dome under flat ground, the focal length against the distance - would
@@ -16,33 +16,55 @@ from scipy import sparse
 from scipy.spatial.transform import Rotation
 
 from ..camera import Camera
+from ..numbers import BY_DEFINITION, number
+from .pose_steps import twisted
 
 Floats = NDArray[np.float64]
 
-#: px by which a camera is expected to be off, along each of its axes and around them.
-LOOSE = 3.0
-#: Relative error that a focal length may have: it hides behind the distance, and runs away on blurred photos.
-LOOSE_FOCAL = 0.005
-#: Neighbouring sightings err together: so many tell as much as one alone.
-TOGETHER = 20.0
-#: Sightings that are off by more than so many typical errors count little (Geman and McClure's weights).
-FAR = 2.0
-ITERATIONS = 12
+
+@dataclass(frozen=True)
+class AdjustmentNumbers:
+    """Of the adjustment of cameras by what photos see in common."""
+
+    camera_prior: float = number(
+        3.0,
+        "px",
+        "by which a camera is expected to be off, along each of its axes and around them; smaller holds cameras"
+        " nearer to where they were",
+    )
+    focal_prior: float = number(
+        0.005,
+        "share",
+        "relative error that a focal length may have: it hides behind the distance, and runs away on blurred photos",
+    )
+    observations_per_fact: float = number(
+        20.0, "count", "neighbouring observations err together: so many count as much as one that stands alone"
+    )
+    outlier: float = number(
+        2.0, "typical errors", "observations that are off by more than this count little (Geman and McClure's weights)"
+    )
+    iterations: int = number(12, "count", "steps of an adjustment; half as many for one camera before fixed points")
+    damping: float = number(
+        1e-4, "share", "of the diagonal that is added at first (Levenberg and Marquardt)", BY_DEFINITION
+    )
+
+
+NUMBERS = AdjustmentNumbers()
 
 
 @dataclass(frozen=True)
-class Sightings:
+class Observations:
     """Points as photos see them.
 
     Attributes:
         camera, point: [K] which camera sees which point.
-        place: [K, 2] px from the optical axis.
+        position: [K, 2] px from the optical axis.
         error: [K] px, relative to each other.
     """
 
     camera: NDArray[np.int64]
     point: NDArray[np.int64]
-    place: Floats
+    position: Floats
     error: Floats
 
     def __len__(self) -> int:
@@ -58,23 +80,23 @@ class _State:
 
 
 def adjusted(
-    cameras: Sequence[Camera], points: Floats, seen: Sightings, focal: bool, loose: float = LOOSE
+    cameras: Sequence[Camera], points: Floats, seen: Observations, focal: bool, numbers: AdjustmentNumbers = NUMBERS
 ) -> tuple[list[Camera], float]:
-    """Cameras that explain the sightings, and what is left of them.
+    """Cameras that explain the observations, and what is left of them.
 
     Args:
         cameras: one focal length for all; points: [M, 3], each seen by two cameras at least.
         focal: whether the shared focal length may change.
 
     Returns:
-        The cameras, still with the freedom of a similarity, and the median px that sightings are off.
+        The cameras, still with the freedom of a similarity, and the median px that observations are off.
     """
-    problem = _Problem(cameras, seen, focal, loose)
+    problem = _Problem(cameras, seen, focal, numbers)
     state = _State(
         np.stack([c.rotation for c in cameras]), np.stack([c.translation for c in cameras]), points.copy(), 0.0
     )
-    damping = 1e-4
-    for _ in range(ITERATIONS):
+    damping = numbers.damping
+    for _ in range(numbers.iterations):
         weight = problem.weights(state)
         trial = problem.step(state, weight, damping)
         if problem.cost(trial, weight) < problem.cost(state, weight):
@@ -89,27 +111,30 @@ def adjusted(
 
 
 class _Problem:
-    def __init__(self, cameras: Sequence[Camera], seen: Sightings, focal: bool, loose: float) -> None:
+    def __init__(self, cameras: Sequence[Camera], seen: Observations, focal: bool, numbers: AdjustmentNumbers) -> None:
+        self.numbers = numbers
         self.seen, self.n, self.size = seen, len(cameras), 6 * len(cameras) + 1
         self.began = np.stack([c.rotation for c in cameras]), np.stack([c.translation for c in cameras])
         self.fx = np.array([c.fx for c in cameras])
         px = 1.0 / self.fx[:, None]
         # Along the view a camera moves twice as far for a px.
         pose = np.concatenate([px, px, 2 * px, px, px, px], axis=1).ravel()
-        self.pull = 1.0 / np.append(pose * loose, LOOSE_FOCAL if focal else 1e-9) ** 2
+        # Precisions of the prior that every camera is where it was.
+        self.prior = 1.0 / np.append(pose * numbers.camera_prior, numbers.focal_prior if focal else 1e-9) ** 2
 
     def residual(self, state: _State) -> tuple[Floats, Floats, Floats]:
         """[K, 2] px, [K, 3] points before the cameras, [K] focal lengths."""
         at, which = self.seen.camera, self.seen.point
         local = np.einsum("kab,kb->ka", state.rotation[at], state.points[which]) + state.translation[at]
         length = self.fx[at] * np.exp(state.zoom)
-        return self.seen.place - local[:, :2] / local[:, 2:] * length[:, None], local, length
+        return self.seen.position - local[:, :2] / local[:, 2:] * length[:, None], local, length
 
     def weights(self, state: _State) -> Floats:
         """[K] of the squares, in units of the typical error."""
         off = np.linalg.norm(self.residual(state)[0], axis=1) / self.seen.error
         typical = max(1.4826 * float(np.median(off)), 1e-6)
-        return 1.0 / ((1.0 + (off / (FAR * typical)) ** 2) * self.seen.error * typical) ** 2 / TOGETHER
+        far = off / (self.numbers.outlier * typical)
+        return 1.0 / ((1.0 + far**2) * self.seen.error * typical) ** 2 / self.numbers.observations_per_fact
 
     def drift(self, state: _State) -> Floats:
         """[6 n + 1] how far every camera is from where it began."""
@@ -119,9 +144,9 @@ class _Problem:
         return np.append(each.ravel(), state.zoom)
 
     def cost(self, state: _State, weight: Floats) -> float:
-        """Weighted squares of sightings and drift."""
+        """Weighted squares of residuals and drift."""
         rest = self.residual(state)[0]
-        return float((weight * (rest**2).sum(axis=1)).sum() + (self.pull * self.drift(state) ** 2).sum())
+        return float((weight * (rest**2).sum(axis=1)).sum() + (self.prior * self.drift(state) ** 2).sum())
 
     def step(self, state: _State, weight: Floats, damping: float) -> _State:
         """One damped step of all."""
@@ -144,12 +169,12 @@ class _Problem:
         block += damping * block * np.eye(3) + 1e-9 * np.eye(3)
         inverse = sparse.block_diag(list(np.linalg.inv(block)), format="csr")
         through = mixed @ inverse
-        pull_point = point_side.T @ right
-        matrix = (square - through @ mixed.T).toarray() + np.diag(self.pull)
+        point_gradient = point_side.T @ right
+        matrix = (square - through @ mixed.T).toarray() + np.diag(self.prior)
         matrix += damping * np.diag(square.diagonal())
-        vector = camera_side.T @ right - through @ pull_point - self.pull * self.drift(state)
+        vector = camera_side.T @ right - through @ point_gradient - self.prior * self.drift(state)
         move = np.linalg.solve(matrix, vector)
-        points = inverse @ (pull_point - mixed.T @ move)
+        points = inverse @ (point_gradient - mixed.T @ move)
         pose = move[:-1].reshape(self.n, 6)
         turn = Rotation.from_rotvec(pose[:, 3:]).as_matrix()
         return _State(
@@ -160,26 +185,27 @@ class _Problem:
         )
 
 
-def laid(camera: Camera, points: Floats, place: Floats, error: Floats, loose: float = LOOSE) -> Camera:
-    """One camera, where points [K, 3] that stay as they are lie at `place` [K, 2]; see `adjusted`."""
+def aligned_camera(
+    camera: Camera, points: Floats, position: Floats, error: Floats, numbers: AdjustmentNumbers = NUMBERS
+) -> Camera:
+    """One camera, where points [K, 3] that stay as they are are seen at `position` [K, 2]; see `adjusted`."""
     k = len(points)
-    seen = Sightings(np.zeros(k, np.int64), np.arange(k), place, error)
-    problem = _Problem([camera], seen, False, loose)
-    state = _State(camera.rotation[None], camera.translation[None], points, 0.0)
-    for _ in range(ITERATIONS // 2):
+    seen = Observations(np.zeros(k, np.int64), np.arange(k), position, error)
+    problem = _Problem([camera], seen, False, numbers)
+    found = camera
+    for _ in range(numbers.iterations // 2):
+        state = _State(found.rotation[None], found.translation[None], points, 0.0)
         weight = problem.weights(state)
         rest, local, length = problem.residual(state)
         by_camera = _derivatives(local, length)[1][:, :, :6]
-        matrix = np.einsum("k,kab,kac->bc", weight, by_camera, by_camera) + np.diag(problem.pull[:6])
-        vector = np.einsum("k,kab,ka->b", weight, by_camera, rest) - problem.pull[:6] * problem.drift(state)[:6]
-        move = np.linalg.solve(matrix, vector)
-        turn = Rotation.from_rotvec(move[3:]).as_matrix()
-        state = _State((turn @ state.rotation[0])[None], (turn @ state.translation[0] + move[:3])[None], points, 0.0)
-    return replace(camera, rotation=state.rotation[0], translation=state.translation[0])
+        matrix = np.einsum("k,kab,kac->bc", weight, by_camera, by_camera) + np.diag(problem.prior[:6])
+        vector = np.einsum("k,kab,ka->b", weight, by_camera, rest) - problem.prior[:6] * problem.drift(state)[:6]
+        found = twisted(found, np.linalg.solve(matrix, vector))
+    return found
 
 
 def _derivatives(local: Floats, length: Floats) -> tuple[Floats, Floats]:
-    """Of places [K, 2] in the points before the camera [K, 2, 3], and in the camera's twist and zoom [K, 2, 7]."""
+    """Of positions [K, 2] in the points before the camera [K, 2, 3], and in the camera's twist and zoom [K, 2, 7]."""
     k = len(local)
     x, y, z = local.T
     by_local = np.zeros((k, 2, 3))

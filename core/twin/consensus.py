@@ -1,52 +1,65 @@
 """Where each photo sees what all photos agree on.
 
-A short training makes a twin that is the photos' consensus. Each photo is laid over the twin's own view,
-rendered and blurred as the medium does; places on the twin's surface then are points that many photos see, each at
-its own shifted place. No features have to be found, and the blur is no obstacle, as both sides have it.
+A short training makes a twin that is the photos' consensus. Each photo is aligned with the twin's own view,
+rendered and blurred as the medium does; points on the twin's surface then are seen by many photos, each at
+its own shifted position. No features have to be found, and the blur is no obstacle, as both sides have it.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
+from ..numbers import number
 from ..rasterizer import render
 from ..training.grid import GridView
 from ..training.trainer import Level, Trainer
-from .adjust import Sightings, laid
+from .adjust import Observations, aligned_camera
 from .shifts import Shifts, shifts_between
 
 Floats = NDArray[np.float64]
 
-#: One point at most in a cell of so many grid px, or with so many cells along the shorter side; points in all, and px
-#: that they keep from the frame's edge.
-CELL, CELLS, MOST, EDGE = 24, 10, 1500, 8
-#: A point is seen where the twin's surface is no farther or nearer than this share; by so many photos at least.
-SAME_DEPTH, FEWEST = 0.03, 3
-#: A camera is laid by so many points at least.
-FEWEST_TO_LAY = 12
-#: Sightings that are less certain than this, or farther off, tell nothing, px.
-WORST_ERROR, LONGEST = 3.0, 12.0
-#: No window is laid better than this, px.
-BEST_ERROR = 0.05
+
+@dataclass(frozen=True)
+class ConsensusNumbers:
+    """Of the points that photos and twin are compared at."""
+
+    cell: int = number(24, "px of the grid", "one point at most in a square of this side")
+    cells: int = number(10, "count", "squares along the shorter side at least, on small grids")
+    points: int = number(1500, "count", "points in all: more make the adjustment slower, not more exact")
+    edge: int = number(8, "px of the grid", "points keep this from the frame's border, where shifts have half a window")
+    same_depth: float = number(
+        0.03, "share of the depth", "a point is seen where the twin's surface is no farther or nearer than this"
+    )
+    photos_per_point: int = number(3, "count", "photos that must see a point")
+    points_per_camera: int = number(12, "count", "points that a camera must see to be aligned")
+    largest_error: float = number(3.0, "px of the grid", "shifts that are less certain than this do not count")
+    largest_shift: float = number(12.0, "px of the grid", "shifts that are larger do not count")
+    smallest_error: float = number(0.05, "px of the grid", "no window is aligned better than this")
+    rounds: int = number(
+        3, "count", "a camera is aligned this often, each time with the twin seen from where it then is"
+    )
 
 
-def sightings(trainer: Trainer, seed: int) -> tuple[Floats, Sightings]:
+NUMBERS = ConsensusNumbers()
+
+
+def observations(trainer: Trainer, seed: int) -> tuple[Floats, Observations]:
     """[M, 3] points in the trainer's unit world, and where the finest grid's photos see them."""
     level = trainer.levels[-1]
-    looks = [_look(trainer, level, view) for view in level.views]
-    points = np.concatenate([_surface(view, *look) for view, look in zip(level.views, looks, strict=True)])
-    points = points[np.random.default_rng([seed, 4]).permutation(len(points))[:MOST]]
-    parts = [_seen(view, points, *look) for view, look in zip(level.views, looks, strict=True)]
+    found = [_shifts(trainer, level, view) for view in level.views]
+    points = np.concatenate([_surface(view, *one) for view, one in zip(level.views, found, strict=True)])
+    points = points[np.random.default_rng([seed, 4]).permutation(len(points))[: NUMBERS.points]]
+    parts = [_seen(view, points, *one) for view, one in zip(level.views, found, strict=True)]
     camera = np.repeat(np.arange(len(parts)), [len(part[0]) for part in parts])
-    point, place, error = (np.concatenate([part[k] for part in parts]) for k in range(3))
-    kept = np.bincount(point, minlength=len(points))[point] >= FEWEST
-    known, index = np.unique(point[kept], return_inverse=True)
-    return points[known], Sightings(camera[kept], index, place[kept], error[kept])
+    point, position, error = (np.concatenate([part[k] for part in parts]) for k in range(3))
+    kept = np.bincount(point, minlength=len(points))[point] >= NUMBERS.photos_per_point
+    used, index = np.unique(point[kept], return_inverse=True)
+    return points[used], Observations(camera[kept], index, position[kept], error[kept])
 
 
 def disagreement(trainer: Trainer) -> Floats:
@@ -54,25 +67,25 @@ def disagreement(trainer: Trainer) -> Floats:
     level = trainer.levels[-1]
     found = []
     for view in level.views:
-        look = _look(trainer, level, view)
-        points = _surface(view, *look)
-        index, place, _ = _seen(view, points, *look)
+        shifts, depth = _shifts(trainer, level, view)
+        points = _surface(view, shifts, depth)
+        index, position, _ = _seen(view, points, shifts, depth)
         camera = view.camera
         local = points[index] @ camera.rotation.T + camera.translation
-        off = np.linalg.norm(place - local[:, :2] / local[:, 2:] * [camera.fx, camera.fy], axis=1)
-        found.append(float(np.median(off)) * level.step if len(off) >= FEWEST_TO_LAY else np.nan)
+        off = np.linalg.norm(position - local[:, :2] / local[:, 2:] * [camera.fx, camera.fy], axis=1)
+        found.append(float(np.median(off)) * level.step if len(off) >= NUMBERS.points_per_camera else np.nan)
     return np.array(found)
 
 
-def laid_over(trainer: Trainer, level: Level, view: GridView, rounds: int = 3) -> None:
+def align_view(trainer: Trainer, level: Level, view: GridView) -> None:
     """Moves a view's camera to where the twin, as it is, shows what the photo does."""
-    for _ in range(rounds):
-        look = _look(trainer, level, view)
-        points = _surface(view, *look)
-        index, place, error = _seen(view, points, *look)
-        if len(index) < FEWEST_TO_LAY:
+    for _ in range(NUMBERS.rounds):
+        shifts, depth = _shifts(trainer, level, view)
+        points = _surface(view, shifts, depth)
+        index, position, error = _seen(view, points, shifts, depth)
+        if len(index) < NUMBERS.points_per_camera:
             return
-        view.camera = laid(view.camera, points[index], place, error)
+        view.camera = aligned_camera(view.camera, points[index], position, error)
 
 
 def shown(trainer: Trainer, level: Level, view: GridView) -> tuple[torch.Tensor, Floats]:
@@ -93,7 +106,7 @@ def shown(trainer: Trainer, level: Level, view: GridView) -> tuple[torch.Tensor,
     return picture, depth.cpu().numpy().astype(np.float64)
 
 
-def _look(trainer: Trainer, level: Level, view: GridView) -> tuple[Shifts, Floats]:
+def _shifts(trainer: Trainer, level: Level, view: GridView) -> tuple[Shifts, Floats]:
     """Shifts of the photo against the twin's blurred view, and [H, W] the twin's depth."""
     picture, depth = shown(trainer, level, view)
     return shifts_between(picture.cpu().numpy(), view.planes(), view.valid), depth
@@ -102,13 +115,14 @@ def _look(trainer: Trainer, level: Level, view: GridView) -> tuple[Shifts, Float
 def _surface(view: GridView, found: Shifts, depth: Floats) -> Floats:
     """[N, 3] points on the twin's surface, where each cell of the photo has most detail."""
     camera = view.camera
-    cell = max(4, min(CELL, min(depth.shape) // CELLS))
-    height, width = ((side - 2 * EDGE) // cell * cell for side in depth.shape)
-    inner = slice(EDGE, EDGE + height), slice(EDGE, EDGE + width)
+    edge = NUMBERS.edge
+    cell = max(4, min(NUMBERS.cell, min(depth.shape) // NUMBERS.cells))
+    height, width = ((side - 2 * edge) // cell * cell for side in depth.shape)
+    inner = slice(edge, edge + height), slice(edge, edge + width)
     cells = found.detail[inner].reshape(height // cell, cell, width // cell, cell).swapaxes(1, 2)
     best = cells.reshape(*cells.shape[:2], -1).argmax(axis=2)
-    row = (np.arange(cells.shape[0])[:, None] * cell + best // cell + EDGE).ravel()
-    column = (np.arange(cells.shape[1])[None, :] * cell + best % cell + EDGE).ravel()
+    row = (np.arange(cells.shape[0])[:, None] * cell + best // cell + edge).ravel()
+    column = (np.arange(cells.shape[1])[None, :] * cell + best % cell + edge).ravel()
     d = depth[row, column]
     local = np.stack([(column + 0.5 - camera.cx) / camera.fx * d, (row + 0.5 - camera.cy) / camera.fy * d, d], axis=1)
     points: Floats = (local[np.isfinite(d) & (d > 0)] - camera.translation) @ camera.rotation
@@ -117,18 +131,18 @@ def _surface(view: GridView, found: Shifts, depth: Floats) -> Floats:
 
 def _seen(view: GridView, points: Floats, found: Shifts, depth: Floats) -> tuple[NDArray[np.int64], Floats, Floats]:
     """Which points the photo sees, [K, 2] where (px from the optical axis), and [K] how certain that is."""
-    camera = view.camera
+    camera, edge = view.camera, NUMBERS.edge
     height, width = depth.shape
     local = points @ camera.rotation.T + camera.translation
     z = local[:, 2]
     safe = np.where(z > 0, z, 1.0)[:, None]
-    place = local[:, :2] / safe * [camera.fx, camera.fy] + [camera.cx, camera.cy]
-    inside = (z > 0) & (place > EDGE).all(axis=1) & (place < [width - EDGE, height - EDGE]).all(axis=1)
+    position = local[:, :2] / safe * [camera.fx, camera.fy] + [camera.cx, camera.cy]
+    inside = (z > 0) & (position > edge).all(axis=1) & (position < [width - edge, height - edge]).all(axis=1)
     index = np.flatnonzero(inside)
-    at = [place[index, 1] - 0.5, place[index, 0] - 0.5]
+    at = [position[index, 1] - 0.5, position[index, 0] - 0.5]
     here, error, x, y = (map_coordinates(p, at, order=1, mode="nearest") for p in (depth, found.error, *found.shift))
     shift = np.stack([x, y], axis=1)
-    good = (np.abs(here / z[index] - 1.0) < SAME_DEPTH) & (error < WORST_ERROR)
-    good &= np.linalg.norm(shift, axis=1) < LONGEST
-    where = place[index] + shift - [camera.cx, camera.cy]
-    return index[good], where[good], np.maximum(error[good], BEST_ERROR)
+    good = (np.abs(here / z[index] - 1.0) < NUMBERS.same_depth) & (error < NUMBERS.largest_error)
+    good &= np.linalg.norm(shift, axis=1) < NUMBERS.largest_shift
+    where = position[index] + shift - [camera.cx, camera.cy]
+    return index[good], where[good], np.maximum(error[good], NUMBERS.smallest_error)

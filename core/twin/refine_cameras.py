@@ -1,11 +1,11 @@
 """Cameras and Gaussians found together: the photos' own loss, through the blur, moves the cameras too.
 
-By turns a twin is trained shortly, each photo is laid over the twin's own blurred view (`consensus`), and all cameras
-move to where their photos see it (`adjust`). Then a short training runs twice from the same seed: with the cameras
-as they were, and with the refined ones. The refined ones are kept only if the photos then lie on their twin's views
-clearly better, and if photos that neither trained on, laid where they fit best, are not explained worse.
+By turns a twin is trained shortly, each photo is aligned with the twin's own blurred view (`consensus`), and all
+cameras move to where their photos see it (`adjust`). Then a short training runs twice from the same seed: with the
+cameras as they were, and with the refined ones. The refined ones are kept only if the photos then lie on their twin's
+views clearly better, and if photos that neither trained on, aligned where they fit best, are not explained worse.
 
-Blurred photos' brightness alone is no judge: where cameras of a real set were off by 2 px, it did not tell.
+Blurred photos' brightness alone is no judge: where cameras of a real set were off by 2 px, it did not show.
 """
 
 from __future__ import annotations
@@ -21,27 +21,52 @@ from numpy.typing import NDArray
 from ..camera import Camera
 from ..errors import Cancelled
 from ..imaging.medium import Medium
+from ..numbers import number
 from ..progress import Progress
 from ..training.grid import GridView
 from ..training.settings import TrainingSettings
 from ..training.trainer import Level, Trainer
 from ..views import SparsePoints, View
 from .adjust import adjusted
-from .consensus import disagreement, laid_over, shown, sightings
+from .consensus import align_view, disagreement, observations, shown
 from .pose_steps import without_gauge
 
-#: Every so many photos judges where none is held out.
-JUDGES_EVERY = 8
-#: Iterations and splats of the short trainings; cameras need the shape, not the last detail.
-STEPS, MOST_GAUSSIANS = 300, 15_000
-#: Steps of the cameras, each after a training of its own from nothing: a twin that was fitted to wrong cameras keeps
-#: them wrong.
-ROUNDS, ROUND_STEPS = 3, 200
-#: Photos must lie nearer to their twin's views by this factor: good cameras of four sets gave 0.99 to 1.06, cameras
-#: that were off by 2 px 0.17 to 0.52. Shifts below the second figure (px) are no shifts.
-CLEARLY_NEARER, LEAST_SHIFT = 0.8, 0.02
-#: Sightings that each photo must have on average.
-FEWEST_SIGHTINGS = 20
+#: What the docs' tables of refined cameras were made with.
+_BASIN = "ball (rendered) and copr, cameras shaken by 1 to 6 px (docs/twin.md)"
+
+
+@dataclass(frozen=True)
+class RefinementNumbers:
+    """Of the refinement of cameras by a twin."""
+
+    judges_every: int = number(8, "count", "every so many photos judges where none is held out")
+    steps: int = number(
+        300, "count", "iterations of the trainings that judge; cameras need the shape, not the last detail"
+    )
+    max_gaussians: int = number(15_000, "count", "splats of the short trainings; more take longer for detail unused")
+    rounds: int = number(
+        3,
+        "count",
+        "steps of the cameras, each after a training of its own from nothing: a twin that was fitted to wrong cameras"
+        " keeps them wrong",
+        _BASIN,
+    )
+    round_steps: int = number(200, "count", "iterations of each round's training", _BASIN)
+    clearly_nearer: float = number(
+        0.8,
+        "factor",
+        "photos must lie nearer to their twin's views by this: good cameras of four sets gave 0.99 to 1.06, cameras"
+        " that were off by 2 px 0.17 to 0.52",
+        _BASIN,
+        "sharp photos of copr, brighton, banana: left alone, at 0.94 to 1.04",
+    )
+    smallest_shift: float = number(0.02, "px", "shifts below this are no shifts")
+    observations_per_photo: int = number(
+        20, "count", "observations that photos must have on average; with fewer the cameras stay"
+    )
+
+
+NUMBERS = RefinementNumbers()
 
 
 @dataclass(frozen=True)
@@ -101,17 +126,18 @@ def refine_cameras(
         Cancelled: the user asked to stop.
     """
     if not judges:
-        judges = views[::JUDGES_EVERY]
-        views = [view for index, view in enumerate(views) if index % JUDGES_EVERY]
-    short = replace(settings, steps=STEPS, max_gaussians=min(settings.max_gaussians, MOST_GAUSSIANS), time_limit=None)
+        judges = views[:: NUMBERS.judges_every]
+        views = [view for index, view in enumerate(views) if index % NUMBERS.judges_every]
+    most = min(settings.max_gaussians, NUMBERS.max_gaussians)
+    short = replace(settings, steps=NUMBERS.steps, max_gaussians=most, time_limit=None)
     losses, cameras, placed, shifts = [], [], [], []
     moved = list(views)
     for moving in (False, True):
         if moving:
             moved = _agreed(views, points, medium, short, focal, progress)
         trainer = _trained(moved, points, medium, short, "refined cameras" if moving else "cameras as found", progress)
-        laying = Laying(trainer)
-        judged = [laying.judged(view) for view in judges]
+        aligner = ViewAligner(trainer)
+        judged = [aligner.judged(view) for view in judges]
         losses.append(np.array([loss for loss, _ in judged]) * 255.0**2)
         placed.append({view.name: camera for view, (_, camera) in zip(judges, judged, strict=True)})
         cameras.append({view.name: view.camera for view in moved})
@@ -150,8 +176,9 @@ class Nearer:
 
     @staticmethod
     def of(before: NDArray[np.float64], after: NDArray[np.float64]) -> Nearer:
-        """From [V] px each; photos that could not be laid are NaN."""
-        change = np.log(np.maximum(after, LEAST_SHIFT) / np.maximum(before, LEAST_SHIFT))
+        """From [V] px each; photos that could not be aligned are NaN."""
+        least = NUMBERS.smallest_shift
+        change = np.log(np.maximum(after, least) / np.maximum(before, least))
         change = change[np.isfinite(change)]
         if len(change) < 3:
             return Nearer(0.0, float("inf"))
@@ -160,7 +187,7 @@ class Nearer:
     @property
     def clear(self) -> bool:
         """Nearer by a fifth at least, and by more than chance."""
-        return bool(self.change < min(np.log(CLEARLY_NEARER), -3.0 * self.error))
+        return bool(self.change < min(np.log(NUMBERS.clearly_nearer), -3.0 * self.error))
 
 
 def _median(px: NDArray[np.float64]) -> float | None:
@@ -196,39 +223,40 @@ def _agreed(
     progress: Progress,
 ) -> list[View]:
     """The views with the cameras that their photos agree on, the world where it was."""
-    short = replace(settings, steps=ROUND_STEPS)
+    short = replace(settings, steps=NUMBERS.round_steps)
     views = list(views)
-    for index in range(ROUNDS):
-        trainer = _trained(views, points, medium, short, f"cameras by the loss, {index + 1} of {ROUNDS}", progress)
+    for index in range(NUMBERS.rounds):
+        stage = f"cameras by the loss, {index + 1} of {NUMBERS.rounds}"
+        trainer = _trained(views, points, medium, short, stage, progress)
         level = trainer.levels[-1]
         before = [view.camera for view in level.views]
-        places, seen = sightings(trainer, settings.seed + index)
-        if len(seen) < FEWEST_SIGHTINGS * len(views):
+        surface, seen = observations(trainer, settings.seed + index)
+        if len(seen) < NUMBERS.observations_per_photo * len(views):
             break  # the photos show too little in common; the judges decide on what there is
-        after, _ = adjusted(before, places, seen, focal)
-        laying = Laying(trainer)
+        after, _ = adjusted(before, surface, seen, focal)
+        aligner = ViewAligner(trainer)
         views = [
-            replace(view, camera=laying.world(view.camera, camera, level.step))
+            replace(view, camera=aligner.world(view.camera, camera, level.step))
             for view, camera in zip(views, without_gauge(before, after), strict=True)
         ]
     return views
 
 
-class Laying:
-    """Lays cameras at a trained twin."""
+class ViewAligner:
+    """Aligns photos with a trained twin: their cameras move, the twin stays."""
 
     def __init__(self, trainer: Trainer) -> None:
         self.trainer = trainer
 
     def judged(self, view: View) -> tuple[float, Camera]:
-        """A photo's mean squared residual at the finished twin, its camera laid where the twin fits it best."""
+        """A photo's mean squared residual at the finished twin, its camera moved to where the twin fits it best."""
         level = self.trainer.levels[-1]
         scale, medium = self.trainer.scale, self.trainer.medium
         on_grid = GridView(
             view, scale.camera_to_unit(view.camera), level.step, medium.psf_for(view.name), medium.blur_space
         )
         on_grid.camera = replace(on_grid.camera, fx=level.views[0].camera.fx, fy=level.views[0].camera.fy)
-        laid_over(self.trainer, level, on_grid)
+        align_view(self.trainer, level, on_grid)
         return self._error(level, on_grid), self.world(view.camera, on_grid.camera, level.step)
 
     def _error(self, level: Level, view: GridView) -> float:

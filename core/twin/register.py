@@ -22,7 +22,7 @@ from ..sfm.known import load_cameras
 from ..training.grid import GridView
 from .folder import Twin
 from .placing import COMPANIONS, Placing, shared_lens
-from .pose_steps import equations, solved, twisted
+from .pose_steps import photometric_step, twisted
 
 #: Old photos that tell how well the twin fits where a camera is right, and how many times worse a new one may fit
 #: before its camera is doubted; LEAST: half an 8-bit step, below which nothing is told apart.
@@ -41,9 +41,9 @@ def register(
 ) -> tuple[Reconstruction, bool]:
     """Cameras of new photos, and whether they are exact (else the twin itself, through the blur, should correct them).
 
-    Known ones are taken as they are (in the twin's world). Others find their place by matches with old photos, whose
+    Given ones are taken as they are (in the twin's world). Others find their place by matches with old photos, whose
     features lie on the twin's surface. Where one does not, structure from motion runs on the new photos and some of
-    the old ones, and its world is laid over the twin's by the old ones' cameras.
+    the old ones, and its world is aligned with the twin's by the old ones' cameras.
 
     Raises:
         CameraError: no new photo could be placed.
@@ -61,15 +61,15 @@ def register(
     psf = twin.medium.psf
     kernel = None if psf is None or psf.is_identity else psf.kernel()
     found = find_cameras([*chosen, *photos], kernel, SfmSettings(threads=threads), twin.folder / "sfm", progress)
-    known = {photo.name: twin.reconstruction.cameras()[photo.name] for photo in chosen}
+    before = {photo.name: twin.reconstruction.cameras()[photo.name] for photo in chosen}
     placed = found.cameras()
-    both = {name: camera for name, camera in placed.items() if name in known}
+    both = {name: camera for name, camera in placed.items() if name in before}
     if len(both) < 3:
         raise CameraError(
             "The new photos could not be tied to the twin: too few of its own photos were placed with them",
             "Take photos that overlap the old ones, or give their cameras with --cameras",
         )
-    similarity = align_similarity(both, known)
+    similarity = align_similarity(both, before)
     lens = shared_lens(twin.reconstruction)
     poses: dict[str, Pose] = {}
     for photo in photos:
@@ -166,9 +166,7 @@ def corrected(twin: Twin, reconstruction: Reconstruction, photos: list[Photo]) -
             if left < least:
                 best, least = camera, left
             if smooth is not None:
-                pull = equations(camera, photo, valid, look, with_focal=False, smooth=smooth)
-                (twist,), _ = solved([pull], False, [np.zeros(6)])
-                camera = twisted(camera, twist)
+                camera = twisted(camera, photometric_step(camera, photo, valid, look, smooth))
         translation = best.translation * twin.scale.size - best.rotation @ twin.scale.origin
         poses[view.name] = Pose(best.rotation, translation)
     return replace(reconstruction, poses=poses)

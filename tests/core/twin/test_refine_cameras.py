@@ -11,7 +11,7 @@ from dgs.core.evaluation.poses import align_similarity
 from dgs.core.progress import Silent
 from dgs.core.training.settings import TrainingSettings
 from dgs.core.twin import refine_cameras as refine_cameras_module
-from dgs.core.twin.adjust import Sightings, adjusted, laid
+from dgs.core.twin.adjust import NUMBERS, Observations, adjusted, aligned_camera
 from dgs.core.twin.pose_steps import twisted
 from dgs.core.twin.refine_cameras import Nearer, refine_cameras
 from dgs.core.twin.shifts import shifts_between
@@ -26,17 +26,17 @@ def camera(centre: list[float]) -> Camera:
     return Camera("", 200, 160, PX, PX, 100.0, 80.0, np.eye(3), -np.array(centre))
 
 
-def seen_by(cameras: list[Camera], points: np.ndarray) -> Sightings:
+def seen_by(cameras: list[Camera], points: np.ndarray) -> Observations:
     """Every camera sees every point, exactly."""
-    places = []
+    positions = []
     for c in cameras:
         local = points @ c.rotation.T + c.translation
-        places.append(local[:, :2] / local[:, 2:] * c.fx)
+        positions.append(local[:, :2] / local[:, 2:] * c.fx)
     n, m = len(cameras), len(points)
-    return Sightings(np.repeat(np.arange(n), m), np.tile(np.arange(m), n), np.concatenate(places), np.ones(n * m))
+    return Observations(np.repeat(np.arange(n), m), np.tile(np.arange(m), n), np.concatenate(positions), np.ones(n * m))
 
 
-def test_a_known_shift_is_found_to_a_tenth_of_a_px() -> None:
+def test_a_given_shift_is_found_to_a_tenth_of_a_px() -> None:
     picture = gaussian_filter(np.random.default_rng(0).normal(size=(3, 90, 120)), (0, 3, 3)) * 2 + 0.5
     photo = 0.9 * shift(picture, (0, 1.6, -2.3), order=3, mode="reflect") + 0.03  # darker: no shift
     found = shifts_between(picture, photo)
@@ -71,14 +71,14 @@ def test_adjustment_brings_shaken_cameras_back() -> None:
     assert off(found) < 0.25 * off(wrong)
 
 
-def test_one_camera_is_laid_where_points_are_seen_in_spite_of_outliers() -> None:
+def test_one_camera_moves_to_where_points_are_seen_in_spite_of_outliers() -> None:
     random = np.random.default_rng(2)
     truth = camera([0.0, 0.0, 0.0])
     points = np.stack([random.uniform(-1, 1, 80), random.uniform(-1, 1, 80), random.uniform(2.5, 4, 80)], 1)
-    place = seen_by([truth], points).place
-    place[:12] += 30.0
+    position = seen_by([truth], points).position
+    position[:12] += 30.0
     wrong = twisted(truth, np.array([0.03, -0.02, 0.02, 0.0, 0.01, 0.01]))
-    found = laid(wrong, points, place, np.ones(80), loose=30.0)
+    found = aligned_camera(wrong, points, position, np.ones(80), replace(NUMBERS, camera_prior=30.0))
     assert np.abs(found.translation - truth.translation).max() < 2e-3
 
 
@@ -90,8 +90,8 @@ def test_only_a_clear_gain_counts(after: list[float], clear: bool) -> None:
 
 
 def test_wrong_cameras_come_right_and_right_ones_stay(monkeypatch: pytest.MonkeyPatch) -> None:
-    for name, value in (("STEPS", 120), ("ROUND_STEPS", 80), ("ROUNDS", 2)):  # enough for 112 x 96 px
-        monkeypatch.setattr(refine_cameras_module, name, value)
+    short = replace(refine_cameras_module.NUMBERS, steps=120, round_steps=80, rounds=2)  # enough for 112 x 96 px
+    monkeypatch.setattr(refine_cameras_module, "NUMBERS", short)
     scene = blurred_scene(12, 2.0)
     settings = TrainingSettings(max_gaussians=1200, sh_degree=0, threads=1)
     random = np.random.default_rng(1)
