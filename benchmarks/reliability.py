@@ -18,7 +18,7 @@ import numpy as np
 import torch
 from dgs.core import compiled
 from dgs.core.uncertainty.detail import Detail
-from dgs.core.uncertainty.expected_error import PARTS, USUAL, ExpectedError
+from dgs.core.uncertainty.expected_error import PARTS, ExpectedError, ExpectedErrorSettings
 from dgs.core.uncertainty.information_gain import opened, spread
 from dgs.core.uncertainty.linear_model import Viewpoint
 from dgs.core.uncertainty.posterior import sample_posterior
@@ -62,7 +62,7 @@ def measure(case: Case, count: int, keep: dict[str, torch.Tensor] | None = None)
     shapes, errors = torch.cat(parts, dim=1), torch.cat(true)
     if keep is not None:
         keep.update(shapes=shapes, errors=errors)
-    weights = {"expected": model.weights, "usual weights": torch.tensor(USUAL)}
+    weights = {"expected": model.weights, "usual weights": torch.tensor(ExpectedErrorSettings().usual_weights)}
     curves = {name: tenths((w[:, None] * shapes).sum(dim=0), errors) for name, w in weights.items()}
     curves["colours only"] = tenths(torch.cat(alone), errors)
     return {"psnr": case.accuracy(trainer), "weights": dict(zip(PARTS, model.weights.tolist(), strict=True)), **curves}

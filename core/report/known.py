@@ -1,4 +1,4 @@
-"""The report's chapter on what a twin knows and what it guesses: views that nobody took, and how wrong they may be.
+"""The report's chapter on what photos determine and what is guessed: views that nobody took, and how wrong they may be.
 
 `next-view` writes it into the report of `reconstruct`, in place of what it wrote there before.
 """
@@ -15,45 +15,57 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..files import write_text
+from ..numbers import number
 from .pictures import jpeg
 
 #: What encloses the chapter in the page, and before what it goes.
 START, END, BEFORE = "<!-- known -->", "<!-- /known -->", "<h2>Cameras</h2>"
 #: Expected errors over the photos' own contrast at the ends and in the middle of the scale: at 1 the photos' mean
-#: colour would be as right. Its colours are those of the viewport: blue known, red guessed (told apart by
+#: colour would be as right. Its colours are those of the viewport: blue known, red guessed (distinguished by
 #: colour-blind eyes too).
 SCALE = (0.0, 0.5, 1.0)
 COLOURS = np.array([[34, 112, 181], [242, 230, 153], [214, 48, 38]], float)
-#: From this share of the contrast on a px is called guessed: half of its variance is not told.
-GUESSED = 0.7
-#: And where photos tell less than this of it, as splats that no photo saw from within 45 degrees.
-UNTOLD = 0.2
 #: Guessed px are hatched: lines so many px apart, over so much of the picture's brightness.
 HATCH, VEIL = 6, 0.55
 LONGEST_SIDE, QUALITY = 640, 85
 
 
 @dataclass(frozen=True)
-class Predicted:
+class GuessedSettings:
+    """When a px counts as guessed."""
+
+    error: float = number(
+        0.7, "share of the photos' contrast", "expected error from which half of the px's variance is not determined"
+    )
+    observed: float = number(
+        0.2, "share", "below it photos say too little, as of splats that no photo saw from within 45 degrees"
+    )
+
+
+GUESSED = GuessedSettings()
+
+
+@dataclass(frozen=True)
+class PredictedView:
     """A view that nobody took.
 
     Attributes:
         name: of the candidate; order: in which it is suggested.
         image: [H, W, 3] uint8, the twin's sharp view, sRGB.
         error: [H, W] expected rms error of its px over the rms contrast of the photos.
-        told: [H, W] how far photos tell what is seen there, 0 to 1.
+        observed: [H, W] how far photos determine what is seen there, 0 to 1.
     """
 
     name: str
     order: int
     image: NDArray[np.uint8]
     error: NDArray[np.floating]
-    told: NDArray[np.floating]
+    observed: NDArray[np.floating]
 
     @property
     def guessed(self) -> NDArray[np.bool_]:
-        """[H, W] px that the photos do not tell."""
-        return np.asarray((self.error > GUESSED) | (self.told < UNTOLD))
+        """[H, W] px that the photos do not determine."""
+        return np.asarray((self.error > GUESSED.error) | (self.observed < GUESSED.observed))
 
 
 def painted(error: NDArray[np.floating]) -> NDArray[np.uint8]:
@@ -61,7 +73,7 @@ def painted(error: NDArray[np.floating]) -> NDArray[np.uint8]:
     return np.stack([np.interp(error, SCALE, COLOURS[:, c]) for c in range(3)], axis=2).round().astype(np.uint8)
 
 
-def hatched(view: Predicted) -> NDArray[np.uint8]:
+def hatched(view: PredictedView) -> NDArray[np.uint8]:
     """[H, W, 3] the view, with lines over what is guessed."""
     image = view.image
     rows, columns = np.indices(image.shape[:2])
@@ -71,13 +83,13 @@ def hatched(view: Predicted) -> NDArray[np.uint8]:
     return np.where(view.guessed[..., None], veiled, image).round().astype(np.uint8)
 
 
-def chapter(views: Sequence[Predicted], measured: str) -> str:
+def chapter(views: Sequence[PredictedView], measured: str) -> str:
     """The chapter's HTML; `measured` says in a sentence where the expected errors come from."""
     parts = [
         START,
         "<h2>Known and guessed</h2>",
         '<p class="soft">Views that nobody took, in the order in which <code>next-view</code> suggests them. Hatched '
-        "is what the photos do not tell: none saw it from within 45 degrees, or their mean colour would be as right. "
+        "is what the photos do not show: none saw it from within 45 degrees, or their mean colour would be as right. "
         f"{html.escape(measured)}</p>",
     ]
     for view in views:
@@ -102,7 +114,7 @@ def chapter(views: Sequence[Predicted], measured: str) -> str:
     return "\n".join([*parts, END])
 
 
-def add_chapter(report: Path, views: Sequence[Predicted], measured: str) -> bool:
+def add_chapter(report: Path, views: Sequence[PredictedView], measured: str) -> bool:
     """Puts the chapter into a report, in place of an earlier one; False if there is no report that could take it.
 
     Raises:

@@ -12,17 +12,29 @@ from numpy.typing import NDArray
 
 from ..camera import Camera
 from ..errors import FormatError
+from ..formats.colmap import model_folder, read_model
+from ..formats.transforms import read_transforms
+from ..numbers import number
 
 CameraPath = Literal["rail", "orbit", "dome"]
 CAMERA_PATHS: tuple[CameraPath, ...] = ("rail", "orbit", "dome")
-#: A rail is offered this much beyond its ends, as a share of its length.
-BEYOND = 0.25
-#: Lowest and highest elevation of a dome's cameras, degrees above the horizon.
-LOWEST, HIGHEST = -10.0, 75.0
-#: Cameras that turn less than this (radians, about) do not show which way is up across their rows.
-LEAST_TURN = 0.05
 
 Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class CandidateSettings:
+    """Where candidates stand."""
+
+    rail_extension: float = number(0.25, "share of the rail's length", "how far a rail is offered beyond its ends")
+    lowest_elevation: float = number(-10.0, "deg", "of a dome's cameras; tables are seldom seen from below")
+    highest_elevation: float = number(75.0, "deg", "of a dome's cameras; straight down, 'upright' has no meaning")
+    minimum_turn: float = number(
+        0.05, "rad", "cameras that turn less do not show which way is up across their rows of px"
+    )
+
+
+DEFAULTS = CandidateSettings()
 
 
 @dataclass(frozen=True)
@@ -47,11 +59,11 @@ def viewing_geometry(cameras: Sequence[Camera]) -> ViewingGeometry:
     centres = np.array([camera.centre for camera in cameras])
     axes = np.array([camera.rotation[2] for camera in cameras])
     across = np.eye(3) - axes[:, :, None] * axes[:, None, :]
-    # Parallel axes meet nowhere: a little pull keeps the focus near the cameras' mean distance.
-    pull = 1e-6 * len(cameras) * np.eye(3)
+    # Parallel axes meet nowhere: a weak prior keeps the focus near the cameras' mean distance.
+    prior = 1e-6 * len(cameras) * np.eye(3)
     middle = centres.mean(axis=0)
-    meeting = (across @ centres[:, :, None])[:, :, 0].sum(axis=0) + pull @ middle
-    focus = np.linalg.solve(across.sum(axis=0) + pull, meeting)
+    meeting = (across @ centres[:, :, None])[:, :, 0].sum(axis=0) + prior @ middle
+    focus = np.linalg.solve(across.sum(axis=0) + prior, meeting)
     up = _up(cameras)
     rays = centres - focus
     distances = np.linalg.norm(rays, axis=1)
@@ -63,7 +75,7 @@ def _up(cameras: Sequence[Camera]) -> Floats:
     """Cameras that look down are tilted, but rarely rolled: up is across all their rows of px."""
     tilted = -np.array([camera.rotation[1] for camera in cameras]).mean(axis=0)
     _, sizes, axes = np.linalg.svd(np.array([camera.rotation[0] for camera in cameras]))
-    if len(sizes) > 2 and sizes[1] > LEAST_TURN * sizes[0] and sizes[2] < 0.5 * sizes[1]:
+    if len(sizes) > 2 and sizes[1] > DEFAULTS.minimum_turn * sizes[0] and sizes[2] < 0.5 * sizes[1]:
         up = axes[2] * np.sign(axes[2] @ tilted)
     else:
         up = tilted
@@ -100,7 +112,7 @@ def candidates(path: CameraPath, cameras: Sequence[Camera], count: int) -> list[
             heights = np.full(count, geometry.elevation)
         else:  # the golden angle spreads evenly (Fibonacci's sphere)
             angles = np.arange(count) * np.pi * (3.0 - 5.0**0.5)
-            low, high = np.sin(np.radians([LOWEST, HIGHEST]))
+            low, high = np.sin(np.radians([DEFAULTS.lowest_elevation, DEFAULTS.highest_elevation]))
             heights = np.arcsin(low + (high - low) * (np.arange(count) + 0.5) / count)
         flat = np.cos(angles)[:, None] * forward + np.sin(angles)[:, None] * right
         rays = np.cos(heights)[:, None] * flat + np.sin(heights)[:, None] * geometry.up
@@ -117,9 +129,6 @@ def candidates_from(file: Path, like: Camera) -> list[Camera]:
     Raises:
         FormatError: neither is there.
     """
-    from ..formats.colmap import model_folder, read_model
-    from ..formats.transforms import read_transforms
-
     if file.suffix.lower() == ".json" or (file / "transforms.json").is_file():
         lenses, poses = read_transforms(file)
     elif file.is_dir() and model_folder(file) is not None:
@@ -150,5 +159,5 @@ def _rail(centres: Floats, count: int) -> Floats:
     direction = np.linalg.svd(centres - middle)[2][0]
     along = (centres - middle) @ direction
     low, high = float(along.min()), float(along.max())
-    beyond = BEYOND * (high - low)
+    beyond = DEFAULTS.rail_extension * (high - low)
     return middle + np.linspace(low - beyond, high + beyond, count)[:, None] * direction

@@ -16,20 +16,31 @@ also counts by how far aside of all photos it stands, a little.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from .detail import OCTAVES, TURNS, Detail
+from ..numbers import number
+from .detail import Detail
 from .linear_model import Viewpoint
 
-#: Weight of standing aside, both in standard deviations over the candidates. Of what a training with each
-#: candidate truly gained (eight trainings of the benchmark's scenes, seeds of their own), the ranks' correlation was
-#: 0.44 without, 0.49 with 0.3, 0.50 with 0.6; a niche that only some sides show was found later with 0.6.
-ASIDE = 0.3
-#: Gaussians that stand for all; more change no order.
-SAMPLE = 8000
+
+@dataclass(frozen=True)
+class CoverageSettings:
+    """How candidates are scored."""
+
+    distance_weight: float = number(
+        0.3,
+        "standard deviations over the candidates",
+        "weight of the angle to the nearest photo beside the gain: of what a training with each candidate truly "
+        "gained, the ranks' correlation was 0.44 without, 0.49 with 0.3, 0.50 with 0.6; a niche that only some sides "
+        "show was found later with 0.6",
+        "the truth of 8 twins of the synthetic scenes of benchmarks/next_view.py, seeds 10 to 12",
+        "the whole choice only, seeds 0 to 4: distance alone is better on two of four scenes (docs/twin.md)",
+    )
+    sample: int = number(8000, "count", "Gaussians that stand for all; more change no order")
 
 
 class Coverage:
@@ -38,19 +49,25 @@ class Coverage:
     Args:
         detail: at the twin; wanted: viewpoints from which it may be looked at, such as all candidates.
         photos: viewpoints of those that are there.
+        seed: of the sample of Gaussians.
     """
 
     def __init__(
-        self, detail: Detail, wanted: Sequence[Viewpoint], photos: Sequence[Viewpoint] = (), seed: int = 0
+        self,
+        detail: Detail,
+        wanted: Sequence[Viewpoint],
+        photos: Sequence[Viewpoint] = (),
+        seed: int = 0,
+        settings: CoverageSettings = CoverageSettings(),
     ) -> None:
-        self.detail = detail
+        self.detail, self.settings = detail, settings
         count = len(detail.variance)
         generator = torch.Generator().manual_seed(seed)
-        self._rows = torch.randperm(count, generator=generator)[:SAMPLE].sort().values
+        self._rows = torch.randperm(count, generator=generator)[: settings.sample].sort().values
         self._towards = torch.stack([detail.rays(viewpoint)[0][self._rows] for viewpoint in wanted])
         size = torch.stack([detail.seen(viewpoint)[self._rows] for viewpoint in wanted])
         self._size = size * detail.variance[self._rows]
-        self._left = torch.ones((len(wanted), len(self._rows), len(OCTAVES)))
+        self._left = torch.ones((len(wanted), len(self._rows), len(detail.settings.octaves)))
         self._middle = self._focus(size.sum(dim=0))
         self._photos: list[Tensor] = []
         for viewpoint in photos:
@@ -76,14 +93,14 @@ class Coverage:
     def scores(self, viewpoints: Sequence[Viewpoint]) -> list[float]:
         """What candidates are worth beside each other; the best one is to be taken."""
         gains, asides = (np.array([f(viewpoint) for viewpoint in viewpoints]) for f in (self.gain, self.aside))
-        total = _standard(gains) + ASIDE * _standard(asides)
+        total = _standard(gains) + self.settings.distance_weight * _standard(asides)
         return [float(score) for score in total]
 
     def _by(self, viewpoint: Viewpoint) -> Tensor:
         """[E, sample, octaves] share that a photo there leaves unresolved of what may be looked at."""
         towards = self.detail.rays(viewpoint)[0][self._rows]
         angle = torch.arccos((self._towards * towards).sum(dim=2).clamp(-1.0, 1.0))
-        carried = torch.exp(-((angle[:, :, None] / torch.tensor(TURNS)).square()))
+        carried = torch.exp(-((angle[:, :, None] / self.detail.turns).square()))
         return 1.0 - self.detail.resolved(viewpoint)[self._rows] * carried
 
     def _direction(self, viewpoint: Viewpoint) -> Tensor:

@@ -12,7 +12,7 @@ f in the photo's own px: who stands farther off, or aslant, sees the same detail
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -21,26 +21,41 @@ from torch.nn.functional import avg_pool2d
 
 from ..constants import SH_C0
 from ..imaging.psf import PointSpread
+from ..numbers import BY_DEFINITION, number
 from ..rasterizer import render
 from .linear_model import LinearModel, Viewpoint
 
-#: Middles of the octaves, cycles per px of the views that are wanted: from half a cycle, all that a px can show, down
-#: to detail of 30 px, which the twin gets right from any photo.
-OCTAVES = (0.36, 0.18, 0.09, 0.045)
-#: Angles (radians) after which what a photo resolved of an octave is mostly open again, fine octaves first.
-TURNS = tuple(float(np.radians(degrees)) for degrees in (25.0, 30.0, 35.0, 45.0))
-#: Side (px) of the window in which the contrast around a px is taken: about two periods of the middle octaves.
-WINDOW = 7
-#: How much of the contrast is the scene's mean, the rest what photos show there: what looks plain may not be.
-MEAN_SHARE = 0.1
-#: What no photo shows is taken for like the nearest of what they show: so many neighbours, among so many Gaussians.
-NEIGHBOURS, AMONG = 8, 2000
-#: Rows of a table of distances at a time.
+#: Rows of a table of distances at a time: memory only.
 ROWS = 4096
-#: A Gaussian that covers less than this many px of all photos together is not seen.
-LEAST_SEEN = 0.05
-#: With so many px of all photos together, its own contrast counts.
-SHOWN = 1.0
+
+
+@dataclass(frozen=True)
+class DetailSettings:
+    """What detail is, and how far from one side to another it carries."""
+
+    octaves: tuple[float, ...] = number(
+        (0.36, 0.18, 0.09, 0.045),
+        "cycles/px of the views that are wanted",
+        "middles of the octaves: from half a cycle, all that a px can show, down to detail of 30 px, which the twin "
+        "gets right from any photo",
+        BY_DEFINITION,
+    )
+    turns: tuple[float, ...] = number(
+        (25.0, 30.0, 35.0, 45.0),
+        "deg",
+        "angles after which what a photo resolved of an octave is mostly open again, fine octaves first: depths are "
+        "never exact, and fine detail feels it first; other angles were tried without gain",
+        "the truth of 8 twins of the synthetic scenes of benchmarks/next_view.py, seeds 10 to 12",
+        "the whole choice only, seeds 0 to 4 of the same scenes; no real photos",
+    )
+    window: int = number(7, "px", "side of the window of local contrast: about two periods of the middle octaves")
+    mean_share: float = number(
+        0.1, "share", "of the scene's mean in the contrast, the rest is what photos show: what looks plain may not be"
+    )
+    neighbours: int = number(8, "count", "what no photo shows is taken for like so many nearest ones that photos show")
+    among: int = number(2000, "count", "Gaussians that such neighbours are sought among: speed only")
+    minimum_seen: float = number(0.05, "px", "a Gaussian that covers less of all photos together is not seen")
+    own_contrast_from: float = number(1.0, "px", "of all photos together, from which a Gaussian's own contrast counts")
 
 
 class Detail:
@@ -53,8 +68,16 @@ class Detail:
     """
 
     def __init__(
-        self, linear: LinearModel, noise: float, wanted: Sequence[Viewpoint], photos: Sequence[Viewpoint]
+        self,
+        linear: LinearModel,
+        noise: float,
+        wanted: Sequence[Viewpoint],
+        photos: Sequence[Viewpoint],
+        settings: DetailSettings = DetailSettings(),
     ) -> None:
+        self.settings = settings
+        self.octaves = torch.tensor(settings.octaves)
+        self.turns = torch.tensor(tuple(float(np.radians(degrees)) for degrees in settings.turns))
         self.linear, self.noise = linear, noise
         plain = torch.zeros((len(linear.gaussians), 1, 3))  # (a black Gaussian's own colour would have no gradient)
         self._plain = replace(linear.gaussians, sh=plain)
@@ -67,7 +90,7 @@ class Detail:
             sizes, pixels = sizes + size, pixels + size * pixel
             largest = torch.maximum(largest, size * pixel**2)
         anywhere = torch.stack([self.pixel(viewpoint) for viewpoint in wanted]).mean(dim=0)
-        self.largest, self.wanted_pixel = largest, torch.where(sizes > LEAST_SEEN, pixels / sizes, anywhere)
+        self.largest, self.wanted_pixel = largest, torch.where(sizes > settings.minimum_seen, pixels / sizes, anywhere)
         self.variance = self._contrast(photos)
 
     def weights(self, viewpoint: Viewpoint, planes: Sequence[Tensor]) -> list[Tensor]:
@@ -107,7 +130,7 @@ class Detail:
         """[N, octaves] share of the variance that a photo there resolves of what is seen from its side; kept."""
         if id(viewpoint) not in self._resolved:
             frequencies = self._frequencies(viewpoint)
-            signal = self.variance[:, None] / len(OCTAVES) * passed(viewpoint.psf, frequencies)
+            signal = self.variance[:, None] / len(self.octaves) * passed(viewpoint.psf, frequencies)
             noise = 1.5 * np.pi * frequencies.square() * self.noise**2
             visible = (self.seen(viewpoint) * self.pixel(viewpoint) ** 2 / self.largest).clamp(max=1.0)
             share = signal / (signal + noise)
@@ -116,7 +139,7 @@ class Detail:
 
     def _frequencies(self, viewpoint: Viewpoint) -> Tensor:
         scale = self.pixel(viewpoint) / self.wanted_pixel.clamp(min=1e-12)
-        return scale[:, None] * torch.tensor(OCTAVES)
+        return scale[:, None] * self.octaves
 
     def _contrast(self, photos: Sequence[Viewpoint]) -> Tensor:
         """[N] variance of the colours around each Gaussian, as the twin shows them where the photos look."""
@@ -125,27 +148,28 @@ class Detail:
             top, bottom = self.weights(viewpoint, [self.around(viewpoint), torch.ones_like(self.around(viewpoint))])
             total, covered = total + top, covered + bottom
         mean = total.sum() / covered.sum().clamp(min=1e-9)
-        shown = covered > SHOWN
-        local = torch.where(shown, total / covered.clamp(min=LEAST_SEEN), mean)
+        shown = covered > self.settings.own_contrast_from
+        local = torch.where(shown, total / covered.clamp(min=self.settings.minimum_seen), mean)
         rows_shown = torch.nonzero(shown)[:, 0]
-        rows_shown = rows_shown[:: max(1, len(rows_shown) // AMONG)]
+        rows_shown = rows_shown[:: max(1, len(rows_shown) // self.settings.among)]
         means = torch.nan_to_num(self.linear.gaussians.means)
         for rows in torch.nonzero(~shown)[:, 0].split(ROWS) if len(rows_shown) else ():
             apart = torch.cdist(means[rows], means[rows_shown])
-            near = rows_shown[apart.topk(min(NEIGHBOURS, len(rows_shown)), largest=False).indices]
+            near = rows_shown[apart.topk(min(self.settings.neighbours, len(rows_shown)), largest=False).indices]
             local[rows] = total[near].sum(dim=1) / covered[near].sum(dim=1)
-        return torch.nan_to_num(MEAN_SHARE * mean + (1.0 - MEAN_SHARE) * local).clamp(min=1e-6)
+        share = self.settings.mean_share
+        return torch.nan_to_num(share * mean + (1.0 - share) * local).clamp(min=1e-6)
 
     def around(self, viewpoint: Viewpoint) -> Tensor:
         """[H, W] variance of the sharp view in a window around each px, mean over the channels."""
         m, camera = self.linear.margin, viewpoint.camera
         frame = self.linear.unmoved(viewpoint)[:, m : m + camera.height, m : m + camera.width]
-        mean, square = (_pooled(x) for x in (frame, frame.square()))
+        mean, square = (_pooled(x, self.settings.window) for x in (frame, frame.square()))
         return torch.nan_to_num((square - mean.square()).clamp(min=0.0).mean(dim=0))
 
 
-def _pooled(planes: Tensor) -> Tensor:
-    return avg_pool2d(planes[None], WINDOW, 1, WINDOW // 2, count_include_pad=False)[0]
+def _pooled(planes: Tensor, window: int) -> Tensor:
+    return avg_pool2d(planes[None], window, 1, window // 2, count_include_pad=False)[0]
 
 
 def passed(psf: PointSpread | None, frequencies: Tensor) -> Tensor:

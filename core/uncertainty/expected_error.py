@@ -12,7 +12,8 @@ stands behind was never seen. Each part predicts a variance of the sharp view's 
     rest       the same everywhere
 
 Their weights are those under which the held-out photos' residuals, seen through the blur, are most likely (each px
-Gaussian with the weighed variance), drawn towards `USUAL` by so much as `TRUST` px would. Truth is used nowhere.
+Gaussian with the weighed variance), drawn towards the usual ones by as much as `trust` patches would.
+Truth is used nowhere.
 """
 
 from __future__ import annotations
@@ -25,23 +26,41 @@ from torch import Tensor
 from torch.nn.functional import avg_pool2d, pad
 
 from ..constants import SH_C0
+from ..numbers import BY_DEFINITION, number
 from ..rasterizer import render
-from .detail import LEAST_SEEN, OCTAVES, TURNS, Detail
+from .detail import Detail
 from .information_gain import opened, spread
 from .linear_model import LinearModel, Viewpoint
 from .posterior import Posterior
 
 PARTS = ("colours", "placed", "depth", "detail", "empty", "rest")
-#: Weights under which the true errors of trained twins were most likely: about the medians of 18 trainings of two of
-#: the benchmark's scenes (seeds of their own); 'placed' and 'depth' are px^2 of shift, 'rest' is of a step of 1/100.
-USUAL = (0.07, 0.5, 2.4, 0.1, 1.6, 0.1)
-#: The usual weights count as much as so many patches of held-out photos: on those 18, 300 to 1000 did equally well.
-TRUST = 500.0
-#: Residuals are averaged over patches of so many px: neighbours are wrong together, and say no more than one.
-PATCH = 3
-REST = 1e-4
-#: Rounds of the fit: the weights have settled to a per cent.
-ROUNDS = 100
+
+
+@dataclass(frozen=True)
+class ExpectedErrorSettings:
+    """How the parts are weighed."""
+
+    usual_weights: tuple[float, ...] = number(
+        (0.07, 0.5, 2.4, 0.1, 1.6, 0.1),
+        "share, px^2, px^2, share, share, (1/100)^2",
+        "of `PARTS`: under which the true errors of trained twins were most likely, about the medians; 'placed' and "
+        "'depth' are px^2 of shift, 'rest' is of a step of 1/100",
+        "the truth of 18 trainings of two synthetic scenes (uneven, niche; seeds 10 to 12)",
+        "five scenes, seeds 0 to 4 (benchmarks/reliability.py): 82 % of tenths within a factor of 1.5; one real set",
+    )
+    trust: float = number(
+        500.0,
+        "patches",
+        "of held-out photos that the usual weights count for: 300 to 1000 did equally well",
+        "the same 18 trainings",
+        "the same as the usual weights",
+    )
+    patch: int = number(3, "px", "residuals are averaged over patches: neighbours are wrong together and count once")
+    rest: float = number(1e-4, "sRGB^2", "variance that 'rest' predicts with weight 1: a step of 1/100", BY_DEFINITION)
+    rounds: int = number(100, "count", "of the fit: the weights have settled to a per cent")
+
+
+DEFAULTS = ExpectedErrorSettings()
 
 
 @dataclass(frozen=True)
@@ -67,7 +86,7 @@ class ExpectedError:
 
     def __init__(self, detail: Detail, posterior: Posterior, taken: Sequence[Viewpoint], variance: float) -> None:
         self.detail, self.posterior, self.taken, self.variance = detail, posterior, list(taken), variance
-        self.weights = torch.tensor(USUAL)
+        self.weights = torch.tensor(DEFAULTS.usual_weights)
         self.patches = 0
 
     @property
@@ -87,7 +106,7 @@ class ExpectedError:
         blurred, sharp = spreads
         inner = (slice(None), slice(m, m + camera.height), slice(m, m + camera.width))
         own, seen = steepness(linear.unmoved(viewpoint)[inner]), steepness(linear.photo(viewpoint))
-        empty, rest = (1.0 - alpha) * self.variance, torch.full_like(alpha, REST)
+        empty, rest = (1.0 - alpha) * self.variance, torch.full_like(alpha, DEFAULTS.rest)
         return Shapes(
             _finite([sharp[inner].mean(dim=0), own, own * values[2], values[0], empty, rest]),
             _finite([blurred.mean(dim=0), seen, seen * values[2], values[1], empty, rest]),
@@ -121,25 +140,25 @@ class ExpectedError:
     def _unresolved(self, viewpoint: Viewpoint) -> tuple[Tensor, Tensor]:
         """[N, octaves] share of the detail seen from here that no photo resolved; [N] sin^2 to the nearest."""
         here = self.detail.rays(viewpoint)[0]
-        left, nearest = torch.ones((len(here), len(OCTAVES))), torch.zeros(len(here))
+        left, nearest = torch.ones((len(here), len(self.detail.octaves))), torch.zeros(len(here))
         for photo in self.taken:
             cosine = (here * self.detail.rays(photo)[0]).sum(dim=1).clamp(-1.0, 1.0)
-            carried = torch.exp(-((torch.arccos(cosine)[:, None] / torch.tensor(TURNS)).square()))
+            carried = torch.exp(-((torch.arccos(cosine)[:, None] / self.detail.turns).square()))
             left = torch.minimum(left, 1.0 - self.detail.resolved(photo) * carried)
-            sees = self.detail.seen(photo) > LEAST_SEEN
+            sees = self.detail.seen(photo) > self.detail.settings.minimum_seen
             nearest = torch.where(sees, torch.maximum(nearest, cosine), nearest)
         return left, 1.0 - nearest.square()
 
 
-def weighed(shapes: Tensor, residuals: Tensor, trust: float = TRUST) -> Tensor:
+def weighed(shapes: Tensor, residuals: Tensor, trust: float = DEFAULTS.trust) -> Tensor:
     """Weights w >= 0 of [K, M] variances under which [M] squared residuals are most likely.
 
     Fixed points of w <- w sqrt((w sum c r / v^2 + t) / (w sum c / v + t w / w0)), v = sum w c: the likelihood's own
     multiplicative rule (Fevotte et al. 2009), with t patches that say w0.
     """
-    usual = torch.tensor(USUAL)
+    usual = torch.tensor(DEFAULTS.usual_weights)
     weights = usual.clone()
-    for _ in range(ROUNDS):
+    for _ in range(DEFAULTS.rounds):
         variance = (weights[:, None] * shapes).sum(dim=0).clamp(min=1e-9)
         raised = weights * (shapes * (residuals / variance.square())).sum(dim=1)
         lowered = weights * (shapes / variance).sum(dim=1)
@@ -171,8 +190,9 @@ def steepness(picture: Tensor) -> Tensor:
 
 def _patches(planes: Tensor) -> Tensor:
     """[..., H, W] -> [..., H / 3, W / 3] means."""
+    side = DEFAULTS.patch
     batch = planes.reshape(1, -1, *planes.shape[-2:])
-    return avg_pool2d(batch, PATCH).reshape(*planes.shape[:-2], planes.shape[-2] // PATCH, planes.shape[-1] // PATCH)
+    return avg_pool2d(batch, side).reshape(*planes.shape[:-2], planes.shape[-2] // side, planes.shape[-1] // side)
 
 
 def _finite(parts: list[Tensor]) -> Tensor:

@@ -21,12 +21,25 @@ import torch
 from torch import Tensor
 
 from ..constants import SH_C0
+from ..numbers import number
 from ..rasterizer import render
-from .linear_model import COLOUR, LinearModel, Viewpoint
+from .linear_model import PRIOR, LinearModel, Viewpoint
 from .posterior import Posterior
 
-#: Angle (radians) after which a surface seen from another side is mostly open: relief, gloss, occlusion.
-TURN = np.radians(35.0)
+
+@dataclass(frozen=True)
+class InformationGainSettings:
+    """How far what was seen carries, and what counts as guessed."""
+
+    turn: float = number(
+        35.0, "deg", "angle after which a surface seen from another side is mostly open: relief, gloss, occlusion"
+    )
+    guessed_share: float = number(
+        0.5, "share of the prior's variance", "from which a px is guessed: photos say less of it than they leave open"
+    )
+
+
+DEFAULTS = InformationGainSettings()
 
 
 @dataclass(frozen=True)
@@ -60,7 +73,7 @@ def carried(linear: LinearModel, posterior: Posterior, taken: Sequence[Viewpoint
         cosine = torch.where(posterior.seen[index], (towards(photo) * here).sum(dim=1), -1.0)
         nearest = torch.maximum(nearest, cosine)
     angle = torch.arccos(nearest.clamp(-1.0, 1.0))
-    return torch.exp(-((angle / TURN) ** 2)).float()
+    return torch.exp(-((angle / np.radians(DEFAULTS.turn)) ** 2)).float()
 
 
 def opened(linear: LinearModel, posterior: Posterior, taken: Sequence[Viewpoint], viewpoint: Viewpoint) -> Tensor:
@@ -96,7 +109,7 @@ def gain_of(
     if not np.isfinite(bits + fall):
         bits = fall = 0.0
     shown = _alpha(linear, viewpoint) > 0.5
-    limit = 0.5 * COLOUR**2
+    limit = DEFAULTS.guessed_share * PRIOR.colour**2
     m = linear.margin
     inner = sharp.mean(dim=0)[m : m + shown.shape[0], m : m + shown.shape[1]]
     guessed = float((inner[shown] > limit).float().mean()) if bool(shown.any()) else 1.0

@@ -21,12 +21,26 @@ from ..constants import SH_C0
 from ..gaussians import Gaussians
 from ..imaging.operator import BlurOperator
 from ..imaging.psf import PointSpread
+from ..numbers import BY_DEFINITION, number
 from ..rasterizer import RasterSettings, render
 
-#: Prior standard deviation of a colour in [0, 1]: contrast of ordinary detail around its mean.
-COLOUR = 0.2
-#: Step of the difference in units of the prior: small, so that few colours meet zero; far above float32's noise.
-DIFFERENCE = 0.01
+
+@dataclass(frozen=True)
+class PriorSettings:
+    """What is assumed of a colour before any photo, and how its effect on a photo is computed."""
+
+    colour: float = number(
+        0.2, "sRGB in [0, 1]", "prior standard deviation of a colour: contrast of ordinary detail around its mean"
+    )
+    difference: float = number(
+        0.01,
+        "prior standard deviations",
+        "step of the difference of two renders: small, so that few colours meet zero; far above float32's noise",
+        BY_DEFINITION,
+    )
+
+
+PRIOR = PriorSettings()
 
 
 @dataclass(frozen=True)
@@ -98,9 +112,9 @@ class LinearModel:
         """c J x: [3, H + 2m, W + 2m] change of the sharp frame."""
         with torch.no_grad():
             sh = self.gaussians.sh.clone()
-            sh[:, 0] += step * (DIFFERENCE * COLOUR / SH_C0)
+            sh[:, 0] += step * (PRIOR.difference * PRIOR.colour / SH_C0)
             moved = self.frame(replace(self.gaussians, sh=sh), viewpoint)
-            return (moved - self.unmoved(viewpoint)) / DIFFERENCE
+            return (moved - self.unmoved(viewpoint)) / PRIOR.difference
 
     def apply(self, step: Tensor, viewpoint: Viewpoint) -> Tensor:
         """H c J x: [3, H, W] change of the photo."""
@@ -116,7 +130,7 @@ class LinearModel:
             counted = change if viewpoint.valid is None else change * viewpoint.valid
             upstream = self.blur(viewpoint).adjoint(counted.contiguous()).contiguous()
             (gradient,) = torch.autograd.grad(image, sh, upstream, retain_graph=index + 1 < len(changes))
-            out.append(torch.nan_to_num(gradient[:, 0], 0.0, 0.0, 0.0) * (COLOUR / SH_C0))
+            out.append(torch.nan_to_num(gradient[:, 0], 0.0, 0.0, 0.0) * (PRIOR.colour / SH_C0))
         return out
 
     def diagonal(self, viewpoints: Sequence[Viewpoint], generator: torch.Generator, probes: int = 1) -> Tensor:

@@ -12,6 +12,7 @@ from torch import Tensor
 
 from ..camera import Camera
 from ..errors import Cancelled
+from ..numbers import number
 from ..progress import Progress
 from ..rasterizer import RasterSettings
 from ..training.grid import coarse_camera
@@ -23,12 +24,20 @@ from .information_gain import InformationGain, gain_of, observed_share, opened, 
 from .linear_model import LinearModel, Viewpoint
 from .posterior import Posterior, sample_posterior
 
-#: Long side in px of the grid that gains are computed on at most: what a view adds changes slowly.
-GRID = 320
-#: Candidates that stand for where the twin may be looked at from, at most.
-WANTED = 48
-#: Held-out photos by which the expected error is measured, at most: each costs as much as a candidate.
-HELD = 8
+
+@dataclass(frozen=True)
+class NextViewLimits:
+    """What bounds the time: more of each changes the ranking little."""
+
+    grid: int = number(320, "px", "long side of the grid for gains, at most: what a view adds changes slowly")
+    wanted: int = number(48, "count", "candidates that stand for where the twin may be looked at from, at most")
+    held: int = number(
+        8, "count", "held-out photos that measure the expected error, at most: each costs as much as a candidate"
+    )
+    residual_photos: int = number(12, "count", "photos that noise and contrast are read from, at most")
+
+
+LIMITS = NextViewLimits()
 
 
 @dataclass(frozen=True)
@@ -94,7 +103,7 @@ class Observations:
         twin: the twin; `through_blur` False leaves the point spread out.
     """
 
-    def __init__(self, twin: Twin, through_blur: bool = True, grid: int = GRID) -> None:
+    def __init__(self, twin: Twin, through_blur: bool = True, grid: int = LIMITS.grid) -> None:
         camera = twin.views[0].camera
         self.twin = twin
         self.step = max(twin.step, -(-max(camera.width, camera.height) // grid))
@@ -117,7 +126,7 @@ class Observations:
         It scales all that follows from the photos, so that no truth is needed; rounding is the least there can be.
         """
         errors = []
-        for view in views[:: max(1, len(views) // 12)]:
+        for view in views[:: max(1, len(views) // LIMITS.residual_photos)]:
             viewpoint = Viewpoint(view.camera, view.psf)
             error = (self.linear.photo(viewpoint) - torch.from_numpy(view.planes())).square()
             errors.append(float(error.mean() if view.valid is None else error[:, torch.from_numpy(view.valid)].mean()))
@@ -150,12 +159,12 @@ class Observations:
                 ),
                 torch.from_numpy(v.planes()),
             )
-            for v in views[:: max(1, -(-len(views) // HELD))]
+            for v in views[:: max(1, -(-len(views) // LIMITS.held))]
         ]
 
     def contrast(self) -> float:
         """Variance of the photos' px, sRGB^2."""
-        some = self.views[:: max(1, len(self.views) // 12)]
+        some = self.views[:: max(1, len(self.views) // LIMITS.residual_photos)]
         return float(np.mean([view.planes().var(axis=(1, 2)).mean() for view in some]))
 
     def posterior(self, taken: Sequence[Viewpoint], settings: NextViewSettings, progress: Progress) -> Posterior:
@@ -201,7 +210,7 @@ def rank(twin: Twin, candidates: Sequence[Camera], settings: NextViewSettings, p
     progress.stage("information", settings.samples)
     posterior = observations.posterior(taken, settings, progress)
     progress.stage("candidates", len(left))
-    wanted = list(viewpoints.values())[:: max(1, -(-len(viewpoints) // WANTED))]
+    wanted = list(viewpoints.values())[:: max(1, -(-len(viewpoints) // LIMITS.wanted))]
     detail = Detail(linear, observations.noise, wanted, taken)
     coverage = Coverage(detail, wanted, taken, settings.seed)
     expected = ExpectedError(detail, posterior, taken, observations.contrast())

@@ -10,10 +10,12 @@ from torch import Tensor
 
 from ..files import make_folder
 from ..photos.write import write_png
-from ..report.known import Predicted, hatched, painted
+from ..report.known import PredictedView, hatched, painted
 
 
-def draw_expected(folder: Path, views: Mapping[str, tuple[Tensor, Tensor, Tensor]], contrast: float) -> list[Predicted]:
+def draw_expected(
+    folder: Path, views: Mapping[str, tuple[Tensor, Tensor, Tensor]], contrast: float
+) -> list[PredictedView]:
     """Writes NAME.png per view: the twin's sharp view | with guessed parts hatched | its expected error in colours.
 
     Args:
@@ -32,7 +34,7 @@ def draw_expected(folder: Path, views: Mapping[str, tuple[Tensor, Tensor, Tensor
     out = []
     for order, (name, (sharp, deviation, observed)) in enumerate(views.items(), start=1):
         image = np.round(sharp.numpy().clip(0.0, 1.0).transpose(1, 2, 0) * 255.0).astype(np.uint8)
-        view = Predicted(name, order, image, deviation.numpy() / max(contrast, 1e-6), observed.numpy())
+        view = PredictedView(name, order, image, deviation.numpy() / max(contrast, 1e-6), observed.numpy())
         panels = np.concatenate([view.image, hatched(view), painted(view.error)], axis=1)
         write_png(folder / f"{Path(name).stem}.png", np.ascontiguousarray(panels))
         out.append(view)

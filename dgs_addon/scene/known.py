@@ -1,4 +1,4 @@
-"""What a twin knows and what it guesses, as an attribute and as colours."""
+"""What the photos determine of a twin and what is guessed, as an attribute and as colours."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from .twin import BASE, OWN
 
 #: Point attribute: 1 where the photos fix a splat's colour, 0 where it is guessed.
 KNOWN = "known"
-#: sRGB colours of guessed, half known and known splats (told apart by colour-blind eyes too).
+#: sRGB colours of guessed, half known and known splats (colour-blind eyes distinguish them too).
 RAMP = np.array([[0.84, 0.19, 0.15], [0.95, 0.90, 0.60], [0.13, 0.44, 0.71]], np.float32)
 
 
@@ -42,7 +42,7 @@ def add_known(twin: Any, path: Path) -> None:
 
 
 def show_known(twin: Any, on: bool) -> None:
-    """Paints the splats by what is known (red guessed, blue known), or gives them their own colours back.
+    """Paints the splats by how far photos determine them (red guessed, blue known), or in their own colours.
 
     The twin's own colours are kept beside; exports always write those.
     """

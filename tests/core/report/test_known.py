@@ -1,4 +1,4 @@
-"""The report's chapter on what is known and what is guessed."""
+"""The report's chapter on what photos determine and what is guessed."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from dgs.core.report.known import (
     END,
     GUESSED,
     START,
-    Predicted,
+    PredictedView,
     add_chapter,
     drop_chapter,
     hatched,
@@ -21,12 +21,12 @@ from dgs.core.report.known import (
 PAGE = f"<h1>Report</h1>\n{BEFORE}\n<p>cameras</p>\n"
 
 
-def view(name: str) -> Predicted:
+def view(name: str) -> PredictedView:
     error = np.zeros((30, 40), np.float32)
     error[:, 20:] = 1.2
-    told = np.ones((30, 40), np.float32)
-    told[:15, :10] = 0.1
-    return Predicted(name, 1, np.full((30, 40, 3), 128, np.uint8), error, told)
+    observed = np.ones((30, 40), np.float32)
+    observed[:15, :10] = 0.1
+    return PredictedView(name, 1, np.full((30, 40, 3), 128, np.uint8), error, observed)
 
 
 def test_the_chapter_goes_in_once_and_is_replaced(tmp_path: Path) -> None:
@@ -59,4 +59,4 @@ def test_guessed_px_are_hatched_and_red_and_known_ones_stay() -> None:
     for lines in (marked[:, 20:].astype(int), marked[:15, :10].astype(int)):
         assert len(np.unique(lines.reshape(-1, 3), axis=0)) == 2 and (lines[..., 0] > lines[..., 1]).any()
     assert (colours[:, :20] == COLOURS[0]).all() and (colours[:, 20:] == COLOURS[2]).all()
-    assert GUESSED < 1.2
+    assert GUESSED.error < 1.2

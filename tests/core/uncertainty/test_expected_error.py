@@ -4,13 +4,14 @@ from dataclasses import replace
 
 import pytest
 import torch
-from dgs.core.uncertainty.detail import OCTAVES, Detail
-from dgs.core.uncertainty.expected_error import PARTS, USUAL, ExpectedError, painted, steepness, weighed
+from dgs.core.uncertainty.detail import Detail
+from dgs.core.uncertainty.expected_error import PARTS, ExpectedError, ExpectedErrorSettings, painted, steepness, weighed
 from dgs.core.uncertainty.linear_model import LinearModel
 from dgs.core.uncertainty.posterior import sample_posterior
 from dgs.tests.core.uncertainty.uncertainty_scenes import camera, linear_model_at
 
 NOISE = 0.01
+USUAL = ExpectedErrorSettings().usual_weights
 WHERE = [camera(x, look=0.0) for x in (-0.5, 0.0, 0.5)]
 HELD, ELSEWHERE = camera(0.25, look=0.0), camera(-0.25, look=0.0)
 
@@ -60,7 +61,7 @@ def test_what_no_photo_resolved_is_open_and_the_blur_hides_it():
     assert float(same.sharp[depth][middle].max()) < 0.01 * float(aside.sharp[depth][middle].max())
     for shapes in (same, aside):
         assert float(shapes.photo[detail][middle].mean()) < 0.7 * float(shapes.sharp[detail][middle].mean())
-    assert model.detail.resolved(linear.viewpoints[0]).shape == (len(linear.gaussians), len(OCTAVES))
+    assert model.detail.resolved(linear.viewpoints[0]).shape == (len(linear.gaussians), len(model.detail.octaves))
 
 
 def off_by(shift):

@@ -12,13 +12,14 @@ from dgs.core.reconstruction import Figures, Reconstruction
 from dgs.core.run_settings import ReconstructSettings
 from dgs.core.training.scale import scene_scale
 from dgs.core.twin.folder import Twin
-from dgs.core.uncertainty.expected_error import USUAL
+from dgs.core.uncertainty.expected_error import ExpectedErrorSettings
 from dgs.core.uncertainty.next_view import NextViewSettings, Observations, rank
 from dgs.core.uncertainty.pictures import draw_expected
 from dgs.core.views import SparsePoints, View
 from dgs.tests.core.uncertainty.uncertainty_scenes import camera, linear_model_at, plane
 from PIL import Image
 
+USUAL = ExpectedErrorSettings().usual_weights
 QUICK = NextViewSettings(count=2, samples=3, iterations=3)
 
 
