@@ -7,13 +7,13 @@ that tests and the engine can import this package where there is no Blender.
 
 def register() -> None:
     """Adds the add-on's operators, panels and properties to Blender."""
-    from . import dgs_addon
+    from . import dgs_addon, operators, panels  # late: bpy
 
-    dgs_addon.register()
+    dgs_addon.register(operators, panels)
 
 
 def unregister() -> None:
     """Takes everything out again that `register` added."""
-    from . import dgs_addon
+    from . import dgs_addon, operators, panels  # late: bpy
 
-    dgs_addon.unregister()
+    dgs_addon.unregister(operators, panels)

@@ -11,13 +11,12 @@ from typing import Any
 _registered: list[type] = []
 
 
-def register() -> None:
-    """Adds classes and menu entries; does nothing if they are there already."""
+def register(operators: Any, panels: Any) -> None:
+    """Adds the classes and menu entries of the two packages; does nothing if they are there already."""
     if _registered:
         return
     import bpy
 
-    from .. import operators, panels
     from .properties import register_properties
     from .translations import register_translations
 
@@ -32,13 +31,12 @@ def register() -> None:
     bpy.app.handlers.load_post.append(go_on)
 
 
-def unregister() -> None:
+def unregister(operators: Any, panels: Any) -> None:
     """Takes everything out again in reverse order; does nothing if it is out already."""
     if not _registered:
         return
     import bpy
 
-    from .. import operators, panels
     from . import exact
     from .engine import install
     from .job import estimate, inspection, pictures, runner, watching
