@@ -71,6 +71,10 @@ class OutputError(DgsError):
     """The result cannot be written (full disk, no permission)."""
 
 
+class FolderInUse(OutputError):
+    """Another process works on the same folder."""
+
+
 class DeviceError(DgsError):
     """The asked device or back end is not there."""
 

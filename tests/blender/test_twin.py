@@ -22,13 +22,7 @@ from dgs.core.formats.ply import read_ply, write_ply  # noqa: E402
 from dgs.core.views import SparsePoints  # noqa: E402
 from dgs.dgs_addon.axes import points_to_blender  # noqa: E402
 from dgs.dgs_addon.scene.crop import add_crop_box, crop_box  # noqa: E402
-from dgs.dgs_addon.scene.nodes import (  # noqa: E402
-    CROP_INPUT,
-    THRESHOLD_INPUT,
-    VIEWPORT_INPUT,
-    set_splat_input,
-    splat_modifier,
-)
+from dgs.dgs_addon.scene.nodes import CROP_INPUT, THRESHOLD_INPUT, VIEWPORT_INPUT, set_splat_input, splat_modifier  # noqa: E402
 from dgs.dgs_addon.scene.points import add_points  # noqa: E402
 from dgs.dgs_addon.scene.twin import add_twin, is_twin, read_twin  # noqa: E402
 from mathutils import Matrix  # noqa: E402

@@ -1,0 +1,65 @@
+"""One process at a time works on a folder."""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from filelock import FileLock, Timeout
+
+from .errors import FolderInUse
+from .files import make_folder, output_error
+
+#: Held by the operating system for as long as the process lives, so that none is left behind by a kill.
+LOCK = ".lock"
+#: Who holds it, to be read by others.
+OWNER = ".lock-owner.json"
+
+
+@contextmanager
+def locked(folder: Path, task: str) -> Iterator[None]:
+    """Nobody else works on `folder` until the block ends; the lock of a process that died is taken over.
+
+    Args:
+        folder: made if it is not there.
+        task: what this process does with it, for the message that others get.
+
+    Raises:
+        FolderInUse: another process works on it. OutputError: the lock cannot be written.
+    """
+    make_folder(folder)
+    lock = FileLock(folder / LOCK, timeout=0)
+    try:
+        lock.acquire()
+    except Timeout as error:
+        raise FolderInUse(
+            f"Another process works on '{folder}'{_owner(folder)}", "Wait until it ends, or choose another folder"
+        ) from error
+    except OSError as error:
+        raise output_error(folder / LOCK, error) from error
+    try:
+        _sign(folder, task)
+        yield
+    finally:
+        (folder / OWNER).unlink(missing_ok=True)
+        lock.release()
+
+
+def _sign(folder: Path, task: str) -> None:
+    facts = {"process": os.getpid(), "task": task, "since": time.strftime("%Y-%m-%d %H:%M:%S")}
+    try:
+        (folder / OWNER).write_text(json.dumps(facts), "utf-8")
+    except OSError as error:
+        raise output_error(folder, error) from error
+
+
+def _owner(folder: Path) -> str:
+    try:
+        facts = json.loads((folder / OWNER).read_text("utf-8"))
+        return f": process {int(facts['process'])}, {facts['task']!s:.60}, since {facts['since']!s:.20}"
+    except (OSError, ValueError, KeyError, TypeError):  # just begun, or written by something else
+        return ""

@@ -1,0 +1,122 @@
+"""A change of a folder happens whole or not at all, wherever it is cut off."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+from dgs.core.errors import OutputError
+from dgs.core.transaction import changing, recover
+from dgs.tests.crashes import crashes
+
+
+def state(folder: Path) -> dict[str, str]:
+    """Every file's content by name, hidden ones left out only if they are empty folders."""
+    return {p.relative_to(folder).as_posix(): p.read_text("utf-8") for p in folder.rglob("*") if p.is_file()}
+
+
+def begin(folder: Path) -> dict[str, str]:
+    """The folder as it is before."""
+    shutil.rmtree(folder, ignore_errors=True)
+    (folder / "cameras").mkdir(parents=True)
+    for name in ("twin.ply", "report.json", "cameras/a.txt", "cameras/b.txt", "update.json"):
+        (folder / name).write_text(f"old {name}", "utf-8")
+    return state(folder)
+
+
+def change(folder: Path) -> None:
+    """Two files replaced, a folder replaced, a file and a state added, one removed."""
+    with changing(folder) as new:
+        for name in ("twin.ply", "report.json", "history/000/twin.ply"):
+            new.new(name).write_text(f"new {name}", "utf-8")
+        cameras = new.new("cameras")
+        cameras.mkdir()
+        (cameras / "a.txt").write_text("new a", "utf-8")
+        new.remove("update.json")
+        new.remove("was never there")
+
+
+AFTER = {
+    "twin.ply": "new twin.ply",
+    "report.json": "new report.json",
+    "history/000/twin.ply": "new history/000/twin.ply",
+    "cameras/a.txt": "new a",
+}
+
+
+def test_a_change_happens_whole(tmp_path):
+    begin(tmp_path / "t")
+    change(tmp_path / "t")
+    assert state(tmp_path / "t") == AFTER
+    assert recover(tmp_path / "t") is None
+
+
+def test_an_error_inside_leaves_everything_as_it_was(tmp_path):
+    before = begin(tmp_path / "t")
+    with pytest.raises(ZeroDivisionError), changing(tmp_path / "t") as new:
+        new.new("twin.ply").write_text("half")
+        raise ZeroDivisionError
+    assert state(tmp_path / "t") == before
+
+
+def test_an_announced_file_that_was_not_written_is_refused(tmp_path):
+    before = begin(tmp_path / "t")
+    with pytest.raises(OutputError, match="not written"), changing(tmp_path / "t") as new:
+        new.new("twin.ply")
+    assert state(tmp_path / "t") == before
+
+
+@pytest.mark.parametrize("name", ["../a", "/a", "a/../../b", "", "c:\\a", "a\\b"])
+def test_names_stay_inside(tmp_path, name):
+    with pytest.raises(ValueError, match="inside"), changing(tmp_path) as new:
+        new.new(name)
+
+
+def test_killed_at_every_file_operation_it_is_as_before_or_as_after(tmp_path):
+    folder, outcomes = tmp_path / "t", []
+    before = begin(folder)
+    for _ in crashes(lambda: change(folder), folder, "kill", OutputError):
+        recover(folder)
+        found = state(folder)
+        assert found in (before, AFTER)
+        outcomes.append(found == AFTER)
+        assert not [p for p in folder.iterdir() if p.name.startswith(".")]
+        begin(folder)
+    assert outcomes == sorted(outcomes)
+    assert outcomes.count(False) > 8
+    assert outcomes.count(True) > 8
+
+
+def test_killed_again_while_it_recovers(tmp_path):
+    folder, count = tmp_path / "t", 0
+    before = begin(folder)
+    for first in crashes(lambda: change(folder), folder, "kill", OutputError):
+        kept = tmp_path / "kept"
+        shutil.rmtree(kept, ignore_errors=True)
+        shutil.copytree(folder, kept)
+        for _ in crashes(lambda: recover(folder), folder, "kill", OutputError):
+            recover(folder)
+            assert state(folder) in (before, AFTER), first
+            count += 1
+            shutil.rmtree(folder)
+            shutil.copytree(kept, folder)
+        begin(folder)
+    assert count > 50
+
+
+def test_a_full_disk_at_every_file_operation(tmp_path):
+    folder = tmp_path / "t"
+    before = begin(folder)
+    for _ in crashes(lambda: change(folder), folder, "full", OutputError):
+        recover(folder)
+        assert state(folder) in (before, AFTER)
+        begin(folder)
+
+
+def test_a_damaged_list_is_explained(tmp_path):
+    begin(tmp_path)
+    (tmp_path / ".change-commit" / "new").mkdir(parents=True)
+    (tmp_path / ".change-commit" / "list.json").write_text('{"format": 1, "place": ["../x"], "remove": []}')
+    with pytest.raises(OutputError, match="unfinished change"):
+        recover(tmp_path)
