@@ -6,7 +6,7 @@ SHELL := /bin/bash
 PY := .venv/bin/python
 export PYTHON
 
-.PHONY: help setup demo test same mutants stress lint format bench bench-sfm accuracy tradeoff paper extension window clean
+.PHONY: help setup demo test same mutants stress lint constants format bench bench-sfm accuracy tradeoff paper extension window clean
 
 help:  ## This list
 	@grep -E '^[a-z-]+:.*## ' Makefile | sed -E 's/:.*## /\t/' | expand -t 14
@@ -31,6 +31,9 @@ stress: setup  ## Every hard case on this machine; ARGS="--torture" or "--fuzz 1
 
 lint: setup  ## ruff and mypy
 	@tools/lint.sh
+
+constants: setup  ## Write docs/constants.md: every number, its reason, and what it was chosen on
+	@$(PY) -m tools.constants $(ARGS)
 
 format: setup  ## Let ruff rewrite the code
 	@$(PY) -m ruff check --fix .
