@@ -98,6 +98,19 @@ def test_transforms_round_trip(tmp_path: Path) -> None:
         assert lenses[name].params == (500.0, 510.0, 321.0, 239.0)
 
 
+def test_distortion_of_transforms_keeps_its_order(tmp_path: Path) -> None:
+    """k1 k2 p1 p2, as in OpenCV: each has its own place, tangential ones too."""
+    frame = {"file_path": "a.png", "transform_matrix": np.eye(4).tolist()}
+    content = {"w": 80, "h": 60, "fl_x": 70.0, "fl_y": 71.0, "cx": 41.0, "cy": 29.0, "frames": [frame]}
+    content |= {"k1": 0.1, "k2": 0.02, "p1": 0.003, "p2": -0.004}
+    (tmp_path / "transforms.json").write_text(json.dumps(content))
+    lens = read_transforms(tmp_path)[0]["a.png"]
+    assert (lens.model, lens.params) == ("OPENCV", (70.0, 71.0, 41.0, 29.0, 0.1, 0.02, 0.003, -0.004))
+    (tmp_path / "transforms.json").write_text(json.dumps(content | {"k3": 0.5}))
+    lens = read_transforms(tmp_path)[0]["a.png"]
+    assert (lens.model, lens.params[4:9]) == ("FULL_OPENCV", (0.1, 0.02, 0.003, -0.004, 0.5))
+
+
 def test_transforms_of_the_nerf_data_sets(tmp_path: Path) -> None:
     """camera_angle_x only; camera at z = 4 that looks down -z, as Blender's does."""
     matrix = np.eye(4)

@@ -135,3 +135,23 @@ def test_places_that_cannot_be_written_are_named(name, cloud, tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputError, match="file"):
         write_gaussians(tmp_path / "file" / name, cloud)
+
+
+def test_splat_golden_bytes(tmp_path):
+    """One Gaussian, byte for byte: a reader and a writer that err alike would not notice it themselves."""
+    record = (
+        struct.pack("<6f", 1.0, 2.0, 3.0, 0.5, 0.25, 0.125) + bytes([255, 128, 0, 204]) + bytes([243, 141, 102, 166])
+    )
+    (tmp_path / "golden.splat").write_bytes(record)
+    cloud = read_gaussians(tmp_path / "golden.splat")
+    assert cloud.means.tolist() == [[1.0, 2.0, 3.0]]
+    np.testing.assert_allclose(np.exp(cloud.log_scales), [[0.5, 0.25, 0.125]], rtol=1e-6)
+    np.testing.assert_allclose(cloud.quaternions, [[115 / 128, 13 / 128, -26 / 128, 38 / 128]], atol=1e-7)
+    np.testing.assert_allclose(0.5 + SH_C0 * cloud.sh[0, 0], [1.0, 128 / 255, 0.0], atol=1e-6)
+    np.testing.assert_allclose(opacity(cloud), [0.8], atol=1e-6)
+    length = np.linalg.norm([115, 13, -26, 38]) / 128
+    write_gaussians(tmp_path / "again.splat", cloud)
+    again = (tmp_path / "again.splat").read_bytes()
+    assert again[:28] == record[:28]
+    turned = np.array(list(again[28:]), float) - 128
+    np.testing.assert_allclose(turned, np.array([115, 13, -26, 38]) / length, atol=0.5)
