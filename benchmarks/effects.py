@@ -2,7 +2,7 @@
 
     python -m benchmarks.effects [--scenes 12] [--quick]
 
-Writes benchmarks/effects.json and the table between the markers in docs/effects.md. Resumable: sets that were
+Writes benchmarks/effects.json and the table between the markers in docs/studies/effects.md. Resumable: sets that were
 inspected with the same code are kept in benchmarks/data/effects.
 """
 
@@ -123,7 +123,7 @@ def main() -> None:
 
 
 def report(rows: list[dict]) -> None:
-    """Confusion matrix, power and false alarms; benchmarks/effects.json and docs/effects.md."""
+    """Confusion matrix, power and false alarms; benchmarks/effects.json and docs/studies/effects.md."""
     names = [e["name"] for e in rows[0]["found"]]
     clean = [r for r in rows if r["effect"] == "clean"]
     alarms = {n: sum(_needed(r, n) for r in clean) for n in names}
@@ -171,7 +171,7 @@ def report(rows: list[dict]) -> None:
     tried = sum(content["effects"][e]["found"]["2.0"][1] for e in MADE)
     lines += ["", f"Clear effects: {hits} of {tried} found."]
     (ROOT / "benchmarks/effects.json").write_text(json.dumps(content, indent=1) + "\n")
-    page = ROOT / "docs/effects.md"
+    page = ROOT / "docs/studies/effects.md"
     text = "\n".join(lines)
     print(text)
     if page.is_file() and "<!-- validation -->" in page.read_text():

@@ -5,7 +5,8 @@
 Draws small scenes, does known things to their light, runs the product's own pipeline (known cameras, one thread) with
 --effects none, auto and all, and once more with nothing left out: `all` skips what the photos show no size of; this
 arm simulates every effect at its smallest visible size at least, as one does who does not look. Writes the table
-between the markers in docs/effects.md. Resumable: runs of the same code are kept in benchmarks/data/effects_auto.
+between the markers in docs/studies/effects.md. Resumable: runs of the same code are kept in
+benchmarks/data/effects_auto.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ from .effect_scenes import Truth, degrade, make_scene, write_set
 ROOT = Path(__file__).resolve().parents[1]
 
 KEPT = ROOT / "benchmarks/data/effects_auto"
-PAGE = ROOT / "docs/effects.md"
+PAGE = ROOT / "docs/studies/effects.md"
 START, END = "<!-- auto -->", "<!-- end of auto -->"
 WIDTH, HEIGHT, PHOTOS, HELD_EVERY = 240, 160, 16, 4
 #: Every set is blurred by this, px, in linear light: the medium that all runs are told.

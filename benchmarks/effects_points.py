@@ -4,7 +4,7 @@
 
 Every scene of benchmarks/effects.py behind a medium (sigma 2 px), without and with 2 px of defocus or of field blur.
 Where an effect is there, the size that the photos tell is asked for (`proposal.build`), where it is not, 2 px of it are
-claimed all the same. Prints the table in docs/effects.md.
+claimed all the same. Prints the table in docs/studies/effects.md.
 """
 
 from __future__ import annotations
