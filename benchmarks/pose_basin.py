@@ -23,7 +23,7 @@ from dgs.core.imaging.psf import PointSpread
 from dgs.core.photos.load import load_photos
 from dgs.core.photos.undistort import undistorted_views
 from dgs.core.progress import Silent
-from dgs.core.sfm.known import load_cameras
+from dgs.core.sfm.given import load_cameras
 from dgs.core.training.settings import TrainingSettings
 from dgs.core.twin.pose_steps import twisted
 from dgs.core.twin.refine_cameras import refine_cameras

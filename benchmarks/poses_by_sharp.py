@@ -30,8 +30,8 @@ from dgs.core.pose import Pose
 from dgs.core.progress import Silent
 from dgs.core.reconstruction import Reconstruction
 from dgs.core.sfm.find import find_cameras
+from dgs.core.sfm.given import load_cameras
 from dgs.core.sfm.keyframes import read_matches
-from dgs.core.sfm.known import load_cameras
 from dgs.core.sfm.settings import SfmSettings
 from dgs.core.training.settings import TrainingSettings
 from dgs.core.twin.refine_cameras import refine_cameras

@@ -27,7 +27,7 @@ from dgs.core.pipeline.views import Viewer, to_pixels
 from dgs.core.pose import Pose
 from dgs.core.progress import Silent
 from dgs.core.reconstruction import Reconstruction
-from dgs.core.sfm.known import load_cameras
+from dgs.core.sfm.given import load_cameras
 from dgs.core.training.settings import TrainingSettings
 from dgs.core.training.trainer import Trainer
 from dgs.core.twin.consensus import align_view

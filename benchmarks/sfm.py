@@ -23,7 +23,7 @@ from dgs.core.evaluation.poses import pose_errors
 from dgs.core.photos.load import load_photos
 from dgs.core.progress import Silent
 from dgs.core.sfm.find import find_cameras
-from dgs.core.sfm.known import load_cameras
+from dgs.core.sfm.given import load_cameras
 from dgs.core.sfm.settings import SfmSettings
 
 

@@ -28,8 +28,6 @@ FINER = 4
 CLEAR = 6.0
 #: px along the edge at least, and standard deviations across it on each side.
 SHORTEST, NARROWEST = 20, 3.0
-#: Sideways scatter of edge px around the line, px: more is no straight edge.
-STRAIGHT = 1.0
 
 
 @dataclass(frozen=True)

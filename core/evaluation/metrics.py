@@ -107,16 +107,13 @@ class Band:
     energy: float
 
 
-def band(image: Image, truth: Image, coarsest: float, finest: float) -> Band:
-    """Compares the detail with periods between `coarsest` and `finest` px.
-
-    A band without any truth gives NaN.
-    """
-    return bands(image, truth, [(coarsest, finest)])[0]
-
-
 def bands(image: Image, truth: Image, periods: Sequence[tuple[float, float]]) -> list[Band]:
-    """`band` for several (coarsest, finest); the images are transformed once."""
+    """Compares the detail of each band with periods from `coarsest` to `finest` px; without any truth there NaN.
+
+    Args:
+        image, truth: [H, W, 3] in [0, 1]; transformed once for all bands.
+        periods: (coarsest, finest) of each band.
+    """
     _same_size(image, truth)
     radius = _frequency(*truth.shape[:2])
     spectra = [fft.dctn(np.asarray(i, np.float64), axes=(0, 1), norm="ortho") for i in (image, truth)]

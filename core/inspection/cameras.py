@@ -24,7 +24,7 @@ def with_cameras(photos: PhotoSet, given: Path | None, threads: int, progress: P
         Cancelled: the user asked to stop.
     """
     if given is not None:
-        from ..sfm.known import load_cameras
+        from ..sfm.given import load_cameras
 
         return _replaced(photos, given=load_cameras(given, list(photos.photos)))
     from ..sfm.find import find_cameras

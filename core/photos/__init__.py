@@ -1,5 +1,1 @@
-"""Photos: read, and turned into pinhole views."""
-
-from .undistort import undistorted_views
-
-__all__ = ["undistorted_views"]
+"""Photos: files and movies in, pinhole views out (`undistort.undistorted_views`)."""

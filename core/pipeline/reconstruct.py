@@ -28,7 +28,7 @@ from ..report.pictures import ViewPictures, spread
 from ..run_settings import ReconstructSettings
 from ..sfm.features import FEATURES
 from ..sfm.find import find_cameras
-from ..sfm.known import load_cameras
+from ..sfm.given import load_cameras
 from ..views import fingerprint, heldout_names
 from .blind import spreads_of, told_spreads
 from .heldout import Scores, TruthFolder, ViewScorer

@@ -86,7 +86,7 @@ def against(cameras: dict[str, Camera], reference: Path, photos: list[Photo]) ->
         CameraError: the reference has none of these cameras.
     """
     from ..evaluation.poses import pose_errors
-    from ..sfm.known import load_cameras
+    from ..sfm.given import load_cameras
 
     truth = load_cameras(reference, photos)
     points = None if truth.figures.scattered else truth.points.positions

@@ -1,4 +1,4 @@
-"""Cameras: found from the photos (`find.find_cameras`), or read from a file (`known.load_cameras`).
+"""Cameras: found from the photos (`find.find_cameras`), or read from a file (`given.load_cameras`).
 
-Nothing is imported here: the file formats need `reconstruction`, and `find` needs the file formats.
+Nothing is imported here: most modules run in a child process, the only one that loads pycolmap.
 """

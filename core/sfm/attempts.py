@@ -14,9 +14,9 @@ import pycolmap
 from numpy.typing import NDArray
 
 from ..reconstruction import Attempt
-from . import keyframes, pipeline
+from . import keyframes, mapping
 from .features import FEATURES, read_features, save_features
-from .job import Job
+from .job import SfmJob
 from .refine import pixel_exact
 from .settings import Recipe, SfmSettings, recipes
 
@@ -38,14 +38,14 @@ Say = Callable[..., None]
 
 
 @dataclass(frozen=True)
-class Outcome:
+class SfmResult:
     """kind 'done' or 'failed', and what to tell the parent."""
 
     kind: str
     message: dict[str, Any]
 
 
-def run(job: Job, say: Say) -> Outcome:
+def run(job: SfmJob, say: Say) -> SfmResult:
     """Tries the recipes; leaves the best trusted model in `job.folder`/best."""
     pycolmap.logging.minloglevel = 3
     pycolmap.logging.logtostderr = True
@@ -53,7 +53,7 @@ def run(job: Job, say: Say) -> Outcome:
     best: tuple[float, Any, Attempt] | None = None
     kept: tuple[Path, Recipe] | None = None
     log: list[Attempt] = []
-    geometries: list[pipeline.PairGeometry] = []
+    geometries: list[mapping.PairGeometry] = []
     for number, recipe in enumerate(recipes(job.kernel is not None)):
         if number and time.perf_counter() - started > job.settings.time_limit:
             break
@@ -72,16 +72,16 @@ def run(job: Job, say: Say) -> Outcome:
         if attempt.verdict == "trusted" or geometry.rotating > ROTATING_LIMIT:
             break
     if best is None:
-        return Outcome("failed", explain(geometries, log, len(job.images)))
+        return SfmResult("failed", explain(geometries, log, len(job.images)))
     output = job.folder / "best"
     output.mkdir(exist_ok=True)
     best[1].write_binary(str(output))
     if kept is not None:
         save_features(output / FEATURES, read_features(kept[0]), kept[1])
-    return Outcome("done", asdict(best[2]))
+    return SfmResult("done", asdict(best[2]))
 
 
-def lighter(recipe: Recipe, job: Job) -> Recipe:
+def lighter(recipe: Recipe, job: SfmJob) -> Recipe:
     """The recipe for large sets, whose photos are tied together many times over."""
     settings = job.settings
     if len(job.images) < settings.many:
@@ -98,17 +98,17 @@ def _narrowest(kernel: NDArray[np.float64]) -> float:
     return float(min(np.sqrt((kernel.sum(axis=1 - i) * x**2).sum()) for i, x in enumerate(at)))
 
 
-def _try(job: Job, recipe: Recipe, number: int, say: Say) -> tuple[Any, pipeline.PairGeometry]:
+def _try(job: SfmJob, recipe: Recipe, number: int, say: Say) -> tuple[Any, mapping.PairGeometry]:
     folder = job.folder / f"try{number}"
     images, database = folder / "images", folder / DATABASE
     folder.mkdir(exist_ok=True)
     say(stage="features", recipe=recipe.name)
-    greys = pipeline.filtered_greys(job, recipe.noise_to_signal)
-    pipeline.write_images(greys, images, job.settings.threads)
-    pipeline.extract(job, recipe, database, images)
+    greys = mapping.filtered_greys(job, recipe.noise_to_signal)
+    mapping.write_images(greys, images, job.settings.threads)
+    mapping.extract(job, recipe, database, images)
     say(stage="matches", recipe=recipe.name)
-    pipeline.match(job, recipe, database)
-    geometry = pipeline.pair_geometry(database)
+    mapping.match(job, recipe, database)
+    geometry = mapping.pair_geometry(database)
     say(stage="mapping", recipe=recipe.name)
     joined = 0
 
@@ -121,7 +121,7 @@ def _try(job: Job, recipe: Recipe, number: int, say: Say) -> tuple[Any, pipeline
     model = _by_keyframes(job, recipe, database, images, models, greys, count)
     if model is None:
         joined = 0
-        found = pipeline.map_incrementally(job, recipe, database, images, models, count)
+        found = mapping.map_incrementally(job, recipe, database, images, models, count)
         model = found[0] if found else None
         if model is not None and job.settings.refine.rounds > 0:
             say(stage="refinement", recipe=recipe.name)
@@ -133,7 +133,7 @@ def _try(job: Job, recipe: Recipe, number: int, say: Say) -> tuple[Any, pipeline
 
 
 def _by_keyframes(
-    job: Job, recipe: Recipe, database: Path, images: Path, output: Path, greys: dict[str, Any], count: Say
+    job: SfmJob, recipe: Recipe, database: Path, images: Path, output: Path, greys: dict[str, Any], count: Say
 ) -> Any | None:
     """The short way for large sets, see `core.sfm.keyframes`; None where it does not lead to all photos."""
     settings = job.settings
@@ -143,14 +143,14 @@ def _by_keyframes(
     chosen = keyframes.choose_keyframes(matches, recipe.pose_inliers)
     if chosen is None:
         return None
-    found = pipeline.map_incrementally(job, recipe, database, images, output, count, chosen)
+    found = mapping.map_incrementally(job, recipe, database, images, output, count, chosen)
     if not found or found[0].num_reg_images() < (1.0 - keyframes.UNPLACED) * len(chosen):
         return None
     model = pixel_exact(found[0], greys, settings.refine_many)
     return keyframes.place_others(model, matches, greys, recipe, settings.refine_many, count)
 
 
-def judge(model: Any, geometry: pipeline.PairGeometry, settings: SfmSettings, recipe: Recipe) -> Attempt:
+def judge(model: Any, geometry: mapping.PairGeometry, settings: SfmSettings, recipe: Recipe) -> Attempt:
     """Whether a model is to be trusted: 'trusted', 'incomplete' (few photos), or why not."""
     attempt = Attempt(recipe.name, recipe.reason)
     given = geometry.images
@@ -198,7 +198,7 @@ def widest_angle(model: Any) -> float:
     return float(np.median(angles)) if angles else 0.0
 
 
-def explain(geometries: list[pipeline.PairGeometry], log: list[Attempt], given: int) -> dict[str, str]:
+def explain(geometries: list[mapping.PairGeometry], log: list[Attempt], given: int) -> dict[str, str]:
     """Why no recipe led to cameras, as the kind of error and its two sentences."""
     tried = ", ".join(f"{a.name}: {a.verdict}" for a in log)
     most = max(geometries, key=lambda g: (g.connected, g.verified))

@@ -15,17 +15,24 @@ from .settings import SfmSettings
 from .sharpen import luma
 
 JOB_FILE = "job.json"
+#: Of a job that only places new photos: names of the reference photos that they are matched with, as in KEPT, or those
+#: of the job's own images.
+REFERENCES = "references.json"
+#: Features of the reference photos, where they were kept, by the names in the plan.
+KEPT = "kept.npz"
+#: What the parent writes last: the references' poses and depth.
+PLAN = "place.json"
 
 
 @dataclass(frozen=True)
-class Job:
+class SfmJob:
     """What the parent hands over.
 
     Attributes:
         folder: the work folder; everything else lies in it.
         images: image name in the model ('0/0003.png', one folder per lens) -> luma file
             ([H, W] uint16, NPY).
-        focals: focal length in px per lens folder, where EXIF told one.
+        focals: focal length in px per lens folder, where EXIF holds one.
         masked: whether `folder`/masks holds masks.
         kernel: [k, k] point spread function, or None.
         settings: see `SfmSettings`.
@@ -80,10 +87,10 @@ def write_job(
     return names
 
 
-def read_job(folder: Path) -> Job:
+def read_job(folder: Path) -> SfmJob:
     """The inverse of `write_job`, in the child."""
     content = json.loads((folder / JOB_FILE).read_text(encoding="utf-8"))
     kernel = np.load(folder / "kernel.npy", allow_pickle=False) if content["blurred"] else None
     images = {name: folder / path for name, path in content["images"].items()}
     settings = SfmSettings.from_json(content["settings"])
-    return Job(folder, images, content["focals"], content["masked"], kernel, settings)
+    return SfmJob(folder, images, content["focals"], content["masked"], kernel, settings)

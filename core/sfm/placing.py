@@ -1,8 +1,8 @@
-"""New photos placed in a world that is known: matches with known photos, whose features have depth.
+"""New photos placed in a world that stands: matches with reference photos, whose features have depth.
 
-No mapping: a feature of a known photo is where its ray meets the twin's surface, so that every match gives a
-point in the world and its pixel in the new photo, and RANSAC finds the pose. Features that were kept when the known
-photos' cameras were found are used again; else the known photos come along. Runs in the child process only.
+No mapping: a feature of a reference photo is where its ray meets the twin's surface, so that every match gives a
+point in the world and its pixel in the new photo, and RANSAC finds the pose. Features that were kept when the
+reference photos' cameras were found are used again; else these photos come along. Runs in the child process only.
 """
 
 from __future__ import annotations
@@ -17,29 +17,38 @@ import numpy as np
 import pycolmap
 from numpy.typing import NDArray
 
-from . import pipeline
-from .attempts import Outcome, lighter
+from ..numbers import number
+from . import mapping
+from .attempts import SfmResult, lighter
 from .child import wait_for
-from .features import FEATURES, MOST, load_features, matched, read_features, save_features
-from .job import Job
+from .features import FEATURES, load_features, matched, read_features, save_features
+from .job import KEPT, PLAN, REFERENCES, SfmJob
 from .settings import recipes
-
-#: What the parent writes, last of all.
-PLAN = "place.json"
-#: Names of the known photos that new ones are matched with: as in KEPT, or those of the job's own images.
-COMPANIONS = "companions.json"
-#: Features of the known photos, where they were kept, by the names in the plan.
-KEPT = "kept.npz"
-#: Matches that must agree on a pose. One real photo with 41 lay 8 px from where structure from motion of all puts it,
-#: two with 237 and 365 half a px; ten photos of the ball 0.01 to 0.09 px.
-FEWEST_AGREEING = 60
-#: px that a match may be off: the twin's depth is less exact than a triangulated point's.
-MAX_ERROR = 6.0
 
 
 @dataclass(frozen=True)
-class Known:
-    """A photo whose camera and depth are known.
+class PlacingNumbers:
+    """Of the search for new photos' poses."""
+
+    minimum_inliers: int = number(
+        60,
+        "count",
+        "matches that must agree on a pose. One real photo with 41 lay 8 px from where structure from motion of all"
+        " puts it, two with 237 and 365 half a px",
+        "three real photos",
+        "ten photos of the ball (rendered): 0.01 to 0.09 px",
+    )
+    max_error: float = number(
+        6.0, "px", "that a match may be off: the twin's depth is less exact than a triangulated point's"
+    )
+
+
+NUMBERS = PlacingNumbers()
+
+
+@dataclass(frozen=True)
+class ReferencePhoto:
+    """A photo of the twin, whose camera and depth are given.
 
     Attributes:
         rotation [3, 3], translation [3]: world to camera; focal, centre: (x, y) in px of the depth map, a pinhole's.
@@ -53,7 +62,7 @@ class Known:
     depth: NDArray[np.float32]
 
     def lifted(self, rays: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-        """[N, 3] points in the world where rays [N, 2] (x/z, y/z) end, and which of them the depth map tells."""
+        """[N, 3] points in the world where rays [N, 2] (x/z, y/z) end, and which of them the depth map holds."""
         at = np.floor(rays * self.focal + self.centre).astype(int)
         height, width = self.depth.shape
         inside = (at >= 0).all(axis=1) & (at[:, 0] < width) & (at[:, 1] < height)
@@ -64,54 +73,54 @@ class Known:
         return (local - self.translation) @ self.rotation, good
 
 
-def run(job: Job, say: Callable[..., None]) -> Outcome:
+def run(job: SfmJob, say: Callable[..., None]) -> SfmResult:
     """Poses of the new photos: 'done' with {'poses': {image: {'rotation', 'translation', 'inliers'}}}."""
     kept = load_features(job.folder / KEPT)
     recipe = lighter(recipes(job.kernel is not None)[0], replace(job, settings=replace(job.settings, many=0)))
     if kept is not None:
         recipe = kept[1]
-    companions = json.loads((job.folder / COMPANIONS).read_text("utf-8"))
-    new = [name for name in job.images if name not in companions]
+    references = json.loads((job.folder / REFERENCES).read_text("utf-8"))
+    new = [name for name in job.images if name not in references]
     images, database = job.folder / "images", job.folder / "place.db"
     images.mkdir()
     say(stage="features", recipe="placing")
-    greys = pipeline.filtered_greys(job, recipe.noise_to_signal)
-    pipeline.write_images(greys, images, job.settings.threads)
-    pipeline.extract(job, recipe, database, images)
-    found = read_features(database, MOST if kept is not None else recipe.max_features)
+    greys = mapping.filtered_greys(job, recipe.noise_to_signal)
+    mapping.write_images(greys, images, job.settings.threads)
+    mapping.extract(job, recipe, database, images)
+    found = read_features(database, None if kept is not None else recipe.max_features)
     old = found if kept is None else kept[0]
     say(stage="matches", recipe="placing")
     save_features(job.folder / FEATURES, found, recipe)
     matches = {}
     with ThreadPoolExecutor(job.settings.threads) as pool:
         for name in new:
-            pairs = pool.map(lambda other, mine=found[name]: matched(mine, old[other]), companions)
-            matches[name] = dict(zip(companions, pairs, strict=True))
-    wait_for(job.folder / PLAN)  # what the twin knows may still be on its way
+            pairs = pool.map(lambda other, mine=found[name]: matched(mine, old[other]), references)
+            matches[name] = dict(zip(references, pairs, strict=True))
+    wait_for(job.folder / PLAN)  # poses and depth of the references may still be on their way
     plan = json.loads((job.folder / PLAN).read_text("utf-8"))
     lens = pycolmap.Camera(**plan["lens"])
     lifted = {}
-    for name in companions:
-        pixels = old[name].places.astype(float)
+    for name in references:
+        pixels = old[name].positions.astype(float)
         rays = np.asarray(lens.cam_from_img(pixels), float).reshape(-1, 2) if len(pixels) else np.zeros((0, 2))
-        lifted[name] = _known(job, plan["known"][name]).lifted(rays)
+        lifted[name] = _reference(job, plan["references"][name]).lifted(rays)
     poses = {}
     for name in new:
         seen, at = [np.zeros((0, 2))], [np.zeros((0, 3))]
         for other, pair in matches[name].items():
             points, good = lifted[other]
             use = pair[good[pair[:, 1]]]
-            seen.append(found[name].places[use[:, 0]].astype(float))
+            seen.append(found[name].positions[use[:, 0]].astype(float))
             at.append(points[use[:, 1]])
         pose = _posed(np.concatenate(seen), np.concatenate(at), lens, recipe.seed)
         if pose is not None:
             poses[name] = pose
             say(joined=len(poses))
-    return Outcome("done", {"poses": poses})
+    return SfmResult("done", {"poses": poses})
 
 
-def _known(job: Job, row: dict[str, Any]) -> Known:
-    return Known(
+def _reference(job: SfmJob, row: dict[str, Any]) -> ReferencePhoto:
+    return ReferencePhoto(
         np.array(row["rotation"], float),
         np.array(row["translation"], float),
         tuple(row["focal"]),
@@ -122,13 +131,13 @@ def _known(job: Job, row: dict[str, Any]) -> Known:
 
 def _posed(seen: NDArray[np.float64], at: NDArray[np.float64], lens: Any, seed: int) -> dict[str, Any] | None:
     """The camera that sees points [N, 3] at px [N, 2]; false matches among them are few together."""
-    if len(seen) < FEWEST_AGREEING:
+    if len(seen) < NUMBERS.minimum_inliers:
         return None
     options = pycolmap.AbsolutePoseEstimationOptions()
-    options.ransac.max_error = MAX_ERROR
+    options.ransac.max_error = NUMBERS.max_error
     options.ransac.random_seed = seed
     answer = pycolmap.estimate_and_refine_absolute_pose(seen, at, lens, options)
-    if answer is None or answer["num_inliers"] < FEWEST_AGREEING:
+    if answer is None or answer["num_inliers"] < NUMBERS.minimum_inliers:
         return None
     pose = answer["cam_from_world"]
     return {

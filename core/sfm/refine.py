@@ -21,7 +21,19 @@ from .. import compiled
 from .refine_kernels import align
 from .settings import RefineSettings
 from .straight import adjustment, with_straight_lenses
-from .tracks import Floats, Integers, Tracks, Views, chosen, longest, moved, normals_of, spread, tracks_of, views_of
+from .tracks import (
+    Floats,
+    Integers,
+    PointTracks,
+    ViewStack,
+    chosen,
+    longest,
+    moved,
+    normals_of,
+    spread,
+    tracks_of,
+    views_of,
+)
 
 #: Fewer aligned points than this hold no bundle adjustment together.
 MINIMUM_POINTS = 30
@@ -71,7 +83,7 @@ def compile_early(settings: RefineSettings) -> None:
     )
 
 
-def _aligned(tracks: Tracks, views: Views, settings: RefineSettings, correlation: float) -> Tracks:
+def _aligned(tracks: PointTracks, views: ViewStack, settings: RefineSettings, correlation: float) -> PointTracks:
     """Moves all observations to where their photo agrees with the reference; drops the others."""
     own = tracks.view == tracks.reference[tracks.point]
     anchor = np.zeros((len(tracks.positions), 2))
@@ -116,7 +128,7 @@ def _plane_axes(normals: Floats) -> Floats:
     return np.stack([first, np.cross(normals, first)], axis=2)
 
 
-def _projected(axes: Floats, positions: Floats, view: Integers, views: Views) -> Floats:
+def _projected(axes: Floats, positions: Floats, view: Integers, views: ViewStack) -> Floats:
     """[N, 2, 2]: how the photo moves when the point moves along the axes of its plane."""
     local = np.einsum("nij,nj->ni", views.rotations[view], positions) + views.translations[view]
     x, y, z = local.T
@@ -128,7 +140,9 @@ def _projected(axes: Floats, positions: Floats, view: Integers, views: Views) ->
     return np.asarray(jacobian @ views.rotations[view] @ axes)
 
 
-def completed(model: Any, views: Views, settings: RefineSettings, only: frozenset[int] | None = None) -> Tracks:
+def completed(
+    model: Any, views: ViewStack, settings: RefineSettings, only: frozenset[int] | None = None
+) -> PointTracks:
     """Looks for every point in all photos that should show it, close to where it should be.
 
     With `only`, image ids of the model, just there: the result holds what these photos show, beside the
@@ -171,7 +185,7 @@ def completed(model: Any, views: Views, settings: RefineSettings, only: frozense
     return _aligned(longer, views, replace(settings, reach=2.0), settings.new_correlation)
 
 
-def _adjusted(model: Any, views: Views, tracks: Tracks, settings: RefineSettings) -> Any:
+def _adjusted(model: Any, views: ViewStack, tracks: PointTracks, settings: RefineSettings) -> Any:
     """Bundle adjustment of the tracks with a robust loss; drops misfits, and repeats."""
     result = rebuilt(model, views, tracks)
     options = adjustment(settings)
@@ -181,7 +195,7 @@ def _adjusted(model: Any, views: Views, tracks: Tracks, settings: RefineSettings
     return result
 
 
-def rebuilt(model: Any, views: Views, tracks: Tracks) -> Any:
+def rebuilt(model: Any, views: ViewStack, tracks: PointTracks) -> Any:
     """A reconstruction with the model's cameras and poses, and these tracks."""
     result = pycolmap.Reconstruction()
     for camera_id in sorted({model.images[i].camera_id for i in views.ids}):

@@ -1,4 +1,4 @@
-"""Views and tracks of a reconstruction as flat arrays, which patches are aligned by. In the child process only."""
+"""ViewStack and tracks of a reconstruction as flat arrays, which patches are aligned by. In the child process only."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Integers = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
-class Tracks:
+class PointTracks:
     """Observations of all points, as flat arrays.
 
     Attributes:
@@ -33,7 +33,7 @@ class Tracks:
 
 
 @dataclass(frozen=True)
-class Views:
+class ViewStack:
     """Cameras and photos as stacked arrays.
 
     Attributes:
@@ -60,22 +60,22 @@ def _poses(model: Any, ids: list[int]) -> dict[str, Floats]:
     return {"rotations": rotations, "translations": translations, "centres": centres, "focals": focals}
 
 
-def moved(views: Views, model: Any) -> Views:
+def moved(views: ViewStack, model: Any) -> ViewStack:
     poses = _poses(model, views.ids)
-    return Views(views.ids, views.images, views.sizes, **poses)
+    return ViewStack(views.ids, views.images, views.sizes, **poses)
 
 
-def views_of(model: Any, greys: dict[str, NDArray[np.float32]]) -> Views:
+def views_of(model: Any, greys: dict[str, NDArray[np.float32]]) -> ViewStack:
     ids = sorted(model.reg_image_ids())
     photos = [greys[model.images[i].name] for i in ids]
     heights, widths = zip(*[p.shape for p in photos], strict=True)
     images = np.zeros((len(ids), max(heights), max(widths)), np.float32)
     for image, photo in zip(images, photos, strict=True):
         image[: photo.shape[0], : photo.shape[1]] = photo
-    return Views(ids, images, np.array([widths, heights], np.int32).T.copy(), **_poses(model, ids))
+    return ViewStack(ids, images, np.array([widths, heights], np.int32).T.copy(), **_poses(model, ids))
 
 
-def tracks_of(model: Any, views: Views) -> Tracks:
+def tracks_of(model: Any, views: ViewStack) -> PointTracks:
     index = {image_id: i for i, image_id in enumerate(views.ids)}
     pixels = {i: np.array([p.xy for p in model.images[i].points2D]) for i in views.ids}
     point, view, seen, positions = [], [], [], []
@@ -91,7 +91,7 @@ def tracks_of(model: Any, views: Views) -> Tracks:
                 view.append(index[element.image_id])
                 seen.append(pixels[element.image_id][element.point2D_idx])
     world = np.array(positions).reshape(-1, 3)
-    tracks = Tracks(
+    tracks = PointTracks(
         world,
         np.array(point, int),
         np.array(view, int),
@@ -102,7 +102,7 @@ def tracks_of(model: Any, views: Views) -> Tracks:
     return replace(tracks, reference=_frontal(tracks, views))
 
 
-def _frontal(tracks: Tracks, views: Views) -> Integers:
+def _frontal(tracks: PointTracks, views: ViewStack) -> Integers:
     """The view of each point that sees it straight on, from the middle distance."""
     rays = views.centres[tracks.view] - tracks.positions[tracks.point]
     distance = np.linalg.norm(rays, axis=1)
@@ -118,7 +118,7 @@ def _frontal(tracks: Tracks, views: Views) -> Integers:
     return best
 
 
-def normals_of(tracks: Tracks, views: Views) -> Floats:
+def normals_of(tracks: PointTracks, views: ViewStack) -> Floats:
     """[M, 3] unit vectors from the points towards the cameras that see them."""
     rays = views.centres[tracks.view] - tracks.positions[tracks.point]
     rays /= np.linalg.norm(rays, axis=1, keepdims=True)
@@ -126,7 +126,7 @@ def normals_of(tracks: Tracks, views: Views) -> Floats:
     return np.asarray(total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-12))
 
 
-def longest(tracks: Tracks, views: int, limit: int) -> Tracks:
+def longest(tracks: PointTracks, views: int, limit: int) -> PointTracks:
     """The longest tracks with about `limit` observations in all, every view getting its share."""
     if len(tracks.point) <= limit:
         return tracks
@@ -147,7 +147,7 @@ def longest(tracks: Tracks, views: int, limit: int) -> Tracks:
     return chosen(tracks, keep[tracks.point])
 
 
-def spread(tracks: Tracks, among: NDArray[np.bool_], limit: int) -> NDArray[np.bool_]:
+def spread(tracks: PointTracks, among: NDArray[np.bool_], limit: int) -> NDArray[np.bool_]:
     """Of the observations in `among`, at most about `limit` per photo, evenly over the points."""
     at = np.flatnonzero(among)
     counts = np.bincount(tracks.view[at], minlength=int(tracks.view.max(initial=0)) + 1)
@@ -159,13 +159,13 @@ def spread(tracks: Tracks, among: NDArray[np.bool_], limit: int) -> NDArray[np.b
     return keep
 
 
-def chosen(tracks: Tracks, keep: NDArray[np.bool_]) -> Tracks:
+def chosen(tracks: PointTracks, keep: NDArray[np.bool_]) -> PointTracks:
     """Only the observations of `keep`, and the points that still have two."""
     length = np.bincount(tracks.point[keep], minlength=len(tracks.positions))
     alive = length >= 2
     keep = keep & alive[tracks.point]
     renumber = np.cumsum(alive) - 1
-    return Tracks(
+    return PointTracks(
         tracks.positions[alive],
         renumber[tracks.point[keep]],
         tracks.view[keep],

@@ -45,7 +45,7 @@ def main(folder: Path, waiting: bool = False) -> int:
     from dgs.core import compiled
     from dgs.core.sfm import attempts, placing
     from dgs.core.sfm.child import GO, wait_for
-    from dgs.core.sfm.job import read_job
+    from dgs.core.sfm.job import REFERENCES, read_job
     from dgs.core.sfm.refine import compile_early
 
     if waiting:
@@ -53,7 +53,7 @@ def main(folder: Path, waiting: bool = False) -> int:
     job = read_job(folder)
     compiled.set_threads(job.settings.threads)
     started = time.perf_counter()
-    if (folder / placing.COMPANIONS).is_file():
+    if (folder / REFERENCES).is_file():
         outcome = placing.run(job, say)
     else:
         # Native code extracts features without the GIL meanwhile. No daemon: a process that ends amid a

@@ -22,7 +22,7 @@ from ..photos.undistort import undistorted_views
 from ..progress import Progress
 from ..reconstruction import Reconstruction
 from ..run_settings import ReconstructSettings
-from ..sfm.known import load_cameras
+from ..sfm.given import load_cameras
 from ..training.grid import GridView, grid_step
 from ..training.scale import SceneScale, scene_scale
 from ..training.trainer import MARGIN_SIGMAS, mean_colour

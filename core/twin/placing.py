@@ -9,6 +9,7 @@ import numpy as np
 
 from ..files import write_json
 from ..lens import Lens
+from ..numbers import number
 from ..photos.load import Photo
 from ..pose import Pose
 from ..progress import Progress
@@ -16,12 +17,23 @@ from ..rasterizer import RasterSettings
 from ..reconstruction import Reconstruction
 from ..sfm.child import Waiting
 from ..sfm.features import FEATURES, load_features
+from ..sfm.find import keep_features, talk
+from ..sfm.job import KEPT, PLAN, REFERENCES, write_job
 from ..sfm.settings import SfmSettings
 from .folder import Files, Twin
 from .surface import surface_depth
 
-#: Old photos that new ones are matched with: enough to tie them to the world.
-COMPANIONS = 24
+
+@dataclass(frozen=True)
+class ReferenceNumbers:
+    """Of the twin's own photos that new ones are placed by."""
+
+    photos: int = number(
+        24, "count", "old photos that new ones are matched with: enough to tie them to the world; more take longer"
+    )
+
+
+NUMBERS = ReferenceNumbers()
 
 
 @dataclass(frozen=True)
@@ -30,13 +42,13 @@ class Placing:
 
     Attributes:
         photos: the new ones; names: photo name by image name in the job.
-        known: old photo by the name that the child knows it by.
+        references: old photo by the name that the child has for it.
         child: the process and its folder; settings: its own.
     """
 
     photos: list[Photo]
     names: dict[str, str]
-    known: dict[str, str]
+    references: dict[str, str]
     child: Waiting
     settings: SfmSettings
 
@@ -60,11 +72,7 @@ class Placing:
         old = [name for name in placed if not kept or held is not None and name in held[0]]
         if lens is None or not old or any(photo.size != (lens.width, lens.height) for photo in photos):
             return None
-        old = [old[round(i)] for i in np.linspace(0, len(old) - 1, min(COMPANIONS, len(old)))]
-        from ..sfm.job import write_job
-        from ..sfm.placing import COMPANIONS as NAMES
-        from ..sfm.placing import KEPT
-
+        old = [old[round(i)] for i in np.linspace(0, len(old) - 1, min(NUMBERS.photos, len(old)))]
         psf, settings = twin.medium.psf, SfmSettings(threads=threads)
         kernel = None if psf is None or psf.is_identity else psf.kernel()
         child = waiting or Waiting(twin.folder, threads)
@@ -72,24 +80,21 @@ class Placing:
         along = [] if kept else [by_name[name] for name in old]
         names = write_job([*along, *photos], kernel, settings, child.folder)
         images = {photo: image for image, photo in names.items()}
-        known = {name if kept else images[name]: name for name in old}
+        references = {name if kept else images[name]: name for name in old}
         if kept:
             shutil.copyfile(features, child.folder / KEPT)
-        write_json(child.folder / NAMES, list(known))
+        write_json(child.folder / REFERENCES, list(references))
         child.go()
-        return Placing(photos, names, known, child, settings)
+        return Placing(photos, names, references, child, settings)
 
     def poses(self, twin: Twin, progress: Progress) -> dict[str, Pose] | None:
         """All new photos' poses in the twin's world, from where their matches lie on its surface; None if any lacks."""
-        from ..sfm.find import keep_features, talk
-        from ..sfm.placing import PLAN
-
         folder = self.child.folder
         by_name, rows = {view.name: view for view in twin.views}, {}
-        shown = twin.on_grid([by_name[name] for name in self.known.values()], twin.step)
+        shown = twin.on_grid([by_name[name] for name in self.references.values()], twin.step)
         gaussians = twin.scale.to_unit(twin.gaussians)
         usual = RasterSettings(low_pass=max(0.1, 0.3 / twin.step**2))
-        for index, (name, view) in enumerate(zip(self.known, shown, strict=True)):
+        for index, (name, view) in enumerate(zip(self.references, shown, strict=True)):
             camera = view.camera
             np.save(folder / f"depth{index}.npy", surface_depth(gaussians, camera, usual), allow_pickle=False)
             rows[name] = {
@@ -104,7 +109,7 @@ class Placing:
         write_json(
             folder / PLAN,
             {
-                "known": rows,
+                "references": rows,
                 "lens": {"model": lens.model, "width": lens.width, "height": lens.height, "params": list(lens.params)},
             },
         )

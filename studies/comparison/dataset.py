@@ -24,7 +24,7 @@ from ...core.pipeline.heldout import TruthFolder
 from ...core.progress import Progress
 from ...core.reconstruction import Reconstruction
 from ...core.sfm.find import find_cameras
-from ...core.sfm.known import load_cameras
+from ...core.sfm.given import load_cameras
 from ...core.sfm.settings import SfmSettings
 from ...core.views import heldout_names
 from .degrade import disc

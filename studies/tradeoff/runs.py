@@ -27,7 +27,7 @@ from ...core.pipeline.refinement import taken_over
 from ...core.pipeline.views import Viewer, to_pixels
 from ...core.progress import Progress
 from ...core.sfm.find import find_cameras
-from ...core.sfm.known import load_cameras
+from ...core.sfm.given import load_cameras
 from ...core.sfm.settings import SfmSettings
 from ...core.training.run import Trained, train
 from ...core.training.scale import scene_scale

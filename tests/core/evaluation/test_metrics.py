@@ -2,8 +2,13 @@
 
 import numpy as np
 import pytest
-from dgs.core.evaluation.metrics import band, edge_sharpness, low_passed, low_passed_truth_psnr, psnr, ssim
+from dgs.core.evaluation.metrics import Band, bands, edge_sharpness, low_passed, low_passed_truth_psnr, psnr, ssim
 from scipy.ndimage import gaussian_filter
+
+
+def band(image, truth) -> Band:
+    """Periods from 10 to 7 px."""
+    return bands(image, truth, [(10, 7)])[0]
 
 
 def noise(height=64, width=96, seed=0):
@@ -56,14 +61,14 @@ def test_low_pass_cuts_at_the_frequency():
 
 def test_band_tells_missing_from_invented():
     truth = wave(8) + wave(32) - 0.5
-    half = band(0.5 * wave(8) + wave(32), truth, 10, 7)
+    half = band(0.5 * wave(8) + wave(32), truth)
     assert (half.gain, half.correlation, half.energy) == pytest.approx((0.5, 1.0, 0.5))
-    other = band(wave(40), truth, 10, 7)
+    other = band(wave(40), truth)
     assert (other.gain, other.correlation) == pytest.approx((0, 0), abs=1e-9)
     invented = truth + 0.1 * (noise(120, 160) - 0.5)
-    speckled = band(invented, truth, 10, 7)
+    speckled = band(invented, truth)
     assert speckled.energy > speckled.gain and speckled.correlation < 1
-    assert np.isnan(band(truth, np.full_like(truth, 0.5), 10, 7).gain)
+    assert np.isnan(band(truth, np.full_like(truth, 0.5)).gain)
 
 
 def test_edge_sharpness_falls_with_blur_and_ignores_distant_speckle():

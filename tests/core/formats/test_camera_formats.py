@@ -14,7 +14,7 @@ from dgs.core.formats.transforms import read_transforms, write_transforms
 from dgs.core.lens import MODELS, Lens
 from dgs.core.photos.load import Photo
 from dgs.core.pose import Pose
-from dgs.core.sfm.known import load_cameras
+from dgs.core.sfm.given import load_cameras
 from dgs.core.views import SparsePoints
 from hypothesis import given, settings
 from hypothesis import strategies as st

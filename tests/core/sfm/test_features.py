@@ -22,7 +22,7 @@ def test_what_is_written_is_read_again(tmp_path: Path) -> None:
     found = load_features(tmp_path / "features.npz")
     assert found is not None and found[1] == Recipe("r", "why", image_size=300) and set(found[0]) == set(wanted)
     for name, one in wanted.items():
-        assert np.array_equal(found[0][name].places, one.places)
+        assert np.array_equal(found[0][name].positions, one.positions)
         assert np.array_equal(found[0][name].descriptors, one.descriptors)
 
 
@@ -37,9 +37,9 @@ def test_a_damaged_or_missing_file_is_none(tmp_path: Path) -> None:
 def test_equal_features_match_and_ambiguous_ones_do_not() -> None:
     first = some(0, 40)
     order = np.random.default_rng(3).permutation(40)
-    second = Features(first.places[order], first.descriptors[order])
+    second = Features(first.positions[order], first.descriptors[order])
     pairs = matched(first, second)
     assert len(pairs) == 40 and np.array_equal(order[pairs[:, 1]], pairs[:, 0])
-    twice = Features(np.concatenate([first.places] * 2), np.concatenate([first.descriptors] * 2))
+    twice = Features(np.concatenate([first.positions] * 2), np.concatenate([first.descriptors] * 2))
     assert len(matched(first, twice)) == 0
     assert len(matched(first, some(9, 40))) < 5 and len(matched(first, some(1, 1))) == 0

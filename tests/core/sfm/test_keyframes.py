@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from dgs.core.camera import Camera
 from dgs.core.evaluation.poses import pose_errors
-from dgs.core.sfm import attempts, keyframes, pipeline
+from dgs.core.sfm import attempts, keyframes, mapping
 from dgs.core.sfm.job import read_job, write_job
 from dgs.core.sfm.keyframes import Matches, choose_keyframes
 from dgs.core.sfm.settings import SfmSettings, recipes
@@ -84,13 +84,13 @@ def test_the_others_find_their_place(tmp_path: Path, monkeypatch: pytest.MonkeyP
     names = write_job(blurred, kernel(SIGMA), SfmSettings(many=12, many_features=3000, choose_pairs_from=100), tmp_path)
     job = read_job(tmp_path)
     mapped: list[list[str] | None] = []
-    usual = pipeline.map_incrementally
+    usual = mapping.map_incrementally
 
     def noted(*given: Any) -> list[Any]:
         mapped.append(given[-1] if len(given) == 7 else None)
         return usual(*given)
 
-    monkeypatch.setattr(pipeline, "map_incrementally", noted)
+    monkeypatch.setattr(mapping, "map_incrementally", noted)
     joined: list[int] = []
     model, _ = attempts._try(
         job, attempts.lighter(recipes(True)[0], job), 0, lambda **said: joined.append(said.get("joined", 0))

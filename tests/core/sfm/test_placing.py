@@ -1,4 +1,4 @@
-"""A new photo finds its place among known ones whose depth is known."""
+"""A new photo finds its place among reference photos whose depth is given."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from dgs.core.camera import Camera
 from dgs.core.files import write_json
 from dgs.core.progress import Silent
 from dgs.core.sfm.find import talk
-from dgs.core.sfm.job import write_job
-from dgs.core.sfm.placing import COMPANIONS, PLAN, Known
+from dgs.core.sfm.job import PLAN, REFERENCES, write_job
+from dgs.core.sfm.placing import ReferencePhoto
 from dgs.core.sfm.settings import SfmSettings
 from scipy.ndimage import gaussian_filter
 
@@ -45,11 +45,11 @@ def placed(folder: Path, strangers: bool = False) -> tuple[dict[str, Camera], di
     new = names[1:4:2]
     job = write_job([photo(n, images[n]) for n in names], kernel(SIGMA), SfmSettings(), folder)
     at = {name: image for image, name in job.items()}
-    known = {}
+    references = {}
     for index, name in enumerate(n for n in names if n not in new):
         camera = truth[name]
         np.save(folder / f"depth{index}.npy", depth(camera))
-        known[at[name]] = {
+        references[at[name]] = {
             "rotation": camera.rotation.tolist(),
             "translation": camera.translation.tolist(),
             "focal": [camera.fx, camera.fy],
@@ -57,8 +57,8 @@ def placed(folder: Path, strangers: bool = False) -> tuple[dict[str, Camera], di
             "depth": f"depth{index}.npy",
         }
     lens = {"model": "SIMPLE_PINHOLE", "width": WIDTH, "height": HEIGHT, "params": [FOCAL, WIDTH / 2, HEIGHT / 2]}
-    write_json(folder / COMPANIONS, list(known))
-    write_json(folder / PLAN, {"known": known, "lens": lens})
+    write_json(folder / REFERENCES, list(references))
+    write_json(folder / PLAN, {"references": references, "lens": lens})
     _, done = talk(folder, len(new), SfmSettings(), Silent())
     found = {}
     for image, pose in done["poses"].items():
@@ -83,7 +83,7 @@ def test_photos_of_something_else_find_none(tmp_path: Path) -> None:
 def test_depth_lifts_a_ray_to_where_it_ends() -> None:
     surface = np.full((4, 6), 2.0, np.float32)
     surface[0] = np.nan
-    one = Known(np.eye(3), np.array([0.0, 0.0, 1.0]), (2.0, 2.0), (3.0, 2.0), surface)
+    one = ReferencePhoto(np.eye(3), np.array([0.0, 0.0, 1.0]), (2.0, 2.0), (3.0, 2.0), surface)
     points, good = one.lifted(np.array([[0.0, 0.0], [1.0, 0.5], [0.0, -1.0], [9.0, 0.0]]))
     assert good.tolist() == [True, True, False, False]
     assert points[0] == pytest.approx([0.0, 0.0, 1.0]) and points[1] == pytest.approx([2.0, 1.0, 1.0])

@@ -14,8 +14,9 @@ from dgs.core.lens import Lens
 from dgs.core.photos.load import load_photos
 from dgs.core.pose import Pose
 from dgs.core.progress import Silent
-from dgs.core.sfm import find, job
+from dgs.core.sfm import find
 from dgs.core.sfm.features import FEATURES
+from dgs.core.twin import placing
 from dgs.core.twin import register as module
 from dgs.core.twin.folder import Twin, open_twin
 from dgs.core.views import SparsePoints
@@ -24,7 +25,7 @@ from PIL import Image
 from scipy.ndimage import gaussian_filter
 
 COUNT, NEW = 9, (3, 6)
-WRITE = job.write_job
+WRITE = placing.write_job
 
 
 @pytest.fixture(scope="module")
@@ -87,7 +88,7 @@ def test_old_photos_are_looked_through_once(made: Path, twin: Twin, monkeypatch:
     kept = made / "out" / "sfm" / FEATURES  # (the twin's cameras were given: nothing was kept when it was made)
     photos = load_photos(made / "new", None, Silent(), None, minimum=1)
     counts = []
-    monkeypatch.setattr(job, "write_job", lambda *a: counts.append(len(a[0])) or WRITE(*a))
+    monkeypatch.setattr(placing, "write_job", lambda *a: counts.append(len(a[0])) or WRITE(*a))
     kept.unlink(missing_ok=True)
     first = module.against_twin(twin, photos, 2, Silent())
     again = module.against_twin(twin, photos, 2, Silent())
@@ -109,7 +110,7 @@ def test_a_place_where_the_twin_shows_something_else_is_not_believed(
     made: Path, twin: Twin, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     photos = load_photos(made / "new", None, Silent(), None, minimum=1)
-    usual = find.talk
+    usual = placing.talk
 
     def misled(*given: Any) -> Any:
         attempts, done = usual(*given)
@@ -117,5 +118,5 @@ def test_a_place_where_the_twin_shows_something_else_is_not_believed(
             pose["translation"][0] += 0.1  # a dozen px
         return attempts, done
 
-    monkeypatch.setattr(find, "talk", misled)
+    monkeypatch.setattr(placing, "talk", misled)
     assert module.against_twin(twin, photos, 2, Silent()) is None

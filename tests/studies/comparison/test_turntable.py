@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from dgs.core.sfm.known import load_cameras
+from dgs.core.sfm.given import load_cameras
 from dgs.studies.comparison import turntable
 from PIL import Image
 

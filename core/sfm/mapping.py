@@ -12,7 +12,7 @@ import pycolmap
 from numpy.typing import NDArray
 from PIL import Image
 
-from .job import Job
+from .job import SfmJob
 from .pairs import choose_pairs
 from .settings import Recipe
 from .sharpen import as_bytes, wiener
@@ -23,7 +23,7 @@ STILL = 0.03
 MAPPER_TOLERANCE = 1e-6
 
 
-def filtered_greys(job: Job, noise_to_signal: float) -> dict[str, NDArray[np.float32]]:
+def filtered_greys(job: SfmJob, noise_to_signal: float) -> dict[str, NDArray[np.float32]]:
     """The grey photos in [0, 1], with the blur undone as far as noise allows."""
 
     def one(path: Path) -> NDArray[np.float32]:
@@ -48,7 +48,7 @@ def write_images(greys: dict[str, NDArray[np.float32]], folder: Path, threads: i
         list(pool.map(one, greys.items()))
 
 
-def extract(job: Job, recipe: Recipe, database: Path, images: Path) -> None:
+def extract(job: SfmJob, recipe: Recipe, database: Path, images: Path) -> None:
     """SIFT features (Lowe 2004; L1-root normalised) into the database; one lens per folder."""
     options = pycolmap.FeatureExtractionOptions()
     options.num_threads = job.settings.threads
@@ -80,7 +80,7 @@ def extract(job: Job, recipe: Recipe, database: Path, images: Path) -> None:
                     store.update_camera(camera)
 
 
-def match(job: Job, recipe: Recipe, database: Path) -> None:
+def match(job: SfmJob, recipe: Recipe, database: Path) -> None:
     """Matches and verifies pairs: all of them in small sets, the promising ones in large sets."""
     options, verification = _matching(job, recipe)
     names = None
@@ -89,15 +89,6 @@ def match(job: Job, recipe: Recipe, database: Path) -> None:
     if names is None:
         pycolmap.match_exhaustive(database, options, verification_options=verification)
         return
-    _match(job, database, names, options, verification)
-
-
-def match_pairs(job: Job, recipe: Recipe, database: Path, names: list[tuple[str, str]]) -> None:
-    """Matches and verifies these pairs."""
-    _match(job, database, names, *_matching(job, recipe))
-
-
-def _match(job: Job, database: Path, names: list[tuple[str, str]], options: Any, verification: Any) -> None:
     pairs = job.folder / "pairs.txt"
     pairs.write_text("".join(f"{a} {b}\n" for a, b in names), encoding="utf-8")
     pairing = pycolmap.ImportedPairingOptions()
@@ -105,7 +96,7 @@ def _match(job: Job, database: Path, names: list[tuple[str, str]], options: Any,
     pycolmap.match_image_pairs(database, options, pairing, verification)
 
 
-def _matching(job: Job, recipe: Recipe) -> tuple[Any, Any]:
+def _matching(job: SfmJob, recipe: Recipe) -> tuple[Any, Any]:
     options = pycolmap.FeatureMatchingOptions()
     options.num_threads = job.settings.threads
     options.use_gpu = False
@@ -118,7 +109,7 @@ def _matching(job: Job, recipe: Recipe) -> tuple[Any, Any]:
 
 
 def map_incrementally(
-    job: Job,
+    job: SfmJob,
     recipe: Recipe,
     database: Path,
     images: Path,
