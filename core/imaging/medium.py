@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import Literal
 
-from torch import Tensor
-
-from ..colour import linear_to_srgb, srgb_to_linear
 from ..errors import PsfError
 from .psf import PointSpread
 
@@ -64,9 +61,3 @@ class Medium:
             return next(iter(grids.values()))
         spreads = {name: grids[s].psf_for(name) for name, s in scales.items()}
         return replace(self, psf=grids[next(iter(scales.values()))].psf, per_view=spreads)
-
-    def degrade(self, frame: Tensor, blur: Callable[[Tensor], Tensor]) -> Tensor:
-        """[3, H + 2m, W + 2m] sRGB render -> [3, H, W] sRGB photo, through `blur` in the blur space."""
-        if self.blur_space == "srgb" or not self.blurs:
-            return blur(frame)
-        return linear_to_srgb(blur(srgb_to_linear(frame)))

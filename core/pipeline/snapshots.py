@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from ..files import make_folder, write_bytes
 from ..formats.ply import write_ply
+from ..forward import sharp_view
 from ..photos.scale import resized, size_within
 from ..photos.write import write_png
-from ..rasterizer import render
 from .views import to_pixels
 
 if TYPE_CHECKING:
@@ -89,10 +89,6 @@ def _picture(trainer: Trainer) -> NDArray[np.float32]:
     level = trainer.levels[-1]
     view = (level.heldout or level.views)[0]
     with torch.no_grad():
-        image = render(
-            trainer.optimizer.gaussians,
-            view.camera,
-            background=trainer.background,
-            settings=trainer.raster_settings(level),
-        ).image
+        settings = trainer.raster_settings(level)
+        image = sharp_view(trainer.optimizer.gaussians, view.camera, settings, trainer.background).image
     return image.cpu().numpy()

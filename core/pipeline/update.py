@@ -21,6 +21,7 @@ from ..errors import CameraError, Cancelled, CheckpointError, DgsError, PhotoErr
 from ..files import make_folder, output_error, write_json, write_text
 from ..formats.colmap import write_lenses
 from ..formats.ply import write_ply
+from ..forward.compare import mask_of, mean_square, psnr_of
 from ..gaussians import Gaussians
 from ..imaging.medium import Medium
 from ..machine import use_threads
@@ -273,24 +274,14 @@ def _watched(twin: Twin) -> list[View]:
 
 def _residuals(twin: Twin, gaussians: Gaussians, medium: Medium, views: Sequence[View]) -> float:
     """PSNR (dB) of the twin through the blur against photos."""
-    from ..imaging.operator import shared_operator
-    from ..rasterizer import RasterSettings, render
-
-    step, margin = twin.step, twin.margin(twin.step)
-    unit = twin.scale.to_unit(gaussians)
+    changed = replace(twin, medium=medium)
+    unit, model = twin.scale.to_unit(gaussians), changed.model(twin.margin(twin.step))
     errors = []
-    for view in replace(twin, medium=medium).on_grid(list(views), step):
+    for view in changed.on_grid(list(views), twin.step):
         with torch.no_grad():
-            frame = render(
-                unit,
-                view.camera.with_margin(margin),
-                background=twin.background,
-                settings=RasterSettings(low_pass=max(0.1, 0.3 / step**2)),
-            ).image
-            blur = shared_operator(view.psf, view.camera.height, view.camera.width, margin)
-            error = (medium.degrade(frame, blur.apply) - torch.from_numpy(view.planes())).square()
-        errors.append(float(error.mean() if view.valid is None else error[:, torch.from_numpy(view.valid)].mean()))
-    return round(-10.0 * float(np.log10(max(float(np.mean(errors)), 1e-10))), 3)
+            exposed = model.expose(unit, view, twin.background)
+            errors.append(mean_square(exposed.residual(torch.from_numpy(view.planes())), mask_of(view.valid)))
+    return round(psnr_of(errors), 3)
 
 
 def _write(

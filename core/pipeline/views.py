@@ -2,31 +2,29 @@
 
 from __future__ import annotations
 
-import math
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from torch import Tensor
 
 from ..camera import Camera
 from ..constants import LOW_PASS_VARIANCE
+from ..forward import ForwardModel, margin_for, medium_of, sharp_view, space_of
 from ..gaussians import Gaussians
+from ..imaging.evaluations import Frame
 from ..imaging.formation.chain import Formation
-from ..imaging.formation.effect import Shot
 from ..imaging.medium import Medium
-from ..imaging.operator import BlurOperator
+from ..imaging.psf import PointSpread
 from ..lens import Lens
 from ..photos.undistort import Undistortion
 from ..pose import Pose
-from ..rasterizer import RasterSettings, Rendered, render
+from ..rasterizer import RasterSettings
 from ..training.scale import SceneScale
 
 #: Pixels around a frame that interpolation at its border reads.
 _SPLINE = 3
-#: Light from farther than so many standard deviations outside a photo is not missed in it.
-_REACH_SIGMAS = 3.0
 
 
 class Viewer:
@@ -62,7 +60,9 @@ class Viewer:
         settings = RasterSettings(low_pass=self._low_pass * finer**2)
         undistortion = _undistortion(lens)
         margin = undistortion.overscan + _SPLINE
-        frame = self._pinhole(undistortion.camera("", pose).with_margin(margin), settings)
+        camera = self._scale.camera_to_unit(undistortion.camera("", pose).with_margin(margin))
+        with torch.no_grad():
+            frame = sharp_view(self._gaussians, camera, settings, self._background).image
         return undistortion.render(frame.cpu().numpy(), margin)
 
     def degraded(
@@ -71,24 +71,28 @@ class Viewer:
         """[3, H, W] sRGB: what the camera would file of the twin through the medium, and the other effects."""
         psf = medium.psf_for(name)
         undistortion = _undistortion(lens)
-        margin = undistortion.overscan + _SPLINE
+        overscan = undistortion.overscan + _SPLINE
+        # As far as a point spread reaches; of what effects spread, as far as the training's frames do.
         reach = 0 if psf is None or psf.is_identity else max(psf.radius)
-        reach = max(reach, math.ceil(_REACH_SIGMAS * formation.reach(lens.width, lens.height)))
-        camera = undistortion.camera("", pose).with_margin(margin)
+        reach = max(reach, margin_for(formation.reach(lens.width, lens.height)))
+        camera = self._scale.camera_to_unit(undistortion.camera(name, pose))
         settings = RasterSettings(low_pass=self._low_pass, depth=formation.by_depth)
-        rendered = self._rendered(camera.with_margin(reach), settings)
-        frame = rendered.image
-        blur = BlurOperator(psf, camera.height, camera.width, reach, frame.device, frame.dtype)
-        shot = Shot(name, lens.height, lens.width, margin + reach, (lens.cx, lens.cy), rendered.mean_depth)
-        return undistortion.render(formation.degrade(frame, blur.apply, medium, shot).cpu().numpy(), margin)
-
-    def _pinhole(self, camera: Camera, settings: RasterSettings) -> Tensor:
-        return self._rendered(camera, settings).image
-
-    def _rendered(self, camera: Camera, settings: RasterSettings) -> Rendered:
+        frame = Frame(camera.height + 2 * overscan, camera.width + 2 * overscan, reach)
+        behind = self._background
+        # Made anew: frames are whole photos, too large to keep.
+        made = medium_of(psf, frame, space_of(medium), behind.device, behind.dtype)
+        model = ForwardModel(settings, lambda _: made, reach, formation)
         with torch.no_grad():
-            unit = self._scale.camera_to_unit(camera)
-            return render(self._gaussians, unit, background=self._background, settings=settings)
+            exposed = model.expose(self._gaussians, _Photo(name, camera, psf), behind, overscan)
+        return undistortion.render(exposed.photo.cpu().numpy(), overscan)
+
+
+class _Photo(NamedTuple):
+    """What `ForwardModel.expose` asks of a photo."""
+
+    name: str
+    camera: Camera
+    psf: PointSpread | None
 
 
 def to_pixels(planes: NDArray[np.float32]) -> NDArray[np.uint8]:

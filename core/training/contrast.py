@@ -11,7 +11,8 @@ from collections.abc import Sequence
 import numpy as np
 import torch
 
-from ..imaging.operator import shared_operator
+from ..forward import shared_medium
+from ..imaging.evaluations import Frame
 from .grid import GridView
 
 #: Photos without any structure still have one 8-bit step.
@@ -34,7 +35,7 @@ def scene_contrast(views: Sequence[GridView]) -> float:
             # Of the kernel with itself, by Parseval; padded, or it would wrap around.
             power = np.abs(np.fft.fft2(kernel, [2 * n for n in kernel.shape])) ** 4
             lowered = float(np.sqrt(power.mean()))
-            planes = shared_operator(view.psf, *planes.shape[1:]).apply(planes)
+            planes = shared_medium(view.psf, Frame(planes.shape[1], planes.shape[2], 0)).degraded(planes)
         right = planes[:, :-1, 1:] - planes[:, :-1, :-1]
         down = planes[:, 1:, :-1] - planes[:, :-1, :-1]
         difference = (right.square().sum(dim=0) + down.square().sum(dim=0)).sqrt()

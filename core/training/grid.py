@@ -7,6 +7,7 @@ of that is added to the point spread (`PointSpread.on_grid`).
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import replace
 from functools import lru_cache
 
@@ -107,3 +108,15 @@ class GridView:
     def planes(self) -> NDArray[np.float32]:
         """The photo as [3, h, w] float32 in [0, 1], sRGB-encoded."""
         return self._photo.astype(np.float32) * np.float32(1 / 65535)
+
+    def seen_by(self, camera: Camera) -> GridView:
+        """The same photo, its camera (on the grid) elsewhere."""
+        moved = copy(self)
+        moved.camera = camera
+        return moved
+
+    def blurred_by(self, psf: PointSpread | None) -> GridView:
+        """The same photo through another point spread (on the grid)."""
+        other = copy(self)
+        other.psf = psf
+        return other

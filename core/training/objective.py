@@ -22,10 +22,11 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from ..colour import decoding_slope, encoding_slope, linear_to_srgb, srgb_to_linear
+from ..colour import decoding_slope, linear_to_srgb
+from ..forward import medium_of
+from ..imaging.evaluations import Frame
 from ..imaging.fourier import FourierFilter
 from ..imaging.medium import BlurSpace
-from ..imaging.operator import BlurOperator
 from ..imaging.psf import PointSpread
 from ..imaging.spectrum import NoiseToSignal
 from .photometric import PhotometricLoss, photometric_reference
@@ -99,47 +100,35 @@ class Objective:
             psf, evaluation = None, "auto"
         else:
             evaluation = settings.blur_evaluation
-        self.blur = BlurOperator(psf, height, width, margin, device, evaluation=evaluation)
+        self.medium = medium_of(psf, Frame(height, width, margin), space, device, evaluation=evaluation)
         self.inverse = None
         if psf is not None and ratio is not None:
             self.inverse = Inverse(psf, height + 2 * margin, width + 2 * margin, ratio, device)
 
-    def degraded(self, image: Tensor) -> Tensor:
-        """The render as the medium would show it: [3, H + 2m, W + 2m] -> [3, H, W], sRGB."""
-        light = image if self.space == "srgb" else srgb_to_linear(image)
-        blurred = self.blur.apply(light)
-        return blurred if self.space == "srgb" else linear_to_srgb(blurred)
-
     def pull(self, image: Tensor, photo: Tensor, valid: Tensor | None) -> Pull:
         """How the photo [3, H, W] pulls at a render [3, H + 2m, W + 2m], both sRGB."""
         s = self.settings
-        light = image if self.space == "srgb" else srgb_to_linear(image)
-        blurred = self.blur.apply(light)
+        passed = self.medium.passed(image)
         weight = 1.0 if self.inverse is None else s.base_weight
         loss, gradient = 0.0, torch.zeros_like(image)
         if weight:
-            degraded = blurred if self.space == "srgb" else linear_to_srgb(blurred)
-            loss, slope = self._compare(degraded, photo, valid, s.ssim_weight)
-            if self.space == "linear":
-                slope = slope * encoding_slope(blurred, degraded)
-            gradient = self.blur.adjoint(slope * weight)
-            if self.space == "linear":
-                gradient = gradient * decoding_slope(image, light)
+            degraded = self.medium.encoded(passed.blurred)
+            loss, upstream = self._compare(degraded, photo, valid, s.ssim_weight)
+            gradient = self.medium.pulled_back(upstream, passed, degraded, weight)
         if s.variation_weight and s.loss != "paper":
             gradient += (s.variation_weight / photo.numel()) * variation_gradient(image, self.knee)
         if self.inverse is None:
             return Pull(loss, gradient)
         if s.speck_weight:
             gradient += (s.speck_weight / photo.numel()) * speck_gradient(image)
-        known = photo if self.space == "srgb" else srgb_to_linear(photo)
-        residual = known - blurred
+        residual = self.medium.decoded(photo) - passed.blurred
         residual = torch.where(residual.isfinite() if valid is None else residual.isfinite() & valid, residual, 0.0)
         if not weight:
             loss = float(residual.abs().mean())
         m = self.margin
         missing = self.inverse.apply(torch.nn.functional.pad(residual, (m, m, m, m)))
         if self.space == "linear":
-            missing = missing / decoding_slope(image, light).clamp(min=0.1)
+            missing = missing / decoding_slope(image, passed.light).clamp(min=0.1)
         inner = (slice(None), slice(m, m + photo.shape[1]), slice(m, m + photo.shape[2]))
         d = missing[inner]
         d = d / (d.square() + self.inverse_width**2).sqrt() if self.inverse_width else d.sign()
@@ -152,11 +141,11 @@ class Objective:
         """How the photo, its blur undone once and for all, pulls at a render; arguments as of `pull`."""
         assert self.inverse is not None
         s, m = self.settings, self.margin
-        known = photo if self.space == "srgb" else srgb_to_linear(photo)
+        known = self.medium.decoded(photo)
         if valid is not None:  # what does not count must not be blurred into what does
             known = torch.where(valid, known, known[:, valid].mean(dim=1)[:, None, None])
         wide = torch.nn.functional.pad(known[None], (m, m, m, m), mode="replicate")[0]
-        residual = known - self.blur.apply(wide)
+        residual = known - self.medium.blur.apply(wide)
         inner = (slice(None), slice(m, m + photo.shape[1]), slice(m, m + photo.shape[2]))
         sharp = known + self.inverse.apply(torch.nn.functional.pad(residual, (m, m, m, m)))[inner]
         if self.space == "linear":

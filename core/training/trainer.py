@@ -13,12 +13,13 @@ import torch
 
 from ..colour import srgb_to_linear
 from ..errors import PsfError
+from ..forward import Exposed, Exposure, ForwardModel, low_pass_on_grid, margin_for
+from ..forward.compare import mean_square, psnr_of
 from ..gaussians import Gaussians
 from ..imaging.formation.chain import Formation
-from ..imaging.formation.effect import Shot
 from ..imaging.medium import Medium
 from ..imaging.spectrum import NoiseToSignal, noise_to_signal
-from ..rasterizer import RasterSettings, Rendered, render, with_slope
+from ..rasterizer import RasterSettings
 from ..views import SparsePoints, View, distinct
 from .checkpoint import Checkpoint
 from .contrast import scene_contrast
@@ -32,9 +33,6 @@ from .optimizer import Adam
 from .scale import SceneScale, scene_scale
 from .settings import TrainingSettings, smoothness, start_share, trust
 
-#: The render reaches this many standard deviations of the PSF beyond the photo: light from there is
-#: in the photo's border.
-MARGIN_SIGMAS = 3.0
 #: Photos whose spectra are averaged for the noise-to-signal ratio.
 SPECTRUM_VIEWS = 12
 #: Held-out photos that are looked at while training.
@@ -133,7 +131,7 @@ class Trainer:
         sigma = max((float(np.linalg.eigvalsh(v.psf.covariance)[-1]) ** 0.5 for v in views if v.psf), default=0.0)
         contrast = scene_contrast(views[:: max(1, len(views) // SPECTRUM_VIEWS)])
         reach = math.hypot(sigma, self.formation.reach(views[0].camera.width, views[0].camera.height))
-        return Level(step, views, heldout, int(np.ceil(MARGIN_SIGMAS * reach)), self._ratio(views, step), contrast)
+        return Level(step, views, heldout, margin_for(reach), self._ratio(views, step), contrast)
 
     def _ratio(self, views: list[GridView], step: int) -> NoiseToSignal | None:
         """Noise over signal of the photos on a grid, as far as they are trusted."""
@@ -146,7 +144,7 @@ class Trainer:
         gain = self.settings.noise_gain or trust(self.distinct)
         return noise_to_signal(photos, [v.psf for v in looked_at], self.views[0].rounding / step).trusted(gain)
 
-    def objective(self, level: Level, view: GridView) -> Objective:
+    def objective(self, level: Level, view: Exposure) -> Objective:
         """The objective for a view's size and point spread; made once for all views that share them."""
         key = (view.camera.height, view.camera.width, view.psf)
         if key not in level.objectives:
@@ -165,15 +163,21 @@ class Trainer:
 
     def raster_settings(self, level: Level) -> RasterSettings:
         """The low-pass is the same footprint on the photo whatever the grid."""
-        low_pass = max(0.1, self.settings.low_pass / level.step**2)
+        low_pass = low_pass_on_grid(level.step, self.settings.low_pass)
         if self.settings.blur_evaluation == "splats":
             low_pass += round_variance(level.views)
         return RasterSettings(low_pass=low_pass, depth=self.formation.by_depth)
 
-    def shot(self, view: GridView, level: Level, rendered: Rendered) -> Shot:
-        """What the effects of image formation know of a view."""
-        camera = view.camera
-        return Shot(view.name, camera.height, camera.width, level.margin, (camera.cx, camera.cy), rendered.mean_depth)
+    def model(self, level: Level) -> ForwardModel:
+        """From the Gaussians to the photos on a level's grid."""
+        return ForwardModel(
+            self.raster_settings(level), lambda view: self.objective(level, view).medium, level.margin, self.formation
+        )
+
+    def exposed(self, level: Level, view: GridView) -> Exposed:
+        """What the twin, as it is, would show in a photo; without gradient."""
+        with torch.no_grad():
+            return self.model(level).expose(self.optimizer.gaussians, view, self.background)
 
     def rates(self, share: float) -> dict[str, float]:
         """Step sizes at a share of the run."""
@@ -199,24 +203,17 @@ class Trainer:
         s = self.settings
         level = self.levels[0] if share < s.coarse_share else self.levels[-1]
         view = self.view_at(level, self.step)
-        rendered = render(
-            self.optimizer.gaussians,
-            view.camera.with_margin(level.margin),
-            background=self.backdrop(),
-            settings=self.raster_settings(level),
-        )
+        exposed = self.model(level).expose(self.optimizer.gaussians, view, self.backdrop())
         valid = None if view.valid is None else torch.from_numpy(view.valid).to(self.device)
         photo = torch.from_numpy(view.planes()).to(self.device)
         objective = self.objective(level, view)
         pulls = objective.start if objective.inverse is not None and share < s.start_share else objective.pull
-        sharp = rendered.image.detach()
-        shot = self.shot(view, level, rendered)
-        pull = pulls(self.formation.reached(sharp, shot), photo, valid)
-        gradient = self.formation.reached_gradient(pull.gradient, sharp, shot)
-        with_slope(rendered.image, gradient).backward()  # type: ignore[no-untyped-call]
-        self.density.collect(rendered.screen)
-        for reason, count in rendered.screen.culled.items():
-            self.culled[reason] = self.culled.get(reason, 0) + count
+        pull = pulls(exposed.reached, photo, valid)
+        exposed.backward(pull.gradient)
+        for frame in exposed.frames:
+            self.density.collect(frame.rendered.screen)
+            for reason, count in frame.rendered.screen.culled.items():
+                self.culled[reason] = self.culled.get(reason, 0) + count
         self.optimizer.step(self.rates(share))
         self.step += 1
         if self.step % EVERY == 0:
@@ -234,22 +231,14 @@ class Trainer:
     def heldout_psnr(self) -> float | None:
         """PSNR (dB) of the degraded render against held-out photos, on the finest grid."""
         level = self.levels[-1]
-        errors = []
-        for view in level.heldout:
-            with torch.no_grad():
-                rendered = render(
-                    self.optimizer.gaussians,
-                    view.camera.with_margin(level.margin),
-                    background=self.background,
-                    settings=self.raster_settings(level),
-                )
-                reached = self.formation.reached(rendered.image, self.shot(view, level, rendered))
-                degraded = self.objective(level, view).degraded(reached).cpu().numpy()
-            error = (degraded - view.planes()) ** 2
-            errors.append(float(error[:, view.valid].mean() if view.valid is not None else error.mean()))
-        if not errors:
+        if not level.heldout:
             return None
-        return -10.0 * math.log10(max(sum(errors) / len(errors), 1e-10))
+        return psnr_of(
+            [
+                mean_square(self.exposed(level, view).degraded.cpu().numpy() - view.planes(), view.valid)
+                for view in level.heldout
+            ]
+        )
 
     def result(self) -> Gaussians:
         """The twin so far: in the world of the cameras, as the usual viewers draw it."""

@@ -2,20 +2,29 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 import torch
 
 from ..camera import Camera
 from ..constants import SH_COEFFICIENTS
+from ..forward import ForwardModel, medium_of
 from ..gaussians import Gaussians
-from ..imaging.operator import BlurOperator
+from ..imaging.evaluations import Frame
 from ..imaging.psf import PointSpread
-from ..rasterizer import render, with_slope
+from ..rasterizer import RasterSettings
 from .optimizer import Adam
 from .photometric import PhotometricLoss
 from .settings import Rates
 from .specks import speck_gradient
 from .variation import variation_gradient
+
+
+class _View(NamedTuple):
+    name: str
+    camera: Camera
+    psf: PointSpread | None
 
 
 def compile_kernels(sh_degree: int = 1) -> None:
@@ -30,12 +39,14 @@ def compile_kernels(sh_degree: int = 1) -> None:
         sh=torch.zeros(2, SH_COEFFICIENTS[sh_degree], 3),
     )
     optimizer = Adam(gaussians)
-    rendered = render(optimizer.gaussians, camera)
-    blur = BlurOperator(PointSpread("gaussian", 1.0, 1.0), side, side, 0, evaluation="separable")
-    _, slope = PhotometricLoss(torch.zeros(3, side, side)).value_and_gradient(blur.apply(rendered.image.detach()))
-    sharp = rendered.image.detach()
-    gradient = blur.adjoint(slope) + variation_gradient(sharp) + speck_gradient(sharp)
-    with_slope(rendered.image, gradient).backward()  # type: ignore[no-untyped-call]
+    psf = PointSpread("gaussian", 1.0, 1.0)
+    medium = medium_of(psf, Frame(side, side, 0), evaluation="separable")
+    exposed = ForwardModel(RasterSettings(), lambda _: medium).expose(
+        optimizer.gaussians, _View("warm-up", camera, psf)
+    )
+    sharp = exposed.reached
+    _, upstream = PhotometricLoss(torch.zeros(3, side, side)).value_and_gradient(exposed.degraded)
+    exposed.backward(medium.gradient(upstream, sharp) + variation_gradient(sharp) + speck_gradient(sharp))
     rates = Rates()
     optimizer.step(
         {

@@ -8,6 +8,7 @@ it is far beyond chance, and where old photos have seen the object: elsewhere th
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -17,11 +18,11 @@ from scipy.ndimage import binary_dilation, binary_opening, gaussian_filter
 from torch import Tensor
 
 from ..constants import SH_C0
+from ..forward import sharp_view
 from ..gaussians import Gaussians
 from ..imaging.medium import Medium
-from ..imaging.operator import shared_operator
 from ..imaging.psf import PointSpread
-from ..rasterizer import RasterSettings, render, with_slope
+from ..rasterizer import RasterSettings, with_slope
 from ..training.grid import GridView, coarse_camera
 from .folder import Twin
 from .surface import surface_depth
@@ -82,24 +83,18 @@ def wider(psf: PointSpread, factor: float) -> PointSpread:
 
 def find_changes(twin: Twin, views: Sequence[GridView], medium: Medium) -> Changes:
     """Compares new photos on the twin's grid with what the twin shows through the blur."""
-    step, margin = twin.step, max(1, int(np.ceil(WIDTHS[-1] * twin.margin(twin.step))))
-    gaussians = twin.scale.to_unit(twin.gaussians)
-    settings = RasterSettings(low_pass=max(0.1, 0.3 / step**2))
-    frames = {}
+    step, model = twin.step, replace(twin, medium=medium).model(max(1, math.ceil(WIDTHS[-1] * twin.margin(twin.step))))
+    gaussians, settings = twin.scale.to_unit(twin.gaussians), twin.raster_settings()
     with torch.no_grad():
-        for view in views:
-            wide = view.camera.with_margin(margin)
-            frames[view.name] = render(gaussians, wide, background=twin.background, settings=settings).image
+        exposed = {view.name: model.expose(gaussians, view, twin.background) for view in views}
 
     def residual(view: GridView, factor: float) -> Tensor:
-        psf = view.psf
-        if psf is not None and factor != 1.0:
+        seen = exposed[view.name]
+        if view.psf is not None and factor != 1.0:
             spread = medium.psf_for(view.name)
             assert spread is not None
-            psf = wider(spread, factor).on_grid(step)
-        blur = shared_operator(psf, view.camera.height, view.camera.width, margin)
-        seen = medium.degrade(frames[view.name], blur.apply)
-        out = torch.from_numpy(view.planes()) - seen
+            seen = replace(seen, medium=model.medium(view.blurred_by(wider(spread, factor).on_grid(step))))
+        out = seen.residual(torch.from_numpy(view.planes()))
         return out if view.valid is None else torch.where(torch.from_numpy(view.valid), out, 0.0)
 
     width, gain = _width(views, residual)
@@ -189,7 +184,7 @@ def _splats(
             continue
         # (a colour's gradient is its blending weight where harmonics are not cut at black)
         bright = torch.zeros_like(gaussians.sh).requires_grad_()
-        image = render(replace(gaussians, sh=bright), view.camera, settings=settings).image
+        image = sharp_view(replace(gaussians, sh=bright), view.camera, settings).image
         seen = mask.expand(3, -1, -1).float().contiguous()
         (inner,) = torch.autograd.grad(with_slope(image, seen), bright, retain_graph=True)
         (whole,) = torch.autograd.grad(with_slope(image, torch.ones_like(image)), bright)
@@ -203,13 +198,13 @@ def shows_changed(twin: Twin, splats: Tensor, views: Sequence[GridView]) -> dict
     if not bool(splats.any()):
         return {}
     gaussians = twin.scale.to_unit(twin.gaussians)
-    settings = RasterSettings(low_pass=max(0.1, 0.3 / twin.step**2))
+    settings = twin.raster_settings()
     sh = torch.zeros_like(gaussians.sh)
     sh[:, 0] = torch.where(splats[:, None], 0.5 / SH_C0, -0.5 / SH_C0)
     reach = max(1, round(twin.margin(twin.step) * 2 / 3))
     out = {}
     with torch.no_grad():
         for view in views:
-            share = render(replace(gaussians, sh=sh), view.camera, settings=settings).image[0].numpy()
+            share = sharp_view(replace(gaussians, sh=sh), view.camera, settings).image[0].numpy()
             out[view.name] = binary_dilation(share > 0.3, iterations=reach)
     return out

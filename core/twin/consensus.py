@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
 from ..numbers import number
-from ..rasterizer import render
 from ..training.grid import GridView
 from ..training.trainer import Level, Trainer
 from .adjust import Observations, aligned_camera
@@ -90,19 +89,14 @@ def align_view(trainer: Trainer, level: Level, view: GridView) -> None:
 
 def shown(trainer: Trainer, level: Level, view: GridView) -> tuple[torch.Tensor, Floats]:
     """[3, H, W] what the photo would be, by the twin and the medium, and [H, W] the twin's depth."""
-    settings = replace(trainer.raster_settings(level), depth=True)
+    model = trainer.model(level)
+    model = replace(model, settings=replace(model.settings, depth=True))
     with torch.no_grad():
-        rendered = render(
-            trainer.optimizer.gaussians,
-            view.camera.with_margin(level.margin),
-            background=trainer.background,
-            settings=settings,
-        )
-        reached = trainer.formation.reached(rendered.image, trainer.shot(view, level, rendered))
-        picture = trainer.objective(level, view).degraded(reached)
-    assert rendered.mean_depth is not None
+        exposed = model.expose(trainer.optimizer.gaussians, view, trainer.background)
+        picture, surface = exposed.degraded, exposed.rendered.mean_depth
+    assert surface is not None
     m, camera = level.margin, view.camera
-    depth = rendered.mean_depth[m : m + camera.height, m : m + camera.width]
+    depth = surface[m : m + camera.height, m : m + camera.width]
     return picture, depth.cpu().numpy().astype(np.float64)
 
 

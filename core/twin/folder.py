@@ -13,19 +13,22 @@ from torch import Tensor
 
 from ..errors import FormatError
 from ..formats.ply import read_ply
+from ..forward import Exposure, FixedMedium, ForwardModel, low_pass_on_grid, margin_for, shared_medium, space_of
 from ..gaussians import Gaussians
-from ..imaging.medium import Medium
+from ..imaging.evaluations import Frame
+from ..imaging.medium import BlurSpace, Medium
 from ..imaging.psf import parse_psf
 from ..photos.load import Photo, load_photos
 from ..photos.source import photo_source
 from ..photos.undistort import undistorted_views
 from ..progress import Progress
+from ..rasterizer import RasterSettings
 from ..reconstruction import Reconstruction
 from ..run_settings import ReconstructSettings
 from ..sfm.given import load_cameras
 from ..training.grid import GridView, grid_step
 from ..training.scale import SceneScale, scene_scale
-from ..training.trainer import MARGIN_SIGMAS, mean_colour
+from ..training.trainer import mean_colour
 from ..views import View, heldout_names
 from .history import read_facts
 
@@ -87,7 +90,25 @@ class Twin:
             ),
             default=0.0,
         )
-        return int(np.ceil(MARGIN_SIGMAS * widest / step))
+        return margin_for(widest, step)
+
+    def model(self, margin: int | None = None, blur_space: BlurSpace | None = None) -> ForwardModel:
+        """From the twin to its photos, on the grid of `step`; `expose` takes views of `on_grid`.
+
+        Args:
+            margin: grid px around each photo; None for what the blur asks for.
+            blur_space: another than the medium's.
+        """
+        around, space = self.margin(self.step) if margin is None else margin, blur_space or space_of(self.medium)
+
+        def medium(view: Exposure) -> FixedMedium:
+            return shared_medium(view.psf, Frame(view.camera.height, view.camera.width, around), space)
+
+        return ForwardModel(self.raster_settings(), medium, around)
+
+    def raster_settings(self) -> RasterSettings:
+        """How the twin is drawn on the grid of `step`: with the low-pass that viewers have on the photos' own grid."""
+        return RasterSettings(low_pass=low_pass_on_grid(self.step))
 
 
 def read_report(folder: Path) -> dict[str, Any]:

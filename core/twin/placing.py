@@ -13,7 +13,6 @@ from ..numbers import number
 from ..photos.load import Photo
 from ..pose import Pose
 from ..progress import Progress
-from ..rasterizer import RasterSettings
 from ..reconstruction import Reconstruction
 from ..sfm.child import Waiting
 from ..sfm.features import FEATURES, load_features
@@ -93,7 +92,7 @@ class Placing:
         by_name, rows = {view.name: view for view in twin.views}, {}
         shown = twin.on_grid([by_name[name] for name in self.references.values()], twin.step)
         gaussians = twin.scale.to_unit(twin.gaussians)
-        usual = RasterSettings(low_pass=max(0.1, 0.3 / twin.step**2))
+        usual = twin.raster_settings()
         for index, (name, view) in enumerate(zip(self.references, shown, strict=True)):
             camera = view.camera
             np.save(folder / f"depth{index}.npy", surface_depth(gaussians, camera, usual), allow_pickle=False)

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from ..camera import Camera
 from ..errors import Cancelled
+from ..forward.compare import mask_of, mean_square
 from ..imaging.medium import Medium
 from ..numbers import number
 from ..progress import Progress
@@ -260,8 +261,8 @@ class ViewAligner:
         return self._error(level, on_grid), self.world(view.camera, on_grid.camera, level.step)
 
     def _error(self, level: Level, view: GridView) -> float:
-        residual = (shown(self.trainer, level, view)[0].cpu() - torch.from_numpy(view.planes())).square()
-        return float(residual.mean() if view.valid is None else residual[:, torch.from_numpy(view.valid)].mean())
+        residual = shown(self.trainer, level, view)[0].cpu() - torch.from_numpy(view.planes())
+        return mean_square(residual, mask_of(view.valid))
 
     def world(self, given: Camera, unit: Camera, step: int) -> Camera:
         """A camera of the unit world and a grid as one of the world and the photo."""

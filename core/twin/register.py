@@ -11,12 +11,11 @@ import torch
 from ..camera import Camera
 from ..errors import CameraError
 from ..evaluation.poses import align_similarity
-from ..imaging.operator import BlurOperator, shared_operator
+from ..forward.compare import counted, mask_of
 from ..photos.load import Photo
 from ..photos.undistort import undistorted_views
 from ..pose import Pose
 from ..progress import Progress
-from ..rasterizer import RasterSettings, render
 from ..reconstruction import Reconstruction
 from ..sfm.given import load_cameras
 from ..training.grid import GridView
@@ -127,42 +126,29 @@ def _usual(twin: Twin) -> float:
 
 def _misfit(twin: Twin, view: GridView) -> float:
     """Median difference (sRGB) between a photo and the twin through the blur: a part that changed hardly counts."""
-    margin = twin.margin(twin.step)
-    settings = RasterSettings(low_pass=max(0.1, 0.3 / twin.step**2))
     with torch.no_grad():
-        frame = render(
-            twin.scale.to_unit(twin.gaussians),
-            view.camera.with_margin(margin),
-            background=twin.background,
-            settings=settings,
-        ).image
-        blur = shared_operator(view.psf, view.camera.height, view.camera.width, margin)
-        difference = (twin.medium.degrade(frame, blur.apply) - torch.from_numpy(view.planes())).abs()
-    counted = difference if view.valid is None else difference[:, torch.from_numpy(view.valid)]
-    return max(float(counted.median()), LEAST)
+        exposed = twin.model().expose(twin.scale.to_unit(twin.gaussians), view, twin.background)
+        difference = exposed.residual(torch.from_numpy(view.planes())).abs()
+    return max(float(counted(difference, mask_of(view.valid)).median()), LEAST)
 
 
 def corrected(twin: Twin, reconstruction: Reconstruction, photos: list[Photo]) -> Reconstruction:
     """New cameras moved to where the twin, through the blur, explains their photos best."""
-    step, margin = twin.step, twin.margin(twin.step)
-    gaussians = twin.scale.to_unit(twin.gaussians)
-    settings = RasterSettings(low_pass=max(0.1, 0.3 / step**2))
+    # sRGB values are blurred whatever the medium does: its steps were tried that way.
+    gaussians, model = twin.scale.to_unit(twin.gaussians), twin.model(blur_space="srgb")
     poses = dict(reconstruction.poses)
     views = undistorted_views([photo for photo in photos if photo.name in poses], reconstruction)
-    for view in twin.on_grid(views, step):
-        blur = shared_operator(view.psf, view.camera.height, view.camera.width, margin)
+    for view in twin.on_grid(views, twin.step):
 
-        def look(camera: Camera, blur: BlurOperator = blur) -> torch.Tensor:
-            wide = camera.with_margin(margin)
-            return blur.apply(render(gaussians, wide, background=twin.background, settings=settings).image)
+        def look(camera: Camera, view: GridView = view) -> torch.Tensor:
+            return model.expose(gaussians, view.seen_by(camera), twin.background).degraded
 
-        photo = torch.from_numpy(view.planes())
-        valid = None if view.valid is None else torch.from_numpy(view.valid)
+        photo, valid = torch.from_numpy(view.planes()), mask_of(view.valid)
         camera, best, least = view.camera, view.camera, np.inf
         for smooth in (*SMOOTH, None):
             with torch.no_grad():
                 error = (look(camera) - photo).square()
-            left = float((error if valid is None else error[:, valid]).median())
+            left = float(counted(error, valid).median())
             if left < least:
                 best, least = camera, left
             if smooth is not None:

@@ -22,7 +22,6 @@ from torch.nn.functional import avg_pool2d
 from ..constants import SH_C0
 from ..imaging.psf import PointSpread
 from ..numbers import BY_DEFINITION, number
-from ..rasterizer import render
 from .linear_model import LinearModel, Viewpoint
 
 #: Rows of a table of distances at a time: memory only.
@@ -96,7 +95,7 @@ class Detail:
     def weights(self, viewpoint: Viewpoint, planes: Sequence[Tensor]) -> list[Tensor]:
         """[N] sum over the sharp view's px of each Gaussian's share times each of several [H, W] planes."""
         sh = self._plain.sh.clone().requires_grad_()
-        image = render(replace(self._plain, sh=sh), viewpoint.camera, settings=self.linear.settings).image
+        image = self.linear.seen(viewpoint, sh).image
         out = []
         for index, plane in enumerate(planes):
             upstream = (plane / 3.0).expand(3, *plane.shape).contiguous()

@@ -19,7 +19,7 @@ Truth is used nowhere.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import torch
 from torch import Tensor
@@ -27,7 +27,6 @@ from torch.nn.functional import avg_pool2d, pad
 
 from ..constants import SH_C0
 from ..numbers import BY_DEFINITION, number
-from ..rasterizer import render
 from .detail import Detail
 from .information_gain import opened, spread
 from .linear_model import LinearModel, Viewpoint
@@ -174,7 +173,7 @@ def painted(linear: LinearModel, values: Tensor, viewpoint: Viewpoint) -> tuple[
         top = float(three.max()) if len(three) else 1.0
         sh = (three / max(top, 1e-12) - 0.5) / SH_C0
         with torch.no_grad():
-            shown = render(replace(linear.gaussians, sh=sh[:, None, :]), viewpoint.camera, settings=linear.settings)
+            shown = linear.seen(viewpoint, sh[:, None, :])
         alpha = shown.alpha
         planes.append(shown.image * max(top, 1e-12) / alpha.clamp(min=1e-3))
     return torch.cat(planes)[: values.shape[1]], alpha

@@ -14,7 +14,7 @@ shell, whose splats seem determined from the front, counts as unseen.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -22,7 +22,6 @@ from torch import Tensor
 
 from ..constants import SH_C0
 from ..numbers import number
-from ..rasterizer import render
 from .linear_model import PRIOR, LinearModel, Viewpoint
 from .posterior import Posterior
 
@@ -90,7 +89,7 @@ def spread(linear: LinearModel, steps: Tensor, viewpoint: Viewpoint) -> tuple[Te
     for step in steps:
         change = linear.sharp_change(step, viewpoint)
         sharp = sharp + change.square() / len(steps)
-        blurred = blurred + linear.blur(viewpoint).apply(change).square() / len(steps)
+        blurred = blurred + linear.blurred(change, viewpoint).square() / len(steps)
     return blurred, sharp
 
 
@@ -123,10 +122,10 @@ def observed_share(
     sh = torch.zeros_like(linear.gaussians.sh)
     sh[:, 0] = ((carried(linear, posterior, taken, viewpoint) - 0.5) / SH_C0)[:, None]
     with torch.no_grad():
-        shown = render(replace(linear.gaussians, sh=sh), viewpoint.camera, settings=linear.settings).image[0]
+        shown = linear.seen(viewpoint, sh).image[0]
     return shown.clamp(0.0, 1.0)
 
 
 def _alpha(linear: LinearModel, viewpoint: Viewpoint) -> Tensor:
     with torch.no_grad():
-        return render(linear.gaussians, viewpoint.camera, settings=linear.settings).alpha
+        return linear.seen(viewpoint, linear.gaussians.sh).alpha

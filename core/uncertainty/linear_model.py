@@ -18,11 +18,12 @@ from torch import Tensor
 
 from ..camera import Camera
 from ..constants import SH_C0
+from ..forward import ForwardModel, kept_mediums, sharp_view
 from ..gaussians import Gaussians
-from ..imaging.operator import BlurOperator
+from ..imaging.evaluations import Frame
 from ..imaging.psf import PointSpread
 from ..numbers import BY_DEFINITION, number
-from ..rasterizer import RasterSettings, render
+from ..rasterizer import RasterSettings, Rendered
 
 
 @dataclass(frozen=True)
@@ -57,6 +58,11 @@ class Viewpoint:
     psf: PointSpread | None
     valid: Tensor | None = None
 
+    @property
+    def name(self) -> str:
+        """The camera's."""
+        return self.camera.name
+
 
 class LinearModel:
     """Linear maps of several viewpoints at one twin.
@@ -79,23 +85,23 @@ class LinearModel:
     ) -> None:
         self.gaussians, self.viewpoints = gaussians.detached(), list(viewpoints)
         self.margin, self.background, self.settings = margin, background, settings
-        self._blurs: dict[tuple[int, int, bytes], BlurOperator] = {}
+        mediums = kept_mediums()
+        self._model = ForwardModel(
+            settings, lambda view: mediums(view.psf, Frame(view.camera.height, view.camera.width, margin)), margin
+        )
         self._frames: dict[int, tuple[Viewpoint, Tensor]] = {}
 
-    def blur(self, viewpoint: Viewpoint) -> BlurOperator:
-        """The blur of a viewpoint."""
-        camera = viewpoint.camera
-        kernel = b"" if viewpoint.psf is None else viewpoint.psf.kernel().tobytes()
-        key = (camera.height, camera.width, kernel)
-        if key not in self._blurs:
-            self._blurs[key] = BlurOperator(viewpoint.psf, camera.height, camera.width, self.margin)
-        return self._blurs[key]
+    def blurred(self, frame: Tensor, viewpoint: Viewpoint) -> Tensor:
+        """H: [3, H + 2m, W + 2m] frame, or change of it -> [3, H, W]."""
+        return self._model.medium(viewpoint).degraded(frame)
 
     def frame(self, gaussians: Gaussians, viewpoint: Viewpoint) -> Tensor:
         """[3, H + 2m, W + 2m] the sharp frame."""
-        return render(
-            gaussians, viewpoint.camera.with_margin(self.margin), background=self.background, settings=self.settings
-        ).image
+        return self._model.sharp(gaussians, viewpoint.camera, self.background).image
+
+    def seen(self, viewpoint: Viewpoint, sh: Tensor) -> Rendered:
+        """The sharp view, without a margin, of the twin in other colours [N, K, 3] on black; differentiable."""
+        return sharp_view(replace(self.gaussians, sh=sh), viewpoint.camera, self.settings)
 
     def unmoved(self, viewpoint: Viewpoint) -> Tensor:
         """The twin's own sharp frame; kept."""
@@ -106,7 +112,7 @@ class LinearModel:
 
     def photo(self, viewpoint: Viewpoint) -> Tensor:
         """[3, H, W] what the viewpoint sees of the twin through the blur."""
-        return self.blur(viewpoint).apply(self.unmoved(viewpoint))
+        return self.blurred(self.unmoved(viewpoint), viewpoint)
 
     def sharp_change(self, step: Tensor, viewpoint: Viewpoint) -> Tensor:
         """c J x: [3, H + 2m, W + 2m] change of the sharp frame."""
@@ -118,7 +124,7 @@ class LinearModel:
 
     def apply(self, step: Tensor, viewpoint: Viewpoint) -> Tensor:
         """H c J x: [3, H, W] change of the photo."""
-        change = self.blur(viewpoint).apply(self.sharp_change(step, viewpoint))
+        change = self.blurred(self.sharp_change(step, viewpoint), viewpoint)
         return change if viewpoint.valid is None else change * viewpoint.valid
 
     def adjoint(self, changes: Sequence[Tensor], viewpoint: Viewpoint) -> list[Tensor]:
@@ -128,7 +134,7 @@ class LinearModel:
         out = []
         for index, change in enumerate(changes):
             counted = change if viewpoint.valid is None else change * viewpoint.valid
-            upstream = self.blur(viewpoint).adjoint(counted.contiguous()).contiguous()
+            upstream = self._model.medium(viewpoint).gradient(counted.contiguous(), image).contiguous()
             (gradient,) = torch.autograd.grad(image, sh, upstream, retain_graph=index + 1 < len(changes))
             out.append(torch.nan_to_num(gradient[:, 0], 0.0, 0.0, 0.0) * (PRIOR.colour / SH_C0))
         return out

@@ -12,6 +12,8 @@ from torch import Tensor
 
 from ..camera import Camera
 from ..errors import Cancelled
+from ..forward import low_pass_on_grid
+from ..forward.compare import mask_of, mean_square
 from ..numbers import number
 from ..progress import Progress
 from ..rasterizer import RasterSettings
@@ -115,7 +117,7 @@ class Observations:
             Viewpoint(v.camera, v.psf if through_blur else None, None if v.valid is None else torch.from_numpy(v.valid))
             for v in views
         ]
-        settings = RasterSettings(low_pass=max(0.1, 0.3 / self.step**2))
+        settings = RasterSettings(low_pass=low_pass_on_grid(self.step))
         self.linear = LinearModel(gaussians, self.taken, self.margin, twin.background, settings)
         self.through_blur = through_blur
         self.noise = self._residual(views)
@@ -128,8 +130,8 @@ class Observations:
         errors = []
         for view in views[:: max(1, len(views) // LIMITS.residual_photos)]:
             viewpoint = Viewpoint(view.camera, view.psf)
-            error = (self.linear.photo(viewpoint) - torch.from_numpy(view.planes())).square()
-            errors.append(float(error.mean() if view.valid is None else error[:, torch.from_numpy(view.valid)].mean()))
+            residual = torch.from_numpy(view.planes()) - self.linear.photo(viewpoint)
+            errors.append(mean_square(residual, mask_of(view.valid)))
         return max(float(np.sqrt(np.mean(errors))), 1.0 / 255.0 / 12.0**0.5)
 
     def viewpoint(self, camera: Camera) -> Viewpoint:

@@ -153,18 +153,10 @@ def trained_steps(
 
 def misfit(trainer: Trainer) -> float:
     """Mean photometric loss of the degraded renders against all photos of the training, masks respected."""
-    from ...core.rasterizer import render
-
     level, losses = trainer.levels[-1], []
     for view in level.views:
         with torch.no_grad():
-            image = render(
-                trainer.optimizer.gaussians,
-                view.camera.with_margin(level.margin),
-                background=trainer.background,
-                settings=trainer.raster_settings(level),
-            ).image
-            degraded = trainer.objective(level, view).degraded(image).cpu()
+            degraded = trainer.exposed(level, view).degraded.cpu()
         mask = None if view.valid is None else torch.from_numpy(view.valid)
         losses.append(
             PhotometricLoss(torch.from_numpy(view.planes()), mask).value_and_gradient(degraded.contiguous())[0]

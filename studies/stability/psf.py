@@ -9,9 +9,9 @@ import torch
 
 from ...core.colour import linear_to_srgb, srgb_to_linear
 from ...core.errors import PsfError
+from ...core.forward import FixedMedium
 from ...core.imaging.evaluations import REDUCED_TOLERANCE
 from ...core.imaging.fourier import FourierFilter
-from ...core.imaging.medium import Medium
 from ...core.imaging.operator import BlurOperator
 from ...core.imaging.psf import PointSpread, gaussian_taps, parse_psf, point_spread_from_samples
 from .case import Place, Unexplained, case, explained, worst
@@ -234,7 +234,7 @@ def two_tone_edge(place: Place) -> float:
     blur = BlurOperator(_spread(f"gaussian:{sigma}"), 30, width)
     low, high = srgb_to_linear(torch.tensor([0.2, 0.9])).tolist()
     for space, expected in (("srgb", 0.2 + 0.7 * share), ("linear", linear_to_srgb(low + (high - low) * share))):
-        out = Medium(blur.psf, space).degrade(frame, blur.apply)  # type: ignore[arg-type]
+        out = FixedMedium(blur, space).degraded(frame)  # type: ignore[arg-type]
         errors.append(worst(out[1, 15, 25:56], expected))
     return max(errors)
 

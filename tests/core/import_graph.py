@@ -14,6 +14,7 @@ from pathlib import Path
 FLOORS = (
     ("core",),
     ("core.rasterizer", "core.imaging", "core.formats", "core.photos", "core.evaluation"),
+    ("core.forward",),
     ("core.calibration", "core.sfm", "core.training", "core.report"),
     ("core.inspection",),
     ("core.twin", "core.effort"),

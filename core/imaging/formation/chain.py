@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 
 from torch import Tensor
 
@@ -13,7 +13,33 @@ from ..medium import Medium
 from .effect import Effect, Shot
 
 
-@dataclass
+@dataclass(frozen=True)
+class Passage:
+    """A frame's way through the effects in front of the blur.
+
+    Attributes:
+        frame: [3, h, w] sRGB, sharp; shot: how it is taken; effects: that it passes, in order.
+        stages: linear light in front of every effect, and behind the last one; empty without effects.
+        reached: [3, h, w] sRGB light as it reaches the blurring medium; the very frame without effects.
+    """
+
+    frame: Tensor
+    shot: Shot
+    effects: Sequence[Effect]
+    stages: Sequence[Tensor]
+    reached: Tensor
+
+    def gradient(self, upstream: Tensor) -> Tensor:
+        """Gradient in `frame`, given that in `reached`; adds those in the effects' parameters."""
+        if not self.effects:
+            return upstream
+        gradient = upstream * encoding_slope(self.stages[-1], self.reached)
+        for effect, light in zip(reversed(self.effects), reversed(self.stages[:-1]), strict=True):
+            gradient = effect.gradient(gradient, light, self.shot)
+        return gradient * decoding_slope(self.frame, self.stages[0])
+
+
+@dataclass(frozen=True)
 class Formation:
     """The chain.
 
@@ -21,8 +47,10 @@ class Formation:
         effects: in any order; those before the blur come first, each group in the given order.
     """
 
-    effects: Sequence[Effect] = field(default_factory=tuple)
-    _last: tuple[Tensor, Shot, list[Tensor], Tensor] | None = field(default=None, init=False, repr=False, compare=False)
+    effects: Sequence[Effect] = ()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "effects", tuple(self.effects))
 
     def __bool__(self) -> bool:
         return bool(self.effects)
@@ -70,46 +98,15 @@ class Formation:
                 own[name] = psf
         return replace(medium, per_view={**medium.per_view, **own}) if own else medium
 
-    def degrade(self, frame: Tensor, blur: Callable[[Tensor], Tensor], medium: Medium, shot: Shot) -> Tensor:
-        """[3, H + 2m, W + 2m] sRGB render -> [3, H, W] sRGB photo; without effects exactly `Medium.degrade`."""
-        if not self.effects:
-            return medium.degrade(frame, blur)
-        photo = medium.degrade(self.reached(frame, shot), blur)
-        return self.filed(photo, shot)
-
-    def reached(self, frame: Tensor, shot: Shot) -> Tensor:
-        """The sharp frame (sRGB) as its light reaches the blurring medium; the very same tensor where nothing is on."""
+    def passage(self, frame: Tensor, shot: Shot) -> Passage:
+        """The sharp frame's (sRGB) way to the blurring medium, to be gone back by its `gradient`."""
         effects = self.light
         if not effects:
-            return frame
-        stages = self._stages(frame, shot)
-        # The gradient of the same step asks for them again.
-        encoded = linear_to_srgb(stages[-1])
-        self._last = None if encoded.requires_grad else (frame, shot, stages, encoded)
-        return encoded
-
-    def _stages(self, frame: Tensor, shot: Shot) -> list[Tensor]:
-        """Linear light in front of every effect, and behind the last one."""
+            return Passage(frame, shot, (), (), frame)
         stages = [srgb_to_linear(frame)]
-        for effect in self.light:
+        for effect in effects:
             stages.append(effect.forward(stages[-1], shot))
-        return stages
-
-    def reached_gradient(self, upstream: Tensor, frame: Tensor, shot: Shot) -> Tensor:
-        """Gradient in `frame`, given that in `reached(frame)`; adds those in the effects' parameters."""
-        effects = self.light
-        if not effects:
-            return upstream
-        last, self._last = self._last, None
-        if last is not None and last[0] is frame and last[1] is shot:
-            stages, encoded = last[2:]
-        else:
-            stages = self._stages(frame, shot)
-            encoded = linear_to_srgb(stages[-1])
-        gradient = upstream * encoding_slope(stages[-1], encoded)
-        for effect, light in zip(reversed(effects), reversed(stages[:-1]), strict=True):
-            gradient = effect.gradient(gradient, light, shot)
-        return gradient * decoding_slope(frame, stages[0])
+        return Passage(frame, shot, effects, stages, linear_to_srgb(stages[-1]))
 
     def filed(self, photo: Tensor, shot: Shot) -> Tensor:
         """What the camera files of a blurred view (sRGB): gains and losses of lens and sensor, then clipping."""

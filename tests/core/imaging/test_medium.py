@@ -6,6 +6,7 @@ import pytest
 import torch
 from dgs.core.colour import linear_to_srgb, srgb_to_linear
 from dgs.core.errors import PsfError
+from dgs.core.forward import FixedMedium
 from dgs.core.imaging.medium import Medium
 from dgs.core.imaging.operator import BlurOperator
 from dgs.core.imaging.psf import parse_psf
@@ -27,8 +28,7 @@ def test_two_tone_edge_in_either_space(space):
     psf = parse_psf("gaussian:4")
     frame = torch.full((3, 20, 81), 0.2, dtype=torch.float64)
     frame[:, :, 40:] = 0.9
-    blur = BlurOperator(psf, 20, 81, dtype=torch.float64)
-    out = Medium(psf, space).degrade(frame, blur)[0, 10]
+    out = FixedMedium(BlurOperator(psf, 20, 81, dtype=torch.float64), space).degraded(frame)[0, 10]
     low, high = (frame[0, 0, 0], frame[0, 0, -1])
     for x in range(30, 50):
         share = 0.5 * (1 + math.erf((x - 39.5) / (4 * math.sqrt(2))))

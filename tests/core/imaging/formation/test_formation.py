@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 import torch
+from dgs.core.forward import FixedMedium
 from dgs.core.imaging.formation.chain import Formation
 from dgs.core.imaging.formation.defocus import Defocus
 from dgs.core.imaging.formation.effect import Effect, Shot
@@ -25,6 +26,11 @@ H, W, M = 14, 18, 3
 def shot(name: str = "b.png", dtype: torch.dtype = torch.float64) -> Shot:
     depth = torch.linspace(0.5, 2.5, (H + 2 * M) * (W + 2 * M), dtype=dtype).reshape(H + 2 * M, W + 2 * M)
     return Shot(name, H, W, M, depth=depth)
+
+
+def photo_of(frame: torch.Tensor, medium: FixedMedium, formation: Formation, shot: Shot) -> torch.Tensor:
+    """All that comes after rendering."""
+    return formation.filed(medium.degraded(formation.passage(frame, shot).reached), shot)
 
 
 def made(name: str) -> Effect:
@@ -107,13 +113,15 @@ def test_the_chain_s_gradient(space):
     formation = Formation([made("haze"), made("vignetting"), made("exposure")])
     frame = picture(M).requires_grad_()
     weight = torch.randn(frame.shape, generator=torch.Generator().manual_seed(3), dtype=torch.float64)
-    (formation.reached(frame, shot()) * weight).sum().backward()
-    gradient = formation.reached_gradient(weight, frame.detach(), shot())
+    (formation.passage(frame, shot()).reached * weight).sum().backward()
+    passage = formation.passage(frame.detach(), shot())
+    gradient = passage.gradient(weight)
     assert torch.allclose(gradient, frame.grad, rtol=1e-9, atol=1e-12)
     blur = BlurOperator(parse_psf("gaussian:0.7"), H, W, M, dtype=torch.float64)
-    photo = formation.degrade(frame.detach(), blur.apply, Medium(parse_psf("gaussian:0.7"), space), shot())
+    medium = FixedMedium(blur, space)
+    photo = photo_of(frame.detach(), medium, formation, shot())
     assert photo.shape == (3, H, W)
-    inner = Medium(parse_psf("gaussian:0.7"), space).degrade(formation.reached(frame.detach(), shot()), blur.apply)
+    inner = medium.degraded(passage.reached)
     unclipped = (photo > 0.001) & (photo < 0.999)
     assert unclipped.any() and torch.allclose(formation.unfiled(photo, shot())[unclipped], inner[unclipped], atol=1e-9)
 
@@ -133,9 +141,9 @@ def test_effects_of_the_kernel_change_the_point_spread_and_leave_light_alone():
     assert motion.kernel_text("b.png", 2.0) == "path:12,30" and motion.kernel_text("a.png", 1.0) == ""
     # Around it the other effects go on as without: light before, sensor behind.
     frame = picture(M)
-    with_both = chain.degrade(frame, lambda x: x[:, M:-M, M:-M], medium, shot())
+    crop = FixedMedium(BlurOperator(None, H, W, M, dtype=torch.float64), "linear")
     haze = Formation([chain.effects[0]])
-    assert torch.equal(with_both, haze.degrade(frame, lambda x: x[:, M:-M, M:-M], medium, shot()))
+    assert torch.equal(photo_of(frame, crop, chain, shot()), photo_of(frame, crop, haze, shot()))
 
 
 def test_without_motion_the_medium_is_the_very_same():
@@ -162,17 +170,18 @@ class Operations(TorchDispatchMode):
 @pytest.mark.parametrize("space", ["srgb", "linear"])
 @pytest.mark.parametrize("psf", ["none", "gaussian:1"])
 def test_off_is_free(space, psf):
-    medium, frame = Medium(parse_psf(psf), space), picture(M).float()
-    blur, here = BlurOperator(medium.psf, H, W, M), shot()
+    frame, here = picture(M).float(), shot()
+    medium = FixedMedium(BlurOperator(parse_psf(psf), H, W, M), space)
     with Operations() as plain:
-        expected = medium.degrade(frame, blur.apply)
+        expected = medium.degraded(frame)
     with Operations() as off:
-        found = Formation().degrade(frame, blur.apply, medium, here)
+        found = photo_of(frame, medium, Formation(), here)
     assert torch.equal(found, expected) and off.names == plain.names
     with Operations() as nothing:
-        assert Formation().reached(frame, here) is frame and Formation().unfiled(expected, here) is expected
-        assert Formation().reached_gradient(frame, frame, here) is frame
+        passage = Formation().passage(frame, here)
+        assert passage.reached is frame and Formation().unfiled(expected, here) is expected
+        assert passage.gradient(frame) is frame
     assert nothing.names == [] and not Formation()
     with Operations() as on:
-        Formation([Vignetting(torch.tensor([0.2] * 3))]).degrade(frame, blur.apply, medium, here)
+        photo_of(frame, medium, Formation([Vignetting(torch.tensor([0.2] * 3))]), here)
     assert len(on.names) > len(plain.names)  # the counter does count

@@ -177,7 +177,8 @@ def test_a_step_of_the_chain_blurs_once(monkeypatch):
     monkeypatch.setattr(LayeredBlur, "apply", lambda self, light: count.append(1) or original(self, light))
     formation = Formation([Defocus(torch.tensor(0.03), torch.tensor(1.1)), FieldBlur(torch.tensor(0.04))])
     frame, here = picture(3, H, W, dtype=torch.float32), shot()
-    formation.reached_gradient(formation.reached(frame, here), frame, here)
+    passage = formation.passage(frame, here)
+    passage.gradient(passage.reached)
     assert len(count) == 2
-    formation.reached_gradient(frame, frame.clone(), here)
+    formation.passage(frame.clone(), here).gradient(frame)
     assert len(count) == 4

@@ -1,0 +1,175 @@
+"""One photo's light from the Gaussians to the camera's file, forwards and back."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Protocol
+
+import torch
+from torch import Tensor
+
+from ..camera import Camera
+from ..colour import decoding_slope, encoding_slope, linear_to_srgb, srgb_to_linear
+from ..gaussians import Gaussians
+from ..imaging.formation.chain import Formation, Passage
+from ..imaging.formation.effect import Shot
+from ..imaging.psf import PointSpread
+from ..rasterizer import RasterSettings, Rendered, render, with_slope
+from .medium import MediumModel
+
+
+class Exposure(Protocol):
+    """A photo to be predicted: its camera, on the grid and in the scene's own units, and its blur on that grid."""
+
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def camera(self) -> Camera: ...
+
+    @property
+    def psf(self) -> PointSpread | None: ...
+
+
+def sharp_view(
+    gaussians: Gaussians, camera: Camera, settings: RasterSettings, background: Tensor | None = None
+) -> Rendered:
+    """What a camera sees without any medium: image, opacity and, if asked for, depth; differentiable.
+
+    Args:
+        background: [3] sRGB; black if None.
+    """
+    return render(gaussians, camera, background=background, settings=settings)
+
+
+@dataclass(frozen=True)
+class SharpFrame:
+    """One of the renders that a photo's light is collected from.
+
+    Attributes:
+        rendered: by the rasterizer, with gradient; passage: of its light through the effects, without.
+        weight: share of the photo's light.
+    """
+
+    rendered: Rendered
+    passage: Passage
+    weight: float
+
+
+@dataclass(frozen=True)
+class Exposed:
+    """One photo's light on its way; see `ForwardModel.expose`.
+
+    Attributes:
+        medium: of this photo; formation: the effects.
+        shot: how the photo is taken, for effects of the sensor.
+        frames: what was rendered: one, or several sub-frames of one exposure.
+    """
+
+    medium: MediumModel
+    formation: Formation
+    shot: Shot
+    frames: tuple[SharpFrame, ...] = field(repr=False)
+
+    @property
+    def rendered(self) -> Rendered:
+        """The (first) render."""
+        return self.frames[0].rendered
+
+    @cached_property
+    def reached(self) -> Tensor:
+        """[3, H + 2m, W + 2m] sRGB: the light as it reaches the medium, without gradient."""
+        images = [frame.passage.reached for frame in self.frames]
+        if len(images) == 1:
+            return images[0]
+        weights = [frame.weight for frame in self.frames]
+        if self.medium.space == "srgb":
+            return torch.stack([w * image for w, image in zip(weights, images, strict=True)]).sum(dim=0)
+        light = torch.stack([w * srgb_to_linear(image) for w, image in zip(weights, images, strict=True)])
+        return linear_to_srgb(light.sum(dim=0))
+
+    @property
+    def degraded(self) -> Tensor:
+        """[3, H, W] sRGB: what the medium lets the lens see."""
+        return self.medium.degraded(self.reached)
+
+    @property
+    def photo(self) -> Tensor:
+        """[3, H, W] sRGB: what the camera files, effects of lens and sensor included."""
+        return self.formation.filed(self.degraded, self.shot)
+
+    def residual(self, photo: Tensor) -> Tensor:
+        """[3, H, W] sRGB: a photo, freed of effects of lens and sensor, less what the twin shows through the medium."""
+        return photo - self.degraded
+
+    def backward(self, upstream: Tensor) -> None:
+        """Adds gradients to the Gaussians, poses, and effects, given that of a loss in `reached`."""
+        total: Tensor | None = None
+        for frame, part in zip(self.frames, self._shared(upstream), strict=True):
+            slope = with_slope(frame.rendered.image, frame.passage.gradient(part))
+            total = slope if total is None else total + slope
+        assert total is not None
+        total.backward()  # type: ignore[no-untyped-call]
+
+    def _shared(self, upstream: Tensor) -> list[Tensor]:
+        """The gradient in each frame's own light."""
+        if len(self.frames) == 1:
+            return [upstream]
+        if self.medium.space == "srgb":
+            return [frame.weight * upstream for frame in self.frames]
+        upstream = upstream * encoding_slope(srgb_to_linear(self.reached), self.reached)
+        images = [frame.passage.reached for frame in self.frames]
+        return [
+            frame.weight * upstream * decoding_slope(image, srgb_to_linear(image))
+            for frame, image in zip(self.frames, images, strict=True)
+        ]
+
+
+@dataclass(frozen=True)
+class ForwardModel:
+    """From Gaussians to photos, on one grid.
+
+    Attributes:
+        settings: of the rasterizer, with the grid's low-pass (`low_pass_on_grid`).
+        medium: of each photo: asked for every exposure, so that photos may have one of their own.
+        margin: px of the grid that frames reach beyond their photo on every side (`margin_for`).
+        formation: effects besides the blur.
+    """
+
+    settings: RasterSettings
+    medium: Callable[[Exposure], MediumModel]
+    margin: int = 0
+    formation: Formation = Formation()
+
+    def sharp(self, gaussians: Gaussians, camera: Camera, background: Tensor | None = None) -> Rendered:
+        """What the photo's camera sees without the medium, [3, H + 2m, W + 2m]; differentiable."""
+        return sharp_view(gaussians, camera.with_margin(self.margin), self.settings, background)
+
+    def expose(
+        self, gaussians: Gaussians, exposure: Exposure, background: Tensor | None = None, overscan: int = 0
+    ) -> Exposed:
+        """Renders one photo's view and takes its light to the medium.
+
+        Args:
+            gaussians: in the scene's own units, as the cameras are.
+            background: [3] sRGB colour behind everything; black if None.
+            overscan: px around the photo that are predicted along with it (what a lens's distortion will need).
+        """
+        camera = exposure.camera
+        medium = self.medium(exposure)
+        frames, shots = [], []
+        for sub in medium.sub_frames(camera.with_margin(overscan).with_margin(self.margin)):
+            rendered = render(gaussians, sub.camera, background=background, pose=sub.pose, settings=self.settings)
+            shot = Shot(
+                exposure.name,
+                camera.height,
+                camera.width,
+                overscan + self.margin,
+                (camera.cx, camera.cy),
+                rendered.mean_depth,
+            )
+            shots.append(shot)
+            frames.append(SharpFrame(rendered, self.formation.passage(rendered.image.detach(), shot), sub.weight))
+        return Exposed(medium, self.formation, shots[0], tuple(frames))
