@@ -38,7 +38,7 @@ class CoverageSettings:
         "gained, the ranks' correlation was 0.44 without, 0.49 with 0.3, 0.50 with 0.6; a niche that only some sides "
         "show was found later with 0.6",
         "the truth of 8 twins of the synthetic scenes of benchmarks/next_view.py, seeds 10 to 12",
-        "the whole choice only, seeds 0 to 4: distance alone is better on two of four scenes (docs/twin.md)",
+        "the whole choice only, seeds 0 to 4: distance alone is better on 2 of 4 scenes (docs/studies/next_view.md)",
     )
     sample: int = number(8000, "count", "Gaussians that stand for all; more change no order")
 
