@@ -7,13 +7,13 @@ that tests and the engine can import this package where there is no Blender.
 
 def register() -> None:
     """Adds the add-on's operators, panels and properties to Blender."""
-    from . import dgs_addon, operators, panels  # late: bpy
+    from .panels import registration  # late: needs bpy
 
-    dgs_addon.register(operators, panels)
+    registration.register()
 
 
 def unregister() -> None:
     """Takes everything out again that `register` added."""
-    from . import dgs_addon, operators, panels  # late: bpy
+    from .panels import registration  # late: needs bpy
 
-    dgs_addon.unregister(operators, panels)
+    registration.unregister()

@@ -25,7 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def blend_command(options: argparse.Namespace, progress: Reporting) -> int:
     """Writes OUT with the twin and the cameras; needs bpy."""
-    from ..dgs_addon.save_blend import save_blend  # heavy: bpy
+    from ..dgs_addon.scene.save_blend import save_blend  # heavy: bpy
 
     save_blend(options.twin, options.cameras, options.out, options.photos)
     progress.finished({"blend": str(options.out)})

@@ -1,4 +1,4 @@
-"""Where a scene's photos and results lie, as absolute paths."""
+"""Where the photos and the results of `scene.dgs` lie, as absolute paths."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 
 import bpy
 
-from .photos import is_movie
+from .photos import PhotoFolder, is_movie, photo_folder
 
 
 def absolute(text: str) -> Path | None:
@@ -24,3 +24,15 @@ def out_folder(settings: Any) -> Path | None:
     if photos is None:
         return None
     return photos.parent / f"{photos.stem if is_movie(photos) else photos.name}-twin"
+
+
+def chosen_photos(settings: Any) -> PhotoFolder | None:
+    """The photos of `scene.dgs`; None if none are chosen."""
+    photos = absolute(settings.photos)
+    return None if photos is None else photo_folder(photos, settings.selection)
+
+
+def pictures_folder(settings: Any) -> Path | None:
+    """The folder that holds the photos as files: of a movie, the one that the engine writes its frames to."""
+    photos, out = absolute(settings.photos), out_folder(settings)
+    return out / "frames" if photos is not None and out is not None and is_movie(photos) else photos

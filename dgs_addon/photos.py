@@ -10,7 +10,6 @@ import struct
 from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 from bpy.app.translations import pgettext_rpt as rpt_
 
@@ -52,22 +51,6 @@ class PhotoFolder:
 
 #: What was looked at last, with the time of its last change.
 _known: dict[tuple[Path, str], tuple[int, PhotoFolder]] = {}
-
-
-def chosen_photos(settings: Any) -> PhotoFolder | None:
-    """The photos of `scene.dgs`; None if none are chosen."""
-    from .paths import absolute
-
-    place = absolute(settings.photos)
-    return None if place is None else photo_folder(place, settings.selection)
-
-
-def pictures_folder(settings: Any) -> Path | None:
-    """The folder that holds the photos as files: of a movie, the one that the engine writes its frames to."""
-    from .paths import absolute, out_folder
-
-    place, out = absolute(settings.photos), out_folder(settings)
-    return out / "frames" if place is not None and out is not None and is_movie(place) else place
 
 
 def is_movie(path: Path) -> bool:

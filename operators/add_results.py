@@ -9,6 +9,7 @@ from bpy.app.translations import pgettext_rpt as rpt_
 
 from ..core.errors import DgsError
 from ..dgs_addon.job import runner
+from ..dgs_addon.job.results import add_twin_of
 from ..dgs_addon.paths import out_folder
 
 
@@ -36,8 +37,6 @@ class DGS_OT_add_results(bpy.types.Operator):
 
     def execute(self, context: Any) -> set[str]:
         """Reads the files; what came from the same folder before is replaced."""
-        from ..dgs_addon.job.results import add_twin_of
-
         out = out_folder(context.scene.dgs)
         assert out is not None
         try:

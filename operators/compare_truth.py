@@ -9,8 +9,8 @@ import bpy
 
 from ..core.errors import DgsError
 from ..dgs_addon.job.request import Request, with_truth
+from ..dgs_addon.job.steps import results
 from ..dgs_addon.paths import absolute
-from ..dgs_addon.steps import results
 from .start_job import start_job, why_no_job
 
 

@@ -6,7 +6,9 @@ from typing import Any
 
 import bpy
 
-from ..dgs_addon.exact import scene_twin
+from ..dgs_addon.scene.crop import add_crop_box, crop_box
+from ..dgs_addon.scene.nodes import BOX_INPUT, splat_input, splat_modifier
+from ..dgs_addon.scene.twin import scene_twin
 
 
 class DGS_OT_crop_twin(bpy.types.Operator):
@@ -19,9 +21,6 @@ class DGS_OT_crop_twin(bpy.types.Operator):
     @classmethod
     def poll(cls, context: Any) -> bool:
         """There is a twin without a box."""
-        from ..dgs_addon.scene.crop import crop_box
-        from ..dgs_addon.scene.nodes import BOX_INPUT, splat_input, splat_modifier
-
         twin = scene_twin(context.scene, context.object)
         modifier = splat_modifier(twin) if twin is not None else None
         if twin is None:
@@ -37,8 +36,6 @@ class DGS_OT_crop_twin(bpy.types.Operator):
 
     def execute(self, context: Any) -> set[str]:
         """Adds the cube and selects it; the twin stays active, so that its panel stays in view."""
-        from ..dgs_addon.scene.crop import add_crop_box
-
         twin = scene_twin(context.scene, context.object)
         box = add_crop_box(twin, twin.users_collection[0])
         for other in context.selected_objects:

@@ -8,9 +8,10 @@ from typing import Any
 import bpy
 
 from ..core.errors import DgsError
-from ..dgs_addon import exact
 from ..dgs_addon.engine.interpreter import find_python, why_not
-from ..dgs_addon.job.runner import redraw
+from ..dgs_addon.questions import exact
+from ..dgs_addon.scene.twin import scene_twin
+from ..dgs_addon.window import redraw
 
 
 class DGS_OT_exact_view(bpy.types.Operator):
@@ -22,7 +23,7 @@ class DGS_OT_exact_view(bpy.types.Operator):
     @classmethod
     def poll(cls, context: Any) -> bool:
         """There is a twin, a camera and an engine."""
-        if exact.scene_twin(context.scene, context.object) is None:
+        if scene_twin(context.scene, context.object) is None:
             reason = "There is no twin in this scene yet (step 5)"
         elif context.scene.camera is None or context.scene.camera.data.type != "PERSP":
             reason = "The scene needs a perspective camera"
@@ -35,7 +36,7 @@ class DGS_OT_exact_view(bpy.types.Operator):
 
     def execute(self, context: Any) -> set[str]:
         """Starts the engine; without a window it is waited for."""
-        twin = exact.scene_twin(context.scene, context.object)
+        twin = scene_twin(context.scene, context.object)
         try:
             view = exact.start(twin, context.scene, find_python(), _done)
         except DgsError as error:

@@ -10,6 +10,7 @@ from bpy.app.translations import pgettext_rpt as rpt_
 from bpy_extras.io_utils import ExportHelper
 
 from ..core.errors import DgsError
+from ..core.formats.gaussians import write_gaussians
 from ..dgs_addon.scene.twin import is_twin, read_twin
 
 
@@ -43,8 +44,6 @@ class DGS_OT_export_twin(bpy.types.Operator, ExportHelper):
 
     def execute(self, context: Any) -> set[str]:
         """Writes the file, in the format of its ending."""
-        from ..core.formats.gaussians import write_gaussians
-
         path = Path(bpy.path.abspath(self.filepath))
         try:
             write_gaussians(path, read_twin(context.object))

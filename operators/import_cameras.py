@@ -10,6 +10,7 @@ from bpy.app.translations import pgettext_rpt as rpt_
 from bpy_extras.io_utils import ImportHelper
 
 from ..core.errors import DgsError
+from ..dgs_addon.scene.cameras import add_cameras
 
 
 class DGS_OT_import_cameras(bpy.types.Operator, ImportHelper):
@@ -29,8 +30,6 @@ class DGS_OT_import_cameras(bpy.types.Operator, ImportHelper):
 
     def execute(self, context: Any) -> set[str]:
         """Reads the model and looks through its first camera."""
-        from ..dgs_addon.scene.cameras import add_cameras
-
         photos = Path(bpy.path.abspath(self.photos)) if self.photos else None
         try:
             cameras = add_cameras(Path(bpy.path.abspath(self.filepath)), photos, context.scene)

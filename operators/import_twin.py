@@ -10,6 +10,9 @@ from bpy.app.translations import pgettext_rpt as rpt_
 from bpy_extras.io_utils import ImportHelper
 
 from ..core.errors import DgsError
+from ..core.formats.gaussians import read_gaussians
+from ..dgs_addon.scene.material import prepare_scene
+from ..dgs_addon.scene.twin import add_twin
 
 
 class DGS_OT_import_twin(bpy.types.Operator, ImportHelper):
@@ -37,10 +40,6 @@ class DGS_OT_import_twin(bpy.types.Operator, ImportHelper):
 
     def execute(self, context: Any) -> set[str]:
         """Reads the file and selects the new object."""
-        from ..core.formats.gaussians import read_gaussians
-        from ..dgs_addon.scene.material import prepare_scene
-        from ..dgs_addon.scene.twin import add_twin
-
         path = Path(bpy.path.abspath(self.filepath))
         try:
             twin = add_twin(read_gaussians(path), path.stem, context.collection)

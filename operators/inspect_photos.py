@@ -8,9 +8,9 @@ import bpy
 
 from ..core.errors import DgsError
 from ..dgs_addon.engine.interpreter import find_python
-from ..dgs_addon.job import inspection
-from ..dgs_addon.job.runner import redraw
 from ..dgs_addon.paths import absolute, out_folder
+from ..dgs_addon.questions import inspection
+from ..dgs_addon.window import redraw
 from .start_job import why_no_job
 from .wait_for_engine import answered
 

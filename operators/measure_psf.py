@@ -10,9 +10,9 @@ from bpy_extras.io_utils import ImportHelper
 
 from ..core.errors import DgsError
 from ..dgs_addon.engine.interpreter import find_python, why_not
-from ..dgs_addon.job import inspection
-from ..dgs_addon.job.runner import redraw
 from ..dgs_addon.paths import out_folder
+from ..dgs_addon.questions import inspection
+from ..dgs_addon.window import redraw
 from .wait_for_engine import answered
 
 

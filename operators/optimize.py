@@ -8,7 +8,7 @@ from typing import Any
 import bpy
 
 from ..dgs_addon.job.request import Request, request_of
-from ..dgs_addon.steps import cameras_found
+from ..dgs_addon.job.steps import cameras_found
 from .start_job import start_job, why_no_job
 
 

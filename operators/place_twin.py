@@ -9,7 +9,8 @@ import bpy
 from bpy.app.translations import pgettext_rpt as rpt_
 
 from ..core.errors import DgsError
-from ..dgs_addon.exact import scene_twin
+from ..dgs_addon.scene.placing import markers, set_length, set_up
+from ..dgs_addon.scene.twin import scene_twin
 
 
 class _OfATwin:
@@ -29,8 +30,6 @@ class DGS_OT_set_length(_OfATwin, bpy.types.Operator):
 
     def execute(self, context: Any) -> set[str]:
         """Scales the twin and its cameras."""
-        from ..dgs_addon.scene.placing import markers, set_length
-
         twin = scene_twin(context.scene, context.object)
         try:
             factor = set_length(twin, markers(twin, context.selected_objects), context.scene.dgs.known_length)
@@ -50,8 +49,6 @@ class DGS_OT_set_up(_OfATwin, bpy.types.Operator):
 
     def execute(self, context: Any) -> set[str]:
         """Turns the twin and its cameras."""
-        from ..dgs_addon.scene.placing import markers, set_up
-
         twin = scene_twin(context.scene, context.object)
         try:
             angle = set_up(twin, markers(twin, context.selected_objects))

@@ -6,6 +6,8 @@ from typing import Any
 
 import bpy
 
+from ..dgs_addon.scene.material import prepare_scene
+
 
 class DGS_OT_prepare_scene(bpy.types.Operator):
     """Choose Cycles, enough transparent bounces, and the photos' own colours"""
@@ -24,7 +26,5 @@ class DGS_OT_prepare_scene(bpy.types.Operator):
 
     def execute(self, context: Any) -> set[str]:
         """Changes the scene's render and colour settings."""
-        from ..dgs_addon.scene.material import prepare_scene
-
         prepare_scene(context.scene, as_trained=self.blending == "TRAINED")
         return {"FINISHED"}

@@ -6,6 +6,9 @@ from typing import Any
 
 import bpy
 
+from ..dgs_addon.scene.material import prepare_scene
+from ..dgs_addon.scene.twin import is_twin
+
 
 class DGS_OT_render_twin(bpy.types.Operator):
     """Render the scene through its camera with Cycles, set up for splats"""
@@ -16,8 +19,6 @@ class DGS_OT_render_twin(bpy.types.Operator):
     @classmethod
     def poll(cls, context: Any) -> bool:
         """There is a twin and a camera."""
-        from ..dgs_addon.scene.twin import is_twin
-
         if not any(is_twin(thing) for thing in context.scene.objects):
             reason = "There is no twin in this scene yet (step 5)"
         elif context.scene.camera is None:
@@ -29,8 +30,6 @@ class DGS_OT_render_twin(bpy.types.Operator):
 
     def execute(self, context: Any) -> set[str]:
         """Renders; with a window, into Blender's own render window."""
-        from ..dgs_addon.scene.material import prepare_scene
-
         scene = context.scene
         if scene.render.engine != "CYCLES":
             prepare_scene(scene)

@@ -8,8 +8,8 @@ import bpy
 from bpy.app.translations import pgettext_rpt as rpt_
 
 from ..core.errors import DgsError
-from ..dgs_addon.paths import out_folder
-from ..dgs_addon.photos import pictures_folder
+from ..dgs_addon.job.results import add_cameras_of
+from ..dgs_addon.paths import out_folder, pictures_folder
 
 
 class DGS_OT_show_cameras(bpy.types.Operator):
@@ -28,8 +28,6 @@ class DGS_OT_show_cameras(bpy.types.Operator):
 
     def execute(self, context: Any) -> set[str]:
         """Reads the model and looks through its first camera."""
-        from ..dgs_addon.job.results import add_cameras_of
-
         settings = context.scene.dgs
         out = out_folder(settings)
         assert out is not None

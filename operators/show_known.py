@@ -9,6 +9,7 @@ import bpy
 
 from ..core.errors import DgsError
 from ..dgs_addon.job.results import FOLDER
+from ..dgs_addon.scene.known import add_known, show_known
 from ..dgs_addon.scene.twin import OWN, is_twin
 
 
@@ -30,8 +31,6 @@ class DGS_OT_show_known(bpy.types.Operator):
 
     def execute(self, context: Any) -> set[str]:
         """Switches."""
-        from ..dgs_addon.scene.known import add_known, show_known
-
         twin = context.object
         if OWN in twin.data.attributes:
             show_known(twin, False)

@@ -8,7 +8,9 @@ import bpy
 from bpy.app.translations import pgettext_rpt as rpt_
 
 from ..core.errors import DgsError
+from ..dgs_addon.job.results import attach, twin_of
 from ..dgs_addon.paths import out_folder
+from ..dgs_addon.scene.next_views import add_next_views
 
 
 class DGS_OT_show_next_views(bpy.types.Operator):
@@ -27,9 +29,6 @@ class DGS_OT_show_next_views(bpy.types.Operator):
 
     def execute(self, context: Any) -> set[str]:
         """Adds them, tied to the twin so that they move with it."""
-        from ..dgs_addon.job.results import attach, twin_of
-        from ..dgs_addon.scene.next_views import add_next_views
-
         out = out_folder(context.scene.dgs)
         assert out is not None
         try:

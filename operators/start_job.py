@@ -13,7 +13,7 @@ from ..core.errors import DgsError
 from ..dgs_addon.engine.interpreter import find_python, why_not
 from ..dgs_addon.job import runner
 from ..dgs_addon.job.request import Request
-from ..dgs_addon.photos import chosen_photos
+from ..dgs_addon.paths import chosen_photos
 
 
 def why_no_job(scene: Any) -> str:

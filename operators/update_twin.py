@@ -8,11 +8,14 @@ import bpy
 from bpy.app.translations import pgettext_rpt as rpt_
 
 from ..core.errors import DgsError
+from ..core.twin.history import rollback, states
 from ..dgs_addon.engine.interpreter import why_not
 from ..dgs_addon.job import runner
 from ..dgs_addon.job.request import update_request
+from ..dgs_addon.job.results import add_twin_of, twin_of
+from ..dgs_addon.job.watching import Watch, twins_photos
 from ..dgs_addon.paths import absolute, out_folder
-from ..dgs_addon.watch import Watch, twins_photos
+from ..dgs_addon.scene.states import add_states
 from .start_job import start_job
 
 
@@ -26,8 +29,6 @@ def _why_no_twin(scene: Any) -> str:
 
 
 def _why_no_state(scene: Any) -> str:
-    from ..core.twin.history import states
-
     reason, out = _why_no_twin(scene), out_folder(scene.dgs)
     if not reason and out is not None and not states(out):
         reason = "The twin has not been updated"
@@ -89,9 +90,6 @@ class DGS_OT_rollback_twin(Updated, bpy.types.Operator):
 
     def execute(self, context: Any) -> set[str]:
         """Files first, then what the scene shows of them."""
-        from ..core.twin.history import rollback
-        from ..dgs_addon.job.results import add_twin_of, twin_of
-
         out = out_folder(context.scene.dgs)
         assert out is not None
         try:
@@ -115,9 +113,6 @@ class DGS_OT_show_states(Updated, bpy.types.Operator):
 
     def execute(self, context: Any) -> set[str]:
         """Adds them; the twin itself is hidden, the last state is the same."""
-        from ..dgs_addon.job.results import twin_of
-        from ..dgs_addon.scene.states import add_states
-
         out = out_folder(context.scene.dgs)
         assert out is not None
         try:

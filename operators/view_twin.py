@@ -6,7 +6,7 @@ from typing import Any
 
 import bpy
 
-from ..dgs_addon.exact import scene_twin
+from ..dgs_addon.scene.twin import scene_twin
 
 
 class DGS_OT_view_twin(bpy.types.Operator):

@@ -8,7 +8,7 @@ from typing import Any
 
 import bpy
 
-from ..dgs_addon.job.inspection import Question
+from ..dgs_addon.engine.question import Question
 
 
 def answered(operator: Any, question: Question, then: Callable[[], None]) -> set[str]:

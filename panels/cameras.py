@@ -6,7 +6,7 @@ from typing import Any
 
 import bpy
 
-from ..dgs_addon.steps import cameras_found, results
+from ..dgs_addon.job.steps import cameras_found, results
 from .layout import Step, figures, ready, sentence, split
 
 

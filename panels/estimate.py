@@ -4,22 +4,23 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..dgs_addon.job import estimate
+from ..dgs_addon.questions import estimate
 from .layout import figures, sentence
 
 
 def draw_estimate(layout: Any, context: Any) -> None:
     """The engine's prediction for the chosen preset; nothing where nobody asked."""
-    settings = context.scene.dgs
-    if estimate.running():
+    settings, question = context.scene.dgs, estimate.question
+    if question.running:
         layout.label(text="Estimating...", icon="TIME")
         return
-    told, error = estimate.known(settings)
-    if error:
-        sentence(layout, context, error, "ERROR")
-    if not told:
+    if question.subject != estimate.signature(settings):
+        return
+    if question.error:
+        sentence(layout, context, question.error, "ERROR")
+    if not question.answer:
         return
     column = layout.column(align=True)
     column.scale_y = 0.9
-    for number, (text, values) in enumerate(estimate.sentences(told, settings.preset)):
+    for number, (text, values) in enumerate(estimate.sentences(question.answer, settings.preset)):
         figures(column, text, "TIME" if number == 0 else "BLANK1", **values)

@@ -6,7 +6,8 @@ from typing import Any
 
 import bpy
 
-from ..dgs_addon.photos import PhotoFolder, chosen_photos
+from ..dgs_addon.paths import chosen_photos
+from ..dgs_addon.photos import PhotoFolder
 from .layout import Step, figures, folded, ready, sentence, split
 from .thumbnails import thumbnails
 

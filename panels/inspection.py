@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..dgs_addon.job import inspection
+from ..dgs_addon.questions import inspection
 from .layout import figures, sentence
 
 

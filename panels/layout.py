@@ -8,7 +8,7 @@ from typing import Any
 import bpy
 from bpy.app.translations import pgettext_iface as iface_
 
-from ..dgs_addon.job.runner import TAB
+from ..dgs_addon.window import TAB
 
 #: Width of a character and of the panel's borders in px, at a scale of 1.
 _CHARACTER, _BORDER = 6.2, 62

@@ -8,7 +8,7 @@ import bpy
 
 from ..dgs_addon.job import runner
 from ..dgs_addon.job.state import duration_text
-from ..dgs_addon.steps import results
+from ..dgs_addon.job.steps import results
 from .estimate import draw_estimate
 from .job import draw_figures, draw_picture
 from .layout import Step, figures, folded, ready, sentence, split

@@ -22,7 +22,7 @@ class _Collection:
 
     def icon(self, folder: Path, path: Path) -> int:
         """The icon of a file; a small picture comes as soon as Blender has made it."""
-        import bpy.utils.previews  # not loaded by bpy itself
+        import bpy.utils.previews  # late: bpy itself does not load it, and there is none without a window
 
         if self.folder != folder:
             self.forget()

@@ -7,8 +7,9 @@ from typing import Any
 import bpy
 from bpy.app.translations import pgettext_iface as iface_
 
-from ..dgs_addon import exact
-from ..dgs_addon.steps import results
+from ..dgs_addon.job.steps import results
+from ..dgs_addon.questions import exact
+from ..dgs_addon.scene.cameras import photo_behind
 from .job import draw_beside
 from .layout import Step, folded, ready, sentence, split
 
@@ -29,7 +30,7 @@ class DGS_PT_validate(Step, bpy.types.Panel):
         row = layout.row(align=True)
         row.prop(context.scene.dgs, "view_kind", expand=True)
         layout.operator("dgs.exact_view", icon="IMAGE_DATA")
-        draw_beside(layout, context, exact.IMAGE, exact.photo_behind(context.scene.camera))
+        draw_beside(layout, context, exact.IMAGE, photo_behind(context.scene.camera))
         layout.operator("dgs.render_twin", icon="RENDER_STILL")
         layout.operator("dgs.open_report", icon="URL")
         report = results(context.scene).report

@@ -9,15 +9,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..job.worker import environment
-from .priority import flags, give_way
+from .process import creation_flags, environment, give_way
 
 #: Lines that are kept for reading.
 _KEPT = 400
 
 
 @dataclass(frozen=True)
-class Step:
+class ErrandStep:
     """A command with what it is called, or something to do once those before it went well."""
 
     title: str
@@ -34,7 +33,7 @@ class Errand:
         status: None while it runs; 0 if all went well; else the failed command's, or -1 if cancelled.
     """
 
-    def __init__(self, steps: Sequence[Step], log: Path | None = None) -> None:
+    def __init__(self, steps: Sequence[ErrandStep], log: Path | None = None) -> None:
         self.title, self.done, self.total = "", 0, len(steps)
         self.lines: deque[str] = deque(maxlen=_KEPT)
         self.status: int | None = None
@@ -80,7 +79,7 @@ class Errand:
         self._keep()
         self.status = -1 if self.cancelled else status
 
-    def _do(self, step: Step) -> int:
+    def _do(self, step: ErrandStep) -> int:
         if callable(step.action):
             step.action()
             return 0
@@ -94,7 +93,7 @@ class Errand:
             encoding="utf-8",
             errors="replace",
             env=environment(),
-            creationflags=flags(),
+            creationflags=creation_flags(),
         ) as process:
             give_way(process.pid)
             with self._lock:

@@ -5,13 +5,10 @@ from __future__ import annotations
 import signal
 import subprocess
 import sys
-from pathlib import Path
 
 from ...core.errors import DgsError
-from ..job.worker import environment
 from .interpreter import find_python
-
-_SCRIPT = Path(__file__).resolve().parents[2] / "run_dgs.py"
+from .process import RUN, environment
 
 
 def hand_over(arguments: list[str]) -> int:
@@ -31,7 +28,7 @@ def hand_over(arguments: list[str]) -> int:
     # Ctrl-C reaches both: the engine saves what it has, so this process only waits.
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
-        return subprocess.run([str(python), str(_SCRIPT), *arguments], env=environment(), check=False).returncode
+        return subprocess.run([str(python), str(RUN), *arguments], env=environment(), check=False).returncode
     finally:
         if before is not None:  # None: the handler was not Python's
             signal.signal(signal.SIGINT, before)

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import bpy
 
-from ..job.request import RUN
-from .errand import Errand, Step
+from .errand import Errand, ErrandStep
 from .folder import REQUIREMENTS, engine_folder, python_in, stamp
+from .process import RUN
 
 #: Seconds between two redraws of the preferences.
 _TICK = 0.25
@@ -29,7 +29,7 @@ def busy() -> bool:
 
 def install_steps(
     folder: Path, requirements: Path, wheels: Path | None = None, base: str = sys.executable
-) -> list[Step]:
+) -> list[ErrandStep]:
     """How the engine gets into `folder`; whatever is there already is kept, so that it may be repeated.
 
     Args:
@@ -61,15 +61,15 @@ def install_steps(
         str(requirements),
     ]
     return [
-        Step("Making an environment", [base, "-m", "venv", str(folder)]),
-        Step("Installing the packages", install),
-        Step("Finishing", finish),
+        ErrandStep("Making an environment", [base, "-m", "venv", str(folder)]),
+        ErrandStep("Installing the packages", install),
+        ErrandStep("Finishing", finish),
     ]
 
 
-def doctor_step(python: Path) -> Step:
+def doctor_step(python: Path) -> ErrandStep:
     """The engine's own check: versions, device, and whether its parts agree."""
-    return Step("Checking", [str(python), str(RUN), "doctor"])
+    return ErrandStep("Checking", [str(python), str(RUN), "doctor"])
 
 
 def install_engine(wheels: Path | None) -> Errand:
@@ -81,7 +81,7 @@ def install_engine(wheels: Path | None) -> Errand:
     return run(steps, folder.parent / "install.log")
 
 
-def run(steps: list[Step], log: Path | None = None) -> Errand:
+def run(steps: list[ErrandStep], log: Path | None = None) -> Errand:
     """Starts an errand and keeps the preferences drawn while it runs."""
     global _errand
     _errand = Errand(steps, log)

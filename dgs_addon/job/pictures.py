@@ -8,17 +8,14 @@ at the end.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from . import curve
-from .preview import SIDE, fitted
-
-if TYPE_CHECKING:
-    from .runner import Job
+from .job import Job
+from .preview import HEIGHT, SIDE, draw_curves, fitted
 
 RENDER, CURVES = "Descatter Render", "Descatter Curves"
 #: Name of the icon with both.
@@ -75,10 +72,10 @@ def refresh(job: Job) -> None:
     changed = job.picture is not None and job.picture is not _shown.picture
     if changed:
         _shown.picture = job.picture
-        _shown.square[curve.HEIGHT :] = job.picture
+        _shown.square[HEIGHT:] = job.picture
     if len(job.state.marks) != _shown.marks:
         _shown.marks = len(job.state.marks)
-        _shown.square[: curve.HEIGHT] = _curves(job)
+        _shown.square[:HEIGHT] = _curves(job)
         changed = True
     if changed:
         _set_icon(JOB, _shown.square)
@@ -86,7 +83,7 @@ def refresh(job: Job) -> None:
 
 
 def _curves(job: Job) -> NDArray[np.float32]:
-    return curve.draw(job.state.marks, job.state.total if job.state.stage == "train" else None)
+    return draw_curves(job.state.marks, job.state.total if job.state.stage == "train" else None)
 
 
 def _refresh_images(job: Job) -> None:
@@ -155,7 +152,7 @@ def _set_image(name: str, pixels: NDArray[np.float32]) -> None:
 
 
 def _set_icon(name: str, square: NDArray[np.float32]) -> None:
-    import bpy.utils.previews  # not loaded by bpy itself
+    import bpy.utils.previews  # late: bpy itself does not load it, and there is none without a window
 
     if _shown.icons is None:
         _shown.icons = bpy.utils.previews.new()

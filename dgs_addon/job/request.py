@@ -10,14 +10,15 @@ from typing import Any, Literal
 
 from ...core.errors import DgsError
 from ...core.files import make_folder, write_text
-from ..paths import absolute, out_folder
-from ..photos import PhotoFolder, chosen_photos, pictures_folder
+from ..engine.process import RUN
+from ..paths import absolute, chosen_photos, out_folder, pictures_folder
+from ..photos import PhotoFolder
+from ..scene.scene_cameras import write_scene_cameras
 
-RUN = Path(__file__).resolve().parents[2] / "run_dgs.py"
 Kind = Literal["cameras", "reconstruct", "synthesize", "update"]
 
-#: Media that the photos themselves tell.
-TOLD_BY_PHOTOS = ("auto", "auto-each")
+#: Media that the engine estimates from the photos.
+ESTIMATED_FROM_PHOTOS = ("auto", "auto-each")
 
 
 @dataclass(frozen=True)
@@ -132,7 +133,7 @@ def psf_argument(settings: Any) -> str:
         if path is None or not path.is_file():
             raise DgsError("The file of the point spread function is not there", "Choose it in step 3")
         return f"file:{path}"
-    return str(settings.medium)  # none, or told by the photos
+    return str(settings.medium)  # none, or estimated from the photos
 
 
 def _medium(settings: Any) -> list[str]:
@@ -152,8 +153,6 @@ def _cameras(scene: Any, out: Path) -> list[str]:
             raise DgsError("The camera model is not there", "Choose it in step 2")
         return ["--cameras", str(model)]
     if settings.cameras == "scene":
-        from ..scene.scene_cameras import write_scene_cameras
-
         return ["--cameras", str(write_scene_cameras(scene, pictures_folder(settings), out, settings.selection))]
     return []
 

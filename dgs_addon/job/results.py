@@ -6,7 +6,7 @@ import contextlib
 import json
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import bpy
 import numpy as np
@@ -21,9 +21,7 @@ from ..scene.material import prepare_scene
 from ..scene.nodes import splat_nodes, splat_nodes_exist
 from ..scene.points import add_points
 from ..scene.twin import add_twin, glossy, is_twin, splat_mesh
-
-if TYPE_CHECKING:
-    from .runner import Job
+from .job import Job
 
 #: Object properties that tell where a twin comes from.
 FOLDER, PHOTOS, SETTINGS, SCORE = "dgs_results", "dgs_photos", "dgs_settings", "dgs_score"

@@ -11,7 +11,6 @@ import contextlib
 import queue
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -21,70 +20,25 @@ from ...core.errors import DgsError
 from ...core.files import make_folder
 from ..paths import out_folder
 from ..scene.software import FEW, drawn_by_software
+from ..window import Pace, redraw
 from . import pictures
-from .ending import outcome
-from .pace import Pace
+from .job import Job
 from .record import LOG, Record, read_record
 from .request import Request
+from .results import add_results, prepared, show_live
 from .snapshot import News, SnapshotReader
-from .state import JobState
+from .state import outcome
 from .test_set import use_test_set
 from .worker import Ended, Extra, Worker
 
-#: Name of the sidebar's tab.
-TAB = "Descatter"
 #: Seconds between two looks at the queue.
 TICK = 0.1
-#: Seconds between two redraws of the panel while a job runs: at least, and where drawing is slow, at most.
-REDRAW, SLOW_REDRAW = 0.5, 6.0
-#: Of the time, drawing the panel may take this share: one slow moment in a hundred is not felt. A redraw takes
-#: 5 ms with a graphics card; without one 50 ms, whatever of the window it is.
-DRAWING = 0.01
-#: The same for the live twin, each of which makes Blender evaluate and draw all splats.
-LIVE, SLOW_LIVE, LIVE_DRAWING = 2.0, 20.0, 0.05
 #: Splats of the live twin at most.
 MOST_LIVE = 50_000
 #: Events taken from the queue at most in one tick: a backlog must not block the window.
 _MOST = 50
 #: Seconds after a wish to stop, in which the engine has not come to its safe point, until it is ended.
 PATIENCE = 120.0
-
-
-@dataclass
-class Job:
-    """A job that this Blender started.
-
-    Attributes:
-        scene: name of the scene that asked for it.
-        record: what is kept beside the results.
-        asked: when the user asked to stop, by the monotonic clock.
-        pace, live_pace: how often the panel and the live twin are drawn.
-        cloud: the finished twin's Gaussians, or the latest snapshot's, once read.
-        news: whether something happened that the panel does not show yet.
-        unseen: whether `cloud` is newer than the live twin.
-        picture: of the twin so far, as `preview.read_preview` makes it, once read.
-        finishing: what is still to be put into the scene after the end, a piece a tick.
-    """
-
-    request: Request
-    scene: str
-    worker: Worker
-    record: Record
-    snapshots: SnapshotReader
-    state: JobState = field(default_factory=JobState)
-    asked: float | None = None
-    cloud: Any = None
-    unseen: bool = False
-    news: bool = True
-    picture: Any = None
-    finishing: Iterator[None] | None = None
-    pace: Pace = field(default_factory=lambda: Pace(REDRAW, SLOW_REDRAW, DRAWING))
-    live_pace: Pace = field(default_factory=lambda: Pace(LIVE, SLOW_LIVE, LIVE_DRAWING))
-
-    @property
-    def log(self) -> Path:
-        """File with the engine's words."""
-        return self.request.out / LOG
 
 
 _job: Job | None = None
@@ -263,8 +217,6 @@ def _finish(job: Job) -> Iterator[None]:
     scene = _scene(job)
     if scene is None or not scene.dgs.add_when_done:
         return
-    from .results import add_results
-
     yield from add_results(job, scene)
     windows = bpy.context.window_manager.windows
     if windows and not bpy.app.background:  # else the next undo would take the twin out again
@@ -292,8 +244,6 @@ def _show_live(job: Job) -> None:
     scene = _scene(job)
     if scene is None:
         return
-    from .results import prepared, show_live
-
     if prepared(job.cloud):
         return  # enough for one tick
     job.unseen = False
@@ -319,18 +269,3 @@ def _draws(pace: Pace, now: float) -> None:
     """Measures a drawing: Blender draws after this tick, and looks at its timers again after that."""
     pace.asked(now)
     bpy.app.timers.register(lambda: pace.drawn(time.monotonic()), first_interval=0.0, persistent=True)
-
-
-def redraw() -> None:
-    """The sidebars that show the tab, in all 3D views."""
-    for window in bpy.context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type == "VIEW_3D":
-                for region in area.regions:
-                    if region.type == "UI" and region.width > 1 and _shows_tab(region):
-                        region.tag_redraw()
-
-
-def _shows_tab(region: Any) -> bool:
-    """Whether a sidebar shows this tab, or a Blender does not say."""
-    return getattr(region, "active_panel_category", TAB) in (TAB, "", "UNSUPPORTED")

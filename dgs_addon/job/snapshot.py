@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ...core.cloud import GaussianCloud
 from ...core.errors import DgsError
+from ...core.formats.ply import read_ply
 from .preview import read_preview
 
 
@@ -55,8 +56,6 @@ class SnapshotReader:
                 self._twins = [path]  # snapshots are older
             # A damaged file is told of when it is added to the scene.
             with contextlib.suppress(DgsError, OSError):
-                from ...core.formats.ply import read_ply
-
                 cloud = read_ply(path)
                 return cloud if path == self._final else thinned(cloud, self._most)
         return None

@@ -13,8 +13,9 @@ from typing import Any
 import bpy
 
 from ...core.errors import DgsError
+from ..engine.process import RUN
 from ..paths import absolute
-from .request import RUN, TOLD_BY_PHOTOS, Request, psf_argument
+from .request import ESTIMATED_FROM_PHOTOS, Request, psf_argument
 
 #: Height of a photo as a share of its width.
 _HEIGHT = 2 / 3
@@ -31,7 +32,7 @@ def test_set_request(settings: Any) -> Request:
     out = absolute(settings.test_set)
     if out is None:
         raise DgsError("No folder for the test set is chosen", "Choose one in step 6")
-    if settings.medium in TOLD_BY_PHOTOS:
+    if settings.medium in ESTIMATED_FROM_PHOTOS:
         raise DgsError("A test set has no photos yet that could tell the medium", "Choose another medium in step 3")
     width = settings.test_width
     arguments = [

@@ -8,18 +8,16 @@ from __future__ import annotations
 
 import contextlib
 import json
-import os
 import queue
 import subprocess
-import sys
 import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any
 
-#: Blender's own settings for Python would lead the engine's Python to Blender's libraries.
-_FOREIGN = ("PYTHONPATH", "PYTHONHOME", "PYTHONSTARTUP", "PYTHONUSERBASE", "LD_PRELOAD", "__PYVENV_LAUNCHER__")
+from ..engine.process import creation_flags, environment
+
 #: A log that grows beyond this is begun anew (bytes).
 _LARGEST_LOG = 4_000_000
 
@@ -113,7 +111,7 @@ class Worker:
                 encoding="utf-8",
                 errors="replace",
                 env=environment(),
-                creationflags=_flags(),
+                creationflags=creation_flags(),
             ) as process:
                 self._began(process)
                 assert process.stdout is not None
@@ -143,19 +141,6 @@ class Worker:
             extra = self._look()
             if extra is not None:
                 self.events.put(Extra(extra))
-
-
-def environment() -> dict[str, str]:
-    """This process's environment, less what belongs to Blender's Python."""
-    kept = {name: value for name, value in os.environ.items() if name not in _FOREIGN}
-    return {**kept, "PYTHONNOUSERSITE": "1", "PYTHONUNBUFFERED": "1", "PYTHONIOENCODING": "utf-8"}
-
-
-def _flags() -> int:
-    """On Windows: no console window, and Blender's window goes first."""
-    if sys.platform != "win32":
-        return 0
-    return subprocess.CREATE_NO_WINDOW | subprocess.BELOW_NORMAL_PRIORITY_CLASS
 
 
 def _log_mode(log: Path) -> str:

@@ -10,11 +10,9 @@ import numpy as np
 from . import table
 from .lines import LINES
 from .materials import leather
+from .settings import OBJECT_INDEX
 from .shape import ball_pose, shape_for
 from .surface import ball_surface
-
-#: Object index that the mask is made from.
-BALL_INDEX = 1
 
 
 def build(seed: int, width: int) -> None:
@@ -53,7 +51,7 @@ def _add_ball(scene: Any, seed: int, width: int) -> None:
     ball = bpy.data.objects.new("ball", mesh)
     # Blender reads a matrix column by column from a nested sequence.
     ball.matrix_world = ball_pose().T.tolist()
-    ball.pass_index = BALL_INDEX
+    ball.pass_index = OBJECT_INDEX
     scene.collection.objects.link(ball)
 
 

@@ -6,7 +6,6 @@ import argparse
 from pathlib import Path
 
 from ...core.progress import Progress
-from . import synthesize
 from .settings import PATH_NAMES, SCENES, SynthesizeSettings
 
 
@@ -132,6 +131,8 @@ def settings_of(args: argparse.Namespace) -> SynthesizeSettings:
 
 def run(args: argparse.Namespace, progress: Progress) -> int:
     """Makes the data set and returns the exit status; errors are `DgsError`s."""
+    from .dataset import synthesize  # late: heavy (numpy, files), and `--help` needs none of it
+
     synthesize(settings_of(args), args.out, progress)
     return 0
 

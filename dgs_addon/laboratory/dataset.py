@@ -23,12 +23,12 @@ from ...core.camera import Camera
 from ...core.errors import Cancelled, DgsError
 from ...core.files import make_folder, write_json
 from ...core.formats.transforms import write_transforms
-from ...core.progress import Progress
+from ...core.progress import Progress, Silent
 from ...core.views import SparsePoints
 from ..axes import matrix_to_engine
 from . import degrade, files, rail
 from .lines import LINES, centre_line
-from .settings import EXTRAS, SynthesizeSettings
+from .settings import EXTRAS, OBJECT_INDEX, SynthesizeSettings
 from .shape import SHAPE, ball_pose
 from .studio import Studio, source_digest
 
@@ -53,7 +53,7 @@ _BESIDE = (
 )
 
 
-def synthesize(settings: SynthesizeSettings, out: Path, progress: Progress) -> None:
+def synthesize(settings: SynthesizeSettings, out: Path, progress: Progress = Silent()) -> None:
     """Renders and writes the data set, taking up an interrupted one of the same settings.
 
     Raises:
@@ -136,7 +136,7 @@ def _through_the_medium(
 ) -> None:
     """Photos that Cycles renders through a lens, in motion or in fog; the rest of the medium comes on top."""
     studio.enter()
-    from . import effects
+    from . import effects  # late: needs bpy
 
     ways = effects.travel(cameras)
     with effects.rendered_medium(settings, cameras, studio.target):
@@ -178,7 +178,7 @@ def _photo(
     )
     if not settings.jpeg:
         return photo
-    from .jpeg import compressed
+    from .jpeg import compressed  # late: needs bpy
 
     return compressed(photo, settings.jpeg)
 
@@ -194,8 +194,6 @@ def _geometry(
     positions, colours = [], []
     progress.stage("geometry", len(wanted))
     render = studio.enter()
-    from .ball import BALL_INDEX
-
     for folder in (["masks_ball"] if settings.masks else []) + (["depth"] if settings.depth else []):
         make_folder(out / folder)
     with tempfile.TemporaryDirectory(prefix="dgs-render-") as scratch, render.geometry_only():
@@ -210,7 +208,7 @@ def _geometry(
             else:
                 depth, objects = render.depth_and_index(camera, Path(scratch))
                 if settings.masks:
-                    files.write_png(mask, np.uint8(255) * (objects == BALL_INDEX).astype(np.uint8))
+                    files.write_png(mask, np.uint8(255) * (objects == OBJECT_INDEX).astype(np.uint8))
                 if settings.depth:
                     files.write_array(kept, depth)
             if index in chosen:

@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 
 from ...core.camera import Camera
 from ..axes import camera_to_blender, place_camera, points_to_blender
-from .ball import BALL_INDEX
-from .settings import SynthesizeSettings
+from .settings import OBJECT_INDEX, SynthesizeSettings
 
 #: Half the side of the box of fog, in viewing distances: the cameras stand inside.
 FOG_REACH = 1.5
@@ -62,7 +61,7 @@ def frame(
         if any(settings.object_motion):
             step = np.array(settings.object_motion) / 1000
             for item in scene.objects:
-                if item.pass_index == BALL_INDEX and (item.parent is None or item.parent.pass_index != BALL_INDEX):
+                if item.pass_index == OBJECT_INDEX and (item.parent is None or item.parent.pass_index != OBJECT_INDEX):
                     stack.enter_context(_moving(item, step))
         yield
 

@@ -13,6 +13,7 @@ from ...core.errors import FormatError
 from . import ball, table
 from .materials import from_vertices, plain
 from .render import quiet
+from .settings import OBJECT_INDEX
 
 #: Longest side (m) that an object is scaled to: the ball's, so that all camera paths fit.
 LONGEST_SIDE = 0.28
@@ -45,7 +46,7 @@ def build(path: Path, seed: int) -> None:
     meshes = _imported(path)
     _settle(meshes)
     for item in meshes:
-        item.pass_index = ball.BALL_INDEX
+        item.pass_index = OBJECT_INDEX
         if not any(slot.material for slot in item.material_slots):
             colours = item.data.color_attributes
             item.data.materials.append(from_vertices(colours[0].name) if len(colours) else plain("clay", _CLAY))

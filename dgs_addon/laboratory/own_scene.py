@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from ...core.camera import Camera
 from ...core.errors import DgsError, FormatError
 from ..axes import read_camera
-from .ball import BALL_INDEX, add_camera
+from .ball import add_camera
 from .mesh import bounds
 from .render import quiet
+from .settings import OBJECT_INDEX
 
 
 def build(path: Path) -> None:
@@ -37,9 +38,9 @@ def build(path: Path) -> None:
     scene.frame_set(scene.frame_start)
     scene.render.use_motion_blur = False
     scene.render.use_border = False
-    if not any(item.pass_index == BALL_INDEX for item in meshes):  # then the object is all there is
+    if not any(item.pass_index == OBJECT_INDEX for item in meshes):  # then the object is all there is
         for item in meshes:
-            item.pass_index = BALL_INDEX
+            item.pass_index = OBJECT_INDEX
 
 
 def own_cameras(views: int, width: int, height: int, names: list[str]) -> list[Camera]:
@@ -69,7 +70,7 @@ def enter_camera() -> None:
 
 def extent() -> tuple[NDArray[np.float64], float]:
     """[3] middle of the object (those of pass index 1, or all) in Blender's world, and its radius."""
-    marked = [item for item in _shown(bpy.context.scene) if item.pass_index == BALL_INDEX]
+    marked = [item for item in _shown(bpy.context.scene) if item.pass_index == OBJECT_INDEX]
     low, high = bounds(marked)
     return (low + high) / 2, float(np.linalg.norm(high - low) / 2)
 

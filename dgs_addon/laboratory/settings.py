@@ -30,6 +30,8 @@ _LATER = (
     "read_noise",
     "jpeg",
 )
+#: Object index that masks are made from, and that a .blend marks its objects with.
+OBJECT_INDEX = 1
 #: What is written beside the photos and changes none of them: it can be added to a set that is there.
 EXTRAS = ("masks", "depth", "normals", "keep_linear")
 

@@ -39,7 +39,7 @@ class Studio:
         if not settings.from_blend:
             return rail.cameras(settings.path, settings.views, settings.width, settings.height)
         self.enter()
-        from . import own_scene
+        from . import own_scene  # late: needs bpy
 
         middle, radius = own_scene.extent()
         self.target = middle
@@ -52,13 +52,13 @@ class Studio:
     def enter(self) -> Any:
         """The module `render`, with the scene built and ready."""
         try:
-            import bpy  # noqa: F401
+            import bpy  # noqa: F401 (late: a finished set needs no Blender)
         except ImportError as error:
             raise DgsError(
                 "This Python has no Blender in it (no module bpy)",
                 "Run `blender -b -P run_dgs.py -- synthesize ...`, or `make setup`, which installs bpy",
             ) from error
-        from . import render
+        from . import render  # late: needs bpy
 
         if not self.ready:
             self._build()
@@ -69,7 +69,7 @@ class Studio:
         return render
 
     def _build(self) -> None:
-        from . import ball, mesh, own_scene
+        from . import ball, mesh, own_scene  # late: needs bpy
 
         settings = self.settings
         if settings.mesh:

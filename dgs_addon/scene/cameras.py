@@ -93,6 +93,16 @@ def load_cameras(path: Path) -> dict[str, Camera]:
     }
 
 
+def photo_behind(camera: Any) -> Path | None:
+    """The photo that a recovered camera shows behind the scene; None if it has none, or it is gone."""
+    pictures = camera.data.background_images if camera is not None and camera.type == "CAMERA" else ()
+    for picture in pictures:
+        if picture.image is not None and picture.image.filepath:
+            path = Path(bpy.path.abspath(picture.image.filepath))
+            return path if path.is_file() else None
+    return None
+
+
 def _pictures(folder: Path) -> dict[str, Path]:
     try:
         return {_key(file.name): file for file in sorted(folder.iterdir()) if file.suffix.lower() in _PHOTOS}

@@ -12,6 +12,6 @@ def drawn_by_software() -> bool:
     """Whether this Blender has a window, and the processor draws it."""
     if bpy.app.background:
         return False
-    import gpu
+    import gpu  # late: only a window has it
 
     return bool(gpu.platform.device_type_get() == "SOFTWARE")

@@ -114,6 +114,13 @@ def is_twin(thing: Any) -> bool:
     return thing is not None and thing.type == "MESH" and TWIN in thing
 
 
+def scene_twin(scene: Any, active: Any) -> Any:
+    """The active twin, else any of the scene's; None if it has none."""
+    if is_twin(active):
+        return active
+    return next((thing for thing in scene.objects if is_twin(thing)), None)
+
+
 def _finite(cloud: GaussianCloud) -> GaussianCloud:
     arrays = (cloud.means, cloud.log_scales, cloud.quaternions, cloud.opacity_logits, cloud.sh)
     kept = np.ones(len(cloud), bool)

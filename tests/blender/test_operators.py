@@ -14,8 +14,8 @@ import dgs  # noqa: E402
 from dgs import operators  # noqa: E402
 from dgs.core.cloud import GaussianCloud  # noqa: E402
 from dgs.core.formats.ply import read_ply, write_ply  # noqa: E402
-from dgs.dgs_addon.paths import out_folder  # noqa: E402
-from dgs.dgs_addon.photos import chosen_photos, forget, pictures_folder  # noqa: E402
+from dgs.dgs_addon.paths import chosen_photos, out_folder, pictures_folder  # noqa: E402
+from dgs.dgs_addon.photos import forget  # noqa: E402
 
 
 @pytest.fixture(autouse=True)

@@ -28,6 +28,6 @@ def test_register_twice_unregister_twice_and_again() -> None:
 def test_importing_the_package_needs_no_blender() -> None:
     code = (
         "import sys; sys.modules['bpy'] = None; import run_dgs;"
-        "run_dgs.mount_package(); import dgs.dgs_addon, dgs.dgs_addon.axes, dgs.dgs_addon.save_blend"
+        "run_dgs.mount_package(); import dgs.dgs_addon, dgs.dgs_addon.axes, dgs.dgs_addon.scene.save_blend"
     )
     subprocess.run([sys.executable, "-c", code], cwd=dgs.__path__[0], check=True)

@@ -13,8 +13,8 @@ bpy = pytest.importorskip("bpy")
 
 import dgs  # noqa: E402
 from dgs import operators, panels  # noqa: E402
+from dgs.dgs_addon.job.properties import DGS_PG_settings  # noqa: E402
 from dgs.dgs_addon.job.state import STAGES  # noqa: E402
-from dgs.dgs_addon.properties import DGS_PG_settings  # noqa: E402
 from dgs.dgs_addon.translations import messages, table  # noqa: E402
 
 ROOT = Path(dgs.__path__[0])
@@ -58,7 +58,7 @@ def texts(path: Path) -> Iterator[str]:
 
 def shown() -> set[str]:
     files = [*(ROOT / "panels").glob("*.py"), *(ROOT / "operators").glob("*.py")]
-    files += [ROOT / "dgs_addon" / name for name in ("photos.py", "preferences.py")]
+    files.append(ROOT / "dgs_addon" / "photos.py")
     found = {text for path in files for text in texts(path) if " " in text or text[:1].isupper()}
     found |= {kind.bl_label for kind in (*panels.CLASSES, *operators.CLASSES)}
     found |= {kind.__doc__ for kind in operators.CLASSES if issubclass(kind, bpy.types.Operator)}

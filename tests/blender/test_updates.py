@@ -19,8 +19,8 @@ from dgs.core.twin import history  # noqa: E402
 from dgs.dgs_addon.job import runner, watching  # noqa: E402
 from dgs.dgs_addon.job.request import request_of, update_request  # noqa: E402
 from dgs.dgs_addon.job.results import twin_of  # noqa: E402
+from dgs.dgs_addon.job.watching import Watch, twins_photos  # noqa: E402
 from dgs.dgs_addon.scene.states import STATE, add_states  # noqa: E402
-from dgs.dgs_addon.watch import Watch, twins_photos  # noqa: E402
 
 ROOT = Path(dgs.__path__[0])
 from dgs.tests.command_line.scene import SIGMA, write_scene  # noqa: E402

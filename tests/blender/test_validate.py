@@ -12,7 +12,7 @@ bpy = pytest.importorskip("bpy")
 
 import dgs  # noqa: E402
 from dgs.dgs_addon.job.request import with_truth  # noqa: E402
-from dgs.dgs_addon.steps import results  # noqa: E402
+from dgs.dgs_addon.job.steps import results  # noqa: E402
 
 
 @pytest.fixture

@@ -31,6 +31,7 @@ def story(robot: Robot) -> Story:
     from importlib import import_module
 
     runner = import_module(f"{ADDON}.dgs_addon.job.runner")
+    redraw = import_module(f"{ADDON}.dgs_addon.window").redraw
     yield from robot.open_tab("Descatter")
     yield from robot.picture("1-empty")
     settings = bpy.context.scene.dgs
@@ -42,20 +43,20 @@ def story(robot: Robot) -> Story:
         yield 1.0
     seen["dropped"] = settings.photos
     settings.medium, settings.sigma, settings.preset = "gaussian", 1.5, "draft"
-    runner.redraw()  # a script has set them, which Blender does not show by itself
+    redraw()  # a script has set them, which Blender does not show by itself
     yield 2.0
     yield from robot.picture("2-photos")
     robot.measure()
     for _ in range(12):  # the panel drawn as often as a job has it drawn
-        runner.redraw()
-        yield runner.REDRAW
+        redraw()
+        yield import_module(f"{ADDON}.dgs_addon.job.job").REDRAW
     seen["idle"] = _figures(robot.ticks)
     yield from robot.press("dgs.optimize")
     first = robot.clicked
     yield from _until(lambda: runner.running(), 60)
     yield from _until(lambda: len(runner.current().state.marks) > 10, 500)
     import_module(f"{ADDON}.dgs_addon.job.pictures").refresh(runner.current())
-    runner.redraw()  # now, not when a slow window would be drawn: for the picture
+    redraw()  # now, not when a slow window would be drawn: for the picture
     yield from robot.picture("3-optimizing")
     yield from _until(lambda: not runner.running(), 600)
     job, last = runner.current(), len(robot.ticks)
@@ -90,7 +91,7 @@ def story(robot: Robot) -> Story:
         with bpy.context.temp_override(window=window):
             bpy.ops.wm.window_close()
     yield from _ended_early(robot, runner)
-    exact = import_module(f"{ADDON}.dgs_addon.exact")
+    exact = import_module(f"{ADDON}.dgs_addon.questions.exact")
     yield from robot.press("dgs.exact_view")
     yield from _until(lambda: exact.IMAGE in bpy.data.images or not exact.busy(), 300)
     seen["exact"] = exact.IMAGE in bpy.data.images

@@ -19,11 +19,11 @@ bpy = pytest.importorskip("bpy")
 
 import dgs  # noqa: E402
 from dgs.core.formats.ply import read_ply  # noqa: E402
-from dgs.dgs_addon import exact  # noqa: E402
 from dgs.dgs_addon.job import runner  # noqa: E402
 from dgs.dgs_addon.job.record import read_record  # noqa: E402
 from dgs.dgs_addon.job.request import Request, request_of  # noqa: E402
 from dgs.dgs_addon.job.results import FOLDER, SCORE, SETTINGS  # noqa: E402
+from dgs.dgs_addon.questions import exact  # noqa: E402
 from dgs.dgs_addon.scene.twin import is_twin  # noqa: E402
 from mathutils import Matrix  # noqa: E402
 

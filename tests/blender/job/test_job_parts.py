@@ -15,11 +15,15 @@ bpy = pytest.importorskip("bpy")
 
 import dgs  # noqa: E402
 from dgs.core.errors import DgsError, FormatError  # noqa: E402
-from dgs.dgs_addon.job import curve  # noqa: E402
-from dgs.dgs_addon.job.ending import outcome  # noqa: E402
+from dgs.dgs_addon.job import preview  # noqa: E402
 from dgs.dgs_addon.job.record import NAME, Record, read_record  # noqa: E402
 from dgs.dgs_addon.job.request import request_of  # noqa: E402
-from dgs.dgs_addon.job.state import JobState, Mark, duration_text  # noqa: E402
+from dgs.dgs_addon.job.state import (  # noqa: E402
+    JobState,
+    Mark,
+    duration_text,
+    outcome,
+)
 from dgs.dgs_addon.photos import forget, photo_folder  # noqa: E402
 
 
@@ -82,13 +86,13 @@ def test_records_survive_and_tell_interruption(tmp_path: Path) -> None:
 
 def test_curves_are_drawn_from_left_to_right() -> None:
     marks = [Mark(step, math.exp(-step / 30), 20 + step / 10) for step in range(0, 101, 10)]
-    picture = curve.draw(marks, 100)
-    assert picture.shape == (curve.HEIGHT, curve.WIDTH, 4)
-    for colour in (curve.LOSS_COLOUR, curve.PSNR_COLOUR):
+    picture = preview.draw_curves(marks, 100)
+    assert picture.shape == (preview.HEIGHT, preview.WIDTH, 4)
+    for colour in (preview.LOSS_COLOUR, preview.PSNR_COLOUR):
         rows, columns = np.nonzero(np.all(np.isclose(picture[..., :3], colour), axis=-1))
-        assert columns.min() < 12 and columns.max() > curve.WIDTH - 12
-        assert rows.max() - rows.min() > 0.8 * curve.HEIGHT
-    assert curve.draw([], None).shape == picture.shape
+        assert columns.min() < 12 and columns.max() > preview.WIDTH - 12
+        assert rows.max() - rows.min() > 0.8 * preview.HEIGHT
+    assert preview.draw_curves([], None).shape == picture.shape
 
 
 def test_durations_read_well() -> None:

@@ -10,9 +10,9 @@ import pytest
 pytest.importorskip("bpy")
 
 from dgs.core.cloud import GaussianCloud
-from dgs.dgs_addon.job.pace import Pace
 from dgs.dgs_addon.job.preview import ABOVE, read_preview
 from dgs.dgs_addon.job.snapshot import SnapshotReader, thinned
+from dgs.dgs_addon.window import Pace
 
 
 def drawings(cost: float, seconds: float = 60.0) -> int:

@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 from dgs.core.errors import DgsError
 from dgs.core.views import SparsePoints
-from dgs.dgs_addon.laboratory import SynthesizeSettings, files, rail, synthesize
+from dgs.dgs_addon.laboratory import files, rail
+from dgs.dgs_addon.laboratory.dataset import synthesize
+from dgs.dgs_addon.laboratory.settings import OBJECT_INDEX, SynthesizeSettings
 from skimage import io
 
 pytest.importorskip("bpy")
@@ -65,7 +67,7 @@ def test_overscan_moves_no_pixel():
     with tempfile.TemporaryDirectory() as scratch, render.geometry_only():
         plain, objects = render.depth_and_index(camera, Path(scratch))
         wide, _ = render.depth_and_index(camera.with_margin(5), Path(scratch))
-    assert (objects == ball.BALL_INDEX).any() and (objects == 0).any()
+    assert (objects == OBJECT_INDEX).any() and (objects == 0).any()
     difference = np.abs(wide[5:-5, 5:-5] - plain)
     assert np.quantile(difference, 0.95) < 2e-4  # a hundredth of a pixel across pebbles and edges
 

@@ -7,8 +7,9 @@ import argparse
 import numpy as np
 import pytest
 from dgs.core.errors import DgsError, PsfError
-from dgs.dgs_addon.laboratory import SynthesizeSettings, degrade
+from dgs.dgs_addon.laboratory import degrade
 from dgs.dgs_addon.laboratory.command import add_arguments, settings_of
+from dgs.dgs_addon.laboratory.settings import SynthesizeSettings
 from scipy.ndimage import gaussian_filter
 
 

@@ -13,7 +13,9 @@ bpy = pytest.importorskip("bpy")
 
 from dgs.core.errors import DgsError, FormatError  # noqa: E402
 from dgs.dgs_addon.axes import points_to_blender, points_to_engine  # noqa: E402
-from dgs.dgs_addon.laboratory import SynthesizeSettings, degrade, rail, synthesize  # noqa: E402
+from dgs.dgs_addon.laboratory import degrade, rail  # noqa: E402
+from dgs.dgs_addon.laboratory.dataset import synthesize  # noqa: E402
+from dgs.dgs_addon.laboratory.settings import SynthesizeSettings  # noqa: E402
 from PIL import Image  # noqa: E402
 
 TINY = SynthesizeSettings(

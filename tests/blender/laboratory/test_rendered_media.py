@@ -13,8 +13,10 @@ bpy = pytest.importorskip("bpy")
 
 from dgs.core.errors import DgsError  # noqa: E402
 from dgs.core.photos.png16 import read_png16  # noqa: E402
-from dgs.dgs_addon.laboratory import SynthesizeSettings, degrade, synthesize  # noqa: E402
+from dgs.dgs_addon.laboratory import degrade  # noqa: E402
+from dgs.dgs_addon.laboratory.dataset import synthesize  # noqa: E402
 from dgs.dgs_addon.laboratory.jpeg import compressed  # noqa: E402
+from dgs.dgs_addon.laboratory.settings import SynthesizeSettings  # noqa: E402
 
 WIDTH, HEIGHT, LENS = 96, 64, 80.0
 FOCAL = WIDTH * LENS / 36  # px

@@ -15,7 +15,9 @@ from dgs.core.camera import Camera  # noqa: E402
 from dgs.core.errors import Cancelled  # noqa: E402
 from dgs.core.progress import Silent  # noqa: E402
 from dgs.dgs_addon.axes import place_camera, points_to_engine  # noqa: E402
-from dgs.dgs_addon.laboratory import SynthesizeSettings, rail, synthesize  # noqa: E402
+from dgs.dgs_addon.laboratory import rail  # noqa: E402
+from dgs.dgs_addon.laboratory.dataset import synthesize  # noqa: E402
+from dgs.dgs_addon.laboratory.settings import SynthesizeSettings  # noqa: E402
 from mathutils import Vector  # noqa: E402
 from PIL import Image  # noqa: E402
 from scipy.ndimage import gaussian_filter  # noqa: E402

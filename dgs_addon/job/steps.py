@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from ..core.errors import DgsError
-from .job.record import Record, read_record
-from .paths import absolute, out_folder
-from .photos import photo_folder
+from ...core.errors import DgsError
+from ..paths import absolute, out_folder
+from ..photos import photo_folder
+from .record import Record, read_record
 
 
 @dataclass(frozen=True)

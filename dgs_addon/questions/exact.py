@@ -17,15 +17,16 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..core.camera import Camera
-from ..core.formats.ply import write_ply
-from ..core.formats.transforms import write_transforms
-from .axes import BlenderCamera, camera_to_engine, matrix_to_blender
-from .job import pictures
-from .job.ending import outcome
-from .job.request import RUN, TOLD_BY_PHOTOS, psf_argument
-from .job.worker import Ended, Worker
-from .scene.twin import read_twin
+from ...core.camera import Camera
+from ...core.formats.ply import write_ply
+from ...core.formats.transforms import write_transforms
+from ..axes import BlenderCamera, camera_to_engine, matrix_to_blender
+from ..engine.process import RUN
+from ..job import pictures
+from ..job.request import ESTIMATED_FROM_PHOTOS, psf_argument
+from ..job.state import outcome
+from ..job.worker import Ended, Worker
+from ..scene.twin import read_twin
 
 #: Image that the picture goes to.
 IMAGE = "Descatter Exact View"
@@ -89,7 +90,7 @@ def start(twin: Any, scene: Any, python: Path, done: Callable[[ExactView], None]
     """
     global _view
     settings = scene.dgs
-    psf = str(twin.get("dgs_psf", "none")) if settings.medium in TOLD_BY_PHOTOS else psf_argument(settings)
+    psf = str(twin.get("dgs_psf", "none")) if settings.medium in ESTIMATED_FROM_PHOTOS else psf_argument(settings)
     blur = ["--psf", psf, "--blur-space", settings.blur_space]
     folder = Path(tempfile.mkdtemp(prefix="descatter-", dir=bpy.app.tempdir or None))
     write_ply(folder / "twin.ply", read_twin(twin))
@@ -150,22 +151,3 @@ def camera_in(twin: Any, scene: Any) -> Camera:
         pixel_aspect_y=render.pixel_aspect_y,
     )
     return camera_to_engine(settings, int(render.resolution_x * share), int(render.resolution_y * share), _NAME)
-
-
-def photo_behind(camera: Any) -> Path | None:
-    """The photo that a recovered camera shows behind the scene; None if it has none, or it is gone."""
-    pictures = camera.data.background_images if camera is not None and camera.type == "CAMERA" else ()
-    for picture in pictures:
-        if picture.image is not None and picture.image.filepath:
-            path = Path(bpy.path.abspath(picture.image.filepath))
-            return path if path.is_file() else None
-    return None
-
-
-def scene_twin(scene: Any, active: Any) -> Any:
-    """The active twin, else any of the scene's; None if it has none."""
-    from .scene.twin import is_twin
-
-    if is_twin(active):
-        return active
-    return next((thing for thing in scene.objects if is_twin(thing)), None)

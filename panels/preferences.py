@@ -7,8 +7,8 @@ from typing import Any
 import bpy
 from bpy.app.translations import pgettext_rpt as rpt_
 
-from .engine.folder import engine_folder, is_installed
-from .engine.install import errand
+from ..dgs_addon.engine.folder import engine_folder, is_installed
+from ..dgs_addon.engine.install import errand
 
 #: Last lines of a check that are shown; the whole of it is in the log.
 _SHOWN = 24

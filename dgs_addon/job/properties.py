@@ -6,6 +6,9 @@ from typing import Any
 
 import bpy
 
+from ..photos import forget
+from .watching import watch
+
 _PRESETS = (
     ("draft", "Draft", "300 steps, 25,000 Gaussians: a first look, about half a minute on two cores"),
     ("balanced", "Balanced", "1000 steps, 40,000 Gaussians: about a minute on two cores"),
@@ -33,15 +36,11 @@ _CAMERAS = (
 
 def _read_photos(settings: Any, _context: Any) -> None:
     """Another folder: all its photos count, and it has its own results and thumbnails."""
-    from .photos import forget
-
     settings.selection = ""
     forget()
 
 
 def _watch(settings: Any, _context: Any) -> None:
-    from .job.watching import watch
-
     watch(settings.id_data)
 
 

@@ -30,7 +30,7 @@ def test_a_photo_of_a_point_becomes_the_medium(tmp_path: Path) -> None:
     assert bpy.ops.dgs.measure_psf(filepath=str(photo)) == {"FINISHED"}
     assert settings.medium == "file" and Path(settings.psf_file).is_file()
     from dgs.core.imaging.psf import parse_psf
-    from dgs.dgs_addon.job import inspection
+    from dgs.dgs_addon.questions import inspection
 
     psf = parse_psf(f"file:{settings.psf_file}")
     assert psf is not None and np.sqrt(psf.covariance[0, 0]) == pytest.approx(3.0, rel=0.02)
@@ -53,7 +53,7 @@ def test_photos_are_inspected(tmp_path: Path) -> None:
     settings = bpy.context.scene.dgs
     settings.photos = str(tmp_path / "set")
     assert bpy.ops.dgs.inspect_photos() == {"FINISHED"}
-    from dgs.dgs_addon.job import inspection
+    from dgs.dgs_addon.questions import inspection
 
     told = {e["name"]: e for e in inspection.effects.answer["effects"]}
     assert told["blur"]["estimate"]["value"] is not None and told["exposure"]["estimate"]["value"] is None

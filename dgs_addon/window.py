@@ -1,6 +1,28 @@
-"""How often something may be drawn, so that drawing takes a small share of the time. Knows no Blender."""
+"""Drawing Blender's window anew: which parts, and how often."""
 
 from __future__ import annotations
+
+from typing import Any
+
+import bpy
+
+#: Name of the sidebar's tab.
+TAB = "Descatter"
+
+
+def redraw() -> None:
+    """The sidebars that show the tab, in all 3D views."""
+    for window in bpy.context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "VIEW_3D":
+                for region in area.regions:
+                    if region.type == "UI" and region.width > 1 and _shows_tab(region):
+                        region.tag_redraw()
+
+
+def _shows_tab(region: Any) -> bool:
+    """Whether a sidebar shows this tab, or a Blender does not say."""
+    return getattr(region, "active_panel_category", TAB) in (TAB, "", "UNSUPPORTED")
 
 
 class Pace:

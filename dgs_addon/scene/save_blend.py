@@ -5,6 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from ...core.camera import Camera
+from ...core.errors import DeviceError, OutputError
+from ...core.files import make_folder
+from ...core.formats.ply import read_ply
+from ..axes import place_camera
+
 
 def save_blend(ply: Path, cameras: Path | None, out: Path, photos: Path | None = None) -> None:
     """Writes a scene that renders the twin in Cycles, with the engine's own colours, as it is opened.
@@ -23,18 +31,14 @@ def save_blend(ply: Path, cameras: Path | None, out: Path, photos: Path | None =
         OutputError: the .blend cannot be written.
         DeviceError: this Python has no bpy.
     """
-    from ..core.errors import DeviceError, OutputError
-    from ..core.files import make_folder
-    from ..core.formats.ply import read_ply
-
     try:
-        import bpy
+        import bpy  # late: an import of this file must not need Blender, the command line does it
     except ImportError as error:
         raise DeviceError("This Python has no Blender (bpy)", "Install bpy, or run it as 'blender -b -P'") from error
 
-    from .scene.cameras import add_cameras
-    from .scene.material import prepare_scene
-    from .scene.twin import add_twin
+    from .cameras import add_cameras  # late: needs bpy
+    from .material import prepare_scene  # late: needs bpy
+    from .twin import add_twin  # late: needs bpy
 
     cloud = read_ply(ply)
     make_folder(out.parent)
@@ -57,12 +61,8 @@ def save_blend(ply: Path, cameras: Path | None, out: Path, photos: Path | None =
 
 def _camera_before(twin: Any, scene: Any) -> None:
     """A camera where the engine's world has its front (along +z, y down), far enough to see nearly all."""
-    import numpy as np
-
-    from ..core.camera import Camera
-    from .axes import place_camera
-    from .scene.cameras import new_camera
-    from .scene.twin import read_twin
+    from .cameras import new_camera  # late: needs bpy
+    from .twin import read_twin  # late: needs bpy
 
     means = read_twin(twin).means.astype(np.float64)
     centre = np.median(means, axis=0)

@@ -1,0 +1,33 @@
+"""What the photos show, and point spreads measured from a photo: asked of the engine beside Blender."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from ..engine.process import RUN
+from ..engine.question import Question
+
+effects = Question("effects")
+point_spread = Question("sigma")
+
+
+def inspect_words(python: Path, photos: Path, out: Path, cameras: Path | None) -> list[str]:
+    """The engine's command that inspects photos; without known cameras it looks for none, which takes seconds."""
+    known = ["--cameras", str(cameras)] if cameras is not None else ["--without-cameras"]
+    folder = ["--out", str(out)]
+    return [str(python), str(RUN), "inspect", str(photos), *folder, *known, "--json", "--progress", "none"]
+
+
+def measure_words(python: Path, photo: Path, kernel: Path, linear: bool) -> list[str]:
+    """The engine's command that measures a point spread."""
+    space = [] if linear else ["--srgb"]
+    out = ["--out", str(kernel)]
+    return [str(python), str(RUN), "measure-psf", str(photo), *out, *space, "--json", "--progress", "none"]
+
+
+def sentences(answer: dict[str, Any]) -> list[tuple[str, bool]]:
+    """(one line, whether it is needed) of every effect that could be measured, the needed ones first."""
+    rows = [e for e in answer.get("effects", ()) if e["estimate"]["value"] is not None]
+    rows.sort(key=lambda e: not e["needed"])
+    return [(f"{e['name'].replace('_', ' ').capitalize()}: {e['evidence']}", bool(e["needed"])) for e in rows]

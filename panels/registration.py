@@ -1,0 +1,54 @@
+"""Brings the add-on into Blender, and takes it out again."""
+
+from __future__ import annotations
+
+import bpy
+
+from .. import operators
+from ..dgs_addon.engine import install
+from ..dgs_addon.job import pictures, runner, watching
+from ..dgs_addon.job.properties import DGS_PG_settings, register_properties, unregister_properties
+from ..dgs_addon.questions import estimate, exact, inspection
+from ..dgs_addon.translations import register_translations, unregister_translations
+from . import CLASSES, forget_thumbnails
+from .preferences import DGS_AP_preferences
+
+#: What is registered now, in order; empty while the add-on is off.
+_registered: list[type] = []
+
+
+def register() -> None:
+    """Adds classes and menu entries; does nothing if they are there already."""
+    if _registered:
+        return
+    for kind in (DGS_PG_settings, DGS_AP_preferences, *operators.CLASSES, *CLASSES):
+        bpy.utils.register_class(kind)
+        _registered.append(kind)
+    register_properties()
+    register_translations()
+    operators.add_menus()
+    bpy.app.handlers.load_post.append(watching.go_on)
+
+
+def unregister() -> None:
+    """Takes everything out again in reverse order; does nothing if it is out already."""
+    if not _registered:
+        return
+    bpy.app.handlers.load_post.remove(watching.go_on)
+    _stop_everything()
+    pictures.clear()
+    forget_thumbnails()
+    operators.remove_menus()
+    unregister_translations()
+    unregister_properties()
+    while _registered:
+        bpy.utils.unregister_class(_registered.pop())
+
+
+def _stop_everything() -> None:
+    exact.stop()
+    for question in (inspection.effects, inspection.point_spread, estimate.question):
+        question.stop()
+    watching.stop()
+    runner.stop()
+    install.stop()
