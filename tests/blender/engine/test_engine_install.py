@@ -13,7 +13,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 import dgs  # noqa: E402
-from dgs.dgs_addon.engine.errand import Errand, Step  # noqa: E402
+from dgs.dgs_addon.engine.errand import Errand, ErrandStep  # noqa: E402
 from dgs.dgs_addon.engine.folder import REQUIREMENTS, engine_folder, python_in, stamp  # noqa: E402
 from dgs.dgs_addon.engine.install import doctor_step, install_steps  # noqa: E402
 from dgs.dgs_addon.engine.interpreter import find_python  # noqa: E402
@@ -34,7 +34,7 @@ def wheels(tmp_path: Path) -> Path:
     return folder
 
 
-def finish(steps: list[Step]) -> Errand:
+def finish(steps: list[ErrandStep]) -> Errand:
     work = Errand(steps)
     work.start()
     assert work.join(120)
@@ -62,7 +62,7 @@ def test_installs_offline_and_may_be_repeated(wheels: Path, tmp_path: Path) -> N
 
 
 def test_cancel_ends_the_command_that_runs() -> None:
-    work = Errand([Step("Sleeping", [sys.executable, "-c", "import time; print(1, flush=True); time.sleep(60)"])])
+    work = Errand([ErrandStep("Sleeping", [sys.executable, "-c", "import time; print(1, flush=True); time.sleep(60)"])])
     work.start()
     while not work.lines or work.lines[-1] != "1":
         time.sleep(0.02)
@@ -72,7 +72,7 @@ def test_cancel_ends_the_command_that_runs() -> None:
 
 
 def test_a_program_that_is_not_there_is_said(tmp_path: Path) -> None:
-    work = finish([Step("Trying", [str(tmp_path / "nothing")])])
+    work = finish([ErrandStep("Trying", [str(tmp_path / "nothing")])])
     assert work.status == 1 and "Trying" in work.lines[-1]
 
 
