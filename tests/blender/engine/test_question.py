@@ -8,7 +8,7 @@ import pytest
 
 pytest.importorskip("bpy")
 
-from dgs.dgs_addon.engine.question import Question, read_answer  # noqa: E402
+from dgs.dgs_addon.engine.question import Question, read_answer
 
 
 @pytest.mark.parametrize(
