@@ -18,12 +18,7 @@ from dgs.core.errors import DgsError, FormatError  # noqa: E402
 from dgs.dgs_addon.job import preview  # noqa: E402
 from dgs.dgs_addon.job.record import NAME, Record, read_record  # noqa: E402
 from dgs.dgs_addon.job.request import request_of  # noqa: E402
-from dgs.dgs_addon.job.state import (  # noqa: E402
-    JobState,
-    Mark,
-    duration_text,
-    outcome,
-)
+from dgs.dgs_addon.job.state import JobState, Mark, duration_text, outcome  # noqa: E402
 from dgs.dgs_addon.photos import forget, photo_folder  # noqa: E402
 
 
