@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -51,13 +52,11 @@ class Studio:
 
     def enter(self) -> Any:
         """The module `render`, with the scene built and ready."""
-        try:
-            import bpy  # noqa: F401 (late: a finished set needs no Blender)
-        except ImportError as error:
+        if find_spec("bpy") is None:
             raise DgsError(
                 "This Python has no Blender in it (no module bpy)",
                 "Run `blender -b -P run_dgs.py -- synthesize ...`, or `make setup`, which installs bpy",
-            ) from error
+            )
         from . import render  # late: needs bpy
 
         if not self.ready:

@@ -21,8 +21,12 @@ FLOORS = (
     ("core.uncertainty",),
     ("core.pipeline",),
     ("studies.comparison", "studies.stability", "dgs_addon"),
-    ("studies.tradeoff",),
-    ("operators", "panels"),
+    ("studies.tradeoff", "dgs_addon.engine", "dgs_addon.laboratory"),
+    ("dgs_addon.scene",),
+    ("dgs_addon.job",),
+    ("dgs_addon.questions",),
+    ("operators",),
+    ("panels",),
     ("command_line",),
 )
 #: What a reason in a comment is not.
