@@ -11,6 +11,10 @@ from typing import Literal
 
 from ..core.run_settings import DEFAULT_FRAMES
 
+#: Which files are meant. The formats themselves are in `core.formats`, whose tables load numpy: no list stands here,
+#: so that `--help` answers at once. A file of no format is refused with the list.
+SPLATS = "file of Gaussians: a twin.ply, or any format that Blender's import of splats reads"
+CAMERAS = "cameras, such as the folder of a COLMAP model or a transforms.json"
 _SECONDS = {"": 1.0, "s": 1.0, "m": 60.0, "min": 60.0, "h": 3600.0}
 
 

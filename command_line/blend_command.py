@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from .arguments import CAMERAS, SPLATS
 from .progress_choice import Reporting
 
 
@@ -12,13 +13,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command."""
     parser.description = "Writes a Blender scene with a twin and its cameras."
     add = parser.add_argument
-    add("twin", type=Path, metavar="TWIN.ply", help="3DGS PLY")
-    add(
-        "--cameras",
-        type=Path,
-        metavar="MODEL",
-        help="folder of a COLMAP model or a transforms.json; one is placed if not given",
-    )
+    add("twin", type=Path, metavar="TWIN", help=SPLATS)
+    add("--cameras", type=Path, metavar="MODEL", help=f"{CAMERAS}; one is placed if not given")
     add("--photos", type=Path, metavar="DIR", help="photos to show behind the cameras")
     add("--out", type=Path, required=True, metavar="FILE.blend", help="the scene to write")
 

@@ -21,7 +21,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("photos", type=Path, metavar="PHOTOS", help="folder of photos, or a list of them (.txt)")
     add_medium(parser)
     add = parser.add_argument
-    add("--cameras", type=Path, metavar="MODEL", help="known cameras, which need not be found")
+    add("--cameras", type=Path, metavar="MODEL", help="given cameras, which need not be found")
     add("--holdout-every", type=whole(0), default=8, metavar="N", help="as of the run")
     add("--max-size", type=whole(16), metavar="PIXELS", help="as of the run")
     add("--max-gaussians", type=whole(100), metavar="N", help="as of the run; the preset's if not given")

@@ -30,7 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--cameras",
         type=Path,
         metavar="MODEL",
-        help="known cameras with points (COLMAP); found from the photos if not given",
+        help="given cameras with points, such as a COLMAP model; found from the photos if not given",
     )
     add(
         "--without-cameras",

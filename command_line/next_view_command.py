@@ -35,8 +35,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--candidates",
         default="orbit",
         metavar="PATH",
-        help="where the camera can go: rail | orbit | dome (around what the photos look at), or a transforms.json or "
-        "COLMAP folder",
+        help="where the camera can go: rail | orbit | dome (around what the photos look at), or a file of cameras "
+        "such as a transforms.json or a COLMAP folder",
     )
     add("--number", type=int, default=24, metavar="N", help="candidates on a rail, orbit or dome")
     add("--count", type=int, default=3, metavar="N", help="views to choose one after the other")
@@ -69,7 +69,7 @@ def next_view_command(options: argparse.Namespace, progress: Reporting) -> int:
     if options.candidates in CAMERA_PATHS:
         offered = candidates(options.candidates, cameras, options.number)
     else:
-        offered = candidates_from(Path(options.candidates), cameras[0])
+        offered = candidates_from(Path(options.candidates))
     settings = NextViewSettings(options.count, options.samples, through_blur=not options.without_blur)
     ranking = rank(twin, offered, settings, progress)
     ranked = ranking.suggestions

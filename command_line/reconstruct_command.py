@@ -9,6 +9,7 @@ from typing import Any
 from ..core.errors import Cancelled
 from ..core.run_settings import ReconstructSettings
 from .arguments import (
+    CAMERAS,
     add_machine,
     add_masks,
     add_max_size,
@@ -48,10 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def _add_given(data: argparse._ArgumentGroup) -> None:
     data.add_argument(
-        "--cameras",
-        type=Path,
-        metavar="MODEL",
-        help="known cameras: folder of a COLMAP model or a transforms.json; found from the photos if not given",
+        "--cameras", type=Path, metavar="MODEL", help=f"given cameras: {CAMERAS}; found from the photos if not given"
     )
     data.add_argument("--truth", type=Path, metavar="DIR", help="sharp photos of the same names, only for scoring")
     add_masks(data)

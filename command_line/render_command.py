@@ -4,16 +4,11 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from ..core.errors import Cancelled
 from ..core.files import check_writable
-from .arguments import add_machine, add_progress, show_defaults
+from .arguments import CAMERAS, SPLATS, add_machine, add_progress, show_defaults
 from .progress_choice import Reporting
-
-if TYPE_CHECKING:
-    from ..core.lens import Lens
-    from ..core.pose import Pose
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -21,8 +16,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = "Renders a twin from the cameras of a model."
     show_defaults(parser)
     add = parser.add_argument
-    add("twin", type=Path, metavar="TWIN.ply", help="3DGS PLY")
-    add("--cameras", type=Path, required=True, metavar="MODEL", help="folder of a COLMAP model or a transforms.json")
+    add("twin", type=Path, metavar="TWIN", help=SPLATS)
+    add("--cameras", type=Path, required=True, metavar="MODEL", help=CAMERAS)
     add("--out", type=Path, required=True, metavar="DIR", help="folder for NAME.png")
     add("--psf", default="none", metavar="PSF", help="also blur, as in 'reconstruct'")
     add("--blur-space", choices=("srgb", "linear"), default="srgb", help="where the blur acts")
@@ -32,13 +27,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def render_command(options: argparse.Namespace, progress: Reporting) -> int:
     """Writes OUT/NAME.png for every camera of the model, sharp or through the given PSF."""
-    from ..core.formats.ply import read_ply  # heavy: torch
+    from ..core.formats.cameras import read_cameras  # heavy: numpy
+    from ..core.formats.gaussians import read_gaussians  # heavy: numpy
     from ..core.imaging.medium import Medium  # heavy: torch
     from ..core.imaging.psf import parse_psf  # heavy: torch
     from ..core.machine import choose_device, use_threads  # late: slows --help
 
     psf = parse_psf(options.psf)
-    cloud = read_ply(options.twin)
+    cloud = read_gaussians(options.twin)
     check_writable(options.out)
 
     import numpy as np  # heavy
@@ -51,7 +47,8 @@ def render_command(options: argparse.Namespace, progress: Reporting) -> int:
     from ..core.views import SparsePoints  # heavy: torch
 
     use_threads(options.threads)
-    lenses, poses = _cameras(options.cameras)
+    model = read_cameras(options.cameras)
+    lenses, poses = model.lenses, model.poses
     medium = Medium(psf, options.blur_space)
     points = SparsePoints(cloud.means.astype(np.float64), np.zeros(cloud.means.shape, np.uint8))
     names = sorted(poses)
@@ -66,14 +63,3 @@ def render_command(options: argparse.Namespace, progress: Reporting) -> int:
         progress.advance(index + 1)
     progress.finished({"pictures": len(files), "folder": str(options.out)})
     return 0
-
-
-def _cameras(path: Path) -> tuple[dict[str, Lens], dict[str, Pose]]:
-    """Lenses and poses by image name, from a COLMAP model or a transforms.json."""
-    from ..core.formats.colmap import read_model  # heavy: torch
-    from ..core.formats.transforms import read_transforms  # heavy: torch
-
-    if path.suffix.lower() == ".json" or (path / "transforms.json").is_file():
-        return read_transforms(path)
-    lenses, poses, _ = read_model(path)
-    return lenses, poses

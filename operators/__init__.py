@@ -5,7 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 import bpy
+from bpy.app.translations import pgettext_iface as iface_
 
+from ..core.formats.cameras import camera_labels
+from ..core.formats.gaussians import read_suffixes, written_formats
 from .add_results import DGS_OT_add_results
 from .cancel_job import DGS_OT_cancel_job
 from .choose_photos import DGS_OT_choose_photos
@@ -91,9 +94,13 @@ def remove_menus() -> None:
 
 
 def _import_entries(menu: Any, _context: Any) -> None:
-    menu.layout.operator(DGS_OT_import_twin.bl_idname, text="Gaussian Splats (.ply, .spz, .splat, .glb)")
-    menu.layout.operator(DGS_OT_import_cameras.bl_idname, text="Cameras and Photos (COLMAP, transforms.json)")
+    words = iface_("Gaussian Splats ({suffixes})").format(suffixes=", ".join(read_suffixes()))
+    menu.layout.operator(DGS_OT_import_twin.bl_idname, text=words, translate=False)
+    words = iface_("Cameras and Photos ({formats})").format(formats=camera_labels())
+    menu.layout.operator(DGS_OT_import_cameras.bl_idname, text=words, translate=False)
 
 
 def _export_entries(menu: Any, _context: Any) -> None:
-    menu.layout.operator(DGS_OT_export_twin.bl_idname, text="Gaussian Splats (.ply, .glb, .spz, .splat)")
+    suffixes = ", ".join(spec.suffixes[0] for spec in written_formats())
+    words = iface_("Gaussian Splats ({suffixes})").format(suffixes=suffixes)
+    menu.layout.operator(DGS_OT_export_twin.bl_idname, text=words, translate=False)

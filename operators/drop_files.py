@@ -6,6 +6,7 @@ from typing import Any
 
 import bpy
 
+from ..core.formats.gaussians import dropped_suffixes
 from ..dgs_addon.photos import MOVIES, SUFFIXES
 
 
@@ -31,4 +32,4 @@ class DGS_FH_twin(_Drop):
     bl_idname = "DGS_FH_twin"
     bl_label = "Descatter: Gaussian Splats"
     bl_import_operator = "dgs.import_twin"
-    bl_file_extensions = ".ply;.spz;.splat"  # glTF files are Blender's own to open
+    bl_file_extensions = ";".join(dropped_suffixes())

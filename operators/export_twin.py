@@ -10,7 +10,7 @@ from bpy.app.translations import pgettext_rpt as rpt_
 from bpy_extras.io_utils import ExportHelper
 
 from ..core.errors import DgsError
-from ..core.formats.gaussians import write_gaussians
+from ..core.formats.gaussians import write_gaussians, written_formats
 from ..dgs_addon.scene.twin import is_twin, read_twin
 
 
@@ -20,15 +20,11 @@ class DGS_OT_export_twin(bpy.types.Operator, ExportHelper):
     bl_idname = "dgs.export_twin"
     bl_label = "Export Twin"
 
-    filter_glob: bpy.props.StringProperty(default="*.ply;*.glb;*.spz;*.splat", options={"HIDDEN"})
+    filter_glob: bpy.props.StringProperty(
+        default=";".join(f"*{spec.suffixes[0]}" for spec in written_formats()), options={"HIDDEN"}
+    )
     format: bpy.props.EnumProperty(
-        name="Format",
-        items=(
-            (".ply", "3DGS PLY", "Every value as it is; every viewer reads it"),
-            (".glb", "glTF", "KHR_gaussian_splatting in one file (.glb): for web pages, game engines and archives"),
-            (".spz", "SPZ", "About a tenth of the size; colours, sizes and gloss are rounded"),
-            (".splat", "Splat", "32 bytes a splat, without gloss; for viewers in web pages"),
-        ),
+        name="Format", items=[(spec.suffixes[0], spec.name, spec.holds) for spec in written_formats()]
     )
 
     @property

@@ -10,11 +10,12 @@ from bpy.app.translations import pgettext_rpt as rpt_
 from bpy_extras.io_utils import ImportHelper
 
 from ..core.errors import DgsError
+from ..core.formats.cameras import browsed_suffixes, camera_labels
 from ..dgs_addon.scene.cameras import add_cameras
 
 
 class DGS_OT_import_cameras(bpy.types.Operator, ImportHelper):
-    """Import the cameras of a COLMAP model or a transforms.json, with their photos"""
+    """Import the cameras of a file, with their photos"""
 
     bl_idname = "dgs.import_cameras"
     bl_label = "Import Cameras"
@@ -22,11 +23,17 @@ class DGS_OT_import_cameras(bpy.types.Operator, ImportHelper):
 
     filename_ext = ""
     filter_glob: bpy.props.StringProperty(  # type: ignore[valid-type]
-        default="*.bin;*.txt;*.json", options={"HIDDEN"}
+        default=";".join(f"*{suffix}" for suffix in browsed_suffixes()), options={"HIDDEN"}
     )
     photos: bpy.props.StringProperty(  # type: ignore[valid-type]
         name="Photos", description="Folder of the photos to show behind the cameras", subtype="DIR_PATH"
     )
+
+    @classmethod
+    def description(cls, _context: Any, _properties: Any) -> str:
+        """The tooltip names the formats."""
+        words: str = rpt_("Import the cameras of a file, with their photos ({formats})").format(formats=camera_labels())
+        return words
 
     def execute(self, context: Any) -> set[str]:
         """Reads the model and looks through its first camera."""

@@ -10,27 +10,36 @@ from bpy.app.translations import pgettext_rpt as rpt_
 from bpy_extras.io_utils import ImportHelper
 
 from ..core.errors import DgsError
-from ..core.formats.gaussians import read_gaussians
+from ..core.formats.gaussians import SPLAT_FORMATS, read_gaussians, read_suffixes
 from ..dgs_addon.scene.material import prepare_scene
 from ..dgs_addon.scene.twin import add_twin
 
 
 class DGS_OT_import_twin(bpy.types.Operator, ImportHelper):
-    """Import 3D Gaussian splats from a PLY (3DGS), SPZ, .splat or glTF file"""
+    """Import 3D Gaussian splats from a file"""
 
     bl_idname = "dgs.import_twin"
     bl_label = "Import Twin"
     bl_options = {"REGISTER", "UNDO"}
 
-    filename_ext = ".ply"
+    filename_ext = SPLAT_FORMATS[0].suffixes[0]
     # Not remembered: a path means that a file was dropped, or named by a script.
     filepath: bpy.props.StringProperty(subtype="FILE_PATH", options={"HIDDEN", "SKIP_SAVE"})  # type: ignore[valid-type]
-    filter_glob: bpy.props.StringProperty(default="*.ply;*.spz;*.splat;*.glb;*.gltf", options={"HIDDEN"})  # type: ignore[valid-type]
+    filter_glob: bpy.props.StringProperty(
+        default=";".join(f"*{suffix}" for suffix in read_suffixes()), options={"HIDDEN"}
+    )  # type: ignore[valid-type]
     prepare: bpy.props.BoolProperty(  # type: ignore[valid-type]
         name="Set Up Rendering",
         description="Choose Cycles, enough transparent bounces, and colours as in the photos",
         default=True,
     )
+
+    @classmethod
+    def description(cls, _context: Any, _properties: Any) -> str:
+        """The tooltip names the formats."""
+        formats = ", ".join(spec.name for spec in SPLAT_FORMATS)
+        words: str = rpt_("Import 3D Gaussian splats from a file ({formats})").format(formats=formats)
+        return words
 
     def invoke(self, context: Any, event: Any) -> set[str]:
         """Asks for the file, unless one was dropped."""

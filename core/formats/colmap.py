@@ -1,26 +1,51 @@
-"""COLMAP camera models, text and binary; written through pycolmap."""
+"""COLMAP camera models, text and binary: read with numpy alone, written through pycolmap.
+
+pycolmap ends the whole process when it is loaded into some builds of Blender, and goes on reading for minutes, or for
+ever, in some files that were cut off. What we need of a model is little: lenses, poses and points.
+Format: COLMAP's documentation, "Output Format".
+"""
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
 from ..camera import Camera
+from ..conventions import rotation_from_quaternion
 from ..errors import FormatError, OutputError
-from ..lens import Lens
+from ..lens import MODELS, Lens
 from ..pose import Pose
 from ..views import SparsePoints
+from .spec import CameraFormatSpec
 
+#: Where a model may lie below the folder that the user names.
 _FOLDERS = (".", "sparse/0", "sparse", "0", "cameras", "colmap/sparse/0")
+#: A model's files, any of which may be named in place of their folder.
+_FILES = ("cameras", "images", "points3D", "rigs", "frames")
+_SUFFIXES = (".bin", ".txt")
+#: Lens models by their number in binary files; None where `Lens` has no such model.
+_NUMBERS = (
+    "SIMPLE_PINHOLE",
+    "PINHOLE",
+    "SIMPLE_RADIAL",
+    "RADIAL",
+    "OPENCV",
+    "OPENCV_FISHEYE",
+    "FULL_OPENCV",
+    None,
+    "SIMPLE_RADIAL_FISHEYE",
+    "RADIAL_FISHEYE",
+)
 
 
 def model_folder(path: Path) -> Path | None:
     """The folder at or below `path` that holds a COLMAP model, or None."""
     for below in _FOLDERS:
         folder = path / below
-        for suffix in (".bin", ".txt"):
+        for suffix in _SUFFIXES:
             if (folder / f"cameras{suffix}").is_file() and (folder / f"images{suffix}").is_file():
                 return folder
     return None
@@ -35,13 +60,73 @@ def read_model(path: Path) -> tuple[dict[str, Lens], dict[str, Pose], SparsePoin
     Raises:
         FormatError: no model there, or a damaged one.
     """
-    # (pycolmap goes on reading for ever, or for minutes, in some files that were cut off)
-    from .colmap_numpy import read_cameras, read_points
-
-    lenses, poses = read_cameras(path)
+    lenses, poses = read_colmap_cameras(path)
     if not poses:
         raise FormatError(f"The COLMAP model in '{model_folder(path)}' places no image", "Choose another model")
-    return lenses, poses, read_points(path)
+    return lenses, poses, read_colmap_points(path)
+
+
+def read_colmap_cameras(path: Path) -> tuple[dict[str, Lens], dict[str, Pose]]:
+    """Lenses and poses by image name; points and observations are passed over.
+
+    Args:
+        path: folder with cameras and images (.bin or .txt), or one above ('sparse/0', 'cameras', ...).
+
+    Raises:
+        FormatError: no model there, or a damaged one.
+    """
+    folder = model_folder(path)
+    if folder is None:
+        raise FormatError(
+            f"'{path}' holds no COLMAP model", "Name the folder with cameras.bin and images.bin (or .txt)"
+        )
+    try:
+        if (folder / "cameras.bin").is_file():
+            lenses = _binary_lenses((folder / "cameras.bin").read_bytes())
+            images = _binary_images((folder / "images.bin").read_bytes())
+        else:
+            lenses = _text_lenses((folder / "cameras.txt").read_text(encoding="utf-8"))
+            images = _text_images((folder / "images.txt").read_text(encoding="utf-8"))
+        return {name: lenses[camera] for name, (camera, _) in images.items()}, {
+            name: pose for name, (_, pose) in images.items()
+        }
+    except FormatError:
+        raise
+    except (OSError, struct.error, ValueError, IndexError, KeyError) as error:
+        raise FormatError(
+            f"The COLMAP model in '{folder}' is damaged ({type(error).__name__}: {error})", "Export it again"
+        ) from error
+
+
+def read_colmap_points(path: Path) -> SparsePoints:
+    """The model's points; none where it has no file of them.
+
+    Args:
+        path: as for `read_colmap_cameras`.
+
+    Raises:
+        FormatError: no model there, or damaged points.
+    """
+    folder = model_folder(path)
+    if folder is None:
+        raise FormatError(f"'{path}' holds no COLMAP model", "Name the folder with cameras.bin and points3D.bin")
+    try:
+        if (folder / "points3D.bin").is_file():
+            rows = _binary_points((folder / "points3D.bin").read_bytes())
+        elif (folder / "points3D.txt").is_file():
+            rows = _text_points((folder / "points3D.txt").read_text(encoding="utf-8"))
+        else:
+            rows = []
+        values = np.array(rows, np.float64).reshape(-1, 7)
+    except (OSError, struct.error, ValueError, IndexError) as error:
+        raise FormatError(
+            f"The points in '{folder}' are damaged ({type(error).__name__}: {error})", "Export them again"
+        ) from error
+    finite = np.isfinite(values).all(axis=1)
+    if not finite.all():
+        raise FormatError(f"{int((~finite).sum())} points in '{folder}' are not finite", "Export them again")
+    values = values[np.argsort(values[:, 0], kind="stable")]  # by their number, in whichever order they were written
+    return SparsePoints(values[:, 1:4].copy(), values[:, 4:].astype(np.uint8))
 
 
 def write_model(path: Path, cameras: Mapping[str, Camera], points: SparsePoints, binary: bool = True) -> None:
@@ -64,7 +149,7 @@ def write_lenses(
     Raises:
         OutputError: the folder cannot be written.
     """
-    import pycolmap
+    import pycolmap  # heavy; and Blender's Python lacks it
 
     model = pycolmap.Reconstruction()
     shared: dict[Lens, int] = {}
@@ -94,3 +179,90 @@ def write_lenses(
         raise OutputError(
             f"The camera model cannot be written into '{path}' ({error})", "Free space or choose another folder"
         ) from error
+
+
+def _binary_points(data: bytes) -> list[tuple[float, ...]]:
+    """Rows of number x y z r g b."""
+    (count,) = struct.unpack_from("<Q", data)
+    rows, at = [], 8
+    for _ in range(count):
+        *row, _error, track = struct.unpack_from("<Q3d3BdQ", data, at)
+        rows.append(tuple(row))
+        at += 51 + 8 * track
+    return rows
+
+
+def _text_points(text: str) -> list[tuple[float, ...]]:
+    lines = (line.split() for line in text.splitlines() if line.strip() and not line.startswith("#"))
+    return [tuple(map(float, line[:7])) for line in lines]
+
+
+def _pose(values: tuple[float, ...]) -> Pose:
+    if not np.isfinite(values).all():
+        raise ValueError("a pose that is not finite")
+    return Pose(rotation_from_quaternion(np.array(values[:4])), np.array(values[4:7], float))
+
+
+def _binary_lenses(data: bytes) -> dict[int, Lens]:
+    (count,) = struct.unpack_from("<Q", data)
+    lenses, at = {}, 8
+    for _ in range(count):
+        number, model, width, height = struct.unpack_from("<iiQQ", data, at)
+        name = _NUMBERS[model] if 0 <= model < len(_NUMBERS) else None
+        if name is None:
+            raise FormatError(f"The lens model {model} is not supported", f"Use one of {', '.join(MODELS)}")
+        simple, distortion = MODELS[name]
+        size = (3 if simple else 4) + distortion
+        lenses[number] = Lens(name, width, height, struct.unpack_from(f"<{size}d", data, at + 24))
+        at += 24 + 8 * size
+    return lenses
+
+
+def _binary_images(data: bytes) -> dict[str, tuple[int, Pose]]:
+    (count,) = struct.unpack_from("<Q", data)
+    images, at = {}, 8
+    for _ in range(count):
+        pose = _pose(struct.unpack_from("<7d", data, at + 4))
+        (camera,) = struct.unpack_from("<i", data, at + 60)
+        end = data.index(b"\0", at + 64)
+        images[data[at + 64 : end].decode("utf-8")] = camera, pose
+        (observations,) = struct.unpack_from("<Q", data, end + 1)
+        at = end + 9 + 24 * observations
+    return images
+
+
+def _text_lenses(text: str) -> dict[int, Lens]:
+    lenses = {}
+    for line in text.splitlines():
+        if line.strip() and not line.startswith("#"):
+            number, model, width, height, *params = line.split()
+            lenses[int(number)] = Lens(model, int(width), int(height), tuple(map(float, params)))
+    return lenses
+
+
+def _text_images(text: str) -> dict[str, tuple[int, Pose]]:
+    # Two lines per image; the second, of observations, may be empty.
+    lines = [line for line in text.splitlines() if not line.startswith("#")]
+    while lines and not lines[0].strip():
+        lines.pop(0)
+    images = {}
+    for line in lines[::2]:
+        if line.strip():
+            _, *values = line.split(maxsplit=9)
+            images[values[8]] = int(values[7]), _pose(tuple(map(float, values[:7])))
+    return images
+
+
+def _find(path: Path) -> Path | None:
+    of_a_model = path.is_file() and path.suffix.lower() in _SUFFIXES and path.stem in _FILES
+    return model_folder(path.parent if of_a_model else path)
+
+
+COLMAP = CameraFormatSpec(
+    name="colmap",
+    label="COLMAP model",
+    suffixes=_SUFFIXES,
+    find=_find,
+    read=lambda folder, _sizes: read_colmap_cameras(folder),
+    read_points=read_colmap_points,
+)

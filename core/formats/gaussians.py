@@ -1,4 +1,4 @@
-"""Files of Gaussians of any kind, by their ending."""
+"""Files of Gaussians of any format: the table of formats, and reading and writing by a file's suffix."""
 
 from __future__ import annotations
 
@@ -6,39 +6,57 @@ from pathlib import Path
 
 from ..cloud import GaussianCloud
 from ..errors import FormatError
-from .gltf import read_gltf, write_gltf
-from .ply import read_ply, write_ply
-from .splat import read_splat, write_splat
-from .spz import read_spz, write_spz
+from .gltf import GLTF
+from .ply import PLY
+from .spec import FormatSpec
+from .splat import SPLAT
+from .spz import SPZ
 
-_READERS = {".ply": read_ply, ".spz": read_spz, ".splat": read_splat, ".glb": read_gltf, ".gltf": read_gltf}
-_WRITERS = {".ply": write_ply, ".spz": write_spz, ".splat": write_splat, ".glb": write_gltf, ".gltf": write_gltf}
-#: Endings that are understood.
-ENDINGS = tuple(_READERS)
+#: Every format, in the order of menus.
+SPLAT_FORMATS: tuple[FormatSpec, ...] = (PLY, GLTF, SPZ, SPLAT)
+
+
+def read_suffixes() -> tuple[str, ...]:
+    """Suffixes of files that are read."""
+    return tuple(suffix for spec in SPLAT_FORMATS for suffix in spec.suffixes)
+
+
+def dropped_suffixes() -> tuple[str, ...]:
+    """Suffixes of files that are ours where they are dropped on a 3D view."""
+    return tuple(suffix for spec in SPLAT_FORMATS if spec.dropped for suffix in spec.suffixes)
+
+
+def written_formats() -> tuple[FormatSpec, ...]:
+    """Formats that are written, each with its first suffix."""
+    return tuple(spec for spec in SPLAT_FORMATS if spec.write is not None)
 
 
 def read_gaussians(path: Path) -> GaussianCloud:
-    """Reads a .ply (3DGS), .spz, .splat, .glb or .gltf.
+    """Reads a file of any format.
 
     Raises:
-        FormatError: another ending, no such file, or a damaged one.
+        FormatError: a suffix of no format, no such file, or a damaged one.
     """
-    return _READERS[_ending(path)](path)
+    return _format_of(path).read(path)
 
 
 def write_gaussians(path: Path, cloud: GaussianCloud) -> None:
-    """Writes a .ply (3DGS, every value kept), .glb (the same for programs of all kinds), .spz (lossy, small) or
-    .splat (lossy, no gloss).
+    """Writes a file in the format of its suffix.
 
     Raises:
-        FormatError: another ending, or .gltf, which is read only.
+        FormatError: a suffix of no format, or of one that is read only.
         OutputError: the file cannot be written.
     """
-    _WRITERS[_ending(path)](path, cloud)
+    spec = _format_of(path)
+    if spec.write is None:
+        written = ", ".join(other.suffixes[0] for other in written_formats())
+        raise FormatError(f"'{path.name}' cannot be written: {spec.name} is read only", f"Use {written}")
+    spec.write(path, cloud)
 
 
-def _ending(path: Path) -> str:
-    ending = path.suffix.lower()
-    if ending not in _READERS:
-        raise FormatError(f"'{path.name}' has no known ending", f"Use {', '.join(ENDINGS)}")
-    return ending
+def _format_of(path: Path) -> FormatSpec:
+    suffix = path.suffix.lower()
+    for spec in SPLAT_FORMATS:
+        if suffix in spec.suffixes:
+            return spec
+    raise FormatError(f"'{path.name}' has no known ending", f"Use {', '.join(read_suffixes())}")

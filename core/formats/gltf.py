@@ -25,6 +25,7 @@ from ..errors import FormatError
 from ..files import write_bytes
 from ..version import VERSION
 from .gltf_file import Asset, open_gltf
+from .spec import FormatSpec
 from .turning import flipped, moved
 
 EXTENSION = "KHR_gaussian_splatting"
@@ -35,7 +36,7 @@ _COLOUR_SPACES = ("srgb_rec709_display", "BT.709")
 _FLOAT, _USHORT = 5126, 5123
 _POINTS = 0
 #: Opacities are kept this far from 0 and 1, whose logits are infinite.
-_EDGE = 1e-7
+_OPACITY_MARGIN = 1e-7
 
 
 def read_gltf(path: Path) -> GaussianCloud:
@@ -142,31 +143,31 @@ def _primitive(asset: Asset, primitive: dict[str, Any]) -> GaussianCloud:
     space = extension.get("colorSpace", _COLOUR_SPACES[0])
     if space not in _COLOUR_SPACES:
         raise FormatError(f"The colours of '{asset.path}' are encoded as '{space}'", "Export it with sRGB colours")
-    known = {name: asset.array(index) for name, index in attributes.items() if name.startswith((_PREFIX, "POSITION"))}
-    missing = [name for name in _NEEDED if name not in known]
+    arrays = {name: asset.array(index) for name, index in attributes.items() if name.startswith((_PREFIX, "POSITION"))}
+    missing = [name for name in _NEEDED if name not in arrays]
     if missing:
         raise FormatError(f"The splats of '{asset.path}' lack {', '.join(missing)}", "Export it again")
-    scale = known[f"{_PREFIX}SCALE"]
+    scale = arrays[f"{_PREFIX}SCALE"]
     # A draft of the extension stored logarithms, which the published one cannot hold: it has no negative scales.
     logarithms = scale if (scale < 0).any() else np.log(np.maximum(scale, 1e-30))
-    opacity = np.clip(known[f"{_PREFIX}OPACITY"].reshape(-1), _EDGE, 1.0 - _EDGE)
+    opacity = np.clip(arrays[f"{_PREFIX}OPACITY"].reshape(-1), _OPACITY_MARGIN, 1.0 - _OPACITY_MARGIN)
     return GaussianCloud(
-        known["POSITION"].astype(np.float32),
+        arrays["POSITION"].astype(np.float32),
         logarithms.astype(np.float32),
-        known[f"{_PREFIX}ROTATION"][:, [3, 0, 1, 2]].astype(np.float32),
+        arrays[f"{_PREFIX}ROTATION"][:, [3, 0, 1, 2]].astype(np.float32),
         np.log(opacity / (1.0 - opacity)).astype(np.float32),
-        np.stack(_harmonics(known), axis=1).astype(np.float32),
+        np.stack(_harmonics(arrays), axis=1).astype(np.float32),
     )
 
 
-def _harmonics(known: dict[str, NDArray[np.float64]]) -> list[NDArray[np.float64]]:
+def _harmonics(arrays: dict[str, NDArray[np.float64]]) -> list[NDArray[np.float64]]:
     """Degree by degree, as far as a degree is complete."""
     found: list[NDArray[np.float64]] = []
     for degree in range(len(SH_COEFFICIENTS)):
         names = [f"{_PREFIX}SH_DEGREE_{degree}_COEF_{index}" for index in range(2 * degree + 1)]
-        if any(name not in known for name in names):
+        if any(name not in arrays for name in names):
             break
-        found += [known[name] for name in names]
+        found += [arrays[name] for name in names]
     return found
 
 
@@ -191,3 +192,13 @@ def _joined(clouds: list[GaussianCloud]) -> GaussianCloud:
         np.concatenate([cloud.opacity_logits for cloud in clouds]),
         np.concatenate(wide),
     )
+
+
+GLTF = FormatSpec(
+    name="glTF",
+    suffixes=(".glb", ".gltf"),
+    holds="KHR_gaussian_splatting in one file (.glb): for web pages, game engines and archives",
+    read=read_gltf,
+    write=write_gltf,
+    dropped=False,  # Blender's own importer takes them
+)

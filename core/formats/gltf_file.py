@@ -23,7 +23,7 @@ _MAGIC, _JSON, _BIN = 0x46546C67, 0x4E4F534A, 0x004E4942
 _COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
 #: Nodes below nodes; more is a circle.
-_DEEPEST = 100
+_DEEPEST_NODE = 100
 
 
 class Asset:
@@ -85,7 +85,7 @@ class Asset:
     def _below(
         self, index: int, above: NDArray[np.float64], depth: int
     ) -> Iterator[tuple[dict[str, Any], NDArray[np.float64]]]:
-        if depth > _DEEPEST:
+        if depth > _DEEPEST_NODE:
             raise ValueError("nodes in a circle")
         node = self._content["nodes"][index]
         matrix = above @ _matrix(node)

@@ -17,6 +17,7 @@ from plyfile import PlyData, PlyElement, PlyParseError
 from ..cloud import GaussianCloud
 from ..errors import FormatError
 from ..files import replacing
+from .spec import FormatSpec
 
 _MEANS = ("x", "y", "z")
 _BASE = ("f_dc_0", "f_dc_1", "f_dc_2")
@@ -134,3 +135,12 @@ def _harmonics(path: Path, vertices: NDArray[np.void]) -> NDArray[np.float32]:
 
 def _one_line(error: BaseException) -> str:
     return " ".join(str(error).split()) or type(error).__name__
+
+
+PLY = FormatSpec(
+    name="3DGS PLY",
+    suffixes=(".ply",),
+    holds="Every value as it is; every viewer reads it",
+    read=read_ply,
+    write=write_ply,
+)

@@ -15,6 +15,7 @@ from ..cloud import GaussianCloud
 from ..constants import SH_C0
 from ..errors import FormatError
 from ..files import write_bytes
+from .spec import FormatSpec
 
 _RECORD = np.dtype(
     [("mean", "<f4", 3), ("scale", "<f4", 3), ("colour", "u1", 3), ("opacity", "u1"), ("rotation", "u1", 4)]
@@ -62,3 +63,12 @@ def write_splat(path: Path, cloud: GaussianCloud) -> None:
 
 def _byte(values: np.ndarray) -> np.ndarray:
     return np.clip(np.round(values), 0, 255).astype(np.uint8)
+
+
+SPLAT = FormatSpec(
+    name="Splat",
+    suffixes=(".splat",),
+    holds="32 bytes a splat, without gloss; for viewers in web pages",
+    read=read_splat,
+    write=write_splat,
+)

@@ -24,6 +24,7 @@ from ..cloud import GaussianCloud
 from ..constants import SH_COEFFICIENTS
 from ..errors import FormatError
 from ..files import write_bytes
+from .spec import FormatSpec
 from .turning import FLIP
 
 _MAGIC = 0x5053474E
@@ -31,8 +32,8 @@ _HEADER = struct.Struct("<IIIBBBB")
 _COLOUR = 0.15
 #: Buckets of 8-bit values: harmonics of degree 1 keep 5 bits, the others 4, as the format's own writer.
 _FIRST_BUCKET, _OTHER_BUCKET = 8, 16
-#: Most fraction bits of a position; small worlds need more than the usual 12.
-_FINEST = 20
+#: Of a position; small worlds need more than the usual 12.
+_MOST_FRACTION_BITS = 20
 
 
 def read_spz(path: Path) -> GaussianCloud:
@@ -81,7 +82,7 @@ def write_spz(path: Path, cloud: GaussianCloud) -> None:
     """
     count, coefficients, _ = cloud.sh.shape
     reach = max(float(np.abs(cloud.means).max(initial=0.0)), 1e-6)
-    fraction = int(np.clip(np.floor(np.log2((2**23 - 1) / reach)), 0, _FINEST))
+    fraction = int(np.clip(np.floor(np.log2((2**23 - 1) / reach)), 0, _MOST_FRACTION_BITS))
     with np.errstate(over="ignore"):
         opacities = _byte(255.0 / (1.0 + np.exp(-cloud.opacity_logits)))
     rest = cloud.sh[:, 1:] * FLIP[: coefficients - 1, None]
@@ -148,3 +149,12 @@ def _pack_smallest_three(turn: NDArray[np.float32]) -> NDArray[np.uint32]:
 
 def _byte(values: NDArray[np.float32]) -> NDArray[np.uint8]:
     return np.clip(np.round(values), 0, 255).astype(np.uint8)
+
+
+SPZ = FormatSpec(
+    name="SPZ",
+    suffixes=(".spz",),
+    holds="About a tenth of the size; colours, sizes and gloss are rounded",
+    read=read_spz,
+    write=write_spz,
+)

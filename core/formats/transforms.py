@@ -15,6 +15,7 @@ from ..conventions import from_opengl, to_opengl
 from ..errors import FormatError, OutputError
 from ..lens import Lens
 from ..pose import Pose
+from .spec import CameraFormatSpec
 
 _EXPORT = "Export it again, or give a COLMAP model"
 
@@ -26,7 +27,7 @@ def read_transforms(
 
     Args:
         path: the JSON file, or a folder with a transforms.json.
-        sizes: (width, height) by lower-case stem, for files that do not tell the photos' size.
+        sizes: (width, height) by lower-case stem, for files that do not say the photos' size.
 
     Raises:
         FormatError: the file is missing, no JSON, or lacks what it needs.
@@ -113,3 +114,14 @@ def write_transforms(path: Path, cameras: Mapping[str, Camera]) -> None:
         raise OutputError(
             f"'{path}' cannot be written ({error.strerror})", "Free space or choose another folder"
         ) from error
+
+
+def _find(path: Path) -> Path | None:
+    if path.suffix.lower() == ".json" and not path.is_dir():
+        return path  # whether it is there or not: reading it says what is wrong
+    return path / "transforms.json" if (path / "transforms.json").is_file() else None
+
+
+TRANSFORMS = CameraFormatSpec(
+    name="transforms.json", label="transforms.json", suffixes=(".json",), find=_find, read=read_transforms
+)

@@ -11,13 +11,10 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import CameraError, FormatError
-from ..formats.colmap import model_folder, read_model
-from ..formats.transforms import read_transforms
+from ..formats.cameras import CameraModel, read_cameras
 from ..lens import Lens
 from ..photos.load import Photo
-from ..pose import Pose
-from ..reconstruction import Figures, Reconstruction, no_points
-from ..views import SparsePoints
+from ..reconstruction import Figures, Reconstruction
 from .scatter import scattered_points
 
 #: Sides may differ by this share before a lens no longer fits a photo.
@@ -31,7 +28,7 @@ def load_cameras(path: Path, photos: list[Photo]) -> Reconstruction:
     Cameras are scaled to the photos' size (`--max-size`, or photos exported smaller).
 
     Args:
-        path: a transforms.json, a folder that holds one, or a COLMAP model's folder.
+        path: a file of cameras, or a folder that holds one; every format of `core.formats.cameras`.
         photos: the photos in memory.
 
     Returns:
@@ -45,47 +42,25 @@ def load_cameras(path: Path, photos: list[Photo]) -> Reconstruction:
     started = time.perf_counter()
     if not path.exists():
         raise FormatError(f"There is no camera file '{path}'", "Check the path given with --cameras")
-    points = no_points()
-    if path.is_file() and path.suffix.lower() == ".json" or (path / "transforms.json").is_file():
-        sizes = {_key(p.name): (round(p.size[0] / p.scale[0]), round(p.size[1] / p.scale[1])) for p in photos}
-        lenses, poses = read_transforms(path, sizes)
-        source = "transforms.json"
-    elif path.is_dir() or path.name.startswith(("cameras.", "images.")):
-        folder = path if path.is_dir() else path.parent
-        if model_folder(folder) is None:
-            raise FormatError(
-                f"'{path}' holds neither a COLMAP model nor a transforms.json",
-                "Name the folder with cameras.bin, or the JSON file",
-            )
-        lenses, poses, points = read_model(folder)
-        source = "colmap"
-    else:
-        raise FormatError(f"'{path}' is no camera file", "Give a COLMAP model's folder or a transforms.json")
-    return _given(photos, lenses, poses, points, source, path, started)
+    sizes = {_key(p.name): (round(p.size[0] / p.scale[0]), round(p.size[1] / p.scale[1])) for p in photos}
+    model = read_cameras(path, sizes)
+    return _given(photos, model, path, started)
 
 
-def _given(
-    photos: list[Photo],
-    lenses: dict[str, Lens],
-    poses: dict[str, Pose],
-    points: SparsePoints,
-    source: str,
-    path: Path,
-    started: float,
-) -> Reconstruction:
-    table = _table(poses)
+def _given(photos: list[Photo], model: CameraModel, path: Path, started: float) -> Reconstruction:
+    points, table = model.points(), _table(model.poses)
     chosen = {p.name: table[_key(p.name)] for p in photos if _key(p.name) in table}
     if not chosen:
         raise CameraError(
-            f"'{path}' has no camera for any of the {len(photos)} photos (but for {sorted(poses)[0]!r}, ...)",
+            f"'{path}' has no camera for any of the {len(photos)} photos (but for {sorted(model.poses)[0]!r}, ...)",
             "Give the cameras of these photos; names must match but for folder, case and extension",
         )
-    fitted = {p.name: _fitted(lenses[chosen[p.name]], p) for p in photos if p.name in chosen}
+    fitted = {p.name: _fitted(model.lenses[chosen[p.name]], p) for p in photos if p.name in chosen}
     focal = float(np.mean([(lens.fx + lens.fy) / 2 for lens in fitted.values()]))
     figures = Figures(
-        source, len(photos), len(chosen), focal, float("nan"), float("nan"), time.perf_counter() - started
+        model.spec.name, len(photos), len(chosen), focal, float("nan"), float("nan"), time.perf_counter() - started
     )
-    found = Reconstruction({n: poses[c] for n, c in chosen.items()}, fitted, points, figures)
+    found = Reconstruction({n: model.poses[c] for n, c in chosen.items()}, fitted, points, figures)
     if len(points.positions):
         return found
     return replace(found, points=scattered_points(found, photos), figures=replace(figures, scattered=True))

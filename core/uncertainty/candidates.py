@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from ..camera import Camera
 from ..errors import FormatError
-from ..formats.colmap import model_folder, read_model
-from ..formats.transforms import read_transforms
+from ..formats.cameras import read_cameras
 from ..numbers import number
 
 CameraPath = Literal["rail", "orbit", "dome"]
@@ -123,25 +122,18 @@ def candidates(path: CameraPath, cameras: Sequence[Camera], count: int) -> list[
     ]
 
 
-def candidates_from(file: Path, like: Camera) -> list[Camera]:
-    """Cameras of a transforms.json or a COLMAP model; lens distortion is left out.
+def candidates_from(file: Path) -> list[Camera]:
+    """Cameras of a file or a folder with one, of every format that cameras have; lens distortion is left out.
 
     Raises:
-        FormatError: neither is there.
+        FormatError: no cameras are there.
     """
-    if file.suffix.lower() == ".json" or (file / "transforms.json").is_file():
-        lenses, poses = read_transforms(file)
-    elif file.is_dir() and model_folder(file) is not None:
-        lenses, poses, _ = read_model(file)
-    else:
+    try:
+        return list(read_cameras(file).pinholes().values())
+    except FormatError as error:
         raise FormatError(
-            f"There are no candidate cameras in '{file}'",
-            f"Give one of {', '.join(CAMERA_PATHS)}, a transforms.json or the folder of a COLMAP model",
-        )
-    return [
-        Camera(name, lens.width, lens.height, lens.fx, lens.fy, lens.cx, lens.cy, pose.rotation, pose.translation)
-        for name, lens, pose in ((n, lenses[n], poses[n]) for n in sorted(poses))
-    ]
+            f"No candidate cameras: {error.what}", f"{error.way_out}, or one of {', '.join(CAMERA_PATHS)}"
+        ) from error
 
 
 def _horizon(geometry: ViewingGeometry, cameras: Sequence[Camera]) -> tuple[Floats, Floats]:

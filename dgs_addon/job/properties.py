@@ -29,7 +29,7 @@ _EFFECTS = (
 )
 _CAMERAS = (
     ("photos", "From Photos", "Find the cameras from the photos themselves (structure from motion)"),
-    ("model", "COLMAP or transforms.json", "Cameras that another program found"),
+    ("model", "From a File", "Cameras that another program found, such as a COLMAP model or a transforms.json"),
     ("scene", "Scene Cameras", "Cameras of this scene that are named as the photos are"),
 )
 
@@ -88,7 +88,7 @@ class DGS_PG_settings(bpy.types.PropertyGroup):
     model: bpy.props.StringProperty(
         name="Model",
         subtype="FILE_PATH",
-        description="A transforms.json, or the folder of a COLMAP model (cameras.bin or cameras.txt)",
+        description="A file of cameras or a folder with one, such as a transforms.json or the folder of a COLMAP model",
     )
 
     medium: bpy.props.EnumProperty(

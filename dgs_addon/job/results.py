@@ -14,9 +14,10 @@ from mathutils import Matrix
 
 from ...core.cloud import GaussianCloud
 from ...core.errors import DgsError
+from ...core.formats.cameras import read_cameras
 from ...core.formats.ply import read_ply
 from ..axes import matrix_to_blender
-from ..scene.cameras import add_cameras, load_cameras
+from ..scene.cameras import add_cameras
 from ..scene.material import prepare_scene
 from ..scene.nodes import splat_nodes, splat_nodes_exist
 from ..scene.points import add_points
@@ -131,7 +132,7 @@ def add_cameras_of(out: Path, photos: Path | None, scene: Any) -> list[Any]:
         FormatError: no cameras there, or damaged ones.
     """
     name = _cameras_name(out)
-    load_cameras(out / "cameras")  # before anything is taken out
+    read_cameras(out / "cameras")  # before anything is taken out
     before = bpy.data.collections.get(name)
     if before is not None:
         for thing in list(before.objects):

@@ -1,4 +1,4 @@
-"""Cameras of a COLMAP model or a transforms.json in a Blender scene, each with its photo behind it.
+"""Cameras of a file in a Blender scene, each with its photo behind it.
 
 Blender's cameras are pinholes: they get a lens's focal length and principal point. A photo with strong
 distortion therefore lies exactly behind the twin only at its centre. A pixel aspect belongs to the
@@ -13,10 +13,8 @@ from typing import Any
 
 import bpy
 
-from ...core.camera import Camera
 from ...core.errors import FormatError
-from ...core.formats.colmap_numpy import read_cameras
-from ...core.formats.transforms import read_transforms
+from ...core.formats.cameras import read_cameras
 from ..axes import place_camera
 
 _PHOTOS = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".exr")
@@ -26,7 +24,7 @@ def add_cameras(path: Path, photos: Path | None, scene: Any) -> list[Any]:
     """Adds every camera of a model, in a collection of its own, and looks through the first.
 
     Args:
-        path: folder of a COLMAP model (or one above), or a transforms.json.
+        path: a file of cameras or a folder with one, of any format of `core.formats.cameras`.
         photos: folder with the photos, matched by name without regard to case and ending; None for none.
         scene: `bpy` scene; gets the frame size of the first camera.
 
@@ -36,7 +34,7 @@ def add_cameras(path: Path, photos: Path | None, scene: Any) -> list[Any]:
     Raises:
         FormatError: no cameras there, or damaged ones.
     """
-    cameras = load_cameras(path)
+    cameras = read_cameras(path).pinholes()
     pictures = _pictures(photos) if photos is not None else {}
     collection = bpy.data.collections.new("Cameras")
     scene.collection.children.link(collection)
@@ -63,34 +61,6 @@ def new_camera(name: str, scene: Any) -> Any:
     scene.collection.objects.link(thing)
     scene.camera = thing
     return thing
-
-
-def load_cameras(path: Path) -> dict[str, Camera]:
-    """Pinhole cameras by photo name, in the engine's axes; distortion is dropped.
-
-    Raises:
-        FormatError: no cameras there, or damaged ones.
-    """
-    if path.suffix.lower() == ".json" or (path / "transforms.json").is_file():
-        lenses, poses = read_transforms(path)
-    else:
-        lenses, poses = read_cameras(path if path.is_dir() else path.parent)
-    if not poses:
-        raise FormatError(f"'{path}' places no camera", "Choose another model")
-    return {
-        name: Camera(
-            name,
-            lens.width,
-            lens.height,
-            lens.fx,
-            lens.fy,
-            lens.cx,
-            lens.cy,
-            poses[name].rotation,
-            poses[name].translation,
-        )
-        for name, lens in lenses.items()
-    }
 
 
 def photo_behind(camera: Any) -> Path | None:

@@ -8,7 +8,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ...core.formats.colmap_numpy import read_points
+from ...core.formats.colmap import read_colmap_points
 from ..axes import points_to_blender
 from .graph import Graph
 
@@ -31,7 +31,7 @@ def add_points(model: Path, name: str, collection: Any) -> Any:
     Raises:
         FormatError: no model there, or damaged points.
     """
-    points = read_points(model)
+    points = read_colmap_points(model)
     if not len(points.positions):
         return None
     mesh = bpy.data.meshes.new(name)

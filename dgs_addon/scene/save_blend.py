@@ -10,24 +10,24 @@ import numpy as np
 from ...core.camera import Camera
 from ...core.errors import DeviceError, OutputError
 from ...core.files import make_folder
-from ...core.formats.ply import read_ply
+from ...core.formats.gaussians import read_gaussians
 from ..axes import place_camera
 
 
-def save_blend(ply: Path, cameras: Path | None, out: Path, photos: Path | None = None) -> None:
+def save_blend(twin_file: Path, cameras: Path | None, out: Path, photos: Path | None = None) -> None:
     """Writes a scene that renders the twin in Cycles, with the engine's own colours, as it is opened.
 
     The process's own Blender scene is replaced. Lit objects added to the scene later need the panel's
     'Blend as Light'.
 
     Args:
-        ply: 3DGS PLY.
-        cameras: folder of a COLMAP model or a transforms.json; None places one camera before the twin.
+        twin_file: file of Gaussians, of any format of `core.formats.gaussians`.
+        cameras: file of cameras or a folder with one; None places one camera before the twin.
         out: the .blend, overwritten.
         photos: folder of photos to show behind the cameras; they are linked, not packed.
 
     Raises:
-        FormatError: the PLY or the cameras cannot be used.
+        FormatError: the twin or the cameras cannot be used.
         OutputError: the .blend cannot be written.
         DeviceError: this Python has no bpy.
     """
@@ -40,11 +40,11 @@ def save_blend(ply: Path, cameras: Path | None, out: Path, photos: Path | None =
     from .material import prepare_scene  # late: needs bpy
     from .twin import add_twin  # late: needs bpy
 
-    cloud = read_ply(ply)
+    cloud = read_gaussians(twin_file)
     make_folder(out.parent)
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
-    twin = add_twin(cloud, ply.stem, scene.collection)
+    twin = add_twin(cloud, twin_file.stem, scene.collection)
     if cameras is not None:
         add_cameras(cameras, photos, scene)
     else:

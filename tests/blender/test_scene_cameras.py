@@ -68,5 +68,5 @@ def test_photos_stand_behind_their_cameras(tmp_path: Path) -> None:
 
 
 def test_a_folder_without_cameras_is_explained(tmp_path: Path) -> None:
-    with pytest.raises(FormatError, match="no COLMAP model"):
+    with pytest.raises(FormatError, match="holds no cameras"):
         add_cameras(tmp_path, None, bpy.context.scene)

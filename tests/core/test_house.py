@@ -24,8 +24,8 @@ WITHOUT_TORCH = (
     "errors",
     "files",
     "progress",
+    "formats.cameras",
     "formats.gaussians",
-    "formats.colmap_numpy",
     "colour",
 )
 

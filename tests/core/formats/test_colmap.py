@@ -5,8 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from dgs.core.errors import FormatError
-from dgs.core.formats.colmap import read_model, write_lenses
-from dgs.core.formats.colmap_numpy import read_cameras, read_points
+from dgs.core.formats.colmap import read_colmap_cameras, read_colmap_points, read_model, write_lenses
 from dgs.core.lens import MODELS, Lens
 from dgs.core.pose import Pose
 from dgs.core.reconstruction import no_points
@@ -31,7 +30,7 @@ def _write(folder: Path, binary: bool) -> None:
 @pytest.mark.parametrize("binary", [True, False])
 def test_reads_every_lens_as_pycolmap_does(tmp_path: Path, binary: bool) -> None:
     _write(tmp_path / "cameras", binary)
-    lenses, poses = read_cameras(tmp_path)
+    lenses, poses = read_colmap_cameras(tmp_path)
     expected_lenses, expected_poses, _ = read_model(tmp_path)
     assert lenses.keys() == expected_lenses.keys()
     for name, lens in lenses.items():
@@ -50,15 +49,15 @@ def test_reads_points_as_pycolmap_does(tmp_path: Path, binary: bool) -> None:
     lens, pose = Lens("PINHOLE", 64, 48, (50.0, 50.0, 32.0, 24.0)), Pose(np.eye(3), np.zeros(3))
     points = SparsePoints(generator.normal(size=(50, 3)), generator.integers(0, 256, (50, 3)).astype(np.uint8))
     write_lenses(tmp_path, {"a": lens}, {"a": pose}, points, binary=binary)
-    read = read_points(tmp_path)
+    read = read_colmap_points(tmp_path)
     np.testing.assert_allclose(read.positions, points.positions, atol=1e-9)
     np.testing.assert_array_equal(read.colours, points.colours)
     file = tmp_path / ("points3D.bin" if binary else "points3D.txt")
     file.write_bytes(file.read_bytes()[: -30 if binary else -25])
     with pytest.raises(FormatError, match="damaged"):
-        read_points(tmp_path)
+        read_colmap_points(tmp_path)
     file.unlink()
-    assert len(read_points(tmp_path).positions) == 0
+    assert len(read_colmap_points(tmp_path).positions) == 0
 
 
 def test_a_cut_off_model_is_explained(tmp_path: Path) -> None:
@@ -66,4 +65,4 @@ def test_a_cut_off_model_is_explained(tmp_path: Path) -> None:
     file = tmp_path / "images.bin"
     file.write_bytes(file.read_bytes()[:150])
     with pytest.raises(FormatError, match="damaged"):
-        read_cameras(tmp_path)
+        read_colmap_cameras(tmp_path)
