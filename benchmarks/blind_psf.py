@@ -79,7 +79,7 @@ class Material:
 
 @dataclass
 class Score:
-    """What was told of one group."""
+    """What was estimated for one group."""
 
     errors: list[float] = field(default_factory=list)
     scores: list[float] = field(default_factory=list)
@@ -96,18 +96,18 @@ class Score:
             self.bounds.append(found.high >= width)
             return f"<= {found.high:.2f}" + ("" if found.high >= width else " !")
         self.silent += 1
-        return "not told"
+        return "no answer"
 
     def __str__(self) -> str:
         e, z = np.abs(self.errors), np.array(self.scores)
-        told = f"{len(e)} estimates"
+        text = f"{len(e)} estimates"
         if len(e):
-            told += (
+            text += (
                 f": median error {np.median(self.errors):+.1%}, {np.mean(e <= 0.05):.0%} within 5 %,"
                 f" {np.mean(e <= 0.1):.0%} within 10 %; the 95 % interval holds the truth in"
                 f" {np.mean(np.abs(z) <= 1.96):.0%} (rms of error over its own estimate {np.sqrt(np.mean(z**2)):.2f})"
             )
-        return f"{told}; {sum(self.bounds)} of {len(self.bounds)} upper bounds hold; {self.silent} times not told"
+        return f"{text}; {sum(self.bounds)} of {len(self.bounds)} upper bounds hold; {self.silent} times no answer"
 
 
 def steps(first: int, count: int) -> Iterator[Material]:

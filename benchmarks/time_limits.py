@@ -3,7 +3,7 @@
     --limit 25s --limit 45s --seeds 3     runs with these limits; wall clock of the whole command, and PSNR against
                                           the sharp truth of ALL held-out views (the run itself scores what it has
                                           time for)
-    --preset draft --preset balanced      runs without a limit, foretold by `estimate` before: seconds told and taken
+    --preset draft --preset balanced      runs without a limit; seconds that `estimate` predicted, and taken
 
 A line per run as it ends, then medians. FOLDER holds photos/ (or blur5/) and sharp/.
 """
@@ -33,23 +33,23 @@ def photos_of(data: Path) -> Path:
 
 def medium_of(data: Path, psf: str | None) -> list[str]:
     """The set's own point spread, if it says one."""
-    told = data / "psf.json"
-    if psf is None and told.is_file():
-        content = json.loads(told.read_text("utf-8"))
+    stated = data / "psf.json"
+    if psf is None and stated.is_file():
+        content = json.loads(stated.read_text("utf-8"))
         return ["--psf", str(content["psf"]), "--blur-space", str(content.get("blur_space", "srgb"))]
     return ["--psf", psf or "gaussian:5"]
 
 
-def run(data: Path, words: list[str], foretold: bool) -> dict[str, Any]:
+def run(data: Path, words: list[str], predict: bool) -> dict[str, Any]:
     """One command, from start to end."""
     common = [str(photos_of(data)), *words]
-    told = None
-    if foretold:
+    predicted = None
+    if predict:
         medium = words[: words.index("--preset")]
         answer = subprocess.run(
             [*RUN, "estimate", common[0], *medium, "--json"], check=True, capture_output=True, text=True
         )
-        told = json.loads(answer.stdout)["presets"][words[words.index("--preset") + 1]]["seconds"]
+        predicted = json.loads(answer.stdout)["presets"][words[words.index("--preset") + 1]]["seconds"]
     with tempfile.TemporaryDirectory() as out:
         began = time.perf_counter()
         subprocess.run([*RUN, "reconstruct", *common, "--out", out, "--progress", "none"], check=True)
@@ -58,7 +58,7 @@ def run(data: Path, words: list[str], foretold: bool) -> dict[str, Any]:
         psnr = score(Path(out), data / "sharp")
     return {
         "wall": round(wall, 1),
-        "told": told,
+        "predicted": predicted,
         "psnr": round(psnr, 2),
         "steps": report["steps"],
         "gaussians": report["gaussians"],
@@ -88,8 +88,8 @@ def main() -> int:
             text = f"{data.name} {kind} {value}: {statistics.median(walls):.1f} s ({min(walls)} to {max(walls)}), "
             text += f"{statistics.median(psnrs):.2f} dB ({min(psnrs)} to {max(psnrs)})"
             if kind == "--preset":
-                off = [row["wall"] / row["told"]["value"] - 1 for row in rows]
-                text += f"; told {rows[0]['told']['value']} s, off {100 * statistics.median(off):+.0f} %"
+                off = [row["wall"] / row["predicted"]["value"] - 1 for row in rows]
+                text += f"; predicted {rows[0]['predicted']['value']} s, off {100 * statistics.median(off):+.0f} %"
             print(text, flush=True)
     return 0
 

@@ -1,9 +1,9 @@
-"""When do photos contradict the blur that was told? (`core/imaging/contradiction.py`)
+"""When do photos contradict the blur that was given? (`core/imaging/contradiction.py`)
 
     python -m benchmarks.wrong_blur --data FOLDER_WITH_SHARP ... [--photos 6]
 
 Sharp photos are blurred as in the mismatch study. Prints, on the training's grids (2 and 4 px): how many times the
-explained power they hold at fine scales, and the largest share of the told width that they would not contradict.
+explained power they hold at fine scales, and the largest share of the given width that they would not contradict.
 """
 
 from __future__ import annotations
@@ -44,10 +44,10 @@ def main() -> int:
                 for i, p in enumerate(sharp)
             ]
             planes = [np.ascontiguousarray(p.transpose(2, 0, 1), np.float32) / np.float32(255) for p in photos]
-            told, cells = PointSpread("gaussian", case.told, case.told), []
+            given, cells = PointSpread("gaussian", case.told, case.told), []
             for grid in GRIDS:
                 rounding = 1 / 255 / 12**0.5 / grid
-                found = noise_to_signal((averaged(p, grid) for p in planes), told.on_grid(grid), rounding)
+                found = noise_to_signal((averaged(p, grid) for p in planes), given.on_grid(grid), rounding)
                 cells.append(f"{found.excess:.1f}, {found.widest:.2f}")
             print(f"| {folder.name} | {case.name} | " + " | ".join(cells) + " |", flush=True)
     return 0

@@ -1,4 +1,4 @@
-"""Picks how a command tells where it stands."""
+"""Picks how a command reports its progress."""
 
 from __future__ import annotations
 

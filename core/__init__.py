@@ -1,1 +1,1 @@
-"""The engine: photos in, sharp Gaussians out. Nothing in here knows Blender."""
+"""The engine: photos in, sharp Gaussians out. Nothing in here depends on Blender."""

@@ -1,4 +1,4 @@
-"""sRGB and linear light, the one place that knows the curve (IEC 61966-2-1).
+"""sRGB and linear light, the one place that has the curve (IEC 61966-2-1).
 
 Outside [0, 1] both curves go on monotonically: linearly below 0 (the curve's own first segment)
 and by the same power above 1. Slopes are finite everywhere. Arrays need numpy only.

@@ -1,4 +1,4 @@
-"""How long work tells the outside where it stands, and learns that it should stop."""
+"""How long work reports where it stands, and learns that it should stop."""
 
 from __future__ import annotations
 

@@ -104,8 +104,8 @@ def _kill(job: Any, out: Path, after: float, optimized: float) -> Kill:
     checkpoint = out / "checkpoint.npz"
     kept = checkpoint.stat().st_mtime if checkpoint.is_file() else 0.0
     lost = min(optimized, max(0.0, now - kept))
-    told = job.state.phase == "failed" and "SIGKILL" in job.state.error
-    return Kill(after, stage or "start", step, lost, told)
+    reported = job.state.phase == "failed" and "SIGKILL" in job.state.error
+    return Kill(after, stage or "start", step, lost, reported)
 
 
 def _resumed(out: Path) -> Any:

@@ -2,7 +2,7 @@
 
 A straight edge a few degrees off the pixel grid is sampled by its rows at ever other fractions of a pixel, so that
 all rows together give its profile four times finer than the pixels. Its derivative, the line spread, is the point
-spread seen from the side; one edge tells nothing along itself, so the kernel is taken for round.
+spread seen from the side; one edge shows nothing along itself, so the kernel is taken for round.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from .point import background_of
 #: Samples per pixel across the edge (ISO 12233).
 FINER = 4
 #: An edge must rise by this many standard deviations of a pixel's noise.
-CLEAR = 6.0
+MINIMUM_RISE = 6.0
 #: px along the edge at least, and standard deviations across it on each side.
 SHORTEST, NARROWEST = 20, 3.0
 
@@ -89,7 +89,7 @@ def measure_edge(light: Light) -> MeasuredPsf:
     kernel = _round_kernel(mtf, sigma)
     residual = max(edge.residual**2 - noise**2, 0.0)
     misfit = math.sqrt(residual) / (edge.high - edge.low)
-    notes = ["one edge tells the blur across itself only: the kernel is taken for round"]
+    notes = ["one edge shows the blur across itself only: the kernel is taken for round"]
     if misfit > 0.01:
         notes.append("not a Gaussian: use the kernel file rather than gaussian:SIGMA")
     if sigma < 0.6:
@@ -129,7 +129,7 @@ def fit_edge_in(light: Light) -> EdgeFit:
             break
         normal, offset, sigma = edge.normal, edge.offset, edge.sigma
     assert edge is not None
-    if edge.high - edge.low < CLEAR * max(background_of(values)[1], 0.3 * light.step):
+    if edge.high - edge.low < MINIMUM_RISE * max(background_of(values)[1], 0.3 * light.step):
         raise _no_edge(light)
     return edge
 
@@ -289,7 +289,7 @@ def _check_slant(light: Light, edge: EdgeFit, d: Array) -> None:
 def _mtf(values: Array, edge: EdgeFit, d: Array, structure: float) -> tuple[Array, Array]:
     """Frequencies (cycles/px) and contrast across the edge; where it drowns in noise the Gaussian goes on.
 
-    `structure` in [0, 1] tells how far the edge differs from a Gaussian's beyond noise.
+    `structure` in [0, 1] says how far the edge differs from a Gaussian's beyond noise.
     """
     reach = math.ceil(5.0 * edge.sigma + 3.0)
     bins = np.floor((d + reach) * FINER).astype(int)

@@ -11,7 +11,7 @@ from .light import PIXEL_VARIANCE, Array
 
 #: Standard deviation (px) of the thinnest spread that samples can hold.
 THINNEST = 0.3
-#: Frequencies at which a measured kernel's contrast is told, cycles/px.
+#: Frequencies at which a measured kernel's contrast is reported, cycles/px.
 FREQUENCIES = np.linspace(0.0, 0.5, 101)
 
 

@@ -1,4 +1,4 @@
-"""From a calibration photo to a measured point spread: tells what was photographed and measures it."""
+"""From a calibration photo to a measured point spread: recognises what was photographed and measures it."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def measure_psf(photo: Path, kind: Literal["auto", "point", "edge"] = "auto", li
 
     Args:
         photo: a point of light or a slanted edge, through the medium.
-        kind: which of them; 'auto' tells by the bright region's shape.
+        kind: which of them; 'auto' decides by the bright region's shape.
         linear: measure on linear light (physics), or on the values as they stand.
 
     Raises:

@@ -1,4 +1,4 @@
-"""What a calibration photo told."""
+"""What a calibration photo shows."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class MeasuredPsf:
         space: 'linear' or 'srgb': the values that it was measured on.
         kernel: [K, K] float64, odd, centred, non-negative, sum 1.
         sigma_x, sigma_y, angle: of the Gaussian fitted to it, along its own axes; degrees from x towards y
-            (equal widths and 0 from an edge, which tells the blur across itself only).
+            (equal widths and 0 from an edge, which shows the blur across itself only).
         sigma, sigma_uncertainty: geometric mean of both widths, and its standard deviation by the fit.
         fwhm: full width at half maximum of the kernel, mean over directions.
         misfit: rms of what the Gaussian leaves over, relative to the peak (point) or the step (edge), noise removed.

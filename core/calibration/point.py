@@ -19,7 +19,7 @@ from .light import PIXEL_VARIANCE, Array, Light
 from .measured import MeasuredPsf
 
 #: The source must stand this many standard deviations of the (smoothed) noise above the background.
-CLEAR = 12.0
+MINIMUM_PEAK = 12.0
 #: Saturated px inside the source that are still taken for hot pixels.
 HOT_PIXELS = 1
 #: Window around the source: standard deviations to each side at most, and the fewest that a fit needs.
@@ -111,7 +111,7 @@ def _find(light: Light, level: float, noise: float) -> tuple[float, float, float
     row, column = np.unravel_index(int(np.argmax(smooth)), smooth.shape)
     peak = float(smooth[row, column]) - level
     # A Gaussian filter of 1.5 px leaves 1 / (2 sqrt(pi) 1.5) of white noise.
-    if peak < CLEAR * noise * 0.188 or peak <= 2 * light.step * (0.1 if light.linear else 1.0):
+    if peak < MINIMUM_PEAK * noise * 0.188 or peak <= 2 * light.step * (0.1 if light.linear else 1.0):
         raise PsfError(
             f"No point of light stands out of the background in '{light.name}'",
             "Darken the room, expose longer, or use --kind edge for a photo of a slanted edge",

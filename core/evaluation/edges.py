@@ -35,7 +35,7 @@ class Edge:
 
     Attributes:
         position: where the edge lies, in the unit of the profile's positions (px).
-        uncertainty: standard deviation of `position` as the fit's residual tells it.
+        uncertainty: standard deviation of `position` from the fit's residual.
         blur: standard deviation of the step's Gaussian, px.
         outside, inside: the levels before and behind the edge.
     """

@@ -83,7 +83,7 @@ def low_passed(image: Image, cutoff: float) -> NDArray[np.float64]:
 def low_passed_truth_psnr(truth: Image, cutoff: float, mask: Mask | None = None, border: int = 0) -> float:
     """PSNR in dB of the truth itself without what is finer than `cutoff` cycles/px.
 
-    What a perfect method would reach that knows all the truth up to there and nothing beyond.
+    What a perfect method would reach that has all the truth up to there and nothing beyond.
     """
     return psnr(np.clip(low_passed(truth, cutoff), 0, 1), truth, mask, border)
 

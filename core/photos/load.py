@@ -46,7 +46,7 @@ class Photo:
         mask: [H, W] bool, True where a pixel counts; None where all do. A file's alpha below one
             half does not count, and neither does black in the mask folder.
         scale: (x, y) size in memory / size in the file, (1, 1) unless `max_size` made it smaller.
-        focal_px: focal length in px of `pixels` that EXIF tells, or None. A hint, never the truth.
+        focal_px: focal length in px of `pixels` from EXIF, or None. A hint, never the truth.
         not_finite, clipped: px of a floating-point file that were NaN or infinite (they do not count), and
             those outside [0, 1] (they were cut).
     """
@@ -114,7 +114,7 @@ def load_photos(
         source: folder of photos, or a list of them.
         max_size: longest side in px; larger photos are scaled down (area average in the sRGB
             encoding, as blur and loss work there). None keeps every pixel.
-        progress: told of each photo; may cancel.
+        progress: hears of each photo; may cancel.
         masks: folder with one image per photo of the same stem; white counts, black does not.
         minimum: how many readable photos are enough to go on.
 
@@ -196,7 +196,7 @@ def load_photo(path: Path, max_size: int | None = None) -> Photo:
 
 def _read(path: Path) -> _Decoded:
     if path.suffix.lower() in {".tif", ".tiff"}:
-        # Pillow has no 16-bit RGB; tifffile does, but knows no EXIF rotation of its own.
+        # Pillow has no 16-bit RGB; tifffile does, but reads no EXIF rotation of its own.
         return _read_tiff(path)
     if path.suffix.lower() == ".png" and _png_depth(path) == 16:
         from .png16 import read_png16  # Pillow would cut 16 bits to 8

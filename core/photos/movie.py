@@ -58,7 +58,7 @@ def extract_frames(movie: Path, folder: Path, count: int, progress: Progress) ->
         folder: gets frame_000123.png (numbered as in the movie, upright, 8-bit sRGB values as the movie
             encodes them) and frames.json. What was extracted from the same movie before is used again.
         count: stretches the movie is cut into, at least 2.
-        progress: told of each stretch (stage 'movie'); may cancel.
+        progress: hears of each stretch (stage 'movie'); may cancel.
 
     Returns:
         `folder`.
@@ -156,7 +156,7 @@ def _pixels(frame: Any) -> NDArray[np.uint8]:
     unknown = given == 2  # AVCOL_SPC_UNSPECIFIED
     usual = Colorspace.ITU709 if frame.height >= _HIGH_DEFINITION else Colorspace.ITU601
     array = frame.to_ndarray(format="rgb24", src_colorspace=usual if unknown else None)
-    # Phones film portrait as turned landscape; the frame's angle tells how it wants to be seen.
+    # Phones film portrait as turned landscape; the frame's angle says how it is to be shown.
     turned = np.rot90(array, round(frame.rotation / 90.0) % 4)
     return np.ascontiguousarray(turned)
 

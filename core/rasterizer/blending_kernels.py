@@ -2,7 +2,7 @@
 
 A tile's state (transmittance, colours, ...) lies in one float32 buffer, planes behind each other. A
 Gaussian touches only the rows that its ellipse reaches; in a row all 16 pixels are blended at once
-(`splat_kernels`). The backward pass runs front to back as well: it knows the
+(`splat_kernels`). The backward pass runs front to back as well: it has the
 final colour, so what lies behind a Gaussian is the rest of a running sum, and nothing is ever
 divided by transmittance.
 """

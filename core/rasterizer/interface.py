@@ -42,7 +42,7 @@ class RasterSettings:
 
 @dataclass
 class ScreenStatistics:
-    """What one view knows about each Gaussian; density control and reports read it.
+    """What one view says about each Gaussian; density control and reports read it.
 
     Attributes:
         radius: [N] float32, half-extent of the visible ellipse in px; 0 where culled.

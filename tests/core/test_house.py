@@ -122,7 +122,7 @@ def test_every_package_has_a_floor(graph):
 
 
 def test_no_import_leads_to_a_higher_floor(graph):
-    """What stands on a floor knows nothing of what is built on it; two packages of a floor do not know each other."""
+    """What stands on a floor imports nothing of what is built on it; two packages of a floor do not know each other."""
     assert [arrow for arrow in graph.upward() if arrow not in UPWARD] == []
 
 

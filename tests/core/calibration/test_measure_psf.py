@@ -31,7 +31,7 @@ def test_a_point_off_the_grid_on_a_sloping_background(tmp_path, sigma):
         assert not kernel.notes and np.linalg.det(kernel.covariance) ** 0.25 == pytest.approx(sigma, rel=0.02)
         assert measured.fwhm == pytest.approx(2.3548 * sigma, rel=0.02)
     assert np.abs(errors).max() < 0.01 * sigma
-    # The uncertainty that is told is the one there is (within what six photos can say).
+    # The reported uncertainty is the true one (within what six photos can say).
     assert 0.3 < np.sqrt(np.mean(np.square(errors))) / np.mean(said) < 2.5
 
 

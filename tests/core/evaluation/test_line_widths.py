@@ -61,15 +61,15 @@ def test_a_blurred_line_reads_as_wide_as_it_looks(width):
     assert found.value > width + 0.5
 
 
-def test_the_uncertainty_tells_the_scatter_of_noisy_edges():
+def test_the_uncertainty_is_the_scatter_of_noisy_edges():
     generator = np.random.default_rng(3)
     clean = blurred_line(X, 10.0, 1.0, 0.2)
     found = [fit_width(X, clean + generator.normal(0.0, 0.03, X.shape)) for _ in range(200)]
     values = np.array([one.value for one in found if one is not None])
-    told = np.median([one.uncertainty for one in found if one is not None])
+    reported = np.median([one.uncertainty for one in found if one is not None])
     assert len(values) == 200
     assert values.mean() == pytest.approx(10.0, abs=0.02)
-    assert 0.6 < told / values.std() < 1.6
+    assert 0.6 < reported / values.std() < 1.6
 
 
 def test_no_edge_where_there_is_none():

@@ -59,7 +59,7 @@ def test_low_pass_cuts_at_the_frequency():
     assert low_passed_truth_psnr(truth, 1 / 9) == pytest.approx(-10 * np.log10(0.25**2 / 2))
 
 
-def test_band_tells_missing_from_invented():
+def test_band_separates_missing_from_invented():
     truth = wave(8) + wave(32) - 0.5
     half = band(0.5 * wave(8) + wave(32), truth)
     assert (half.gain, half.correlation, half.energy) == pytest.approx((0.5, 1.0, 0.5))

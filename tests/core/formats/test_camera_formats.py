@@ -64,7 +64,7 @@ def test_lens_agrees_with_pycolmap_and_inverts(model: str) -> None:
 @pytest.mark.parametrize("binary", [True, False])
 def test_colmap_round_trip(tmp_path: Path, binary: bool) -> None:
     points = SparsePoints(np.array([[1.0, 2, 3], [4, 5, 6]]), np.array([[1, 2, 3], [255, 0, 9]], np.uint8))
-    given = cameras() if binary else {"ü.png": cameras()["ü.png"]}  # COLMAP's text knows no spaces
+    given = cameras() if binary else {"ü.png": cameras()["ü.png"]}  # COLMAP's text allows no spaces
     write_model(tmp_path / "sparse" / "0", given, points, binary)
     lenses, poses, read = read_model(tmp_path)
     assert set(poses) == set(given)

@@ -109,7 +109,7 @@ def test_exif_rotation_is_undone_alike_in_jpeg_and_tiff(tmp_path: Path, orientat
     np.testing.assert_array_equal(load_photo(tmp_path / "a.tif").pixels, expected)
 
 
-def test_max_size_scales_and_tells(tmp_path: Path) -> None:
+def test_max_size_scales_and_says_so(tmp_path: Path) -> None:
     Image.fromarray(picture(100, 201)).save(tmp_path / "a.png")
     photo = load_photo(tmp_path / "a.png", 50)
     assert photo.size == (50, 25) and photo.scale == (50 / 201, 25 / 100)

@@ -129,7 +129,7 @@ def test_stack_of_64_opaque_splats(any_backend: str, logit: float) -> None:
     truth, wanted = gradients(scene.to(dtype=torch.float64), make_camera(), "reference")
     view, found = gradients(scene, make_camera(), any_backend)
     assert_same_image(view.image, truth.image, 1e-4)
-    # In float32, torch knows 1 - sigmoid(12) = 6e-6 to 1 % only; the kernels compute it in double.
+    # In float32, torch computes 1 - sigmoid(12) = 6e-6 to 1 % only; the kernels compute it in double.
     saturated = logit > 10 and any_backend == "reference"
     for name, gradient in wanted.items():
         limit = 2e-2 if saturated and name == "opacity_logits" else 1e-3
