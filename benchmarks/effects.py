@@ -16,7 +16,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from dgs.core.camera import Camera
-from dgs.core.inspection.inspect import inspect_photos
+from dgs.core.effects.inspect import inspect_photos
 from dgs.core.inspection.photo_set import PhotoSet
 from dgs.core.lens import Lens
 from dgs.core.photos.load import Photo

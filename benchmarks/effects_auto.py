@@ -18,19 +18,22 @@ import math
 import os
 import shutil
 import time
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import torch
-from dgs.core.imaging.formation.defocus import Defocus
+from dgs.core.effects import registry
+from dgs.core.effects.defocus import Defocus
+from dgs.core.effects.field_blur import FieldBlur
+from dgs.core.effects.haze import SETTINGS as HAZE
+from dgs.core.effects.haze import Haze
+from dgs.core.effects.motion import motion_from
+from dgs.core.effects.spec import EffectSpec
 from dgs.core.imaging.formation.effect import Effect
-from dgs.core.imaging.formation.field_blur import FieldBlur
-from dgs.core.imaging.formation.haze import Haze
-from dgs.core.imaging.formation.motion import motion_from
-from dgs.core.inspection.effects.haze import SMALLEST as SMALLEST_HAZE
 from dgs.core.inspection.photo_set import PhotoSet
-from dgs.core.pipeline.effects import choose
-from dgs.core.pipeline.effects.proposal import BLURS, build
 from dgs.core.pipeline.reconstruct import reconstruct
 from dgs.core.progress import Silent
 from dgs.core.run_settings import ReconstructSettings
@@ -39,11 +42,12 @@ from .effect_scenes import Truth, degrade, make_scene, write_set
 
 ROOT = Path(__file__).resolve().parents[1]
 
+USUAL = registry.EFFECTS
 KEPT = ROOT / "benchmarks/data/effects_auto"
 PAGE = ROOT / "docs/studies/effects.md"
 START, END = "<!-- auto -->", "<!-- end of auto -->"
 WIDTH, HEIGHT, PHOTOS, HELD_EVERY = 240, 160, 16, 4
-#: Every set is blurred by this, px, in linear light: the medium that all runs are told.
+#: Every set is blurred by this, px, in linear light: the medium that all runs are found.
 SIGMA = 2.0
 #: What is done to the photos; scenes that the inspection's own table does not use.
 SETS = {
@@ -87,28 +91,35 @@ def one_set(name: str, width: int, height: int) -> Path:
     return folder
 
 
-def at_least_visible(name: str, photos: PhotoSet) -> Effect | None:
-    """The effect as the photos tell it, but nowhere smaller than what is just visible."""
-    told = build(name, photos)
+def visible(spec: EffectSpec) -> EffectSpec:
+    """An effect that is nowhere smaller than what is just visible."""
+    if spec.switch is None or spec.switch.build is None:
+        return spec
+    build = partial(at_least_visible, spec.name, spec.switch.build)
+    return replace(spec, switch=replace(spec.switch, build=build))
+
+
+def at_least_visible(name: str, usual: Callable[[PhotoSet], Effect | None], photos: PhotoSet) -> Effect | None:
+    """The effect as the photos show it, but nowhere smaller than what is just visible."""
+    found = usual(photos)
     diagonal = math.hypot(*photos.greys[0].shape)
     if name == "haze":
-        attenuation, veil = (torch.full((3,), v) for v in (SMALLEST_HAZE, 0.7))
-        if told is None or float(told.parameters["attenuation"].mean()) < SMALLEST_HAZE:
+        attenuation, veil = (torch.full((3,), v) for v in (HAZE.smallest_visible, 0.7))
+        if found is None or float(found.parameters["attenuation"].mean()) < HAZE.smallest_visible:
             return Haze(attenuation, veil)
-    if name == "defocus" and (told is None or float(told.parameters["strength"]) < 1.0 / diagonal):
+    if name == "defocus" and (found is None or float(found.parameters["strength"]) < 1.0 / diagonal):
         return Defocus(torch.tensor(1.0 / 0.6 / diagonal), torch.tensor(1.0))  # 1 / depth differs by 0.6 of its median
-    if name == "field_blur" and (told is None or abs(float(told.parameters["corner"])) < 1.0 / diagonal):
+    if name == "field_blur" and (found is None or abs(float(found.parameters["corner"])) < 1.0 / diagonal):
         return FieldBlur(torch.tensor(1.0 / diagonal))
-    if name == "motion" and told is None:
+    if name == "motion" and found is None:
         names = [photo.name for photo in photos.photos]
         return motion_from(names, [3.0] * len(names), list(np.linspace(0.0, 150.0, len(names))))
-    return told
+    return found
 
 
 def run(folder: Path, effects: str, preset: str, gaussians: int) -> dict:
     """One reconstruction: scores on held-out photos, seconds, decisions."""
-    choose.build = at_least_visible if effects == "nothing left out" else build
-    choose.BLURS = () if effects == "nothing left out" else BLURS  # `all` leaves these out where they are not told
+    registry.EFFECTS = tuple(visible(spec) for spec in USUAL) if effects == "nothing left out" else USUAL
     out = KEPT / f"running_{os.getpid()}"
     shutil.rmtree(out, ignore_errors=True)
     settings = ReconstructSettings(

@@ -3,7 +3,7 @@
     python -m benchmarks.effects_points [--scenes 12]
 
 Every scene of benchmarks/effects.py behind a medium (sigma 2 px), without and with 2 px of defocus or of field blur.
-Where an effect is there, the size that the photos tell is asked for (`proposal.build`), where it is not, 2 px of it are
+Where an effect is there, the size that the photos tell is asked for (`registry.built`), where it is not, 2 px of it are
 claimed all the same. Prints the table in docs/studies/effects.md.
 """
 
@@ -14,12 +14,13 @@ import time
 
 import numpy as np
 import torch
-from dgs.core.imaging.formation.defocus import Defocus
-from dgs.core.imaging.formation.field_blur import FieldBlur
-from dgs.core.imaging.formation.layered import SpreadingEffect
+from dgs.core.effects.defocus import Defocus
+from dgs.core.effects.depth_unit import depth_unit
+from dgs.core.effects.field_blur import FieldBlur
+from dgs.core.effects.registry import built
+from dgs.core.imaging.formation.spreading import SpreadingEffect
 from dgs.core.inspection.photo_set import PhotoSet
-from dgs.core.pipeline.effects.confirmed import told_by_points
-from dgs.core.pipeline.effects.proposal import build, depth_unit
+from dgs.core.pipeline.effects.confirmed import confirmed_by_points
 
 from .effect_scenes import Truth, degrade, kept_scene
 from .effects import KEPT, photo_set
@@ -34,7 +35,7 @@ def claimed(name: str, photos: PhotoSet) -> SpreadingEffect:
     if name == "field_blur":
         return FieldBlur(torch.tensor(PX / diagonal))
     unit = depth_unit(photos)
-    far, near = np.quantile(1.0 / photos.tracks.depth / unit, [0.05, 0.95])
+    far, near = np.quantile(1.0 / photos.observations.depth / unit, [0.05, 0.95])
     return Defocus(torch.tensor(PX / diagonal / ((near - far) / 2)), torch.tensor((near + far) / 2))
 
 
@@ -48,12 +49,12 @@ def main() -> None:
         for there, done in SETS.items():
             photos = photo_set(scene, degrade(scene, Truth(psf=(SIGMA, SIGMA, 0.0), **done), seed))
             for name in ("defocus", "field_blur"):
-                effect = build(name, photos) if name == there else claimed(name, photos)
+                effect = built(name, photos) if name == there else claimed(name, photos)
                 if effect is None:
                     print(f"scene {seed}, {there}: no size of {name}", flush=True)
                     continue
                 began = time.process_time()
-                told = told_by_points(effect, photos)
+                told = confirmed_by_points(effect, photos)
                 seconds.append(time.process_time() - began)
                 shares[name, there].append(told)
                 print(f"scene {seed}, {there}: {name} {told}", flush=True)

@@ -11,7 +11,6 @@ import argparse
 
 import numpy as np
 from dgs.core.inspection.blind_psf import blind_psf
-from dgs.core.inspection.effects.motion import paths_of
 from dgs.core.inspection.photo_set import PhotoSet
 from dgs.core.inspection.psf_per_photo import psf_per_photo
 
@@ -40,7 +39,7 @@ def main() -> None:
         for seed in scenes:
             scene = kept_scene(seed, KEPT)
             photos = photo_set(scene, degrade(scene, truth, seed))
-            paths = paths_of(photos)
+            paths = photos.motion_paths
             for photo, (true, angle) in zip(photos.photos, own_paths(truth, scene, seed), strict=True):
                 path = paths[photo.name]
                 found.append(path.length > 0)

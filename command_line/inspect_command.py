@@ -46,8 +46,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def inspect_command(options: argparse.Namespace, progress: Reporting) -> int:
     """Prints a table (or JSON) of every effect, and writes pictures."""
+    from ..core.effects.inspect import inspect_photos  # heavy: torch
     from ..core.inspection.cameras import with_cameras  # heavy: torch
-    from ..core.inspection.inspect import inspect_photos  # heavy: torch
     from ..core.inspection.photo_set import PhotoSet  # heavy: torch
     from ..core.inspection.pictures import draw_inspection  # heavy: torch
     from ..core.machine import use_threads  # late: slows --help
@@ -69,7 +69,7 @@ def inspect_command(options: argparse.Namespace, progress: Reporting) -> int:
         "photos": str(options.photos),
         "count": len(loaded),
         "cameras": photos.cameras is not None,
-        "why_no_cameras": None if photos.cameras is not None else photos.no_tracks,
+        "why_no_cameras": None if photos.cameras is not None else photos.no_observations,
         "effects": [evidence.plain() for evidence in found],
         "seconds": {"cameras": round(seconds_cameras, 3), "total": round(time.perf_counter() - began, 3)},
     }

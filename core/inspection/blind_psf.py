@@ -16,8 +16,7 @@ import numpy as np
 from ..errors import PsfError
 from ..imaging.psf import PointSpread
 from .edge_blur import CLEAR, edge_blur
-from .effects.defocus import inspect as inspect_defocus
-from .effects.motion import motion_of
+from .evidence import shortened
 from .lower_mode import Pile
 from .photo_set import PhotoSet
 from .spectra import Blur
@@ -213,10 +212,10 @@ def _sharp(sigma: float, error: float, largest: float) -> BlindPsf:
 
 def _own_variance(photos: PhotoSet) -> float:
     """Variance (px^2) that single photos or depths have beyond what is common to all; 0 where none is clear."""
-    moved, defocus = motion_of(photos), inspect_defocus(photos)
+    moved, local = photos.motion, photos.local_blur if photos.observations is not None else None
     path = moved.length**2 / 24.0 if moved is not None and moved.significant else 0.0  # L^2 / 12 along one of two axes
-    circle = float(defocus.estimate.get("value") or 0.0) ** 2 if defocus.needed else 0.0
-    return max(path, circle)
+    defocus = local.defocus if local is not None and local.defocus_significant else 0.0
+    return max(path, shortened(defocus) ** 2)
 
 
 def _variance(photos: PhotoSet, known: list[Blur]) -> tuple[float, float]:
@@ -229,19 +228,12 @@ def _variance(photos: PhotoSet, known: list[Blur]) -> tuple[float, float]:
     values = np.array([blur.variance for blur in photos.blurs_between(lowest, 0.5) if blur is not None])
     values = values if len(values) else whole
     tiles = photos.tiles
-    side = _side(photos)
+    side = photos.tile_side
     if len(tiles.variance) >= 20 and side > TILE_SIGMAS * math.sqrt(max(float(np.median(whole)), 0.1)):
         values = np.array([np.median(tiles.variance[tiles.photo == p]) for p in np.unique(tiles.photo)])
     middle = float(np.median(values))
     scatter = 1.4826 * float(np.median(np.abs(values - middle)))
     return middle, max(1.25 * scatter / math.sqrt(len(values)), 0.01 * abs(middle))
-
-
-def _side(photos: PhotoSet) -> float:
-    """Side of the tiles, px."""
-    from .photo_set import LARGEST_TILE, SMALLEST_TILE, TILES
-
-    return float(np.clip(min(photos.greys[0].shape) / TILES, SMALLEST_TILE, LARGEST_TILE))
 
 
 def _axes(covariance: np.ndarray, mean: float) -> tuple[float, float, float]:

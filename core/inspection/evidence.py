@@ -7,8 +7,23 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-#: An effect is called needed where it is larger than the smallest visible one with this probability.
-NEEDED = 0.9
+from ..numbers import number
+
+
+@dataclass(frozen=True)
+class EvidenceSettings:
+    """Numbers of the judgement."""
+
+    needed: float = number(
+        0.9,
+        "probability",
+        "with which an effect is larger than the smallest visible one, from which on it is called needed",
+        "judgement; set once, before benchmarks/effects.py was run",
+        "benchmarks/effects.py: 0 of 144 decisions on 12 clean drawn sets were false alarms",
+    )
+
+
+SETTINGS = EvidenceSettings()
 
 
 @dataclass(frozen=True)
@@ -58,8 +73,8 @@ def judged(name: str, value: float, error: float, smallest: float, unit: str, te
     if not (math.isfinite(value) and math.isfinite(error)):
         return unknown(name, unit, smallest, text)
     larger = 0.5 * (1.0 + math.erf((value - smallest) / max(error, 1e-9) / math.sqrt(2.0)))
-    needed = larger > NEEDED
-    estimate = {"value": _short(value), "error": _short(error), "unit": unit, "smallest": smallest, **details}
+    needed = larger > SETTINGS.needed
+    estimate = {"value": shortened(value), "error": shortened(error), "unit": unit, "smallest": smallest, **details}
     return Evidence(name, needed, estimate, larger if needed else 1.0 - larger, text)
 
 
@@ -68,5 +83,6 @@ def unknown(name: str, unit: str, smallest: float, why: str) -> Evidence:
     return Evidence(name, False, {"value": None, "error": None, "unit": unit, "smallest": smallest}, 0.0, why)
 
 
-def _short(value: float) -> float:
+def shortened(value: float) -> float:
+    """To the four digits that reports show."""
     return float(f"{value:.4g}")

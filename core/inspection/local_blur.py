@@ -13,14 +13,54 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from .photo_set import PhotoSet
+from ..numbers import NOT_CHECKED, number
+from .evidence import judged
 
 Array = NDArray[np.float64]
 
-DRAWS = 100
-FEWEST = 40
-#: Bins of equally many tiles. Scenes' own spectra differ from bin to bin by this much variance, px^2, and this share.
-BINS, SCENE, SCENE_SHARE = 10, 0.15, 0.15
+
+@dataclass(frozen=True)
+class LocalBlurSettings:
+    """Numbers of the fit of blur by depth and place."""
+
+    smallest_defocus: float = number(
+        1.0,
+        "px",
+        "smallest visible standard deviation that the blurriest depth has beyond the sharpest",
+        "judgement of what shows in a twin; set once, before benchmarks/effects.py was run",
+        "benchmarks/effects.py: 133 drawn sets of 12 scenes, all of one kind; no real photos",
+    )
+    draws: int = number(100, "count", "draws of places, for the errors")
+    fewest_tiles: int = number(40, "count", "tiles at least")
+    least_range: float = number(0.1, "median depths", "between the tenths of the tiles' depths: flatter has no defocus")
+    least_error: float = number(0.1, "px", "of the defocus")
+    bins: int = number(10, "count", "bins of equally many tiles")
+    scene_variance: float = number(
+        0.15, "px^2", "by which scenes' own spectra differ from bin to bin", "drawn scenes", NOT_CHECKED
+    )
+    scene_share: float = number(0.15, "share", "of the variance, the same", "drawn scenes", NOT_CHECKED)
+
+
+SETTINGS = LocalBlurSettings()
+
+
+@dataclass(frozen=True)
+class Tiles:
+    """Blur of one region of one photo each.
+
+    Attributes:
+        photo: [N] index into `PhotoSet.looked_at`.
+        x, y: [N] middle, px.
+        variance, error: [N] px^2.
+        depth: [N] median depth of the points in it over the set's median; NaN where unknown.
+    """
+
+    photo: NDArray[np.int64] = field(repr=False)
+    x: Array = field(repr=False)
+    y: Array = field(repr=False)
+    variance: Array = field(repr=False)
+    error: Array = field(repr=False)
+    depth: Array = field(repr=False)
 
 
 @dataclass(frozen=True)
@@ -28,14 +68,14 @@ class LocalBlur:
     """Blur by depth and place; variances in px^2.
 
     Attributes:
-        depth_known: whether depths could be used.
+        by_depth: whether depths could be used.
         sharpest: least variance over the depths there are.
         defocus, defocus_error: standard deviation (px) that the blurriest depth has beyond the sharpest.
         corner, corner_error: variance at the corner minus that in the middle, px^2.
         depths, variances: [n] tiles with a known depth, for pictures; curve: [2, 50] depth and fitted variance.
     """
 
-    depth_known: bool
+    by_depth: bool
     sharpest: float
     defocus: float
     defocus_error: float
@@ -48,29 +88,19 @@ class LocalBlur:
     @property
     def defocus_significant(self) -> bool:
         """Whether blur changes with depth by more than the smallest visible."""
-        from .effects.defocus import SMALLEST
-        from .evidence import judged
-
-        return judged("", self.defocus, self.defocus_error, SMALLEST, "px", "").needed
+        return judged("", self.defocus, self.defocus_error, SETTINGS.smallest_defocus, "px", "").needed
 
 
-def fit_local_blur(photos: PhotoSet) -> LocalBlur | None:
-    """The joint fit; None with too few tiles. Kept with the photos."""
-    kept = photos.__dict__
-    if "_local_blur" not in kept:
-        kept["_local_blur"] = _fit(photos)
-    found: LocalBlur | None = kept["_local_blur"]
-    return found
-
-
-def _fit(photos: PhotoSet) -> LocalBlur | None:
-    tiles = photos.tiles
-    height, width = photos.greys[0].shape
+def fit_local_blur(tiles: Tiles, height: int, width: int) -> LocalBlur | None:
+    """The joint fit over photos of this size, px; None with too few tiles."""
     r2 = ((tiles.x - width / 2) ** 2 + (tiles.y - height / 2) ** 2) / ((width / 2) ** 2 + (height / 2) ** 2)
-    known = np.isfinite(tiles.depth)
-    by_depth = known.sum() >= FEWEST and np.ptp(np.quantile(tiles.depth[known], [0.1, 0.9])) > 0.1
-    use = known if by_depth else np.ones(len(r2), bool)
-    if use.sum() < FEWEST:
+    with_depth = np.isfinite(tiles.depth)
+    by_depth = (
+        with_depth.sum() >= SETTINGS.fewest_tiles
+        and np.ptp(np.quantile(tiles.depth[with_depth], [0.1, 0.9])) > SETTINGS.least_range
+    )
+    use = with_depth if by_depth else np.ones(len(r2), bool)
+    if use.sum() < SETTINGS.fewest_tiles:
         return None
     v, r2 = tiles.variance[use], r2[use]
     q = 1.0 / tiles.depth[use] if by_depth else np.zeros(len(v))
@@ -102,7 +132,8 @@ def _fit(photos: PhotoSet) -> LocalBlur | None:
 
     best = solve(np.arange(len(v)))
     draws = [
-        solve(np.concatenate([members[g] for g in random.integers(0, len(groups), len(groups))])) for _ in range(DRAWS)
+        solve(np.concatenate([members[g] for g in random.integers(0, len(groups), len(groups))]))
+        for _ in range(SETTINGS.draws)
     ]
     fitted = curve(best)
     lift = max(float(np.ptp(fitted)), 0.0) if by_depth else 0.0
@@ -112,7 +143,7 @@ def _fit(photos: PhotoSet) -> LocalBlur | None:
     lift_error = float(ranges.std())
     clean = max(lift - noise, 0.0)
     defocus = float(np.sqrt(clean))
-    error = max(lift_error / max(2 * defocus, 1.0), 0.1) if by_depth else float("inf")
+    error = max(lift_error / max(2 * defocus, 1.0), SETTINGS.least_error) if by_depth else float("inf")
     return LocalBlur(
         by_depth,
         float(max(fitted.min(), 0.0)),
@@ -129,11 +160,13 @@ def _fit(photos: PhotoSet) -> LocalBlur | None:
 def _binned(x: Array, y: Array) -> tuple[Array, Array, Array]:
     """Median x, median y and its standard deviation in bins that hold equally many: tiles' scatter has long tails."""
     order = np.argsort(x, kind="stable")
-    parts = [part for part in np.array_split(order, BINS) if len(part) >= 3]
+    parts = [part for part in np.array_split(order, SETTINGS.bins) if len(part) >= 3]
     middles = np.array([float(np.median(y[part])) for part in parts])
     scatter = np.array([1.4826 * float(np.median(np.abs(y[part] - m))) for part, m in zip(parts, middles, strict=True)])
     counts = np.array([len(part) for part in parts])
-    deviation = np.sqrt(1.57 * scatter**2 / counts + SCENE**2 + (SCENE_SHARE * np.abs(middles)) ** 2)
+    deviation = np.sqrt(
+        1.57 * scatter**2 / counts + SETTINGS.scene_variance**2 + (SETTINGS.scene_share * np.abs(middles)) ** 2
+    )
     return np.array([float(np.median(x[part])) for part in parts]), middles, deviation
 
 

@@ -3,45 +3,41 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..colour import srgb_to_linear
+from ..numbers import number
 from ..photos.load import Photo
 from ..reconstruction import Reconstruction
+from .local_blur import LocalBlur, Tiles, fit_local_blur
+from .motion_paths import SETTINGS as PATHS
+from .motion_paths import MotionPath, MotionPathFinder, SetMotion, find_motion_paths, set_motion
 from .noise_level import noise_of
+from .observations import PointObservations, observe_points
 from .photometry import Photometry, fit_photometry
 from .spectra import Blur, fit_blur, polar_power
-from .tracks import Tracks, find_tracks
 
 Array = NDArray[np.float64]
 
-#: Photos whose spectra are looked at; more tell little more.
-MOST_PHOTOS = 24
-#: Tiles along the photo's shorter side, and their least and largest size in px.
-TILES, SMALLEST_TILE, LARGEST_TILE = 4, 48, 160
-
 
 @dataclass(frozen=True)
-class Tiles:
-    """Blur of one region of one photo each.
+class PhotoSetSettings:
+    """Numbers of what is looked at."""
 
-    Attributes:
-        photo: [N] index into `PhotoSet.looked_at`.
-        x, y: [N] middle, px.
-        variance, error: [N] px^2.
-        depth: [N] median depth of the points in it over the set's median; NaN where unknown.
-    """
+    most_photos: int = number(24, "count", "photos whose spectra are looked at; more show little more")
+    tiles: int = number(4, "count", "tiles along the photo's shorter side")
+    smallest_tile: int = number(48, "px", "side of a tile at least: a smaller one has too few frequencies")
+    largest_tile: int = number(160, "px", "side of a tile at most: a larger one says little of a place")
+    least_sigma: float = number(0.3, "px", "of the photos' blur: no photo is sharper")
+    fewest_points: int = number(4, "count", "points in a tile with a depth")
+    flat_tile: float = number(0.15, "share", "of its depth between quarters: a tile of more depth has none of its own")
 
-    photo: NDArray[np.int64] = field(repr=False)
-    x: Array = field(repr=False)
-    y: Array = field(repr=False)
-    variance: Array = field(repr=False)
-    error: Array = field(repr=False)
-    depth: Array = field(repr=False)
+
+SETTINGS = PhotoSetSettings()
 
 
 @dataclass
@@ -65,7 +61,7 @@ class PhotoSet:
         sizes = [photo.size for photo in self.photos]
         commonest = max(set(sizes), key=lambda size: (sizes.count(size), size))
         same = [photo for photo in self.photos if photo.size == commonest]
-        picked = np.linspace(0, len(same) - 1, min(MOST_PHOTOS, len(same))).round().astype(int)
+        picked = np.linspace(0, len(same) - 1, min(SETTINGS.most_photos, len(same))).round().astype(int)
         return [same[i] for i in picked]
 
     @cached_property
@@ -124,16 +120,21 @@ class PhotoSet:
     @cached_property
     def sigma(self) -> float:
         """Standard deviation of the photos' blur, px, median over the photos; at least 0.3."""
-        known = [blur.variance for blur in self.blurs if blur is not None]
-        return max(float(np.median(known)), 0.09) ** 0.5 if known else 0.3
+        variances = [blur.variance for blur in self.blurs if blur is not None]
+        return max(float(np.median(variances)), 0.09) ** 0.5 if variances else SETTINGS.least_sigma
+
+    @property
+    def tile_side(self) -> float:
+        """Side of the tiles, px, where the photos are that large."""
+        wanted = min(self.greys[0].shape) / SETTINGS.tiles
+        return float(np.clip(wanted, SETTINGS.smallest_tile, SETTINGS.largest_tile))
 
     @cached_property
     def tiles(self) -> Tiles:
         """Blur of overlapping tiles of `looked_at`."""
         rows: list[tuple[float, ...]] = []
         height, width = self.greys[0].shape
-        side = int(np.clip(min(height, width) / TILES, SMALLEST_TILE, LARGEST_TILE))
-        side = min(side, height, width)
+        side = min(int(self.tile_side), height, width)
         ys = np.linspace(0, height - side, max(1, round(height / side * 1.5))).round().astype(int)
         xs = np.linspace(0, width - side, max(1, round(width / side * 1.5))).round().astype(int)
         for index, (grey, noise) in enumerate(zip(self.greys, self.grey_noise, strict=True)):
@@ -151,38 +152,61 @@ class PhotoSet:
 
     def _seen(self, index: int) -> tuple[Array, Array]:
         """px [n, 2] and relative depth [n] of the observed points in one of `looked_at`."""
-        tracks, name = self.tracks, self.looked_at[index].name
-        if tracks is None or name not in tracks.names:
+        observations, name = self.observations, self.looked_at[index].name
+        if observations is None or name not in observations.names:
             return np.zeros((0, 2)), np.zeros(0)
-        mine = tracks.photo == tracks.names.index(name)
-        return tracks.pixel[mine], tracks.depth[mine]
+        mine = observations.photo == observations.names.index(name)
+        return observations.pixel[mine], observations.depth[mine]
 
     @cached_property
-    def tracks(self) -> Tracks | None:
-        """Points in several photos; None without cameras or points."""
-        from .effects.motion import motion_of, paths_of
+    def local_blur(self) -> LocalBlur | None:
+        """Blur by depth and place; None with too few tiles."""
+        height, width = self.greys[0].shape
+        return fit_local_blur(self.tiles, height, width)
 
+    @cached_property
+    def motion(self) -> SetMotion | None:
+        """Motion of `looked_at`; None with fewer than four photos, or too little detail."""
+        finder = self._path_finder
+        return None if finder is None else set_motion({p.name: finder.path(p) for p in self.looked_at})
+
+    @cached_property
+    def motion_paths(self) -> dict[str, MotionPath]:
+        """The paths of all photos by name; empty where they cannot be estimated."""
+        finder = self._path_finder
+        return {} if finder is None else find_motion_paths(self.photos, self.rounding, finder)
+
+    @cached_property
+    def _path_finder(self) -> MotionPathFinder | None:
+        if len(self.looked_at) < PATHS.fewest_photos:
+            return None
+        finder = MotionPathFinder(self.looked_at, self.rounding)
+        return finder if finder.possible else None
+
+    @cached_property
+    def observations(self) -> PointObservations | None:
+        """Points in several photos; None without cameras or points."""
         if self.cameras is None:
             return None
-        moved = motion_of(self)
-        paths = paths_of(self) if moved is not None and moved.significant else {}
+        moved = self.motion
+        paths = self.motion_paths if moved is not None and moved.significant else {}
         own = {name: (path.length, path.angle) for name, path in paths.items() if path.length}
-        return find_tracks(self.photos, self.cameras, self.sigma, paths=own)
+        return observe_points(self.photos, self.cameras, self.sigma, paths=own)
 
     @cached_property
     def photometry(self) -> Photometry | None:
-        """Gains, vignetting and haze out of the tracks."""
-        return None if self.tracks is None else fit_photometry(self.tracks)
+        """Gains, vignetting and haze out of the observations."""
+        return None if self.observations is None else fit_photometry(self.observations)
 
     @property
-    def no_tracks(self) -> str:
-        """Why there are no tracks, as a sentence."""
+    def no_observations(self) -> str:
+        """Why there are no observations, as a sentence."""
         return self.why or "too few points are seen in three photos"
 
 
 def _depth_of(depths: Array) -> float:
     """The depth of a tile: the median where the points in it lie at much the same depth, else NaN."""
-    if len(depths) < 4:
+    if len(depths) < SETTINGS.fewest_points:
         return float("nan")
     low, middle, high = np.quantile(depths, [0.25, 0.5, 0.75])
-    return float(middle) if high - low <= 0.15 * middle else float("nan")
+    return float(middle) if high - low <= SETTINGS.flat_tile * middle else float("nan")

@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from .tracks import Tracks
+from .observations import PointObservations
 
 Array = NDArray[np.float64]
 
@@ -27,7 +27,7 @@ PRIOR_GAIN, PRIOR_VIGNETTE, PRIOR_HAZE = 0.5, 0.7, 1.0
 
 @dataclass(frozen=True)
 class Photometry:
-    """What the tracks say, per channel (red, green, blue), with draws for its uncertainty.
+    """What the observations say, per channel (red, green, blue), with draws for its uncertainty.
 
     Attributes:
         gains: [V, 3] natural log of each photo's gain, mean 0 over the photos.
@@ -52,14 +52,14 @@ class Photometry:
     spread: float = 0.0
 
 
-def fit_photometry(tracks: Tracks, seed: int = 0) -> Photometry:
+def fit_photometry(observations: PointObservations, seed: int = 0) -> Photometry:
     """The joint fit; see the module."""
-    photos = len(tracks.names)
-    blocks = int(tracks.block.max()) + 1
+    photos = len(observations.names)
+    blocks = int(observations.block.max()) + 1
     picks = np.random.default_rng(seed).multinomial(blocks, np.full(blocks, 1.0 / blocks), size=DRAWS)
     found, drawn, residuals, weights = [], [], [], []
     for channel in range(3):
-        solution, draws, residual, weight = _fit(tracks, channel, photos, blocks, picks)
+        solution, draws, residual, weight = _fit(observations, channel, photos, blocks, picks)
         found.append(solution)
         drawn.append(draws)
         residuals.append(residual)
@@ -84,10 +84,10 @@ def fit_photometry(tracks: Tracks, seed: int = 0) -> Photometry:
 
 
 def _fit(
-    tracks: Tracks, channel: int, photos: int, blocks: int, picks: NDArray[np.int64]
+    observations: PointObservations, channel: int, photos: int, blocks: int, picks: NDArray[np.int64]
 ) -> tuple[Array, Array, Array, Array]:
-    point, photo = tracks.point, tracks.photo
-    light = tracks.light[:, channel]
+    point, photo = observations.point, observations.photo
+    light = observations.light[:, channel]
     total = int(point.max()) + 1
     weight = np.ones(len(light))
     prior = np.concatenate([np.full(photos, PRIOR_GAIN), [PRIOR_VIGNETTE, PRIOR_HAZE, 0.5 * PRIOR_HAZE]]) ** -2.0
@@ -108,8 +108,8 @@ def _fit(
         shares = np.zeros((total, photos))
         np.add.at(shares, (point, photo), weight)
         design[:, :photos] = indicator - (shares / sums[:, None])[point]
-        design[:, photos] = -centred(tracks.radius**2)
-        depth = centred(tracks.depth)
+        design[:, photos] = -centred(observations.radius**2)
+        depth = centred(observations.depth)
         design[:, photos + 1], design[:, photos + 2] = -depth, depth / mean
         normal = design.T @ (design * weight[:, None]) / scale**2 + np.diag(prior)
         solution = np.linalg.solve(normal, design.T @ (weight * target) / scale**2)
@@ -119,7 +119,7 @@ def _fit(
     matrices = np.zeros((blocks, photos + 3, photos + 3))
     vectors = np.zeros((blocks, photos + 3))
     for block in range(blocks):
-        inside = tracks.block == block
+        inside = observations.block == block
         part = design[inside]
         matrices[block] = part.T @ (part * weight[inside, None]) / scale**2
         vectors[block] = part.T @ (weight[inside] * target[inside]) / scale**2

@@ -11,7 +11,6 @@ import numpy as np
 
 from ..files import make_folder, replacing
 from .evidence import Evidence
-from .local_blur import fit_local_blur
 from .photo_set import PhotoSet
 from .spectra import RADII, bin_counts, middle_frequencies, polar_power
 
@@ -35,7 +34,7 @@ def draw_inspection(folder: Path, photos: PhotoSet, found: Sequence[Evidence]) -
 
 
 def _figure(width: float, height: float) -> Any:
-    from matplotlib.figure import Figure
+    from matplotlib.figure import Figure  # heavy: only for pictures
 
     return Figure(figsize=(width, height), dpi=110, layout="constrained")
 
@@ -45,8 +44,8 @@ def _blur_map(photos: PhotoSet, found: dict[str, Evidence]) -> Any:
     tiles = photos.tiles
     if not len(tiles.variance):
         return None
-    local = fit_local_blur(photos)
-    by_depth = local is not None and local.depth_known
+    local = photos.local_blur
+    by_depth = local is not None and local.by_depth
     figure = _figure(11.0 if by_depth else 6.0, 4.2)
     axes = figure.subplots(1, 2 if by_depth else 1, squeeze=False)[0]
     xs, ys = np.unique(tiles.x), np.unique(tiles.y)
@@ -71,10 +70,10 @@ def _blur_map(photos: PhotoSet, found: dict[str, Evidence]) -> Any:
 
 def _spectrum(photos: PhotoSet, found: dict[str, Evidence]) -> Any:
     """Power against frequency of one photo of middling blur, with what was fitted."""
-    known = [(blur.variance, i) for i, blur in enumerate(photos.blurs) if blur is not None]
-    if not known:
+    measured = [(blur.variance, i) for i, blur in enumerate(photos.blurs) if blur is not None]
+    if not measured:
         return None
-    index = sorted(known)[len(known) // 2][1]
+    index = sorted(measured)[len(measured) // 2][1]
     grey, noise, blur = photos.greys[index], photos.grey_noise[index], photos.blurs[index]
     assert blur is not None
     power, counts = polar_power(grey), bin_counts(*grey.shape)

@@ -16,7 +16,8 @@ from scipy.special import chdtri
 
 from ..imaging.psf import PointSpread
 from ..photos.load import Photo
-from .photo_set import MOST_PHOTOS, PhotoSet
+from .photo_set import SETTINGS as LOOKED_AT
+from .photo_set import PhotoSet
 from .spectra import Blur
 
 #: What a fit tells as its error is mostly how the scene bends the law, which photos of one scene have in common: this
@@ -87,8 +88,8 @@ def _blurs(photos: Sequence[Photo], linear: bool) -> dict[str, Blur | None]:
     found: dict[str, Blur | None] = {}
     for size in sorted({photo.size for photo in photos}):
         same = [photo for photo in photos if photo.size == size]
-        for first in range(0, len(same), MOST_PHOTOS):
-            part = PhotoSet(same[first : first + MOST_PHOTOS], linear=linear)
+        for first in range(0, len(same), LOOKED_AT.most_photos):
+            part = PhotoSet(same[first : first + LOOKED_AT.most_photos], linear=linear)
             found.update(zip((photo.name for photo in part.looked_at), part.blurs, strict=True))
     return found
 

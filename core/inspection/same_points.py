@@ -49,44 +49,44 @@ def agreement(
     """Compares a claim with the photos; None where too few points are seen, or the claim says the same of all.
 
     Args:
-        claimed: (depths in the tracks' unit, squared distances from the middle over half the diagonal) -> variances,
-            px^2, that an effect adds there.
+        claimed: (depths in the observations' unit, squared distances from the middle over half the diagonal) ->
+            variances, px^2, that an effect adds there.
         floor: variance, px^2, of what blurs all px alike.
         others: of the same arguments -> [N, K] what else could differ, given the chance to explain it instead.
     """
-    tracks = photos.tracks
-    if tracks is None:
+    observations = photos.observations
+    if observations is None:
         return None
     first = max(NARROWEST, OWN * float(np.sqrt(max(floor, 0.0))))
     energy = _energies(photos, first)
     usable = np.isfinite(energy)
-    counts = np.bincount(tracks.point[usable], minlength=int(tracks.point.max()) + 1)
-    usable &= counts[tracks.point] >= 2
+    counts = np.bincount(observations.point[usable], minlength=int(observations.point.max()) + 1)
+    usable &= counts[observations.point] >= 2
     if usable.sum() < FEWEST:
         return None
-    point, photo = tracks.point[usable], tracks.photo[usable]
-    depth, radius2 = tracks.depth[usable], tracks.radius[usable] ** 2
+    point, photo = observations.point[usable], observations.photo[usable]
+    depth, radius2 = observations.depth[usable], observations.radius[usable] ** 2
     response = _response(first, max(floor, 0.0), np.maximum(claimed(depth, radius2), 0.0))
-    columns = np.column_stack([response, np.log(depth), others(depth, radius2), np.eye(len(tracks.names))[photo]])
-    return _fitted(np.log(energy[usable]), columns, point, tracks.block[usable], len(tracks.names))
+    columns = np.column_stack([response, np.log(depth), others(depth, radius2), np.eye(len(observations.names))[photo]])
+    return _fitted(np.log(energy[usable]), columns, point, observations.block[usable], len(observations.names))
 
 
 def _energies(photos: PhotoSet, first: float) -> Array:
     """[N] energy of the band around every observation over the square of the mean there; NaN where noise has it."""
-    tracks = photos.tracks
-    assert tracks is not None
+    observations = photos.observations
+    assert observations is not None
     reach = int(np.ceil(4 * WIDER * first))
     impulse = np.zeros((2 * reach + 1,) * 2)
     impulse[reach, reach] = 1.0
     noise_gain = float(np.square(_band(impulse, first)).sum())
-    out = np.full(len(tracks), np.nan)
+    out = np.full(len(observations), np.nan)
     for photo, grey, noise in zip(photos.looked_at, photos.greys, photos.grey_noise, strict=True):
-        if photo.name not in tracks.names:
+        if photo.name not in observations.names:
             continue
-        mine = np.flatnonzero(tracks.photo == tracks.names.index(photo.name))
+        mine = np.flatnonzero(observations.photo == observations.names.index(photo.name))
         energy = ndimage.gaussian_filter(np.square(_band(grey, first)), WINDOW * first, truncate=3.0)
         level = ndimage.gaussian_filter(grey, WINDOW * first, truncate=3.0)
-        at = tracks.pixel[mine].T[::-1] - 0.5
+        at = observations.pixel[mine].T[::-1] - 0.5
         e, m = (ndimage.map_coordinates(plane, at, order=1, mode="nearest") for plane in (energy, level))
         known = noise**2 * noise_gain
         e = np.where(e > (1.0 + LOUD) * known, e - known, np.nan)

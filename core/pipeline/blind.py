@@ -13,7 +13,6 @@ import numpy as np
 from ..errors import PsfError
 from ..imaging.psf import KERNEL_SUFFIXES, PointSpread, parse_psf
 from ..inspection.blind_psf import blind_psf
-from ..inspection.effects.motion import paths_of
 from ..inspection.photo_set import PhotoSet
 from ..inspection.psf_per_photo import gaussian_text, psf_per_photo
 from ..photos.load import Photo
@@ -129,7 +128,7 @@ def _estimated(photos: Sequence[Photo], settings: ReconstructSettings) -> Spread
     first = _in_files(shared, photos[0].scale[0])
     if settings.psf != "auto-each":
         return Spreads(first, notes=shared.notes)
-    moved = {name: path.length for name, path in paths_of(source).items()} if _may_move(settings) else None
+    moved = {name: path.length for name, path in source.motion_paths.items()} if _may_move(settings) else None
     own = psf_per_photo(photos, shared, linear, moved)
     spreads = {name: _in_files(psf, scale[name]) for name, psf in own.spreads.items()}
     return Spreads(first, spreads, (*shared.notes, own.text))

@@ -283,7 +283,6 @@ def _train(
     from ..training.run import train
     from ..training.settings import TrainingSettings
     from .effects.choose import choose_effects
-    from .effects.corrected import corrected
 
     views = undistorted_views(registered, reconstruction)
     seen = {fingerprint(view.photo) for view in views if view.name in held}
@@ -311,10 +310,7 @@ def _train(
     medium = effects.formation.through(medium, [view.name for view in views])
     if settings.effects != "none":
         watch.lap("effects")
-    fitted, watched = (
-        corrected(part, effects.formation, effects.saturation)
-        for part in (kept, [view for view in views if view.name in held])
-    )
+    fitted, watched = (effects.corrected(part) for part in (kept, [view for view in views if view.name in held]))
     if budget is not None:
         chosen = budget.train(
             registered,

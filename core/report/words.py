@@ -1,19 +1,11 @@
-"""What a report says in words: what the run modelled, what it did not, and what nobody can know."""
+"""What a report says in words: what the run modelled, what it did not, and what photos cannot show."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import Any
 
-_EFFECTS = {
-    "haze": "Haze: light that is lost with depth and light that the medium adds, in every step.",
-    "defocus": "Defocus: blur that grows with the distance in 1 / depth from the plane in focus, in every step.",
-    "field_blur": "Blur that grows towards the corners (or the middle) of the frame, in every step.",
-    "motion": "Motion of the camera during each exposure: a straight path in that photo's point spread.",
-    "vignetting": "Vignetting, undone on the photos before the training.",
-    "exposure": "Exposure and white balance of every photo, undone on the photos before the training.",
-    "saturation": "Clipped pixels: they do not count.",
-}
+from ..effects.registry import all_effects, effect_named
 
 
 def simulated(report: Mapping[str, Any]) -> list[str]:
@@ -37,25 +29,29 @@ def simulated(report: Mapping[str, Any]) -> list[str]:
     )
     return [
         blur,
-        *(_EFFECTS[effect["name"]] for effect in report.get("effects", ()) if effect["on"]),
+        *(_sentence(effect["name"]) for effect in report.get("effects", ()) if effect["on"]),
         "Perspective and lens distortion of each photo, with the light from just outside the frame.",
         gloss,
         "Opacity and occlusion of the Gaussians in depth order.",
     ]
 
 
+def _sentence(name: str) -> str:
+    """What the report says of an effect that is on; its name where this program has no words for it."""
+    spec = effect_named(name)
+    return spec.words.simulated if spec is not None and spec.words.simulated else f"The effect '{name}'."
+
+
 def not_simulated(report: Mapping[str, Any]) -> list[str]:
-    """What a real scene may have and this run does not know."""
+    """What a real scene may have and this run leaves out."""
     on = {effect["name"] for effect in report.get("effects", ()) if effect["on"]}
     own = report["medium"].get("per_photo_sigma") is not None
     missing = [
-        *([] if "defocus" in on else ["Blur that changes with depth"]),
-        *([] if "field_blur" in on else ["Blur that changes over the frame"]),
-        *([] if own or "motion" in on else ["Blur that changes from photo to photo"]),
-        *([] if "haze" in on else ["Haze: light that the medium adds, absorbs or colours"]),
-        *([] if "exposure" in on else ["Exposure and white balance that differ from photo to photo"]),
-        *([] if "vignetting" in on else ["Vignetting: the lens's loss of light towards the corners"]),
-        "Noise of the camera beyond the rounding of the files, and clipped highlights",
+        *(
+            spec.words.missing
+            for spec in all_effects()
+            if spec.words.missing and spec.name not in on and not (own and spec.words.covered_by_own_blurs)
+        ),
         "Anything that moved between the photos",
     ]
     if report["cameras"]["source"] == "sfm":

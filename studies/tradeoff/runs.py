@@ -22,7 +22,6 @@ from ...core.imaging.medium import Medium
 from ...core.machine import choose_device, machine, use_threads
 from ...core.photos.undistort import undistorted_views
 from ...core.pipeline.effects.choose import choose_effects
-from ...core.pipeline.effects.corrected import corrected
 from ...core.pipeline.refinement import taken_over
 from ...core.pipeline.views import Viewer, to_pixels
 from ...core.progress import Progress
@@ -162,7 +161,7 @@ def one_run(knob: Knob, settings: TrainingSettings, sets: _Sets, progress: Progr
     medium = data.medium if knob.medium else Medium(None, data.medium.blur_space)
     views = [view for view in undistorted_views(data.photos, data.cameras) if view.name not in measure.held]
     effects = choose_effects(knob.effects, data.photos, data.cameras, views, medium, settings, Quiet(progress))
-    fitted = corrected(views, effects.formation, effects.saturation)
+    fitted = effects.corrected(views)
     looks = _Looks(data, measure.held[:: max(1, len(measure.held) // LOOKED)][:LOOKED], began, settings.steps)
     trained = train(
         fitted, [], data.cameras.points, medium, settings, Quiet(progress), watch=looks, formation=effects.formation

@@ -1,6 +1,6 @@
-"""Optional effects of image formation besides the point spread: what the light meets between scene and file.
+"""Image formation besides the point spread: what an effect can do, and the chain of them around the medium's blur.
 
-    scene --(haze, defocus, field blur)--> medium's blur (motion) --(vignetting, exposure)--> clipping --> file
+    scene --(light)--> medium's blur (kernel) --(sensor)--> clipping --> file
 
-An effect is one file here and one line in `registry`. Off is free: a chain without effects calls nothing at all.
+The effects themselves are in `core.effects`. Off is free: a chain without effects calls nothing at all.
 """

@@ -87,7 +87,7 @@ class Formation:
     def through(self, medium: Medium, names: Iterable[str]) -> Medium:
         """The medium with the point spreads that effects of the kernel give the named photos; may be the same one.
 
-        Whoever simulates the chain takes this medium, on the grid of the photos that the effects were told from.
+        Whoever simulates the chain takes this medium, on the grid of the photos that the effects were estimated from.
         """
         own = {}
         for name in names if self.kernels else ():

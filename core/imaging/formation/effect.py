@@ -1,4 +1,7 @@
-"""What every effect of image formation can do."""
+"""What every effect of image formation can do: all that a training and the forward model know of one.
+
+Loads no torch by itself, so that what lists effects (`--help`, Blender's panel) stays quick.
+"""
 
 from __future__ import annotations
 
@@ -6,12 +9,12 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import ClassVar, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal
 
-import torch
-from torch import Tensor
+if TYPE_CHECKING:
+    from torch import Tensor
 
-from ..psf import PointSpread
+    from ..psf import PointSpread
 
 
 @dataclass(frozen=True)
@@ -91,7 +94,7 @@ class Effect(ABC):
         raise NotImplementedError(f"'{self.name}' cannot be undone on a photo")
 
     def settle(self) -> None:  # noqa: B027 (most effects have no gauge)
-        """Puts parameters that the photos cannot tell apart from the scene's onto their convention."""
+        """Puts parameters that the photos cannot distinguish from the scene's onto their convention."""
 
     def described(self) -> Mapping[str, object]:
         """Parameters for reports, as plain numbers."""
@@ -102,7 +105,7 @@ class Effect(ABC):
 
 
 def index_of(names: Sequence[str], name: str) -> int | None:
-    """Where a photo stands, or None for one that the effect knows nothing of."""
+    """Where a photo stands, or None for one that the effect does not name."""
     try:
         return list(names).index(name)
     except ValueError:
@@ -111,6 +114,8 @@ def index_of(names: Sequence[str], name: str) -> int | None:
 
 def radius2(shot: Shot, like: Tensor) -> Tensor:
     """[h, w] squared distance from the photo's middle over half its diagonal, on a frame [3, h, w] with its margin."""
+    import torch  # heavy
+
     x0, y0 = shot.middle or (shot.width / 2, shot.height / 2)
     margin_y, margin_x = (like.shape[1] - shot.height) // 2, (like.shape[2] - shot.width) // 2
     y = torch.arange(like.shape[1], device=like.device, dtype=like.dtype) + 0.5 - margin_y - y0

@@ -9,7 +9,6 @@ where a blurred foreground ends.
 
 from __future__ import annotations
 
-from abc import abstractmethod
 from collections.abc import Sequence
 from functools import lru_cache
 
@@ -20,7 +19,7 @@ from torch import Tensor
 from ...compiled import run
 from ..operator import BlurOperator
 from ..psf import PointSpread, gaussian_taps
-from .effect import Effect, Shot, radius2
+from .layered_kernels import gathered, weighed
 
 #: Standard deviations of the ladder, px of the frame. A mixture of two neighbours passes too much fine detail half-way:
 #: at most 0.06 of the contrast with this ratio, 0.12 with a ratio of 2 (0.11 below the first rung).
@@ -105,8 +104,6 @@ class LayeredBlur:
     def _weighed(self, light: Tensor, tent: Tent) -> Tensor:
         """[C + 1, h, w] a level's share of the light, and its weights."""
         if self._compiled(light):
-            from .layered_kernels import weighed
-
             out = torch.empty((len(light) + 1, *light.shape[1:]))
             run(
                 weighed,
@@ -129,8 +126,6 @@ class LayeredBlur:
         """Adds a level's part to both gradients; back: [C + 1, h, w], what came back through its blur."""
         v = self._variance.detach()
         if self._compiled(light):
-            from .layered_kernels import gathered
-
             run(
                 gathered,
                 light.shape[1],
@@ -156,70 +151,6 @@ def _tent(variances: Sequence[float], k: int) -> Tent:
     r1 = 1.0 / (variances[k] - variances[k - 1]) if k > 0 else 0.0
     f1 = 1.0 / (variances[k] - variances[k + 1]) if k + 1 < len(variances) else 0.0
     return 1.0 - r1 * variances[k], r1, 1.0 - f1 * variances[k], f1
-
-
-class SpreadingEffect(Effect):
-    """An effect that blurs every px by a width of its own."""
-
-    place = "light"
-    #: For widths up to 2 px: four Gaussians of 25 different taps along either axis, of three channels and the norm,
-    #: there and back, are 133; the levels' weights the rest.
-    multiplications = 150
-
-    def __init__(self, parameters: dict[str, Tensor]) -> None:
-        super().__init__(parameters)
-        self._last: tuple[object, ...] | None = None
-
-    @abstractmethod
-    def spread(self, depth: Tensor, r2: Tensor, diagonal: float) -> Tensor:
-        """Variance (px^2), differentiable in the parameters.
-
-        Args:
-            depth: median depths, 1 where the effect does not go `by_depth`.
-            r2: squared distance from the photo's middle over half its diagonal, 0 where it does.
-            diagonal: of the photo, px.
-        """
-
-    def variance(self, shot: Shot, like: Tensor) -> Tensor:
-        """[h, w] px^2 of the frame `like` [3, h, w]."""
-        return self.spread(*self._where(shot, like), shot.diagonal)
-
-    def _where(self, shot: Shot, like: Tensor) -> tuple[Tensor, Tensor]:
-        if not self.by_depth:
-            return like.new_ones(()), radius2(shot, like)
-        if shot.depth is None:
-            raise ValueError(f"{self.name} needs the render's depth")
-        return shot.depth.to(like), like.new_zeros(())
-
-    @abstractmethod
-    def add_gradients(self, in_variance: Tensor | None, shot: Shot, light: Tensor) -> None:
-        """Adds the parameters' gradients, given that in the variance; None where it changes nothing."""
-
-    def _versions(self) -> tuple[int, ...]:
-        return tuple(value._version for value in self.parameters.values())
-
-    def forward(self, light: Tensor, shot: Shot) -> Tensor:
-        """See `Effect`."""
-        blur = LayeredBlur(self.variance(shot, light))
-        out = blur.apply(light)
-        # The gradient of the same step asks for the same again.
-        self._last = None if out.requires_grad else (light, shot, self._versions(), blur, out)
-        return out
-
-    def gradient(self, upstream: Tensor, light: Tensor, shot: Shot) -> Tensor:
-        """See `Effect`."""
-        last = self._last
-        if last is None or last[0] is not light or last[1] is not shot or last[2] != self._versions():
-            with torch.no_grad():
-                self.forward(light, shot)
-            last = self._last
-        assert last is not None
-        blur, out = last[3:]
-        assert isinstance(blur, LayeredBlur) and isinstance(out, Tensor)
-        self._last = None
-        passed, in_variance = blur.adjoint(upstream, light, out)
-        self.add_gradients(in_variance, shot, light)
-        return passed
 
 
 @lru_cache(maxsize=32)

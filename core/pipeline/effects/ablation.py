@@ -4,19 +4,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtrit
 
+from ...effects.spec import Switch
 from ...imaging.formation.chain import Formation
 from ...imaging.medium import Medium
 from ...lens import Lens
+from ...numbers import BY_DEFINITION, number
 from ...pose import Pose
 from ...progress import Silent
 from ...training.grid import coarse_view
 from ...training.run import train
+from ...training.scale import scene_scale
 from ...training.settings import TrainingSettings
 from ...views import SparsePoints, View
 from ..views import Viewer
@@ -25,22 +28,55 @@ from .matched import matched_psnr
 
 Array = NDArray[np.float64]
 
-#: Every so many photos of the training's own is judged by a pair of trainings without it, others by the next pair;
-#: at least so many in all, and at most so many by a pair.
-EVERY, FEWEST, MOST = 4, 5, 8
-#: A short training, and pairs of them, each with a seed and judged photos of its own.
-STEPS, GAUSSIANS, PAIRS = 100, 2000, 2
-#: Trials see photos averaged down to so many px along the shorter side: what is tried changes from photo to photo, or
-#: slowly over the frame and the depth, and shows there as well, at a price that does not grow with the photos.
-SIDE = 80
-#: A path must still be so many px long for a trial of it, the photos' middles are cut to this shorter side, and twins
-#: must be sharp enough to tell: measured, with half of the steps paths of 6 px are not confirmed, and with half of the
-#: side and of the Gaussians paths of 12 px on photos of 720 px are not.
-SHOWN, CROP, KERNEL_STEPS, KERNEL_GAUSSIANS = 4.0, 200, 200, 6000
-#: Sparse points that a trial of what the sensor does starts from at most.
-POINTS = 1000
-#: An effect is confirmed where chance would give its gain less often than a normal's two standard errors do.
-CHANCE = 0.0228
+
+@dataclass(frozen=True)
+class TrialSettings:
+    """Numbers of the short trainings."""
+
+    every: int = number(
+        4, "photos", "of which one is judged by a pair of trainings without it, others by the next pair"
+    )
+    fewest_judged: int = number(5, "photos", "judged at least, by all pairs together")
+    most_judged: int = number(8, "photos", "judged by a pair at most")
+    pairs: int = number(2, "count", "pairs of trainings, each with a seed and judged photos of its own")
+    steps: int = number(100, "steps", "of a short training", "benchmarks/effects_auto.py, drawn scenes")
+    gaussians: int = number(2000, "count", "of a short training", "benchmarks/effects_auto.py, drawn scenes")
+    side: int = number(
+        80,
+        "px",
+        "along the shorter side, to which photos are averaged down: what is tried changes from photo to photo, or "
+        "slowly over the frame and the depth, and shows there as well, at a price that does not grow with the photos",
+        "benchmarks/effects_auto.py, drawn scenes",
+    )
+    points: int = number(1000, "count", "sparse points that a trial of what the sensor does starts from at most")
+    path_px: float = number(4.0, "px", "that a path must still be long in a trial of it")
+    path_side: int = number(200, "px", "shorter side of the photos' middles in a trial of a path")
+    path_steps: int = number(
+        200,
+        "steps",
+        "in a trial of a path: with half of them paths of 6 px are not confirmed",
+        "drawn scenes with paths of 6 and 12 px, photos of 720 px",
+    )
+    path_gaussians: int = number(
+        6000,
+        "count",
+        "in a trial of a path; with half of them and of the side paths of 12 px on photos of 720 px are not confirmed",
+        "drawn scenes with paths of 6 and 12 px, photos of 720 px",
+    )
+    chance: float = number(
+        0.0228, "probability", "that chance gives as large a gain: a normal's beyond two standard errors", BY_DEFINITION
+    )
+
+
+SETTINGS = TrialSettings()
+
+
+@dataclass(frozen=True)
+class Arm:
+    """What one of two trainings simulates and masks."""
+
+    formation: Formation = field(default_factory=Formation)
+    masked: tuple[Switch, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -68,7 +104,7 @@ class Comparison:
     @property
     def needed(self) -> float:
         """Standard errors that a gain must exceed: 2 with many photos, more with few (Student's t)."""
-        return -float(stdtrit(max(1, len(self.differences) - 1), CHANCE))
+        return -float(stdtrit(max(1, len(self.differences) - 1), SETTINGS.chance))
 
 
 class Ablation:
@@ -84,63 +120,62 @@ class Ablation:
 
     def __init__(self, views: Sequence[View], points: SparsePoints, medium: Medium, settings: TrainingSettings) -> None:
         self.views, self.points = list(views), points
-        self.step = max(1, min((min(v.camera.width, v.camera.height) for v in self.views), default=1) // SIDE)
+        self.step = max(1, min((min(v.camera.width, v.camera.height) for v in self.views), default=1) // SETTINGS.side)
         self._asked = settings
         self.settings = replace(
             settings,
-            steps=min(STEPS, settings.steps),
+            steps=min(SETTINGS.steps, settings.steps),
             time_limit=None,
             until=None,
             min_steps=0,
             grid_step=None,
-            max_gaussians=min(GAUSSIANS, settings.max_gaussians),
+            max_gaussians=min(SETTINGS.gaussians, settings.max_gaussians),
         )
         self._full, self.medium = medium, medium.on_grid(self.step)
-        self._known: dict[tuple[str, ...], Array] = {}
+        self._scored: dict[tuple[tuple[str, ...], tuple[Switch, ...], bool], Array] = {}
 
     def judged(self, pair: int) -> list[int]:
         """Which photos a pair of trainings is judged by."""
-        found = list(range((1 + pair * (EVERY // PAIRS)) % EVERY, len(self.views), EVERY))
-        return [found[i] for i in np.linspace(0, len(found) - 1, min(MOST, len(found))).round().astype(int)]
+        found = list(
+            range((1 + pair * (SETTINGS.every // SETTINGS.pairs)) % SETTINGS.every, len(self.views), SETTINGS.every)
+        )
+        return [
+            found[i] for i in np.linspace(0, len(found) - 1, min(SETTINGS.most_judged, len(found))).round().astype(int)
+        ]
 
     @property
     def possible(self) -> bool:
         """Whether there are photos enough to judge by."""
-        return sum(len(self.judged(pair)) for pair in range(PAIRS)) >= FEWEST
+        return sum(len(self.judged(pair)) for pair in range(SETTINGS.pairs)) >= SETTINGS.fewest_judged
 
-    def compare(
-        self, without: Formation, with_it: Formation, saturation: tuple[bool, bool] = (False, False)
-    ) -> Comparison:
-        """`with_it` against `without`; `saturation` tells whether clipped px are masked without and with it.
+    def compare(self, without: Arm, with_it: Arm) -> Comparison:
+        """`with_it` against `without`.
 
         Photos of which no px counts are no part of it.
         """
-        if without.kernels != with_it.kernels:
-            arms = [Formation([e for e in f.effects if e.place != "sensor"]) for f in (without, with_it)]
-            return self._finer(with_it, saturation[0])._compare(arms[0], arms[1], (False, False), through=True)
-        return self._compare(without, with_it, saturation, bool(without.light or with_it.light))
+        if without.formation.kernels != with_it.formation.kernels:
+            arms = [Formation([e for e in a.formation.effects if e.place != "sensor"]) for a in (without, with_it)]
+            finer = self._finer(Arm(with_it.formation, without.masked))
+            return finer._compare(Arm(arms[0]), Arm(arms[1]), through=True)
+        return self._compare(without, with_it, bool(without.formation.light or with_it.formation.light))
 
-    def _compare(
-        self, without: Formation, with_it: Formation, saturation: tuple[bool, bool], through: bool
-    ) -> Comparison:
+    def _compare(self, without: Arm, with_it: Arm, through: bool) -> Comparison:
         medium = self.medium if through else Medium()
-        first, second = (self._scores(f, s, medium) for f, s in zip((without, with_it), saturation, strict=True))
+        first, second = (self._scores(arm, medium) for arm in (without, with_it))
         differences = second - first
         return Comparison(differences[np.isfinite(differences)])
 
-    def _scores(self, formation: Formation, saturation: bool, medium: Medium) -> Array:
+    def _scores(self, arm: Arm, medium: Medium) -> Array:
         """PSNR of every judged photo in dB, photos' own gains matched."""
-        how = {"saturation": saturation, "through the blur": medium is self.medium}
-        key = (*sorted(formation.names), *(word for word, true in how.items() if true))
-        if key not in self._known:
-            views = [self._coarse(view, medium) for view in corrected(self.views, formation, saturation)]
-            self._known[key] = np.concatenate([self._of_pair(views, formation, medium, pair) for pair in range(PAIRS)])
-        return self._known[key]
+        key = (tuple(sorted(arm.formation.names)), arm.masked, medium is self.medium)
+        if key not in self._scored:
+            views = [self._coarse(view, medium) for view in corrected(self.views, arm.formation, arm.masked)]
+            pairs = [self._of_pair(views, arm.formation, medium, pair) for pair in range(SETTINGS.pairs)]
+            self._scored[key] = np.concatenate(pairs)
+        return self._scored[key]
 
     def _of_pair(self, views: list[View], formation: Formation, medium: Medium, pair: int) -> list[float]:
         """Trains on what the pair does not judge, of `views`, and judges by photos as they were filed."""
-        from ...training.scale import scene_scale
-
         blurred = medium is self.medium
         if blurred and formation.kernels:
             medium = formation.through(self._full, [v.name for v in self.views]).on_grid(self.step)
@@ -162,13 +197,19 @@ class Ablation:
             scores.append(matched_psnr(shown, view.planes(), view.mask))
         return scores
 
-    def _finer(self, formation: Formation, saturation: bool) -> Ablation:
+    def _finer(self, arm: Arm) -> Ablation:
         """Trials on the middles of photos averaged down less, as what a kernel does is small; the sensor is undone."""
-        step = max(1, min(self.step, int(min([SHOWN * self.step, *(e.finest for e in formation.kernels)]) / SHOWN)))
-        views = corrected(self.views, formation, saturation)
-        other = Ablation([cropped(view, step * CROP) for view in views], self.points, self._full, self.settings)
+        finest = min([SETTINGS.path_px * self.step, *(e.finest for e in arm.formation.kernels)])
+        step = max(1, min(self.step, int(finest / SETTINGS.path_px)))
+        views = corrected(self.views, arm.formation, arm.masked)
+        other = Ablation(
+            [cropped(view, step * SETTINGS.path_side) for view in views], self.points, self._full, self.settings
+        )
         other.step, other.medium = step, self._full.on_grid(step)
-        steps, most = min(KERNEL_STEPS, self._asked.steps), min(KERNEL_GAUSSIANS, self._asked.max_gaussians)
+        steps, most = (
+            min(SETTINGS.path_steps, self._asked.steps),
+            min(SETTINGS.path_gaussians, self._asked.max_gaussians),
+        )
         other.settings = replace(self.settings, steps=steps, max_gaussians=most)
         return other
 
@@ -191,10 +232,10 @@ def cropped(view: View, side: int) -> View:
 
 
 def _fewer(points: SparsePoints) -> SparsePoints:
-    """At most `POINTS` of them, evenly through the list."""
-    if len(points.positions) <= POINTS:
+    """At most `SETTINGS.points` of them, evenly through the list."""
+    if len(points.positions) <= SETTINGS.points:
         return points
-    kept = np.linspace(0, len(points.positions) - 1, POINTS).round().astype(int)
+    kept = np.linspace(0, len(points.positions) - 1, SETTINGS.points).round().astype(int)
     return SparsePoints(points.positions[kept], points.colours[kept])
 
 

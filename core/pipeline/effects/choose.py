@@ -3,26 +3,29 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
+from ...effects.inspect import inspect_photos
+from ...effects.registry import built, switches
+from ...effects.spec import Switch
 from ...errors import Cancelled, DgsError
 from ...imaging.formation.chain import Formation
 from ...imaging.formation.effect import Effect
-from ...imaging.formation.layered import SpreadingEffect
+from ...imaging.formation.spreading import SpreadingEffect
 from ...imaging.medium import Medium
 from ...inspection.evidence import Evidence
-from ...inspection.inspect import inspect_photos
 from ...inspection.photo_set import PhotoSet
 from ...photos.load import Photo
 from ...progress import Progress
 from ...reconstruction import Reconstruction
 from ...training.settings import TrainingSettings
 from ...views import View
-from .ablation import FEWEST, Ablation
-from .confirmed import told_by_points
-from .decision import SWITCHED, Decision, parse_effects
-from .proposal import BLURS, SPEAKS, build, proposed
+from .ablation import SETTINGS as TRIALS
+from .ablation import Ablation, Arm
+from .confirmed import confirmed_by_points
+from .corrected import corrected
+from .decision import Decision, parse_effects
 
 
 @dataclass
@@ -30,16 +33,20 @@ class Chosen:
     """What a run simulates besides the point spread.
 
     Attributes:
-        formation: the chain; saturation: whether clipped px are masked.
+        formation: the chain; masked: effects whose px do not count.
         decisions: one for every effect that can be switched; seen: evidence of what can only be seen.
         seconds: of it all.
     """
 
     formation: Formation = field(default_factory=Formation)
-    saturation: bool = False
+    masked: tuple[Switch, ...] = ()
     decisions: list[Decision] = field(default_factory=list)
     seen: list[Evidence] = field(default_factory=list)
     seconds: float = 0.0
+
+    def corrected(self, views: Sequence[View]) -> list[View]:
+        """What the twin is fitted to: views without the effects of lens and sensor, and without what is masked."""
+        return corrected(views, self.formation, self.masked)
 
     def plain(self) -> list[dict[str, object]]:
         """For report.json: every effect's line."""
@@ -73,116 +80,156 @@ def choose_effects(
     if mode == "none":
         return Chosen()
     began = time.perf_counter()
+    there = switches()
     source = PhotoSet(list(photos), cameras)
-    wanted = None if mode == "auto" else {s for name in SWITCHED for s in SPEAKS[name]}
+    wanted = None if mode == "auto" else {s for switch in there.values() for s in switch.speakers}
     found = {e.name: e for e in inspect_photos(source, progress, wanted)}
-    on = {name for name in forced if not name.startswith("-")} | (set(SWITCHED) if mode == "all" else set())
+    on = {name for name in forced if not name.startswith("-")} | (set(there) if mode == "all" else set())
     off = {name.removeprefix("-") for name in forced if name.startswith("-")}
-    candidates = proposed(found.values()) if mode == "auto" else []
-    ablation = Ablation(views, cameras.points, medium, settings) if mode == "auto" else None
-    effects: dict[str, Effect] = {}
-    chosen = Chosen(seen=[e for e in found.values() if not any(e.name in s for s in SPEAKS.values())])
-    lines: dict[str, Decision] = {}
+    choice = _Choice(source, progress, Ablation(views, cameras.points, medium, settings) if mode == "auto" else None)
     for name in sorted(on):
-        if mode == "all" and name in BLURS and build(name, source) is None:
-            lines[name] = Decision(name, False, "asked for, but too few regions of the photos tell its size")
-            continue
-        _switch_on(name, source, effects, chosen)
-        there, why = name in effects or name == "saturation", "all were asked for" if mode == "all" else "forced on"
-        lines[name] = Decision(name, there, why if there else "asked for, but no photo shows it")
+        choice.force(name, everything=mode == "all")
+    candidates = proposed(found.values()) if mode == "auto" else []
     tried = [name for name in candidates if name not in on and name not in off]
     progress.stage("effects", len(tried))
     for index, name in enumerate(tried):
         if progress.cancelled():
             raise Cancelled("Stopped while effects were tried")
-        lines[name] = _tried(name, source, effects, chosen, ablation, progress)
+        choice.attempt(name)
         progress.advance(index + 1)
-    for name in SWITCHED:
-        if name not in lines:
-            why = "forced off" if name in off else ("not needed" if mode == "auto" else "not asked for")
-            lines[name] = Decision(name, False, why)
-        chosen.decisions.append(_with_evidence(lines[name], found, effects))
-    chosen.formation = _chain(effects)
-    chosen.seconds = time.perf_counter() - began
+    for name in there:
+        why = "forced off" if name in off else ("not needed" if mode == "auto" else "not asked for")
+        choice.lines.setdefault(name, Decision(name, False, why))
+    speaking = {s for switch in there.values() for s in switch.speakers}
+    chosen = Chosen(
+        choice.state.formation(),
+        choice.state.masked(),
+        [_with_evidence(choice.lines[name], found, choice.state.simulated) for name in there],
+        [e for e in found.values() if e.name not in speaking],
+        time.perf_counter() - began,
+    )
     simulated = [d.name for d in chosen.decisions if d.on]
     progress.note(f"Effects besides the blur: {', '.join(simulated) or 'none'}")
     return chosen
 
 
-def _tried(
-    name: str,
-    source: PhotoSet,
-    effects: dict[str, Effect],
-    chosen: Chosen,
-    ablation: Ablation | None,
-    progress: Progress,
-) -> Decision:
-    """Ablation of one effect on top of those that are on; switches it on where it gains."""
-    began = time.perf_counter()
-    assert ablation is not None
-    if name in BLURS:
-        return _asked_points(name, source, effects, progress)
-    if not ablation.possible:
-        return Decision(name, False, "the photos call for it, but too few are there to confirm it")
-    effect = build(name, source)
-    if effect is None and name != "saturation":
-        return Decision(name, False, "the photos call for it, but too few points are seen to tell its size")
-    more = effects if effect is None else {**effects, name: effect}
-    masks = chosen.saturation, chosen.saturation or name == "saturation"
-    # On the trial's coarse grid blurs that vary are below a px: they would cost time and tell nothing.
-    without, with_it = ({n: e for n, e in part.items() if n not in BLURS} for part in (effects, more))
-    result = ablation.compare(_chain(without), _chain(with_it), masks)
-    if len(result.differences) < FEWEST:
-        return Decision(name, False, "the photos call for it, but they are clipped too widely to confirm it")
-    told = f"{result.mean:+.3f} +- {result.error:.3f} dB on photos held out of a short training"
-    if result.confirms:
-        effects.update(more)
-        chosen.saturation = masks[1]
-    why = f"confirmed: {told}" if result.confirms else f"called for, but not confirmed: {told}"
-    progress.note(f"{name}: {why}")
-    return Decision(name, result.confirms, why, None, result.mean, result.error, time.perf_counter() - began)
+def proposed(found: Iterable[Evidence]) -> list[str]:
+    """Effects that the evidence calls needed, the most certain first."""
+    needed = {e.name: e.confidence for e in found if e.needed}
+    sure = {
+        name: max((needed[s] for s in switch.speakers if s in needed), default=0.0)
+        for name, switch in sorted(switches().items(), key=lambda item: item[1].trial_rank)
+    }
+    return sorted((name for name in sure if sure[name] > 0), key=lambda name: -sure[name])
 
 
-def _asked_points(name: str, source: PhotoSet, effects: dict[str, Effect], progress: Progress) -> Decision:
-    """Whether the same points are blurrier where one effect says so; switches it on where they are."""
-    began = time.perf_counter()
-    effect = build(name, source)
-    told = told_by_points(effect, source) if isinstance(effect, SpreadingEffect) else None
-    if effect is None or told is None:
-        return Decision(name, False, "the photos call for it, but too few points are seen to confirm it")
-    shown = f"the same points in different photos show {told.share:.2f} +- {told.error:.2f} of it"
-    if told.confirms:
-        effects[name] = effect
-    why = f"confirmed: {shown}" if told.confirms else f"called for, but not confirmed: {shown}"
-    progress.note(f"{name}: {why}")
-    return Decision(name, told.confirms, why, seconds=time.perf_counter() - began)
+@dataclass(frozen=True)
+class _State:
+    """What is on: simulations by name, and names of what is masked."""
+
+    simulated: dict[str, Effect] = field(default_factory=dict)
+    masking: tuple[str, ...] = ()
+
+    def with_effect(self, name: str, effect: Effect | None) -> _State:
+        """One more, which is masked if it has no simulation."""
+        if effect is None:
+            return _State(self.simulated, (*self.masking, name))
+        return _State({**self.simulated, name: effect}, self.masking)
+
+    def formation(self, without: Iterable[str] = ()) -> Formation:
+        """The chain, in the order in which light meets the effects, whatever the order of the decisions."""
+        return Formation([self.simulated[n] for n in switches() if n in self.simulated and n not in set(without)])
+
+    def masked(self) -> tuple[Switch, ...]:
+        """What is masked, in the same order."""
+        return tuple(switch for name, switch in switches().items() if name in self.masking)
 
 
-def _switch_on(name: str, source: PhotoSet, effects: dict[str, Effect], chosen: Chosen) -> None:
-    if name == "saturation":
-        chosen.saturation = True
-        return
-    effect = build(name, source)
-    if effect is None and name == "motion":  # a set without motion is no error, and costs nothing
-        return
-    if effect is None:
-        why = source.no_tracks
-        if name in BLURS and source.tracks is not None:
-            why = "too few regions hold detail" + (" at depths that differ" if name == "defocus" else "")
-        raise DgsError(
-            f"The effect '{name}' was asked for, but its size cannot be told: {why}",
-            "Leave it out of --effects, or give cameras with points",
-        )
-    effects[name] = effect
+class _Choice:
+    """The decisions so far.
 
+    Args:
+        ablation: None where nothing is tried.
+    """
 
-def _chain(effects: dict[str, Effect]) -> Formation:
-    """In the order in which light meets them, whatever the order of the decisions."""
-    return Formation([effects[name] for name in SWITCHED if name in effects])
+    def __init__(self, source: PhotoSet, progress: Progress, ablation: Ablation | None) -> None:
+        self._source, self._progress, self._ablation = source, progress, ablation
+        self.state = _State()
+        self.lines: dict[str, Decision] = {}
+
+    def force(self, name: str, everything: bool) -> None:
+        """Switches on what was asked for, by name or as one of all.
+
+        Raises:
+            DgsError: the photos say nothing about it.
+        """
+        switch = switches()[name]
+        effect = built(name, self._source)
+        missing = effect is None and switch.build is not None
+        if missing and everything and switch.confirmed_by == "points":
+            why = "asked for, but too few regions of the photos show its size"
+            self.lines[name] = Decision(name, False, why)
+            return
+        if missing and not switch.may_be_absent:
+            why = self._source.no_observations
+            if switch.unmeasured and self._source.observations is not None:
+                why = switch.unmeasured
+            raise DgsError(
+                f"The effect '{name}' was asked for, but its size cannot be estimated: {why}",
+                "Leave it out of --effects, or give cameras with points",
+            )
+        if not missing:
+            self.state = self.state.with_effect(name, effect)
+        why = "all were asked for" if everything else "forced on"
+        self.lines[name] = Decision(name, not missing, "asked for, but no photo shows it" if missing else why)
+
+    def attempt(self, name: str) -> None:
+        """Tries one effect on top of those that are on; switches it on where it is confirmed."""
+        by_points = switches()[name].confirmed_by == "points"
+        self.lines[name] = self._by_points(name) if by_points else self._by_trial(name)
+
+    def _by_trial(self, name: str) -> Decision:
+        """A short training with the effect and without."""
+        began = time.perf_counter()
+        assert self._ablation is not None
+        if not self._ablation.possible:
+            return Decision(name, False, "the photos call for it, but too few are there to confirm it")
+        switch = switches()[name]
+        effect = built(name, self._source)
+        if effect is None and switch.build is not None:
+            return Decision(name, False, "the photos call for it, but too few points are seen to estimate its size")
+        more = self.state.with_effect(name, effect)
+        # On the trial's coarse grid blurs that vary are below a px: they would cost time and show nothing.
+        fine = [other for other, its in switches().items() if its.confirmed_by == "points"]
+        arms = (Arm(state.formation(fine), state.masked()) for state in (self.state, more))
+        result = self._ablation.compare(*arms)
+        if len(result.differences) < TRIALS.fewest_judged:
+            return Decision(name, False, "the photos call for it, but they are clipped too widely to confirm it")
+        shown = f"{result.mean:+.3f} +- {result.error:.3f} dB on photos held out of a short training"
+        why = self._settled(name, more if result.confirms else None, shown)
+        return Decision(name, result.confirms, why, None, result.mean, result.error, time.perf_counter() - began)
+
+    def _by_points(self, name: str) -> Decision:
+        """Whether the same points are blurrier where the effect says so."""
+        began = time.perf_counter()
+        effect = built(name, self._source)
+        points = confirmed_by_points(effect, self._source) if isinstance(effect, SpreadingEffect) else None
+        if effect is None or points is None:
+            return Decision(name, False, "the photos call for it, but too few points are seen to confirm it")
+        shown = f"the same points in different photos show {points.share:.2f} +- {points.error:.2f} of it"
+        why = self._settled(name, self.state.with_effect(name, effect) if points.confirms else None, shown)
+        return Decision(name, points.confirms, why, seconds=time.perf_counter() - began)
+
+    def _settled(self, name: str, state: _State | None, shown: str) -> str:
+        """Goes on with `state` where the effect is confirmed; the sentence about it."""
+        self.state = self.state if state is None else state
+        why = f"called for, but not confirmed: {shown}" if state is None else f"confirmed: {shown}"
+        self._progress.note(f"{name}: {why}")
+        return why
 
 
 def _with_evidence(decision: Decision, found: dict[str, Evidence], effects: dict[str, Effect]) -> Decision:
-    speakers = [found[s] for s in SPEAKS[decision.name] if s in found]
+    speakers = [found[s] for s in switches()[decision.name].speakers if s in found]
     if not speakers:
         return decision
     first = max(speakers, key=lambda e: (e.needed, e.confidence))

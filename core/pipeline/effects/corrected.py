@@ -8,30 +8,32 @@ from dataclasses import replace
 import numpy as np
 import torch
 
+from ...effects.spec import Switch
 from ...imaging.formation.chain import Formation
 from ...imaging.formation.effect import Shot
 from ...views import View
 
 
-def corrected(views: Sequence[View], formation: Formation, saturation: bool) -> list[View]:
+def corrected(views: Sequence[View], formation: Formation, masked: Sequence[Switch] = ()) -> list[View]:
     """The views that the twin is fitted to; the very same ones where nothing is on.
 
     Args:
         formation: its effects of the sensor are undone, in 16 bit. Px that become brighter than white, because
             their photo was darker than the others, are masked.
-        saturation: mask px with a clipped channel.
+        masked: effects whose px do not count.
     """
-    if not formation.sensor and not saturation:
+    if not formation.sensor and not masked:
         return list(views)
-    return [_one(view, formation, saturation) for view in views]
+    return [_one(view, formation, masked) for view in views]
 
 
-def _one(view: View, formation: Formation, saturation: bool) -> View:
+def _one(view: View, formation: Formation, masked: Sequence[Switch]) -> View:
     top = int(np.iinfo(view.photo.dtype).max)
     levels = view.levels or top
     mask = np.ones(view.photo.shape[:2], bool) if view.mask is None else view.mask.copy()
-    if saturation:
-        mask &= ~(view.photo >= top - top // levels).any(axis=2)
+    for effect in masked:
+        assert effect.counts is not None
+        mask &= effect.counts(view.photo, levels)
     photo = view.photo
     if formation.sensor:
         camera = view.camera

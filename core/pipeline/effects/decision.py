@@ -1,15 +1,12 @@
-"""What was decided about one effect, and why."""
+"""What is asked for, and what was decided about one effect, and why."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Any
 
+from ...effects.registry import switches
 from ...errors import DgsError
-from ...imaging.formation.registry import EFFECTS
-
-#: Effects that a run can switch on and off: those of the image formation, and clipped px that do not count.
-SWITCHED = (*EFFECTS, "saturation")
 
 
 @dataclass(frozen=True)
@@ -58,14 +55,15 @@ def parse_effects(text: str) -> tuple[str, tuple[str, ...]]:
     Raises:
         DgsError: a name is unknown.
     """
+    there = switches()
     words = [word.strip() for word in text.split(",") if word.strip()]
     mode = words[0] if words and words[0] in ("auto", "none", "all") else "named"
     names = tuple(words[1:] if mode != "named" else words)
-    unknown = [name for name in names if name.removeprefix("-") not in SWITCHED]
+    unknown = [name for name in names if name.removeprefix("-") not in there]
     if unknown or not words or (mode in ("none", "all") and names):
         raise DgsError(
             f"--effects '{text}' makes no sense" + (f": there is no effect '{unknown[0]}'" if unknown else ""),
-            f"Write auto, none, all, or names out of {', '.join(SWITCHED)} with commas (auto,haze forces one on, "
+            f"Write auto, none, all, or names out of {', '.join(there)} with commas (auto,haze forces one on, "
             "auto,-haze off)",
         )
     return mode, names

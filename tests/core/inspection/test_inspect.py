@@ -4,9 +4,9 @@ import json
 
 import numpy as np
 import pytest
+from dgs.core.effects.inspect import inspect_photos
+from dgs.core.effects.registry import EFFECTS
 from dgs.core.inspection.evidence import judged
-from dgs.core.inspection.inspect import inspect_photos
-from dgs.core.inspection.registry import INSPECTIONS
 from dgs.core.progress import Silent
 from PIL import Image
 
@@ -17,7 +17,7 @@ def found(photos, only=None):
 
 def test_clean_photos_call_for_nothing(taken):
     evidence = found(taken())
-    assert list(evidence) == list(INSPECTIONS)
+    assert list(evidence) == [spec.name for spec in EFFECTS]
     assert [name for name, e in evidence.items() if e.needed] == []
     for e in evidence.values():
         assert e.estimate["value"] is not None and 0.9 < e.confidence <= 1.0, e

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from dgs.core.effects.motion import motion_from
 from dgs.core.errors import PsfError
 from dgs.core.imaging.formation.chain import Formation
-from dgs.core.imaging.formation.motion import motion_from
 from dgs.core.imaging.medium import Medium
 from dgs.core.imaging.psf import parse_psf
 from dgs.core.imaging.spectrum import noise_to_signal

@@ -5,16 +5,16 @@ import math
 import numpy as np
 import pytest
 import torch
+from dgs.core.effects.defocus import Defocus
+from dgs.core.effects.exposure import Exposure
+from dgs.core.effects.field_blur import FieldBlur
+from dgs.core.effects.haze import Haze
+from dgs.core.effects.motion import SETTINGS, Motion, motion_from
+from dgs.core.effects.registry import switches
+from dgs.core.effects.vignetting import Vignetting
 from dgs.core.forward import FixedMedium
 from dgs.core.imaging.formation.chain import Formation
-from dgs.core.imaging.formation.defocus import Defocus
 from dgs.core.imaging.formation.effect import Effect, Shot
-from dgs.core.imaging.formation.exposure import Exposure
-from dgs.core.imaging.formation.field_blur import FieldBlur
-from dgs.core.imaging.formation.haze import Haze
-from dgs.core.imaging.formation.motion import LEAST, Motion, motion_from
-from dgs.core.imaging.formation.registry import EFFECTS
-from dgs.core.imaging.formation.vignetting import Vignetting
 from dgs.core.imaging.medium import Medium
 from dgs.core.imaging.operator import BlurOperator
 from dgs.core.imaging.psf import parse_psf
@@ -55,7 +55,8 @@ def picture(margin: int = 0) -> torch.Tensor:
     return torch.rand(size, generator=torch.Generator().manual_seed(0), dtype=torch.float64) * 0.8 + 0.1
 
 
-LIGHT = [name for name, effect in EFFECTS.items() if effect.place != "kernel"]
+SIMULATED = {name: switch.simulation for name, switch in switches().items() if switch.simulation is not None}
+LIGHT = [name for name, effect in SIMULATED.items() if effect.place != "kernel"]
 
 
 @pytest.mark.parametrize("name", LIGHT)
@@ -75,7 +76,7 @@ def test_gradients_are_those_of_the_forward_pass(name):
         assert torch.allclose(effect.gradients[key], value.grad, rtol=1e-10, atol=1e-10), key
 
 
-@pytest.mark.parametrize("name", list(EFFECTS))
+@pytest.mark.parametrize("name", list(SIMULATED))
 def test_every_effect_says_its_physics_and_price(name):
     effect = made(name)
     assert effect.name == name and effect.physics.endswith(".") and len(effect.physics) > 40
@@ -148,7 +149,7 @@ def test_effects_of_the_kernel_change_the_point_spread_and_leave_light_alone():
 
 def test_without_motion_the_medium_is_the_very_same():
     medium = Medium(parse_psf("gaussian:2"), per_view={"d.png": parse_psf("gaussian:3")})
-    short = motion_from(["a.png", "b.png"], [0.0, 0.9 * LEAST], [10.0, 20.0])
+    short = motion_from(["a.png", "b.png"], [0.0, 0.9 * SETTINGS.shortest], [10.0, 20.0])
     names = ["a.png", "b.png", "d.png", "stranger.png"]
     assert Formation().through(medium, names) is medium and Formation([made("haze")]).through(medium, names) is medium
     assert Formation([short]).through(medium, names) is medium

@@ -2,10 +2,10 @@
 
 import pytest
 import torch
+from dgs.core.effects.defocus import Defocus
+from dgs.core.effects.field_blur import FieldBlur
 from dgs.core.imaging.formation.chain import Formation
-from dgs.core.imaging.formation.defocus import Defocus
 from dgs.core.imaging.formation.effect import Shot
-from dgs.core.imaging.formation.field_blur import FieldBlur
 from dgs.core.imaging.formation.layered import INVISIBLE, LADDER, LayeredBlur
 
 H, W = 48, 64

@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 from dgs.benchmarks import effects as validation
 from dgs.benchmarks.effect_scenes import Truth, degrade, make_scene
+from dgs.core.effects.inspect import inspect_photos
+from dgs.core.effects.registry import EFFECTS, switches
 from dgs.core.imaging.medium import Medium
-from dgs.core.inspection.inspect import inspect_photos
 from dgs.core.inspection.photo_set import PhotoSet
-from dgs.core.inspection.registry import INSPECTIONS
 from dgs.core.photos.undistort import undistorted_views
 from dgs.core.pipeline.effects.choose import choose_effects
-from dgs.core.pipeline.effects.decision import SWITCHED
 from dgs.core.progress import Silent
 from dgs.core.reconstruction import Reconstruction
 from dgs.core.training.settings import TrainingSettings
@@ -59,7 +58,7 @@ def without_cameras(given):
 @pytest.mark.parametrize("change", [four, black, white, of_two_sizes, without_cameras])
 def test_inspection_goes_on(twelve, change):
     found = inspect_photos(change(twelve), Silent())
-    assert [e.name for e in found] == list(INSPECTIONS)
+    assert [e.name for e in found] == [spec.name for spec in EFFECTS]
     for evidence in found:
         value = evidence.estimate["value"]
         assert value is None or np.isfinite(value)
@@ -71,9 +70,9 @@ def test_auto_goes_on(twelve, change):
     photos = change(twelve)
     views = undistorted_views(list(photos.photos), photos.cameras)
     chosen = choose_effects("auto", photos.photos, photos.cameras, views, Medium(), SETTINGS, Silent())
-    assert [d.name for d in chosen.decisions] == list(SWITCHED)
+    assert [d.name for d in chosen.decisions] == list(switches())
     if change is not of_two_sizes:
-        assert not chosen.formation and not chosen.saturation
+        assert not chosen.formation and not chosen.masked
     else:
         exposure = next(d for d in chosen.decisions if d.name == "exposure")
         assert exposure.gain_db is not None and exposure.gain_db > 0

@@ -7,16 +7,17 @@ import pytest
 import torch
 from dgs.benchmarks import effects as validation
 from dgs.benchmarks.effect_scenes import Truth, degrade, make_scene
+from dgs.core.effects.defocus import Defocus
+from dgs.core.effects.depth_unit import depth_unit
+from dgs.core.effects.registry import built
 from dgs.core.errors import DgsError
 from dgs.core.imaging.formation.chain import Formation
-from dgs.core.imaging.formation.defocus import Defocus
 from dgs.core.imaging.medium import Medium
 from dgs.core.imaging.psf import parse_psf
 from dgs.core.inspection.photo_set import PhotoSet
 from dgs.core.photos.undistort import undistorted_views
 from dgs.core.pipeline.effects.choose import choose_effects
-from dgs.core.pipeline.effects.confirmed import told_by_points
-from dgs.core.pipeline.effects.proposal import build, depth_unit
+from dgs.core.pipeline.effects.confirmed import confirmed_by_points
 from dgs.core.pipeline.views import Viewer
 from dgs.core.progress import Silent
 from dgs.core.training.run import train
@@ -53,19 +54,19 @@ def true_defocus(scene):
 
 
 def test_their_size_is_told_in_the_trainer_s_units(sets, true_defocus):
-    defocus = build("defocus", sets["defocus"])
+    defocus = built("defocus", sets["defocus"])
     for name, tolerance in (("strength", 0.35), ("focus", 0.15)):
         assert float(defocus.parameters[name]) == pytest.approx(float(true_defocus.parameters[name]), rel=tolerance)
-    corner = build("field_blur", sets["field"]).parameters["corner"]
+    corner = built("field_blur", sets["field"]).parameters["corner"]
     assert float(corner) == pytest.approx(PX / np.hypot(192, 128), rel=0.35)
     assert depth_unit(sets["clean"]) != pytest.approx(1.0, abs=1e-3)  # the two units do differ
 
 
 def test_only_what_is_there_is_confirmed(sets):
-    made = {"defocus": build("defocus", sets["defocus"]), "field_blur": build("field_blur", sets["field"])}
+    made = {"defocus": built("defocus", sets["defocus"]), "field_blur": built("field_blur", sets["field"])}
     for name, there in (("defocus", "defocus"), ("field_blur", "field")):
         for kind, photos in sets.items():
-            told = told_by_points(made[name], photos)
+            told = confirmed_by_points(made[name], photos)
             assert told is not None and told.confirms == (kind == there), (name, kind, told)
 
 
@@ -82,7 +83,7 @@ def test_auto_simulates_what_is_confirmed(sets):
 def test_a_size_that_cannot_be_told_is_said(sets):
     grey = [replace(p, pixels=np.full_like(p.pixels, 90)) for p in sets["clean"].photos[:4]]
     photos = PhotoSet(grey, sets["clean"].cameras)
-    assert build("defocus", photos) is None and build("field_blur", photos) is None
+    assert built("defocus", photos) is None and built("field_blur", photos) is None
     with pytest.raises(DgsError, match="defocus"):
         choose_effects("defocus", photos.photos, photos.cameras, [], MEDIUM, SETTINGS, Silent())
 

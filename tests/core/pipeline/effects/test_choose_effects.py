@@ -6,14 +6,13 @@ import numpy as np
 import pytest
 from dgs.benchmarks import effects as validation
 from dgs.benchmarks.effect_scenes import Truth, degrade, make_scene
+from dgs.core.effects.motion import motion_from
 from dgs.core.errors import Cancelled, DgsError
 from dgs.core.imaging.formation.chain import Formation
-from dgs.core.imaging.formation.motion import motion_from
 from dgs.core.imaging.medium import Medium
 from dgs.core.photos.undistort import undistorted_views
 from dgs.core.pipeline.effects import ablation
 from dgs.core.pipeline.effects.choose import choose_effects
-from dgs.core.pipeline.effects.corrected import corrected
 from dgs.core.pipeline.effects.decision import parse_effects
 from dgs.core.pipeline.effects.matched import matched_psnr
 from dgs.core.progress import Silent
@@ -52,7 +51,7 @@ def test_what_can_be_asked_for():
 def test_none_looks_at_nothing_and_changes_nothing(dim):
     none, views = chosen("none", dim)
     assert not none.formation and none.plain() == []
-    assert all(a is b for a, b in zip(corrected(views, none.formation, none.saturation), views, strict=True))
+    assert all(a is b for a, b in zip(none.corrected(views), views, strict=True))
 
 
 def test_forced_effects_undo_what_was_done(dim, scene):
@@ -60,7 +59,7 @@ def test_forced_effects_undo_what_was_done(dim, scene):
     assert on.formation.names == ("vignetting", "exposure")
     clean = degrade(scene, Truth(), seed=1)
     before, after = [], []
-    for view, fixed, truth in zip(views, corrected(views, on.formation, False), clean, strict=True):
+    for view, fixed, truth in zip(views, on.corrected(views), clean, strict=True):
         assert fixed.photo.dtype == np.uint16 and fixed.levels == 255
         known = np.ones(truth.shape[:2], bool) if fixed.mask is None else fixed.mask
         planes = truth.transpose(2, 0, 1) / 255.0
@@ -76,7 +75,8 @@ def test_forced_effects_undo_what_was_done(dim, scene):
 def test_auto_tries_only_what_the_photos_call_for(dim, monkeypatch):
     tried = []
 
-    def scores(self, formation, saturation, medium):
+    def scores(self, arm, medium):
+        formation = arm.formation
         tried.append(formation.names)
         n = 6
         return np.full(n, 30.0 + 0.5 * ("exposure" in formation.names)) + 0.01 * np.arange(n) * len(formation.names)
@@ -105,7 +105,7 @@ def test_the_trial_trains_and_judges_for_real(dim):
     views = undistorted_views(list(dim.photos), dim.cameras)
     trial = ablation.Ablation(views, dim.cameras.points, Medium(), SETTINGS)
     assert trial.possible and not set(trial.judged(0)) & set(trial.judged(1))
-    result = trial.compare(Formation(), Formation())
+    result = trial.compare(ablation.Arm(), ablation.Arm())
     assert len(result.differences) == 6 and (result.differences == 0).all() and not result.confirms
     assert not ablation.Ablation(views[:4], dim.cameras.points, Medium(), SETTINGS).possible
 
@@ -116,8 +116,8 @@ def test_a_trial_s_price_does_not_grow_with_the_photos(dim):
     large = [replace(v, photo=v.photo.repeat(4, axis=0).repeat(4, axis=1), camera=enlarged(v.camera, 4)) for v in large]
     small, wide = (ablation.Ablation(v, dim.cameras.points, Medium(), SETTINGS) for v in (views, large))
     heights = [trial._coarse(trial.views[0], Medium()).camera.height for trial in (small, wide)]
-    assert max(heights) < 2 * ablation.SIDE and wide.step == large[0].camera.height // ablation.SIDE
-    assert len(ablation._fewer(small.points).positions) == ablation.POINTS < len(dim.cameras.points.positions)
+    assert max(heights) < 2 * ablation.SETTINGS.side and wide.step == large[0].camera.height // ablation.SETTINGS.side
+    assert len(ablation._fewer(small.points).positions) == ablation.SETTINGS.points < len(dim.cameras.points.positions)
 
 
 def enlarged(camera, s):
@@ -163,12 +163,13 @@ def test_a_trial_of_motion_sees_paths_and_stays_cheap(dim):
     """Photos are averaged down less than usual, so that a path is still long enough, and cut to their middles."""
     views = undistorted_views(list(dim.photos), dim.cameras)
     large = [replace(v, photo=v.photo.repeat(4, axis=0).repeat(4, axis=1), camera=enlarged(v.camera, 4)) for v in views]
+    side = ablation.SETTINGS.path_side
     trial = ablation.Ablation(large, dim.cameras.points, Medium(), SETTINGS)
     moved = Formation([motion_from([v.name for v in large], [9.0] * len(large), [0.0] * len(large))])
-    finer = trial._finer(moved, False)
+    finer = trial._finer(ablation.Arm(moved))
     coarse = finer._coarse(finer.views[0], Medium())
-    assert trial.step == 6 and finer.step == 2 and 9.0 / finer.step >= ablation.SHOWN
-    assert min(coarse.camera.width, coarse.camera.height) == ablation.CROP and coarse.photo.shape[0] == ablation.CROP
+    assert trial.step == 6 and finer.step == 2 and 9.0 / finer.step >= ablation.SETTINGS.path_px
+    assert min(coarse.camera.width, coarse.camera.height) == side and coarse.photo.shape[0] == side
     whole, middle = large[0].camera, finer.views[0].camera
     assert whole.cx - middle.cx == (whole.width - middle.width) // 2 and middle.fx == whole.fx
     assert ablation.cropped(views[0], 500) is views[0]

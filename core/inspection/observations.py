@@ -17,28 +17,42 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from ..colour import srgb_to_linear
+from ..numbers import number
 from ..photos.load import Photo
 from ..reconstruction import Reconstruction
 
 Array = NDArray[np.float64]
 
-#: Points looked up at most, photos per point at most and at least.
-MOST_POINTS, MOST_VIEWS, FEWEST_VIEWS = 2500, 16, 3
 #: Half side of the patch that is correlated, samples.
 _HALF = 4
-#: Standard deviation of the window that a colour is the mean of, px of the farthest photo; and over the half side.
-WINDOW, WINDOW_SHARE = 1.8, 0.45
-#: Windows have this many times the variance of the photos' paths, so that paths fit into them.
-ROOM = 1.3
-#: Patches must agree this well, and vary by this (in [0, 1]) to be told apart from anything else.
-ALIKE, VARIED = 0.85, 0.02
-#: Values outside are left out: mostly noise (linear light), or clipped (sRGB).
-DARKEST, BRIGHTEST = 0.005, 0.97
 
 
 @dataclass(frozen=True)
-class Tracks:
-    """Observations of points.
+class ObservationSettings:
+    """Numbers of looking points up in photos."""
+
+    most_points: int = number(2500, "count", "points looked up at most: more cost time and say little more")
+    most_photos: int = number(16, "count", "photos per point at most")
+    fewest_photos: int = number(3, "count", "photos per point at least")
+    fewest_points: int = number(50, "count", "points of the cameras at least")
+    fewest_observations: int = number(100, "count", "observations at least")
+    window: float = number(1.8, "px", "standard deviation of the window that a colour is the mean of, farthest photo")
+    window_share: float = number(0.45, "share", "of the patch's half side: the same window")
+    blur_windows: float = number(1.3, "ratio", "of the widest window to the photos' blur")
+    path_room: float = number(1.3, "ratio", "of a window's variance to that of the photos' paths, so that they fit in")
+    border: float = number(2.5, "windows", "that a point keeps from the frame's border")
+    alike: float = number(0.85, "correlation", "from which on a photo's patch shows the point")
+    varied: float = number(0.02, "share of full scale", "by which a patch varies at least, to be like no other")
+    darkest: float = number(0.005, "linear light", "darker observations are mostly noise")
+    brightest: float = number(0.97, "sRGB", "brighter ones are clipped")
+
+
+SETTINGS = ObservationSettings()
+
+
+@dataclass(frozen=True)
+class PointObservations:
+    """Observations of points (`sfm.tracks` matches features; these are points of given cameras, looked up).
 
     Attributes:
         point, photo: [N] indices; photos in the order of `names`.
@@ -67,13 +81,13 @@ class Tracks:
         return len(self.point)
 
 
-def find_tracks(
+def observe_points(
     photos: Sequence[Photo],
     cameras: Reconstruction,
     blur: float,
     seed: int = 0,
     paths: Mapping[str, tuple[float, float]] = MappingProxyType({}),
-) -> Tracks | None:
+) -> PointObservations | None:
     """Looks the cameras' points up in the photos; None where too few are seen often enough.
 
     Args:
@@ -83,16 +97,18 @@ def find_tracks(
     random = np.random.default_rng(seed)
     used = [photo for photo in photos if photo.name in cameras.poses]
     positions = cameras.points.positions
-    if len(used) < FEWEST_VIEWS or len(positions) < 50:
+    if len(used) < SETTINGS.fewest_photos or len(positions) < SETTINGS.fewest_points:
         return None
-    if len(positions) > MOST_POINTS:
-        positions = positions[np.sort(random.choice(len(positions), MOST_POINTS, replace=False))]
+    if len(positions) > SETTINGS.most_points:
+        positions = positions[np.sort(random.choice(len(positions), SETTINGS.most_points, replace=False))]
     moved = np.array([paths.get(photo.name, (0.0, 0.0)) for photo in used])
     # Of the blur, what motion adds on average is each photo's own; windows are wide enough to leave it room.
     motion = float(np.median(moved[:, 0] ** 2)) / 24.0
     blur = math.sqrt(max(blur**2 - motion, 0.09)) if motion else blur
-    widest = max(WINDOW, 1.3 * blur, math.sqrt(blur**2 + ROOM * float(np.quantile(moved[:, 0], 0.9)) ** 2 / 12.0))
-    pixels, depths = _projected(used, cameras, positions, 2.5 * widest)
+    long = float(np.quantile(moved[:, 0], 0.9))
+    for_paths = math.sqrt(blur**2 + SETTINGS.path_room * long**2 / 12.0)
+    widest = max(SETTINGS.window, SETTINGS.blur_windows * blur, for_paths)
+    pixels, depths = _projected(used, cameras, positions, SETTINGS.border * widest)
     steps = _steps(depths, blur, widest)
     patches = np.full((*depths.shape, (2 * _HALF + 1) ** 2), np.nan, np.float32)
     for v, shot in enumerate(used):
@@ -100,21 +116,21 @@ def find_tracks(
         patches[there, v] = _samples(_grey(shot), pixels[there, v], steps[there, v], _HALF)
     seen = _agreeing(patches)
     point, photo = np.nonzero(seen)
-    if len(point) < 100:
+    if len(point) < SETTINGS.fewest_observations:
         return None
     centres = np.stack([cameras.poses[p.name].centre for p in used])
     light, valid = _colours(used, pixels, steps, seen, moved)
     light, point, photo = light[valid], point[valid], photo[valid]
     counts = np.bincount(point, minlength=len(positions))
-    keep = counts[point] >= FEWEST_VIEWS
+    keep = counts[point] >= SETTINGS.fewest_photos
     light, point, photo = light[keep], point[keep], photo[keep]
-    if len(point) < 100:
+    if len(point) < SETTINGS.fewest_observations:
         return None
     away = centres[photo] - positions[point]
     at = pixels[point, photo]
     size = np.array([p.size for p in used], float)[photo]
     depth = depths[point, photo]
-    return Tracks(
+    return PointObservations(
         point,
         photo,
         light,
@@ -157,7 +173,7 @@ def _steps(depths: Array, blur: float, window: float) -> Array:
     with np.errstate(invalid="ignore"):
         farthest = np.nanmax(np.where(np.isfinite(depths), depths, -np.inf), axis=1, keepdims=True)
     total = window * np.clip(farthest / depths, 1.0, 3.0)
-    return np.asarray(np.sqrt(np.maximum(total**2 - blur**2, 0.25)) / (WINDOW_SHARE * _HALF))
+    return np.asarray(np.sqrt(np.maximum(total**2 - blur**2, 0.25)) / (SETTINGS.window_share * _HALF))
 
 
 def _samples(plane: NDArray[np.float32], at: Array, steps: Array, half: int) -> NDArray[np.float32]:
@@ -178,17 +194,17 @@ def _agreeing(patches: NDArray[np.float32]) -> NDArray[np.bool_]:
     centred = patches - patches.mean(axis=2, keepdims=True)
     spread = np.sqrt(np.square(centred).mean(axis=2))
     unit = centred / np.maximum(spread, 1e-6)[:, :, None] / np.sqrt(patches.shape[2])
-    good = np.isfinite(spread) & (spread > VARIED)
+    good = np.isfinite(spread) & (spread > SETTINGS.varied)
     unit = np.where(good[:, :, None], unit, 0.0)
     alike = np.einsum("pvn,pwn->pvw", unit, unit, optimize=True)
     best = np.argmax(alike.clip(min=0.5).sum(axis=2), axis=1)
-    out: NDArray[np.bool_] = np.take_along_axis(alike, best[:, None, None], axis=2)[:, :, 0] > ALIKE
+    out: NDArray[np.bool_] = np.take_along_axis(alike, best[:, None, None], axis=2)[:, :, 0] > SETTINGS.alike
     out &= good
     # More photos of one point than this add little and cost much.
-    too_many = out.sum(axis=1) > MOST_VIEWS
+    too_many = out.sum(axis=1) > SETTINGS.most_photos
     for p in np.flatnonzero(too_many):
         seen = np.flatnonzero(out[p])
-        out[p, seen[(np.arange(len(seen)) * 7919 + p) % len(seen) >= MOST_VIEWS]] = False
+        out[p, seen[(np.arange(len(seen)) * 7919 + p) % len(seen) >= SETTINGS.most_photos]] = False
     return out
 
 
@@ -199,7 +215,7 @@ def _colours(
     light = np.zeros((*seen.shape, 3))
     valid = np.zeros(seen.shape, bool)
     t = np.arange(-_HALF, _HALF + 1)
-    window = np.exp(-0.5 * (t[:, None] ** 2 + t[None, :] ** 2) / (WINDOW_SHARE * _HALF) ** 2).ravel()
+    window = np.exp(-0.5 * (t[:, None] ** 2 + t[None, :] ** 2) / (SETTINGS.window_share * _HALF) ** 2).ravel()
     window /= window.sum()
     for v, photo in enumerate(photos):
         points = np.flatnonzero(seen[:, v])
@@ -210,9 +226,9 @@ def _colours(
         for c in range(3):
             encoded = _samples(unit[..., c], pixels[points, v], steps[points, v], _HALF)
             light[points, v, c] = (srgb_to_linear(encoded) * windows).sum(axis=1)
-            clean = encoded.max(axis=1) < BRIGHTEST
+            clean = encoded.max(axis=1) < SETTINGS.brightest
             valid[points, v] = clean if c == 0 else valid[points, v] & clean
-        valid[points, v] &= light[points, v].min(axis=1) > DARKEST
+        valid[points, v] &= light[points, v].min(axis=1) > SETTINGS.darkest
     return light[seen], valid[seen]
 
 
@@ -223,7 +239,7 @@ def _narrowed(window: Array, path: Array, steps: Array) -> Array:
     """
     t, turn = np.arange(-_HALF, _HALF + 1), math.radians(path[1])
     along = (math.cos(turn) * t[None, :] + math.sin(turn) * t[:, None]).ravel()
-    wide = WINDOW_SHARE * _HALF
+    wide = SETTINGS.window_share * _HALF
     share = np.clip(path[0] ** 2 / 12.0 / (steps * wide) ** 2, 0.0, 0.9)  # of the window's variance
     narrow = window * np.exp(-0.5 * (along[None, :] / wide) ** 2 * (share / (1.0 - share))[:, None])
     return np.asarray(narrow / narrow.sum(axis=1, keepdims=True))

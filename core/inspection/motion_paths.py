@@ -21,46 +21,79 @@ from numpy.typing import NDArray
 from scipy.special import digamma, polygamma
 
 from ..colour import srgb_to_linear
+from ..numbers import number
 from ..photos.load import Photo
+from .evidence import judged
 from .noise_level import noise_of
 
 Array = NDArray[np.float64]
 
-#: Polar bins: rings, directions over half a turn, and the highest frequency used (cycles/px).
-RINGS, DIRECTIONS, HIGHEST = 44, 24, 0.47
-#: The lowest frequency, in periods over the shorter side: below, a photo's spectrum is its own.
-PERIODS = 4.0
-#: Coefficients of a bin that a path's transfer is averaged over.
-POINTS = 12
-#: Paths that are tried, px, and directions; the longest is this share of the shorter side.
-SHORTEST, FACTOR, TURNS, LONGEST = 1.5, 1.15, 16, 0.12
-#: A bin counts where the common spectrum stands so many times above the noise.
-LOUD = 6.0
-#: What the window leaks into the dark stripes, as a share of the power around them.
-LEAK = 0.003
-#: How far the log power of one photo's bins scatters around the law, beyond chance.
-SCATTER = 0.35
-#: Priors on a photo's own slope, direction (2 x), and softness (px^2): standard deviations.
-OWN = (0.3, 0.3, 0.3, 5.0)
-#: Bins scatter together, so that so many of them say what one would.
-TOGETHER = 8.0
-#: A path is one where it explains the spectrum better than none by this much (natural log).
-CLEAR = 5.0
-#: The same for what is taken out of the common spectrum.
-SURE = 10.0
-#: Photos of one size at least, and bins that stand clear of the noise: fewer tell nothing.
-FEWEST, FEWEST_BINS = 4, 100
-#: Most rounds of fitting paths and the common spectrum by turns; they end when no path changes. Photos that moved alike
-#: take many, as their stripes are in the common spectrum at first.
-ROUNDS = 24
-#: Largest middle part (px along a side) of a photo that is looked at: more costs time and tells little more.
-LARGEST = 1024
-#: What the law itself leaves uncertain: of the length a share and px, and degrees.
-LAW_SHARE, LAW, LAW_TURN = 0.01, 0.05, 0.5
+_DRAWN = "drawn scenes of benchmarks/effect_scenes.py"
+_CHECKED = "benchmarks/effects.py (other drawn scenes of the same kind); no real photos with known motion"
 
 
 @dataclass(frozen=True)
-class Path:
+class MotionPathSettings:
+    """Numbers of the estimate of every photo's own path."""
+
+    smallest_visible: float = number(
+        3.0,
+        "px",
+        "length of a path (rms over the photos) that shows in a twin",
+        "judgement of what shows in a twin; set once, before benchmarks/effects.py was run",
+        _CHECKED,
+    )
+    unseen: float = number(
+        0.3, "px", "what the lengths of a whole set leave uncertain: paths of 1 or 2 px are neither seen nor excluded"
+    )
+    rings: int = number(44, "count", "polar bins of the spectrum, by frequency", _DRAWN, _CHECKED)
+    directions: int = number(24, "count", "polar bins over half a turn", _DRAWN, _CHECKED)
+    highest: float = number(0.47, "cycles/px", "highest frequency used: beyond, demosaicking and sharpening rule")
+    lowest_periods: float = number(
+        4.0, "periods", "over the shorter side, of the lowest frequency: below, a photo's spectrum is its own"
+    )
+    samples: int = number(12, "count", "coefficients of a bin that a path's transfer is averaged over")
+    shortest: float = number(1.5, "px", "shortest path that is tried")
+    factor: float = number(1.15, "ratio", "of one length that is tried to the next shorter one")
+    turns: int = number(16, "count", "directions that are tried")
+    longest_share: float = number(0.12, "share of the shorter side", "longest path that is tried")
+    clear_of_noise: float = number(6.0, "ratio", "of the common power to the noise's from which on a bin counts")
+    leak: float = number(0.003, "share", "of the power around them that the window leaks into the dark stripes", _DRAWN)
+    scatter: float = number(
+        0.35, "natural log", "scatter of one photo's bins around the law, beyond chance", _DRAWN, _CHECKED
+    )
+    prior_spreads: tuple[float, float, float, float] = number(
+        (0.3, 0.3, 0.3, 5.0),
+        "exponent, log, log, px^2",
+        "of a photo's own slope, direction (2 x), and softness",
+        _DRAWN,
+    )
+    bins_together: float = number(8.0, "count", "bins that say what one would, as they scatter together", _DRAWN)
+    clear_gain: float = number(
+        5.0, "natural log", "of the likelihood that a path must gain over none", _DRAWN, _CHECKED
+    )
+    sure_gain: float = number(10.0, "natural log", "the same for what is taken out of the common spectrum", _DRAWN)
+    fewest_photos: int = number(4, "count", "photos of one size at least: fewer have no common spectrum")
+    fewest_bins: int = number(100, "count", "bins clear of the noise at least")
+    rounds: int = number(
+        24,
+        "count",
+        "of fitting paths and the common spectrum by turns at most; they end when no path changes. Photos that moved "
+        "alike take many, as their stripes are in the common spectrum at first",
+    )
+    largest_side: int = number(
+        1024, "px", "of the photo's middle part that is looked at: more costs time and says little more"
+    )
+    law_share: float = number(0.01, "share", "of a length: what the law itself leaves uncertain", _DRAWN)
+    law: float = number(0.05, "px", "the same, whatever the length", _DRAWN)
+    law_turn: float = number(0.5, "degrees", "the same of a direction", _DRAWN)
+
+
+SETTINGS = MotionPathSettings()
+
+
+@dataclass(frozen=True)
+class MotionPath:
     """One photo's path.
 
     Attributes:
@@ -77,13 +110,37 @@ class Path:
 
 
 @dataclass(frozen=True)
+class SetMotion:
+    """The paths of a set of photos together.
+
+    Attributes:
+        length, error: rms over the photos, px, with its standard deviation.
+        paths: by photo.
+    """
+
+    length: float
+    error: float
+    paths: dict[str, MotionPath]
+
+    @property
+    def lengths(self) -> dict[str, float]:
+        """px by photo, 0 where the path is within its noise."""
+        return {name: path.length for name, path in self.paths.items()}
+
+    @property
+    def significant(self) -> bool:
+        """Whether it is larger than the smallest visible."""
+        return judged("motion", self.length, self.error, SETTINGS.smallest_visible, "px", "").needed
+
+
+@dataclass(frozen=True)
 class _Bins:
     """B polar bins of one size of photo.
 
     Attributes:
         index: [coefficients] bin of each, -1 for none; used: which have one.
         count, f, angle: [B] coefficients, frequency (cycles/px) and direction (radians) of the middle.
-        fx, fy: [B, POINTS] some of the coefficients in each.
+        fx, fy: [B, samples] some of the coefficients in each.
         window: [H, W] Hann's.
     """
 
@@ -101,25 +158,27 @@ class _Bins:
 def _bins(h: int, w: int) -> _Bins:
     fy, fx = np.broadcast_arrays(np.fft.fftfreq(h)[:, None], np.fft.rfftfreq(w)[None, :])
     radius = np.hypot(fx, fy)
-    edges = np.geomspace(PERIODS / min(h, w), HIGHEST, RINGS + 1)
+    edges = np.geomspace(SETTINGS.lowest_periods / min(h, w), SETTINGS.highest, SETTINGS.rings + 1)
     ring = np.searchsorted(edges, radius, side="right") - 1
-    turn = np.floor((np.arctan2(fy, fx) % np.pi) / np.pi * DIRECTIONS + 0.5).astype(int) % DIRECTIONS
-    inside = (ring >= 0) & (ring < RINGS)
-    flat = np.where(inside, ring * DIRECTIONS + turn, -1).ravel()
-    counts = np.bincount(flat[flat >= 0], minlength=RINGS * DIRECTIONS)
+    turn = np.floor((np.arctan2(fy, fx) % np.pi) / np.pi * SETTINGS.directions + 0.5).astype(int) % SETTINGS.directions
+    inside = (ring >= 0) & (ring < SETTINGS.rings)
+    flat = np.where(inside, ring * SETTINGS.directions + turn, -1).ravel()
+    counts = np.bincount(flat[flat >= 0], minlength=SETTINGS.rings * SETTINGS.directions)
     kept = np.flatnonzero(counts > 0)
-    number = np.full(RINGS * DIRECTIONS + 1, -1)
+    number = np.full(SETTINGS.rings * SETTINGS.directions + 1, -1)
     number[kept] = np.arange(len(kept))
     index = number[flat]
     order = np.argsort(index, kind="stable")
     order = order[index[order] >= 0]
     starts = np.concatenate([[0], np.cumsum(counts[kept])[:-1]])
-    picks = starts[:, None] + np.floor((np.arange(POINTS) + 0.5) / POINTS * counts[kept][:, None]).astype(int)
+    picks = starts[:, None] + np.floor(
+        (np.arange(SETTINGS.samples) + 0.5) / SETTINGS.samples * counts[kept][:, None]
+    ).astype(int)
     chosen = order[picks]
     x, y = fx.ravel()[chosen], fy.ravel()[chosen]
-    middle = np.sqrt(edges[1:] * edges[:-1])[kept // DIRECTIONS]
+    middle = np.sqrt(edges[1:] * edges[:-1])[kept // SETTINGS.directions]
     window = np.outer(np.hanning(h + 2)[1:-1], np.hanning(w + 2)[1:-1])
-    turned = kept % DIRECTIONS * np.pi / DIRECTIONS
+    turned = kept % SETTINGS.directions * np.pi / SETTINGS.directions
     return _Bins(index, index >= 0, counts[kept].astype(float), middle, turned, x, y, window)
 
 
@@ -138,24 +197,27 @@ def _transfer(bins: _Bins, length: Array, angle: Array) -> Array:
     out = np.empty((len(length), len(bins.count)))
     for i, (long, turn) in enumerate(zip(length, angle, strict=True)):
         out[i] = (np.sinc(long * (np.cos(turn) * bins.fx + np.sin(turn) * bins.fy)) ** 2).mean(axis=1)
-    return out * (1.0 - LEAK) + LEAK
+    return out * (1.0 - SETTINGS.leak) + SETTINGS.leak
 
 
 def _light(photo: Photo) -> NDArray[np.float32]:
     """[H, W] linear light, which motion blurs, of the photo's middle; what a mask hides is the rest's mean."""
     height, width = photo.pixels.shape[:2]
-    rows, columns = (slice(max(0, (n - LARGEST) // 2), (n + min(n, LARGEST)) // 2) for n in (height, width))
+    rows, columns = (
+        slice(max(0, (n - SETTINGS.largest_side) // 2), (n + min(n, SETTINGS.largest_side)) // 2)
+        for n in (height, width)
+    )
     full = np.float32(np.iinfo(photo.pixels.dtype).max)
     grey = np.asarray(srgb_to_linear(photo.pixels[rows, columns].astype(np.float32) / full), np.float32).mean(axis=2)
     mask = None if photo.mask is None else photo.mask[rows, columns]
     return grey if mask is None or not mask.any() else np.where(mask, grey, grey[mask].mean())
 
 
-class PathFinder:
+class MotionPathFinder:
     """What photos of one size and scene have in common, against which the path of any of them stands out.
 
     Args:
-        photos: at least `FEWEST`, of one size.
+        photos: at least `SETTINGS.fewest_photos`, of one size.
         rounding: standard deviation of the files' rounding, in [0, 1].
     """
 
@@ -167,11 +229,11 @@ class PathFinder:
         self._independent = np.maximum(self.bins.count / 2.25, 0.5)  # coefficients, under a Hann window
         seen, noise = (np.stack(v) for v in zip(*(self._of(grey) for grey in greys), strict=True))
         common = np.median(np.exp(seen) - noise[:, None], axis=0)
-        self.clear = common > LOUD * float(np.median(noise))
-        lengths = SHORTEST * FACTOR ** np.arange(60)
-        lengths = lengths[lengths < max(LONGEST * min(height, width), 2 * SHORTEST)]
-        turns = np.arange(TURNS) * np.pi / TURNS
-        self.length = np.append(0.0, np.repeat(lengths, TURNS))
+        self.clear = common > SETTINGS.clear_of_noise * float(np.median(noise))
+        lengths = SETTINGS.shortest * SETTINGS.factor ** np.arange(60)
+        lengths = lengths[lengths < max(SETTINGS.longest_share * min(height, width), 2 * SETTINGS.shortest)]
+        turns = np.arange(SETTINGS.turns) * np.pi / SETTINGS.turns
+        self.length = np.append(0.0, np.repeat(lengths, SETTINGS.turns))
         self.angle = np.append(0.0, np.tile(turns, len(lengths)))
         self.common = np.log(np.maximum(common, 1e-30))
         f, angle = self.bins.f, self.bins.angle
@@ -180,7 +242,7 @@ class PathFinder:
         self._columns = np.stack(
             [np.ones_like(f), np.log(f / 0.1), np.cos(2 * angle), np.sin(2 * angle), softness], axis=1
         )
-        self._weight = 1.0 / np.sqrt(polygamma(1, self._independent) + SCATTER**2)
+        self._weight = 1.0 / np.sqrt(polygamma(1, self._independent) + SETTINGS.scatter**2)
         if self.possible:
             self._table = _transfer(self.bins, self.length, self.angle)
             self._find_common(seen, noise)
@@ -188,21 +250,21 @@ class PathFinder:
     @property
     def possible(self) -> bool:
         """Whether enough of the photos stands clear of their noise."""
-        return int(self.clear.sum()) >= FEWEST_BINS
+        return int(self.clear.sum()) >= SETTINGS.fewest_bins
 
-    def path(self, photo: Photo) -> Path:
+    def path(self, photo: Photo) -> MotionPath:
         """The path of one photo of that size, one of those given or another."""
         if not self.possible:
-            return Path()
+            return MotionPath()
         seen, noise = self._of(_light(photo))
-        own = np.zeros(len(OWN) + 1)
+        own = np.zeros(len(SETTINGS.prior_spreads) + 1)
         for _ in range(3):
             cost, owns = self._fitted(seen, noise, self._table, own)
             at = int(np.argmin(cost))
             own = owns[at]
         if at == 0:
-            return Path()
-        length, angle, step, turn = self.length[at], self.angle[at], FACTOR, np.pi / TURNS
+            return MotionPath()
+        length, angle, step, turn = self.length[at], self.angle[at], SETTINGS.factor, np.pi / SETTINGS.turns
         best = cost[at]
         for _ in range(3):
             ls, ts = length * step ** np.linspace(-1, 1, 5), angle + turn * np.linspace(-1, 1, 5)
@@ -213,8 +275,8 @@ class PathFinder:
             step, turn = step**0.5, turn / 2
         gain = float(cost[0] - best)
         sd, sa = self._errors(seen, noise, length, angle, own)
-        found = length if gain > CLEAR and length > 2.0 * sd else 0.0
-        return Path(float(found), sd, math.degrees(angle) % 180.0, sa, gain)
+        found = length if gain > SETTINGS.clear_gain and length > 2.0 * sd else 0.0
+        return MotionPath(float(found), sd, math.degrees(angle) % 180.0, sa, gain)
 
     def _of(self, grey: NDArray[np.float32]) -> tuple[Array, float]:
         """[B] log power without what chance does to it, and the noise's power."""
@@ -231,18 +293,18 @@ class PathFinder:
         signal = np.exp(self.common + self._columns @ own)[keep]
         rest = seen[keep] - np.log(signal * table[:, keep] + noise)
         a = self._columns[keep] * (signal / (signal + noise) * self._weight[keep])[:, None]
-        prior = np.diag([0.0, *(1.0 / s**2 for s in OWN)])
+        prior = np.diag([0.0, *(1.0 / s**2 for s in SETTINGS.prior_spreads)])
         change = ((rest * self._weight[keep]) @ a - own @ prior) @ np.linalg.inv(a.T @ a + prior)
         left = rest * self._weight[keep] - change @ a.T
         # Student's t of four degrees: single bins may be far off.
-        cost = (2.5 * np.log1p(left**2 / 4.0)).sum(axis=1) / TOGETHER
+        cost = (2.5 * np.log1p(left**2 / 4.0)).sum(axis=1) / SETTINGS.bins_together
         return np.asarray(cost + 0.5 * (np.square(own + change) @ prior).sum(axis=1)), np.asarray(own + change)
 
     def _find_common(self, seen: Array, noise: Array) -> None:
-        own, found = np.zeros((len(seen), len(OWN) + 1)), np.full(len(seen), -1)
+        own, found = np.zeros((len(seen), len(SETTINGS.prior_spreads) + 1)), np.full(len(seen), -1)
         sharp, weight = np.zeros_like(seen), np.zeros_like(seen)
         first = self.common
-        for _ in range(ROUNDS):
+        for _ in range(SETTINGS.rounds):
             before = found.copy()
             for i, (one, own_noise) in enumerate(zip(seen, noise, strict=True)):
                 # Without the photo itself, whose own stripes would explain themselves.
@@ -251,7 +313,7 @@ class PathFinder:
                 self.common = np.where(rest > 0.1, others, first)
                 cost, owns = self._fitted(one, own_noise, self._table, own[i])
                 # A path that all photos share is as good as none: whatever is not clearly a photo's own is none.
-                found[i] = np.argmin(cost) if cost[0] - cost.min() > SURE else 0
+                found[i] = np.argmin(cost) if cost[0] - cost.min() > SETTINGS.sure_gain else 0
                 left, own[i] = self._table[found[i]], owns[found[i]]
                 above = np.maximum(np.exp(one) - own_noise, 1e-30)
                 sharp[i] = np.log(above) - self._columns @ own[i] - np.log(left)
@@ -259,7 +321,7 @@ class PathFinder:
             if (found == before).all():
                 break
         total = weight.sum(axis=0)
-        # A bin that is in all photos' stripes keeps what was known of it.
+        # A bin that is in all photos' stripes keeps what was estimated of it.
         self.common = np.where(total > 0.1, (sharp * weight).sum(axis=0) / np.maximum(total, 1e-9), first)
 
     def _errors(self, seen: Array, noise: float, length: float, angle: float, own: Array) -> tuple[float, float]:
@@ -277,21 +339,37 @@ class PathFinder:
             if not any(narrow):
                 break
             wide, turned = wide * (0.25 if narrow[0] else 1.0), turned * (0.25 if narrow[1] else 1.0)
-        return math.hypot(sd, LAW_SHARE * length, LAW), math.hypot(math.degrees(sa), LAW_TURN)
+        return math.hypot(sd, SETTINGS.law_share * length, SETTINGS.law), math.hypot(
+            math.degrees(sa), SETTINGS.law_turn
+        )
 
 
-def find_paths(photos: Sequence[Photo], rounding: float, common: PathFinder | None = None) -> dict[str, Path]:
+def find_motion_paths(
+    photos: Sequence[Photo], rounding: float, common: MotionPathFinder | None = None
+) -> dict[str, MotionPath]:
     """Paths by photo name, of all photos whose size enough others share.
 
     Args:
         common: for photos of the size that most have; found from all of them if None.
     """
-    out: dict[str, Path] = {}
+    out: dict[str, MotionPath] = {}
     sizes = [photo.size for photo in photos]
     for size in sorted(set(sizes)):
         same = [photo for photo in photos if photo.size == size]
-        if len(same) >= FEWEST:
+        if len(same) >= SETTINGS.fewest_photos:
             usual = common is not None and sizes.count(size) == max(sizes.count(s) for s in sizes)
-            finder = common if usual and common is not None else PathFinder(same, rounding)
+            finder = common if usual and common is not None else MotionPathFinder(same, rounding)
             out.update({photo.name: finder.path(photo) for photo in same})
     return out
+
+
+def set_motion(paths: dict[str, MotionPath]) -> SetMotion:
+    """What the paths of some photos say of the whole set."""
+    squares = np.array([path.length**2 for path in paths.values()])
+    length = math.sqrt(float(squares.mean()))
+    # Of a mean of squares: twice the length times its error, each, over the root of their number.
+    each = np.array([2.0 * path.length * path.error for path in paths.values()])
+    own = float(np.sqrt(np.square(each).mean() / len(each))) / (2.0 * max(length, 1.0))
+    # A single path says little of a set: what is left without the longest one is as likely.
+    alone = length - math.sqrt(float(np.sort(squares)[:-1].mean()))
+    return SetMotion(length, math.hypot(own, SETTINGS.unseen, alone), paths)

@@ -7,28 +7,29 @@ from collections.abc import Iterable
 from dataclasses import replace
 
 from ..errors import Cancelled
+from ..inspection.evidence import Evidence
+from ..inspection.photo_set import PhotoSet
 from ..progress import Progress
-from .evidence import Evidence
-from .photo_set import PhotoSet
-from .registry import INSPECTIONS
+from .registry import all_effects
 
 
 def inspect_photos(photos: PhotoSet, progress: Progress, only: Iterable[str] | None = None) -> list[Evidence]:
     """Evidence of every effect, in the registry's order.
 
-    The first effect that needs tracks, spectra or tiles pays for them; its seconds say so.
+    The first effect that needs points, spectra or tiles pays for them; its seconds say so.
 
     Raises:
         Cancelled: the user asked to stop.
     """
-    names = [name for name in INSPECTIONS if only is None or name in set(only)]
-    progress.stage("inspect", len(names))
+    wanted = None if only is None else set(only)
+    specs = [spec for spec in all_effects() if wanted is None or spec.name in wanted]
+    progress.stage("inspect", len(specs))
     found = []
-    for index, name in enumerate(names):
+    for index, spec in enumerate(specs):
         if progress.cancelled():
             raise Cancelled("Stopped while inspecting the photos")
         began = time.perf_counter()
-        evidence = INSPECTIONS[name](photos)
+        evidence = spec.inspect(photos)
         found.append(replace(evidence, seconds=time.perf_counter() - began))
         progress.advance(index + 1)
     return found

@@ -3,20 +3,19 @@
 import numpy as np
 import pytest
 from dgs.benchmarks.effect_scenes import Truth, own_paths
-from dgs.core.inspection.effects import haze
-from dgs.core.inspection.effects.motion import motion_of, paths_of
-from dgs.core.inspection.paths import PathFinder
+from dgs.core.effects import haze
+from dgs.core.effects.registry import built
+from dgs.core.inspection.motion_paths import MotionPathFinder
+from dgs.core.inspection.observations import SETTINGS, _narrowed, observe_points
 from dgs.core.inspection.photo_set import PhotoSet
 from dgs.core.inspection.photometry import fit_photometry
-from dgs.core.inspection.tracks import WINDOW_SHARE, _narrowed, find_tracks
-from dgs.core.pipeline.effects.proposal import build
 
 
 @pytest.mark.parametrize("length", [6.0, 12.0])
 def test_lengths_and_directions_are_told(taken, scene, length):
     photos = taken(motion=length)
     truth = own_paths(Truth(motion=length), scene, 1)
-    paths = [paths_of(photos)[photo.name] for photo in photos.photos]
+    paths = [photos.motion_paths[photo.name] for photo in photos.photos]
     found = np.array([path.length for path in paths])
     assert (found > 0).all()
     assert np.median(np.abs(found / truth[:, 0] - 1)) < 0.03
@@ -24,22 +23,22 @@ def test_lengths_and_directions_are_told(taken, scene, length):
     assert np.median(np.abs(off)) < 3.0
     errors = np.array([path.error for path in paths])
     assert (np.abs(found - truth[:, 0]) < 4 * errors).mean() > 0.7 and (errors < 0.2 * found).all()
-    motion = build("motion", photos)
+    motion = built("motion", photos)
     assert motion.names == tuple(photo.name for photo in photos.photos)
     assert motion.finest == pytest.approx(length, rel=0.3)
 
 
 def test_photos_that_did_not_move_have_no_path(taken):
     for photos in (taken(), taken(psf=(3.0, 1.5, 30.0))):  # a blur that all share is no motion of single photos
-        assert max(path.length for path in paths_of(photos).values()) == 0.0 and build("motion", photos) is None
-        assert not motion_of(photos).significant
+        assert max(path.length for path in photos.motion_paths.values()) == 0.0 and built("motion", photos) is None
+        assert not photos.motion.significant
 
 
 def test_another_photo_is_judged_against_the_common_spectrum(taken):
     photos = taken(motion=8.0)
-    finder = PathFinder(photos.photos[:-1], photos.rounding)
+    finder = MotionPathFinder(photos.photos[:-1], photos.rounding)
     last = photos.photos[-1]
-    assert finder.path(last).length == pytest.approx(paths_of(photos)[last.name].length, rel=0.1)
+    assert finder.path(last).length == pytest.approx(photos.motion_paths[last.name].length, rel=0.1)
 
 
 def test_photos_without_detail_or_company_tell_nothing(taken):
@@ -47,16 +46,16 @@ def test_photos_without_detail_or_company_tell_nothing(taken):
 
     photos = taken()
     grey = [replace(p, pixels=np.full_like(p.pixels, 90)) for p in photos.photos]
-    assert motion_of(PhotoSet(grey)) is None and paths_of(PhotoSet(grey)) == {}
-    assert motion_of(PhotoSet(photos.photos[:3])) is None
+    assert PhotoSet(grey).motion is None and PhotoSet(grey).motion_paths == {}
+    assert PhotoSet(photos.photos[:3]).motion is None
 
 
 def test_motion_is_not_taken_for_haze(taken):
-    assert motion_of(taken(motion=8.0)).significant and not haze.inspect(taken(motion=8.0)).needed
+    assert taken(motion=8.0).motion.significant and not haze.inspect(taken(motion=8.0)).needed
     assert haze.inspect(taken(haze=0.4)).needed
-    photos, own = taken(motion=8.0), {n: (p.length, p.angle) for n, p in paths_of(taken(motion=8.0)).items()}
+    photos, own = taken(motion=8.0), {n: (p.length, p.angle) for n, p in taken(motion=8.0).motion_paths.items()}
     told = [
-        fit_photometry(find_tracks(photos.photos, photos.cameras, photos.sigma, paths=paths)).attenuation.mean()
+        fit_photometry(observe_points(photos.photos, photos.cameras, photos.sigma, paths=paths)).attenuation.mean()
         for paths in ({}, own)
     ]
     assert abs(told[1]) < 0.6 * abs(told[0])  # windows of equal blur see less of a haze that is not there
@@ -65,7 +64,7 @@ def test_motion_is_not_taken_for_haze(taken):
 def test_a_window_is_narrower_along_its_photo_s_path():
     t = np.arange(-4, 5)
     x, y = (grid.ravel() for grid in np.meshgrid(t, t))
-    window = np.exp(-0.5 * (x**2 + y**2) / (WINDOW_SHARE * 4) ** 2)
+    window = np.exp(-0.5 * (x**2 + y**2) / (SETTINGS.window_share * 4) ** 2)
     narrow = _narrowed(window / window.sum(), np.array([8.0, 90.0]), np.array([2.0, 4.0]))
     assert narrow.sum(axis=1) == pytest.approx(1.0)
     variance = (narrow * y**2).sum(axis=1)

@@ -1,0 +1,136 @@
+"""Defocus: what is nearer or farther than the plane in focus becomes a spot instead of a point."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from ..imaging.formation.effect import Shot
+from ..imaging.formation.spreading import SpreadingEffect
+from ..inspection.evidence import Evidence, judged, unknown
+from ..numbers import NOT_RECORDED, number
+from .spec import EffectSpec, EffectWords, Switch
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+    from ..inspection.photo_set import PhotoSet
+
+
+@dataclass(frozen=True)
+class DefocusSettings:
+    """Numbers of the simulated defocus."""
+
+    nearest_depth: float = number(
+        0.02,
+        "median depths",
+        "what is nearer blurs as if it were here: a render's stray nearer px would blur without bounds",
+        NOT_RECORDED,
+        "no data: a guard",
+    )
+    reach: float = number(
+        0.5, "1 / median depth", "off the focus: most of a scene lies nearer to it, so no light comes from beyond"
+    )
+
+
+SETTINGS = DefocusSettings()
+
+
+class Defocus(SpreadingEffect):
+    """The light of a px at depth d spreads with sigma = strength |1 / d - focus|.
+
+    strength: [] as a share of the photo's diagonal, so that it is the same on every grid; focus: [] 1 / depth of the
+    plane in focus. Depths in median depths, strength for 1 / depth in that unit. The depth is the sharp render's and
+    taken as given: the gradient goes to light, strength and focus. The spot is taken for a Gaussian.
+    """
+
+    name = "defocus"
+    physics = "A lens images one distance sharply; its circle of confusion grows linearly in 1 / distance (thin lens)."
+    by_depth = True
+
+    def __init__(self, strength: Tensor, focus: Tensor) -> None:
+        super().__init__({"strength": strength, "focus": focus})
+
+    def spread(self, depth: Tensor, r2: Tensor, diagonal: float) -> Tensor:
+        """See `SpreadingEffect`."""
+        return (self.parameters["strength"].to(depth) * diagonal * self._off_focus(depth)) ** 2
+
+    def reach(self, diagonal: float) -> float:
+        """See `Effect`: that of what lies half a 1 / (median depth) off the focus, as most of a scene does not."""
+        return SETTINGS.reach * diagonal * abs(float(self.parameters["strength"].detach()))
+
+    def _off_focus(self, depth: Tensor) -> Tensor:
+        return 1.0 / depth.clamp(min=SETTINGS.nearest_depth) - self.parameters["focus"].to(depth)
+
+    def add_gradients(self, in_variance: Tensor | None, shot: Shot, light: Tensor) -> None:
+        """See `SpreadingEffect`."""
+        if in_variance is None:
+            for name, value in self.parameters.items():
+                self._add(name, value.new_zeros(value.shape))
+            return
+        off, strength = self._off_focus(self._where(shot, light)[0]), self.parameters["strength"].to(light)
+        per = in_variance * off * (2.0 * strength * shot.diagonal**2)
+        self._add("strength", (per * off).sum())
+        self._add("focus", -(per * strength).sum())
+
+    def described(self) -> dict[str, object]:
+        """Strength in thousandths of the diagonal per 1 / median depth, and the depth in focus."""
+        strength, focus = (float(self.parameters[name].detach()) for name in ("strength", "focus"))
+        return {"strength_per_mille": round(1000 * strength, 4), "focus": round(focus, 5)}
+
+
+def inspect(photos: PhotoSet) -> Evidence:
+    """Blur of tiles against the depth of the points in them."""
+    from ..inspection.local_blur import SETTINGS as LOCAL  # heavy: numpy
+
+    smallest = LOCAL.smallest_defocus
+    if photos.observations is None:
+        return unknown("defocus", "px", smallest, f"Not measured: {photos.no_observations}")
+    local = photos.local_blur
+    if local is None or not local.by_depth:
+        return unknown("defocus", "px", smallest, "Not measured: the scene is too flat, or too few tiles hold points")
+    sharp = local.curve[0][int(local.curve[1].argmin())]
+    text = f"{local.defocus:.2f} px (sigma) are added away from the sharpest depth, {sharp:.2f} of the median"
+    return judged(
+        "defocus", local.defocus, local.defocus_error, smallest, "px", text, sharpest_depth=round(float(sharp), 3)
+    )
+
+
+def build(photos: PhotoSet) -> Defocus | None:
+    """What the tiles show beyond the blur that they share, which is the medium's."""
+    import numpy as np  # late: the command line's help reads this file
+    import torch  # heavy
+
+    from .depth_unit import depth_unit  # heavy: torch
+
+    local, unit = photos.local_blur, depth_unit(photos)
+    if local is None or not local.by_depth or unit is None:
+        return None
+    diagonal = math.hypot(*photos.greys[0].shape)
+    inverse = 1.0 / local.curve[0]
+    focus = float(inverse[int(local.curve[1].argmin())])
+    strength = local.defocus / float(np.abs(inverse - focus).max())
+    # 1 / depth in the trainer's unit is that of the observations over `unit`.
+    return Defocus(torch.tensor(strength * unit / diagonal), torch.tensor(focus / unit))
+
+
+SPEC = EffectSpec(
+    name="defocus",
+    physics=Defocus.physics,
+    words=EffectWords(
+        label="Defocus",
+        tooltip="A lens that images one distance sharply and blurs what is nearer or farther",
+        simulated="Defocus: blur that grows with the distance in 1 / depth from the plane in focus, in every step.",
+        missing="Blur that changes with depth",
+    ),
+    inspect=inspect,
+    switch=Switch(
+        speakers=("defocus",),
+        trial_rank=5,
+        simulation=Defocus,
+        build=build,
+        confirmed_by="points",
+        unmeasured="too few regions hold detail at depths that differ",
+    ),
+)

@@ -1,1 +1,0 @@
-"""One file per effect: `inspect(photos)` gives its `Evidence`."""
