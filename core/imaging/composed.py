@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import PsfError
-from .psf import PointSpread, _trimmed, spreading
+from .kernel_samples import convolved_samples, spreading, trimmed
+from .psf import PointSpread
 
 Array = NDArray[np.float64]
 
@@ -29,7 +30,7 @@ def convolved(first: PointSpread | None, second: PointSpread | None) -> PointSpr
     source, notes = f"{first.source}+{second.source}", (*first.notes, *second.notes)
     if first.samples is not None or second.samples is not None:
         samples = convolved_samples(first.kernel(), second.kernel()).clip(min=0.0)
-        return PointSpread("file", samples=_trimmed(samples), source=source, notes=notes)
+        return PointSpread("file", samples=trimmed(samples), source=source, notes=notes)
     values, axes = np.linalg.eigh(first.covariance + second.covariance)
     wide, narrow = math.sqrt(values[1]), math.sqrt(max(values[0], 0.0))
     angle = math.degrees(math.atan2(axes[1, 1], axes[0, 1])) % 180.0
@@ -65,16 +66,7 @@ def moved(psf: PointSpread | None, length: float, angle: float) -> PointSpread |
         source = f"{psf.source}+{path}"
     notes = () if psf is None else psf.notes
     samples = samples.clip(min=0.0)
-    return PointSpread("file", samples=_trimmed(samples / samples.sum()), source=source, notes=notes)
-
-
-def parse_path(text: str) -> tuple[float, float]:
-    """Reads `LENGTH,ANGLE` (px, degrees); raises PsfError."""
-    try:
-        length, angle = (float(value) for value in text.split(","))
-    except ValueError:
-        raise PsfError(f"The path 'path:{text}' is no path", "Write path:LENGTH,ANGLE (px, degrees)") from None
-    return length, angle
+    return PointSpread("file", samples=trimmed(samples / samples.sum()), source=source, notes=notes)
 
 
 def _path(length: float, angle: float, linear: bool) -> Array:
@@ -90,14 +82,3 @@ def _placed(position: Array, linear: bool) -> Array:
     """[2 r + 1, N]: how points at `position` (px from the middle) light a row of px."""
     radius = math.ceil(float(np.abs(position).max())) + 2
     return spreading(np.abs(np.arange(-radius, radius + 1)[:, None] - position[None, :]), linear)
-
-
-def convolved_samples(a: Array, b: Array) -> Array:
-    """[K + M - 1, L + N - 1] full convolution of [K, L] and [M, N]."""
-    size = a.shape[0] + b.shape[0] - 1, a.shape[1] + b.shape[1] - 1
-    if b.size > 64:
-        return np.fft.irfft2(np.fft.rfft2(a, size) * np.fft.rfft2(b, size), size)
-    out = np.zeros(size)
-    for (i, j), value in np.ndenumerate(b):
-        out[i : i + a.shape[0], j : j + a.shape[1]] += value * a
-    return out

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import PsfError
+from .kernel_samples import convolved_samples, interpolation, moments, trimmed
 
 #: A Gaussian is cut at this many standard deviations (6e-5 of its light lies beyond) and renormalised.
 TRUNCATION = 4.0
@@ -22,8 +22,6 @@ TRUNCATION = 4.0
 THINNEST_TILTED = 0.3
 #: A kernel file with longer sides is refused: it is a picture rather than a point spread.
 LARGEST_KERNEL = 1025
-#: Kinds of file that `kernel_files` reads; such a path is a PSF without `file:` before it.
-KERNEL_SUFFIXES = frozenset({".npy", ".tif", ".tiff", ".png", ".fits", ".fit", ".fts"})
 #: Sum of a kernel file that counts as normalised.
 SUM_TOLERANCE = 1e-3
 
@@ -68,7 +66,7 @@ class PointSpread:
     def covariance(self) -> Array:
         """[2, 2] covariance (px^2) in x, y order."""
         if self.samples is not None:
-            return _moments(self.samples)[1]
+            return moments(self.samples)[1]
         c, s = math.cos(math.radians(self.angle)), math.sin(math.radians(self.angle))
         axes = np.array([[c, -s], [s, c]])
         return axes @ np.diag([self.sigma_x**2, self.sigma_y**2]) @ axes.T
@@ -129,8 +127,6 @@ class PointSpread:
         # Three taps have any small variance v: (v/2, 1 - v, v/2); negative v sharpens.
         v = max(added / (s * s), -0.2)
         taps = np.array([v / 2, 1.0 - v, v / 2])
-        from .composed import convolved_samples
-
         return replace(self, samples=convolved_samples(self._scaled(s).kernel(), np.outer(taps, taps)))
 
     def mtf(self, frequencies: ArrayLike, angle: float = 0.0) -> Array:
@@ -167,7 +163,7 @@ class PointSpread:
         if self.samples is None:
             return replace(self, sigma_x=self.sigma_x / s, sigma_y=self.sigma_y / s)
         rows, columns = self.samples.shape
-        vertical, horizontal = _interpolation(rows, s), _interpolation(columns, s)
+        vertical, horizontal = interpolation(rows, s), interpolation(columns, s)
         values = vertical @ self.samples @ horizontal.T
         return replace(self, samples=values / values.sum())
 
@@ -181,47 +177,6 @@ def gaussian_taps(sigma: float, truncation: float = TRUNCATION) -> Array:
     with np.errstate(over="ignore"):
         values = np.exp(-0.5 * np.clip(np.arange(-radius, radius + 1) / sigma, -40, 40) ** 2)
     return np.asarray(values / values.sum())
-
-
-def parse_psf(text: str) -> PointSpread | None:
-    """Reads `none`, `gaussian:SIGMA`, `gaussian:SX,SY,ANGLE` (px, px, degrees), `file:PATH` or a kernel file's path.
-
-    `path:LENGTH,ANGLE` is a straight path of motion (px, degrees), alone or behind one of these: `gaussian:3+path:8,3`.
-
-    Returns:
-        None for `none`.
-
-    Raises:
-        PsfError: the text or the file makes no sense; it says why.
-    """
-    blur, mark, path_text = text.strip().rpartition("path:")
-    if mark and (not blur or blur.endswith("+")):
-        from .composed import moved, parse_path
-
-        return moved(parse_psf(blur[:-1]) if blur else None, *parse_path(path_text))
-    kind, _, rest = text.strip().partition(":")
-    if kind == "none" and not rest:
-        return None
-    if kind == "gaussian":
-        try:
-            values = [float(v) for v in rest.split(",")]
-        except ValueError:
-            values = []
-        if len(values) not in (1, 2, 3) or not all(map(math.isfinite, values)):
-            raise PsfError(f"The PSF '{text}' is not a Gaussian", "Write gaussian:5 or gaussian:SX,SY,ANGLE")
-        sx, sy, angle = (values + [values[0], 0.0][len(values) - 1 :])[:3]
-        if sx < 0 or sy < 0:
-            raise PsfError(f"The PSF '{text}' has a negative width", "Give standard deviations in pixels")
-        return PointSpread(sigma_x=sx, sigma_y=sy, angle=angle, source=text.strip())
-    path = rest if kind == "file" else text.strip()
-    if path and (kind == "file" or Path(path).suffix.lower() in KERNEL_SUFFIXES):
-        from .kernel_files import read_kernel
-
-        return point_spread_from_samples(read_kernel(Path(path)), text.strip())
-    raise PsfError(
-        f"There is no PSF '{text}'",
-        "Write none, gaussian:5, gaussian:SX,SY,ANGLE, file:PATH (NPY, TIFF, PNG, FITS) or path:LENGTH,ANGLE",
-    )
 
 
 def point_spread_from_samples(values: ArrayLike, source: str = "samples") -> PointSpread:
@@ -255,14 +210,14 @@ def point_spread_from_samples(values: ArrayLike, source: str = "samples") -> Poi
         notes.append(f"its sum was {total:.6g} and is now 1")
     samples /= total
     samples, centring = _centred(samples, source)
-    return PointSpread("file", samples=_trimmed(samples), source=source, notes=(*notes, *centring))
+    return PointSpread("file", samples=trimmed(samples), source=source, notes=(*notes, *centring))
 
 
 def _centred(samples: Array, source: str) -> tuple[Array, list[str]]:
     """Moves the centroid onto the middle of the middle pixel of odd-sized samples."""
     notes: list[str] = []
     even = [n for n in samples.shape if n % 2 == 0]
-    centroid = _moments(samples)[0]
+    centroid = moments(samples)[0]
     for offset, size in zip(centroid, samples.shape[::-1], strict=True):
         if abs(offset) > max(1.0, size / 4):
             raise PsfError(
@@ -278,11 +233,11 @@ def _centred(samples: Array, source: str) -> tuple[Array, list[str]]:
     for linear in (False, True):
         moved = samples
         for _ in range(8):  # cutting the cubic's undershoot at 0 moves the centroid a little again
-            offset_x, offset_y = _moments(moved)[0]
+            offset_x, offset_y = moments(moved)[0]
             if max(abs(offset_x), abs(offset_y)) < 1e-9 and all(n % 2 for n in moved.shape):
                 break
-            rows = _interpolation(moved.shape[0], 1.0, offset_y, linear)
-            columns = _interpolation(moved.shape[1], 1.0, offset_x, linear)
+            rows = interpolation(moved.shape[0], 1.0, offset_y, linear)
+            columns = interpolation(moved.shape[1], 1.0, offset_x, linear)
             moved = rows @ moved @ columns.T
             undershoot = -moved.min() / moved.max()
             if undershoot > 1e-2:
@@ -294,45 +249,3 @@ def _centred(samples: Array, source: str) -> tuple[Array, list[str]]:
         if not linear and moved.min() >= 0:
             break
     return moved, notes
-
-
-def _moments(samples: Array) -> tuple[Array, Array]:
-    """Centroid [2] (x, y; px from the middle of the array) and covariance [2, 2] (px^2)."""
-    rows, columns = samples.shape
-    weight = samples / samples.sum()
-    x, y = np.arange(columns) - (columns - 1) / 2, np.arange(rows) - (rows - 1) / 2
-    centroid = np.array([(weight.sum(axis=0) * x).sum(), (weight.sum(axis=1) * y).sum()])
-    dx, dy = x - centroid[0], y - centroid[1]
-    xy = dy @ weight @ dx
-    variances = (weight.sum(axis=0) * dx * dx).sum(), (weight.sum(axis=1) * dy * dy).sum()
-    return centroid, np.array([[variances[0], xy], [xy, variances[1]]])
-
-
-def _interpolation(size: int, s: float, offset: float = 0.0, linear: bool = False) -> Array:
-    """[odd, size]: resamples taps to a grid `s` times coarser whose middle is at `offset` from theirs.
-
-    Every tap's light is spread over the coarse taps around it, by Keys' cubic convolution, which
-    keeps sum, centroid and variance (the linear hat keeps the first two and never undershoots).
-    """
-    position = (np.arange(size) - (size - 1) / 2 - offset) / s
-    radius = math.ceil(abs(position).max() + (1 if linear else 2)) - 1
-    return spreading(np.abs(np.arange(-radius, radius + 1)[:, None] - position[None, :]), linear)
-
-
-def spreading(t: Array, linear: bool = False) -> Array:
-    """Share of a point's light that a px at a distance of `t` px takes: see `_interpolation`."""
-    if linear:
-        return np.asarray(np.maximum(0.0, 1.0 - t))
-    near, far = (1.5 * t - 2.5) * t * t + 1.0, ((-0.5 * t + 2.5) * t - 4.0) * t + 2.0
-    return np.where(t <= 1, near, np.where(t < 2, far, 0.0))
-
-
-def _trimmed(samples: Array) -> Array:
-    """Without borders that hold less than 1e-6 of the light in all; the centre stays."""
-    for _ in range(2):
-        rows = samples.sum(axis=1)
-        cut = 0
-        while cut < samples.shape[0] // 2 and rows[: cut + 1].sum() + rows[-cut - 1 :].sum() < 5e-7:
-            cut += 1
-        samples = samples[cut : samples.shape[0] - cut].T
-    return np.ascontiguousarray(samples / samples.sum())
