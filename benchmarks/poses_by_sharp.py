@@ -23,7 +23,8 @@ import numpy as np
 import pycolmap
 from dgs.core.evaluation.poses import align_similarity, pose_errors
 from dgs.core.imaging.medium import Medium
-from dgs.core.imaging.psf import PointSpread, parse_psf
+from dgs.core.imaging.psf import PointSpread
+from dgs.core.imaging.psf_text import parse_psf
 from dgs.core.photos.load import Photo, load_photos
 from dgs.core.photos.undistort import undistorted_views
 from dgs.core.pose import Pose

@@ -86,7 +86,7 @@ def _blur() -> str:
     import torch  # heavy
 
     from ..core.imaging.operator import BlurOperator  # heavy: torch
-    from ..core.imaging.psf import parse_psf  # heavy: torch
+    from ..core.imaging.psf_text import parse_psf  # heavy: torch
 
     operator = BlurOperator(parse_psf("gaussian:3"), 48, 64, 12)
     random = torch.Generator().manual_seed(0)

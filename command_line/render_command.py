@@ -30,7 +30,7 @@ def render_command(options: argparse.Namespace, progress: Reporting) -> int:
     from ..core.formats.cameras import read_cameras  # heavy: numpy
     from ..core.formats.gaussians import read_gaussians  # heavy: numpy
     from ..core.imaging.medium import Medium  # heavy: torch
-    from ..core.imaging.psf import parse_psf  # heavy: torch
+    from ..core.imaging.psf_text import parse_psf  # heavy: torch
     from ..core.machine import choose_device, use_threads  # late: slows --help
 
     psf = parse_psf(options.psf)

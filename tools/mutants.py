@@ -78,8 +78,8 @@ MUTATIONS = (
         "psf",
         "a Gaussian's taps are not normalised",
         "core/imaging/psf.py",
-        "return np.asarray(values / values.sum())\n\n\ndef parse_psf",
-        "return np.asarray(values / (sigma * math.sqrt(2 * math.pi)))\n\n\ndef parse_psf",
+        "return np.asarray(values / values.sum())\n\n\ndef point_spread_from_samples",
+        "return np.asarray(values / (sigma * math.sqrt(2 * math.pi)))\n\n\ndef point_spread_from_samples",
         "constant",
     ),
     Mutation(

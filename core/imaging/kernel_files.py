@@ -75,7 +75,7 @@ def _read_tiff(path: Path) -> Any:
 
 
 def _read_png(path: Path) -> Any:
-    from PIL import Image
+    from PIL import Image  # heavy: pictures only
 
     with Image.open(path) as file:
         if file.format != "PNG":

@@ -11,7 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import PsfError
-from ..imaging.psf import KERNEL_SUFFIXES, PointSpread, parse_psf
+from ..imaging.psf import PointSpread
+from ..imaging.psf_text import KERNEL_SUFFIXES, parse_psf
 from ..inspection.blind_psf import blind_psf
 from ..inspection.photo_set import PhotoSet
 from ..inspection.psf_per_photo import gaussian_text, psf_per_photo

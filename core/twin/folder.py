@@ -17,7 +17,7 @@ from ..forward import Exposure, FixedMedium, ForwardModel, low_pass_on_grid, mar
 from ..gaussians import Gaussians
 from ..imaging.evaluations import Frame
 from ..imaging.medium import BlurSpace, Medium
-from ..imaging.psf import parse_psf
+from ..imaging.psf_text import parse_psf
 from ..photos.load import Photo, load_photos
 from ..photos.source import photo_source
 from ..photos.undistort import undistorted_views

@@ -17,7 +17,8 @@ from ...core.evaluation.lines import PaintedLine, read_lines
 from ...core.files import write_json
 from ...core.formats.colmap import write_lenses
 from ...core.imaging.medium import Medium
-from ...core.imaging.psf import PointSpread, parse_psf, point_spread_from_samples
+from ...core.imaging.psf import PointSpread, point_spread_from_samples
+from ...core.imaging.psf_text import parse_psf
 from ...core.lens import MODELS, Lens
 from ...core.photos.load import Photo, load_photo, load_photos, photo_files
 from ...core.pipeline.heldout import TruthFolder

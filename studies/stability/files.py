@@ -237,7 +237,7 @@ def damaged_cameras(place: Place) -> float:
 @case("files", "damaged kernels", "a typed error with a way out", 0.0, "a count of violations")
 def damaged_kernels(place: Place) -> float:
     """A point spread from a file that is cut off, coloured, complex or NaN."""
-    from ...core.imaging.psf import parse_psf
+    from ...core.imaging.psf_text import parse_psf
 
     good = np.outer(np.hanning(9), np.hanning(9))
     for name, values in (

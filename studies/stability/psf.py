@@ -13,7 +13,8 @@ from ...core.forward import FixedMedium
 from ...core.imaging.evaluations import REDUCED_TOLERANCE
 from ...core.imaging.fourier import FourierFilter
 from ...core.imaging.operator import BlurOperator
-from ...core.imaging.psf import PointSpread, gaussian_taps, parse_psf, point_spread_from_samples
+from ...core.imaging.psf import PointSpread, gaussian_taps, point_spread_from_samples
+from ...core.imaging.psf_text import parse_psf
 from .case import Place, Unexplained, case, explained, worst
 from .photographed import disc
 

@@ -11,7 +11,7 @@ from dgs.core.formats.colmap import write_model
 from dgs.core.gaussians import Gaussians
 from dgs.core.imaging.medium import Medium
 from dgs.core.imaging.operator import BlurOperator
-from dgs.core.imaging.psf import parse_psf
+from dgs.core.imaging.psf_text import parse_psf
 from dgs.core.rasterizer import render
 from dgs.core.views import SparsePoints
 from PIL import Image

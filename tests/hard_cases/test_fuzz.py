@@ -11,7 +11,8 @@ from dgs.core.camera import Camera
 from dgs.core.constants import ALPHA_MINIMUM
 from dgs.core.errors import PsfError
 from dgs.core.imaging.operator import BlurOperator
-from dgs.core.imaging.psf import PointSpread, parse_psf, point_spread_from_samples
+from dgs.core.imaging.psf import PointSpread, point_spread_from_samples
+from dgs.core.imaging.psf_text import parse_psf
 from dgs.core.rasterizer import RasterSettings, render
 from dgs.core.training.photometric import PhotometricLoss, photometric_reference
 from dgs.studies.stability.fuzz import Fuzzer, fuzz, packed

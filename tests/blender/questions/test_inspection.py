@@ -29,7 +29,7 @@ def test_a_photo_of_a_point_becomes_the_medium(tmp_path: Path) -> None:
     settings.blur_space = "linear"
     assert bpy.ops.dgs.measure_psf(filepath=str(photo)) == {"FINISHED"}
     assert settings.medium == "file" and Path(settings.psf_file).is_file()
-    from dgs.core.imaging.psf import parse_psf
+    from dgs.core.imaging.psf_text import parse_psf
     from dgs.dgs_addon.questions import inspection
 
     psf = parse_psf(f"file:{settings.psf_file}")

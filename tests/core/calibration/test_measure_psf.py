@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from dgs.core.calibration.measure import measure_psf
 from dgs.core.errors import PsfError
-from dgs.core.imaging.psf import parse_psf, point_spread_from_samples
+from dgs.core.imaging.psf import point_spread_from_samples
+from dgs.core.imaging.psf_text import parse_psf
 from dgs.tests.core.calibration import calibration_photos as photos
 from PIL import Image
 

@@ -8,7 +8,8 @@ import torch
 from dgs.core.errors import PsfError
 from dgs.core.imaging.evaluations import REDUCED_TOLERANCE
 from dgs.core.imaging.operator import BlurOperator
-from dgs.core.imaging.psf import PointSpread, parse_psf, point_spread_from_samples
+from dgs.core.imaging.psf import PointSpread, point_spread_from_samples
+from dgs.core.imaging.psf_text import parse_psf
 from scipy import ndimage
 
 LOPSIDED = point_spread_from_samples(

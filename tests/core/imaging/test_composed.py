@@ -5,9 +5,11 @@ import math
 import numpy as np
 import pytest
 from dgs.core.errors import PsfError
-from dgs.core.imaging.composed import convolved, convolved_samples, moved
+from dgs.core.imaging.composed import convolved, moved
+from dgs.core.imaging.kernel_samples import convolved_samples
 from dgs.core.imaging.medium import Medium
-from dgs.core.imaging.psf import PointSpread, parse_psf, point_spread_from_samples
+from dgs.core.imaging.psf import PointSpread, point_spread_from_samples
+from dgs.core.imaging.psf_text import parse_psf
 
 
 def turned(angle: float) -> tuple[np.ndarray, np.ndarray]:

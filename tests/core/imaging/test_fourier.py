@@ -5,7 +5,7 @@ import pytest
 import torch
 from dgs.core.imaging.fourier import FourierFilter, border_weight, wiener_photo
 from dgs.core.imaging.operator import BlurOperator
-from dgs.core.imaging.psf import parse_psf
+from dgs.core.imaging.psf_text import parse_psf
 
 
 def scene(height: int, width: int) -> torch.Tensor:

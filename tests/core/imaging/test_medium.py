@@ -9,7 +9,7 @@ from dgs.core.errors import PsfError
 from dgs.core.forward import FixedMedium
 from dgs.core.imaging.medium import Medium
 from dgs.core.imaging.operator import BlurOperator
-from dgs.core.imaging.psf import parse_psf
+from dgs.core.imaging.psf_text import parse_psf
 
 
 def test_per_view_spreads():

@@ -5,7 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from dgs.core.errors import PsfError
-from dgs.core.imaging.psf import PointSpread, gaussian_taps, parse_psf, point_spread_from_samples
+from dgs.core.imaging.psf import PointSpread, gaussian_taps, point_spread_from_samples
+from dgs.core.imaging.psf_text import parse_psf
 
 
 def moments(kernel: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from dgs.benchmarks.effect_scenes import Truth, own_sigmas
-from dgs.core.imaging.psf import parse_psf
+from dgs.core.imaging.psf_text import parse_psf
 from dgs.core.inspection.psf_per_photo import psf_per_photo
 
 

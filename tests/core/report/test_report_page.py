@@ -9,7 +9,7 @@ import dgs
 import numpy as np
 import pytest
 from dgs.core.camera import Camera
-from dgs.core.imaging.psf import parse_psf
+from dgs.core.imaging.psf_text import parse_psf
 from dgs.core.report.charts import Axis, Marker, line_chart
 from dgs.core.report.page import page, write_page
 from dgs.core.report.pictures import ViewPictures, embedded, spread

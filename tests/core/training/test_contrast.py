@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from dgs.core.camera import Camera
-from dgs.core.imaging.psf import parse_psf
+from dgs.core.imaging.psf_text import parse_psf
 from dgs.core.training.contrast import LEAST, scene_contrast
 from dgs.core.training.grid import GridView
 from dgs.core.views import View

@@ -8,7 +8,7 @@ from dgs.core.effects.motion import motion_from
 from dgs.core.errors import PsfError
 from dgs.core.imaging.formation.chain import Formation
 from dgs.core.imaging.medium import Medium
-from dgs.core.imaging.psf import parse_psf
+from dgs.core.imaging.psf_text import parse_psf
 from dgs.core.imaging.spectrum import noise_to_signal
 from dgs.core.progress import Silent
 from dgs.core.rasterizer import RasterSettings, render

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from dgs.core.errors import Cancelled
 from dgs.core.imaging.medium import Medium
-from dgs.core.imaging.psf import parse_psf
+from dgs.core.imaging.psf_text import parse_psf
 from dgs.core.photos.load import Photo
 from dgs.core.progress import Silent
 from dgs.studies.comparison import deconvolution, degrade

@@ -17,7 +17,7 @@ from dgs.core.imaging.formation.chain import Formation
 from dgs.core.imaging.formation.effect import Effect, Shot
 from dgs.core.imaging.medium import Medium
 from dgs.core.imaging.operator import BlurOperator
-from dgs.core.imaging.psf import parse_psf
+from dgs.core.imaging.psf_text import parse_psf
 from torch.utils._python_dispatch import TorchDispatchMode
 
 H, W, M = 14, 18, 3

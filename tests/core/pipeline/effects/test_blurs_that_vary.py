@@ -13,7 +13,7 @@ from dgs.core.effects.registry import built
 from dgs.core.errors import DgsError
 from dgs.core.imaging.formation.chain import Formation
 from dgs.core.imaging.medium import Medium
-from dgs.core.imaging.psf import parse_psf
+from dgs.core.imaging.psf_text import parse_psf
 from dgs.core.inspection.photo_set import PhotoSet
 from dgs.core.photos.undistort import undistorted_views
 from dgs.core.pipeline.effects.choose import choose_effects
