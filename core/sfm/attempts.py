@@ -13,6 +13,7 @@ import numpy as np
 import pycolmap
 from numpy.typing import NDArray
 
+from ..numbers import BY_DEFINITION, number
 from ..reconstruction import Attempt
 from . import keyframes, mapping
 from .features import FEATURES, read_features, save_features
@@ -22,24 +23,40 @@ from .settings import Recipe, SfmSettings, recipes
 
 #: COLMAP's, of one attempt.
 DATABASE = "database.db"
-#: Focal lengths outside these shares of the longest side are no camera's (150 and 7 degrees wide).
-FOCAL_LIMITS = (0.2, 8.0)
-#: More than this many px on average is no fit.
-REPROJECTION_LIMIT = 1.5
-#: Rays that meet at less than this tell no depth.
-ANGLE_LIMIT = 1.0
-#: Share of pairs that a camera explains which only turned, above which no depth is believed.
-ROTATING_LIMIT = 0.8
-#: A photo that sees fewer points than this on average hangs on chance. (Points seen, not points in
-#: all: on a rail fifty photos may share the same few hundred.)
-POINTS_PER_PHOTO = 20
-
 Say = Callable[..., None]
 
 
 @dataclass(frozen=True)
+class TrustNumbers:
+    """When a model is believed, and what is said of it where it is not."""
+
+    shortest_focal: float = number(
+        0.2, "longest sides", "no camera has a shorter focal length (150 degrees wide)", BY_DEFINITION
+    )
+    longest_focal: float = number(
+        8.0, "longest sides", "no camera has a longer focal length (7 degrees wide)", BY_DEFINITION
+    )
+    largest_reprojection: float = number(1.5, "px", "a larger mean reprojection error is no fit")
+    smallest_angle: float = number(1.0, "degrees", "rays that meet at less than this show no depth")
+    rotating_share: float = number(
+        0.8, "share", "of pairs that a camera explains which only turned, above which no depth is believed"
+    )
+    flat_share: float = number(0.8, "share", "of flat pairs, above which a failure is put down to a flat scene")
+    points_per_photo: int = number(
+        20,
+        "count",
+        "a photo that sees fewer points than this on average hangs on chance. (Points seen, not points in all: on a"
+        " rail fifty photos may share the same few hundred.)",
+    )
+    joined_share: float = number(0.25, "share", "of the photos that must join for a model, or be tied to another one")
+
+
+NUMBERS = TrustNumbers()
+
+
+@dataclass(frozen=True)
 class SfmResult:
-    """kind 'done' or 'failed', and what to tell the parent."""
+    """kind 'done' or 'failed', and the message to the parent."""
 
     kind: str
     message: dict[str, Any]
@@ -54,12 +71,12 @@ def run(job: SfmJob, say: Say) -> SfmResult:
     kept: tuple[Path, Recipe] | None = None
     log: list[Attempt] = []
     geometries: list[mapping.PairGeometry] = []
-    for number, recipe in enumerate(recipes(job.kernel is not None)):
-        if number and time.perf_counter() - started > job.settings.time_limit:
+    for index, recipe in enumerate(recipes(job.kernel is not None)):
+        if index and time.perf_counter() - started > job.settings.time_limit:
             break
         begun = time.perf_counter()
         recipe = lighter(recipe, job)
-        model, geometry = _try(job, recipe, number, say)
+        model, geometry = _try(job, recipe, index, say)
         geometries.append(geometry)
         attempt = judge(model, geometry, job.settings, recipe)
         attempt = replace(attempt, seconds=time.perf_counter() - begun)
@@ -68,8 +85,8 @@ def run(job: SfmJob, say: Say) -> SfmResult:
         if model is not None and attempt.verdict in ("trusted", "incomplete"):
             score = attempt.registered + min(0.9, attempt.points / 1e5)
             if best is None or score > best[0]:
-                best, kept = (score, model, attempt), (job.folder / f"try{number}" / DATABASE, recipe)
-        if attempt.verdict == "trusted" or geometry.rotating > ROTATING_LIMIT:
+                best, kept = (score, model, attempt), (job.folder / f"try{index}" / DATABASE, recipe)
+        if attempt.verdict == "trusted" or geometry.rotating > NUMBERS.rotating_share:
             break
     if best is None:
         return SfmResult("failed", explain(geometries, log, len(job.images)))
@@ -98,8 +115,8 @@ def _narrowest(kernel: NDArray[np.float64]) -> float:
     return float(min(np.sqrt((kernel.sum(axis=1 - i) * x**2).sum()) for i, x in enumerate(at)))
 
 
-def _try(job: SfmJob, recipe: Recipe, number: int, say: Say) -> tuple[Any, mapping.PairGeometry]:
-    folder = job.folder / f"try{number}"
+def _try(job: SfmJob, recipe: Recipe, index: int, say: Say) -> tuple[Any, mapping.PairGeometry]:
+    folder = job.folder / f"try{index}"
     images, database = folder / "images", folder / DATABASE
     folder.mkdir(exist_ok=True)
     say(stage="features", recipe=recipe.name)
@@ -144,7 +161,7 @@ def _by_keyframes(
     if chosen is None:
         return None
     found = mapping.map_incrementally(job, recipe, database, images, output, count, chosen)
-    if not found or found[0].num_reg_images() < (1.0 - keyframes.UNPLACED) * len(chosen):
+    if not found or found[0].num_reg_images() < (1.0 - keyframes.NUMBERS.unplaced_share) * len(chosen):
         return None
     model = pixel_exact(found[0], greys, settings.refine_many)
     return keyframes.place_others(model, matches, greys, recipe, settings.refine_many, count)
@@ -169,17 +186,17 @@ def judge(model: Any, geometry: mapping.PairGeometry, settings: SfmSettings, rec
         angle_deg=widest_angle(model),
     )
     verdict = "trusted"
-    if geometry.rotating > ROTATING_LIMIT:  # bundle adjustment may invent depth for it all the same
+    if geometry.rotating > NUMBERS.rotating_share:  # bundle adjustment may invent depth for it all the same
         verdict = "the camera only turned"
-    elif registered < 3 or registered < 0.25 * given:
+    elif registered < 3 or registered < NUMBERS.joined_share * given:
         verdict = "too few photos joined"
-    elif not (FOCAL_LIMITS[0] < shares.min() and shares.max() < FOCAL_LIMITS[1]):
+    elif not (NUMBERS.shortest_focal < shares.min() and shares.max() < NUMBERS.longest_focal):
         verdict = "implausible focal length"
-    elif not attempt.reprojection_px < REPROJECTION_LIMIT:
+    elif not attempt.reprojection_px < NUMBERS.largest_reprojection:
         verdict = "large reprojection error"
-    elif attempt.angle_deg < ANGLE_LIMIT:
+    elif attempt.angle_deg < NUMBERS.smallest_angle:
         verdict = "rays too parallel"
-    elif model.compute_num_observations() < POINTS_PER_PHOTO * registered:
+    elif model.compute_num_observations() < NUMBERS.points_per_photo * registered:
         verdict = "too few points"
     elif registered < settings.minimum_share * given:
         verdict = "incomplete"
@@ -203,24 +220,24 @@ def explain(geometries: list[mapping.PairGeometry], log: list[Attempt], given: i
     tried = ", ".join(f"{a.name}: {a.verdict}" for a in log)
     most = max(geometries, key=lambda g: (g.connected, g.verified))
     parallel = any(a.verdict == "rays too parallel" for a in log)
-    if most.connected < max(3, 0.25 * given) and most.connected < given:
+    if most.connected < max(3, NUMBERS.joined_share * given) and most.connected < given:
         return {
             "kind": "NoOverlap",
             "what": f"Only {most.connected} of {given} photos share enough detail with another one ({tried})",
             "way_out": "Take photos whose views overlap by at least two thirds, check the point spread"
-            " function, or give known cameras with --cameras",
+            " function, or give your own cameras with --cameras",
         }
-    if parallel or most.rotating > ROTATING_LIMIT or most.flat > 0.8:
+    if parallel or most.rotating > NUMBERS.rotating_share or most.flat > NUMBERS.flat_share:
         return {
             "kind": "DegenerateMotion",
             "what": f"The photos show a flat scene or a camera that only turned ({most.flat:.0%} of the"
             f" pairs; {tried})",
             "way_out": "Move the camera sideways between photos, put something with depth into the"
-            " scene, or give known cameras with --cameras",
+            " scene, or give your own cameras with --cameras",
         }
     return {
         "kind": "CameraError",
         "what": f"No trustworthy cameras were found for {given} photos ({tried})",
-        "way_out": "Take more overlapping photos, check the point spread function, or give known"
-        " cameras with --cameras",
+        "way_out": "Take more overlapping photos, check the point spread function, or give your"
+        " own cameras with --cameras",
     }

@@ -13,8 +13,10 @@ from pathlib import Path
 WORKER = Path(__file__).with_name("worker.py")
 #: A child that was started early begins when this file is in its folder.
 GO = "go"
-#: Seconds between two looks for a file, and after which a child gives up.
-LOOK, PATIENCE = 0.01, 600.0
+#: Seconds between two checks whether a file is there.
+CHECK_EVERY = 0.01
+#: Seconds that a child waits for its job, then it gives up.
+PATIENCE = 600.0
 
 
 def begin(folder: Path, threads: int, *words: str, worker: Path = WORKER) -> subprocess.Popen[bytes]:
@@ -47,7 +49,7 @@ def wait_for(path: Path) -> None:
     while not path.is_file():
         if time.perf_counter() - began > PATIENCE:
             raise TimeoutError(f"'{path.name}' did not come")
-        time.sleep(LOOK)
+        time.sleep(CHECK_EVERY)
 
 
 class Waiting:

@@ -45,11 +45,11 @@ def find_cameras(
 
     Args:
         photos: at least three; masked pixels give no features.
-        kernel: [k, k] the known point spread function at the photos' size, normalised, centred,
+        kernel: [k, k] the point spread function at the photos' size, normalised, centred,
             odd; None if the photos are sharp. The blur is undone (Wiener) before features are sought.
         settings: see `SfmSettings`.
         work_dir: where a scratch folder may be made; it is removed at the end.
-        progress: told of the stages; may cancel, which ends the child process.
+        progress: hears of the stages; may cancel, which ends the child process.
         keep: file for the photos' features (`core.sfm.features`), by the photos' names; None to drop them.
 
     Returns:
@@ -63,8 +63,8 @@ def find_cameras(
     if len(photos) < MINIMUM_PHOTOS:
         raise TooFewPhotos(
             f"{len(photos)} photos are too few to find cameras",
-            f"Give at least {MINIMUM_PHOTOS} overlapping photos (20 or more are better), or known"
-            " cameras with --cameras",
+            f"Give at least {MINIMUM_PHOTOS} overlapping photos (20 or more are better), or your"
+            " own cameras with --cameras",
         )
     started = time.perf_counter()
     progress.stage("cameras", len(photos))
@@ -130,16 +130,11 @@ def talk(
             if "joined" in message:
                 progress.advance(min(given, int(message["joined"])))
             elif "attempt" in message:
-                attempts.append(Attempt(**message["attempt"]))
-                if attempts[-1].verdict != "trusted":
-                    tried = attempts[-1]
-                    progress.note(f"Cameras, attempt '{tried.name}': {tried.verdict} ({tried.registered} of {given})")
-            elif "done" in message:
-                last = message["done"]
+                attempts.append(_tried(message["attempt"], given, progress))
             elif "failed" in message:
                 failure = message["failed"]
-                kind = getattr(errors, failure["kind"])
-                raise kind(failure["what"], failure["way_out"])
+                raise getattr(errors, failure["kind"])(failure["what"], failure["way_out"])
+            last = message.get("done", last)
         status = child.wait()
         if last is None or status != 0:
             raise _crash(status, folder / "native.log")
@@ -151,6 +146,14 @@ def talk(
         for stream in (child.stdin, child.stdout):
             if stream is not None:
                 stream.close()
+
+
+def _tried(values: dict[str, Any], given: int, progress: Progress) -> Attempt:
+    """An attempt as the child reports it; one that is not trusted is worth a note."""
+    tried = Attempt(**values)
+    if tried.verdict != "trusted":
+        progress.note(f"Cameras, attempt '{tried.name}': {tried.verdict} ({tried.registered} of {given})")
+    return tried
 
 
 def _messages(stream: IO[bytes], progress: Progress, limit: float) -> Any:
@@ -170,7 +173,7 @@ def _messages(stream: IO[bytes], progress: Progress, limit: float) -> Any:
         if time.perf_counter() > deadline:
             raise CameraError(
                 f"No cameras were found within {limit:g} s",
-                "Give fewer or smaller photos (--max-size), or known cameras with --cameras",
+                "Give fewer or smaller photos (--max-size), or your own cameras with --cameras",
             )
         try:
             line = lines.get(timeout=0.1)
@@ -197,5 +200,5 @@ def _crash(status: int, log: Path) -> CameraError:
         reason = f"exit status {status}"
     return NativeCrash(
         f"The structure-from-motion process ended unexpectedly ({reason}{said})",
-        "Try again with fewer or smaller photos (--max-size), or give known cameras with --cameras",
+        "Try again with fewer or smaller photos (--max-size), or give your own cameras with --cameras",
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 import unicodedata
 from collections.abc import Iterable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -13,16 +13,26 @@ import numpy as np
 from ..errors import CameraError, FormatError
 from ..formats.cameras import CameraModel, read_cameras
 from ..lens import Lens
+from ..numbers import number
 from ..photos.load import Photo
 from ..reconstruction import Figures, Reconstruction
 from .scatter import scattered_points
 
-#: Sides may differ by this share before a lens no longer fits a photo.
-ASPECT_TOLERANCE = 0.01
+
+@dataclass(frozen=True)
+class GivenCameraNumbers:
+    """When a given camera fits a photo."""
+
+    aspect_tolerance: float = number(
+        0.01, "share", "by which width / height may differ before a lens no longer fits a photo"
+    )
+
+
+NUMBERS = GivenCameraNumbers()
 
 
 def load_cameras(path: Path, photos: list[Photo]) -> Reconstruction:
-    """Reads known cameras and gives them to the photos of the same name.
+    """Reads cameras from a file and gives them to the photos of the same name.
 
     Names match without regard to case, folder and extension ('images/A 1.JPG' is 'a 1.png').
     Cameras are scaled to the photos' size (`--max-size`, or photos exported smaller).
@@ -90,7 +100,7 @@ def _fitted(lens: Lens, photo: Photo) -> Lens:
     width, height = photo.size
     sx, sy = width / lens.width, height / lens.height
     # Rounding to whole pixels changes the shape of a small photo by up to a pixel.
-    if abs(sx / sy - 1.0) > ASPECT_TOLERANCE + 1.0 / min(width, height):
+    if abs(sx / sy - 1.0) > NUMBERS.aspect_tolerance + 1.0 / min(width, height):
         raise CameraError(
             f"The camera of '{photo.name}' is {lens.width} x {lens.height} px, the photo {width} x {height}",
             "Give photos and cameras of the same shape (EXIF rotation is applied to photos)",

@@ -24,26 +24,39 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from ..numbers import number
 from .refine import completed
 from .settings import Recipe, RefineSettings
 from .straight import adjustment
 from .tracks import Floats, moved, views_of
 
-#: Key partners that every photo keeps, key or not.
-FEWEST_PARTNERS = 3
-#: More than this share of key photos is not worth the trouble.
-MOST = 0.7
-#: A feature this close (px) to where a photo shows a point is that point's.
-SAME = 2.0
-#: Observations that place a photo at least.
-FEWEST_SEEN = 12
-#: Of a pose's refinement; COLMAP stops at 1, hundredths of a pixel too early.
-GRADIENT = 1e-4
-#: Photos that the key photos leave unplaced; beyond this share all photos are mapped together instead.
-UNPLACED = 0.05
-
 #: Ids of points, [N], and where a photo shows them, [N, 2] px.
-Sighting = tuple[NDArray[np.int64], Floats]
+PointsInPhoto = tuple[NDArray[np.int64], Floats]
+
+
+@dataclass(frozen=True)
+class KeyPhotoNumbers:
+    """Of the photos that carry the structure of a large set, and of how the others are placed."""
+
+    minimum_partners: int = number(3, "count", "key photos that every photo, key or not, keeps tied to it")
+    largest_share: float = number(0.7, "share", "of the photos; more key photos than this are not worth the trouble")
+    same_point: float = number(2.0, "px", "a feature this close to where a photo shows a point is that point's")
+    minimum_observations: int = number(12, "count", "observations that a photo is placed by")
+    max_error: float = number(4.0, "px", "that a match may be off when a photo is placed by matches alone")
+    gradient: float = number(
+        1e-4, "COLMAP's", "at which a pose's refinement stops; COLMAP stops at 1, hundredths of a pixel too early"
+    )
+    loss_scale: float = number(0.5, "px", "beyond which a residual of that refinement counts less")
+    first_limit: float = number(
+        4.0, "inlier limits", "that an observation may be off before the patches have brought its photo nearer"
+    )
+    second_reach: float = number(2.0, "px", "that features may move in the second alignment of patches")
+    unplaced_share: float = number(
+        0.05, "share", "of photos that key photos may leave unplaced; with more, all are mapped together instead"
+    )
+
+
+NUMBERS = KeyPhotoNumbers()
 
 
 @dataclass(frozen=True)
@@ -78,7 +91,7 @@ def read_matches(database: Path) -> Matches:
 
 
 def choose_keyframes(matches: Matches, least: int) -> list[str] | None:
-    """Half of the photos, such that all have `FEWEST_PARTNERS` among them and they hold together.
+    """Half of the photos, such that all have `minimum_partners` among them and they hold together.
 
     Args:
         least: matches that make partners.
@@ -98,7 +111,7 @@ def choose_keyframes(matches: Matches, least: int) -> list[str] | None:
     tied = weight.astype(bool)
     key, blocked = np.ones(count, bool), np.zeros(count, bool)
     redundancy, partners = np.asarray(weight.sum(axis=1)).ravel(), np.diff(tied.indptr)
-    enough = partners >= FEWEST_PARTNERS
+    enough = partners >= NUMBERS.minimum_partners
     parts = _parts(tied)
     while key.sum() > count // 2:
         # The photo that its key partners can best do without: the one most tied to them.
@@ -108,13 +121,13 @@ def choose_keyframes(matches: Matches, least: int) -> list[str] | None:
         mine = slice(weight.indptr[worst], weight.indptr[worst + 1])
         neighbours = weight.indices[mine]
         key[worst] = False
-        poor = enough[neighbours] & (partners[neighbours] - 1 < FEWEST_PARTNERS)
+        poor = enough[neighbours] & (partners[neighbours] - 1 < NUMBERS.minimum_partners)
         if poor.any() or _parts(tied[key][:, key]) > parts:
             key[worst], blocked[worst] = True, True
             continue
         partners[neighbours] -= 1
         redundancy[neighbours] -= weight.data[mine]
-    if key.mean() > MOST:
+    if key.mean() > NUMBERS.largest_share:
         return None
     key &= np.diff(tied.indptr) > 0  # who shares nothing with anyone carries nothing
     return [matches.names[ids[k]] for k in np.flatnonzero(key)]
@@ -157,7 +170,7 @@ def place_others(
         else:
             poses[image] = pose
             placed()
-    if missing > UNPLACED * len(matches.names):
+    if missing > NUMBERS.unplaced_share * len(matches.names):
         return None
     return _by_patches(model, matches, poses, greys, settings)
 
@@ -170,7 +183,7 @@ def _points_of_features(model: Any, matches: Matches) -> dict[int, NDArray[np.in
         result = np.full(len(matches.keypoints[image]), -1)
         if seen and len(result):
             tree = cKDTree(np.array([xy for xy, _ in seen]))
-            distance, nearest = tree.query(matches.keypoints[image], distance_upper_bound=SAME)
+            distance, nearest = tree.query(matches.keypoints[image], distance_upper_bound=NUMBERS.same_point)
             near = np.isfinite(distance)
             result[near] = np.array([p for _, p in seen])[nearest[near]]
         found[image] = result
@@ -187,17 +200,17 @@ def _by_matches(
             continue
         other, mine, theirs = (second, 0, 1) if image == first else (first, 1, 0)
         if other in points:
-            known = points[other][found[:, theirs]]
-            pixels.append(matches.keypoints[image][found[known >= 0, mine]])
-            seen.append(known[known >= 0])
-    if not seen or sum(map(len, seen)) < FEWEST_SEEN:
+            shown = points[other][found[:, theirs]]
+            pixels.append(matches.keypoints[image][found[shown >= 0, mine]])
+            seen.append(shown[shown >= 0])
+    if not seen or sum(map(len, seen)) < NUMBERS.minimum_observations:
         return None
     world = np.array([model.points3D[p].xyz for p in np.concatenate(seen)])
     options = pycolmap.AbsolutePoseEstimationOptions()
-    options.ransac.max_error = 4.0
+    options.ransac.max_error = NUMBERS.max_error
     options.ransac.random_seed = recipe.seed
     answer = pycolmap.estimate_and_refine_absolute_pose(np.concatenate(pixels), world, lens, options)
-    if answer is None or answer["num_inliers"] < FEWEST_SEEN:
+    if answer is None or answer["num_inliers"] < NUMBERS.minimum_observations:
         return None
     return answer["cam_from_world"]
 
@@ -208,11 +221,14 @@ def _by_patches(
     """All photos in one model; those of `poses` come to where patches agree with the points that stand."""
     chosen = frozenset(poses)
     views = views_of(_joined(model, matches, poses, {}), greys)
-    for reach, limit in ((settings.reach, 4.0 * settings.inlier), (2.0, settings.inlier)):
+    for reach, limit in (
+        (settings.reach, NUMBERS.first_limit * settings.inlier),
+        (NUMBERS.second_reach, settings.inlier),
+    ):
         everyone = _joined(model, matches, poses, {})
         views = moved(views, everyone)
         tracks = completed(everyone, views, replace(settings, reach=reach), chosen)
-        sightings: dict[int, Sighting] = {}
+        sightings: dict[int, PointsInPhoto] = {}
         for image in sorted(chosen):
             at = np.flatnonzero(tracks.view == views.ids.index(image))
             lens = model.cameras[matches.cameras[image]]
@@ -230,11 +246,11 @@ def _by_patches(
 def _turned_in(pose: Any, world: Floats, pixels: Floats, lens: Any, limit: float) -> tuple[Any, NDArray[np.bool_]]:
     """The pose that fits [N, 3] points to [N, 2] pixels, and which of them it meets within `limit` px."""
     options = pycolmap.AbsolutePoseRefinementOptions()
-    options.gradient_tolerance = GRADIENT
-    options.loss_function_scale = 0.5
+    options.gradient_tolerance = NUMBERS.gradient
+    options.loss_function_scale = NUMBERS.loss_scale
     good = np.ones(len(world), bool)
     for _ in range(2):
-        if good.sum() < FEWEST_SEEN:
+        if good.sum() < NUMBERS.minimum_observations:
             return pose, np.zeros(len(world), bool)
         answer = pycolmap.refine_absolute_pose(pose, pixels, world, good, lens, options)
         if answer is None:
@@ -246,7 +262,7 @@ def _turned_in(pose: Any, world: Floats, pixels: Floats, lens: Any, limit: float
     return pose, good
 
 
-def _joined(model: Any, matches: Matches, poses: dict[int, Any], sightings: dict[int, Sighting]) -> Any:
+def _joined(model: Any, matches: Matches, poses: dict[int, Any], sightings: dict[int, PointsInPhoto]) -> Any:
     """A copy of `model` with more photos: their poses, and which of its points they show where."""
     result = copy.deepcopy(model)
     for image, pose in sorted(poses.items()):

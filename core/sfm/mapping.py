@@ -12,15 +12,30 @@ import pycolmap
 from numpy.typing import NDArray
 from PIL import Image
 
+from ..numbers import BY_DEFINITION, number
 from .job import SfmJob
 from .pairs import choose_pairs
 from .settings import Recipe
 from .sharpen import as_bytes, wiener
 
-#: A camera that moves by less than this share of the distance only turns, as far as photos can tell.
-STILL = 0.03
-#: Relative gain below which the mapper's own bundle adjustments stop.
-MAPPER_TOLERANCE = 1e-6
+
+@dataclass(frozen=True)
+class MappingNumbers:
+    """Of COLMAP's mapper, where it is asked for other than its defaults, and of pairs without a baseline."""
+
+    still: float = number(
+        0.03, "share of the distance", "a camera that moves by less than this only turns, as far as photos can show"
+    )
+    mapper_tolerance: float = number(
+        1e-6, "share", "gain below which the mapper's own bundle adjustments stop: exactness there would be thrown away"
+    )
+    smallest_model: int = number(3, "photos", "a model of fewer checks nothing", BY_DEFINITION)
+    largest_number_of_models: int = number(
+        5, "count", "models that the mapper may begin: the largest is taken, more take time"
+    )
+
+
+NUMBERS = MappingNumbers()
 
 
 def filtered_greys(job: SfmJob, noise_to_signal: float) -> dict[str, NDArray[np.float32]]:
@@ -122,8 +137,8 @@ def map_incrementally(
     options.num_threads = 1  # sums of several threads differ from run to run
     options.random_seed = recipe.seed
     options.min_num_matches = recipe.min_inliers
-    options.min_model_size = 3
-    options.max_num_models = 5
+    options.min_model_size = NUMBERS.smallest_model
+    options.max_num_models = NUMBERS.largest_number_of_models
     options.extract_colors = False
     options.mapper.init_min_num_inliers = recipe.init_inliers
     options.mapper.abs_pose_min_num_inliers = recipe.pose_inliers
@@ -132,7 +147,7 @@ def map_incrementally(
     options.ba_global_frames_ratio = options.ba_global_points_ratio = 2.0
     options.ba_local_max_refinements = 1
     options.ba_global_max_refinements = 2
-    options.ba_global_function_tolerance = options.ba_local_function_tolerance = MAPPER_TOLERANCE
+    options.ba_global_function_tolerance = options.ba_local_function_tolerance = NUMBERS.mapper_tolerance
     if only is not None:
         options.image_names = only
     output.mkdir(parents=True, exist_ok=True)
@@ -188,7 +203,7 @@ def _turned(homographies: NDArray[np.float64], centres: NDArray[np.float64], siz
     """How many homographies are K R K^-1 for one focal length: a camera that only turned.
 
     With the focal length of the best fit, M = K^-1 H K of determinant 1 is a rotation up to t n^T / d;
-    |M M^T - I| tells the baseline as a share of the distance.
+    |M M^T - I| is the baseline as a share of the distance.
     """
     if len(homographies) == 0 or not np.isfinite(homographies).all():
         return 0
@@ -203,5 +218,5 @@ def _turned(homographies: NDArray[np.float64], centres: NDArray[np.float64], siz
         determinant = np.cbrt(np.linalg.det(turn))
         turn = turn / np.where(np.abs(determinant) < 1e-12, 1.0, determinant)[:, None, None]
         off = np.linalg.norm(turn @ turn.transpose(0, 2, 1) - np.eye(3), axis=(1, 2))
-        best = max(best, int((off < STILL).sum()))
+        best = max(best, int((off < NUMBERS.still).sum()))
     return best

@@ -3,13 +3,38 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pycolmap
 from numpy.typing import NDArray
 
+from ..numbers import BY_DEFINITION, number
+from .features import UNIT
 from .settings import SfmSettings
+
+
+@dataclass(frozen=True)
+class PairNumbers:
+    """Of the choice of pairs; more of them are in `SfmSettings` (votes and partners)."""
+
+    distinct: float = number(
+        0.85,
+        "ratio",
+        "a vote must be nearer than the second best by this; Lowe 2004 takes 0.8 for matches, and votes may be vaguer",
+    )
+    neighbours: tuple[int, ...] = number(
+        (1, 2, 4),
+        "places in the order of names",
+        "photos that are matched in any case: they are usually taken in this order",
+    )
+    worthwhile: float = number(
+        0.7, "share", "of all pairs; if more were chosen, all are matched: choosing then saves no time", BY_DEFINITION
+    )
+
+
+NUMBERS = PairNumbers()
 
 
 def choose_pairs(database: Path, settings: SfmSettings) -> list[tuple[str, str]] | None:
@@ -37,8 +62,8 @@ def choose_pairs(database: Path, settings: SfmSettings) -> list[tuple[str, str]]
         for j in order[:near] + spread:
             chosen.add((min(i, j), max(i, j)))
     # Photos are usually taken in the order of their names.
-    chosen |= {(i, i + step) for step in (1, 2, 4) for i in range(count - step)}
-    if len(chosen) > 0.7 * count * (count - 1) / 2:
+    chosen |= {(i, i + step) for step in NUMBERS.neighbours for i in range(count - step)}
+    if len(chosen) > NUMBERS.worthwhile * count * (count - 1) / 2:
         return None
     return [(names[i], names[j]) for i, j in sorted(chosen)]
 
@@ -51,7 +76,7 @@ def _largest_features(database: Path, keep: int) -> tuple[list[str], list[NDArra
             descriptors = np.asarray(store.read_descriptors(image.image_id).data, np.float32)
             size = np.hypot(points[:, 2], points[:, 4]) if points.shape[1] >= 6 else points[:, 2]
             largest = np.argsort(-size, kind="stable")[:keep]
-            chosen = descriptors[largest] / 512.0
+            chosen = descriptors[largest] / UNIT
             names.append(image.name)
             features.append(chosen)
     return names, features
@@ -75,7 +100,7 @@ def _votes(features: list[NDArray[np.float32]], threads: int) -> NDArray[np.floa
             similar[rows, best] = -1.0
             second = similar.max(1)
             distance, rival = np.sqrt(np.maximum(2 - 2 * top, 0)), np.sqrt(np.maximum(2 - 2 * second, 0))
-            votes[i, j] = votes[j, i] = float((mutual & (distance < 0.85 * rival)).sum())
+            votes[i, j] = votes[j, i] = float((mutual & (distance < NUMBERS.distinct * rival)).sum())
 
     with ThreadPoolExecutor(threads) as pool:
         list(pool.map(row, range(count)))

@@ -4,13 +4,13 @@ A feature found in one blurred photo is off by half a pixel or more; the same pa
 two photos is off by a tenth of that. So every track keeps the place of one feature, and all others
 are moved to where the photos agree with it (least squares of intensities: Lucas & Kanade 1981;
 for tracks: Lindenberger et al. 2021, 'Pixel-Perfect SfM', there with learned features). With the
-cameras known that well, every point is then looked for in the photos where no feature was found.
+cameras estimated that well, every point is then looked for in the photos where no feature was found.
 Runs in the child process only.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,7 @@ import pycolmap
 from numpy.typing import NDArray
 
 from .. import compiled
+from ..numbers import number
 from .refine_kernels import align
 from .settings import RefineSettings
 from .straight import adjustment, with_straight_lenses
@@ -35,10 +36,20 @@ from .tracks import (
     views_of,
 )
 
-#: Fewer aligned points than this hold no bundle adjustment together.
-MINIMUM_POINTS = 30
-#: Points that are looked for in a photo which only looks for its place.
-PLACING = 150
+
+@dataclass(frozen=True)
+class RefinementNumbers:
+    """Of the refinement, beside `RefineSettings`, which differ between small and large sets."""
+
+    minimum_points: int = number(30, "count", "fewer aligned points hold no bundle adjustment together")
+    points_to_place: int = number(150, "count", "points that are looked for in a photo whose pose is still to be found")
+    second_reach: float = number(2.0, "px", "that points may lie from where refined cameras expect them")
+    first_limit: float = number(
+        4.0, "inlier limits", "that an observation may be off after the first of two bundle adjustments"
+    )
+
+
+NUMBERS = RefinementNumbers()
 
 
 def pixel_exact(model: Any, greys: dict[str, NDArray[np.float32]], settings: RefineSettings) -> Any:
@@ -55,7 +66,7 @@ def pixel_exact(model: Any, greys: dict[str, NDArray[np.float32]], settings: Ref
     limit = max(settings.observations, settings.observations_per_photo * len(views.ids))
     tracks = longest(tracks_of(model, views), len(views.ids), limit)
     tracks = _aligned(tracks, views, settings, settings.correlation)
-    if len(tracks.point) < settings.fewest_per_photo * len(views.ids) or len(tracks.positions) < MINIMUM_POINTS:
+    if len(tracks.point) < settings.fewest_per_photo * len(views.ids) or len(tracks.positions) < NUMBERS.minimum_points:
         return model  # the patches do not agree: no reason to trust them more than the features
     refined = _adjusted(model, views, tracks, settings)
     for _ in range(settings.rounds - 1):
@@ -151,8 +162,8 @@ def completed(
     tracks = tracks_of(model, views)
     normals = normals_of(tracks, views)
     count = len(tracks.positions)
-    known = np.zeros((count, len(views.ids)), bool)
-    known[tracks.point, tracks.view] = True
+    observed = np.zeros((count, len(views.ids)), bool)
+    observed[tracks.point, tracks.view] = True
     margin = settings.radius * settings.stride + 4.0
     point, view, pixels = [tracks.point], [tracks.view], [tracks.pixels]
     for index, image_id in enumerate(views.ids):
@@ -161,7 +172,7 @@ def completed(
         local = tracks.positions @ views.rotations[index].T + views.translations[index]
         ray = views.centres[index] - tracks.positions
         facing = (ray * normals).sum(1) / np.linalg.norm(ray, axis=1)
-        candidates = np.flatnonzero(~known[:, index] & (local[:, 2] > 0) & (facing > settings.facing))
+        candidates = np.flatnonzero(~observed[:, index] & (local[:, 2] > 0) & (facing > settings.facing))
         if len(candidates) == 0:
             continue
         camera = model.cameras[model.images[image_id].camera_id]
@@ -178,18 +189,18 @@ def completed(
     )
     if only is not None:
         own = longer.view == longer.reference[longer.point]
-        wanted = own | spread(longer, np.isin(np.array(views.ids)[longer.view], sorted(only)), PLACING)
+        wanted = own | spread(longer, np.isin(np.array(views.ids)[longer.view], sorted(only)), NUMBERS.points_to_place)
         return _aligned(chosen(longer, wanted), views, settings, settings.new_correlation)
     limit = max(settings.observations, settings.observations_per_photo * len(views.ids))
     longer = longest(longer, len(views.ids), 2 * limit)
-    return _aligned(longer, views, replace(settings, reach=2.0), settings.new_correlation)
+    return _aligned(longer, views, replace(settings, reach=NUMBERS.second_reach), settings.new_correlation)
 
 
 def _adjusted(model: Any, views: ViewStack, tracks: PointTracks, settings: RefineSettings) -> Any:
     """Bundle adjustment of the tracks with a robust loss; drops misfits, and repeats."""
     result = rebuilt(model, views, tracks)
     options = adjustment(settings)
-    for limit in (4.0 * settings.inlier, settings.inlier):
+    for limit in (NUMBERS.first_limit * settings.inlier, settings.inlier):
         pycolmap.bundle_adjustment(result, options)
         _drop_misfits(result, limit)
     return result
@@ -208,10 +219,9 @@ def rebuilt(model: Any, views: ViewStack, tracks: PointTracks) -> Any:
         image = pycolmap.Image(name=old.name, keypoints=tracks.pixels[mine], camera_id=old.camera_id, image_id=image_id)
         result.add_image_with_trivial_frame(image, old.cam_from_world())
     ends = np.searchsorted(tracks.point, np.arange(len(tracks.positions) + 1))
-    for number, position in enumerate(tracks.positions):
+    for index, position in enumerate(tracks.positions):
         elements = [
-            pycolmap.TrackElement(views.ids[tracks.view[k]], int(slots[k]))
-            for k in range(ends[number], ends[number + 1])
+            pycolmap.TrackElement(views.ids[tracks.view[k]], int(slots[k])) for k in range(ends[index], ends[index + 1])
         ]
         result.add_point3D(position, pycolmap.Track(elements=elements), np.zeros(3, np.uint8))
     return result

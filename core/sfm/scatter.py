@@ -2,16 +2,39 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
 from ..camera import Camera
+from ..numbers import BY_DEFINITION, number
 from ..photos.load import Photo
 from ..reconstruction import Reconstruction
 from ..views import SparsePoints
 
 
-def scattered_points(cameras: Reconstruction, photos: list[Photo], count: int = 5000, seed: int = 0) -> SparsePoints:
+@dataclass(frozen=True)
+class ScatterNumbers:
+    """Of the points that stand in for those of structure from motion."""
+
+    count: int = number(5000, "count", "points in all")
+    nearest: float = number(0.6, "share of the scene's depth", "where the points of a photo begin")
+    farthest: float = number(1.5, "share of the scene's depth", "where the points of a photo end")
+    parallel_distance: float = number(
+        3.0, "spread of the cameras", "distance of the scene where the optical axes are parallel"
+    )
+    parallel_prior: float = number(
+        1e-3, "per camera", "weight of that guess: it decides only what the axes leave open", BY_DEFINITION
+    )
+
+
+NUMBERS = ScatterNumbers()
+
+
+def scattered_points(
+    cameras: Reconstruction, photos: list[Photo], seed: int = 0, numbers: ScatterNumbers = NUMBERS
+) -> SparsePoints:
     """Random points in the frusta, coloured by the photo that each was drawn from.
 
     The depth of the scene is taken from where the optical axes come closest to one another; where
@@ -19,14 +42,15 @@ def scattered_points(cameras: Reconstruction, photos: list[Photo], count: int = 
     """
     given = list(cameras.cameras().values())
     by_name = {photo.name: photo for photo in photos}
-    focus = _closest_point(given)
+    focus = _closest_point(given, numbers)
+    count = numbers.count
     noise = np.random.default_rng(seed)
     positions, colours = np.empty((count, 3)), np.empty((count, 3), np.uint8)
     for index in range(count):
         camera = given[index % len(given)]
         ahead = float((camera.rotation @ focus + camera.translation)[2])
         distance = float(np.linalg.norm(camera.centre - focus))
-        depth = (ahead if ahead > 0.1 * distance else distance) * noise.uniform(0.6, 1.5)
+        depth = (ahead if ahead > 0.1 * distance else distance) * noise.uniform(numbers.nearest, numbers.farthest)
         u, v = noise.uniform(0, camera.width), noise.uniform(0, camera.height)
         local = depth * np.array([(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, 1.0])
         positions[index] = camera.rotation.T @ (local - camera.translation)
@@ -36,15 +60,15 @@ def scattered_points(cameras: Reconstruction, photos: list[Photo], count: int = 
     return SparsePoints(positions, colours)
 
 
-def _closest_point(cameras: list[Camera]) -> NDArray[np.float64]:
+def _closest_point(cameras: list[Camera], numbers: ScatterNumbers) -> NDArray[np.float64]:
     """The point nearest to all optical axes, least squares; a spread ahead where they are parallel."""
     centres = np.array([c.centre for c in cameras])
     axes = np.array([c.rotation[2] for c in cameras])
     across = np.eye(3) - axes[:, :, None] * axes[:, None, :]
     matrix = across.sum(0)
     spread = float(np.sqrt(((centres - centres.mean(0)) ** 2).sum(1).mean())) or 1.0
-    ahead = centres.mean(0) + 3.0 * spread * axes.mean(0)
-    # A weak pull towards a guess ahead decides what parallel axes leave open.
-    pull = 1e-3 * len(cameras)
-    target = np.einsum("nij,nj->i", across, centres) + pull * ahead
-    return np.linalg.solve(matrix + pull * np.eye(3), target)
+    ahead = centres.mean(0) + numbers.parallel_distance * spread * axes.mean(0)
+    # A weak prior at a guess ahead decides what parallel axes leave open.
+    prior = numbers.parallel_prior * len(cameras)
+    target = np.einsum("nij,nj->i", across, centres) + prior * ahead
+    return np.linalg.solve(matrix + prior * np.eye(3), target)

@@ -2,85 +2,82 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import KW_ONLY, asdict, dataclass, field, replace
 from typing import Any
 
-#: Observations per photo that a hurried refinement keeps.
-HURRIED_OBSERVATIONS = 120
+from ..numbers import number
+
+#: Where several of these numbers were chosen.
+_TABLE = "76 photos of a textured table"
 
 
 @dataclass(frozen=True)
 class Recipe:
-    """One way to get from grey photos to cameras.
+    """One way to get from grey photos to cameras; the defaults are those for blurred photos.
 
     Attributes:
         name, reason: for the log.
-        noise_to_signal: of the Wiener filter; 0 takes the photos as they are.
-        peak_threshold: SIFT's; COLMAP's default is 0.0067.
-        first_octave: 0 skips SIFT's doubling of the image: blurred photos hold nothing that it
-            could show, and features land closer to the truth without it (and twice as fast).
-        max_features: per photo.
-        guided: match again along the epipolar lines that the first matches gave. Connects sets
-            whose first matches are few (7 -> 14 of 14 on a ring of photos).
-        min_inliers: matches that make a pair.
-        trials: of a pair's RANSAC at most; pairs without overlap would take all of COLMAP's 10,000.
-        init_inliers: matches of the first pair.
-        pose_inliers, pose_ratio: what a photo needs to join.
+        guided: match again along the epipolar lines that the first matches gave. Connects sets whose first matches
+            are few (7 -> 14 of 14 on a ring of photos).
         seed: another seed takes another course through the same matches.
-        image_size: longest side that features are looked for on; 0 for the photos' own.
     """
 
     name: str
     reason: str
-    noise_to_signal: float = 3.0e-4
-    peak_threshold: float = 0.02 / 3
-    first_octave: int = 0
-    max_features: int = 3000
+    _: KW_ONLY
+    noise_to_signal: float = number(
+        3.0e-4,
+        "power ratio",
+        "of the Wiener filter; larger: less fine detail, less noise; 0 takes the photos as they are",
+    )
+    peak_threshold: float = number(
+        0.02 / 3, "contrast", "SIFT's: smaller finds more and fainter features", "COLMAP's default"
+    )
+    first_octave: int = number(
+        0,
+        "octave",
+        "0 skips SIFT's doubling of the image (-1): blurred photos hold nothing that it could show, and features land"
+        " closer to the truth without it, twice as fast",
+    )
+    max_features: int = number(3000, "count", "features per photo, the strongest; more take longer to match")
     guided: bool = True
-    min_inliers: int = 15
-    init_inliers: int = 100
-    pose_inliers: int = 30
-    pose_ratio: float = 0.25
+    min_inliers: int = number(15, "count", "matches that make a pair", "COLMAP's default")
+    init_inliers: int = number(100, "count", "matches of the first pair", "COLMAP's default")
+    pose_inliers: int = number(30, "count", "matches that a photo needs to join", "COLMAP's default")
+    pose_ratio: float = number(0.25, "share", "of a photo's matches that must agree for it to join", "COLMAP's default")
     seed: int = 0
-    trials: int = 2000
-    image_size: int = 0
+    trials: int = number(
+        2000, "count", "of a pair's RANSAC at most; pairs without overlap would take all of COLMAP's 10,000"
+    )
+    image_size: int = number(0, "px", "longest side that features are looked for on; 0 for the photos' own")
 
 
 @dataclass(frozen=True)
 class RefineSettings:
-    """Alignment of patches between photos after the first cameras are known.
+    """Alignment of patches between photos, once the first cameras are estimated."""
 
-    Attributes:
-        radius, stride: patches of (2 radius + 1)^2 samples, `stride` px apart.
-        steps: Gauss-Newton steps at most.
-        reach: largest believed move in px.
-        correlation: observations whose patches agree less are dropped.
-        new_correlation, facing: what an observation needs that no feature match backs, and the
-            cosine between its ray and the mean one.
-        observations, observations_per_photo: at most this many are kept, longest tracks first; the
-            larger limit of the two holds.
-        fewest_per_photo: with fewer observations per photo than this that agree, the features' own
-            model stands.
-        rounds: alignment and bundle adjustment this often; 0 switches it off.
-        inlier: largest reprojection error in px after the adjustment.
-        iterations, tolerance: of one bundle adjustment: steps at most, and the relative gain that a
-            step must bring (COLMAP asks for none and always takes all steps).
-    """
-
-    radius: int = 6
-    stride: float = 3.0
-    steps: int = 12
-    reach: float = 4.0
-    correlation: float = 0.8
-    new_correlation: float = 0.85
-    facing: float = 0.7
-    observations: int = 12000
-    observations_per_photo: int = 250
-    fewest_per_photo: int = 3
-    rounds: int = 2
-    inlier: float = 1.0
-    iterations: int = 50
-    tolerance: float = 1e-6
+    radius: int = number(6, "samples", "a patch has (2 radius + 1)^2 samples; larger: steadier, but less flat")
+    stride: float = number(3.0, "px", "between the samples of a patch")
+    steps: int = number(12, "count", "Gauss-Newton steps of one patch at most")
+    reach: float = number(4.0, "px", "largest move of a feature that is believed")
+    correlation: float = number(0.8, "correlation", "observations whose patches agree less are dropped")
+    new_correlation: float = number(0.85, "correlation", "that an observation needs which no feature match backs")
+    facing: float = number(
+        0.7, "cosine", "between a point's ray to a photo and its mean ray; photos that see it from aside are not asked"
+    )
+    observations: int = number(
+        12000, "count", "kept at most, longest tracks first; or as many as `observations_per_photo` allows, if more"
+    )
+    observations_per_photo: int = number(250, "count", "kept at most, times the photos")
+    fewest_per_photo: int = number(
+        3, "count", "with fewer observations per photo that agree, the features' own model stands"
+    )
+    rounds: int = number(2, "count", "alignment and bundle adjustment this often; 0 switches it off")
+    inlier: float = number(1.0, "px", "largest reprojection error after the adjustment")
+    iterations: int = number(50, "count", "steps of one bundle adjustment at most")
+    tolerance: float = number(
+        1e-6, "share", "gain that a step of it must bring (COLMAP asks for none and always takes all steps)"
+    )
 
 
 @dataclass(frozen=True)
@@ -91,18 +88,6 @@ class SfmSettings:
         threads: of the child process.
         lens_model: COLMAP's name of the lens that is sought.
         one_lens: all photos of one size share a lens.
-        choose_pairs_from: sets of at least this many photos do not match each with each; see
-            `core.sfm.pairs`.
-        many, many_features, many_partners: from so many photos on, tracks are long enough with fewer
-            features per photo, matched once, with fewer partners: 76 photos of a textured table took
-            242 s with the settings of a small set, and came out worse (focal 1.2 % off, not 0.2 %).
-        many_sigma: with so many photos and a blur of at least this (px), features are looked for at
-            half size, where the blur leaves nothing finer to be found.
-        vote_features, minimum_votes, partners: features per photo that vote for pairs, votes that
-            beat chance, and pairs that a photo asks for.
-        time_limit: seconds after which no further recipe is begun.
-        hard_limit: seconds after which the child process is ended, whatever it does.
-        minimum_share: of registered photos below which the next recipe is tried.
         refine, refine_many: the patch alignment, of small and of large sets. With many photos one round leaves more
             points (1215 instead of 695 on the ball, 0.25 dB) before cameras as exact: the adjustment of all
             photos follows anyway.
@@ -111,23 +96,37 @@ class SfmSettings:
     threads: int = 2
     lens_model: str = "SIMPLE_RADIAL"
     one_lens: bool = True
-    choose_pairs_from: int = 30
-    many: int = 50
-    many_features: int = 600
-    many_partners: int = 6
-    many_sigma: float = 4.0
-    vote_features: int = 300
-    minimum_votes: int = 8
-    partners: int = 16
-    time_limit: float = 60.0
-    hard_limit: float = 300.0
-    minimum_share: float = 0.75
+    choose_pairs_from: int = number(
+        30, "photos", "sets of at least this many do not match each with each; see `core.sfm.pairs`"
+    )
+    many: int = number(
+        50,
+        "photos",
+        "from this many on, tracks are long enough with fewer features per photo, matched once, with fewer partners;"
+        " the table took 242 s with the settings of a small set, and came out worse (focal 1.2 % off, not 0.2 %)",
+        _TABLE,
+    )
+    many_features: int = number(600, "count", "features per photo of a large set", _TABLE)
+    many_partners: int = number(6, "count", "pairs that a photo of a large set asks for", _TABLE)
+    many_sigma: float = number(
+        4.0,
+        "px",
+        "with many photos and a blur of at least this, features are looked for at half size, where the blur leaves"
+        " nothing finer to be found",
+    )
+    vote_features: int = number(300, "count", "features per photo that vote for pairs")
+    minimum_votes: int = number(8, "count", "votes that beat chance")
+    partners: int = number(16, "count", "pairs that a photo of a small set asks for")
+    time_limit: float = number(60.0, "s", "after which no further recipe is begun")
+    hard_limit: float = number(300.0, "s", "after which the child process is ended, whatever it does")
+    minimum_share: float = number(0.75, "share", "of the photos; with fewer registered the next recipe is tried")
+    hurried_observations: int = number(120, "count", "observations per photo that a draft's refinement keeps")
     refine: RefineSettings = field(default_factory=RefineSettings)
     refine_many: RefineSettings = field(default_factory=lambda: RefineSettings(rounds=1, observations_per_photo=400))
 
     def hurried(self) -> SfmSettings:
         """For drafts: half the observations in a small set's refinement."""
-        return replace(self, refine=replace(self.refine, observations_per_photo=HURRIED_OBSERVATIONS))
+        return replace(self, refine=replace(self.refine, observations_per_photo=self.hurried_observations))
 
     def unrefined(self) -> SfmSettings:
         """Cameras as features alone give them, to compare with."""
@@ -144,40 +143,39 @@ class SfmSettings:
         return SfmSettings(**{**values, **nested})
 
 
+#: For sharp photos.
+PLAIN = Recipe("plain", "the photos as they are", noise_to_signal=0.0, max_features=4000)
+#: For blurred photos.
+FILTERED = Recipe("filtered", "Wiener-filtered photos, matched twice")
+#: More features from lower thresholds, and fewer matches that must agree.
+RELAXED_FILTER = replace(
+    FILTERED,
+    name="relaxed filter",
+    reason="few matches: lower thresholds, more of the fine detail",
+    noise_to_signal=1e-4,
+    peak_threshold=0.004,
+    max_features=4000,
+    min_inliers=10,
+    init_inliers=40,
+    pose_inliers=15,
+    pose_ratio=0.15,
+)
+STRONG_FILTER = replace(
+    RELAXED_FILTER, name="strong filter", reason="noise upset the matches: only the safest detail", noise_to_signal=1e-3
+)
+#: Also at twice the size, where sharp photos hold small features.
+UNFILTERED = replace(
+    RELAXED_FILTER,
+    name="unfiltered",
+    reason="the point spread function may be wrong",
+    noise_to_signal=0.0,
+    peak_threshold=0.0015,
+    first_octave=-1,
+    max_features=5000,
+)
+RELAXED = replace(UNFILTERED, name="relaxed", reason="few features: lower thresholds")
+
+
 def recipes(blurred: bool) -> list[Recipe]:
     """What is tried, in order, until one is trusted."""
-    if not blurred:
-        return [
-            Recipe("plain", "the photos as they are", 0.0, max_features=4000),
-            Recipe("relaxed", "few features: lower thresholds", 0.0, 0.0015, -1, 5000, True, 10, 40, 15, 0.15),
-        ]
-    return [
-        Recipe("filtered", "Wiener-filtered photos, matched twice"),
-        Recipe(
-            "relaxed filter",
-            "few matches: lower thresholds, more of the fine detail",
-            1e-4,
-            0.004,
-            0,
-            4000,
-            True,
-            10,
-            40,
-            15,
-            0.15,
-        ),
-        Recipe(
-            "strong filter",
-            "noise upset the matches: only the safest detail",
-            1e-3,
-            0.004,
-            0,
-            4000,
-            True,
-            10,
-            40,
-            15,
-            0.15,
-        ),
-        Recipe("unfiltered", "the point spread function may be wrong", 0.0, 0.0015, -1, 5000, True, 10, 40, 15, 0.15),
-    ]
+    return [FILTERED, RELAXED_FILTER, STRONG_FILTER, UNFILTERED] if blurred else [PLAIN, RELAXED]

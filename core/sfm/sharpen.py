@@ -1,4 +1,4 @@
-"""Undoes the known blur in the grey photos before features are sought (Wiener, 1949).
+"""Undoes the given blur in the grey photos before features are sought (Wiener, 1949).
 
 Measured: COLMAP's default thresholds find hardly a feature in photos blurred by sigma 5, and all
 they need in the filtered ones.

@@ -6,18 +6,32 @@ Runs in the child process only.
 from __future__ import annotations
 
 import copy
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import pycolmap
 
+from ..numbers import number
 from .settings import RefineSettings
 
-#: Lenses that move a photo's corner by more than this (px) are not tried without.
-STRAIGHT_TRIED = 2.0
-#: The mean reprojection error may grow by this share without distortion: a hundredth of a tenth of a pixel.
-#: (The ball, rendered without any: 0.2 %.)
-STRAIGHT_LOSS = 0.01
+
+@dataclass(frozen=True)
+class StraightLensNumbers:
+    """When lenses count as free of distortion."""
+
+    largest_shift: float = number(
+        2.0, "px", "lenses that move a photo's corner by more than this are not tried without distortion"
+    )
+    largest_loss: float = number(
+        0.01,
+        "share",
+        "by which the mean reprojection error may grow without distortion: a hundredth of a tenth of a pixel",
+        "ball, rendered without distortion: 0.2 %",
+    )
+
+
+NUMBERS = StraightLensNumbers()
 
 
 def adjustment(settings: RefineSettings) -> Any:
@@ -47,7 +61,7 @@ def with_straight_lenses(model: Any, settings: RefineSettings) -> Any:
     for camera in model.cameras.values():
         width, height, focal = camera.width, camera.height, camera.mean_focal_length()
         corner = np.hypot(width, height) / 2.0 / focal
-        if camera.model.name != "SIMPLE_RADIAL" or abs(camera.params[3]) * corner**3 * focal > STRAIGHT_TRIED:
+        if camera.model.name != "SIMPLE_RADIAL" or abs(camera.params[3]) * corner**3 * focal > NUMBERS.largest_shift:
             return model
     straight = copy.deepcopy(model)
     for camera in straight.cameras.values():
@@ -58,4 +72,4 @@ def with_straight_lenses(model: Any, settings: RefineSettings) -> Any:
     for each in (model, straight):
         each.update_point_3d_errors()
     errors = [each.compute_mean_reprojection_error() for each in (model, straight)]
-    return straight if errors[1] <= errors[0] * (1.0 + STRAIGHT_LOSS) else model
+    return straight if errors[1] <= errors[0] * (1.0 + NUMBERS.largest_loss) else model
