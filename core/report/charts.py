@@ -30,7 +30,9 @@ class Marker:
     y: float | None = None
 
 
+#: Size of a chart in the units of its SVG.
 WIDTH, HEIGHT = 520, 260
+#: Space for labels, in the same units.
 LEFT, RIGHT, TOP, BOTTOM = 58, 16, 16, 44
 
 

@@ -27,6 +27,7 @@ SCALE = (0.0, 0.5, 1.0)
 COLOURS = np.array([[34, 112, 181], [242, 230, 153], [214, 48, 38]], float)
 #: Guessed px are hatched: lines so many px apart, over so much of the picture's brightness.
 HATCH, VEIL = 6, 0.55
+#: Pictures in the page: px of the longer side at most, and JPEG quality.
 LONGEST_SIDE, QUALITY = 640, 85
 
 

@@ -46,7 +46,6 @@ WITHOUT_REASON = {
     "core.sfm": 6,
     "core.training": 5,
     "core.twin": 8,
-    "core.uncertainty": 2,
     "studies.comparison": 7,
     "studies.stability": 25,
     "studies.tradeoff": 4,
@@ -59,10 +58,8 @@ BARE_NUMBERS = {
     "core.imaging": 3,
     "core.inspection": 8,
     "core.photos": 3,
-    "core.report": 8,
     "core.training": 9,
     "core.twin": 1,
-    "core.uncertainty": 1,
 }
 
 NAMES_BLENDER = "import numpy\nfrom mathutils import Vector\n"
