@@ -7,6 +7,7 @@ from functools import cache
 from pathlib import Path
 
 import pytest
+from dgs.tests.core.import_graph import FLOORS
 
 ROOT = Path(__file__).resolve().parents[2]
 GLOSSARY = ROOT / "docs" / "glossary.md"
@@ -14,28 +15,24 @@ GLOSSARY = ROOT / "docs" / "glossary.md"
 EXEMPT = {"docs/glossary.md", "CHANGELOG.md", "tests/core/test_language.py"}
 #: Uses of a banned word that are left, by word; these numbers may only shrink.
 LEFT: dict[str, int] = {
-    "told": 382,
-    "tells": 57,
+    "told": 258,
+    "tells": 27,
     "telling": 2,
-    "knows": 39,
+    "knows": 22,
     "Kitchen": 5,
     "Ingredients": 7,
     "Place": 113,
     "Pile": 10,
-    "pile": 42,
-    "Laying": 5,
-    "laid over": 5,
-    "rooms": 4,
-    "pulls": 18,
+    "pile": 37,
+    "rooms": 2,
+    "pulls": 11,
     "Pull": 6,
-    "Outcome": 20,
-    "COMPANIONS": 10,
-    "companions": 6,
-    "FEWEST": 30,
-    "MOST": 18,
-    "LEAST": 29,
-    "CLEAR": 18,
-    "OWN": 45,
+    "Outcome": 13,
+    "FEWEST": 14,
+    "MOST": 8,
+    "LEAST": 19,
+    "CLEAR": 12,
+    "OWN": 41,
 }
 #: Where a folder of the code is meant; 'core' alone is no path.
 CODE = re.compile(r"`((?:core|studies|command_line|dgs_addon|operators|panels|tests|tools|benchmarks|docs)/[\w./*-]*)`")
@@ -121,3 +118,9 @@ def test_files_that_the_docs_name_are_there():
             if not any(ROOT.glob(name.rstrip("/"))) and not name.startswith(NOT_KEPT):
                 missing.append(f"{path.relative_to(ROOT)}: {name}")
     assert not missing
+
+
+def test_the_architecture_names_every_package():
+    page = (ROOT / "docs" / "architecture.md").read_text("utf-8")
+    packages = {name for floor in FLOORS for name in floor}
+    assert sorted(name for name in packages if name.split(".")[-1] + "/" not in page) == []
