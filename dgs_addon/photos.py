@@ -17,6 +17,7 @@ from bpy.app.translations import pgettext_rpt as rpt_
 SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp", ".bmp")
 #: As in `core.photos.movie`, for the same reason.
 MOVIES = (".mp4", ".mov", ".m4v", ".mkv", ".webm", ".avi", ".mpg", ".mpeg", ".mts", ".m2ts", ".ogv")
+#: How a file of each kind begins.
 _SIGNATURES = {
     ".png": (b"\x89PNG",),
     ".jpg": (b"\xff\xd8",),
@@ -36,7 +37,7 @@ class PhotoFolder:
 
     Attributes:
         files: the photos, by name; none of a movie.
-        size: (width, height) in px of most of them, where their headers tell.
+        size: (width, height) in px of most of them, where their headers say.
         warnings: a sentence for every photo that will be left out or is unlike the others.
         problem: why the folder cannot be used; '' if it can.
         movie: the movie that the photos are taken from, or None.
@@ -49,8 +50,8 @@ class PhotoFolder:
     movie: Path | None = None
 
 
-#: What was looked at last, with the time of its last change.
-_known: dict[tuple[Path, str], tuple[int, PhotoFolder]] = {}
+#: The folder or movie that was read last, with the time of its last change.
+_cache: dict[tuple[Path, str], tuple[int, PhotoFolder]] = {}
 
 
 def is_movie(path: Path) -> bool:
@@ -59,7 +60,7 @@ def is_movie(path: Path) -> bool:
 
 
 def photo_folder(folder: Path, selection: str = "") -> PhotoFolder:
-    """Looks at a folder or movie, or remembers what it looked like if no file has come or gone.
+    """Looks at a folder or movie, or remembers what was in it if no file has come or gone.
 
     Args:
         folder: with photos; or a movie.
@@ -70,18 +71,18 @@ def photo_folder(folder: Path, selection: str = "") -> PhotoFolder:
     except OSError:
         changed = -1
     key = (folder, selection)
-    known = _known.get(key)
-    if known is not None and known[0] == changed:
-        return known[1]
+    cached = _cache.get(key)
+    if cached is not None and cached[0] == changed:
+        return cached[1]
     found = _look_at_movie(folder) if is_movie(folder) else _look(folder, selection)
-    _known.clear()
-    _known[key] = (changed, found)
+    _cache.clear()
+    _cache[key] = (changed, found)
     return found
 
 
 def forget() -> None:
     """Looks anew next time."""
-    _known.clear()
+    _cache.clear()
 
 
 def _look_at_movie(path: Path) -> PhotoFolder:

@@ -25,7 +25,7 @@ class DGS_OT_choose_photos(bpy.types.Operator):
     filter_movie: bpy.props.BoolProperty(default=True, options={"HIDDEN"})
 
     def invoke(self, context: Any, _event: Any) -> set[str]:
-        """Opens the file browser; what was dropped is known already."""
+        """Opens the file browser; a drop has named them already."""
         if self.directory:
             return self.execute(context)
         context.window_manager.fileselect_add(self)

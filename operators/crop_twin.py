@@ -26,7 +26,7 @@ class DGS_OT_crop_twin(bpy.types.Operator):
         if twin is None:
             reason = "There is no twin in this scene yet"
         elif modifier is None or splat_input(modifier, BOX_INPUT) is None:
-            reason = "The twin's modifier knows no box: import the twin again"
+            reason = "The twin's modifier has no input for a box: import the twin again"
         elif crop_box(twin) is not None:
             reason = "The twin has a crop box already: move it, or switch cropping off"
         else:

@@ -112,7 +112,7 @@ def _wait(operator: Any, work: Any) -> set[str]:
     for line in work.lines:
         print(line)
     if work.status != 0:
-        last = work.lines[-1] if work.lines else rpt_("no words")
+        last = work.lines[-1] if work.lines else rpt_("no output")
         operator.report({"ERROR"}, rpt_("{step} failed: {words}").format(step=rpt_(work.title), words=last))
         return {"CANCELLED"}
     return {"FINISHED"}

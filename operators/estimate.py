@@ -16,7 +16,7 @@ from .wait_for_engine import answered
 
 
 class DGS_OT_estimate(bpy.types.Operator):
-    """Try a few iterations on these photos and tell how long a run would take, and what it would reach"""
+    """Predict how long a run would take and how accurate it would be, from a few steps on these photos"""
 
     bl_idname = "dgs.estimate"
     bl_label = "Estimate"

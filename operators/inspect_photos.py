@@ -39,9 +39,9 @@ class DGS_OT_inspect_photos(bpy.types.Operator):
         found = out / "cameras"
         cameras = found if found.is_dir() else None
         try:
-            words = inspection.inspect_words(find_python(), photos, out / "inspection", cameras)
+            command = inspection.inspect_command(find_python(), photos, out / "inspection", cameras)
         except DgsError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
-        inspection.effects.ask((settings.photos,), "Inspecting the photos", words)
+        inspection.effects.ask((settings.photos,), "Inspecting the photos", command)
         return answered(self, inspection.effects, redraw)

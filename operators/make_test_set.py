@@ -1,4 +1,4 @@
-"""Renders photos whose truth is known."""
+"""Renders photos with a known truth."""
 
 from __future__ import annotations
 

@@ -38,11 +38,11 @@ class DGS_OT_measure_psf(bpy.types.Operator, ImportHelper):
         folder = out_folder(settings) or photo.parent
         kernel = folder / f"{photo.stem}_kernel.tif"
         try:
-            words = inspection.measure_words(find_python(), photo, kernel, settings.blur_space == "linear")
+            command = inspection.measure_command(find_python(), photo, kernel, settings.blur_space == "linear")
         except DgsError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
-        inspection.point_spread.ask((str(photo),), "Measuring the point spread", words)
+        inspection.point_spread.ask((str(photo),), "Measuring the point spread", command)
         scene_name = context.scene.name
 
         def use() -> None:

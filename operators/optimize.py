@@ -30,6 +30,6 @@ class DGS_OT_optimize(bpy.types.Operator):
 
         def make() -> Request:
             request = request_of("reconstruct", context.scene)
-            return replace(request, known=cameras_found(context.scene))
+            return replace(request, reuse_cameras=cameras_found(context.scene))
 
         return start_job(self, context, make)

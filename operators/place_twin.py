@@ -22,7 +22,7 @@ class _OfATwin:
 
 
 class DGS_OT_set_length(_OfATwin, bpy.types.Operator):
-    """Scale the twin until two selected objects on it, or else the way through its cameras, have the known length"""
+    """Scale the twin: two selected objects on it, or else the way through its cameras, get the known length"""
 
     bl_idname = "dgs.set_length"
     bl_label = "Set Size"

@@ -10,14 +10,14 @@ import bpy
 from ..core.errors import DgsError
 from ..dgs_addon.job.results import FOLDER
 from ..dgs_addon.scene.known import add_known, show_known
-from ..dgs_addon.scene.twin import OWN, is_twin
+from ..dgs_addon.scene.twin import OWN_BASE, is_twin
 
 
 class DGS_OT_show_known(bpy.types.Operator):
-    """Paint the splats by what the photos fix (blue) and what is guessed (red), or give them their colours back"""
+    """Paint the splats by how far the photos determine them: blue determined, red guessed. Again: their own colours"""
 
     bl_idname = "dgs.show_known"
-    bl_label = "Known and Guessed"
+    bl_label = "Determined and Guessed"
     bl_options = {"REGISTER", "UNDO"}
 
     @classmethod
@@ -27,12 +27,12 @@ class DGS_OT_show_known(bpy.types.Operator):
         cls.poll_message_set("Select a twin, and run next-view on its folder")
         if not is_twin(twin):
             return False
-        return OWN in twin.data.attributes or (FOLDER in twin and (Path(twin[FOLDER]) / "known.npy").is_file())
+        return OWN_BASE in twin.data.attributes or (FOLDER in twin and (Path(twin[FOLDER]) / "known.npy").is_file())
 
     def execute(self, context: Any) -> set[str]:
         """Switches."""
         twin = context.object
-        if OWN in twin.data.attributes:
+        if OWN_BASE in twin.data.attributes:
             show_known(twin, False)
             return {"FINISHED"}
         try:

@@ -17,7 +17,7 @@ _SHOWN = 200_000
 
 
 class DGS_OT_show_log(bpy.types.Operator):
-    """Show the engine's own words in a text editor"""
+    """Show the engine's output in a text editor"""
 
     bl_idname = "dgs.show_log"
     bl_label = "Show Log"

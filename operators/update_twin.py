@@ -56,7 +56,7 @@ class DGS_OT_update_twin(bpy.types.Operator):
         return not reason
 
     def execute(self, context: Any) -> set[str]:
-        """Starts the engine with the photos that the twin does not know."""
+        """Starts the engine with the photos that the twin was not made from."""
 
         def make() -> Any:
             settings = context.scene.dgs
@@ -70,7 +70,7 @@ class DGS_OT_update_twin(bpy.types.Operator):
         return start_job(self, context, make)
 
 
-class Updated:
+class _Updated:
     """For operators that need an earlier state of the twin."""
 
     @classmethod
@@ -81,7 +81,7 @@ class Updated:
         return not reason
 
 
-class DGS_OT_rollback_twin(Updated, bpy.types.Operator):
+class DGS_OT_rollback_twin(_Updated, bpy.types.Operator):
     """Bring the twin back to what it was before the last update"""
 
     bl_idname = "dgs.rollback_twin"
@@ -102,7 +102,7 @@ class DGS_OT_rollback_twin(Updated, bpy.types.Operator):
         return {"FINISHED"}
 
 
-class DGS_OT_show_states(Updated, bpy.types.Operator):
+class DGS_OT_show_states(_Updated, bpy.types.Operator):
     """Put every state of the twin on the timeline: play it to see how the twin grew"""
 
     bl_idname = "dgs.show_states"

@@ -15,13 +15,13 @@ def answered(operator: Any, question: Question, then: Callable[[], None]) -> set
     """Calls `then` once the engine has answered; without a window it is waited for, and an error is the operator's."""
     if not bpy.app.background:
 
-        def look() -> float | None:
+        def check() -> float | None:
             if not question.take():
                 return 0.2 if question.running else None
             then()
             return None
 
-        bpy.app.timers.register(look, first_interval=0.2)
+        bpy.app.timers.register(check, first_interval=0.2)
         return {"FINISHED"}
     while not question.take():
         time.sleep(0.05)

@@ -39,6 +39,6 @@ class DGS_PT_cameras(Step, bpy.types.Panel):
         if not cameras_found(context.scene):
             sentence(layout, context, "Not found yet; Optimize finds them too", "INFO")
         elif held.record is not None and "registered" in held.record.result:
-            figures(layout, "{count} photos placed", "CHECKMARK", count=held.record.result["registered"])
+            figures(layout, "{count} photos registered", "CHECKMARK", count=held.record.result["registered"])
         else:
             layout.label(text="Found", icon="CHECKMARK")

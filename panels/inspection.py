@@ -30,4 +30,4 @@ def draw_inspection(layout: Any, context: Any) -> None:
             if needed:
                 sentence(layout, context, line, "CHECKMARK")
         if lines and not any(needed for _, needed in lines):
-            sentence(layout, context, "Nothing but the scene shows in these photos", "CHECKMARK")
+            sentence(layout, context, "These photos show no effect that has to be modelled", "CHECKMARK")

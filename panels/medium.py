@@ -31,12 +31,12 @@ class DGS_PT_medium(Step, bpy.types.Panel):
     def _kind(self, layout: Any, context: Any) -> None:
         settings = context.scene.dgs
         if settings.medium == "none":
-            sentence(layout, context, "Nothing is undone: ordinary splatting", "INFO")
+            sentence(layout, context, "No blur is modelled: ordinary Gaussian splatting", "INFO")
             return
         if settings.medium == "auto":
-            sentence(layout, context, "The photos tell how wide the blur is, or that they do not", "INFO")
+            sentence(layout, context, "The width of the blur is estimated from the photos", "INFO")
         elif settings.medium == "auto-each":
-            sentence(layout, context, "Every photo tells its own blur, as far as it differs from the others'", "INFO")
+            sentence(layout, context, "Each photo's blur is estimated, as far as it differs from the others'", "INFO")
         elif settings.medium == "gaussian":
             layout.prop(settings, "sigma", text="Sigma (px)")
         elif settings.medium == "ellipse":

@@ -72,7 +72,7 @@ class DGS_PT_twin_look(Sidebar, bpy.types.Panel):
     """The active twin's controls."""
 
     bl_idname = "DGS_PT_twin_look"
-    bl_label = "Look"
+    bl_label = "Display"
     bl_parent_id = "DGS_PT_twin"
 
     @classmethod

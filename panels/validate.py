@@ -54,7 +54,7 @@ def _draw_scores(layout: Any, context: Any, report: dict[str, Any]) -> None:
         held = report["heldout"]
         lines = [
             (
-                "Photos placed",
+                "Photos registered",
                 iface_("{part} of {all}").format(part=report["photos"]["registered"], all=report["photos"]["given"]),
             ),
             ("Gaussians", f"{report['gaussians']:,}"),

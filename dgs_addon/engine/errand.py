@@ -1,4 +1,4 @@
-"""A few commands one after the other beside Blender, whose words are read. Knows no Blender."""
+"""A few commands one after the other beside Blender, whose output is read. Knows no Blender."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pathlib import Path
 
 from .process import creation_flags, environment, give_way
 
-#: Lines that are kept for reading.
+#: Lines that are kept for reading: enough for a long traceback of pip.
 _KEPT = 400
 
 
@@ -29,7 +29,7 @@ class Errand:
     Attributes:
         title: what happens now.
         done, total: steps finished, and all.
-        lines: the last words of the commands.
+        lines: the last lines of the commands' output.
         status: None while it runs; 0 if all went well; else the failed command's, or -1 if cancelled.
     """
 

@@ -11,6 +11,6 @@ runner       the one job of this Blender: a timer that drains the worker's queue
 pictures     what the panel shows while it runs
 results      what a finished job puts into the scene
 steps        where each step of the panel stands, read from the results' folder
-test_set     a job that renders photos whose truth is known
+test_set     a job that renders photos with a known truth
 watching     a folder whose new photos start an update
 """

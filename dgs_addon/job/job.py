@@ -1,4 +1,4 @@
-"""A job that this Blender started: what was asked, the process that works on it, and what is known of it."""
+"""A job that this Blender started: what was asked, the process that works on it, and where it stands."""
 
 from __future__ import annotations
 
@@ -56,5 +56,5 @@ class Job:
 
     @property
     def log(self) -> Path:
-        """File with the engine's words."""
+        """File with the engine's output."""
         return self.request.out / LOG

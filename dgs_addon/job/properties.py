@@ -10,7 +10,7 @@ from ..photos import forget
 from .watching import watch
 
 _PRESETS = (
-    ("draft", "Draft", "300 steps, 25,000 Gaussians: a first look, about half a minute on two cores"),
+    ("draft", "Draft", "300 steps, 25,000 Gaussians: a first impression, about half a minute on two cores"),
     ("balanced", "Balanced", "1000 steps, 40,000 Gaussians: about a minute on two cores"),
     ("fine", "Fine", "2,000 steps, 56,000 Gaussians: the last tenth of a decibel, twice as long or more"),
 )
@@ -18,14 +18,14 @@ _MEDIA = (
     ("none", "None", "Nothing lies before the object: ordinary Gaussian splatting"),
     ("gaussian", "Gaussian", "Light is scattered alike in all directions, as by fog, frosted glass or thin tissue"),
     ("ellipse", "Elliptic Gaussian", "Light is scattered further in one direction than in the other"),
-    ("auto", "From Photos", "A Gaussian as wide as the photos themselves tell; where they hardly do, a guess is noted"),
-    ("auto-each", "From Each Photo", "A Gaussian for every photo, for a medium that changes while photos are taken"),
+    ("auto", "From Photos", "A Gaussian whose width is estimated from all photos; the report says how sure it is"),
+    ("auto-each", "From Each Photo", "A Gaussian for each photo, for a medium that changes while photos are taken"),
     ("file", "Measured", "A measured point spread function from a file (.npy, .tif, .png, .fits)"),
 )
 _EFFECTS = (
     ("none", "None", "Only the blur of the medium"),
-    ("auto", "What Photos Call For", "Those that the photos show and a short trial confirms; the report tells why"),
-    ("all", "All", "All whose size the photos tell, without a trial"),
+    ("auto", "As the Photos Need", "Those that the photos show and a short training confirms; the report says why"),
+    ("all", "All", "All whose size can be estimated from the photos, without a short training"),
 )
 _CAMERAS = (
     ("photos", "From Photos", "Find the cameras from the photos themselves (structure from motion)"),
@@ -63,12 +63,12 @@ class DGS_PG_settings(bpy.types.PropertyGroup):
         min=3,
         soft_max=300,
         default=60,
-        description="Frames of the movie that are used at most: the sharpest of as many equal stretches of time",
+        description="Frames of the movie to use at most: the sharpest one of each of as many equal parts",
     )
     masks: bpy.props.StringProperty(
         name="Masks",
         subtype="DIR_PATH",
-        description="Folder with an image per photo, of the same name; what is black there does not count",
+        description="Folder with a mask for each photo, of the same name; black pixels are left out",
     )
     out: bpy.props.StringProperty(
         name="Results",
@@ -154,7 +154,7 @@ class DGS_PG_settings(bpy.types.PropertyGroup):
         soft_max=120.0,
         default=0.0,
         precision=1,
-        description="Minutes from the start to the report, for which all is planned; 0 for no limit",
+        description="Minutes from the start to the report; the run is planned to fit. 0: no limit",
     )
     max_gaussians: bpy.props.IntProperty(
         name="Most Gaussians", min=0, soft_max=1_000_000, default=0, description="0 for the preset's own number"
@@ -195,7 +195,7 @@ class DGS_PG_settings(bpy.types.PropertyGroup):
         min=0,
         soft_max=64,
         default=0,
-        description="CPU threads of the engine; 0 for all cores. Fewer leave Blender more room",
+        description="CPU threads of the engine; 0 for all cores. Fewer leave more of the machine to Blender",
     )
     add_when_done: bpy.props.BoolProperty(
         name="Add Twin When Done",
@@ -247,13 +247,13 @@ class DGS_PG_settings(bpy.types.PropertyGroup):
         min=1e-6,
         soft_max=100.0,
         default=1.0,
-        description="True distance between the two selected objects, or of the way through all cameras",
+        description="True distance between the two selected objects, or true length of the way through all cameras",
     )
     view_kind: bpy.props.EnumProperty(
         name="Show",
         description="What the exact view shows",
         items=(
-            ("sharp", "Sharp", "The twin as the engine sees it"),
+            ("sharp", "Sharp", "The twin as the engine renders it, sharp"),
             ("medium", "Blurred", "The twin blurred by the medium of step 3, as the photos are"),
         ),
     )

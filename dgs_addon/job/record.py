@@ -47,12 +47,12 @@ class Record:
 
     @property
     def interrupted(self) -> bool:
-        """Whether its process ended without a word: Blender was closed, killed, or lost power."""
+        """Whether its process ended and nothing says how: Blender was closed, killed, or lost power."""
         return self.phase in ("running", "paused", "cancelling") and not _lives(self.pid)
 
 
 #: What was read last, by file and time of its last change: a panel asks at every redraw.
-_known: dict[tuple[Path, int], Record] = {}
+_cache: dict[tuple[Path, int], Record] = {}
 
 
 def read_record(out: Path) -> Record | None:
@@ -63,13 +63,13 @@ def read_record(out: Path) -> Record | None:
     """
     try:
         key = (out, (out / NAME).stat().st_mtime_ns)
-        if key not in _known:
+        if key not in _cache:
             value = json.loads((out / NAME).read_text("utf-8"))
             names = {f.name for f in fields(Record)}
             record = Record(**{name: item for name, item in value.items() if name in names})
-            _known.clear()
-            _known[key] = record
-        return _known[key]
+            _cache.clear()
+            _cache[key] = record
+        return _cache[key]
     except FileNotFoundError:
         return None
     except (OSError, ValueError, TypeError, AttributeError) as error:
@@ -77,7 +77,7 @@ def read_record(out: Path) -> Record | None:
 
 
 def _lives(pid: int | None) -> bool:
-    # Windows knows no harmless signal; there, a job that is not ours counts as ended.
+    # Windows has no harmless signal; there, a job that is not ours counts as ended.
     if pid is None or sys.platform == "win32":
         return False
     try:

@@ -30,11 +30,11 @@ class Request:
         photos, out: absolute folders; `photos` may be a movie.
         arguments: of the engine, but for the resumption.
         resume: whether to go on from the checkpoint in `out`.
-        count: photos that count; 0 where only the engine knows, as of a movie.
+        count: photos that count; 0 where only the engine can count them, as of a movie.
         selection: their names, one a line; '' for all in the folder.
         program: what runs the arguments, where it is not the engine's Python.
         twin: folder of the twin that is updated; its own record and log stay as they are.
-        known: whether the cameras in `out` belong to these photos; a new run takes them over.
+        reuse_cameras: whether the cameras in `out` belong to these photos; a new run takes them over.
     """
 
     kind: Kind
@@ -44,7 +44,7 @@ class Request:
     count: int = 0
     selection: str = ""
     resume: bool = False
-    known: bool = False
+    reuse_cameras: bool = False
     program: tuple[str, ...] = ()
     twin: Path | None = None
 
@@ -56,7 +56,7 @@ class Request:
     def command(self, python: Path) -> list[str]:
         """The whole command line."""
         program = self.program or (str(python), str(RUN))
-        return [*program, *self.arguments, *(["--resume"] if self.resume or self.known else [])]
+        return [*program, *self.arguments, *(["--resume"] if self.resume or self.reuse_cameras else [])]
 
 
 def request_of(kind: Kind, scene: Any) -> Request:
@@ -96,7 +96,7 @@ def update_request(settings: Any, photos: Sequence[Path]) -> Request:
     write_text(listed, "".join(f"{path.resolve()}\n" for path in photos))
     arguments = ["update", str(out), str(listed), *_number("--threads", settings.threads)]
     model = absolute(settings.model) if settings.cameras == "model" else None
-    if model is not None:  # it knows the new photos' cameras as well
+    if model is not None:  # it holds the new photos' cameras as well
         arguments += ["--cameras", str(model)]
     arguments += ["--progress", "json", "--control"]
     return Request("update", photos[0].parent, own, arguments, len(photos), twin=out)
@@ -119,7 +119,7 @@ def with_truth(arguments: list[str], truth: Path) -> list[str]:
 
 
 def psf_argument(settings: Any) -> str:
-    """The medium of `scene.dgs` in the engine's words.
+    """The medium of `scene.dgs` as the engine's `--psf` takes it.
 
     Raises:
         DgsError: a measured point spread function is wanted and none is chosen.

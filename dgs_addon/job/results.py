@@ -24,7 +24,7 @@ from ..scene.points import add_points
 from ..scene.twin import add_twin, glossy, is_twin, splat_mesh
 from .job import Job
 
-#: Object properties that tell where a twin comes from.
+#: Object properties: where a twin comes from.
 FOLDER, PHOTOS, SETTINGS, SCORE = "dgs_results", "dgs_photos", "dgs_settings", "dgs_score"
 
 
@@ -61,7 +61,7 @@ def _pieces(out: Path, scene: Any, cloud: GaussianCloud | None) -> Iterator[None
         yield
     twin = _place(cloud, out, scene)
     _provenance(twin, out)
-    # The twin alone is worth having; the Cameras step tells what is wrong with its cameras.
+    # The twin alone is worth having; the Cameras step says what is wrong with its cameras.
     with contextlib.suppress(DgsError):
         add_cameras_of(out, Path(twin[PHOTOS]) if PHOTOS in twin else None, scene)
     prepare_scene(scene)
@@ -102,7 +102,7 @@ def _place(cloud: GaussianCloud, out: Path, scene: Any) -> Any:
 def _select(twin: Any, scene: Any) -> None:
     """Where a window shows the scene; a timer has no context of its own."""
     for layer in scene.view_layers:
-        layer.update()  # else it does not know the twin yet
+        layer.update()  # else it has no object of the twin yet
         if twin.name in layer.objects:
             for other in list(layer.objects.selected):
                 other.select_set(False, view_layer=layer)

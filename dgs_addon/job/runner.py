@@ -19,7 +19,7 @@ import bpy
 from ...core.errors import DgsError
 from ...core.files import make_folder
 from ..paths import out_folder
-from ..scene.software import FEW, drawn_by_software
+from ..scene.software import SOFTWARE_SPLATS, drawn_by_software
 from ..window import Pace, redraw
 from . import pictures
 from .job import Job
@@ -27,16 +27,16 @@ from .record import LOG, Record, read_record
 from .request import Request
 from .results import add_results, prepared, show_live
 from .snapshot import News, SnapshotReader
-from .state import outcome
+from .state import ending
 from .test_set import use_test_set
 from .worker import Ended, Extra, Worker
 
-#: Seconds between two looks at the queue.
+#: Seconds between two readings of the queue: several in each redraw of the panel, and too little to be felt.
 TICK = 0.1
-#: Splats of the live twin at most.
-MOST_LIVE = 50_000
+#: Splats of the live twin at most: Blender evaluates them anew for each snapshot.
+MAXIMUM_LIVE_SPLATS = 50_000
 #: Events taken from the queue at most in one tick: a backlog must not block the window.
-_MOST = 50
+_EVENTS_PER_TICK = 50
 #: Seconds after a wish to stop, in which the engine has not come to its safe point, until it is ended.
 PATIENCE = 120.0
 
@@ -72,7 +72,7 @@ def start(request: Request, python: Path, scene: Any) -> Job:
     if not request.resume:
         _start_afresh(request)
     live = scene.dgs.live and not bpy.app.background
-    snapshots = SnapshotReader(request.out, live, FEW if drawn_by_software() else MOST_LIVE)
+    snapshots = SnapshotReader(request.out, live, SOFTWARE_SPLATS if drawn_by_software() else MAXIMUM_LIVE_SPLATS)
     record = Record(
         request.kind, str(request.photos), request.count, list(request.arguments), selection=request.selection
     )
@@ -84,7 +84,7 @@ def start(request: Request, python: Path, scene: Any) -> Job:
         with contextlib.suppress(DgsError):
             record.save(request.out)
 
-    worker = Worker(request.command(python), request.out / LOG, snapshots.look, began)
+    worker = Worker(request.command(python), request.out / LOG, snapshots.read_news, began)
     _job = Job(request, scene.name, worker, record, snapshots)
     worker.start()
     if not bpy.app.timers.is_registered(_tick):
@@ -113,14 +113,14 @@ def cancel() -> None:
         _job.worker.kill()
         return
     _job.asked, _job.state.phase = time.monotonic(), "cancelling"
-    _job.worker.tell("cancel")
+    _job.worker.send("cancel")
 
 
 def pause(on: bool) -> None:
     """Lets the engine wait, or go on."""
     if _job is not None and _job.state.phase in ("running", "paused"):
         _job.state.phase = "paused" if on else "running"
-        _job.worker.tell("pause" if on else "continue")
+        _job.worker.send("pause" if on else "continue")
 
 
 def wait(seconds: float = float("inf")) -> bool:
@@ -164,7 +164,7 @@ def _drain() -> None:
     if job.finishing is not None:
         _go_on(job)
     changed = False
-    for _ in range(_MOST):
+    for _ in range(_EVENTS_PER_TICK):
         try:
             message = job.worker.events.get_nowait()
         except queue.Empty:
@@ -184,7 +184,7 @@ def _drain() -> None:
 
 
 def _end(job: Job, status: int) -> None:
-    phase, error = outcome(status, job.state.error, job.asked is not None)
+    phase, error = ending(status, job.state.error, job.asked is not None)
     job.state.end(phase, error)
     job.record.phase, job.record.error, job.record.result = phase, error, job.state.result
     try:

@@ -29,7 +29,7 @@ class News:
 
 
 class SnapshotReader:
-    """Tells when a twin or its picture is new on the disk, and reads it.
+    """Reads a twin and its picture when they are new on the disk.
 
     Args:
         out: folder of the results.
@@ -43,7 +43,7 @@ class SnapshotReader:
         self._twins = [self._final, *([out / "snapshot" / "twin.ply"] if live else [])]
         self._seen = {path: _time(path) for path in (*self._twins, self._preview)}
 
-    def look(self) -> News | None:
+    def read_news(self) -> News | None:
         """What is new, or None if nothing is."""
         news = News(self._cloud(), self._picture())
         return None if news.cloud is None and news.picture is None else news
@@ -54,7 +54,7 @@ class SnapshotReader:
                 continue
             if path == self._final:
                 self._twins = [path]  # snapshots are older
-            # A damaged file is told of when it is added to the scene.
+            # A damaged file is reported when it is added to the scene.
             with contextlib.suppress(DgsError, OSError):
                 cloud = read_ply(path)
                 return cloud if path == self._final else thinned(cloud, self._most)

@@ -27,6 +27,7 @@ STAGES = {
 
 #: Windows' name for ended by the system or crashed, as an unsigned status.
 _WINDOWS = {0xC0000005: "memory access violation", 0xC00000FD: "stack overflow", 0xC000013A: "Ctrl-C"}
+#: What usually lies behind a signal.
 _CAUSES = {
     "SIGKILL": "the system ran out of memory, or someone ended it",
     "SIGSEGV": "a crash in native code",
@@ -35,13 +36,15 @@ _CAUSES = {
     "SIGBUS": "a disk that is full or gone, or a damaged file",
     "SIGTERM": "someone ended it",
 }
+#: What a job that ended by force leaves.
 _KEPT = "What was saved up to 30 s before is kept: press Resume to go on from there."
+#: Exit status of a run that stopped because it was asked to, as of a shell's Ctrl-C.
 _CANCELLED = 130
 
 
 @dataclass(frozen=True)
 class Mark:
-    """One look at the run: iteration, loss, and PSNR in dB of held-out photos where there are any."""
+    """One point of the run's curves: iteration, loss, and PSNR in dB of held-out photos where there are any."""
 
     step: int
     loss: float
@@ -53,11 +56,11 @@ class JobState:
     """Where a job stands.
 
     Attributes:
-        stage: the engine's name of what it does now; '' before its first word.
-        done, total: steps of that stage; total None where it is not known.
+        stage: the engine's name of what it does now; '' before its first event.
+        done, total: steps of that stage; total None where nobody can say.
         seconds_left: of that stage, or None.
-        marks: looks at the optimization, in order.
-        notes: what the engine wants the user to know.
+        marks: points of the curves, in order.
+        notes: of the engine, for the user.
         error: what went wrong, with the way out; '' as long as nothing did.
         result: what was written, and key figures.
         began, ended: seconds of the monotonic clock.
@@ -128,7 +131,7 @@ def duration_text(seconds: float) -> str:
     return f"{whole // 3600} h {whole % 3600 // 60:02} min"
 
 
-def outcome(status: int, said: str, cancelled: bool) -> tuple[Phase, str]:
+def ending(status: int, said: str, cancelled: bool) -> tuple[Phase, str]:
     """How a job ended.
 
     Args:
@@ -158,4 +161,4 @@ def _unsaid(status: int) -> str:
     crash = _WINDOWS.get(status & 0xFFFFFFFF)
     if crash is not None:
         return f"The engine crashed ({crash}). {_KEPT}"
-    return f"The engine ended with status {status} and said nothing; press Show Log to see its last words."
+    return f"The engine ended with status {status} and no message; press Show Log to see its last lines."

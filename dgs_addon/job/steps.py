@@ -14,7 +14,7 @@ from .record import Record, read_record
 
 
 @dataclass(frozen=True)
-class Results:
+class ResultsFolder:
     """What a results' folder holds.
 
     Attributes:
@@ -29,21 +29,21 @@ class Results:
     report: dict[str, Any] = field(default_factory=dict)
 
 
-_NOTHING = Results()
-_known: tuple[object, Results] | None = None
+_NOTHING = ResultsFolder()
+_cache: tuple[object, ResultsFolder] | None = None
 
 
-def results(scene: Any) -> Results:
+def results(scene: Any) -> ResultsFolder:
     """What the scene's results' folder holds; read again only when its files change."""
-    global _known
+    global _cache
     out = out_folder(scene.dgs)
     if out is None:
         return _NOTHING
     files = (out / "job.json", out / "report.json", out / "twin.ply", out / "cameras")
     key = (out, tuple(_changed(path) for path in files))
-    if _known is None or _known[0] != key:
-        _known = (key, _read(out))
-    return _known[1]
+    if _cache is None or _cache[0] != key:
+        _cache = (key, _read(out))
+    return _cache[1]
 
 
 def cameras_found(scene: Any) -> bool:
@@ -69,7 +69,7 @@ def _value(arguments: list[str], name: str) -> str | None:
     return arguments[arguments.index(name) + 1] if name in arguments else None
 
 
-def _read(out: Path) -> Results:
+def _read(out: Path) -> ResultsFolder:
     try:
         record = read_record(out)
     except DgsError:
@@ -78,7 +78,7 @@ def _read(out: Path) -> Results:
         report = json.loads((out / "report.json").read_text("utf-8"))
     except (OSError, ValueError):
         report = {}
-    return Results(record, (out / "cameras").is_dir(), (out / "twin.ply").is_file(), report)
+    return ResultsFolder(record, (out / "cameras").is_dir(), (out / "twin.ply").is_file(), report)
 
 
 def _changed(path: Path) -> int | None:

@@ -1,6 +1,6 @@
-"""A job that renders a test set, and the scene's settings that go with it: photos whose truth is known.
+"""A job that renders a test set, and the scene's settings that go with it: photos with a known truth.
 
-Cycles renders a ball that the laboratory knows to the millimetre. A Blender without a window does it, so that the
+Cycles renders a ball whose shape is known to the millimetre. A Blender without a window does it, so that the
 open file is left alone and the window stays alive.
 """
 
@@ -33,7 +33,7 @@ def test_set_request(settings: Any) -> Request:
     if out is None:
         raise DgsError("No folder for the test set is chosen", "Choose one in step 6")
     if settings.medium in ESTIMATED_FROM_PHOTOS:
-        raise DgsError("A test set has no photos yet that could tell the medium", "Choose another medium in step 3")
+        raise DgsError("A test set has no photos yet to estimate the medium from", "Choose another medium in step 3")
     width = settings.test_width
     arguments = [
         "synthesize",

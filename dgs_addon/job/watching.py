@@ -1,4 +1,4 @@
-"""Looks at watched folders now and then, and starts an update of the twin when new photos are complete."""
+"""Checks watched folders now and then, and starts an update of the twin when new photos are complete."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from ..photos import SUFFIXES
 from . import runner
 from .request import update_request
 
-#: Seconds between two looks.
+#: Seconds between two checks of a folder: a photo that is still being written must have grown in between.
 SECONDS = 3.0
 
 
 @dataclass
 class Watch:
-    """What was seen in a folder. A photo is ready when it has not changed between two looks: cameras and
-    cloud folders write in pieces.
+    """What was seen in a folder. A photo is complete when it has not changed between two checks:
+    cameras and cloud folders write in pieces.
 
     Attributes:
         folder: that is watched.
@@ -49,7 +49,7 @@ class Watch:
             return {}
         return now
 
-    def look(self) -> list[Path]:
+    def complete(self) -> list[Path]:
         """New photos that are complete, by name; none while one of them is still being written."""
         now = self._sizes()
         still = now == self._seen and all(size for size, _ in now.values())
@@ -86,18 +86,18 @@ def go_on(_file: Any = None) -> None:
         bpy.app.timers.register(_tick, first_interval=SECONDS, persistent=True)
 
 
-def look(scene: Any) -> runner.Job | None:
-    """Looks at a scene's folder; the update that it started, if any."""
+def check(scene: Any) -> runner.Job | None:
+    """Checks a scene's folder; returns the update that it started, if any."""
     folder, out = absolute(scene.dgs.new_photos), out_folder(scene.dgs)
     if folder is None or out is None or runner.busy() or not (out / "twin.ply").is_file() or why_not():
         return None
-    known = _watches.get(scene.name)
-    if known is None or known.folder != folder:
-        known = _watches[scene.name] = Watch(folder, twins_photos(out, absolute(scene.dgs.photos)))
-    ready = known.look()
+    watched = _watches.get(scene.name)
+    if watched is None or watched.folder != folder:
+        watched = _watches[scene.name] = Watch(folder, twins_photos(out, absolute(scene.dgs.photos)))
+    ready = watched.complete()
     if not ready:
         return None
-    known.take(ready)
+    watched.take(ready)
     try:
         return runner.start(update_request(scene.dgs, ready), find_python(), scene)
     except DgsError as error:
@@ -108,7 +108,7 @@ def look(scene: Any) -> runner.Job | None:
 def _tick() -> float | None:
     watched = [scene for scene in bpy.data.scenes if scene.dgs.watching]
     for scene in watched:
-        look(scene)
+        check(scene)
     return SECONDS if watched else None
 
 

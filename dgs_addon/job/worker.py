@@ -31,7 +31,7 @@ class Ended:
 
 @dataclass(frozen=True)
 class Extra:
-    """Something that `look` brought along from beside the process."""
+    """What `after_event` has read."""
 
     value: Any
 
@@ -44,22 +44,23 @@ class Worker:
 
     Args:
         command: program and arguments; it writes one JSON object a line.
-        log: file that its words go to; appended.
-        look: called on the reading thread after every event; what it returns, unless None, comes out
+        log: file that its output goes to; appended.
+        after_event: called on the reading thread after every event; what it returns, unless None, comes out
             of `events` as `Extra`. For reading files where no window waits.
-        began: told the process's number on the reading thread, as soon as it has one.
+        on_start: called with the process's number on the reading thread, as soon as it has one.
     """
 
     def __init__(
         self,
         command: Sequence[str],
         log: Path,
-        look: Callable[[], Any] | None = None,
-        began: Callable[[int], None] | None = None,
+        after_event: Callable[[], Any] | None = None,
+        on_start: Callable[[int], None] | None = None,
     ) -> None:
         self.events: queue.Queue[Message] = queue.Queue()
         self.pid: int | None = None
-        self._command, self._log, self._look, self._told = list(command), log, look, began
+        self._command, self._log = list(command), log
+        self._after_event, self._on_start = after_event, on_start
         self._process: subprocess.Popen[str] | None = None
         self._orders: list[str] = []
         self._lock = threading.Lock()
@@ -70,7 +71,7 @@ class Worker:
         """Returns at once; the process is started on the reading thread, with which it would die."""
         self._thread.start()
 
-    def tell(self, order: str) -> None:
+    def send(self, order: str) -> None:
         """Sends 'cancel', 'pause' or 'continue'; kept until the process can hear it."""
         with self._lock:
             if self._process is None:
@@ -126,8 +127,8 @@ class Worker:
             self._process, self.pid = process, process.pid
             for order in self._orders:
                 _write(process.stdin, order)
-        if self._told is not None:
-            self._told(process.pid)
+        if self._on_start is not None:
+            self._on_start(process.pid)
 
     def _hear(self, line: str, log: IO[str]) -> None:
         event = _event(line)
@@ -137,8 +138,8 @@ class Worker:
         if event is None:
             return
         self.events.put(event)
-        if self._look is not None:
-            extra = self._look()
+        if self._after_event is not None:
+            extra = self._after_event()
             if extra is not None:
                 self.events.put(Extra(extra))
 
@@ -149,7 +150,7 @@ def _log_mode(log: Path) -> str:
 
 
 def _write(stream: IO[str] | None, order: str) -> None:
-    # A process that has just ended hears nothing any more; its end is told by the reading thread.
+    # A process that has just ended reads nothing any more; the reading thread reports its end.
     with contextlib.suppress(OSError, ValueError):
         assert stream is not None
         stream.write(order + "\n")
@@ -157,7 +158,7 @@ def _write(stream: IO[str] | None, order: str) -> None:
 
 
 def _event(line: str) -> dict[str, Any] | None:
-    """The object of a line, or None for words that are no event."""
+    """The object of a line, or None for text that is no event."""
     if not line.startswith("{"):
         return None
     try:

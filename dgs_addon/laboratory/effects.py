@@ -31,7 +31,7 @@ def rendered_medium(settings: SynthesizeSettings, cameras: list[Camera], target:
     """Inside, pictures are rendered through what the settings ask for; `frame` prepares each of them.
 
     Args:
-        target: [3] middle of the object in Blender's world; the lens focuses there unless told otherwise.
+        target: [3] middle of the object in Blender's world; the lens focuses there if `settings.focus` is 0.
     """
     with ExitStack() as stack:
         if settings.fog > 0:

@@ -36,6 +36,7 @@ class Line:
         return float(np.cos(self.position)), float(np.sin(self.position))
 
 
+#: Colours of the paint, linear Rec. 709.
 _WHITE = (0.80, 0.78, 0.72)
 _RED = (0.55, 0.012, 0.012)
 

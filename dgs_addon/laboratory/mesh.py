@@ -32,6 +32,7 @@ _READERS = {
     ".fbx": ("wm", "fbx_import") if "fbx_import" in dir(bpy.ops.wm) else ("import_scene", "fbx"),
 }
 EXTENSIONS = tuple(_READERS)
+#: Colour of an object without a material, linear Rec. 709.
 _CLAY = (0.46, 0.36, 0.28)
 
 

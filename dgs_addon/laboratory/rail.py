@@ -15,10 +15,13 @@ from ..axes import BlenderCamera, camera_to_engine
 
 #: What all cameras look at: the middle of the ball.
 TARGET = np.array([0.0, 0.0, 0.080])
+#: Viewing distance of the paper, metres.
 DISTANCE = 0.635
 #: The paper's straight rail of 420 mm: 2 atan(210 / 635) = 36.6 degrees.
 RAIL_LENGTH = 0.420
+#: Height of rail and orbit above the table, as seen from the ball: half-way up, so that its top and its side are seen.
 ELEVATION = np.radians(30.0)
+#: Turns of the spiral: neighbouring rounds overlap, as a person walking around the table would photograph.
 SPIRAL_TURNS = 2.5
 #: Focal length as a share of the frame's width.
 FOCAL_SHARE = 1.2

@@ -146,7 +146,7 @@ class SynthesizeSettings:
 
     @property
     def has_ball(self) -> bool:
-        """Whether the object is the ball, whose lines are known."""
+        """Whether the object is the ball, whose painted lines have known widths."""
         return not self.mesh and not self.from_blend
 
     @property

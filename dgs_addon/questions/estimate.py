@@ -72,5 +72,5 @@ def sentences(answer: dict[str, Any], preset: str) -> list[tuple[str, dict[str, 
         figures = {name: f"{psnr[name]:.1f}" for name in ("value", "low", "high")}
         out.append(("About {value} dB on held-out photos ({low} to {high})", figures))
     if not seconds["calibrated"]:
-        out.append(("Rough: each finished run makes this better", {}))
+        out.append(("A rough estimate: each finished run improves it", {}))
     return out

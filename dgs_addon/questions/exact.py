@@ -24,12 +24,13 @@ from ..axes import BlenderCamera, camera_to_engine, matrix_to_blender
 from ..engine.process import RUN
 from ..job import pictures
 from ..job.request import ESTIMATED_FROM_PHOTOS, psf_argument
-from ..job.state import outcome
+from ..job.state import ending
 from ..job.worker import Ended, Worker
 from ..scene.twin import read_twin
 
 #: Image that the picture goes to.
 IMAGE = "Descatter Exact View"
+#: Seconds between two checks whether the picture is there.
 _TICK = 0.1
 _NAME = "view.png"
 
@@ -49,7 +50,7 @@ class ExactView:
         self._said = ""
 
     def drain(self) -> None:
-        """Takes in what the engine has said; on the main thread."""
+        """Takes in the engine's events; on the main thread."""
         with contextlib.suppress(queue.Empty):
             while not self.ended:
                 message = self._worker.events.get_nowait()
@@ -66,7 +67,7 @@ class ExactView:
 
     def _end(self, status: int) -> None:
         self.ended = True
-        self.error = outcome(status, self._said, False)[1]
+        self.error = ending(status, self._said, False)[1]
         if not self.error:
             kept = self._folder.parent / f"{IMAGE}.png"
             shutil.move(self._folder / "out" / _NAME, kept)

@@ -12,14 +12,14 @@ effects = Question("effects")
 point_spread = Question("sigma")
 
 
-def inspect_words(python: Path, photos: Path, out: Path, cameras: Path | None) -> list[str]:
-    """The engine's command that inspects photos; without known cameras it looks for none, which takes seconds."""
-    known = ["--cameras", str(cameras)] if cameras is not None else ["--without-cameras"]
+def inspect_command(python: Path, photos: Path, out: Path, cameras: Path | None) -> list[str]:
+    """The engine's command that inspects photos; without cameras it takes seconds."""
+    given = ["--cameras", str(cameras)] if cameras is not None else ["--without-cameras"]
     folder = ["--out", str(out)]
-    return [str(python), str(RUN), "inspect", str(photos), *folder, *known, "--json", "--progress", "none"]
+    return [str(python), str(RUN), "inspect", str(photos), *folder, *given, "--json", "--progress", "none"]
 
 
-def measure_words(python: Path, photo: Path, kernel: Path, linear: bool) -> list[str]:
+def measure_command(python: Path, photo: Path, kernel: Path, linear: bool) -> list[str]:
     """The engine's command that measures a point spread."""
     space = [] if linear else ["--srgb"]
     out = ["--out", str(kernel)]

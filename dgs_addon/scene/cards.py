@@ -27,15 +27,15 @@ _CORNERS = 8
 #: Attributes of a twin that its cards need no more: each would be copied to every corner.
 _SPENT = ("scale", "rotation", "radiance:base", OPACITY, *(f"radiance:sh_{index}" for index in range(15)))
 #: Cards whose ray leaves the camera's axis by more than acos of this are dropped: their projection explodes.
-_LEAST_COSINE = 0.1
+_MINIMUM_COSINE = 0.1
 
 
 def cards_exist() -> bool:
-    """Whether this Blender's geometry nodes know the scene's camera."""
+    """Whether this Blender's geometry nodes have the scene's camera as an input."""
     return hasattr(bpy.types, "GeometryNodeInputActiveCamera")
 
 
-class View:
+class CameraSockets:
     """Sockets about the scene's camera, in the twin's own axes."""
 
     def __init__(self, graph: Graph) -> None:
@@ -50,7 +50,7 @@ class View:
         self.towards = graph.vector("NORMALIZE", graph.vector("SUBTRACT", position, place))
 
 
-def cards(graph: Graph, points: Any, view: View, rotation: Any, radii: Any, material: Any) -> Any:
+def cards(graph: Graph, points: Any, view: CameraSockets, rotation: Any, radii: Any, material: Any) -> Any:
     """A mesh with a card for each of `points`; the sockets `rotation` and `radii` are fields of the points.
 
     One mesh, not instances: a renderer then has one tree of triangles to search instead of one within another.
@@ -59,7 +59,7 @@ def cards(graph: Graph, points: Any, view: View, rotation: Any, radii: Any, mate
     points = graph.store(points, "FLOAT", _SHARE, _share(graph))
     radii = graph.vector("SCALE", radii, graph.named("FLOAT", _SHARE))
     cosine = graph.vector("DOT_PRODUCT", view.towards, view.forward)
-    ahead = graph.math("GREATER_THAN", cosine, _LEAST_COSINE)
+    ahead = graph.math("GREATER_THAN", cosine, _MINIMUM_COSINE)
     points = graph.node("GeometryNodeSeparateGeometry", points, ahead).outputs[0]
     card = graph.node("GeometryNodeMeshCircle", _CORNERS, 1.0824, fill_type="NGON").outputs[0]
     card = graph.node("GeometryNodeSetMaterial", card, None, material).outputs[0]
@@ -84,7 +84,7 @@ def _share(graph: Graph) -> Any:
     return graph.math("MINIMUM", graph.math("DIVIDE", reach, REACH), 1.0)
 
 
-def _matrix(graph: Graph, view: View, rotation: Any, radii: Any) -> Any:
+def _matrix(graph: Graph, view: CameraSockets, rotation: Any, radii: Any) -> Any:
     back = graph.node("FunctionNodeInvertRotation", rotation).outputs[0]
 
     def own(vector: Any) -> Any:
@@ -112,6 +112,6 @@ def _matrix(graph: Graph, view: View, rotation: Any, radii: Any) -> Any:
     return node.outputs[0]
 
 
-def _thin(graph: Graph, view: View, radii: Any) -> Any:
+def _thin(graph: Graph, view: CameraSockets, radii: Any) -> Any:
     """The third axis: a card is flat, but its matrix must have an inverse."""
     return graph.vector("SCALE", view.forward, graph.vector("LENGTH", radii))

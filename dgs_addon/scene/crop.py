@@ -31,7 +31,7 @@ def add_crop_box(twin: Any, collection: Any) -> Any:
         collection: `bpy` collection for the cube.
 
     Raises:
-        KeyError: the twin's modifier is of an older version, which knows no box.
+        KeyError: the twin's modifier is of an older version, which has no input for a box.
     """
     modifier = splat_modifier(twin)
     mesh = twin.data

@@ -1,4 +1,4 @@
-"""Few words for building node trees, shader and geometry alike."""
+"""Short calls for building node trees, shader and geometry alike."""
 
 from __future__ import annotations
 

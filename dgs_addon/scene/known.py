@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from ...core.constants import SH_C0
 from ...core.errors import FormatError
-from .twin import BASE, OWN
+from .twin import BASE, OWN_BASE
 
 #: Point attribute: 1 where the photos fix a splat's colour, 0 where it is guessed.
 KNOWN = "known"
-#: sRGB colours of guessed, half known and known splats (colour-blind eyes distinguish them too).
+#: sRGB colours of guessed, half determined and determined splats (colour-blind eyes distinguish them too).
 RAMP = np.array([[0.84, 0.19, 0.15], [0.95, 0.90, 0.60], [0.13, 0.44, 0.71]], np.float32)
 
 
@@ -42,7 +42,7 @@ def add_known(twin: Any, path: Path) -> None:
 
 
 def show_known(twin: Any, on: bool) -> None:
-    """Paints the splats by how far photos determine them (red guessed, blue known), or in their own colours.
+    """Paints the splats by how far photos determine them (red guessed, blue determined), or in their own colours.
 
     The twin's own colours are kept beside; exports always write those.
     """
@@ -50,16 +50,16 @@ def show_known(twin: Any, on: bool) -> None:
     count = len(mesh.vertices)
     base = _read(mesh, BASE, count)
     if on:
-        if OWN not in mesh.attributes:
-            mesh.attributes.new(OWN, "FLOAT_COLOR", "POINT").data.foreach_set("color", base.reshape(-1))
+        if OWN_BASE not in mesh.attributes:
+            mesh.attributes.new(OWN_BASE, "FLOAT_COLOR", "POINT").data.foreach_set("color", base.reshape(-1))
         known = np.empty(count, np.float32)
         mesh.attributes[KNOWN].data.foreach_get("value", known)
         ramp = [np.interp(known, [0.0, 0.5, 1.0], RAMP[:, channel]) for channel in range(3)]
         base[:, :3] = (np.stack(ramp, axis=1) - 0.5) / SH_C0
         mesh.attributes[BASE].data.foreach_set("color", base.reshape(-1))
-    elif OWN in mesh.attributes:
-        mesh.attributes[BASE].data.foreach_set("color", _read(mesh, OWN, count).reshape(-1))
-        mesh.attributes.remove(mesh.attributes[OWN])
+    elif OWN_BASE in mesh.attributes:
+        mesh.attributes[BASE].data.foreach_set("color", _read(mesh, OWN_BASE, count).reshape(-1))
+        mesh.attributes.remove(mesh.attributes[OWN_BASE])
     mesh.update()
 
 

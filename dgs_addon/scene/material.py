@@ -6,7 +6,7 @@ passes the centre most closely, at |p x d| (p: point on the ball, d: direction, 
     alpha = opacity exp(-0.5 (REACH |p x d|)^2)
 
 Every ball is crossed twice; only its front counts. On a card (see `cards`) the distance is that to its
-middle, |p|, and the colour is known already. The materials give off the twin's colour as light, so that
+middle, |p|, and the colour is computed already. The materials give off the twin's colour as light, so that
 lamps leave it unchanged.
 
 Training blends sRGB-encoded colours; Cycles blends light. Where splats half cover each other the two

@@ -15,7 +15,7 @@ from typing import Any
 import bpy
 
 from ...core.constants import SH_C0, SH_C1
-from .cards import View, cards, cards_exist
+from .cards import CameraSockets, cards, cards_exist
 from .graph import Graph
 from .material import COLOUR, OPACITY, REACH, card_material, linear_light, splat_material
 
@@ -23,7 +23,7 @@ from .material import COLOUR, OPACITY, REACH, card_material, linear_light, splat
 _AROUND = 1.08
 #: A ball is never flatter than this share of its length: its inverse matrix must stay usable.
 _FLATTEST = 0.01
-#: Named attributes that the nodes hand to the material of balls.
+#: Named attributes that the nodes hand to the material of balls, a vector a channel.
 GLOSS = ("dgs_gloss_red", "dgs_gloss_green", "dgs_gloss_blue")
 
 SIZE_INPUT, THRESHOLD_INPUT, COUNT_INPUT, VIEWPORT_INPUT, FACE_INPUT, CROP_INPUT, BOX_INPUT = (
@@ -36,8 +36,8 @@ SIZE_INPUT, THRESHOLD_INPUT, COUNT_INPUT, VIEWPORT_INPUT, FACE_INPUT, CROP_INPUT
     "Crop Box",
 )
 _NAME = "Descatter Splats"
-#: More than a scene will hold.
-ALL = 100_000_000
+#: No limit on the number of splats: more than a scene will hold.
+UNLIMITED = 100_000_000
 
 
 def splat_nodes(view_dependent: bool) -> Any:
@@ -128,7 +128,7 @@ def _balls(graph: Graph, points: Any, rotation: Any, radii: Any, slopes: list[An
 
 def _cards(graph: Graph, points: Any, rotation: Any, radii: Any, slopes: list[Any]) -> Any:
     """All that one view needs is worked out here, once a splat, and not at every crossing of a ray with a card."""
-    view = View(graph)
+    view = CameraSockets(graph)
     colour = _base(graph)
     if slopes:
         gloss = (graph.vector("DOT_PRODUCT", slope, view.towards) for slope in slopes)
@@ -146,8 +146,8 @@ def _interface(tree: Any) -> None:
     for name, kind, default, low, high, text in (
         (SIZE_INPUT, "NodeSocketFloat", 1.0, 0.0, 10.0, "Factor on the size of all splats"),
         (THRESHOLD_INPUT, "NodeSocketFloat", 0.005, 0.0, 1.0, "Fainter splats are not shown"),
-        (COUNT_INPUT, "NodeSocketInt", ALL, 0, ALL, "Most splats in a render, spread evenly over the twin"),
-        (VIEWPORT_INPUT, "NodeSocketInt", 100_000, 0, ALL, "Most splats in the viewport, spread evenly"),
+        (COUNT_INPUT, "NodeSocketInt", UNLIMITED, 0, UNLIMITED, "Most splats in a render, spread evenly over the twin"),
+        (VIEWPORT_INPUT, "NodeSocketInt", 100_000, 0, UNLIMITED, "Most splats in the viewport, spread evenly"),
     ):
         socket = new(name, in_out="INPUT", socket_type=kind)
         socket.description = text

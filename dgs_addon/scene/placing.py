@@ -1,4 +1,4 @@
-"""A twin's true size and its up direction: structure from motion knows neither metres nor gravity."""
+"""A twin's true size and its up direction: structure from motion estimates neither metres nor gravity."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def set_up(twin: Any, marked: Sequence[Any]) -> float:
     elif upright is not None and np.linalg.norm(upright) > 1e-6:
         up = upright
     else:
-        raise FormatError("Nothing tells where up is", "Select three objects that mark points of the floor")
+        raise FormatError("The up direction cannot be determined", "Select three objects that mark points of the floor")
     turn = Vector(up).rotation_difference(Vector((0.0, 0.0, 1.0)))
     _change(twin, marked if len(marked) >= 3 else (), turn.to_matrix().to_4x4())
     return float(turn.angle)

@@ -1,4 +1,4 @@
-"""The scene's own cameras as known cameras of a reconstruction."""
+"""The scene's own cameras as given cameras of a reconstruction."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def write_scene_cameras(scene: Any, photos: Path | None, out: Path, selection: s
     files = found.files if found is not None else ()
     size = found.size if found is not None else None
     if size is None:
-        raise CameraError("The size of the photos is not known", "Save them as PNG or JPEG")
+        raise CameraError("The size of the photos cannot be read from their files", "Save them as PNG or JPEG")
     by_stem = {_key(path.name): path.name for path in files}
     placed = {}
     for thing in scene.objects:

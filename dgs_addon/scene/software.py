@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 
 #: Balls that the processor draws about as fast as it draws an empty 3D view.
-FEW = 5000
+SOFTWARE_SPLATS = 5000
 
 
 def drawn_by_software() -> bool:

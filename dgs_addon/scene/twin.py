@@ -17,13 +17,13 @@ from ...core.cloud import GaussianCloud
 from ...core.errors import FormatError
 from ..axes import matrix_to_blender
 from .nodes import VIEWPORT_INPUT, set_splat_input, splat_nodes
-from .software import FEW, drawn_by_software
+from .software import SOFTWARE_SPLATS, drawn_by_software
 
 #: Object property that marks a twin; its value is the number of harmonics.
 TWIN = "dgs_harmonics"
 SCALE, ROTATION, BASE = "scale", "rotation", "radiance:base"
 #: The twin's own colours while others are shown (see `known`).
-OWN = "dgs_own_base"
+OWN_BASE = "dgs_own_base"
 
 
 def harmonic(index: int) -> str:
@@ -54,7 +54,7 @@ def add_twin(cloud: GaussianCloud, name: str, collection: Any) -> Any:
     modifier = twin.modifiers.new("Splats", "NODES")
     modifier.node_group = splat_nodes(view_dependent=glossy(cloud))
     if drawn_by_software():
-        set_splat_input(modifier, VIEWPORT_INPUT, FEW)
+        set_splat_input(modifier, VIEWPORT_INPUT, SOFTWARE_SPLATS)
     return twin
 
 
@@ -97,7 +97,7 @@ def read_twin(twin: Any) -> GaussianCloud:
         mesh.attributes[name].data.foreach_get(field, array)
         return array.reshape(count, width)
 
-    base = values(OWN if OWN in mesh.attributes else BASE, "color", 4)
+    base = values(OWN_BASE if OWN_BASE in mesh.attributes else BASE, "color", 4)
     rest = [values(harmonic(index), "vector", 3) for index in range(int(twin[TWIN]) - 1)]
     opacity = np.clip(base[:, 3], 1e-7, 1.0 - 1e-7)
     return GaussianCloud(

@@ -1,4 +1,4 @@
-"""What is known, painted on a twin and taken off again; suggested cameras as camera objects."""
+"""What the photos determine, painted on a twin and taken off again; suggested cameras as camera objects."""
 
 from __future__ import annotations
 

@@ -73,21 +73,21 @@ def test_a_photo_is_taken_when_it_is_complete(tmp_path: Path) -> None:
     watch = Watch(tmp_path, {"old.png"})
     for name in ("old.png", "notes.txt", ".hidden.png"):
         (tmp_path / name).write_bytes(b"x")
-    assert watch.look() == [] and watch.look() == []
+    assert watch.complete() == [] and watch.complete() == []
     (tmp_path / "b.png").write_bytes(b"half")
-    assert watch.look() == []
+    assert watch.complete() == []
     (tmp_path / "b.png").write_bytes(b"half and half")
     (tmp_path / "a.JPG").write_bytes(b"")
-    assert watch.look() == [], "still growing"
-    assert watch.look() == [], "an empty file is no photo yet"
+    assert watch.complete() == [], "still growing"
+    assert watch.complete() == [], "an empty file is no photo yet"
     (tmp_path / "a.JPG").write_bytes(b"whole")
-    assert watch.look() == []
-    ready = watch.look()
+    assert watch.complete() == []
+    ready = watch.complete()
     assert [path.name for path in ready] == ["a.JPG", "b.png"]
     watch.take(ready)
-    assert watch.look() == [] and watch.look() == []
+    assert watch.complete() == [] and watch.complete() == []
     shutil.rmtree(tmp_path)
-    assert watch.look() == []
+    assert watch.complete() == []
 
 
 def test_the_twin_grows_and_is_taken_back(scene: Any) -> None:
@@ -114,13 +114,13 @@ def test_a_watched_folder_starts_an_update(scene: Any) -> None:
     out = Path(scene.dgs.out)
     scene.dgs.watching = True
     assert bpy.app.timers.is_registered(watching._tick)
-    assert watching.look(scene) is None, "the first look cannot know what is complete"
-    job = watching.look(scene)
+    assert watching.check(scene) is None, "the first check cannot say what is complete"
+    job = watching.check(scene)
     assert job is not None and job.request.count == len(NEW)
-    assert watching.look(scene) is None, "one job at a time"
+    assert watching.check(scene) is None, "one job at a time"
     assert runner.wait(120.0) and job.state.phase == "done", job.state
     assert len(history.states(out)) == 1
-    assert [watching.look(scene) for _ in range(3)] == [None] * 3, "nothing new"
+    assert [watching.check(scene) for _ in range(3)] == [None] * 3, "nothing new"
     scene.dgs.watching = False
     assert watching._tick() is None
 
@@ -131,11 +131,11 @@ def test_a_photo_that_cannot_be_used_is_tried_once(scene: Any) -> None:
     (Path(scene.dgs.new_photos) / "broken.png").write_bytes(b"\x89PNG broken")
     before = (Path(scene.dgs.out) / "twin.ply").read_bytes()
     scene.dgs.watching = True
-    watching.look(scene)
-    job = watching.look(scene)
+    watching.check(scene)
+    job = watching.check(scene)
     assert job is not None and runner.wait(60.0)
     assert job.state.phase == "failed" and "broken.png" in job.state.error
-    assert [watching.look(scene) for _ in range(3)] == [None] * 3
+    assert [watching.check(scene) for _ in range(3)] == [None] * 3
     assert (Path(scene.dgs.out) / "twin.ply").read_bytes() == before
     scene.dgs.watching = False
 

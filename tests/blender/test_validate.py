@@ -34,7 +34,7 @@ def test_buttons_say_what_is_missing(settings: object, tmp_path: Path) -> None:
     settings.test_set, settings.medium = str(tmp_path / "set"), "file"
     refused("make_test_set", "point spread function is not there")
     for settings.medium in ("auto", "auto-each"):
-        refused("make_test_set", "could tell the medium")
+        refused("make_test_set", "to estimate the medium from")
     (tmp_path / "file").write_text("in the way", "utf-8")
     settings.test_set, settings.medium = str(tmp_path / "file" / "set"), "none"
     refused("make_test_set", "file")
@@ -45,8 +45,8 @@ def test_buttons_say_what_is_missing(settings: object, tmp_path: Path) -> None:
 
 
 def test_another_truth_takes_the_place_of_the_first() -> None:
-    told = with_truth(["reconstruct", "photos", "--truth", "old", "--seed", "1"], Path("new"))
-    assert told == ["reconstruct", "photos", "--seed", "1", "--truth", "new"]
+    arguments = with_truth(["reconstruct", "photos", "--truth", "old", "--seed", "1"], Path("new"))
+    assert arguments == ["reconstruct", "photos", "--seed", "1", "--truth", "new"]
 
 
 @pytest.mark.timeout(300)

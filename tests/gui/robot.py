@@ -48,7 +48,7 @@ class Robot:
         self._before: tuple[float, float] | None = None
         self._drew = False
 
-    def tell(self, story: Story, done: Callable[[str], None]) -> None:
+    def play(self, story: Story, done: Callable[[str], None]) -> None:
         """Plays a story; `done` gets '' or its error, and Blender ends."""
 
         def resume() -> float | None:
@@ -152,7 +152,7 @@ class Robot:
                 return
 
     def _below_mouse(self) -> str:
-        """'dgs.optimize' if the mouse is above that button; Blender tells what it would run."""
+        """'dgs.optimize' if the mouse is above that button; Blender says what it would run."""
         window = bpy.context.window_manager.windows[0]
         with bpy.context.temp_override(window=window, area=self.area(), region=self.sidebar()):
             if not bpy.ops.ui.copy_python_command_button.poll():

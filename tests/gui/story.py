@@ -73,7 +73,7 @@ def story(robot: Robot) -> Story:
     nodes.set_splat_input(modifier, nodes.VIEWPORT_INPUT, 1000)
     bpy.context.scene.cycles.samples = bpy.context.scene.cycles.preview_samples = 1
     yield from robot.press("dgs.view_twin")
-    nodes.set_splat_input(modifier, nodes.VIEWPORT_INPUT, nodes.ALL)
+    nodes.set_splat_input(modifier, nodes.VIEWPORT_INPUT, nodes.UNLIMITED)
     yield 30.0
     yield from robot.picture("5-view")
     nodes.set_splat_input(modifier, nodes.VIEWPORT_INPUT, 1000)
@@ -148,7 +148,7 @@ def _german(robot: Robot) -> Story:
 
 
 def _test_set(runner: Any) -> Story:
-    """Another Blender renders photos whose truth is known; they become the photos of step 1."""
+    """Another Blender renders photos with a known truth; they become the photos of step 1."""
     settings = bpy.context.scene.dgs
     settings.test_set, settings.test_views, settings.test_width = str(FOLDER / "made"), 3, 96
     bpy.ops.dgs.make_test_set()
@@ -225,4 +225,4 @@ def _done(error: str) -> None:
 bpy.context.preferences.view.show_splash = False
 (FOLDER / "pictures").mkdir(exist_ok=True)
 robot = Robot(FOLDER / "pictures")
-robot.tell(story(robot), _done)
+robot.play(story(robot), _done)

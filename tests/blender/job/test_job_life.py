@@ -40,7 +40,7 @@ def photo_set(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def scene(photo_set: Path, tmp_path: Path) -> Iterator[object]:
-    """A scene whose settings ask for a quick twin with known cameras."""
+    """A scene whose settings ask for a quick twin with given cameras."""
     dgs.register()
     settings = bpy.context.scene.dgs
     settings.photos, settings.out = str(photo_set / "photos"), str(tmp_path / "out")
@@ -89,7 +89,7 @@ def exact_view_is_the_engines(scene: object, renders: Path) -> None:
     assert bpy.ops.dgs.exact_view() == {"FINISHED"}
     blurred = pixels(bpy.data.images[exact.IMAGE])
     assert np.abs(np.diff(blurred, axis=1)).mean() < 0.7 * np.abs(np.diff(sharp, axis=1)).mean()
-    scene.dgs.medium = "auto-each"  # the twin knows what its photos were said to be blurred by
+    scene.dgs.medium = "auto-each"  # the twin holds the medium it was made with
     assert bpy.ops.dgs.exact_view() == {"FINISHED"}
     assert np.abs(pixels(bpy.data.images[exact.IMAGE]) - blurred).max() < 0.02
     scene.dgs.medium = "gaussian"
@@ -250,6 +250,6 @@ def test_switching_the_add_on_off_ends_the_job(scene: object) -> None:
     dgs.register()
 
 
-def test_known_cameras_are_taken_over(scene: object, tmp_path: Path) -> None:
-    request = replace(request_of("reconstruct", scene), known=True)
+def test_cameras_of_these_photos_are_taken_over(scene: object, tmp_path: Path) -> None:
+    request = replace(request_of("reconstruct", scene), reuse_cameras=True)
     assert request.command(Path("python"))[-1] == "--resume"

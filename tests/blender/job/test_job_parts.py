@@ -18,7 +18,7 @@ from dgs.core.errors import DgsError, FormatError  # noqa: E402
 from dgs.dgs_addon.job import preview  # noqa: E402
 from dgs.dgs_addon.job.record import NAME, Record, read_record  # noqa: E402
 from dgs.dgs_addon.job.request import request_of  # noqa: E402
-from dgs.dgs_addon.job.state import JobState, Mark, duration_text, outcome  # noqa: E402
+from dgs.dgs_addon.job.state import JobState, Mark, duration_text, ending  # noqa: E402
 from dgs.dgs_addon.photos import forget, photo_folder  # noqa: E402
 
 
@@ -64,7 +64,7 @@ def test_events_change_the_state() -> None:
     ],
 )
 def test_endings_are_explained(status: int, said: str, cancelled: bool, phase: str, word: str) -> None:
-    ended, error = outcome(status, said, cancelled)
+    ended, error = ending(status, said, cancelled)
     assert ended == phase and word in error and bool(error) == (phase == "failed")
 
 

@@ -53,18 +53,18 @@ def test_previews_are_read_upright_and_damaged_ones_are_no_news(tmp_path: Path) 
     folder = tmp_path / "snapshot"
     folder.mkdir()
     reader = SnapshotReader(tmp_path, live=False, most=10)
-    assert reader.look() is None
+    assert reader.read_news() is None
     pixels = np.zeros((90, 180, 3), np.uint8)
     pixels[:45] = (255, 0, 0)  # the upper half is red
     np.save(folder / "preview.npy", pixels)
-    news = reader.look()
-    assert news is not None and news.cloud is None and reader.look() is None
+    news = reader.read_news()
+    assert news is not None and news.cloud is None and reader.read_news() is None
     assert news.picture.shape == (ABOVE[1], ABOVE[0], 4)
     # Blender's rows go upwards.
     middle = news.picture[:, ABOVE[0] // 2]
     inside = middle[middle[:, 3] > 0]
     assert inside[-1, 0] == 1.0 and inside[0, 0] == 0.0
     (folder / "preview.npy").write_bytes(b"half a file")
-    assert reader.look() is None
+    assert reader.read_news() is None
     with pytest.raises((OSError, ValueError)):
         read_preview(folder / "preview.npy")

@@ -157,9 +157,9 @@ def test_exposure_drifts_by_what_was_asked_and_only_in_the_photos(tmp_path: Path
     assert (degrade.exposures(30, 0.0, 3) == 1).all()
     settings = replace(TINY, psf="none", exposure_drift=0.8, masks=False, depth=False)
     synthesize(settings, tmp_path / "set")
-    told = json.loads((tmp_path / "set/manifest.json").read_text())["exposure_gains"]
-    assert told == pytest.approx(degrade.exposures(3, 0.8, 0).tolist(), abs=1e-5)
-    for index, gain in enumerate(told):
+    gains = json.loads((tmp_path / "set/manifest.json").read_text())["exposure_gains"]
+    assert gains == pytest.approx(degrade.exposures(3, 0.8, 0).tolist(), abs=1e-5)
+    for index, gain in enumerate(gains):
         sharp, photo = (pixels(tmp_path / f"set/{name}/view_{index:03d}.png") / 255.0 for name in ("sharp", "photos"))
         dark = (sharp > 0.15) & (sharp < 0.5)
         light = ((sharp[dark] + 0.055) / 1.055) ** 2.4 * gain

@@ -89,8 +89,8 @@ def test_an_edge_out_of_focus_is_as_wide_as_the_thin_lens_says(stop: float, tmp_
 def test_in_focus_nothing_is_lost_and_the_manifest_tells(tmp_path: Path) -> None:
     settings = replace(patch(tmp_path / "a.blend"), aperture=1.0)  # focus: the object's middle
     assert made(settings, tmp_path / "set") == pytest.approx((0, 0), abs=0.03)
-    told = json.loads((tmp_path / "set/manifest.json").read_text())["settings"]
-    assert told["aperture"] == 1.0 and SynthesizeSettings.from_json(told) == settings
+    written = json.loads((tmp_path / "set/manifest.json").read_text())["settings"]
+    assert written["aperture"] == 1.0 and SynthesizeSettings.from_json(written) == settings
 
 
 @pytest.mark.parametrize(("way", "along"), [("camera", 0), ("object", 1)])
@@ -129,7 +129,7 @@ def test_the_truth_beside_them_is_the_set_without_them_and_the_bits_repeat(tmp_p
         assert (tmp_path / "one" / sharp).read_bytes() == (tmp_path / "plain" / sharp).read_bytes()
         assert (tmp_path / "one" / photo).read_bytes() != (tmp_path / "plain" / photo).read_bytes()
         assert (tmp_path / "one" / photo).read_bytes() == (tmp_path / "two" / photo).read_bytes()
-        mask = f"masks_ball/view_{index:03d}.png"  # geometry knows no fog
+        mask = f"masks_ball/view_{index:03d}.png"  # geometry has no fog
         assert (tmp_path / "one" / mask).read_bytes() == (tmp_path / "plain" / mask).read_bytes()
     # The scene is left as it was: the next set is no foggier for it.
     synthesize(plain, tmp_path / "after")

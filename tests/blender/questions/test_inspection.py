@@ -55,8 +55,8 @@ def test_photos_are_inspected(tmp_path: Path) -> None:
     assert bpy.ops.dgs.inspect_photos() == {"FINISHED"}
     from dgs.dgs_addon.questions import inspection
 
-    told = {e["name"]: e for e in inspection.effects.answer["effects"]}
-    assert told["blur"]["estimate"]["value"] is not None and told["exposure"]["estimate"]["value"] is None
+    effects = {e["name"]: e for e in inspection.effects.answer["effects"]}
+    assert effects["blur"]["estimate"]["value"] is not None and effects["exposure"]["estimate"]["value"] is None
     lines = inspection.sentences(inspection.effects.answer)
     assert any(text.startswith("Blur: ") for text, _ in lines) and not any("Not measured" in text for text, _ in lines)
     assert (tmp_path / "set-twin/inspection/inspection.json").is_file()
