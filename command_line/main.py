@@ -11,6 +11,7 @@ from typing import NoReturn
 from ..core.errors import Cancelled, DgsError
 from ..core.version import VERSION
 from .interruption import Interruption
+from .library_output import library_output_aside
 from .progress_choice import Reporting, choose_progress
 from .table import COMMANDS, Command, command_of
 
@@ -66,6 +67,19 @@ def run(arguments: list[str]) -> int:
     if command is None:
         parser.print_help()
         return 2
+    if command.needs_engine:
+        return _reported(command, options)
+    with library_output_aside(command.name) as log:
+        status = _reported(command, options)
+        if status in (0, Cancelled.exit_code) or not log.stat().st_size:
+            log.unlink()
+        else:
+            print(f"What Blender's libraries said meanwhile is in '{log}'.", file=sys.stderr, flush=True)
+    return status
+
+
+def _reported(command: Command, options: argparse.Namespace) -> int:
+    """Runs a command with its progress shown, and stops it where the user or another program asks for it."""
     interruption = Interruption()
     progress = choose_progress(getattr(options, "progress", "none"), interruption)
     if getattr(options, "control", False):

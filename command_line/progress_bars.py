@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from types import TracebackType
 from typing import Self
@@ -12,19 +13,22 @@ from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
     Progress,
+    ProgressColumn,
     SpinnerColumn,
+    Task,
     TaskID,
     TextColumn,
     TimeElapsedColumn,
-    TimeRemainingColumn,
 )
 from rich.table import Table
+from rich.text import Text
 
 from .interruption import Interruption
+from .time_left import TimeLeft
 
 #: What is drawn over time, and what the bar itself says already.
 ACCURACY, HIDDEN = "heldout_psnr", ("step", "seconds")
-#: The latest looks that are drawn, and what they are drawn with.
+#: The latest values that are drawn, and what they are drawn with.
 _LATEST, _LEVELS = 16, "▁▂▃▄▅▆▇█"
 
 
@@ -32,6 +36,20 @@ def curve(values: Sequence[float]) -> str:
     """The latest values as a line of blocks, the lowest and the highest of all of them at its ends."""
     low, span = min(values), max(max(values) - min(values), 1e-9)
     return "".join(_LEVELS[min(7, int(8 * (value - low) / span))] for value in values[-_LATEST:])
+
+
+class TimeLeftColumn(ProgressColumn):
+    """The time left as minutes and seconds, counted down between two reports; nothing where nobody can say."""
+
+    max_refresh = 0.5
+
+    def render(self, task: Task) -> Text:
+        """The text of one bar."""
+        end = task.fields["end"]
+        if end is None or task.finished:
+            return Text("")
+        minutes, seconds = divmod(max(0, round(end - time.monotonic())), 60)
+        return Text(f"{minutes}:{seconds:02d} left", style="progress.remaining")
 
 
 class Bars:
@@ -47,13 +65,14 @@ class Bars:
             BarColumn(bar_width=28),
             MofNCompleteColumn(),
             TimeElapsedColumn(),
-            TimeRemainingColumn(compact=True),
+            TimeLeftColumn(),
             TextColumn("[dim]{task.fields[figures]}"),
             console=self._console,
             refresh_per_second=4,
         )
         self._task: TaskID | None = None
         self._accuracies: list[float] = []
+        self._left = TimeLeft()
 
     def __enter__(self) -> Self:
         self._bars.start()
@@ -68,7 +87,8 @@ class Bars:
         """A new stage begins; `total` steps if they can be counted."""
         self._complete()
         self._accuracies = []
-        self._task = self._bars.add_task(escape(name), total=total, figures="")
+        self._task = self._bars.add_task(escape(name), total=total, figures="", end=None)
+        self._left.begin(total)
 
     def advance(self, done: int, **figures: float) -> None:
         """So many steps of the stage are done; figures worth showing."""
@@ -81,8 +101,9 @@ class Bars:
         words = [f"{key.replace('_', ' ')} {value:.4g}" for key, value in shown.items()]
         if self._accuracies:
             words.append(f"held out {curve(self._accuracies)} {self._accuracies[-1]:.2f} dB")
-        text = "  ".join(words)
-        self._bars.update(self._task, completed=done, figures=text)
+        left = self._left.after(done)
+        end = None if left is None else time.monotonic() + left
+        self._bars.update(self._task, completed=done, figures="  ".join(words), end=end)
 
     def note(self, text: str) -> None:
         """Something the user should read, in one line."""

@@ -16,6 +16,7 @@ from types import TracebackType
 from typing import Self, TextIO
 
 from .interruption import Interruption
+from .time_left import TimeLeft
 
 #: At most this often an `advance` is written (s); the last one of a stage always is.
 INTERVAL = 0.1
@@ -29,9 +30,9 @@ class JsonLines:
         self._interruption = interruption
         self._interval = interval
         self._lock = threading.Lock()
-        self._name, self._total, self._began, self._written = "", None, 0.0, -math.inf
-
-    _total: int | None
+        self._name, self._written = "", -math.inf
+        self._total: int | None = None
+        self._left = TimeLeft()
 
     def __enter__(self) -> Self:
         return self
@@ -43,19 +44,18 @@ class JsonLines:
 
     def stage(self, name: str, total: int | None = None) -> None:
         """A new stage begins; `total` steps if they can be counted."""
-        self._name, self._total, self._began, self._written = name, total, time.monotonic(), -math.inf
+        self._name, self._total, self._written = name, total, -math.inf
+        self._left.begin(total)
         self._write({"event": "stage", "name": name, "total": total})
 
     def advance(self, done: int, **figures: float) -> None:
         """So many steps of the stage are done; figures worth showing."""
-        now = time.monotonic()
+        now, left = time.monotonic(), self._left.after(done)
         if now - self._written < self._interval and done != self._total:
             return
         self._written = now
-        left = None
-        if self._total and done > 0:
-            left = round((now - self._began) / done * max(0, self._total - done), 1)
-        event = {"event": "advance", "stage": self._name, "done": done, "total": self._total, "seconds_left": left}
+        event = {"event": "advance", "stage": self._name, "done": done, "total": self._total}
+        event["seconds_left"] = None if left is None else round(left, 1)
         # Figures come second so that none can overwrite the fields that readers rely on.
         self._write({**{key: _finite(value) for key, value in figures.items()}, **event})
 
@@ -67,7 +67,7 @@ class JsonLines:
         """Whether the user asked to stop."""
         paused = time.monotonic()
         self._interruption.wait_while_paused()
-        self._began += time.monotonic() - paused  # so that a pause does not count as work in `seconds_left`
+        self._left.wait(time.monotonic() - paused)
         return self._interruption.asked
 
     def finished(self, result: dict[str, object]) -> None:

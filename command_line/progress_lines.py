@@ -7,6 +7,7 @@ from types import TracebackType
 from typing import Self, TextIO
 
 from .interruption import Interruption
+from .time_left import TimeLeft
 
 #: A stage that takes longer says so this often (s).
 INTERVAL = 10.0
@@ -26,7 +27,8 @@ class Lines:
         self._interruption = interruption
         self._name = ""
         self._total: int | None = None
-        self._began = self._written = 0.0
+        self._written = 0.0
+        self._left = TimeLeft()
 
     def __enter__(self) -> Self:
         return self
@@ -39,20 +41,19 @@ class Lines:
     def stage(self, name: str, total: int | None = None) -> None:
         """A new stage begins; `total` steps if they can be counted."""
         self._name, self._total = name, total
-        self._began = self._written = time.monotonic()
+        self._written = time.monotonic()
+        self._left.begin(total)
         self._say(f"{name} ({total})" if total else name)
 
     def advance(self, done: int, **figures: float) -> None:
         """So many steps of the stage are done; figures worth showing."""
-        now = time.monotonic()
+        now, left = time.monotonic(), self._left.after(done)
         if now - self._written < INTERVAL:
             return
         self._written = now
         values = "".join(f", {key} {value:.4g}" for key, value in figures.items())
-        left = ""
-        if self._total and done > 0:
-            left = f", {(now - self._began) / done * max(0, self._total - done):.0f} s left"
-        self._say(f"  {self._name} {done}{f' of {self._total}' if self._total else ''}{values}{left}")
+        words = "" if left is None else f", {left:.0f} s left"
+        self._say(f"  {self._name} {done}{f' of {self._total}' if self._total else ''}{values}{words}")
 
     def note(self, text: str) -> None:
         """Something the user should read, in one line."""

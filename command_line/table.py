@@ -26,7 +26,8 @@ class Command:
     Attributes:
         name: as it is typed.
         help: its line in the list of commands.
-        needs_engine: whether it needs torch and the rest of the engine's packages, which Blender's own Python lacks.
+        needs_engine: whether it needs torch and the rest of the engine's packages, which Blender's own Python lacks;
+            if not, it needs Blender's module, whose own output is kept off the terminal.
     """
 
     name: str

@@ -10,6 +10,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+import tempfile
 import time
 from pathlib import Path
 from typing import Any
@@ -51,6 +52,12 @@ def run(title: str, arguments: list[str]) -> None:
     print(f"\n== {title}\n$ run_dgs.py {shlex.join(arguments)}", flush=True)
     began = time.perf_counter()
     code = subprocess.run([sys.executable, "run_dgs.py", *arguments], cwd=ROOT, check=False).returncode
+    if code < 0:
+        print(
+            f"Signal {-code} ended it. What its libraries said is in the newest dgs-*.log in {tempfile.gettempdir()}.",
+            file=sys.stderr,
+        )
+        sys.exit(128 - code)
     if code:
         sys.exit(code)
     print(f"({time.perf_counter() - began:.0f} s)", flush=True)

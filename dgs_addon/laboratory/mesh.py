@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from ...core.errors import FormatError
 from . import ball, table
 from .materials import from_vertices, plain
-from .render import quiet
 from .settings import OBJECT_INDEX
 
 #: Longest side (m) that an object is scaled to: the ball's, so that all camera paths fit.
@@ -62,8 +61,7 @@ def _imported(path: Path) -> list[Any]:
         raise FormatError(f"'{path}' is no mesh that Blender reads", f"Give one of {', '.join(EXTENSIONS)}")
     module, name = reader
     try:
-        with quiet():
-            getattr(getattr(bpy.ops, module), name)(filepath=str(path.resolve()))
+        getattr(getattr(bpy.ops, module), name)(filepath=str(path.resolve()))
     except (RuntimeError, AttributeError, OSError) as error:
         raise FormatError(f"Blender cannot read '{path}': {error}", "Export it again, or use another format") from error
     objects = list(bpy.context.scene.objects)

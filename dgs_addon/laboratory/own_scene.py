@@ -14,7 +14,6 @@ from ...core.errors import DgsError, FormatError
 from ..axes import read_camera
 from .ball import add_camera
 from .mesh import bounds
-from .render import quiet
 from .settings import OBJECT_INDEX
 
 
@@ -25,8 +24,7 @@ def build(path: Path) -> None:
         FormatError: it is no .blend, or shows nothing.
     """
     try:
-        with quiet():
-            bpy.ops.wm.open_mainfile(filepath=str(path.resolve()), load_ui=False, use_scripts=False)
+        bpy.ops.wm.open_mainfile(filepath=str(path.resolve()), load_ui=False, use_scripts=False)
     except RuntimeError as error:
         raise FormatError(
             f"Blender cannot open '{path}': {error}", "Give a .blend of this Blender or an older one"

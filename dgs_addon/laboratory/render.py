@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
-import os
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -108,30 +105,12 @@ def surface_normals(camera: Camera, scratch: Path) -> NDArray[np.float32]:
     return turned.astype(np.float32)
 
 
-@contextmanager
-def quiet() -> Iterator[None]:
-    """Keeps Blender's own lines off standard output, where `--progress json` speaks."""
-    sys.stdout.flush()
-    library = ctypes.CDLL(None if os.name == "posix" else "ucrtbase")
-    library.fflush(None)
-    kept, sink = os.dup(1), os.open(os.devnull, os.O_WRONLY)
-    os.dup2(sink, 1)
-    try:
-        yield
-    finally:
-        library.fflush(None)  # while the sink is still in place
-        os.dup2(kept, 1)
-        os.close(kept)
-        os.close(sink)
-
-
 def _shoot(camera: Camera, scratch: Path) -> NDArray[np.float32]:
     scene: Any = bpy.context.scene
     place_camera(scene.camera, camera, scene.render)
     file = scratch / "frame.exr"
     scene.render.filepath = str(file)
-    with quiet():
-        bpy.ops.render.render(write_still=True)
+    bpy.ops.render.render(write_still=True)
     if not file.is_file():
         raise OutputError(f"Blender wrote no frame to {file}", "Check the free space and the folder's permissions")
     image = bpy.data.images.load(str(file))

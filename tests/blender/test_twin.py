@@ -180,3 +180,12 @@ def test_a_blend_file_from_the_command_line(cloud: GaussianCloud, tmp_path: Path
     assert is_twin(bpy.data.objects["twin"]) and bpy.context.scene.camera is not None
     assert "Descatter Splat" in bpy.data.materials
     assert bpy.context.scene.view_settings.view_transform == "Raw"
+
+
+def test_the_renderers_own_lines_stay_off_the_terminal(tmp_path: Path) -> None:
+    """What Cycles says of missing graphics cards would stand between progress bars."""
+    words = ["synthesize", "--out", str(tmp_path / "set"), "--views", "2", "--size", "32x24", "--samples", "1"]
+    words += ["--no-denoise", "--psf", "gaussian:1", "--overscan", "6", "--progress", "none"]
+    command = [sys.executable, str(Path(dgs.__path__[0]) / "run_dgs.py"), *words]
+    done = subprocess.run(command, check=True, capture_output=True, text=True)
+    assert done.stdout == done.stderr == ""
