@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from ..core.effects.choices import effects_help
 from ..core.errors import Cancelled
 from ..core.run_settings import ReconstructSettings
 from .arguments import (
@@ -33,14 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     show_defaults(parser)
     add_photos(parser)
     add_medium(parser)
-    parser.add_argument(
-        "--effects",
-        default="none",
-        metavar="EFFECTS",
-        help="besides the blur: auto (what the photos call for and a short trial confirms) | none | all | names with "
-        "commas out of haze, defocus, field_blur, motion, vignetting, exposure, saturation (auto,haze forces one on, "
-        "auto,-haze off)",
-    )
+    parser.add_argument("--effects", default="none", metavar="EFFECTS", help=effects_help())
     _add_given(parser.add_argument_group("what is given"))
     _add_effort(parser.add_argument_group("effort"))
     add_machine(parser)

@@ -121,18 +121,43 @@ def _of_photos(listed: Spreads, photos: Sequence[Photo], file: str, some: bool) 
 def _estimated(photos: Sequence[Photo], settings: ReconstructSettings) -> Spreads:
     linear = settings.blur_space == "linear"
     source = PhotoSet(photos, linear=linear)
-    shared = blind_psf(source).point_spread()
+    found = blind_psf(source)
+    moved = _motion_seen(source, settings)
+    try:
+        shared = found.point_spread()
+    except PsfError as error:
+        if not moved:
+            raise
+        raise PsfError(f"{error.what}. {moved[0].upper()}{moved[1:]}", error.way_out) from error
     if shared is None:
-        return Spreads(None)
+        alone = (f"{found.text}, so no photo gets a Gaussian of its own",) if settings.psf == "auto-each" else ()
+        return Spreads(None, notes=(*(alone or (found.text,)), *([moved] if moved else [])))
     # The photos in memory may have been shrunk; a point spread is given in px of the files.
     scale = {photo.name: photo.scale[0] for photo in photos}
     first = _in_files(shared, photos[0].scale[0])
+    notes = (*shared.notes, *([moved] if moved else []))
     if settings.psf != "auto-each":
-        return Spreads(first, notes=shared.notes)
-    moved = {name: path.length for name, path in source.motion_paths.items()} if _may_move(settings) else None
-    own = psf_per_photo(photos, shared, linear, moved)
+        return Spreads(first, notes=notes)
+    paths = source.motion_paths.items() if _may_move(settings) else ()
+    own = psf_per_photo(photos, shared, linear, {name: path.length for name, path in paths})
     spreads = {name: _in_files(psf, scale[name]) for name, psf in own.spreads.items()}
-    return Spreads(first, spreads, (*shared.notes, own.text))
+    return Spreads(first, spreads, (*notes, own.text))
+
+
+def _motion_seen(source: PhotoSet, settings: ReconstructSettings) -> str:
+    """What the photos show of motion, and what takes it into account; empty where none is clear."""
+    if source.motion is None or not source.motion.significant:
+        return ""
+    scale = {photo.name: photo.scale[0] for photo in source.photos}
+    lengths = [path.length / scale[name] for name, path in source.motion_paths.items() if path.length]
+    seen = (
+        f"{len(lengths)} of {len(source.photos)} photos moved while the shutter was open, by paths of "
+        f"{min(lengths):.1f} to {max(lengths):.1f} px: a Gaussian does not describe that blur"
+    )
+    way = "--effects auto (where a short trial confirms them) or --effects motion puts each photo's path into its blur"
+    if _may_move(settings):
+        way = "--effects decides whether each photo's path is put into its blur"
+    return f"{seen}; {way}"
 
 
 def _may_move(settings: ReconstructSettings) -> bool:

@@ -6,6 +6,7 @@ from typing import Any
 
 import bpy
 
+from ...core.effects.choices import effect_items
 from ..photos import forget
 from .watching import watch
 
@@ -21,11 +22,6 @@ _MEDIA = (
     ("auto", "From Photos", "A Gaussian whose width is estimated from all photos; the report says how sure it is"),
     ("auto-each", "From Each Photo", "A Gaussian for each photo, for a medium that changes while photos are taken"),
     ("file", "Measured", "A measured point spread function from a file (.npy, .tif, .png, .fits)"),
-)
-_EFFECTS = (
-    ("none", "None", "Only the blur of the medium"),
-    ("auto", "As the Photos Need", "Those that the photos show and a short training confirms; the report says why"),
-    ("all", "All", "All whose size can be estimated from the photos, without a short training"),
 )
 _CAMERAS = (
     ("photos", "From Photos", "Find the cameras from the photos themselves (structure from motion)"),
@@ -136,9 +132,9 @@ class DGS_PG_settings(bpy.types.PropertyGroup):
 
     effects: bpy.props.EnumProperty(
         name="Other Effects",
-        items=_EFFECTS,
+        items=effect_items(),
         default="none",
-        description="Haze, defocus, motion, vignetting, exposure and clipping, simulated besides the blur",
+        description="What is simulated besides the blur: what photos need, or one effect",
     )
     refine_cameras: bpy.props.BoolProperty(
         name="Refine Cameras",

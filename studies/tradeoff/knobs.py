@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
+from ...core.effects.registry import switches
 from ...core.training.settings import TrainingSettings
 
 Cameras = Literal["usual", "unrefined", "hurried", "refined"]
@@ -109,5 +110,6 @@ def _all() -> list[Knob]:
         Knob("cameras", "poses through the loss", cameras="refined"),
         Knob("effects", "without the blur", medium=False),
     ]
-    named = ("haze", "vignetting", "exposure", "saturation")
+    # Blurs that vary are confirmed by points and paths by photo: what they cost is another study's (docs/effects.md).
+    named = [n for n, switch in switches().items() if switch.confirmed_by == "trial" and not switch.may_be_absent]
     return [*found, *(Knob("effects", f"with {name}", effects=name) for name in named)]

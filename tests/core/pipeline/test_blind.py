@@ -1,10 +1,14 @@
 """Point spreads of a run: told, listed by photo, or estimated; and what cannot be meant."""
 
 import json
+import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from dgs.benchmarks.effect_scenes import Truth, degrade, make_scene
+from dgs.benchmarks.effects import photo_set
 from dgs.core.errors import PsfError
 from dgs.core.photos.load import Photo
 from dgs.core.pipeline.blind import spreads_of, told_spreads
@@ -73,3 +77,53 @@ def test_a_list_of_more_photos_than_were_looked_at(tmp_path):
     with pytest.raises(PsfError, match="cannot be read"):
         told_spreads(f"per-photo:{tmp_path / 'none.json'}")
     assert told_spreads("auto") is None and told_spreads("auto-each") is None
+
+
+@pytest.fixture(scope="module")
+def shaken():
+    """Photos that moved by about 8 px each while they were taken, and nothing else."""
+    scene = make_scene(3, width=240, height=160, views=8, finer=2)
+    return list(photo_set(scene, degrade(scene, Truth(motion=8.0), seed=1)).photos)
+
+
+@pytest.fixture(scope="module")
+def still():
+    scene = make_scene(3, width=240, height=160, views=8, finer=2)
+    return list(photo_set(scene, degrade(scene, Truth(), seed=1)).photos)
+
+
+def asked(psf, effects="none"):
+    return ReconstructSettings(Path("p"), Path("o"), psf=psf, blur_space="linear", effects=effects)
+
+
+def said(photos, settings):
+    """What the run says of the point spread: in notes, or as an error."""
+    try:
+        return " ".join(spreads_of(None, photos, settings)[0].notes)
+    except PsfError as error:
+        return error.what
+
+
+@pytest.mark.parametrize("psf", ["auto", "auto-each"])
+def test_motion_is_seen_and_said(shaken, psf):
+    text = said(shaken, asked(psf))
+    shown = re.search(r"(\d+) of 8 photos moved .* paths of ([\d.]+) to ([\d.]+) px", text)
+    assert shown is not None, text
+    assert int(shown[1]) >= 7 and 2.0 < float(shown[2]) < 8.0 < float(shown[3]) < 16.0
+    assert "--effects motion" in text
+    assert "--effects decides" in said(shaken, asked(psf, "auto"))
+
+
+def test_paths_are_in_px_of_the_files(shaken):
+    halved = [replace(photo, scale=(0.5, 0.5)) for photo in shaken]
+    full, half = (re.search(r"to ([\d.]+) px: a G", said(p, asked("auto")))[1] for p in (shaken, halved))
+    assert float(half) == pytest.approx(2 * float(full), abs=0.11)
+
+
+@pytest.mark.parametrize("psf", ["auto", "auto-each"])
+def test_sharp_photos_are_said_to_be_sharp_and_still(still, psf):
+    spreads, settings = spreads_of(None, still, asked(psf))
+    assert spreads.psf is None and not spreads.own and settings.psf == "none"
+    text = " ".join(spreads.notes)
+    assert "no blur beyond what sharp photos have" in text and "moved" not in text
+    assert ("no photo gets a Gaussian of its own" in text) == (psf == "auto-each")
