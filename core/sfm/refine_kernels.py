@@ -56,6 +56,42 @@ def _solve6(a, b):  # type: ignore[no-untyped-def]
     return True
 
 
+@inlined
+def _read_template(image, cx, cy, radius, stride, template, weight, jacobian):  # type: ignore[no-untyped-def]
+    """The reference patch: its samples without their mean, their weights, and its Jacobian.
+
+    template, weight: [count]; jacobian: [count, 6] of the samples by the six parameters of the warp; all written.
+
+    Returns:
+        Sum of the weights, and weighted energy of the template (0 for a patch without detail).
+    """
+    count = len(template)
+    span = radius * stride
+    total = 0.0
+    mean = 0.0
+    n = 0
+    for j in range(-radius, radius + 1):
+        for i in range(-radius, radius + 1):
+            ox, oy = i * stride, j * stride
+            w = np.exp(-2.0 * (ox * ox + oy * oy) / ((span + stride) * (span + stride)))
+            value = _cubic(image, cx + ox, cy + oy)
+            gx = 0.5 * (_cubic(image, cx + ox + 1.0, cy + oy) - _cubic(image, cx + ox - 1.0, cy + oy))
+            gy = 0.5 * (_cubic(image, cx + ox, cy + oy + 1.0) - _cubic(image, cx + ox, cy + oy - 1.0))
+            template[n] = value
+            weight[n] = w
+            jacobian[n, 0], jacobian[n, 1], jacobian[n, 2] = gx * ox, gx * oy, gx
+            jacobian[n, 3], jacobian[n, 4], jacobian[n, 5] = gy * ox, gy * oy, gy
+            total += w
+            mean += w * value
+            n += 1
+    mean /= total
+    energy = 0.0
+    for n in range(count):
+        template[n] -= mean
+        energy += weight[n] * template[n] * template[n]
+    return total, energy
+
+
 @kernel
 def align(begin, end, images, sizes, pairs, points, warps, radius, stride, steps, reach, out):  # type: ignore[no-untyped-def]
     """Finds where each reference patch lies in another photo.
@@ -67,6 +103,9 @@ def align(begin, end, images, sizes, pairs, points, warps, radius, stride, steps
     radius, stride: patch of (2 radius + 1)^2 samples, stride px apart
     reach: largest move (px) from the guess that is believed
     out: [P, 4] float64 x, y, correlation (-1 if it failed), move in px
+
+    The loops of a step stand in one body: as functions they come out of the compiler with their sums in another order
+    (`core.compiled.FAST_MATH`), and cameras would differ in their last bits.
     """
     side = 2 * radius + 1
     count = side * side
@@ -85,29 +124,7 @@ def align(begin, end, images, sizes, pairs, points, warps, radius, stride, steps
         edge = span + 4.0
         if cx < edge or cy < edge or cx > sizes[ref, 0] - edge or cy > sizes[ref, 1] - edge:
             continue
-        image = images[ref]
-        total = 0.0
-        mean = 0.0
-        n = 0
-        for j in range(-radius, radius + 1):
-            for i in range(-radius, radius + 1):
-                ox, oy = i * stride, j * stride
-                w = np.exp(-2.0 * (ox * ox + oy * oy) / ((span + stride) * (span + stride)))
-                value = _cubic(image, cx + ox, cy + oy)
-                gx = 0.5 * (_cubic(image, cx + ox + 1.0, cy + oy) - _cubic(image, cx + ox - 1.0, cy + oy))
-                gy = 0.5 * (_cubic(image, cx + ox, cy + oy + 1.0) - _cubic(image, cx + ox, cy + oy - 1.0))
-                template[n] = value
-                weight[n] = w
-                jacobian[n, 0], jacobian[n, 1], jacobian[n, 2] = gx * ox, gx * oy, gx
-                jacobian[n, 3], jacobian[n, 4], jacobian[n, 5] = gy * ox, gy * oy, gy
-                total += w
-                mean += w * value
-                n += 1
-        mean /= total
-        energy = 0.0
-        for n in range(count):
-            template[n] -= mean
-            energy += weight[n] * template[n] * template[n]
+        total, energy = _read_template(images[ref], cx, cy, radius, stride, template, weight, jacobian)
         if energy <= 1e-12:
             continue
         # The mean of the patch is free, so its gradient explains nothing: project it out.
