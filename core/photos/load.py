@@ -16,16 +16,27 @@ from numpy.typing import NDArray
 from PIL import Image, ImageOps
 
 from ..errors import Cancelled, PhotoError
+from ..numbers import BY_DEFINITION, number
 from ..progress import Progress
 from .listing import LIST, listed_files
 from .scale import resized, resized_mask, size_within
 
 SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp", ".bmp"})
 
-#: Photos that are decoded at a time; more would wait for the disk and fill the memory.
-DECODERS = 4
-#: A pixel counts where the alpha or the mask is at least half.
-HALF = 0.5
+
+@dataclass(frozen=True)
+class LoadSettings:
+    """Of reading photos."""
+
+    decoders: int = number(
+        4, "count", "photos that are decoded at a time; more would wait for the disk and fill memory"
+    )
+    half: float = number(0.5, "share", "a pixel counts where the alpha or the mask is at least this", BY_DEFINITION)
+    mask_aspect: float = number(0.02, "share", "by which a mask's width / height may differ from its photo's")
+    smallest: int = number(16, "px", "shortest `max_size` that makes sense", BY_DEFINITION)
+
+
+SETTINGS = LoadSettings()
 
 _EXIF_IFD = 0x8769
 _FOCAL_35MM = 0xA405
@@ -126,30 +137,11 @@ def load_photos(
         Cancelled: the user asked to stop.
     """
     files = photo_files(source)
-    if max_size is not None and max_size < 16:
-        raise PhotoError(f"A longest side of {max_size} px is too small", "Ask for at least 16 px")
+    if max_size is not None and max_size < SETTINGS.smallest:
+        raise PhotoError(f"A longest side of {max_size} px is too small", f"Ask for at least {SETTINGS.smallest} px")
     mask_files = _masks(masks) if masks is not None else {}
     progress.stage("photos", len(files))
-    photos: list[Photo] = []
-    failures: list[str] = []
-    pool = ThreadPoolExecutor(min(DECODERS, os.cpu_count() or 1))
-    try:
-        read = [pool.submit(load_photo, path, max_size) for path in files]
-        for index, (path, one) in enumerate(zip(files, read, strict=True)):
-            if progress.cancelled():
-                raise Cancelled("Stopped while reading photos")
-            try:
-                photo = one.result()
-                if masks is not None:
-                    photo = _with_mask(photo, mask_files.get(_stem(path)), progress)
-            except PhotoError as error:
-                failures.append(path.name)
-                progress.note(f"Left out: {error}")
-            else:
-                photos.append(photo)
-            progress.advance(index + 1)
-    finally:
-        pool.shutdown(cancel_futures=True)
+    photos, failures = _read_all(files, max_size, masks is not None, mask_files, progress)
     if masks is not None and not any(_stem(p.path) in mask_files for p in photos):
         raise PhotoError(f"No mask in '{masks}' has the name of a photo", "Give each mask its photo's name")
     for count, what in (
@@ -168,6 +160,33 @@ def load_photos(
     return photos
 
 
+def _read_all(
+    files: list[Path], max_size: int | None, masked: bool, mask_files: dict[str, Path], progress: Progress
+) -> tuple[list[Photo], list[str]]:
+    """The photos that can be read, with their masks, and the names of the others, each with a note."""
+    photos: list[Photo] = []
+    failures: list[str] = []
+    pool = ThreadPoolExecutor(min(SETTINGS.decoders, os.cpu_count() or 1))
+    try:
+        read = [pool.submit(load_photo, path, max_size) for path in files]
+        for index, (path, one) in enumerate(zip(files, read, strict=True)):
+            if progress.cancelled():
+                raise Cancelled("Stopped while reading photos")
+            try:
+                photo = one.result()
+                if masked:
+                    photo = _with_mask(photo, mask_files.get(_stem(path)), progress)
+            except PhotoError as error:
+                failures.append(path.name)
+                progress.note(f"Left out: {error}")
+            else:
+                photos.append(photo)
+            progress.advance(index + 1)
+    finally:
+        pool.shutdown(cancel_futures=True)
+    return photos, failures
+
+
 def load_photo(path: Path, max_size: int | None = None) -> Photo:
     """Reads one photo; see `load_photos`.
 
@@ -183,7 +202,7 @@ def load_photo(path: Path, max_size: int | None = None) -> Photo:
         raise PhotoError(f"'{path.name}' cannot be read as a photo ({reason})", "Replace or remove the file") from error
     pixels, alpha, focal_35mm = read.pixels, read.alpha, read.focal_35mm
     height, width = pixels.shape[:2]
-    mask = None if alpha is None or bool((alpha >= HALF).all()) else alpha >= HALF
+    mask = None if alpha is None or bool((alpha >= SETTINGS.half).all()) else alpha >= SETTINGS.half
     new_width, new_height = size_within(width, height, max_size)
     if (new_width, new_height) != (width, height):
         pixels = resized(pixels, new_width, new_height)
@@ -271,9 +290,9 @@ def _from_array(array: NDArray[Any]) -> _Decoded:
     if array.dtype.kind == "f":
         finite = np.isfinite(array).all(axis=2)
         mean = array[finite].mean(axis=0, dtype=np.float64) if finite.any() else 0.0  # it may bleed into neighbours
-        known = np.where(finite[:, :, None], array, mean).astype(np.float64)
-        clipped = int(((known < 0.0) | (known > 1.0)).any(axis=2)[finite].sum())
-        array = (np.clip(known, 0.0, 1.0) * 65535.0 + 0.5).astype(np.uint16)
+        filled = np.where(finite[:, :, None], array, mean).astype(np.float64)
+        clipped = int(((filled < 0.0) | (filled > 1.0)).any(axis=2)[finite].sum())
+        array = (np.clip(filled, 0.0, 1.0) * 65535.0 + 0.5).astype(np.uint16)
     if array.dtype not in (np.uint8, np.uint16):
         raise PhotoError(f"Pixels of type {array.dtype} are not understood")
     alpha = None
@@ -307,12 +326,12 @@ def _with_mask(photo: Photo, path: Path | None, progress: Progress) -> Photo:
     drawn = load_photo(path)
     width, height = photo.size
     given = drawn.size
-    if abs(given[0] * height - given[1] * width) > 0.02 * given[0] * height:
+    if abs(given[0] * height - given[1] * width) > SETTINGS.mask_aspect * given[0] * height:
         raise PhotoError(
             f"The mask '{path.name}' is {given[0]} x {given[1]} px, its photo {width} x {height}",
             "Give the mask its photo's size",
         )
-    white = drawn.pixels[:, :, 1] >= HALF * np.iinfo(drawn.pixels.dtype).max
+    white = drawn.pixels[:, :, 1] >= SETTINGS.half * np.iinfo(drawn.pixels.dtype).max
     mask = resized_mask(white, width, height)
     if photo.mask is not None:
         mask &= photo.mask

@@ -19,20 +19,32 @@ from PIL import Image
 
 from ..errors import Cancelled, DeviceError, PhotoError
 from ..files import make_folder, replacing, write_json
+from ..numbers import number
 from ..progress import Progress
 from .scale import size_within
 
 MOVIES = frozenset({".mp4", ".mov", ".m4v", ".mkv", ".webm", ".avi", ".mpg", ".mpeg", ".mts", ".m2ts", ".ogv"})
 
-#: Frames are taken from this share of each stretch, around its middle, so that two never lie side by side.
-_MIDDLE = 0.7
-#: Longest side in px on which sharpness is measured: the finest detail of a movie is the compression's.
-_MEASURED = 480
-#: Longest side in px, and mean difference in 8-bit steps, below which two frames show the same.
-_COMPARED, _SAME = 96, 1.0
 #: From this height on, movies that do not say how their colours are coded use BT.709, else BT.601.
 _HIGH_DEFINITION = 720
 _LIST = "frames.json"
+
+
+@dataclass(frozen=True)
+class MovieSettings:
+    """Of the choice of frames."""
+
+    middle: float = number(
+        0.7, "share", "of each stretch, around its middle, that frames are taken from: two never lie side by side"
+    )
+    measured_size: int = number(
+        480, "px", "longest side on which sharpness is measured: the finest detail of a movie is the compression's"
+    )
+    compared_size: int = number(96, "px", "longest side on which two frames are compared")
+    same: float = number(1.0, "8-bit steps", "mean difference below which two frames show the same")
+
+
+SETTINGS = MovieSettings()
 
 
 @dataclass(frozen=True)
@@ -86,7 +98,7 @@ def extract_frames(movie: Path, folder: Path, count: int, progress: Progress) ->
     names: list[str] = []
     before: _Best | None = None
     for best in _best_frames(movie, count, progress):
-        if before is not None and float(np.abs(best.small - before.small).mean()) < _SAME:
+        if before is not None and float(np.abs(best.small - before.small).mean()) < SETTINGS.same:
             continue
         before = best
         names.append(f"frame_{best.index:06}.png")
@@ -129,7 +141,7 @@ def _best_frames(movie: Path, count: int, progress: Progress) -> Iterator[_Best]
                     yield best
                 current, best = stretch, None
                 progress.advance(stretch)
-            if best is None or abs(place - stretch - 0.5) <= 0.5 * _MIDDLE:
+            if best is None or abs(place - stretch - 0.5) <= 0.5 * SETTINGS.middle:
                 candidate = _measured(index, frame)
                 if best is None or candidate.sharpness > best.sharpness:
                     best = candidate
@@ -143,7 +155,7 @@ def _measured(index: int, frame: Any) -> _Best:
         frame.reformat(*size_within(frame.width, frame.height, longest), format="gray", interpolation="AREA")
         .to_ndarray()
         .astype(np.float32)
-        for longest in (_MEASURED, _COMPARED)
+        for longest in (SETTINGS.measured_size, SETTINGS.compared_size)
     ]
     return _Best(index, sharpness(grey[0]), frame, grey[1])
 
@@ -153,9 +165,9 @@ def _pixels(frame: Any) -> NDArray[np.uint8]:
     from av.video.reformatter import Colorspace
 
     given = int(frame.colorspace)
-    unknown = given == 2  # AVCOL_SPC_UNSPECIFIED
+    unspecified = given == 2  # AVCOL_SPC_UNSPECIFIED
     usual = Colorspace.ITU709 if frame.height >= _HIGH_DEFINITION else Colorspace.ITU601
-    array = frame.to_ndarray(format="rgb24", src_colorspace=usual if unknown else None)
+    array = frame.to_ndarray(format="rgb24", src_colorspace=usual if unspecified else None)
     # Phones film portrait as turned landscape; the frame's angle says how it is to be shown.
     turned = np.rot90(array, round(frame.rotation / 90.0) % 4)
     return np.ascontiguousarray(turned)

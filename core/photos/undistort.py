@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Any
 
@@ -14,18 +14,32 @@ from scipy.ndimage import spline_filter1d
 from .. import compiled
 from ..camera import Camera
 from ..lens import Lens
+from ..numbers import BY_DEFINITION, number
 from ..pose import Pose
 from ..reconstruction import Reconstruction
 from ..views import View
 from .load import Photo
 from .resample_kernels import sample
 
-#: Distortion below this (px, anywhere in the frame) is not worth touching a pixel for.
-UNTOUCHED = 0.05
-#: Maps of lenses with at most so many px are kept from one call to the next (32 MB).
-KEPT_PX = 2_000_000
-
 Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class UndistortionSettings:
+    """Of the way from a lens to a pinhole."""
+
+    untouched: float = number(
+        0.05, "px", "distortion below this, anywhere in the frame, is not worth touching a pixel for"
+    )
+    kept_px: int = number(
+        2_000_000, "px", "maps of lenses with at most so many are kept from one call to the next (32 MB)", BY_DEFINITION
+    )
+    folded: float = number(
+        1e-4, "focal lengths", "where a lens does not map back to within this, its polynomial has folded over"
+    )
+
+
+SETTINGS = UndistortionSettings()
 
 
 @dataclass(frozen=True)
@@ -39,12 +53,12 @@ class Undistortion:
         lens: the photo's.
     """
 
-    lens: Lens = field()
+    lens: Lens
 
     @cached_property
     def passes_through(self) -> bool:
         """Whether photos stay bitwise what they are."""
-        return self.lens.largest_shift() < UNTOUCHED
+        return self.lens.largest_shift() < SETTINGS.untouched
 
     @cached_property
     def overscan(self) -> int:
@@ -83,7 +97,7 @@ class Undistortion:
         # A polynomial may fold back: only what the lens maps back to itself is real.
         with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
             back = lens.from_pixels(np.clip(at, -lens.width, 2 * lens.width))
-        return np.where((np.abs(back - xy) < 1e-4).all(-1, keepdims=True), at, np.nan)
+        return np.where((np.abs(back - xy) < SETTINGS.folded).all(-1, keepdims=True), at, np.nan)
 
     @cached_property
     def _targets(self) -> Floats:
@@ -176,7 +190,7 @@ def _kept(lens: Lens) -> Undistortion:
 
 def _way(lens: Lens) -> Undistortion:
     """A lens's maps: they take as long as two photos, and are kept if they are small."""
-    return _kept(lens) if lens.width * lens.height <= KEPT_PX else Undistortion(lens)
+    return _kept(lens) if lens.width * lens.height <= SETTINGS.kept_px else Undistortion(lens)
 
 
 def undistorted_views(photos: list[Photo], cameras: Reconstruction) -> list[View]:

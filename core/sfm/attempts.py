@@ -27,7 +27,7 @@ Say = Callable[..., None]
 
 
 @dataclass(frozen=True)
-class TrustNumbers:
+class TrustSettings:
     """When a model is believed, and what is said of it where it is not."""
 
     shortest_focal: float = number(
@@ -51,7 +51,7 @@ class TrustNumbers:
     joined_share: float = number(0.25, "share", "of the photos that must join for a model, or be tied to another one")
 
 
-NUMBERS = TrustNumbers()
+SETTINGS = TrustSettings()
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,7 @@ def run(job: SfmJob, say: Say) -> SfmResult:
             score = attempt.registered + min(0.9, attempt.points / 1e5)
             if best is None or score > best[0]:
                 best, kept = (score, model, attempt), (job.folder / f"try{index}" / DATABASE, recipe)
-        if attempt.verdict == "trusted" or geometry.rotating > NUMBERS.rotating_share:
+        if attempt.verdict == "trusted" or geometry.rotating > SETTINGS.rotating_share:
             break
     if best is None:
         return SfmResult("failed", explain(geometries, log, len(job.images)))
@@ -161,7 +161,7 @@ def _by_keyframes(
     if chosen is None:
         return None
     found = mapping.map_incrementally(job, recipe, database, images, output, count, chosen)
-    if not found or found[0].num_reg_images() < (1.0 - keyframes.NUMBERS.unplaced_share) * len(chosen):
+    if not found or found[0].num_reg_images() < (1.0 - keyframes.SETTINGS.unplaced_share) * len(chosen):
         return None
     model = pixel_exact(found[0], greys, settings.refine_many)
     return keyframes.place_others(model, matches, greys, recipe, settings.refine_many, count)
@@ -186,17 +186,17 @@ def judge(model: Any, geometry: mapping.PairGeometry, settings: SfmSettings, rec
         angle_deg=widest_angle(model),
     )
     verdict = "trusted"
-    if geometry.rotating > NUMBERS.rotating_share:  # bundle adjustment may invent depth for it all the same
+    if geometry.rotating > SETTINGS.rotating_share:  # bundle adjustment may invent depth for it all the same
         verdict = "the camera only turned"
-    elif registered < 3 or registered < NUMBERS.joined_share * given:
+    elif registered < 3 or registered < SETTINGS.joined_share * given:
         verdict = "too few photos joined"
-    elif not (NUMBERS.shortest_focal < shares.min() and shares.max() < NUMBERS.longest_focal):
+    elif not (SETTINGS.shortest_focal < shares.min() and shares.max() < SETTINGS.longest_focal):
         verdict = "implausible focal length"
-    elif not attempt.reprojection_px < NUMBERS.largest_reprojection:
+    elif not attempt.reprojection_px < SETTINGS.largest_reprojection:
         verdict = "large reprojection error"
-    elif attempt.angle_deg < NUMBERS.smallest_angle:
+    elif attempt.angle_deg < SETTINGS.smallest_angle:
         verdict = "rays too parallel"
-    elif model.compute_num_observations() < NUMBERS.points_per_photo * registered:
+    elif model.compute_num_observations() < SETTINGS.points_per_photo * registered:
         verdict = "too few points"
     elif registered < settings.minimum_share * given:
         verdict = "incomplete"
@@ -220,14 +220,14 @@ def explain(geometries: list[mapping.PairGeometry], log: list[Attempt], given: i
     tried = ", ".join(f"{a.name}: {a.verdict}" for a in log)
     most = max(geometries, key=lambda g: (g.connected, g.verified))
     parallel = any(a.verdict == "rays too parallel" for a in log)
-    if most.connected < max(3, NUMBERS.joined_share * given) and most.connected < given:
+    if most.connected < max(3, SETTINGS.joined_share * given) and most.connected < given:
         return {
             "kind": "NoOverlap",
             "what": f"Only {most.connected} of {given} photos share enough detail with another one ({tried})",
             "way_out": "Take photos whose views overlap by at least two thirds, check the point spread"
             " function, or give your own cameras with --cameras",
         }
-    if parallel or most.rotating > NUMBERS.rotating_share or most.flat > NUMBERS.flat_share:
+    if parallel or most.rotating > SETTINGS.rotating_share or most.flat > SETTINGS.flat_share:
         return {
             "kind": "DegenerateMotion",
             "what": f"The photos show a flat scene or a camera that only turned ({most.flat:.0%} of the"

@@ -21,7 +21,7 @@ UNIT = 512.0
 
 
 @dataclass(frozen=True)
-class FeatureNumbers:
+class FeatureSettings:
     """Of the features that are kept, and of their matches."""
 
     kept_per_photo: int = number(
@@ -38,7 +38,7 @@ class FeatureNumbers:
     )
 
 
-NUMBERS = FeatureNumbers()
+SETTINGS = FeatureSettings()
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ def read_features(database: Path, most: int | None = None) -> dict[str, Features
     """
     import pycolmap  # late: ends the process where its native code fails, so only the child loads it
 
-    most = NUMBERS.kept_per_photo if most is None else most
+    most = SETTINGS.kept_per_photo if most is None else most
 
     found = {}
     with pycolmap.Database.open(database) as store:
@@ -112,5 +112,5 @@ def matched(first: Features, second: Features) -> NDArray[np.int64]:
     top = similar[rows, best].copy()
     similar[rows, best] = -1.0
     distance, rival = (np.sqrt(np.maximum(2 - 2 * s, 0)) for s in (top, similar.max(axis=1)))
-    clear = np.flatnonzero(mutual & (distance < NUMBERS.distinct * rival))
+    clear = np.flatnonzero(mutual & (distance < SETTINGS.distinct * rival))
     return np.stack([clear, best[clear]], axis=1)

@@ -20,7 +20,7 @@ from .scatter import scattered_points
 
 
 @dataclass(frozen=True)
-class GivenCameraNumbers:
+class GivenCameraSettings:
     """When a given camera fits a photo."""
 
     aspect_tolerance: float = number(
@@ -28,7 +28,7 @@ class GivenCameraNumbers:
     )
 
 
-NUMBERS = GivenCameraNumbers()
+SETTINGS = GivenCameraSettings()
 
 
 def load_cameras(path: Path, photos: list[Photo]) -> Reconstruction:
@@ -100,7 +100,7 @@ def _fitted(lens: Lens, photo: Photo) -> Lens:
     width, height = photo.size
     sx, sy = width / lens.width, height / lens.height
     # Rounding to whole pixels changes the shape of a small photo by up to a pixel.
-    if abs(sx / sy - 1.0) > NUMBERS.aspect_tolerance + 1.0 / min(width, height):
+    if abs(sx / sy - 1.0) > SETTINGS.aspect_tolerance + 1.0 / min(width, height):
         raise CameraError(
             f"The camera of '{photo.name}' is {lens.width} x {lens.height} px, the photo {width} x {height}",
             "Give photos and cameras of the same shape (EXIF rotation is applied to photos)",

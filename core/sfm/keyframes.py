@@ -35,7 +35,7 @@ PointsInPhoto = tuple[NDArray[np.int64], Floats]
 
 
 @dataclass(frozen=True)
-class KeyPhotoNumbers:
+class KeyPhotoSettings:
     """Of the photos that carry the structure of a large set, and of how the others are placed."""
 
     minimum_partners: int = number(3, "count", "key photos that every photo, key or not, keeps tied to it")
@@ -56,7 +56,7 @@ class KeyPhotoNumbers:
     )
 
 
-NUMBERS = KeyPhotoNumbers()
+SETTINGS = KeyPhotoSettings()
 
 
 @dataclass(frozen=True)
@@ -111,7 +111,7 @@ def choose_keyframes(matches: Matches, least: int) -> list[str] | None:
     tied = weight.astype(bool)
     key, blocked = np.ones(count, bool), np.zeros(count, bool)
     redundancy, partners = np.asarray(weight.sum(axis=1)).ravel(), np.diff(tied.indptr)
-    enough = partners >= NUMBERS.minimum_partners
+    enough = partners >= SETTINGS.minimum_partners
     parts = _parts(tied)
     while key.sum() > count // 2:
         # The photo that its key partners can best do without: the one most tied to them.
@@ -121,13 +121,13 @@ def choose_keyframes(matches: Matches, least: int) -> list[str] | None:
         mine = slice(weight.indptr[worst], weight.indptr[worst + 1])
         neighbours = weight.indices[mine]
         key[worst] = False
-        poor = enough[neighbours] & (partners[neighbours] - 1 < NUMBERS.minimum_partners)
+        poor = enough[neighbours] & (partners[neighbours] - 1 < SETTINGS.minimum_partners)
         if poor.any() or _parts(tied[key][:, key]) > parts:
             key[worst], blocked[worst] = True, True
             continue
         partners[neighbours] -= 1
         redundancy[neighbours] -= weight.data[mine]
-    if key.mean() > NUMBERS.largest_share:
+    if key.mean() > SETTINGS.largest_share:
         return None
     key &= np.diff(tied.indptr) > 0  # who shares nothing with anyone carries nothing
     return [matches.names[ids[k]] for k in np.flatnonzero(key)]
@@ -170,7 +170,7 @@ def place_others(
         else:
             poses[image] = pose
             placed()
-    if missing > NUMBERS.unplaced_share * len(matches.names):
+    if missing > SETTINGS.unplaced_share * len(matches.names):
         return None
     return _by_patches(model, matches, poses, greys, settings)
 
@@ -183,7 +183,7 @@ def _points_of_features(model: Any, matches: Matches) -> dict[int, NDArray[np.in
         result = np.full(len(matches.keypoints[image]), -1)
         if seen and len(result):
             tree = cKDTree(np.array([xy for xy, _ in seen]))
-            distance, nearest = tree.query(matches.keypoints[image], distance_upper_bound=NUMBERS.same_point)
+            distance, nearest = tree.query(matches.keypoints[image], distance_upper_bound=SETTINGS.same_point)
             near = np.isfinite(distance)
             result[near] = np.array([p for _, p in seen])[nearest[near]]
         found[image] = result
@@ -203,14 +203,14 @@ def _by_matches(
             shown = points[other][found[:, theirs]]
             pixels.append(matches.keypoints[image][found[shown >= 0, mine]])
             seen.append(shown[shown >= 0])
-    if not seen or sum(map(len, seen)) < NUMBERS.minimum_observations:
+    if not seen or sum(map(len, seen)) < SETTINGS.minimum_observations:
         return None
     world = np.array([model.points3D[p].xyz for p in np.concatenate(seen)])
     options = pycolmap.AbsolutePoseEstimationOptions()
-    options.ransac.max_error = NUMBERS.max_error
+    options.ransac.max_error = SETTINGS.max_error
     options.ransac.random_seed = recipe.seed
     answer = pycolmap.estimate_and_refine_absolute_pose(np.concatenate(pixels), world, lens, options)
-    if answer is None or answer["num_inliers"] < NUMBERS.minimum_observations:
+    if answer is None or answer["num_inliers"] < SETTINGS.minimum_observations:
         return None
     return answer["cam_from_world"]
 
@@ -222,8 +222,8 @@ def _by_patches(
     chosen = frozenset(poses)
     views = views_of(_joined(model, matches, poses, {}), greys)
     for reach, limit in (
-        (settings.reach, NUMBERS.first_limit * settings.inlier),
-        (NUMBERS.second_reach, settings.inlier),
+        (settings.reach, SETTINGS.first_limit * settings.inlier),
+        (SETTINGS.second_reach, settings.inlier),
     ):
         everyone = _joined(model, matches, poses, {})
         views = moved(views, everyone)
@@ -246,11 +246,11 @@ def _by_patches(
 def _turned_in(pose: Any, world: Floats, pixels: Floats, lens: Any, limit: float) -> tuple[Any, NDArray[np.bool_]]:
     """The pose that fits [N, 3] points to [N, 2] pixels, and which of them it meets within `limit` px."""
     options = pycolmap.AbsolutePoseRefinementOptions()
-    options.gradient_tolerance = NUMBERS.gradient
-    options.loss_function_scale = NUMBERS.loss_scale
+    options.gradient_tolerance = SETTINGS.gradient
+    options.loss_function_scale = SETTINGS.loss_scale
     good = np.ones(len(world), bool)
     for _ in range(2):
-        if good.sum() < NUMBERS.minimum_observations:
+        if good.sum() < SETTINGS.minimum_observations:
             return pose, np.zeros(len(world), bool)
         answer = pycolmap.refine_absolute_pose(pose, pixels, world, good, lens, options)
         if answer is None:

@@ -20,7 +20,7 @@ from .sharpen import as_bytes, wiener
 
 
 @dataclass(frozen=True)
-class MappingNumbers:
+class MappingSettings:
     """Of COLMAP's mapper, where it is asked for other than its defaults, and of pairs without a baseline."""
 
     still: float = number(
@@ -35,7 +35,7 @@ class MappingNumbers:
     )
 
 
-NUMBERS = MappingNumbers()
+SETTINGS = MappingSettings()
 
 
 def filtered_greys(job: SfmJob, noise_to_signal: float) -> dict[str, NDArray[np.float32]]:
@@ -137,8 +137,8 @@ def map_incrementally(
     options.num_threads = 1  # sums of several threads differ from run to run
     options.random_seed = recipe.seed
     options.min_num_matches = recipe.min_inliers
-    options.min_model_size = NUMBERS.smallest_model
-    options.max_num_models = NUMBERS.largest_number_of_models
+    options.min_model_size = SETTINGS.smallest_model
+    options.max_num_models = SETTINGS.largest_number_of_models
     options.extract_colors = False
     options.mapper.init_min_num_inliers = recipe.init_inliers
     options.mapper.abs_pose_min_num_inliers = recipe.pose_inliers
@@ -147,7 +147,7 @@ def map_incrementally(
     options.ba_global_frames_ratio = options.ba_global_points_ratio = 2.0
     options.ba_local_max_refinements = 1
     options.ba_global_max_refinements = 2
-    options.ba_global_function_tolerance = options.ba_local_function_tolerance = NUMBERS.mapper_tolerance
+    options.ba_global_function_tolerance = options.ba_local_function_tolerance = SETTINGS.mapper_tolerance
     if only is not None:
         options.image_names = only
     output.mkdir(parents=True, exist_ok=True)
@@ -218,5 +218,5 @@ def _turned(homographies: NDArray[np.float64], centres: NDArray[np.float64], siz
         determinant = np.cbrt(np.linalg.det(turn))
         turn = turn / np.where(np.abs(determinant) < 1e-12, 1.0, determinant)[:, None, None]
         off = np.linalg.norm(turn @ turn.transpose(0, 2, 1) - np.eye(3), axis=(1, 2))
-        best = max(best, int((off < NUMBERS.still).sum()))
+        best = max(best, int((off < SETTINGS.still).sum()))
     return best

@@ -16,7 +16,7 @@ from .settings import SfmSettings
 
 
 @dataclass(frozen=True)
-class PairNumbers:
+class PairSettings:
     """Of the choice of pairs; more of them are in `SfmSettings` (votes and partners)."""
 
     distinct: float = number(
@@ -34,7 +34,7 @@ class PairNumbers:
     )
 
 
-NUMBERS = PairNumbers()
+SETTINGS = PairSettings()
 
 
 def choose_pairs(database: Path, settings: SfmSettings) -> list[tuple[str, str]] | None:
@@ -62,8 +62,8 @@ def choose_pairs(database: Path, settings: SfmSettings) -> list[tuple[str, str]]
         for j in order[:near] + spread:
             chosen.add((min(i, j), max(i, j)))
     # Photos are usually taken in the order of their names.
-    chosen |= {(i, i + step) for step in NUMBERS.neighbours for i in range(count - step)}
-    if len(chosen) > NUMBERS.worthwhile * count * (count - 1) / 2:
+    chosen |= {(i, i + step) for step in SETTINGS.neighbours for i in range(count - step)}
+    if len(chosen) > SETTINGS.worthwhile * count * (count - 1) / 2:
         return None
     return [(names[i], names[j]) for i, j in sorted(chosen)]
 
@@ -100,7 +100,7 @@ def _votes(features: list[NDArray[np.float32]], threads: int) -> NDArray[np.floa
             similar[rows, best] = -1.0
             second = similar.max(1)
             distance, rival = np.sqrt(np.maximum(2 - 2 * top, 0)), np.sqrt(np.maximum(2 - 2 * second, 0))
-            votes[i, j] = votes[j, i] = float((mutual & (distance < NUMBERS.distinct * rival)).sum())
+            votes[i, j] = votes[j, i] = float((mutual & (distance < SETTINGS.distinct * rival)).sum())
 
     with ThreadPoolExecutor(threads) as pool:
         list(pool.map(row, range(count)))

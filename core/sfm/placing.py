@@ -27,7 +27,7 @@ from .settings import recipes
 
 
 @dataclass(frozen=True)
-class PlacingNumbers:
+class PlacingSettings:
     """Of the search for new photos' poses."""
 
     minimum_inliers: int = number(
@@ -43,7 +43,7 @@ class PlacingNumbers:
     )
 
 
-NUMBERS = PlacingNumbers()
+SETTINGS = PlacingSettings()
 
 
 @dataclass(frozen=True)
@@ -131,13 +131,13 @@ def _reference(job: SfmJob, row: dict[str, Any]) -> ReferencePhoto:
 
 def _posed(seen: NDArray[np.float64], at: NDArray[np.float64], lens: Any, seed: int) -> dict[str, Any] | None:
     """The camera that sees points [N, 3] at px [N, 2]; false matches among them are few together."""
-    if len(seen) < NUMBERS.minimum_inliers:
+    if len(seen) < SETTINGS.minimum_inliers:
         return None
     options = pycolmap.AbsolutePoseEstimationOptions()
-    options.ransac.max_error = NUMBERS.max_error
+    options.ransac.max_error = SETTINGS.max_error
     options.ransac.random_seed = seed
     answer = pycolmap.estimate_and_refine_absolute_pose(seen, at, lens, options)
-    if answer is None or answer["num_inliers"] < NUMBERS.minimum_inliers:
+    if answer is None or answer["num_inliers"] < SETTINGS.minimum_inliers:
         return None
     pose = answer["cam_from_world"]
     return {

@@ -38,7 +38,7 @@ from .tracks import (
 
 
 @dataclass(frozen=True)
-class RefinementNumbers:
+class PatchAlignmentSettings:
     """Of the refinement, beside `RefineSettings`, which differ between small and large sets."""
 
     minimum_points: int = number(30, "count", "fewer aligned points hold no bundle adjustment together")
@@ -49,7 +49,7 @@ class RefinementNumbers:
     )
 
 
-NUMBERS = RefinementNumbers()
+SETTINGS = PatchAlignmentSettings()
 
 
 def pixel_exact(model: Any, greys: dict[str, NDArray[np.float32]], settings: RefineSettings) -> Any:
@@ -66,7 +66,10 @@ def pixel_exact(model: Any, greys: dict[str, NDArray[np.float32]], settings: Ref
     limit = max(settings.observations, settings.observations_per_photo * len(views.ids))
     tracks = longest(tracks_of(model, views), len(views.ids), limit)
     tracks = _aligned(tracks, views, settings, settings.correlation)
-    if len(tracks.point) < settings.fewest_per_photo * len(views.ids) or len(tracks.positions) < NUMBERS.minimum_points:
+    if (
+        len(tracks.point) < settings.fewest_per_photo * len(views.ids)
+        or len(tracks.positions) < SETTINGS.minimum_points
+    ):
         return model  # the patches do not agree: no reason to trust them more than the features
     refined = _adjusted(model, views, tracks, settings)
     for _ in range(settings.rounds - 1):
@@ -189,18 +192,18 @@ def completed(
     )
     if only is not None:
         own = longer.view == longer.reference[longer.point]
-        wanted = own | spread(longer, np.isin(np.array(views.ids)[longer.view], sorted(only)), NUMBERS.points_to_place)
+        wanted = own | spread(longer, np.isin(np.array(views.ids)[longer.view], sorted(only)), SETTINGS.points_to_place)
         return _aligned(chosen(longer, wanted), views, settings, settings.new_correlation)
     limit = max(settings.observations, settings.observations_per_photo * len(views.ids))
     longer = longest(longer, len(views.ids), 2 * limit)
-    return _aligned(longer, views, replace(settings, reach=NUMBERS.second_reach), settings.new_correlation)
+    return _aligned(longer, views, replace(settings, reach=SETTINGS.second_reach), settings.new_correlation)
 
 
 def _adjusted(model: Any, views: ViewStack, tracks: PointTracks, settings: RefineSettings) -> Any:
     """Bundle adjustment of the tracks with a robust loss; drops misfits, and repeats."""
     result = rebuilt(model, views, tracks)
     options = adjustment(settings)
-    for limit in (NUMBERS.first_limit * settings.inlier, settings.inlier):
+    for limit in (SETTINGS.first_limit * settings.inlier, settings.inlier):
         pycolmap.bundle_adjustment(result, options)
         _drop_misfits(result, limit)
     return result

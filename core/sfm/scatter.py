@@ -15,7 +15,7 @@ from ..views import SparsePoints
 
 
 @dataclass(frozen=True)
-class ScatterNumbers:
+class ScatteredPointSettings:
     """Of the points that stand in for those of structure from motion."""
 
     count: int = number(5000, "count", "points in all")
@@ -29,11 +29,11 @@ class ScatterNumbers:
     )
 
 
-NUMBERS = ScatterNumbers()
+SETTINGS = ScatteredPointSettings()
 
 
 def scattered_points(
-    cameras: Reconstruction, photos: list[Photo], seed: int = 0, numbers: ScatterNumbers = NUMBERS
+    cameras: Reconstruction, photos: list[Photo], seed: int = 0, settings: ScatteredPointSettings = SETTINGS
 ) -> SparsePoints:
     """Random points in the frusta, coloured by the photo that each was drawn from.
 
@@ -42,15 +42,15 @@ def scattered_points(
     """
     given = list(cameras.cameras().values())
     by_name = {photo.name: photo for photo in photos}
-    focus = _closest_point(given, numbers)
-    count = numbers.count
+    focus = _closest_point(given, settings)
+    count = settings.count
     noise = np.random.default_rng(seed)
     positions, colours = np.empty((count, 3)), np.empty((count, 3), np.uint8)
     for index in range(count):
         camera = given[index % len(given)]
         ahead = float((camera.rotation @ focus + camera.translation)[2])
         distance = float(np.linalg.norm(camera.centre - focus))
-        depth = (ahead if ahead > 0.1 * distance else distance) * noise.uniform(numbers.nearest, numbers.farthest)
+        depth = (ahead if ahead > 0.1 * distance else distance) * noise.uniform(settings.nearest, settings.farthest)
         u, v = noise.uniform(0, camera.width), noise.uniform(0, camera.height)
         local = depth * np.array([(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, 1.0])
         positions[index] = camera.rotation.T @ (local - camera.translation)
@@ -60,15 +60,15 @@ def scattered_points(
     return SparsePoints(positions, colours)
 
 
-def _closest_point(cameras: list[Camera], numbers: ScatterNumbers) -> NDArray[np.float64]:
+def _closest_point(cameras: list[Camera], settings: ScatteredPointSettings) -> NDArray[np.float64]:
     """The point nearest to all optical axes, least squares; a spread ahead where they are parallel."""
     centres = np.array([c.centre for c in cameras])
     axes = np.array([c.rotation[2] for c in cameras])
     across = np.eye(3) - axes[:, :, None] * axes[:, None, :]
     matrix = across.sum(0)
     spread = float(np.sqrt(((centres - centres.mean(0)) ** 2).sum(1).mean())) or 1.0
-    ahead = centres.mean(0) + numbers.parallel_distance * spread * axes.mean(0)
+    ahead = centres.mean(0) + settings.parallel_distance * spread * axes.mean(0)
     # A weak prior at a guess ahead decides what parallel axes leave open.
-    prior = numbers.parallel_prior * len(cameras)
+    prior = settings.parallel_prior * len(cameras)
     target = np.einsum("nij,nj->i", across, centres) + prior * ahead
     return np.linalg.solve(matrix + prior * np.eye(3), target)

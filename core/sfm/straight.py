@@ -17,7 +17,7 @@ from .settings import RefineSettings
 
 
 @dataclass(frozen=True)
-class StraightLensNumbers:
+class StraightLensSettings:
     """When lenses count as free of distortion."""
 
     largest_shift: float = number(
@@ -31,7 +31,7 @@ class StraightLensNumbers:
     )
 
 
-NUMBERS = StraightLensNumbers()
+SETTINGS = StraightLensSettings()
 
 
 def adjustment(settings: RefineSettings) -> Any:
@@ -61,7 +61,7 @@ def with_straight_lenses(model: Any, settings: RefineSettings) -> Any:
     for camera in model.cameras.values():
         width, height, focal = camera.width, camera.height, camera.mean_focal_length()
         corner = np.hypot(width, height) / 2.0 / focal
-        if camera.model.name != "SIMPLE_RADIAL" or abs(camera.params[3]) * corner**3 * focal > NUMBERS.largest_shift:
+        if camera.model.name != "SIMPLE_RADIAL" or abs(camera.params[3]) * corner**3 * focal > SETTINGS.largest_shift:
             return model
     straight = copy.deepcopy(model)
     for camera in straight.cameras.values():
@@ -72,4 +72,4 @@ def with_straight_lenses(model: Any, settings: RefineSettings) -> Any:
     for each in (model, straight):
         each.update_point_3d_errors()
     errors = [each.compute_mean_reprojection_error() for each in (model, straight)]
-    return straight if errors[1] <= errors[0] * (1.0 + NUMBERS.largest_loss) else model
+    return straight if errors[1] <= errors[0] * (1.0 + SETTINGS.largest_loss) else model

@@ -23,7 +23,7 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class AdjustmentNumbers:
+class AdjustmentSettings:
     """Of the adjustment of cameras by what photos see in common."""
 
     camera_prior: float = number(
@@ -49,7 +49,7 @@ class AdjustmentNumbers:
     )
 
 
-NUMBERS = AdjustmentNumbers()
+SETTINGS = AdjustmentSettings()
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ class _State:
 
 
 def adjusted(
-    cameras: Sequence[Camera], points: Floats, seen: Observations, focal: bool, numbers: AdjustmentNumbers = NUMBERS
+    cameras: Sequence[Camera], points: Floats, seen: Observations, focal: bool, settings: AdjustmentSettings = SETTINGS
 ) -> tuple[list[Camera], float]:
     """Cameras that explain the observations, and what is left of them.
 
@@ -91,12 +91,12 @@ def adjusted(
     Returns:
         The cameras, still with the freedom of a similarity, and the median px that observations are off.
     """
-    problem = _Problem(cameras, seen, focal, numbers)
+    problem = _Problem(cameras, seen, focal, settings)
     state = _State(
         np.stack([c.rotation for c in cameras]), np.stack([c.translation for c in cameras]), points.copy(), 0.0
     )
-    damping = numbers.damping
-    for _ in range(numbers.iterations):
+    damping = settings.damping
+    for _ in range(settings.iterations):
         weight = problem.weights(state)
         trial = problem.step(state, weight, damping)
         if problem.cost(trial, weight) < problem.cost(state, weight):
@@ -111,8 +111,10 @@ def adjusted(
 
 
 class _Problem:
-    def __init__(self, cameras: Sequence[Camera], seen: Observations, focal: bool, numbers: AdjustmentNumbers) -> None:
-        self.numbers = numbers
+    def __init__(
+        self, cameras: Sequence[Camera], seen: Observations, focal: bool, settings: AdjustmentSettings
+    ) -> None:
+        self.settings = settings
         self.seen, self.n, self.size = seen, len(cameras), 6 * len(cameras) + 1
         self.began = np.stack([c.rotation for c in cameras]), np.stack([c.translation for c in cameras])
         self.fx = np.array([c.fx for c in cameras])
@@ -120,7 +122,7 @@ class _Problem:
         # Along the view a camera moves twice as far for a px.
         pose = np.concatenate([px, px, 2 * px, px, px, px], axis=1).ravel()
         # Precisions of the prior that every camera is where it was.
-        self.prior = 1.0 / np.append(pose * numbers.camera_prior, numbers.focal_prior if focal else 1e-9) ** 2
+        self.prior = 1.0 / np.append(pose * settings.camera_prior, settings.focal_prior if focal else 1e-9) ** 2
 
     def residual(self, state: _State) -> tuple[Floats, Floats, Floats]:
         """[K, 2] px, [K, 3] points before the cameras, [K] focal lengths."""
@@ -133,8 +135,8 @@ class _Problem:
         """[K] of the squares, in units of the typical error."""
         off = np.linalg.norm(self.residual(state)[0], axis=1) / self.seen.error
         typical = max(1.4826 * float(np.median(off)), 1e-6)
-        far = off / (self.numbers.outlier * typical)
-        return 1.0 / ((1.0 + far**2) * self.seen.error * typical) ** 2 / self.numbers.observations_per_fact
+        far = off / (self.settings.outlier * typical)
+        return 1.0 / ((1.0 + far**2) * self.seen.error * typical) ** 2 / self.settings.observations_per_fact
 
     def drift(self, state: _State) -> Floats:
         """[6 n + 1] how far every camera is from where it began."""
@@ -186,14 +188,14 @@ class _Problem:
 
 
 def aligned_camera(
-    camera: Camera, points: Floats, position: Floats, error: Floats, numbers: AdjustmentNumbers = NUMBERS
+    camera: Camera, points: Floats, position: Floats, error: Floats, settings: AdjustmentSettings = SETTINGS
 ) -> Camera:
     """One camera, where points [K, 3] that stay as they are are seen at `position` [K, 2]; see `adjusted`."""
     k = len(points)
     seen = Observations(np.zeros(k, np.int64), np.arange(k), position, error)
-    problem = _Problem([camera], seen, False, numbers)
+    problem = _Problem([camera], seen, False, settings)
     found = camera
-    for _ in range(numbers.iterations // 2):
+    for _ in range(settings.iterations // 2):
         state = _State(found.rotation[None], found.translation[None], points, 0.0)
         weight = problem.weights(state)
         rest, local, length = problem.residual(state)

@@ -24,7 +24,7 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class ConsensusNumbers:
+class ConsensusSettings:
     """Of the points that photos and twin are compared at."""
 
     cell: int = number(24, "px of the grid", "one point at most in a square of this side")
@@ -44,7 +44,7 @@ class ConsensusNumbers:
     )
 
 
-NUMBERS = ConsensusNumbers()
+SETTINGS = ConsensusSettings()
 
 
 def observations(trainer: Trainer, seed: int) -> tuple[Floats, Observations]:
@@ -52,11 +52,11 @@ def observations(trainer: Trainer, seed: int) -> tuple[Floats, Observations]:
     level = trainer.levels[-1]
     found = [_shifts(trainer, level, view) for view in level.views]
     points = np.concatenate([_surface(view, *one) for view, one in zip(level.views, found, strict=True)])
-    points = points[np.random.default_rng([seed, 4]).permutation(len(points))[: NUMBERS.points]]
+    points = points[np.random.default_rng([seed, 4]).permutation(len(points))[: SETTINGS.points]]
     parts = [_seen(view, points, *one) for view, one in zip(level.views, found, strict=True)]
     camera = np.repeat(np.arange(len(parts)), [len(part[0]) for part in parts])
     point, position, error = (np.concatenate([part[k] for part in parts]) for k in range(3))
-    kept = np.bincount(point, minlength=len(points))[point] >= NUMBERS.photos_per_point
+    kept = np.bincount(point, minlength=len(points))[point] >= SETTINGS.photos_per_point
     used, index = np.unique(point[kept], return_inverse=True)
     return points[used], Observations(camera[kept], index, position[kept], error[kept])
 
@@ -72,17 +72,17 @@ def disagreement(trainer: Trainer) -> Floats:
         camera = view.camera
         local = points[index] @ camera.rotation.T + camera.translation
         off = np.linalg.norm(position - local[:, :2] / local[:, 2:] * [camera.fx, camera.fy], axis=1)
-        found.append(float(np.median(off)) * level.step if len(off) >= NUMBERS.points_per_camera else np.nan)
+        found.append(float(np.median(off)) * level.step if len(off) >= SETTINGS.points_per_camera else np.nan)
     return np.array(found)
 
 
 def align_view(trainer: Trainer, level: Level, view: GridView) -> None:
     """Moves a view's camera to where the twin, as it is, shows what the photo does."""
-    for _ in range(NUMBERS.rounds):
+    for _ in range(SETTINGS.rounds):
         shifts, depth = _shifts(trainer, level, view)
         points = _surface(view, shifts, depth)
         index, position, error = _seen(view, points, shifts, depth)
-        if len(index) < NUMBERS.points_per_camera:
+        if len(index) < SETTINGS.points_per_camera:
             return
         view.camera = aligned_camera(view.camera, points[index], position, error)
 
@@ -109,8 +109,8 @@ def _shifts(trainer: Trainer, level: Level, view: GridView) -> tuple[Shifts, Flo
 def _surface(view: GridView, found: Shifts, depth: Floats) -> Floats:
     """[N, 3] points on the twin's surface, where each cell of the photo has most detail."""
     camera = view.camera
-    edge = NUMBERS.edge
-    cell = max(4, min(NUMBERS.cell, min(depth.shape) // NUMBERS.cells))
+    edge = SETTINGS.edge
+    cell = max(4, min(SETTINGS.cell, min(depth.shape) // SETTINGS.cells))
     height, width = ((side - 2 * edge) // cell * cell for side in depth.shape)
     inner = slice(edge, edge + height), slice(edge, edge + width)
     cells = found.detail[inner].reshape(height // cell, cell, width // cell, cell).swapaxes(1, 2)
@@ -125,7 +125,7 @@ def _surface(view: GridView, found: Shifts, depth: Floats) -> Floats:
 
 def _seen(view: GridView, points: Floats, found: Shifts, depth: Floats) -> tuple[NDArray[np.int64], Floats, Floats]:
     """Which points the photo sees, [K, 2] where (px from the optical axis), and [K] how certain that is."""
-    camera, edge = view.camera, NUMBERS.edge
+    camera, edge = view.camera, SETTINGS.edge
     height, width = depth.shape
     local = points @ camera.rotation.T + camera.translation
     z = local[:, 2]
@@ -136,7 +136,7 @@ def _seen(view: GridView, points: Floats, found: Shifts, depth: Floats) -> tuple
     at = [position[index, 1] - 0.5, position[index, 0] - 0.5]
     here, error, x, y = (map_coordinates(p, at, order=1, mode="nearest") for p in (depth, found.error, *found.shift))
     shift = np.stack([x, y], axis=1)
-    good = (np.abs(here / z[index] - 1.0) < NUMBERS.same_depth) & (error < NUMBERS.largest_error)
-    good &= np.linalg.norm(shift, axis=1) < NUMBERS.largest_shift
+    good = (np.abs(here / z[index] - 1.0) < SETTINGS.same_depth) & (error < SETTINGS.largest_error)
+    good &= np.linalg.norm(shift, axis=1) < SETTINGS.largest_shift
     where = position[index] + shift - [camera.cx, camera.cy]
-    return index[good], where[good], np.maximum(error[good], NUMBERS.smallest_error)
+    return index[good], where[good], np.maximum(error[good], SETTINGS.smallest_error)

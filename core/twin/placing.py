@@ -24,7 +24,7 @@ from .surface import surface_depth
 
 
 @dataclass(frozen=True)
-class ReferenceNumbers:
+class ReferenceSettings:
     """Of the twin's own photos that new ones are placed by."""
 
     photos: int = number(
@@ -32,7 +32,7 @@ class ReferenceNumbers:
     )
 
 
-NUMBERS = ReferenceNumbers()
+SETTINGS = ReferenceSettings()
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ class Placing:
         old = [name for name in placed if not kept or held is not None and name in held[0]]
         if lens is None or not old or any(photo.size != (lens.width, lens.height) for photo in photos):
             return None
-        old = [old[round(i)] for i in np.linspace(0, len(old) - 1, min(NUMBERS.photos, len(old)))]
+        old = [old[round(i)] for i in np.linspace(0, len(old) - 1, min(SETTINGS.photos, len(old)))]
         psf, settings = twin.medium.psf, SfmSettings(threads=threads)
         kernel = None if psf is None or psf.is_identity else psf.kernel()
         child = waiting or Waiting(twin.folder, threads)

@@ -25,7 +25,7 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class PoseStepNumbers:
+class PoseStepSettings:
     """Of one step."""
 
     difference: float = number(
@@ -46,7 +46,7 @@ class PoseStepNumbers:
     )
 
 
-NUMBERS = PoseStepNumbers()
+SETTINGS = PoseStepSettings()
 
 
 def twisted(camera: Camera, twist: Floats) -> Camera:
@@ -77,7 +77,7 @@ def photometric_step(
     valid: Tensor | None,
     predict: Callable[[Camera], Tensor],
     smooth: float = 0.0,
-    numbers: PoseStepNumbers = NUMBERS,
+    settings: PoseStepSettings = SETTINGS,
 ) -> Floats:
     """The twist [6] that takes the camera towards where its photo was taken.
 
@@ -97,20 +97,20 @@ def photometric_step(
         columns = []
         for index in range(6):
             twist = np.zeros(6)
-            twist[index] = numbers.difference * units[index]
-            columns.append(_smoothed((predict(twisted(camera, twist)) - base) / numbers.difference, smooth))
+            twist[index] = settings.difference * units[index]
+            columns.append(_smoothed((predict(twisted(camera, twist)) - base) / settings.difference, smooth))
         jacobian = torch.stack(columns).flatten(1).double()
         r = residual.flatten().double()
-        limit = max(numbers.huber * 1.4826 * float(r.abs().median()), 1e-4)
+        limit = max(settings.huber * 1.4826 * float(r.abs().median()), 1e-4)
         weight = (limit / r.abs().clamp(min=1e-12)).clamp(max=1.0)
         if valid is not None:
             weight = weight * valid.expand(3, -1, -1).flatten()
         weighted = jacobian * weight
         noise = max(float((weight * r.square()).sum() / weight.sum().clamp(min=1.0)), 1e-8)
         matrix, vector = (weighted @ jacobian.T).numpy() / noise, (weighted @ r).numpy() / noise
-    step = np.linalg.inv(matrix + 1.0 / numbers.prior**2 * np.eye(6)) @ vector
+    step = np.linalg.inv(matrix + 1.0 / settings.prior**2 * np.eye(6)) @ vector
     longest = float(np.abs(step).max())
-    return np.asarray(step * min(1.0, numbers.longest / max(longest, 1e-12)) * units)
+    return np.asarray(step * min(1.0, settings.longest / max(longest, 1e-12)) * units)
 
 
 def without_gauge(before: Sequence[Camera], after: Sequence[Camera]) -> list[Camera]:

@@ -37,7 +37,7 @@ _BASIN = "ball (rendered) and copr, cameras shaken by 1 to 6 px (docs/twin.md)"
 
 
 @dataclass(frozen=True)
-class RefinementNumbers:
+class CameraRefinementSettings:
     """Of the refinement of cameras by a twin."""
 
     judges_every: int = number(8, "count", "every so many photos judges where none is held out")
@@ -67,7 +67,7 @@ class RefinementNumbers:
     )
 
 
-NUMBERS = RefinementNumbers()
+SETTINGS = CameraRefinementSettings()
 
 
 @dataclass(frozen=True)
@@ -127,10 +127,10 @@ def refine_cameras(
         Cancelled: the user asked to stop.
     """
     if not judges:
-        judges = views[:: NUMBERS.judges_every]
-        views = [view for index, view in enumerate(views) if index % NUMBERS.judges_every]
-    most = min(settings.max_gaussians, NUMBERS.max_gaussians)
-    short = replace(settings, steps=NUMBERS.steps, max_gaussians=most, time_limit=None)
+        judges = views[:: SETTINGS.judges_every]
+        views = [view for index, view in enumerate(views) if index % SETTINGS.judges_every]
+    most = min(settings.max_gaussians, SETTINGS.max_gaussians)
+    short = replace(settings, steps=SETTINGS.steps, max_gaussians=most, time_limit=None)
     losses, cameras, placed, shifts = [], [], [], []
     moved = list(views)
     for moving in (False, True):
@@ -178,7 +178,7 @@ class Nearer:
     @staticmethod
     def of(before: NDArray[np.float64], after: NDArray[np.float64]) -> Nearer:
         """From [V] px each; photos that could not be aligned are NaN."""
-        least = NUMBERS.smallest_shift
+        least = SETTINGS.smallest_shift
         change = np.log(np.maximum(after, least) / np.maximum(before, least))
         change = change[np.isfinite(change)]
         if len(change) < 3:
@@ -188,7 +188,7 @@ class Nearer:
     @property
     def clear(self) -> bool:
         """Nearer by a fifth at least, and by more than chance."""
-        return bool(self.change < min(np.log(NUMBERS.clearly_nearer), -3.0 * self.error))
+        return bool(self.change < min(np.log(SETTINGS.clearly_nearer), -3.0 * self.error))
 
 
 def _median(px: NDArray[np.float64]) -> float | None:
@@ -224,15 +224,15 @@ def _agreed(
     progress: Progress,
 ) -> list[View]:
     """The views with the cameras that their photos agree on, the world where it was."""
-    short = replace(settings, steps=NUMBERS.round_steps)
+    short = replace(settings, steps=SETTINGS.round_steps)
     views = list(views)
-    for index in range(NUMBERS.rounds):
-        stage = f"cameras by the loss, {index + 1} of {NUMBERS.rounds}"
+    for index in range(SETTINGS.rounds):
+        stage = f"cameras by the loss, {index + 1} of {SETTINGS.rounds}"
         trainer = _trained(views, points, medium, short, stage, progress)
         level = trainer.levels[-1]
         before = [view.camera for view in level.views]
         surface, seen = observations(trainer, settings.seed + index)
-        if len(seen) < NUMBERS.observations_per_photo * len(views):
+        if len(seen) < SETTINGS.observations_per_photo * len(views):
             break  # the photos show too little in common; the judges decide on what there is
         after, _ = adjusted(before, surface, seen, focal)
         aligner = ViewAligner(trainer)

@@ -20,7 +20,7 @@ from ..reconstruction import Reconstruction
 from ..sfm.given import load_cameras
 from ..training.grid import GridView
 from .folder import Twin
-from .placing import NUMBERS, Placing, shared_lens
+from .placing import SETTINGS, Placing, shared_lens
 from .pose_steps import photometric_step, twisted
 
 #: Old photos that tell how well the twin fits where a camera is right, and how many times worse a new one may fit
@@ -56,7 +56,7 @@ def register(
     if placed_at is not None:
         return placed_at, True
     old = [photo for photo in twin.photos if photo.name in twin.reconstruction.poses]
-    chosen = [old[round(i)] for i in np.linspace(0, len(old) - 1, min(NUMBERS.photos, len(old)))]
+    chosen = [old[round(i)] for i in np.linspace(0, len(old) - 1, min(SETTINGS.photos, len(old)))]
     psf = twin.medium.psf
     kernel = None if psf is None or psf.is_identity else psf.kernel()
     found = find_cameras([*chosen, *photos], kernel, SfmSettings(threads=threads), twin.folder / "sfm", progress)

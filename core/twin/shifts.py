@@ -17,7 +17,7 @@ BRIGHTNESS = np.array([0.299, 0.587, 0.114])
 
 
 @dataclass(frozen=True)
-class ShiftNumbers:
+class ShiftSettings:
     """Of the search for shifts between two pictures of one view."""
 
     scales: tuple[tuple[float, int], ...] = number(
@@ -35,7 +35,7 @@ class ShiftNumbers:
     )
 
 
-NUMBERS = ShiftNumbers()
+SETTINGS = ShiftSettings()
 
 
 @dataclass(frozen=True)
@@ -57,20 +57,20 @@ def shifts_between(
     picture: NDArray[np.floating],
     photo: NDArray[np.floating],
     valid: NDArray[np.bool_] | None = None,
-    numbers: ShiftNumbers = NUMBERS,
+    settings: ShiftSettings = SETTINGS,
 ) -> Shifts:
     """Shifts that align `photo` with `picture`, both [3, H, W] in [0, 1]; only px that are `valid` [H, W] count."""
     still, moving = (np.tensordot(BRIGHTNESS, np.asarray(p, np.float64), 1) for p in (picture, photo))
     y, x = np.mgrid[: still.shape[0], : still.shape[1]].astype(np.float64)
     shift = np.zeros((2, *still.shape))
     count = np.ones(still.shape) if valid is None else valid.astype(np.float64)
-    empty, gain_limit = numbers.empty, numbers.largest_gain
-    for sigma, half in numbers.scales:
+    empty, gain_limit = settings.empty, settings.largest_gain
+    for sigma, half in settings.scales:
         side = 2 * half + 1
         a, b = gaussian_filter(still, sigma, truncate=3.0), gaussian_filter(moving, sigma, truncate=3.0)
         a_off = a - uniform_filter(a, 2 * side)
         a_power = uniform_filter(a_off**2, 2 * side)
-        for _ in range(numbers.steps):
+        for _ in range(settings.steps):
             moved = map_coordinates(b, [y + shift[1], x + shift[0]], order=1, mode="nearest")
             b_off = moved - uniform_filter(moved, 2 * side)
             power = np.maximum(uniform_filter(b_off**2, 2 * side), 1e-8)

@@ -40,7 +40,9 @@ def test_half_of_a_ring_is_enough_and_everyone_keeps_partners() -> None:
     chosen = choose_keyframes(matches, 15)
     assert chosen is not None
     assert 30 <= len(chosen) <= 42
-    assert min(partners(matches, name, chosen) for name in matches.names.values()) >= keyframes.NUMBERS.minimum_partners
+    assert (
+        min(partners(matches, name, chosen) for name in matches.names.values()) >= keyframes.SETTINGS.minimum_partners
+    )
 
 
 def test_thousands_of_photos_are_chosen_from_in_seconds() -> None:

@@ -9,7 +9,7 @@ from dgs.core.camera import Camera
 from dgs.core.evaluation.poses import align_similarity
 from dgs.core.imaging.operator import BlurOperator
 from dgs.core.rasterizer import render
-from dgs.core.twin.pose_steps import NUMBERS, photometric_step, twisted, units_of, without_gauge
+from dgs.core.twin.pose_steps import SETTINGS, photometric_step, twisted, units_of, without_gauge
 from dgs.tests.core.training.training_scenes import HEIGHT, WIDTH, blurred_scene, camera_at
 
 
@@ -66,9 +66,9 @@ def test_a_step_is_no_longer_than_the_render_can_be_believed():
     view, predict = scene.views[1], predictor(scene)
     far = twisted(view.camera, 30 / view.camera.fx * np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0]))
     step = photometric_step(far, torch.from_numpy(view.planes()), None, predict) / units_of(far)
-    assert np.abs(step).max() <= NUMBERS.longest + 1e-9
-    free = photometric_step(far, torch.from_numpy(view.planes()), None, predict, 0.0, replace(NUMBERS, longest=1e9))
-    assert np.abs(free / units_of(far)).max() > NUMBERS.longest
+    assert np.abs(step).max() <= SETTINGS.longest + 1e-9
+    free = photometric_step(far, torch.from_numpy(view.planes()), None, predict, 0.0, replace(SETTINGS, longest=1e9))
+    assert np.abs(free / units_of(far)).max() > SETTINGS.longest
 
 
 def test_the_world_keeps_its_place_turn_and_size():

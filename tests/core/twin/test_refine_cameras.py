@@ -11,7 +11,7 @@ from dgs.core.evaluation.poses import align_similarity
 from dgs.core.progress import Silent
 from dgs.core.training.settings import TrainingSettings
 from dgs.core.twin import refine_cameras as refine_cameras_module
-from dgs.core.twin.adjust import NUMBERS, Observations, adjusted, aligned_camera
+from dgs.core.twin.adjust import SETTINGS, Observations, adjusted, aligned_camera
 from dgs.core.twin.pose_steps import twisted
 from dgs.core.twin.refine_cameras import Nearer, refine_cameras
 from dgs.core.twin.shifts import shifts_between
@@ -78,7 +78,7 @@ def test_one_camera_moves_to_where_points_are_seen_in_spite_of_outliers() -> Non
     position = seen_by([truth], points).position
     position[:12] += 30.0
     wrong = twisted(truth, np.array([0.03, -0.02, 0.02, 0.0, 0.01, 0.01]))
-    found = aligned_camera(wrong, points, position, np.ones(80), replace(NUMBERS, camera_prior=30.0))
+    found = aligned_camera(wrong, points, position, np.ones(80), replace(SETTINGS, camera_prior=30.0))
     assert np.abs(found.translation - truth.translation).max() < 2e-3
 
 
@@ -90,8 +90,8 @@ def test_only_a_clear_gain_counts(after: list[float], clear: bool) -> None:
 
 
 def test_wrong_cameras_come_right_and_right_ones_stay(monkeypatch: pytest.MonkeyPatch) -> None:
-    short = replace(refine_cameras_module.NUMBERS, steps=120, round_steps=80, rounds=2)  # enough for 112 x 96 px
-    monkeypatch.setattr(refine_cameras_module, "NUMBERS", short)
+    short = replace(refine_cameras_module.SETTINGS, steps=120, round_steps=80, rounds=2)  # enough for 112 x 96 px
+    monkeypatch.setattr(refine_cameras_module, "SETTINGS", short)
     scene = blurred_scene(12, 2.0)
     settings = TrainingSettings(max_gaussians=1200, sh_degree=0, threads=1)
     random = np.random.default_rng(1)
