@@ -16,7 +16,7 @@ from .progress_choice import Reporting
 if TYPE_CHECKING:
     from ..core.rasterizer.interface import Backend
     from ..studies.stability.case import Result
-    from ..studies.stability.torture import Outcome
+    from ..studies.stability.torture import TortureResult
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -52,8 +52,9 @@ def stress_command(options: argparse.Namespace, progress: Reporting) -> int:
     """Runs what was asked for; 2 if anything failed."""
     from ..core.machine import choose_device, machine, use_threads  # late: slows --help
     from ..studies.stability import table  # heavy: torch
-    from ..studies.stability.case import all_cases, backends_here  # heavy: torch
+    from ..studies.stability.case import backends_here  # heavy: torch
     from ..studies.stability.fuzz import fuzz  # heavy: torch
+    from ..studies.stability.registry import all_cases  # heavy: torch
 
     threads, device = use_threads(options.threads), choose_device(options.device)
     cases = [
@@ -75,7 +76,7 @@ def stress_command(options: argparse.Namespace, progress: Reporting) -> int:
         found = fuzz(
             500 if options.fuzz is None else options.fuzz,
             "cuda" if device == "cuda" else "cpu",
-            told=lambda done: _look(progress),
+            report=lambda done: _look(progress),
         )
         say(table.fuzz_line(found))
     outcomes = _torture(say, progress) if options.torture else []
@@ -104,7 +105,7 @@ def _table(cases, backends: tuple[Backend, ...], say, progress: Reporting) -> li
     return results
 
 
-def _torture(say, progress: Reporting) -> list[Outcome]:  # type: ignore[no-untyped-def]
+def _torture(say, progress: Reporting) -> list[TortureResult]:  # type: ignore[no-untyped-def]
     from ..studies.stability import table  # heavy: torch
     from ..studies.stability.torture import tortured, tortures  # heavy: torch
 

@@ -1,4 +1,4 @@
-"""What a hard case is, and the list of them all."""
+"""What a hard case is, how it is measured, and what measures share."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from torch import Tensor
 
 from ...core.errors import DgsError
 from ...core.gaussians import Gaussians
+from ...core.rasterizer.cuda import available
 from ...core.rasterizer.interface import Backend
 
 Family = Literal["geometry", "rasterizer", "psf", "loss", "poses", "sfm", "scale", "files"]
@@ -23,7 +24,7 @@ FAMILIES: tuple[Family, ...] = ("geometry", "rasterizer", "psf", "loss", "poses"
 
 
 @dataclass(frozen=True)
-class Place:
+class Site:
     """Where a case is measured.
 
     Attributes:
@@ -65,7 +66,7 @@ class Case:
     invariant: str
     tolerance: float
     reason: str
-    measure: Callable[[Place], float]
+    measure: Callable[[Site], float]
     backends: tuple[Backend, ...] = ()
 
 
@@ -92,7 +93,8 @@ class Result:
         return not self.raised and self.error <= self.case.tolerance
 
 
-_CASES: list[Case] = []
+#: Every case of the files that were imported; see `registry.all_cases`.
+CASES: list[Case] = []
 #: Cases of the rasterizer run on all of these that are there.
 ALL: tuple[Backend, ...] = ("reference", "cpu", "cuda")
 #: gsplat computes the covariance in float32, caps alpha at 0.999, and leaves out the Gaussian that crosses the
@@ -102,28 +104,19 @@ OWN: tuple[Backend, ...] = ("reference", "cpu")
 
 def case(
     family: Family, name: str, invariant: str, tolerance: float, reason: str, backends: tuple[Backend, ...] = ()
-) -> Callable[[Callable[[Place], float]], Callable[[Place], float]]:
+) -> Callable[[Callable[[Site], float]], Callable[[Site], float]]:
     """Puts a function into the list of cases; its docstring says what happens."""
 
-    def register(measure: Callable[[Place], float]) -> Callable[[Place], float]:
+    def register(measure: Callable[[Site], float]) -> Callable[[Site], float]:
         states = " ".join((measure.__doc__ or "").split())
-        _CASES.append(Case(name, family, states, invariant, tolerance, reason, measure, backends))
+        CASES.append(Case(name, family, states, invariant, tolerance, reason, measure, backends))
         return measure
 
     return register
 
 
-def all_cases() -> list[Case]:
-    """Every case, family by family, in the order in which the files state them."""
-    from . import files, geometry, loss, poses, psf, rasterizer, scale, sfm  # noqa: F401 (they fill the list)
-
-    return sorted(_CASES, key=lambda c: FAMILIES.index(c.family))
-
-
 def backends_here() -> tuple[Backend, ...]:
     """Rasterizer back ends that this machine has."""
-    from ...core.rasterizer.cuda import available
-
     return ALL if available() else OWN
 
 
@@ -133,7 +126,7 @@ def measured(one: Case, backend: Backend | Literal[""]) -> Result:
     error, raised = math.nan, ""
     with tempfile.TemporaryDirectory(prefix="dgs-case-") as folder:
         try:
-            error = float(one.measure(Place(backend or "cpu", Path(folder))))
+            error = float(one.measure(Site(backend or "cpu", Path(folder))))
         except Exception as failure:  # noqa: BLE001 (a case that raises has failed, and the others go on)
             raised = f"{type(failure).__name__}: {' '.join(str(failure).split())[:200]}"
     return Result(one, backend, error, time.perf_counter() - began, raised)
@@ -161,7 +154,7 @@ def explained(kind: type[DgsError] = DgsError) -> Iterator[None]:
         yield
     except kind as error:
         if not error.way_out:
-            raise Unexplained(f"no way out is told: {error}") from error
+            raise Unexplained(f"it names no way out: {error}") from error
         return
     raise Unexplained(f"no {kind.__name__} was raised")
 

@@ -14,6 +14,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from ...core import compiled
 from ...core.camera import Camera
 from ...core.constants import ALPHA_MINIMUM, SH_COEFFICIENTS
 from ...core.conventions import rotation_from_quaternion
@@ -185,17 +186,16 @@ class Fuzzer:
         return not bad and not uncounted
 
 
-def fuzz(scenes: int, backend: Backend = "cpu", seed: int = 0, told: Callable[[int], None] | None = None) -> Fuzzed:
-    """Checks `scenes` scenes, seeds `seed`, `seed` + 1, ...; `told` hears how many are done, every hundred."""
-    from ...core import compiled
+def fuzz(scenes: int, backend: Backend = "cpu", seed: int = 0, report: Callable[[int], None] | None = None) -> Fuzzed:
+    """Checks `scenes` scenes, seeds `seed`, `seed` + 1, ...; `report` hears how many are done, every hundred."""
 
     began, threads, fuzzer = time.perf_counter(), compiled.threads(), Fuzzer(backend)
     compiled.set_threads(1)  # frames of a few px: threads would only wait for one another
     try:
         for index in range(scenes):
             fuzzer.check(seed + index)
-            if told is not None and index % 100 == 99:
-                told(index + 1)
+            if report is not None and index % 100 == 99:
+                report(index + 1)
     finally:
         compiled.set_threads(threads)
     fuzzer.found.seconds = time.perf_counter() - began

@@ -7,8 +7,13 @@ import math
 import numpy as np
 import torch
 
+from ...core.errors import NonFiniteParameter
+from ...core.imaging.medium import Medium
 from ...core.imaging.operator import BlurOperator
 from ...core.imaging.psf import PointSpread, point_spread_from_samples
+from ...core.imaging.spectrum import NoiseToSignal
+from ...core.rasterizer import ScreenStatistics
+from ...core.training.density import DensityControl
 from ...core.training.guards import drop_non_finite
 from ...core.training.objective import Objective
 from ...core.training.optimizer import Adam
@@ -16,7 +21,7 @@ from ...core.training.photometric import PhotometricLoss, photometric_reference,
 from ...core.training.settings import TrainingSettings
 from ...core.training.specks import speck_gradient
 from ...core.training.variation import variation_gradient
-from .case import Place, case, non_finite
+from .case import Site, case, explained, non_finite
 from .photographed import arc, corner_points, disc, looking, misfit, photographs, trained_steps
 from .scenes import random_scene
 
@@ -30,7 +35,7 @@ def _noise(*shape: int, seed: int = 0) -> torch.Tensor:
 
 
 @case("loss", "SSIM of flat images", "never above 1", 1e-6, "the window's weights sum to 1 to float32's rounding")
-def flat_similarity(place: Place) -> float:
+def flat_similarity(site: Site) -> float:
     """Constant images, and x against x + 1e-7: a negative variance gives SSIM > 1 elsewhere."""
     excess = 0.0
     for level in LEVELS:
@@ -51,7 +56,7 @@ def flat_similarity(place: Place) -> float:
     2e-5,
     "what SSIM makes of float32 images: variances of 1e-8 beside C2 = 9e-4",
 )
-def hard_images_value(place: Place) -> float:
+def hard_images_value(site: Site) -> float:
     """Black, white, flat, nearly flat, a single bright px, HDR."""
     return max(_loss_errors())
 
@@ -82,7 +87,7 @@ def _loss_errors(gradients: bool = False) -> list[float]:
 
 
 @case("loss", "flat and nearly flat: gradient", "compiled equals float64, relative", 1e-3, "the target")
-def hard_images_gradient(place: Place) -> float:
+def hard_images_gradient(site: Site) -> float:
     """The same images, backward."""
     return max(_loss_errors(gradients=True))
 
@@ -94,7 +99,7 @@ def hard_images_gradient(place: Place) -> float:
     0.0,
     "a count of violations",
 )
-def dead_pixels(place: Place) -> float:
+def dead_pixels(site: Site) -> float:
     """One NaN in a photo poisons a whole loss elsewhere."""
     photo, image = _noise(3, 40, 50, seed=3), _noise(3, 40, 50, seed=4)
     mask = torch.ones(40, 50, dtype=torch.bool)
@@ -118,7 +123,7 @@ def dead_pixels(place: Place) -> float:
 
 
 @case("loss", "1 % NaN pixels through the medium", "finite gradient", 0.0, "a count of non-finite values")
-def nan_through_the_medium(place: Place) -> float:
+def nan_through_the_medium(site: Site) -> float:
     """The blur would spread a NaN over its whole width."""
     psf, settings, bad = PointSpread("gaussian", 2.0, 2.0), TrainingSettings(), 0
     photo = _noise(3, 48, 64, seed=5)
@@ -136,13 +141,11 @@ def nan_through_the_medium(place: Place) -> float:
 
 
 def _ratio():  # type: ignore[no-untyped-def]
-    from ...core.imaging.spectrum import NoiseToSignal
-
     return NoiseToSignal(np.geomspace(1e-6, 1e2, 96), np.geomspace(1e-5, 1e3, 96), 1e-3)
 
 
 @case("loss", "no pixel counts", "loss 0, gradient 0", 0.0, "a count of violations")
-def nothing_counts(place: Place) -> float:
+def nothing_counts(site: Site) -> float:
     """A photo that is masked as a whole: a mean over nothing."""
     photo, image = torch.full((3, 20, 30), math.nan), _noise(3, 20, 30)
     value, slope = PhotometricLoss(photo).value_and_gradient(image)
@@ -151,7 +154,7 @@ def nothing_counts(place: Place) -> float:
 
 
 @case("loss", "variation and specks of flat images", "finite; 0 where nothing changes", 0.0, "a count of violations")
-def flat_variation(place: Place) -> float:
+def flat_variation(site: Site) -> float:
     """The root of the sum of squares has no slope at 0."""
     violations = 0
     for level in LEVELS:
@@ -163,7 +166,7 @@ def flat_variation(place: Place) -> float:
 
 
 @case("loss", "Adam fed with poison", "moves nothing that is not finite, and counts it", 0.0, "a count of violations")
-def poisoned_gradients(place: Place) -> float:
+def poisoned_gradients(site: Site) -> float:
     """NaN, infinite and absurd gradients among good ones, then zeros and denormals, for 50 steps."""
     clean, spoiled, violations = Adam(random_scene(40, 1)), Adam(random_scene(40, 1)), 0
     for step in range(50):
@@ -189,11 +192,8 @@ def poisoned_gradients(place: Place) -> float:
     0.0,
     "a count of violations",
 )
-def lost_rows(place: Place) -> float:
+def lost_rows(site: Site) -> float:
     """A parameter that became NaN all the same."""
-    from ...core.errors import NonFiniteParameter
-    from .case import explained
-
     optimizer = Adam(random_scene(40, 1))
     with torch.no_grad():
         optimizer.gaussians.means[5, 0] = math.nan
@@ -207,11 +207,8 @@ def lost_rows(place: Place) -> float:
 
 
 @case("loss", "a density control of extremes", "finite, within the budget", 0.0, "a count of violations")
-def density_of_extremes(place: Place) -> float:
+def density_of_extremes(site: Site) -> float:
     """Everything faded, everything pulled without limit, nothing seen."""
-    from ...core.rasterizer import ScreenStatistics
-    from ...core.training.density import DensityControl
-
     violations = 0
     for logits, pull in ((-12.0, 1.0), (20.0, 1e30), (0.0, 0.0), (0.0, math.nan), (0.0, math.inf)):
         optimizer = Adam(random_scene(60, 1))
@@ -232,11 +229,9 @@ def density_of_extremes(place: Place) -> float:
     1.0,
     "loss at the end over loss at the start, for the worst of three",
 )
-def wrong_medium(place: Place) -> float:
+def wrong_medium(site: Site) -> float:
     """The inverse crime: data made by the renderer that explains it. Here photos come from rays on textured planes,
     quantised, with noise, and the point spread is 20 % too wide, 20 % too narrow, or a disc said to be a Gaussian."""
-    from ...core.imaging.medium import Medium
-
     cameras = [looking(centre, np.zeros(3), f"{i}.png") for i, centre in enumerate(arc(6))]
     worst = 0.0
     for kernel in (1.25, 1.875, disc(3.0)):
@@ -249,7 +244,7 @@ def wrong_medium(place: Place) -> float:
 
 
 @case("loss", "blur and loss in float32", "gradient through the medium equals float64, relative", 1e-3, "the target")
-def through_the_medium(place: Place) -> float:
+def through_the_medium(site: Site) -> float:
     """Loss, adjoint and all, for a Gaussian, a tilted Gaussian and a disc."""
     errors = []
     tilted = PointSpread("gaussian", 3.0, 1.2, 25.0)

@@ -14,7 +14,7 @@ from ...core.evaluation.poses import align_similarity, pose_errors
 from ...core.rasterizer import RasterSettings, render
 from ...core.rasterizer.projection import camera_pose
 from ...core.rigid_motion import moved_pose, se3_exponential
-from .case import OWN, Place, case, explained
+from .case import OWN, Site, case, explained
 from .photographed import arc, looking
 from .scenes import drawn, make_camera, random_scene
 
@@ -43,8 +43,8 @@ def _elsewhere(cameras: dict[str, Camera], size: float, offset: float, seed: int
 
 
 @case("poses", "gauge: any similarity", "no pose error after alignment, in units of the scene", 1e-9, "float64")
-def gauge(place: Place) -> float:
-    """Photos tell neither where the world's origin lies nor how long a unit is; scores without alignment punish it."""
+def gauge(site: Site) -> float:
+    """Photos show neither where the world's origin lies nor how long a unit is; scores without alignment punish it."""
     truth, errors = _set(arc(7)), []
     for size, offset in ((1e-3, 0.0), (1e3, 0.0), (1.0, 10.0), (1e3, 1e3)):
         found = pose_errors(_elsewhere(truth, size, offset), truth)
@@ -59,14 +59,16 @@ def gauge(place: Place) -> float:
     1e-7,
     "float64 keeps 1e-10 of 1e6, the scene is 3 units",
 )
-def gauge_utm(place: Place) -> float:
+def gauge_utm(site: Site) -> float:
     """The estimate stands a thousand kilometres from the truth."""
     found = pose_errors(_elsewhere(_set(arc(7)), 1.0, 1e6), _set(arc(7)))
     return max(float(found.centre.max()), math.radians(float(found.angle.max())))
 
 
-@case("poses", "rail: collinear cameras", "roll about the rail is found; the rank told is 1", 1e-6, "radians; float64")
-def rail(place: Place) -> float:
+@case(
+    "poses", "rail: collinear cameras", "roll about the rail is found; the reported rank is 1", 1e-6, "radians; float64"
+)
+def rail(site: Site) -> float:
     """Aligning by centres alone leaves the roll about the rail free."""
     centres = [np.array([x, 0.0, -3.0]) for x in np.linspace(-1.0, 1.0, 9)]
     truth = _set(centres)
@@ -79,11 +81,11 @@ def rail(place: Place) -> float:
 @case(
     "poses",
     "ranks of camera sets",
-    "0 in one place, 1 on a rail, 2 in a plane, 3 in space",
+    "0 in one site, 1 on a rail, 2 in a plane, 3 in space",
     0.0,
     "a count of violations",
 )
-def ranks(place: Place) -> float:
+def ranks(site: Site) -> float:
     """All photos from one place fix no scale: no division by zero."""
     flat = [np.array([x, y, -3.0]) for x in (-1.0, 0.0, 1.0) for y in (-0.7, 0.6)]
     space = [*flat, np.array([0.3, 0.2, -4.0])]
@@ -101,7 +103,7 @@ def ranks(place: Place) -> float:
 
 
 @case("poses", "turns of half a circle", "rotation -> quaternion -> rotation", 1e-12, "float64")
-def half_turns(place: Place) -> float:
+def half_turns(site: Site) -> float:
     """The trace's formula divides by 0 at 180 degrees."""
     errors = []
     axes = [np.array(a, float) for a in ([1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 0], [1, -1, 1], [0, 1e-9, 1])]
@@ -118,7 +120,7 @@ def half_turns(place: Place) -> float:
 
 
 @case("poses", "a step of 0", "the exponential's value and slope at 0", 1e-7, "of central differences in float64")
-def zero_twist(place: Place) -> float:
+def zero_twist(site: Site) -> float:
     """sin(t) / t at t = 0."""
     weights = torch.randn(3, 4, generator=torch.Generator().manual_seed(0), dtype=torch.float64)
     errors = []
@@ -137,13 +139,13 @@ def zero_twist(place: Place) -> float:
 
 
 @case("poses", "gradient of the pose", "float32 equals float64, relative", 1e-3, "the target", OWN)
-def pose_gradient(place: Place) -> float:
+def pose_gradient(site: Site) -> float:
     """Sums over all Gaussians and pixels of terms of both signs."""
     errors = []
     for seed in range(4):
         scene = random_scene(150, 1, seed=20 + seed)
         truth = drawn(scene.to(dtype=torch.float64), make_camera(), "reference").gradients["twist"]
-        found = drawn(scene, make_camera(), place.backend).gradients["twist"]
+        found = drawn(scene, make_camera(), site.backend).gradients["twist"]
         errors.append(float((found.double() - truth).norm() / truth.norm()))
     return max(errors)
 
@@ -189,6 +191,6 @@ def recovered_px(off: float, seed: int) -> float:
     "of the median Gaussian; the noise of photos leaves more open",
     ("cpu",),
 )
-def basin(place: Place) -> float:
+def basin(site: Site) -> float:
     """The basin from which gradients lead back to the pose: refined poses must score better, not only look better."""
     return max(recovered_px(off, seed) for off in BASIN_PX for seed in (6, 7, 8))

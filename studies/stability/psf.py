@@ -15,7 +15,7 @@ from ...core.imaging.fourier import FourierFilter
 from ...core.imaging.operator import BlurOperator
 from ...core.imaging.psf import PointSpread, gaussian_taps, point_spread_from_samples
 from ...core.imaging.psf_text import parse_psf
-from .case import Place, Unexplained, case, explained, worst
+from .case import Site, Unexplained, case, explained, worst
 from .photographed import disc
 
 #: (text or None for a lopsided file, margin in px)
@@ -61,7 +61,7 @@ def _noise(*shape: int, seed: int = 0, dtype: torch.dtype = torch.float32) -> to
 
 
 @case("psf", "no PSF, sigma 0", "the photo's very bits", 0.0, "a count of values that differ")
-def no_width(place: Place) -> float:
+def no_width(site: Site) -> float:
     """A standard deviation of 0 is a division by zero."""
     frame, differing = _noise(3, 20, 30), 0
     for psf in (None, PointSpread(), _spread("gaussian:0,0,30"), _spread("gaussian:1e-320")):
@@ -78,7 +78,7 @@ def no_width(place: Place) -> float:
     3.0,
     "sum of |d taps / d sigma| per px; its true maximum is 2.74, near half a px",
 )
-def sigma_to_zero(place: Place) -> float:
+def sigma_to_zero(site: Site) -> float:
     """Between no blur and a narrow one there is no jump and no pole."""
     worst_slope, step = 0.0, 1e-6
     for sigma in np.concatenate([np.geomspace(1e-12, 0.1, 40), np.linspace(0.1, 2.0, 60)]):
@@ -93,7 +93,7 @@ def sigma_to_zero(place: Place) -> float:
 
 
 @case("psf", "constant image", "stays as it is", 2e-6, "float32's rounding over a kernel's sum")
-def constant_image(place: Place) -> float:
+def constant_image(site: Site) -> float:
     """A point spread that does not sum to 1 makes the scene drift in brightness."""
     errors = []
     for text, margin in SPREADS:
@@ -104,9 +104,9 @@ def constant_image(place: Place) -> float:
 
 
 @case("psf", "kernels are normalised", "sum is 1, also where they are cut off", 1e-12, "float64's rounding")
-def normalised(place: Place) -> float:
+def normalised(site: Site) -> float:
     """A cut at 3 sigma loses 0.54 % of the light unless the rest is renormalised; a kernel from a file may have
-    any sum, which is told."""
+    any sum, which is reported."""
     errors = [abs(float(_spread(text).kernel().sum()) - 1.0) for text, _ in SPREADS]
     errors += [abs(float(gaussian_taps(5.0, cut).sum()) - 1.0) for cut in (1.0, 3.0, 4.0)]
     x = np.arange(-15, 16)
@@ -126,7 +126,7 @@ def normalised(place: Place) -> float:
     1e-4,
     "cubic interpolation, cut at 0",
 )
-def centred(place: Place) -> float:
+def centred(site: Site) -> float:
     """Half a pixel of shift would be taken up by the poses."""
     random, errors = np.random.default_rng(0), []
     blob = np.exp(-0.5 * ((np.arange(12) - 5.2) / 1.7) ** 2)
@@ -142,7 +142,7 @@ def centred(place: Place) -> float:
 
 
 @case("psf", "PSF wider than the photo", "refused with a way out; just narrower: constant stays", 2e-6, "rounding")
-def too_wide(place: Place) -> float:
+def too_wide(site: Site) -> float:
     """Elsewhere a dark frame, or light that wraps around."""
     with explained(PsfError):
         BlurOperator(_spread("gaussian:16"), 30, 40)
@@ -153,7 +153,7 @@ def too_wide(place: Place) -> float:
 
 
 @case("psf", "light in a corner", "does not come back at the other side", 1e-6, "rounding of the transform")
-def no_wrap(place: Place) -> float:
+def no_wrap(site: Site) -> float:
     """Transforms are periodic; scenes are not."""
     errors = []
     for operator in _operators(_spread("gaussian:4"), 50, 60, 3):
@@ -165,7 +165,7 @@ def no_wrap(place: Place) -> float:
 
 
 @case("psf", "FFT, separable, direct", "agree with the direct sum in float64", 1e-5, "the target; values in [0, 1]")
-def evaluations_agree(place: Place) -> float:
+def evaluations_agree(site: Site) -> float:
     """One operator, three ways to compute it."""
     errors = []
     for text, margin in SPREADS:
@@ -186,7 +186,7 @@ def evaluations_agree(place: Place) -> float:
     REDUCED_TOLERANCE,
     "its own bound",
 )
-def reduced(place: Place) -> float:
+def reduced(site: Site) -> float:
     """Wide blurs are computed on a coarse grid."""
     psf, frame = _spread("gaussian:9"), _noise(3, 80, 90, seed=2)
     exact = BlurOperator(psf, 60, 70, 10, dtype=torch.float64, evaluation="fourier").apply(frame.double())
@@ -207,13 +207,13 @@ def _adjoint_error(dtype: torch.dtype) -> float:
 
 
 @case("psf", "adjoint, float32", "<Hx, y> = <x, H'y>", 1e-6, "the target; relative to |x| |y|")
-def adjoint_float32(place: Place) -> float:
+def adjoint_float32(site: Site) -> float:
     """A gradient that goes back by anything but the transpose follows no loss."""
     return _adjoint_error(torch.float32)
 
 
 @case("psf", "adjoint, float64", "<Hx, y> = <x, H'y>", 1e-12, "the target")
-def adjoint_float64(place: Place) -> float:
+def adjoint_float64(site: Site) -> float:
     """The same without the excuse of rounding."""
     return _adjoint_error(torch.float64)
 
@@ -225,7 +225,7 @@ def adjoint_float64(place: Place) -> float:
     1e-3,
     "a sum of samples is off the integral by slope / 24; the curve is steeper in the dark",
 )
-def two_tone_edge(place: Place) -> float:
+def two_tone_edge(site: Site) -> float:
     """A medium blurs light, a virtual blur most likely sRGB values: the edge moves."""
     width, sigma, errors = 81, 4.0, []
     frame = torch.full((3, 30, width), 0.2)
@@ -247,7 +247,7 @@ def two_tone_edge(place: Place) -> float:
     2e-6,
     "float32's rounding, relative",
 )
-def colour_curve(place: Place) -> float:
+def colour_curve(site: Site) -> float:
     """The power's slope at 0 is infinite; renders overshoot below 0 and above 1."""
     values = torch.tensor([-1e4, -1.0, -1e-7, 0.0, 1e-12, 0.0031308, 0.04045, 0.5, 1.0, 2.0, 1e4], requires_grad=True)
     errors = []
@@ -262,7 +262,7 @@ def colour_curve(place: Place) -> float:
 
 
 @case("psf", "inverse where nothing passes", "finite, and its adjoint exact", 1e-6, "relative to |x| |y|")
-def inverse_at_nulls(place: Place) -> float:
+def inverse_at_nulls(site: Site) -> float:
     """A box and a disc have zeros in their transfer; Wiener's inverse divides by it."""
     errors = []
     for kernel in (np.ones((9, 9)), disc(5.0), np.eye(11)):
@@ -286,7 +286,7 @@ def inverse_at_nulls(place: Place) -> float:
     1e-3,
     "px^2, of cubic resampling",
 )
-def coarser_grids(place: Place) -> float:
+def coarser_grids(site: Site) -> float:
     """Training works on a grid of its own: the point spread must follow exactly."""
     errors = []
     for psf in (_spread("gaussian:5"), _spread("gaussian:2,4,30"), point_spread_from_samples(disc(6.0))):
@@ -299,7 +299,7 @@ def coarser_grids(place: Place) -> float:
 
 
 @case("psf", "kernels that make no sense", "refused with a way out", 0.0, "a count of violations")
-def senseless(place: Place) -> float:
+def senseless(site: Site) -> float:
     """Negative, NaN, infinite, dark, of one row, far off its middle, larger than a photo; texts with nan and inf."""
     ring = np.zeros((21, 21))
     ring[0, 0] = 1.0

@@ -13,7 +13,9 @@ from ...core.camera import Camera
 from ...core.constants import ALPHA_MAXIMUM, ALPHA_MINIMUM, NEAR_PLANE
 from ...core.gaussians import Gaussians
 from ...core.rasterizer import RasterSettings
-from .case import ALL, OWN, Place, case, worst
+from ...core.training.density import TRANSPARENT
+from .case import ALL, OWN, Site, case, worst
+from .photographed import small_set, trained_steps
 from .scenes import against_float64, drawn, joined, make_camera, pixels_apart, random_scene, rows, single
 
 SIZES = ((1, 1), (1, 40), (40, 1), (16, 16), (17, 15), (15, 65), (33, 130), (100, 7))
@@ -37,17 +39,17 @@ def opaque_stack(logit: float) -> Gaussians:
     "rounding decides at the transmittance stop whether one more counts, which adds 1e-4",
     OWN,
 )
-def stack_image(place: Place) -> float:
+def stack_image(site: Site) -> float:
     """Transmittance runs out after a few layers."""
-    return max(against_float64(opaque_stack(logit), make_camera(), place)[0] for logit in (3.0, 12.0))
+    return max(against_float64(opaque_stack(logit), make_camera(), site)[0] for logit in (3.0, 12.0))
 
 
 @case(
     "rasterizer", "64 opaque splats in a stack: gradients", "float32 equals float64, relative", 1e-3, "the target", OWN
 )
-def stack_gradients(place: Place) -> float:
+def stack_gradients(site: Site) -> float:
     """Where forward and backward clamp alpha differently, the recovered transmittance is off by up to 10 times."""
-    return max(against_float64(opaque_stack(logit), make_camera(), place)[1] for logit in (3.0, 12.0))
+    return max(against_float64(opaque_stack(logit), make_camera(), site)[1] for logit in (3.0, 12.0))
 
 
 @case(
@@ -58,14 +60,14 @@ def stack_gradients(place: Place) -> float:
     "ten times float32's error; slopes above the cap would be 9e-4",
     OWN,
 )
-def alpha_cap(place: Place) -> float:
+def alpha_cap(site: Site) -> float:
     """Opacities just below and just above the largest alpha: forward and backward share one constant."""
     errors = []
     for opacity in (ALPHA_MAXIMUM - 2e-3, ALPHA_MAXIMUM + 2e-3, 0.998):
         scene = joined(
             single((0.0, 0.0, 3.0), 0.4, math.log(opacity / (1 - opacity))), single((0.1, 0.0, 3.5), 0.5, 1.0)
         )
-        errors.append(against_float64(scene, make_camera(), place)[1])
+        errors.append(against_float64(scene, make_camera(), site)[1])
     return max(errors)
 
 
@@ -77,10 +79,10 @@ def alpha_cap(place: Place) -> float:
     "what is cut off is below 1/255 each; the colours here are below 1",
     OWN,
 )
-def alpha_cutoff(place: Place) -> float:
+def alpha_cutoff(site: Site) -> float:
     """The cutoff is a step: gradient checks fail on it. So there are two modes, and their difference is bounded."""
     scene = random_scene(60, 0, seed=6)
-    images = [drawn(scene, make_camera(), place.backend, s).image for s in (RasterSettings(), SMOOTH)]
+    images = [drawn(scene, make_camera(), site.backend, s).image for s in (RasterSettings(), SMOOTH)]
     return worst(images[0], images[1])
 
 
@@ -92,10 +94,10 @@ def alpha_cutoff(place: Place) -> float:
     "of central differences along 6 random directions in float64",
     OWN,
 )
-def smooth_mode(place: Place) -> float:
+def smooth_mode(site: Site) -> float:
     """Without the cutoff the image is smooth in every parameter."""
     scene, camera = random_scene(20, 1, seed=7), make_camera()
-    found = drawn(scene, camera, place.backend, SMOOTH)
+    found = drawn(scene, camera, site.backend, SMOOTH)
     random, errors = torch.Generator().manual_seed(3), []
     weights = torch.Generator().manual_seed(5)
     by_image = torch.randn(found.image.shape, generator=weights).double()
@@ -123,12 +125,9 @@ def smooth_mode(place: Place) -> float:
     0.0,
     "a count of violations",
 )
-def no_splat_is_dead_for_good(place: Place) -> float:
+def no_splat_is_dead_for_good(site: Site) -> float:
     """Opacity resets elsewhere never happen, or zero gradients for ever. Here is none: what fell below the cutoff,
     and with it lost its gradient, is taken out at the next density control instead."""
-    from ...core.training.density import TRANSPARENT
-    from .photographed import small_set, trained_steps
-
     trainer = trained_steps(*small_set(), 20, density_every=10)
     with torch.no_grad():
         trainer.optimizer.gaussians.opacity_logits[::3] = math.log(0.5 * ALPHA_MINIMUM)
@@ -148,38 +147,38 @@ def no_splat_is_dead_for_good(place: Place) -> float:
     "0 on cpu; torch rounds the ends of long vectors in another way",
     OWN,
 )
-def depth_ties(place: Place) -> float:
+def depth_ties(site: Site) -> float:
     """A wall that faces the camera, with forty Gaussians at one and the same place."""
     scene, camera = random_scene(200, 0, seed=3), make_camera()
     forward = torch.from_numpy(camera.rotation[2]).float()
     scene.means -= (scene.means @ forward)[:, None] * forward
     scene.means += 3.0 * forward
     scene.means[:40] = scene.means[0]
-    first = drawn(scene, camera, place.backend).image
+    first = drawn(scene, camera, site.backend).image
     orders = [torch.randperm(200, generator=torch.Generator().manual_seed(seed)) for seed in range(3)]
-    return max(worst(drawn(rows(scene, order), camera, place.backend).image, first) for order in orders)
+    return max(worst(drawn(rows(scene, order), camera, site.backend).image, first) for order in orders)
 
 
 @case("rasterizer", "HDR colours of 1e4: image", "float32 equals float64, per 1e4", 2e-5, "rounding", ALL)
-def hdr_image(place: Place) -> float:
+def hdr_image(site: Site) -> float:
     """Colours far above white overflow elsewhere."""
     scene = random_scene(40, 2, seed=2)
     scene.sh *= 1e4
     truth = drawn(scene.to(dtype=torch.float64), make_camera(), "reference")
-    found = drawn(scene, make_camera(), place.backend)
+    found = drawn(scene, make_camera(), site.backend)
     return pixels_apart(found.image / 1e4, truth.image / 1e4) if float(truth.image.max()) > 1e3 else math.inf
 
 
 @case("rasterizer", "HDR colours of 1e4: gradients", "float32 equals float64, relative", 1e-3, "the target", OWN)
-def hdr_gradients(place: Place) -> float:
+def hdr_gradients(site: Site) -> float:
     """The same, backward."""
     scene = random_scene(40, 2, seed=2)
     scene.sh *= 1e4
-    return against_float64(scene, make_camera(), place)[1]
+    return against_float64(scene, make_camera(), site)[1]
 
 
 @case("rasterizer", "sizes that fit no tile: image", "float32 equals float64", 2e-5, "rounding", ALL)
-def odd_sizes(place: Place) -> float:
+def odd_sizes(site: Site) -> float:
     """1 x 1 px, one row, one column, one px more or less than a tile; 0, 1 and 80 Gaussians."""
     errors = []
     for width, height in SIZES:
@@ -187,7 +186,7 @@ def odd_sizes(place: Place) -> float:
         for count in (0, 1, 80):
             scene = random_scene(count, seed=3)
             truth = drawn(scene.to(dtype=torch.float64), camera, "reference")
-            found = drawn(scene, camera, place.backend)
+            found = drawn(scene, camera, site.backend)
             errors.append(pixels_apart(found.image, truth.image) if found.finite else math.inf)
     return max(errors)
 
@@ -200,18 +199,18 @@ def odd_sizes(place: Place) -> float:
     "a count of violations",
     ALL,
 )
-def empty_view(place: Place) -> float:
+def empty_view(site: Site) -> float:
     """All Gaussians beside the frame, or none at all."""
     violations = 0
     for scene in (random_scene(0), single((50.0, 0.0, 1.0), 0.1), single((0.0, 0.0, -5.0), 0.1)):
-        found = drawn(scene, make_camera(), place.backend, background=torch.tensor([0.1, 0.2, 0.3]))
+        found = drawn(scene, make_camera(), site.backend, background=torch.tensor([0.1, 0.2, 0.3]))
         violations += not found.finite or float(found.alpha.max()) != 0.0
         violations += any(float(g.abs().sum()) != 0.0 for g in found.gradients.values())
     return float(violations)
 
 
 @case("rasterizer", "any number of threads", "the same bits", 0.0, "a count of values that differ", ("cpu",))
-def thread_counts(place: Place) -> float:
+def thread_counts(site: Site) -> float:
     """Sums that depend on who comes first make runs irreproducible."""
     scene, camera, before = random_scene(800, 1, seed=1), make_camera(150, 110, 120.0), compiled.threads()
     found = []
@@ -229,11 +228,11 @@ def thread_counts(place: Place) -> float:
 
 
 @case("rasterizer", "law: permutation", "same image, gradients permuted", 1e-5, "sums in another order, relative", ALL)
-def law_permutation(place: Place) -> float:
+def law_permutation(site: Site) -> float:
     """The order in which Gaussians are stored means nothing."""
     scene, camera = random_scene(120, 1, seed=11), make_camera()
     order = torch.randperm(120, generator=torch.Generator().manual_seed(1))
-    one, other = (drawn(s, camera, place.backend) for s in (scene, rows(scene, order)))
+    one, other = (drawn(s, camera, site.backend) for s in (scene, rows(scene, order)))
     slopes = [
         worst(other.gradients[n], g[order]) / float(g.abs().max()) for n, g in one.gradients.items() if n != "twist"
     ]
@@ -271,32 +270,32 @@ def _turned(scene: Gaussians, camera: Camera) -> tuple[Gaussians, Camera]:
     "centres of float32, 1e-7 of 5 units at 20 px/unit",
     ALL,
 )
-def law_rigid_world(place: Place) -> float:
+def law_rigid_world(site: Site) -> float:
     """World and camera move together."""
     scene, camera = random_scene(100, 0, seed=12), make_camera()
-    one = drawn(scene, camera, place.backend)
-    other = drawn(*_turned(scene, camera), place.backend)
+    one = drawn(scene, camera, site.backend)
+    other = drawn(*_turned(scene, camera), site.backend)
     return pixels_apart(other.image, one.image)
 
 
 @case("rasterizer", "law: scaled world", "same image for units of 1e-3 to 1e3", 5e-5, "as above", ALL)
-def law_scaled_world(place: Place) -> float:
+def law_scaled_world(site: Site) -> float:
     """Scene, camera and near plane in other units."""
     scene, camera = random_scene(100, 0, seed=13), make_camera()
-    one, errors = drawn(scene, camera, place.backend), []
+    one, errors = drawn(scene, camera, site.backend), []
     for unit in (1e-3, 0.1, 1e3):
         other = scene.detached()
         other.means *= unit
         other.log_scales += math.log(unit)
         moved = camera.moved(camera.rotation, camera.translation * unit)
         errors.append(
-            pixels_apart(drawn(other, moved, place.backend, RasterSettings(near=NEAR_PLANE * unit)).image, one.image)
+            pixels_apart(drawn(other, moved, site.backend, RasterSettings(near=NEAR_PLANE * unit)).image, one.image)
         )
     return max(errors)
 
 
 @case("rasterizer", "law: twice the resolution", "every second px is the same", 2e-5, "rounding", OWN)
-def law_resolution(place: Place) -> float:
+def law_resolution(site: Site) -> float:
     """Twice as many px along each side, four times the low-pass, the lens shifted by half a px: every second px looks
     along the same ray."""
     scene, camera = random_scene(100, 1, seed=14, size=-1.8), make_camera()
@@ -310,8 +309,8 @@ def law_resolution(place: Place) -> float:
         cx=2 * camera.cx - 0.5,
         cy=2 * camera.cy - 0.5,
     )
-    one = drawn(scene, camera, place.backend).image
-    other = drawn(scene, fine, place.backend, RasterSettings(low_pass=1.2)).image[:, ::2, ::2]
+    one = drawn(scene, camera, site.backend).image
+    other = drawn(scene, fine, site.backend, RasterSettings(low_pass=1.2)).image[:, ::2, ::2]
     return pixels_apart(other, one)
 
 
@@ -323,7 +322,7 @@ def law_resolution(place: Place) -> float:
     "two of half the opacity cover o - o^2/4; in units of o^2/4",
     OWN,
 )
-def law_two_halves(place: Place) -> float:
+def law_two_halves(site: Site) -> float:
     """Splitting a faint splat in two at the same place changes the image by the square of its opacity only."""
     opacity = 0.05
     scene, camera = random_scene(1, 0, seed=15), make_camera()
@@ -332,5 +331,5 @@ def law_two_halves(place: Place) -> float:
     scene.opacity_logits[:] = math.log(opacity / (1 - opacity))
     half = scene.detached()
     half.opacity_logits[:] = math.log(0.5 * opacity / (1 - 0.5 * opacity))
-    whole = drawn(scene, camera, place.backend, SMOOTH).alpha
-    return worst(drawn(joined(half, half), camera, place.backend, SMOOTH).alpha, whole) / (opacity**2 / 4)
+    whole = drawn(scene, camera, site.backend, SMOOTH).alpha
+    return worst(drawn(joined(half, half), camera, site.backend, SMOOTH).alpha, whole) / (opacity**2 / 4)

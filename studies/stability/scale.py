@@ -9,14 +9,16 @@ import numpy as np
 import torch
 
 from ...core.errors import CameraError
+from ...core.lens import Lens
 from ...core.pipeline.views import Viewer
 from ...core.pipeline.world import near_origin
 from ...core.pose import Pose
+from ...core.rasterizer import render
 from ...core.reconstruction import Figures, Reconstruction
 from ...core.training.initial import first_gaussians
 from ...core.training.scale import SceneScale, scene_scale
 from ...core.views import SparsePoints
-from .case import Place, case, explained
+from .case import Site, case, explained
 from .photographed import moved_world, small_set, trained_steps
 from .scenes import random_scene
 
@@ -31,8 +33,6 @@ def _apart(size: float, offset: float) -> float:
     for v, p in ((views, points), (there_views, there_points)):
         trainer = trained_steps(v, p, medium, STEPS, density_every=10)
         level = trainer.levels[-1]
-        from ...core.rasterizer import render
-
         with torch.no_grad():
             images.append(render(trainer.optimizer.gaussians, level.views[2].camera).image)
     return float((images[0] - images[1]).abs().mean())
@@ -45,13 +45,13 @@ def _apart(size: float, offset: float) -> float:
     1e-3,
     "rounding differs in the last bit, and signs in the loss let few steps part",
 )
-def units(place: Place) -> float:
+def units(site: Site) -> float:
     """Photogrammetry in millimetres or kilometres: step sizes and the near plane must follow."""
     return max(_apart(1e-3, 0.0), _apart(1e3, 0.0))
 
 
 @case("scale", "world 1e6 away", "training gives the same picture, mean difference", 1e-3, "as above")
-def utm_training(place: Place) -> float:
+def utm_training(site: Site) -> float:
     """UTM coordinates: float32 numbers near 1e6 lie 0.06 apart."""
     return _apart(1.0, 1e6)
 
@@ -63,7 +63,7 @@ def utm_training(place: Place) -> float:
     1e-6,
     "float32's rounding at coordinates of about 1",
 )
-def utm_file(place: Place) -> float:
+def utm_file(site: Site) -> float:
     """PLY files hold float32: cameras and twin are moved near the origin, and the report keeps the offset."""
     views, points, _ = small_set(6)
     views, points = moved_world(views, points, 1.0, np.array([5e5, 5.2e6, 100.0]))
@@ -78,7 +78,7 @@ def utm_file(place: Place) -> float:
 
 
 @case("scale", "a world that needs no move", "is left alone, to the bit", 0.0, "a count of violations")
-def nothing_to_move(place: Place) -> float:
+def nothing_to_move(site: Site) -> float:
     """Structure from motion's own worlds lie at their origin."""
     views, points, _ = small_set(6)
     poses = {v.name: Pose(v.camera.rotation, v.camera.translation) for v in views}
@@ -88,7 +88,7 @@ def nothing_to_move(place: Place) -> float:
 
 
 @case("scale", "world to unit and back", "the same Gaussians", 1e-6, "float32's rounding, in units of the scene")
-def there_and_back(place: Place) -> float:
+def there_and_back(site: Site) -> float:
     """What is trained in units of the scene is saved in units of the world."""
     scene, errors = random_scene(50, 1), []
     for size in (1e-6, 1e-3, 1e3, 1e6):
@@ -100,10 +100,8 @@ def there_and_back(place: Place) -> float:
 
 
 @case("scale", "near plane in units of the scene", "a twin in other units is drawn alike", 5e-5, "centres of float32")
-def viewer_units(place: Place) -> float:
+def viewer_units(site: Site) -> float:
     """A near plane in world units would swallow a scene in kilometres, or let one in millimetres stand in the lens."""
-    from ...core.lens import Lens
-
     views, points, _ = small_set(4)
     lens = Lens("PINHOLE", 64, 48, (62.0, 62.0, 32.0, 24.0))
     pictures = []
@@ -120,8 +118,8 @@ def viewer_units(place: Place) -> float:
 
 
 @case("scale", "points without extent", "finite Gaussians, within the budget", 0.0, "a count of violations")
-def no_extent(place: Place) -> float:
-    """All points in one place, on a line, twice the same, one alone."""
+def no_extent(site: Site) -> float:
+    """All points in one site, on a line, twice the same, one alone."""
     views, points, _ = small_set(4)
     violations = 0
     line = points.positions * [1.0, 0.0, 0.0]
@@ -141,7 +139,7 @@ def no_extent(place: Place) -> float:
 
 
 @case("scale", "no point before a camera", "a typed error with a way out", 0.0, "a count of violations")
-def nothing_in_front(place: Place) -> float:
+def nothing_in_front(site: Site) -> float:
     """Cameras of another convention look away from their points; or there are no points at all."""
     views, points, _ = small_set(4)
     behind = replace(points, positions=points.positions + [0.0, 0.0, -100.0])

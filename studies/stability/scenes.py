@@ -16,7 +16,7 @@ from ...core.rasterizer import Rendered, render
 from ...core.rasterizer.interface import Backend, RasterSettings
 from ...core.rasterizer.projection import camera_pose
 from ...core.rigid_motion import moved_pose
-from .case import Place
+from .case import Site
 
 #: Share of the largest gradient below which a parameter's own gradient is too small to be compared by itself.
 NEGLIGIBLE = 0.02
@@ -131,7 +131,7 @@ def drawn(
 
 
 def against_float64(
-    gaussians: Gaussians, camera: Camera, place: Place, settings: RasterSettings = RasterSettings()
+    gaussians: Gaussians, camera: Camera, site: Site, settings: RasterSettings = RasterSettings()
 ) -> tuple[float, float]:
     """(worst pixel, worst gradient) of float32 on a back end against float64 on the reference.
 
@@ -139,7 +139,7 @@ def against_float64(
     `NEGLIGIBLE` times the largest tensor's, if that is more.
     """
     truth = drawn(gaussians.to(dtype=torch.float64), camera, "reference", settings)
-    found = drawn(gaussians, camera, place.backend, settings)
+    found = drawn(gaussians, camera, site.backend, settings)
     if not found.finite:
         return math.inf, math.inf
     pixel = max(pixels_apart(found.image, truth.image), pixels_apart(found.alpha, truth.alpha))

@@ -21,8 +21,8 @@ from ...core.progress import Silent
 from ...core.reconstruction import Reconstruction
 from ...core.sfm import find
 from ...core.sfm.settings import SfmSettings
-from .case import Place, case, explained
-from .photographed import looking, sharp_photo, texture
+from .case import Site, case, explained
+from .photographed import looking, sharp_photo, small_set, texture, trained_steps
 
 WIDTH, HEIGHT, FOCAL, SIGMA = 280, 210, 290.0, 2.0
 SETTINGS = SfmSettings(time_limit=20.0, hard_limit=240.0)  # (a busy machine must not fail)
@@ -48,15 +48,15 @@ def _photos(cameras: dict[str, Camera], sigma: float = SIGMA, flat: bool = False
     ]
 
 
-def _found(photos: list[Photo], place: Place, sigma: float = SIGMA) -> Reconstruction:
+def _found(photos: list[Photo], site: Site, sigma: float = SIGMA) -> Reconstruction:
     kernel = PointSpread("gaussian", sigma, sigma).kernel() if sigma else None
-    return find.find_cameras(photos, kernel, SETTINGS, place.folder, Silent())
+    return find.find_cameras(photos, kernel, SETTINGS, site.folder, Silent())
 
 
 @contextmanager
-def _another_worker(code: str, place: Place) -> Iterator[None]:
+def _another_worker(code: str, site: Site) -> Iterator[None]:
     """Another program in the place of the child process."""
-    before, script = find._WORKER, place.folder / "worker.py"
+    before, script = find._WORKER, site.folder / "worker.py"
     script.write_text(code, "utf-8")
     find._WORKER = script
     try:
@@ -66,15 +66,15 @@ def _another_worker(code: str, place: Place) -> Iterator[None]:
 
 
 @case("sfm", "two photos", "a typed error with a way out", 0.0, "a count of violations")
-def too_few(place: Place) -> float:
+def too_few(site: Site) -> float:
     """Three views are the least that check one another."""
     with explained(TooFewPhotos):
-        _found(_photos(_cameras(2)), place)
+        _found(_photos(_cameras(2)), site)
     return 0.0
 
 
 @case("sfm", "photos of nothing, photos without overlap", "a typed error with a way out", 0.0, "a count of violations")
-def no_overlap(place: Place) -> float:
+def no_overlap(site: Site) -> float:
     """Noise, all black, and four different textures: no matches, or matches by chance."""
     noise = np.random.default_rng(0)
     grey = [_photo(f"{i}.png", np.full((3, 60, 80), 0.5) + 0.01 * noise.standard_normal((3, 60, 80))) for i in range(4)]
@@ -82,12 +82,12 @@ def no_overlap(place: Place) -> float:
     other = [_photo(f"{i}.png", texture(10 + i, 200)[:, :150]) for i in range(4)]
     for photos in (grey, black, other):
         with explained(CameraError):
-            _found(photos, place, 0.0)
+            _found(photos, site, 0.0)
     return 0.0
 
 
 @case("sfm", "panorama: the camera only turns", "DegenerateMotion with a way out", 0.0, "a count of violations")
-def panorama(place: Place) -> float:
+def panorama(site: Site) -> float:
     """Rays from one place meet nowhere: there is no depth to be found, yet a model may come out."""
     middle, cameras = _cameras(3)["1.png"], {}
     for i, angle in enumerate(np.linspace(-0.15, 0.15, 5)):
@@ -95,7 +95,7 @@ def panorama(place: Place) -> float:
         rotation = turn @ middle.rotation
         cameras[f"{i}.png"] = middle.moved(rotation, -rotation @ middle.centre)
     with explained(DegenerateMotion):
-        _found(_photos(cameras, 0.0), place, 0.0)
+        _found(_photos(cameras, 0.0), site, 0.0)
     return 0.0
 
 
@@ -106,11 +106,11 @@ def panorama(place: Place) -> float:
     0.1,
     "share of the viewing distance",
 )
-def planar(place: Place) -> float:
+def planar(site: Site) -> float:
     """A wall leaves two solutions per pair; COLMAP may abort the process on such sets."""
     truth = _cameras(6)
     try:
-        found = _found(_photos(truth, 0.0, flat=True), place, 0.0)
+        found = _found(_photos(truth, 0.0, flat=True), site, 0.0)
     except CameraError as error:
         return 0.0 if error.way_out else math.inf
     errors = pose_errors(found.cameras(), truth)
@@ -118,22 +118,22 @@ def planar(place: Place) -> float:
 
 
 @case("sfm", "native code aborts", "a typed error; this process lives", 0.0, "a count of violations")
-def abort(place: Place) -> float:
+def abort(site: Site) -> float:
     """An abort in native code ends the process that it runs in."""
     photos = _photos(_cameras(3), 0.0)
     for code in ("import os; os.abort()", "print('{broken', flush=True)", "raise SystemExit(3)"):
         if code.startswith("import os") and os.name != "posix":
             continue
-        with _another_worker(code, place):
+        with _another_worker(code, site):
             if "broken" in code:
                 try:
-                    _found(photos, place, 0.0)
+                    _found(photos, site, 0.0)
                 except Exception as error:  # noqa: BLE001 (which kind is what is tested)
                     if not isinstance(error, CameraError):
                         return 1.0
             else:
                 with explained(NativeCrash):
-                    _found(photos, place, 0.0)
+                    _found(photos, site, 0.0)
     return 0.0
 
 
@@ -144,12 +144,12 @@ def abort(place: Place) -> float:
     1.5,
     "SfM's own scatter on this set is 0.3 px",
 )
-def repeated_photo(place: Place) -> float:
+def repeated_photo(site: Site) -> float:
     """Copies look like the best matches of all: false confidence."""
     truth = _cameras(7)
     photos = _photos(truth)
     copies = [replace(photos[3], name=f"copy {i}.png", path=Path(f"copy {i}.png")) for i in range(9)]
-    found = _found([*photos, *copies], place)
+    found = _found([*photos, *copies], site)
     named = {name: camera for name, camera in found.cameras().items() if name in truth}
     if len(named) < 6:
         return math.inf
@@ -164,10 +164,8 @@ def repeated_photo(place: Place) -> float:
 
 
 @case("sfm", "copies of photos in training", "count once in the trust in photos", 0.0, "a count of violations")
-def copies_in_training(place: Place) -> float:
+def copies_in_training(site: Site) -> float:
     """Ten copies of every photo average no noise away."""
-    from .photographed import small_set, trained_steps
-
     views, points, medium = small_set(4)
     tenfold = [replace(v, camera=replace(v.camera, name=f"{k} {v.name}")) for k in range(10) for v in views]
     one, ten = (trained_steps(v, points, medium, 0) for v in (views, tenfold))
@@ -178,10 +176,10 @@ def copies_in_training(place: Place) -> float:
 
 
 @case("sfm", "the same photos twice", "the same bits of cameras and points", 0.0, "a count of values that differ")
-def repeats_itself(place: Place) -> float:
+def repeats_itself(site: Site) -> float:
     """Threads that finish in any order, and sums of several threads: other cameras at every run."""
     photos = _photos(_cameras(6))
-    one, two = (_found(photos, place) for _ in range(2))
+    one, two = (_found(photos, site) for _ in range(2))
     if one.names != two.names or one.points.positions.shape != two.points.positions.shape:
         return math.inf
     differing = int((one.points.positions != two.points.positions).sum())

@@ -10,7 +10,7 @@ from typing import Any
 from ...core.files import write_text
 from .case import FAMILIES, Result
 from .fuzz import Fuzzed
-from .torture import Outcome
+from .torture import TortureResult
 
 #: Between these marks the command writes; the rest of the document is written by hand.
 BEGIN, END = "<!-- written by run_dgs.py stress --markdown: begin -->", "<!-- end -->"
@@ -53,13 +53,13 @@ def fuzz_line(found: Fuzzed) -> str:
     )
 
 
-def torture_line(outcome: Outcome) -> str:
+def torture_line(outcome: TortureResult) -> str:
     """One training: loss before and after, or why it stopped."""
     course = outcome.stopped or f"loss {figure(outcome.before)} -> {figure(outcome.after)}"
     return f"{verdict(outcome.passed)}  {outcome.name}: {course} ({outcome.seconds:.1f} s)"
 
 
-def failures(results: Sequence[Result], found: Fuzzed | None, outcomes: Sequence[Outcome]) -> int:
+def failures(results: Sequence[Result], found: Fuzzed | None, outcomes: Sequence[TortureResult]) -> int:
     """How many rows of all tables failed."""
     broken = 0 if found is None else int(found.non_finite + found.uncounted > 0)
     return sum(not r.passed for r in results) + broken + sum(not o.passed for o in outcomes)
@@ -68,7 +68,7 @@ def failures(results: Sequence[Result], found: Fuzzed | None, outcomes: Sequence
 def as_json(
     results: Sequence[Result],
     found: Fuzzed | None,
-    outcomes: Sequence[Outcome],
+    outcomes: Sequence[TortureResult],
     machine: Mapping[str, Any],
     seconds: float,
 ) -> dict[str, Any]:
@@ -126,7 +126,7 @@ def as_json(
 def markdown(
     results: Sequence[Result],
     found: Fuzzed | None,
-    outcomes: Sequence[Outcome],
+    outcomes: Sequence[TortureResult],
     machine: Mapping[str, Any],
     seconds: float,
 ) -> str:

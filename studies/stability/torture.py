@@ -47,7 +47,7 @@ class Torture:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class TortureResult:
     """What became of it.
 
     Attributes:
@@ -145,7 +145,7 @@ def tortures() -> Iterator[Torture]:
     yield Torture("the same photo of noise from everywhere", [replace(v, photo=noise) for v in views], points, medium)
 
 
-def tortured(one: Torture, steps: int = STEPS) -> Outcome:
+def tortured(one: Torture, steps: int = STEPS) -> TortureResult:
     """Trains on one bad scene and judges the end."""
     began, before, after, bad, stopped = time.perf_counter(), math.nan, math.nan, 0, ""
     start: list[float] = []
@@ -165,4 +165,4 @@ def tortured(one: Torture, steps: int = STEPS) -> Outcome:
         passed = one.stops and bool(error.way_out)
     else:
         passed = not one.stops and bad == 0 and math.isfinite(after) and after < max(before, ONE_STEP)
-    return Outcome(one.name, before, after, bad, stopped, time.perf_counter() - began, passed)
+    return TortureResult(one.name, before, after, bad, stopped, time.perf_counter() - began, passed)

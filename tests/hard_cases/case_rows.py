@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from dgs.studies.stability.case import all_cases
+from dgs.studies.stability.registry import all_cases
 
 
 def rows(family: str) -> list[object]:

@@ -5,7 +5,8 @@ import json
 from dgs.command_line import run
 from dgs.studies.stability import case as case_module
 from dgs.studies.stability import table
-from dgs.studies.stability.case import Case, all_cases, measured, runs
+from dgs.studies.stability.case import Case, measured, runs
+from dgs.studies.stability.registry import all_cases
 
 
 def test_the_table_as_lines_json_and_document(tmp_path, capsys):
