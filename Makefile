@@ -52,7 +52,7 @@ tradeoff: setup  ## What each knob costs in time and brings (hours, resumable); 
 	@$(PY) -m benchmarks.tradeoff $(ARGS)
 
 paper: setup  ## Repeat the paper's experiment (hours, resumable; ARGS="--quick": minutes) and write docs/paper.md
-	@$(PY) -m tools.paper $(ARGS)
+	@$(PY) -m studies.paper $(ARGS)
 
 extension: setup  ## Build the Blender extension into dist/
 	@$(PY) -m tools.extension

@@ -120,12 +120,13 @@ def make_scene(
     wall, floor = random.uniform(7.0, 10.0), random.uniform(1.0, 1.5)
     light_from = np.array([random.uniform(-0.6, 0.6), -0.8, -0.7])
     light_from /= np.linalg.norm(light_from)
+    objects = Objects(textures, spheres, cards, wall, floor, light_from, gloss)
     cameras, lights, depths = [], [], []
     arc = random.uniform(0.35, 0.9)
     for index in range(views):
         camera = _camera(random, index, arc, width, height, views)
         wide = camera.with_margin(MARGIN)
-        light, depth = _cast(wide, textures, spheres, cards, wall, floor, light_from, gloss, finer)
+        light, depth = _cast(wide, objects, finer)
         cameras.append(camera)
         lights.append(light)
         depths.append(depth)
@@ -172,8 +173,23 @@ def _camera(random: np.random.Generator, index: int, arc: float, width: int, hei
     return Camera(f"view_{index:03d}.png", width, height, f, f, width / 2, height / 2, rotation, -rotation @ centre)
 
 
-def _cast(camera, textures, spheres, cards, wall, floor, light_from, gloss, finer):
+@dataclass
+class Objects:
+    """What rays meet: textures that wrap; spheres (middle, radius, texture); square cards (middle, normal, axis across,
+    half a side, texture); a wall at this depth and a floor at this height; the direction to the light; gloss."""
+
+    textures: list[np.ndarray]
+    spheres: list[tuple]
+    cards: list[tuple]
+    wall: float
+    floor: float
+    light_from: np.ndarray
+    gloss: float
+
+
+def _cast(camera: Camera, objects: Objects, finer: int) -> tuple[np.ndarray, np.ndarray]:
     """[H, W, 3] linear light, [H, W] depth."""
+    light_from, gloss = objects.light_from, objects.gloss
     u = (np.arange(camera.width * finer) + 0.5) / finer
     v = (np.arange(camera.height * finer) + 0.5) / finer
     x, y = np.meshgrid((u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy)
@@ -188,7 +204,7 @@ def _cast(camera, textures, spheres, cards, wall, floor, light_from, gloss, fine
         index = (np.floor(a * 200).astype(int) % TEXTURE, np.floor(b * 200).astype(int) % TEXTURE)
         facing = np.clip(normal @ light_from if normal.ndim > 1 else float(normal @ light_from), 0, 1)
         shade = (0.35 + 0.65 * np.asarray(facing))[..., None]
-        value = textures[texture][index] * shade
+        value = objects.textures[texture][index] * shade
         if gloss:
             half = light_from - rays[hit] / np.linalg.norm(rays[hit], axis=1, keepdims=True)
             half /= np.linalg.norm(half, axis=1, keepdims=True)
@@ -206,9 +222,9 @@ def _cast(camera, textures, spheres, cards, wall, floor, light_from, gloss, fine
 
     everywhere = lambda a, b: np.ones(len(a), bool)  # noqa: E731
     axes = np.eye(3)
-    plane(np.array([0.0, 0.0, wall]), -axes[2], everywhere, 0, 0.6 * axes[0], 0.6 * axes[1])
-    plane(np.array([0.0, floor, 0.0]), -axes[1], everywhere, 1, 0.8 * axes[0], 0.8 * axes[2])
-    for middle, normal, across, half, texture in cards:
+    plane(np.array([0.0, 0.0, objects.wall]), -axes[2], everywhere, 0, 0.6 * axes[0], 0.6 * axes[1])
+    plane(np.array([0.0, objects.floor, 0.0]), -axes[1], everywhere, 1, 0.8 * axes[0], 0.8 * axes[2])
+    for middle, normal, across, half, texture in objects.cards:
         plane(
             middle,
             normal,
@@ -217,7 +233,7 @@ def _cast(camera, textures, spheres, cards, wall, floor, light_from, gloss, fine
             across,
             np.cross(normal, across),
         )
-    for middle, radius, texture in spheres:
+    for middle, radius, texture in objects.spheres:
         to = origin - middle.astype(np.float32)
         aa = (rays**2).sum(1)
         bb = rays @ to
@@ -264,29 +280,32 @@ def degrade(scene: Scene, truth: Truth, seed: int = 0) -> list[np.ndarray]:
         if truth.haze:
             passed = np.exp(-truth.haze / median * depth)[..., None]
             light = light * passed + veil * (1 - passed)
-        if truth.space == "srgb":
-            light = linear_to_srgb(np.clip(light, 0, None))
+        encoded = truth.space == "srgb"
+        light = linear_to_srgb(np.clip(light, 0, None)) if encoded else light
         if truth.defocus:
             light = _defocus(light, depth, near, far, truth.defocus)
         if truth.field:
             light = _blurred(light, truth.field * np.sqrt(_radius2(height, width, MARGIN)))
-        if any(truth.psf[:2]):
-            light = _convolved(light, _gaussian(*truth.psf))
-        if own[index]:
-            light = _convolved(light, _gaussian(own[index], own[index], 0.0))
-        if truth.motion:
-            light = _convolved(light, _path(truth.motion * random.uniform(0.6, 1.4), random.uniform(0, 180)))
-        if truth.space == "srgb":
-            light = srgb_to_linear(light)
-        light = light[MARGIN:-MARGIN, MARGIN:-MARGIN]
+        for kernel in _kernels(truth, float(own[index]), random):
+            light = _convolved(light, kernel)
+        light = (srgb_to_linear(light) if encoded else light)[MARGIN:-MARGIN, MARGIN:-MARGIN]
         if truth.vignetting:
             r2 = _radius2(height, width)
             light = light * (1 - truth.vignetting * r2)[..., None]
         light = light * gains[index] / level
-        encoded = linear_to_srgb(np.clip(light, 0, 1))
-        encoded = encoded + truth.noise / 255 * random.standard_normal(encoded.shape)
-        photos.append(np.round(np.clip(encoded, 0, 1) * 255).astype(np.uint8))
+        values = linear_to_srgb(np.clip(light, 0, 1))
+        values = values + truth.noise / 255 * random.standard_normal(values.shape)
+        photos.append(np.round(np.clip(values, 0, 1) * 255).astype(np.uint8))
     return photos
+
+
+def _kernels(truth: Truth, own: float, random: np.random.Generator) -> list[np.ndarray]:
+    """What blurs a whole photo alike, in order: the medium, the photo's own width, its motion."""
+    found = [_gaussian(*truth.psf)] if any(truth.psf[:2]) else []
+    found += [_gaussian(own, own, 0.0)] if own else []
+    if truth.motion:
+        found.append(_path(truth.motion * random.uniform(0.6, 1.4), random.uniform(0, 180)))
+    return found
 
 
 def own_sigmas(truth: Truth, views: int, seed: int) -> np.ndarray:

@@ -68,7 +68,6 @@ def measure(row: Row) -> Row:
     from dgs.core.imaging.psf import PointSpread
     from dgs.core.rasterizer import render
     from dgs.core.training.optimizer import Adam
-    from dgs.core.training.photometric import PhotometricLoss
 
     from . import scene
 
@@ -86,36 +85,15 @@ def measure(row: Row) -> Row:
     with torch.no_grad():
         photo = blur(render(optimizer.gaussians, scene.camera(width, height, 1.0).with_margin(margin)).image)
     photo = photo.cpu()
-    rates = dict.fromkeys([*(name for name, _ in optimizer.gaussians.named()), "sh_rest"], 1e-5)
     names = ("forward_ms", "psf_ms", "loss_ms", "backward_ms", "step_ms", "iteration_ms")
     samples: dict[str, list[float]] = {name: [] for name in names}
     evaluations = []
 
-    def now() -> float:
-        if device == "cuda":
-            torch.cuda.synchronize()
-        return time.perf_counter() * 1e3
-
     slow = row["backend"] == "reference"
     until = time.perf_counter() + (14.0 if slow else 5.0)
     for iteration in range(3 if slow else 400):
-        marks = [now()]
-        view = render(optimizer.gaussians, cameras[iteration % 4], backend=row["backend"])
-        marks.append(now())
-        blurred = blur(view.image)
-        marks.append(now())
-        # Training compares with another photo every time, so its statistics are part of the loss.
-        loss = PhotometricLoss(photo)(blurred.cpu() if device == "cuda" else blurred)
-        marks.append(now())
-        # In two steps, so that what the medium costs on the way back is counted as the medium's.
-        gradient = torch.autograd.grad(loss, blurred)[0]
-        marks.append(now())
-        image_gradient = torch.autograd.grad(blurred, view.image, gradient)[0] if row["sigma"] else gradient
-        marks.append(now())
-        view.image.backward(image_gradient)
-        marks.append(now())
-        optimizer.step(rates)
-        marks.append(now())
+        camera = cameras[iteration % 4]
+        view, marks = _one_iteration(row, optimizer, camera, blur, photo)
         spent = [later - earlier for earlier, later in itertools.pairwise(marks)]
         stages = (spent[0], spent[1] + spent[4], spent[2] + spent[3], spent[5], spent[6], marks[-1] - marks[0])
         # The first rounds plan, compile and fill caches.
@@ -134,6 +112,40 @@ def measure(row: Row) -> Row:
         "iterations": len(evaluations),
         "peak_memory_mb": round(peak_memory_mb()),
     }
+
+
+def _one_iteration(row: Row, optimizer: Any, camera: Any, blur: Any, photo: Any) -> tuple[Any, list[float]]:
+    """One step of training: what was rendered, and the times (ms) between its stages."""
+    import torch
+    from dgs.core.rasterizer import render
+    from dgs.core.training.photometric import PhotometricLoss
+
+    cuda = row["backend"] == "cuda"
+    rates = dict.fromkeys([*(name for name, _ in optimizer.gaussians.named()), "sh_rest"], 1e-5)
+
+    def now() -> float:
+        if cuda:
+            torch.cuda.synchronize()
+        return time.perf_counter() * 1e3
+
+    marks = [now()]
+    view = render(optimizer.gaussians, camera, backend=row["backend"])
+    marks.append(now())
+    blurred = blur(view.image)
+    marks.append(now())
+    # Training compares with another photo every time, so its statistics are part of the loss.
+    loss = PhotometricLoss(photo)(blurred.cpu() if cuda else blurred)
+    marks.append(now())
+    # In two steps, so that what the medium costs on the way back is counted as the medium's.
+    gradient = torch.autograd.grad(loss, blurred)[0]
+    marks.append(now())
+    image_gradient = torch.autograd.grad(blurred, view.image, gradient)[0] if row["sigma"] else gradient
+    marks.append(now())
+    view.image.backward(image_gradient)
+    marks.append(now())
+    optimizer.step(rates)
+    marks.append(now())
+    return view, marks
 
 
 def compile_seconds(_: Row) -> Row:

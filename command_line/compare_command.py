@@ -47,7 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="plain, paper, dgs, oracle, 'wiener N vW' or 'rl N vW'; may be repeated; all if not given",
     )
     add("--quick", action="store_true", help="few methods and short trainings: proves the machinery only")
-    add("--mismatch", action="store_true", help="instead: what happens when the medium is not what it was told to be")
+    add("--mismatch", action="store_true", help="instead: what happens when the medium is not the one that was given")
     add("--resume", action="store_true", help="keep the rows in DIR that belong to the same settings")
     add_machine(parser)
     add_progress(parser)

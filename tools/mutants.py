@@ -1,7 +1,6 @@
-#!/usr/bin/env python3
 """Proves that the tests of hard cases can fail: breaks a copy of the tree in known ways, and the tests must see each.
 
-    python tools/mutants.py [--only WORD]
+    python -m tools.mutants [--only WORD]
 
 Every mutation is applied to a copy of the tracked files in a temporary folder. A mutation that no longer fits the
 source, a test that is gone, and a mutant that survives end with status 1.
@@ -167,12 +166,22 @@ def tested(folder: Path, family: str, tests: str) -> int:
     return subprocess.run(command, cwd=folder, capture_output=True, env=environment, check=False).returncode
 
 
+def misfit(mutation: Mutation, folder: Path = ROOT) -> str:
+    """Why a mutation cannot be applied to a tree; empty if it can."""
+    path = folder / mutation.file
+    if not path.is_file():
+        return f"there is no {mutation.file}"
+    count = path.read_text("utf-8").count(mutation.old)
+    return "" if count == 1 else f"{mutation.file} holds the text {count} times"
+
+
 def judged(mutation: Mutation, folder: Path) -> str:
     """'caught', or what is wrong."""
     path = folder / mutation.file
-    source = path.read_text("utf-8") if path.is_file() else ""
-    if source.count(mutation.old) != 1:
-        return f"DOES NOT APPLY: {mutation.file} holds the text {source.count(mutation.old)} times"
+    wrong = misfit(mutation, folder)
+    if wrong:
+        return f"DOES NOT APPLY: {wrong}"
+    source = path.read_text("utf-8")
     if tested(folder, mutation.family, mutation.tests) != 0:
         return "NO TEST: unbroken, the tests do not pass"
     path.write_text(source.replace(mutation.old, mutation.new), "utf-8")

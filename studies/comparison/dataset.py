@@ -122,7 +122,7 @@ def load_dataset(settings: CompareSettings, threads: int, progress: Progress) ->
 
     Raises:
         PhotoError: no blurred or no sharp photos.
-        DgsError: the point spread function is not known.
+        DgsError: the point spread function is not given.
         CameraError: no trustworthy cameras.
     """
     folder = settings.dataset
@@ -161,7 +161,7 @@ def load_dataset(settings: CompareSettings, threads: int, progress: Progress) ->
 
 
 def point_spread(text: str) -> PointSpread | None:
-    """As `parse_psf`, and 'disk:RADIUS', which synthesize knows too.
+    """As `parse_psf`, and 'disk:RADIUS', which synthesize takes, too.
 
     Raises:
         PsfError: the text makes no sense.
@@ -182,17 +182,17 @@ def cropped_array(array: NDArray[Any], border: int) -> NDArray[Any]:
 
 
 def _medium_text(settings: CompareSettings) -> tuple[str, Any]:
-    told: dict[str, Any] = {}
+    given: dict[str, Any] = {}
     file = settings.dataset / "psf.json"
     if file.is_file():
         try:
-            told = json.loads(file.read_text(encoding="utf-8"))
+            given = json.loads(file.read_text(encoding="utf-8"))
         except (OSError, ValueError) as error:
             raise DgsError(f"'{file}' cannot be read: {error}", "Give --psf") from error
-    psf = settings.psf or told.get("psf")
+    psf = settings.psf or given.get("psf")
     if not psf:
         raise DgsError(f"Nobody says what blurred the photos of '{settings.dataset.name}'", "Give --psf gaussian:SIGMA")
-    return str(psf), settings.blur_space or told.get("blur_space", "srgb")
+    return str(psf), settings.blur_space or given.get("blur_space", "srgb")
 
 
 def _cameras(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,17 +21,28 @@ from ...core.files import make_folder, write_bytes
 from ...core.imaging.fourier import wiener_photo
 from ...core.imaging.medium import Medium
 from ...core.imaging.spectrum import OPPONENT, noise_to_signal
+from ...core.numbers import number
 from ...core.photos.load import Photo
 from ...core.progress import Progress
 
-#: Photos that the noise is measured on.
-_MEASURED = 12
-#: Numbers of Richardson-Lucy's iterations among which one is chosen without the truth. More than the last take
-#: hours on a set of photos.
-LADDER = (10, 25, 50, 100, 200)
-#: Photos on which it is chosen; the residual may be so many times the noise (Morozov's discrepancy principle
-#: wants a factor a little above 1).
-_TRIED, _TOLERANCE = 3, 1.1
+
+@dataclass(frozen=True)
+class DeconvolutionNumbers:
+    """Of the baselines' choices that need no truth."""
+
+    spectrum_photos: int = number(12, "count", "photos that the noise is measured on, at most")
+    iterations: tuple[int, ...] = number(
+        (10, 25, 50, 100, 200),
+        "count",
+        "iterations of Richardson-Lucy among which one is chosen; more than the last take hours on a set of photos",
+    )
+    tried_photos: int = number(3, "count", "photos on which the number of iterations is chosen")
+    residual: float = number(
+        1.1, "standard deviations of the noise", "Morozov's discrepancy principle wants a factor a little above 1"
+    )
+
+
+NUMBERS = DeconvolutionNumbers()
 
 
 def planes(photo: Photo) -> torch.Tensor:
@@ -44,13 +55,13 @@ def wiener(photos: Sequence[Photo], medium: Medium, ratio: str) -> list[Photo]:
     """Every photo after Wiener's filter, in 16 bits, masked pixels as they were.
 
     Args:
-        ratio: noise-to-signal ratio, or 'measured' for what the photos' own spectra tell (no truth needed).
+        ratio: noise-to-signal ratio, or 'measured': estimated from the photos' own spectra (no truth needed).
     """
     assert medium.psf is not None
     rotation = torch.from_numpy(OPPONENT).float()
     table: Any = None
     if ratio == "measured":
-        chosen = photos[:: max(1, len(photos) // _MEASURED)]
+        chosen = photos[:: max(1, len(photos) // NUMBERS.spectrum_photos)]
         full = np.iinfo(photos[0].pixels.dtype).max
         measured = noise_to_signal((_light(p, medium).numpy() for p in chosen), medium.psf, 1 / full / 12**0.5)
         table = np.stack([measured.brightness, measured.colour, measured.colour])
@@ -88,7 +99,7 @@ def lucy(
     if folder is not None:
         make_folder(folder)
     with ThreadPoolExecutor(max(1, threads)) as pool:
-        for number, photo in enumerate(photos, start=1):
+        for done, photo in enumerate(photos, start=1):
             if progress.cancelled():
                 raise Cancelled("Stopped while photos were deconvolved", "Run it again with --resume")
             file = None if folder is None else folder / f"{photo.name}.npy"
@@ -103,14 +114,14 @@ def lucy(
                     write_bytes(file, buffer.getvalue())
                 pixels = made
             out.append(replace(photo, pixels=pixels))
-            progress.advance(number)
+            progress.advance(done)
     return out
 
 
 def lucy_iterations(photos: Sequence[Photo], medium: Medium, threads: int = 1) -> tuple[int, float]:
     """How many iterations of Richardson-Lucy the photos themselves ask for, by the discrepancy principle.
 
-    The first number on `LADDER` at which the estimate, blurred again, agrees with the photo as well as
+    The first number of `NUMBERS.iterations` at which the estimate, blurred again, agrees with the photo as well as
     the photo's noise allows; the last if none does. Needs no truth. Measured on the green channel of a
     few photos, away from their borders.
 
@@ -118,19 +129,19 @@ def lucy_iterations(photos: Sequence[Photo], medium: Medium, threads: int = 1) -
         The number, and the residual's rms there over the noise's standard deviation.
     """
     assert medium.psf is not None
-    chosen = photos[:: max(1, len(photos) // _TRIED)][:_TRIED]
+    chosen = photos[:: max(1, len(photos) // NUMBERS.tried_photos)][: NUMBERS.tried_photos]
     full = np.iinfo(photos[0].pixels.dtype).max
     planes_tried = [_light(photo, medium).numpy() for photo in chosen]
     noise = noise_to_signal(planes_tried, medium.psf, 1 / full / 12**0.5).noise
     residual = float("inf")
     kernel = medium.psf.kernel().astype(np.float32)
     with ThreadPoolExecutor(max(1, threads)) as pool:
-        for iterations in LADDER:
+        for iterations in NUMBERS.iterations:
             squares = pool.map(lambda each, n=iterations: _discrepancy(each[1], kernel, medium, n), planes_tried)
             residual = float(np.sqrt(np.mean(list(squares)))) / noise
-            if residual <= _TOLERANCE:
+            if residual <= NUMBERS.residual:
                 return iterations, residual
-    return LADDER[-1], residual
+    return NUMBERS.iterations[-1], residual
 
 
 def _discrepancy(plane: NDArray[np.float32], kernel: NDArray[np.float32], medium: Medium, iterations: int) -> float:

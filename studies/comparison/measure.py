@@ -23,6 +23,7 @@ from ...core.evaluation.lines import (
 from ...core.evaluation.metrics import psnr
 from ...core.evaluation.poses import Similarity, align_similarity, pose_errors
 from ...core.evaluation.profiles import Sampler
+from ...core.numbers import number
 from ...core.pipeline.heldout import Scores, ViewScorer, mean_of
 from ...core.pipeline.views import Viewer
 from ...core.progress import Silent
@@ -33,12 +34,20 @@ from .dataset import Dataset
 
 Array = NDArray[np.float64]
 
-#: Trained views that are scored, and in which lines are measured besides the held-out ones.
-FITTED, LINE_VIEWS = 4, 12
 #: The widest and the most thinly painted line that reports compare; others only if there is room.
 LINES = ("red", "white thin")
-#: A pixel whose opacity is less has no depth worth comparing.
-OPAQUE = 0.5
+
+
+@dataclass(frozen=True)
+class MeasureNumbers:
+    """Of what is read off a twin."""
+
+    fitted_views: int = number(4, "count", "trained views that are scored; each costs as much as a held-out one")
+    line_views: int = number(12, "count", "trained views in which lines are measured besides the held-out ones")
+    opaque: float = number(0.5, "opacity", "a pixel below it has no depth worth comparing")
+
+
+NUMBERS = MeasureNumbers()
 
 
 @dataclass(frozen=True)
@@ -70,8 +79,10 @@ class Measure:
         self.by_name = {photo.name: photo for photo in data.photos}
         self.held = [name for name in data.heldout if name in self.by_name]
         trained = [] if only_heldout else [name for name in sorted(self.by_name) if name not in self.held]
-        self.fitted = trained[:: max(1, len(trained) // FITTED)][:FITTED]
-        self._line_views = sorted({*self.held, *trained[:: max(1, len(trained) // LINE_VIEWS)][:LINE_VIEWS]})
+        self.fitted = trained[:: max(1, len(trained) // NUMBERS.fitted_views)][: NUMBERS.fitted_views]
+        self._line_views = sorted(
+            {*self.held, *trained[:: max(1, len(trained) // NUMBERS.line_views)][: NUMBERS.line_views]}
+        )
         reference = data.reference_cameras()
         self._alignment: Similarity | None = align_similarity(data.cameras.cameras(), reference) if reference else None
         self.true_widths = self._true_widths(reference) if data.lines else {}
@@ -200,7 +211,7 @@ class Measure:
             assert seen.depth is not None
             alpha = seen.alpha.detach().numpy()
             depth = seen.depth.detach().numpy() / np.maximum(alpha, 1e-6) * scale.size * self._alignment.scale
-            counted = (alpha > OPAQUE) & np.isfinite(truth)
+            counted = (alpha > NUMBERS.opaque) & np.isfinite(truth)
             wrong = np.abs(depth - truth)
             errors.append(wrong[counted])
             shares.append(wrong[counted] / truth[counted])

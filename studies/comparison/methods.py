@@ -2,7 +2,7 @@
 
 plain            Gaussian splatting of the blurred photos
 wiener N vW      Wiener's filter with noise-to-signal ratio N per photo, then splatting with total variation
-                 W; N 'measured' is told by the photos' own spectra: the choice that needs no truth
+                 W; N 'measured' is estimated from the photos' own spectra: the choice that needs no truth
 rl N vW          N iterations of Richardson-Lucy per photo, then splatting with total variation W; N 'measured'
                  is where the residual is as small as the photos' noise (`deconvolution.lucy_iterations`)
 paper            the paper's loss: MAE + SSIM on the degraded render
@@ -17,11 +17,13 @@ import time
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from ...core.errors import DgsError
+from ...core.errors import Cancelled, DgsError
 from ...core.files import write_json
 from ...core.imaging.medium import Medium
 from ...core.photos.load import Photo
+from ...core.photos.undistort import undistorted_views
 from ...core.progress import Progress
+from ...core.training.run import Trained, train
 from ...core.training.settings import TrainingSettings
 from . import deconvolution
 from .dataset import Dataset
@@ -52,26 +54,43 @@ def methods(quick: bool = False) -> list[str]:
 
 
 @dataclass(frozen=True)
-class Ingredients:
+class MethodInputs:
     """What a method trains on.
 
     Attributes:
         photos: registered ones.
-        medium: what the training knows of.
+        medium: what the training is given.
         settings: of the training.
         seconds: what the deconvolution took.
-        told: what the photos themselves told, for the table.
+        estimate: what was estimated from the photos themselves, for the table.
     """
 
     photos: list[Photo]
     medium: Medium
     settings: TrainingSettings
     seconds: float = 0.0
-    told: str = ""
+    estimate: str = ""
 
 
-class Kitchen:
-    """Prepares ingredients, and keeps the photos deconvolved last: seeds and TV weights share them.
+class Quiet:
+    """Passes on only the wish to stop: a training's own stages would hide which run it belongs to."""
+
+    def __init__(self, progress: Progress) -> None:
+        self._progress = progress
+
+    def stage(self, name: str, total: int | None = None) -> None: ...
+
+    def advance(self, done: int, **figures: float) -> None: ...
+
+    def note(self, text: str) -> None: ...
+
+    def cancelled(self) -> bool:
+        """Whether the user asked to stop."""
+        return self._progress.cancelled()
+
+
+class MethodRunner:
+    """Trains one method's twin after another, and keeps the photos deconvolved last: seeds and TV weights share them.
 
     Args:
         data: the set; only photos that are trained on are deconvolved.
@@ -84,8 +103,27 @@ class Kitchen:
         self._made: tuple[str, list[Photo], float, str] = ("", [], 0.0, "")
         self._iterations: tuple[int, float] | None = None
 
-    def ingredients(self, method: str, base: TrainingSettings) -> Ingredients:
-        """Of one method.
+    def trained(self, method: str, base: TrainingSettings) -> tuple[Trained, MethodInputs, dict[str, float]]:
+        """A method's twin, what it was trained on, and seconds: of the deconvolution, and wall and CPU of the rest.
+
+        Raises:
+            DgsError: there is no such method, or there are too few photos.
+            Cancelled: the user stopped the training.
+        """
+        ready = self.inputs(method, base)
+        wall, cpu = time.perf_counter(), time.process_time()
+        held = set(self._data.heldout)
+        views = [view for view in undistorted_views(ready.photos, self._data.cameras) if view.name not in held]
+        if not views:
+            raise DgsError(f"'{self._data.name}' has too few photos to hold some out", "Give a set of 9 photos or more")
+        trained = train(views, [], self._data.cameras.points, ready.medium, ready.settings, Quiet(self._progress))
+        if trained.steps < ready.settings.steps and self._progress.cancelled():
+            raise Cancelled(f"Stopped while '{method}' was trained", "Go on with --resume")
+        seconds = {"deconvolution": ready.seconds}
+        return trained, ready, seconds | {"wall": time.perf_counter() - wall, "cpu": time.process_time() - cpu}
+
+    def inputs(self, method: str, base: TrainingSettings) -> MethodInputs:
+        """What one method is trained on.
 
         Raises:
             DgsError: there is no such method.
@@ -97,14 +135,14 @@ class Kitchen:
         if kind not in _KINDS or len(values) != (2 if kind in ("wiener", "rl") else 0):
             raise DgsError(f"There is no method '{method}'", f"Choose among {', '.join(methods())}")
         if kind == "dgs":
-            return Ingredients(photos, medium, base)
+            return MethodInputs(photos, medium, base)
         if kind == "paper":
-            return Ingredients(photos, medium, replace(plain, loss="paper"))
+            return MethodInputs(photos, medium, replace(plain, loss="paper"))
         if kind == "plain":
-            return Ingredients(photos, Medium(None), plain)
+            return MethodInputs(photos, Medium(None), plain)
         if kind == "oracle":
             sharp = [replace(p, pixels=self._data.truth.pixels(p.name)) for p in photos]
-            return Ingredients(sharp, Medium(None), plain)
+            return MethodInputs(sharp, Medium(None), plain)
         try:
             varied = replace(base, variation_weight=float(values[1].removeprefix("v")))
             if values[0] != "measured":
@@ -112,8 +150,8 @@ class Kitchen:
         except ValueError as error:
             example = LUCY_MEASURED.replace("measured", "50") if kind == "rl" else "wiener 1e-4 v0.1"
             raise DgsError(f"There is no method '{method}'", f"Write such as '{example}'") from error
-        made, seconds, told = self._deconvolved(kind, values[0])
-        return Ingredients(made, Medium(None), varied, seconds, told)
+        made, seconds, estimate = self._deconvolved(kind, values[0])
+        return MethodInputs(made, Medium(None), varied, seconds, estimate)
 
     def _deconvolved(self, kind: str, value: str) -> tuple[list[Photo], float, str]:
         key = f"{kind} {value}"
@@ -122,7 +160,7 @@ class Kitchen:
         began = time.perf_counter()
         held = set(self._data.heldout)
         photos = [photo for photo in self._data.photos if photo.name not in held]
-        medium, told = self._data.medium, ""
+        medium, estimate = self._data.medium, ""
         if medium.psf is None or medium.psf.is_identity:
             made = photos
         elif kind == "wiener":
@@ -130,14 +168,14 @@ class Kitchen:
         else:
             if value == "measured":
                 iterations, residual = self._measured(photos)
-                most = ", the most that was tried" if iterations == deconvolution.LADDER[-1] else ""
-                told = f"{iterations} iterations{most}: residual {residual:.2f} times the noise"
+                last = ", the most that was tried" if iterations == deconvolution.NUMBERS.iterations[-1] else ""
+                estimate = f"{iterations} iterations{last}: residual {residual:.2f} times the noise"
             else:
                 iterations = int(value)
             made, seconds = self._lucy(photos, iterations)
-            self._made = (key, made, seconds, told)
+            self._made = (key, made, seconds, estimate)
             return self._made[1:]
-        self._made = (key, made, time.perf_counter() - began, told)
+        self._made = (key, made, time.perf_counter() - began, estimate)
         return self._made[1:]
 
     def _lucy(self, photos: list[Photo], iterations: int) -> tuple[list[Photo], float]:

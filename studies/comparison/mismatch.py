@@ -1,7 +1,7 @@
 """How gracefully it fails when the medium is not what it was said to be.
 
 The sharp photos are blurred anew by media of other widths and families, with noise or JPEG; plain
-splatting, Wiener and DGS are told a Gaussian of the nominal width. The border that the blur reaches is
+splatting, Wiener and DGS are given a Gaussian of the nominal width. The border that the blur reaches is
 cut away afterwards, so that what is left was lit as a camera would see it.
 """
 
@@ -25,10 +25,10 @@ from . import degrade, table
 from .dataset import Dataset, load_dataset, point_spread
 from .measure import Measure
 from .methods import WIENER_MEASURED
-from .runs import run_all, training_settings
+from .runs import Comparison, training_settings
 from .settings import CompareSettings
 
-#: Wrong by so many per cent: what DGS is told against what blurred the photos.
+#: Wrong by so many per cent: what DGS is given against what blurred the photos.
 WRONG_SIGMAS = (-20, -10, 10, 20)
 METHODS = ("plain", WIENER_MEASURED, "dgs")
 #: Where not the width but the family, the noise or the coding differs, the question is whether DGS still helps.
@@ -36,44 +36,44 @@ PAIR = ("plain", "dgs")
 
 
 @dataclass(frozen=True)
-class Case:
+class Mismatch:
     """One way in which photos and what is said of them differ.
 
     Attributes:
         name: as the table calls it.
-        told: standard deviation (px) of the Gaussian that the methods are told.
+        given: standard deviation (px) of the Gaussian that the methods are given.
         kernel: what blurs the photos, [K, K].
         noise: standard deviation on encoded values in [0, 1].
         jpeg: quality, or None.
     """
 
     name: str
-    told: float
+    given: float
     kernel: NDArray[np.float64]
     noise: float = 0.0
     jpeg: int | None = None
 
 
-def cases(sigma: float, quick: bool = False) -> list[Case]:
+def cases(sigma: float, quick: bool = False) -> list[Mismatch]:
     """All cases around a Gaussian of `sigma` px; a few of them if `quick`."""
     true = degrade.gaussian(sigma)
-    found = [Case("as told", sigma, true)]
-    found += [Case(f"sigma told {wrong:+d} %", sigma * (1 + wrong / 100), true) for wrong in WRONG_SIGMAS]
+    found = [Mismatch("as given", sigma, true)]
+    found += [Mismatch(f"sigma given {wrong:+d} %", sigma * (1 + wrong / 100), true) for wrong in WRONG_SIGMAS]
     found += [
-        Case("Moffat of the same width", sigma, degrade.moffat(sigma)),
-        Case("disc of the same variance", sigma, degrade.disc(2 * sigma)),
-        Case("two Gaussians, a tail of 15 %", sigma, degrade.two_gaussians(sigma)),
-        Case("noise 1 %", sigma, true, noise=0.01),
-        Case("noise 3 %", sigma, true, noise=0.03),
-        Case("JPEG, quality 90", sigma, true, jpeg=90),
+        Mismatch("Moffat of the same width", sigma, degrade.moffat(sigma)),
+        Mismatch("disc of the same variance", sigma, degrade.disc(2 * sigma)),
+        Mismatch("two Gaussians, a tail of 15 %", sigma, degrade.two_gaussians(sigma)),
+        Mismatch("noise 1 %", sigma, true, noise=0.01),
+        Mismatch("noise 3 %", sigma, true, noise=0.03),
+        Mismatch("JPEG, quality 90", sigma, true, jpeg=90),
     ]
     if quick:
-        keep = ("as told", "sigma told -20 %", "sigma told +20 %", "disc of the same variance", "noise 3 %")
+        keep = ("as given", "sigma given -20 %", "sigma given +20 %", "disc of the same variance", "noise 3 %")
         found = [case for case in found if case.name in keep]
     return found
 
 
-def degraded(data: Dataset, case: Case, border: int) -> Dataset:
+def degraded(data: Dataset, case: Mismatch, border: int) -> Dataset:
     """The set with photos made anew from the sharp ones; `border` px are cut from every side."""
     index = {photo.name: number for number, photo in enumerate(data.photos)}
 
@@ -82,9 +82,9 @@ def degraded(data: Dataset, case: Case, border: int) -> Dataset:
         pixels = degrade.photographed(sharp, case.kernel, case.noise, case.jpeg, (17, index[photo.name]))
         return replace(photo, pixels=pixels)
 
-    psf = f"gaussian:{case.told:g}"
-    told = replace(data, medium=replace(data.medium, psf=point_spread(psf), blur_space="srgb"), psf=psf)
-    return told.cropped(border, again)
+    psf = f"gaussian:{case.given:g}"
+    given = replace(data, medium=replace(data.medium, psf=point_spread(psf), blur_space="srgb"), psf=psf)
+    return given.cropped(border, again)
 
 
 def study(settings: CompareSettings, progress: Progress) -> dict[str, Any]:
@@ -110,12 +110,13 @@ def study(settings: CompareSettings, progress: Progress) -> dict[str, Any]:
     for case in chosen:
         progress.note(f"Mismatch: {case.name}")
         own = degraded(data, case, border)
-        methods = METHODS[1:] if case.told != psf.sigma_x else METHODS if case is chosen[0] else PAIR
+        methods = METHODS[1:] if case.given != psf.sigma_x else METHODS if case is chosen[0] else PAIR
         base = training_settings(settings, own, threads, device)
-        rows = run_all(methods, settings, own, Measure(own), base, progress, f"mismatch/{_folder(case.name)}")
+        folder = f"mismatch/{_folder(case.name)}"
+        rows = Comparison(settings, own, Measure(own), base, progress, folder).rows(methods)
         results[case.name] = table.summarised(rows)["each"]
-    for case in chosen:  # plain splatting knows nothing of sigma: one run serves all that was told
-        results[case.name].setdefault("plain", results["as told"]["plain"])
+    for case in chosen:  # plain splatting takes no sigma: one run serves all that were given
+        results[case.name].setdefault("plain", results["as given"]["plain"])
     content = {"psf": data.psf, "border": border, "seeds": settings.seeds, "quick": settings.quick, "cases": results}
     write_json(settings.out / "mismatch.json", content)
     write(settings.out / "mismatch.md", content)
@@ -152,7 +153,7 @@ def table_lines(content: dict[str, Any]) -> list[str]:
 def explanation(content: dict[str, Any]) -> str:
     """What the table shows."""
     return (
-        f"PSNR (dB) of held-out sharp renders when the photos were made otherwise than the methods were told"
+        f"PSNR (dB) of held-out sharp renders when the photos were made otherwise than the methods were given"
         f" ({content['psf']}, unless the case says otherwise). Photos are made from the sharp ones and cut by"
         f" {content['border']} px on every side, so figures are not those of the main table."
         f" {content['seeds']} seed{'s' if content['seeds'] > 1 else ''}. Wiener was run for wrong widths only."
@@ -173,10 +174,10 @@ def reading(content: dict[str, Any]) -> str:
         else ("DGS stays above plain splatting in every case.")
     )
     return (
-        f"{where} A blur told too wide, or of a kind that lets less through than the true one, is the dangerous error:"
+        f"{where} A blur given too wide, or of a kind that lets less through than the true one, is the dangerous error:"
         " its inverse lifts what should not be lifted. Where the photos hold more fine detail than the blur could have"
         " let through (`core/imaging/contradiction.py`), what contradicts it is not inverted, and a note says so;"
-        " smaller errors may pass unnoticed. Measure the point spread (`measure-psf`); in doubt, tell less."
+        " smaller errors may pass unnoticed. Measure the point spread (`measure-psf`); in doubt, give less."
     )
 
 

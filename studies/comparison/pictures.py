@@ -16,7 +16,7 @@ from . import charts
 from .charts import Picture
 from .dataset import Dataset
 from .measure import Measure, render_file
-from .turntable import FRAMES, QUICK_FRAMES, Twin, viewer_of, write_movies
+from .turntable import FRAMES, QUICK_FRAMES, ShownTwin, viewer_of, write_movies
 from .viewpoints import widths_from_everywhere
 
 #: Twins that a movie shows side by side.
@@ -35,7 +35,7 @@ def write_pictures(
     out: Path, data: Dataset, measure: Measure, content: dict[str, Any], progress: Progress | None = None
 ) -> dict[str, str]:
     """Draws what the renders and twins on disk allow; returns title by file name, the most telling first."""
-    import matplotlib
+    import matplotlib  # heavy: a second
 
     matplotlib.use("Agg")
     methods = shown_methods(content["methods"])
@@ -72,7 +72,7 @@ def _of_one_view(out: Path, data: Dataset, measure: Measure, methods: Sequence[s
     }
 
 
-def _twins(out: Path, methods: Sequence[str], rows: Sequence[dict[str, Any]]) -> dict[str, Twin]:
+def _twins(out: Path, methods: Sequence[str], rows: Sequence[dict[str, Any]]) -> dict[str, ShownTwin]:
     """Those on disk, by kind of method."""
     found = {}
     for method in methods:
@@ -80,7 +80,7 @@ def _twins(out: Path, methods: Sequence[str], rows: Sequence[dict[str, Any]]) ->
         file = out / "twins" / f"{method.replace(' ', '_')}.ply"
         if row is not None and "background" in row and file.is_file():
             red, green, blue = row["background"]
-            found[method.split()[0]] = Twin(charts.title(method), file, (red, green, blue))
+            found[method.split()[0]] = ShownTwin(charts.title(method), file, (red, green, blue))
     return found
 
 
@@ -95,7 +95,7 @@ def _renders(out: Path, methods: Sequence[str], view: str) -> dict[str, Picture]
 
 
 @dataclass(frozen=True)
-class _Path:
+class _ProfileLine:
     """Where the profile runs: ends [2] in px, which direction in colour space it shows, and what it crosses."""
 
     start: Picture
@@ -104,7 +104,7 @@ class _Path:
     what: str
 
 
-def _across(measure: Measure, view: str, truth: Picture) -> _Path:
+def _across(measure: Measure, view: str, truth: Picture) -> _ProfileLine:
     """Across the first painted line and on over the object, or through the frame's middle."""
     height, width = truth.shape[:2]
     for line, views in measure.true_widths.items():
@@ -114,9 +114,9 @@ def _across(measure: Measure, view: str, truth: Picture) -> _Path:
             direction = place.direction if place.direction[0] > 0 else -place.direction
             ends = place.middle + np.outer([-0.3 * height, 0.3 * height], direction)
             ends = np.clip(ends, 1, [width - 1, height - 1])
-            return _Path(ends[0], ends[1], views[view].direction, f"the {line} line")
+            return _ProfileLine(ends[0], ends[1], views[view].direction, f"the {line} line")
     middle = [np.array([share * width, height / 2]) for share in (0.25, 0.75)]
-    return _Path(middle[0], middle[1], np.full(3, 1 / 3), "the middle")
+    return _ProfileLine(middle[0], middle[1], np.full(3, 1 / 3), "the middle")
 
 
 def _unit(pixels: NDArray[np.uint8] | NDArray[np.uint16]) -> Picture:

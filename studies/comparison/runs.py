@@ -5,31 +5,28 @@ from __future__ import annotations
 import hashlib
 import json
 import shutil
-import time
 from collections.abc import Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from ...core.errors import Cancelled, DgsError
+from ...core.errors import Cancelled
 from ...core.evaluation.metrics import low_passed_truth_psnr
 from ...core.files import make_folder, write_json
 from ...core.formats.ply import write_ply
 from ...core.machine import choose_device, machine, use_threads
-from ...core.photos.undistort import undistorted_views
 from ...core.pipeline.heldout import mean_of
 from ...core.progress import Progress
 from ...core.training.grid import grid_step
-from ...core.training.run import train
 from ...core.training.settings import TrainingSettings
 from . import table
 from .dataset import Dataset, load_dataset
 from .measure import Measure
-from .methods import CHOSEN, LUCY_MEASURED, MAIN, VARIATION, Kitchen, searched
+from .methods import CHOSEN, LUCY_MEASURED, MAIN, VARIATION, MethodRunner, searched
 from .pictures import write_pictures
 from .settings import CompareSettings
 
-#: Cycles/px up to which the low-passed truths know everything.
+#: Cycles/px up to which the low-passed truths hold everything: what one view holds of the ball, and a goal beyond it.
 CUTOFFS = (0.11, 0.125)
 #: What --quick spends on each twin.
 QUICK_STEPS, QUICK_GAUSSIANS = 120, 4000
@@ -37,21 +34,96 @@ QUICK_STEPS, QUICK_GAUSSIANS = 120, 4000
 DECONVOLVED = "deconvolved"
 
 
-class Quiet:
-    """Passes on only the wish to stop: a training's own stages would hide which run it belongs to."""
+#: Table rows by plain names, as they are kept on disk.
+Row = dict[str, Any]
 
-    def __init__(self, progress: Progress) -> None:
-        self._progress = progress
 
-    def stage(self, name: str, total: int | None = None) -> None: ...
+@dataclass(frozen=True)
+class Comparison:
+    """What all rows of a table share.
 
-    def advance(self, done: int, **figures: float) -> None: ...
+    Attributes:
+        settings: what was asked for.
+        data: the set; measure: measures its twins.
+        base: the training's settings for all methods.
+        folder: of the rows inside `settings.out`; only those in 'rows' keep their twins and renders.
+    """
 
-    def note(self, text: str) -> None: ...
+    settings: CompareSettings
+    data: Dataset
+    measure: Measure
+    base: TrainingSettings
+    progress: Progress = field(repr=False)
+    folder: str = "rows"
 
-    def cancelled(self) -> bool:
-        """Whether the user asked to stop."""
-        return self._progress.cancelled()
+    @property
+    def keeps_twins(self) -> bool:
+        """Whether the twins of the first seed are kept, for pictures."""
+        return self.folder == "rows"
+
+    def file(self, method: str, seed: int) -> Path:
+        """Of a row."""
+        return self.settings.out / self.folder / f"{method.replace(' ', '_')}-{seed}.json"
+
+    def rows(self, wanted: Sequence[str], seeds: Sequence[int] | None = None) -> list[Row]:
+        """One row for each method and seed; those on disk are read if the settings are the same."""
+        seeds = range(self.settings.seeds) if seeds is None else seeds
+        todo = [(method, seed) for method in wanted for seed in seeds]
+        if not todo:
+            return []
+        key = run_key(self.settings, self.data, self.base)
+        kept = self.settings.out / DECONVOLVED / key if self.keeps_twins else None
+        runner = MethodRunner(self.data, self.progress, kept, self.base.threads)
+        if self.keeps_twins:
+            self._prepare(todo, runner, key)
+        self.progress.stage("compare", len(todo))
+        rows = []
+        for number, (method, seed) in enumerate(todo, start=1):
+            row = self._kept(method, seed, key)
+            if row is None:
+                if self.progress.cancelled():
+                    raise Cancelled(f"Stopped after {number - 1} of {len(todo)} runs", "Go on with --resume")
+                row = {"key": key, **self._run(method, seed, runner)}
+                write_json(self.file(method, seed), row)
+            rows.append(row)
+            self.progress.advance(number, psnr=row["heldout"]["psnr"] or float("nan"))
+        return rows
+
+    def _kept(self, method: str, seed: int, key: str) -> Row | None:
+        """The row on disk, if it may be taken up and its twin is there where one is kept."""
+        row = read_row(self.file(method, seed), key) if self.settings.resume else None
+        twin = self._twin(method, seed)
+        return row if twin is None or twin.is_file() else None
+
+    def _twin(self, method: str, seed: int) -> Path | None:
+        name = f"{method.replace(' ', '_')}.ply"
+        return self.settings.out / "twins" / name if seed == 0 and self.keeps_twins else None
+
+    def _run(self, method: str, seed: int, runner: MethodRunner) -> Row:
+        """Trains one twin and measures it. Its held-out renders and the twin itself are kept of the first seed."""
+        trained, inputs, seconds = runner.trained(method, replace(self.base, seed=seed))
+        twin = self._twin(method, seed)
+        if twin is not None:
+            make_folder(twin.parent)
+            write_ply(twin, trained.gaussians.cloud())
+        renders = self.settings.out / "renders" / method.replace(" ", "_") if twin is not None else None
+        return {
+            "method": method,
+            "seed": seed,
+            "seconds": {name: round(value, 1) for name, value in seconds.items()},
+            "gaussians": len(trained.gaussians),
+            "steps": trained.steps,
+            "estimate": inputs.estimate,
+            "background": list(trained.background),
+            **self.measure.twin(trained, renders),
+        }
+
+    def _prepare(self, todo: Sequence[tuple[str, int]], runner: MethodRunner, key: str) -> None:
+        """What takes long to deconvolve comes first, so that the time left of the trainings can be estimated."""
+        for method, seed in todo:
+            kept = self.settings.resume and read_row(self.file(method, seed), key)
+            if method.startswith("rl ") and seed == 0 and not kept:
+                runner.inputs(method, self.base)
 
 
 def compare(settings: CompareSettings, progress: Progress) -> dict[str, Any]:
@@ -69,7 +141,7 @@ def compare(settings: CompareSettings, progress: Progress) -> dict[str, Any]:
     if data.reference is None:
         progress.note("The set has no cameras of its own: no pose errors and no line widths")
     measure = Measure(data)
-    rows = _rows(settings, data, measure, base, progress)
+    rows = _rows(Comparison(settings, data, measure, base, progress))
     facts = _facts(settings, data, measure, base, threads, device)
     content = {"facts": facts, "methods": table.summarised(rows, CHOSEN), "rows": rows}
     write_json(settings.out / "compare.json", content)
@@ -80,20 +152,19 @@ def compare(settings: CompareSettings, progress: Progress) -> dict[str, Any]:
     return content
 
 
-def _rows(
-    settings: CompareSettings, data: Dataset, measure: Measure, base: TrainingSettings, progress: Progress
-) -> list[dict[str, Any]]:
+def _rows(compared: Comparison) -> list[Row]:
     """The main methods with all seeds; a search with one; and the best that it finds with all seeds again."""
+    settings = compared.settings
     if settings.only:
-        return run_all(settings.only, settings, data, measure, base, progress)
-    rows = run_all(MAIN, settings, data, measure, base, progress)
-    told = next((row["told"] for row in rows if row["method"] == LUCY_MEASURED), "")
-    search = [method for method in searched(settings.quick) if not told.startswith(f"{_count(method)} iterations")]
-    rows += run_all(search, settings, data, measure, base, progress, seeds=range(1))
+        return compared.rows(settings.only)
+    rows = compared.rows(MAIN)
+    estimate = next((row["estimate"] for row in rows if row["method"] == LUCY_MEASURED), "")
+    search = [method for method in searched(settings.quick) if not estimate.startswith(f"{_count(method)} iterations")]
+    rows += compared.rows(search, seeds=range(1))
     each = table.summarised(rows, CHOSEN)["each"]
     alike = {name: entry for name, entry in each.items() if name.endswith(VARIATION)}
     best = [name for kind in ("wiener", "rl") if (name := table.best(alike, kind)) in search]
-    return rows + run_all(best, settings, data, measure, base, progress, seeds=range(1, settings.seeds))
+    return rows + compared.rows(best, seeds=range(1, settings.seeds))
 
 
 def _count(method: str) -> str:
@@ -116,97 +187,6 @@ def training_settings(settings: CompareSettings, data: Dataset, threads: int, de
     )
 
 
-def run_all(
-    wanted: Sequence[str],
-    settings: CompareSettings,
-    data: Dataset,
-    measure: Measure,
-    base: TrainingSettings,
-    progress: Progress,
-    folder: str = "rows",
-    seeds: Sequence[int] | None = None,
-) -> list[dict[str, Any]]:
-    """One row for each method and seed; those on disk are read if the settings are the same."""
-    key = run_key(settings, data, base)
-    main = folder == "rows"
-    kitchen = Kitchen(data, progress, settings.out / DECONVOLVED / key if main else None, base.threads)
-    rows = []
-    todo = [(method, seed) for method in wanted for seed in (range(settings.seeds) if seeds is None else seeds)]
-    if not todo:
-        return []
-    if main:
-        _prepare(todo, kitchen, settings, base, folder, key)
-    progress.stage("compare", len(todo))
-    for number, (method, seed) in enumerate(todo, start=1):
-        file = settings.out / folder / f"{method.replace(' ', '_')}-{seed}.json"
-        row = _kept(file, key) if settings.resume else None
-        twin = settings.out / "twins" / f"{method.replace(' ', '_')}.ply" if seed == 0 and main else None
-        if row is None or not (twin is None or twin.is_file()):
-            if progress.cancelled():
-                raise Cancelled(f"Stopped after {number - 1} of {len(todo)} runs", "Go on with --resume")
-            renders = settings.out / "renders" / method.replace(" ", "_") if twin is not None else None
-            row = {"key": key, **one_run(method, seed, data, measure, kitchen, base, progress, renders, twin)}
-            write_json(file, row)
-        rows.append(row)
-        progress.advance(number, psnr=row["heldout"]["psnr"] or float("nan"))
-    return rows
-
-
-def one_run(
-    method: str,
-    seed: int,
-    data: Dataset,
-    measure: Measure,
-    kitchen: Kitchen,
-    base: TrainingSettings,
-    progress: Progress,
-    renders: Path | None = None,
-    twin: Path | None = None,
-) -> dict[str, Any]:
-    """Trains one twin and measures it; one row. Its held-out renders and the twin itself are kept if asked.
-
-    Raises:
-        Cancelled: the user stopped the training.
-    """
-    ready = kitchen.ingredients(method, replace(base, seed=seed))
-    wall, cpu = time.perf_counter(), time.process_time()
-    views = [view for view in undistorted_views(ready.photos, data.cameras) if view.name not in measure.held]
-    if not views:
-        raise DgsError(f"'{data.name}' has too few photos to hold some out", "Give a set of 9 photos or more")
-    trained = train(views, [], data.cameras.points, ready.medium, ready.settings, Quiet(progress))
-    if trained.steps < ready.settings.steps and progress.cancelled():
-        raise Cancelled(f"Stopped while '{method}' was trained", "Go on with --resume")
-    if twin is not None:
-        make_folder(twin.parent)
-        write_ply(twin, trained.gaussians.cloud())
-    seconds = {"deconvolution": ready.seconds, "wall": time.perf_counter() - wall, "cpu": time.process_time() - cpu}
-    return {
-        "method": method,
-        "seed": seed,
-        "seconds": {name: round(value, 1) for name, value in seconds.items()},
-        "gaussians": len(trained.gaussians),
-        "steps": trained.steps,
-        "told": ready.told,
-        "background": list(trained.background),
-        **measure.twin(trained, renders),
-    }
-
-
-def _prepare(
-    todo: Sequence[tuple[str, int]],
-    kitchen: Kitchen,
-    settings: CompareSettings,
-    base: TrainingSettings,
-    folder: str,
-    key: str,
-) -> None:
-    """What takes long to deconvolve comes first, so that the time left of the trainings can be told."""
-    for method, seed in todo:
-        file = settings.out / folder / f"{method.replace(' ', '_')}-{seed}.json"
-        if method.startswith("rl ") and seed == 0 and not (settings.resume and _kept(file, key)):
-            kitchen.ingredients(method, base)
-
-
 def run_key(settings: CompareSettings, data: Dataset, base: TrainingSettings) -> str:
     """Rows of other settings, another medium, other cameras or other photos are other rows."""
     content = hashlib.sha256()
@@ -219,12 +199,17 @@ def run_key(settings: CompareSettings, data: Dataset, base: TrainingSettings) ->
     return hashlib.sha256(json.dumps(facts, sort_keys=True, default=str).encode()).hexdigest()[:12]
 
 
-def _kept(file: Path, key: str) -> dict[str, Any] | None:
+def read_row(file: Path, key: str) -> Row | None:
+    """A row on disk; None if there is none, or one that was made with other settings."""
     try:
         row = json.loads(file.read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return None
-    return row if isinstance(row, dict) and row.get("key") == key else None
+    if not isinstance(row, dict) or row.get("key") != key:
+        return None
+    if "told" in row:  # as earlier versions called it
+        row["estimate"] = row.pop("told")
+    return row
 
 
 def _facts(

@@ -25,7 +25,7 @@ class CompareSettings:
         steps, max_gaussians: None for the product's own.
         only: names of methods; empty for all.
         quick: few and small: the machinery is proved, the figures say little.
-        mismatch: also what happens when the medium is not what it was told to be.
+        mismatch: also what happens when the medium is not the one that was given.
         resume: keep the rows that are there.
         threads: None for all cores.
         device: 'auto', 'cpu' or 'cuda'.
@@ -48,7 +48,7 @@ class CompareSettings:
     device: Literal["auto", "cpu", "cuda"] = "auto"
 
     def deciding(self) -> dict[str, Any]:
-        """What decides the figures of a row: for telling rows of other settings apart."""
+        """What decides the figures of a row: rows of other settings differ in it."""
         values = asdict(self)
         for name in ("dataset", "out", "seeds", "only", "mismatch", "resume", "threads"):
             values.pop(name)

@@ -49,18 +49,18 @@ def summarised(rows: Sequence[Row], choosable: Sequence[str] = ()) -> dict[str, 
         choosable: rows of deconvolved photos that one could choose without the truth.
 
     Returns:
-        'each': by method {'seeds', 'told', 'median': {figure: value}, 'spread': {figure: standard deviation}};
+        'each': by method {'seeds', 'estimate', 'median': {figure: value}, 'spread': {figure: standard deviation}};
         'best_wiener' and 'best_rl': by the truth's PSNR; 'without_truth': those of `choosable` that were run.
     """
     each: dict[str, Any] = {}
-    told = {row["method"]: row.get("told", "") for row in rows}
+    estimates = {row["method"]: row.get("estimate", "") for row in rows}
     for method in dict.fromkeys(row["method"] for row in rows):
         own = [figures(row) for row in rows if row["method"] == method]
-        entry: dict[str, Any] = {"seeds": len(own), "told": told.get(method, ""), "median": {}, "spread": {}}
+        entry: dict[str, Any] = {"seeds": len(own), "estimate": estimates.get(method, ""), "median": {}, "spread": {}}
         for name in dict.fromkeys(name for one in own for name in one):
-            known = [value for one in own if (value := one.get(name)) is not None]
-            entry["median"][name] = round(median(known), 7) if known else None
-            entry["spread"][name] = round(pstdev(known), 7) if len(known) > 1 else None
+            values = [value for one in own if (value := one.get(name)) is not None]
+            entry["median"][name] = round(median(values), 7) if values else None
+            entry["spread"][name] = round(pstdev(values), 7) if len(values) > 1 else None
         each[method] = entry
     return {
         "each": each,
@@ -72,8 +72,8 @@ def summarised(rows: Sequence[Row], choosable: Sequence[str] = ()) -> dict[str, 
 
 def best(each: dict[str, Any], kind: str) -> str | None:
     """The method of this kind with the highest median PSNR."""
-    known = {m: e["median"]["psnr"] for m, e in each.items() if m.split()[0] == kind and e["median"]["psnr"]}
-    return max(known, key=lambda method: known[method]) if known else None
+    scored = {m: e["median"]["psnr"] for m, e in each.items() if m.split()[0] == kind and e["median"]["psnr"]}
+    return max(scored, key=lambda method: scored[method]) if scored else None
 
 
 def cell(entry: dict[str, Any], name: str, digits: int, factor: float = 1.0) -> str:
@@ -127,7 +127,7 @@ def columns(facts: dict[str, Any]) -> str:
         "PSNR (dB), SSIM: sharp render against sharp photo, held-out views, sRGB. Edges: slope across the truth's"
         " strongest edges, 1 is the truth's. 'wiener n vW': every photo after Wiener's filter with noise-to-signal n,"
         " 'rl N vW': after N iterations of Richardson-Lucy (scikit-image), then splatting with total variation W;"
-        " 'measured': n or N as the photos themselves tell. Rows of one seed were run for the search alone."
+        " 'measured': n or N as estimated from the photos themselves. Rows of one seed were run for the search alone."
         " Bands: gain (1: all there) and correlation (1: all true) of detail with"
         " periods in that range. " + DEFINITION + " A width is where the flanks pass half-way between line and"
         " surroundings, measured alike in truth and render; a line that is not found counts as width 0."
@@ -179,8 +179,8 @@ def _named(method: str, summary: dict[str, Any]) -> str:
         marks.append("best by the truth")
     if method in summary["without_truth"]:
         marks.append("chosen without truth")
-    if summary["each"][method]["told"]:
-        marks.append(summary["each"][method]["told"])
+    if summary["each"][method]["estimate"]:
+        marks.append(summary["each"][method]["estimate"])
     return f"{method} ({'; '.join(marks)})" if marks else method
 
 

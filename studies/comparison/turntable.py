@@ -36,7 +36,7 @@ _DRAW = 0.01
 
 
 @dataclass(frozen=True)
-class Path3D:
+class CameraPath:
     """The movie's cameras.
 
     Attributes:
@@ -49,7 +49,7 @@ class Path3D:
 
 
 @dataclass(frozen=True)
-class Twin:
+class ShownTwin:
     """A twin on disk: what movies call it, its PLY, and the sRGB colour behind it."""
 
     title: str
@@ -57,7 +57,7 @@ class Twin:
     background: tuple[float, float, float]
 
 
-def camera_path(cameras: Reconstruction, frames: int = FRAMES) -> Path3D:
+def camera_path(cameras: Reconstruction, frames: int = FRAMES) -> CameraPath:
     """A smooth closed path at the cameras' own distance and height, looking at what they look at."""
     poses = list(cameras.poses.values())
     centres = np.array([pose.centre for pose in poses])
@@ -88,16 +88,16 @@ def camera_path(cameras: Reconstruction, frames: int = FRAMES) -> Path3D:
         + height[:, None] * up
         + distance[:, None] * (np.cos(angles)[:, None] * front + np.sin(angles)[:, None] * side)
     )
-    return Path3D([_looking(place, target, up) for place in places], degrees)
+    return CameraPath([_looking(place, target, up) for place in places], degrees)
 
 
-def viewer_of(twin: Twin, cameras: Reconstruction) -> Viewer:
+def viewer_of(twin: ShownTwin, cameras: Reconstruction) -> Viewer:
     """Renders a twin on disk as photos of the set would see it."""
     scale = scene_scale(list(cameras.cameras().values()), cameras.points)
     return Viewer(Gaussians.from_cloud(read_ply(twin.file)), scale, "cpu", background=twin.background)
 
 
-def frames_of(twin: Twin, cameras: Reconstruction, path: Path3D) -> list[Image.Image]:
+def frames_of(twin: ShownTwin, cameras: Reconstruction, path: CameraPath) -> list[Image.Image]:
     """Renders a twin along the path with the first photo's lens, at the photos' size."""
     viewer = viewer_of(twin, cameras)
     lens = next(iter(cameras.lenses.values()))
@@ -112,7 +112,7 @@ def frames_of(twin: Twin, cameras: Reconstruction, path: Path3D) -> list[Image.I
 
 
 def write_movies(
-    out: Path, twins: Mapping[str, Twin], beside: Sequence[str], cameras: Reconstruction, frames: int = FRAMES
+    out: Path, twins: Mapping[str, ShownTwin], beside: Sequence[str], cameras: Reconstruction, frames: int = FRAMES
 ) -> dict[str, str]:
     """Writes turntable_NAME.mp4 (or .gif) for every twin, and turntable.gif with those of `beside` side by side.
 
@@ -146,7 +146,7 @@ def write_movies(
 def write_mp4(path: Path, frames: Sequence[Image.Image], turns: int = 3) -> bool:
     """Writes an H.264 movie that goes round `turns` times; False where this Python has no encoder for it."""
     try:
-        import av
+        import av  # late: not everywhere
     except ImportError:
         return False
     if "libx264" not in av.codecs_available:

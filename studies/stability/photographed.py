@@ -17,7 +17,6 @@ from scipy.ndimage import convolve, gaussian_filter, map_coordinates
 from ...core.camera import Camera
 from ...core.imaging.medium import Medium
 from ...core.imaging.psf import PointSpread
-from ...core.rasterizer import render
 from ...core.training.photometric import PhotometricLoss
 from ...core.training.settings import TrainingSettings
 from ...core.training.trainer import Trainer

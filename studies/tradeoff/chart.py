@@ -36,11 +36,11 @@ def draw(points: Sequence[Point], target: float | None, title: str, svg: Path, p
     Raises:
         OutputError: they cannot be written.
     """
-    import matplotlib
+    import matplotlib  # heavy: a second
 
     matplotlib.use("Agg")
-    from matplotlib import pyplot
-    from matplotlib.ticker import FuncFormatter
+    from matplotlib import pyplot  # heavy: matplotlib
+    from matplotlib.ticker import FuncFormatter  # heavy: matplotlib
 
     measured = [point for point in points if not point["skipped"]]
     front = sorted((point for point in measured if point["front"]), key=lambda point: point["seconds"])
@@ -112,7 +112,7 @@ def _minor(value: float, _position: int) -> str:
 
 def _label(figure: Any, axes: Any, points: Sequence[Point]) -> None:
     """Every point's name where it covers no dot and no other name; a thin line leads to names that stand far off."""
-    from matplotlib.transforms import Bbox
+    from matplotlib.transforms import Bbox  # heavy: matplotlib
 
     figure.canvas.draw()
     renderer = figure.canvas.get_renderer()

@@ -10,7 +10,7 @@ Row = dict[str, Any]
 
 #: Seconds of the column that says what a minute buys.
 SHORT = 60.0
-#: Below the best point, in dB: the target whose time is told if nobody names one.
+#: Below the best point, in dB: the target whose time is reported if nobody names one.
 BELOW_BEST = 0.5
 
 
@@ -25,7 +25,7 @@ def line_error(row: Row) -> float | None:
 
 
 def time_to(row: Row, target: float) -> float | None:
-    """Seconds until the accuracy was `target` dB for the first time, between the looks interpolated; None if never."""
+    """Seconds until the accuracy was `target` dB for the first time, interpolated; None if never."""
     before: tuple[float, float] | None = None
     for seconds, psnr in row["curve"]:
         if psnr >= target:
@@ -44,7 +44,7 @@ def best_within(row: Row, seconds: float) -> float | None:
 
 
 def points(rows: Sequence[Row], target: float | None = None) -> tuple[list[dict[str, Any]], float | None]:
-    """One point per knob in the order of the rows, and the target (dB) whose time is told.
+    """One point per knob in the order of the rows, and the target (dB) whose time is reported.
 
     Each has knob, group, seeds, seconds, psnr, ssim, line_error, time_to_target, best_in_60 (medians), seconds_spread,
     psnr_spread (standard deviations), gaussians, steps, front, skipped ('' or why), disturbed.
@@ -91,9 +91,9 @@ def _psnr(rows: Sequence[Row]) -> float:
 
 
 def _median(values: Iterable[float | None], all_of: bool = False) -> float | None:
-    """Of what is known; with `all_of` None as soon as one is not."""
-    told = list(values)
-    known = [value for value in told if value is not None]
-    if not known or (all_of and len(known) < len(told)):
+    """Of the values that are there; with `all_of` None as soon as one is missing."""
+    everything = list(values)
+    there = [value for value in everything if value is not None]
+    if not there or (all_of and len(there) < len(everything)):
         return None
-    return float(median(known))
+    return float(median(there))

@@ -34,7 +34,7 @@ class Knob:
         changes: of the training's settings.
         cameras: how they are found; effects: what `--effects` would say.
         bits: of each number of the finished twin.
-        medium: whether the training knows of the blur at all.
+        medium: whether the training is given the blur at all.
     """
 
     group: str

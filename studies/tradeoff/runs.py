@@ -6,7 +6,7 @@ import csv
 import io
 import json
 import time
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +20,7 @@ from ...core.formats.colmap import write_lenses
 from ...core.gaussians import Gaussians
 from ...core.imaging.medium import Medium
 from ...core.machine import choose_device, machine, use_threads
+from ...core.numbers import number
 from ...core.photos.undistort import undistorted_views
 from ...core.pipeline.effects.choose import choose_effects
 from ...core.pipeline.refinement import taken_over
@@ -35,17 +36,28 @@ from ...core.training.trainer import Trainer
 from ...core.twin.refine_cameras import refine_cameras
 from ..comparison.dataset import Dataset, load_dataset
 from ..comparison.measure import Measure
-from ..comparison.runs import Quiet, run_key
+from ..comparison.methods import Quiet
+from ..comparison.runs import read_row, run_key
 from .chart import draw
 from .front import points
 from .knobs import GROUPS, Knob, base_settings, knobs
 from .page import write_page
 from .settings import TradeoffSettings
 
-#: Shares of a run at which its accuracy is looked at; the end comes on top.
-LOOKS = (0.06, 0.12, 0.2, 0.35, 0.5, 0.7, 0.85)
-#: Held-out views of these looks.
-LOOKED = 3
+
+@dataclass(frozen=True)
+class TradeoffNumbers:
+    """Of the accuracy over time of one run."""
+
+    evaluated_at: tuple[float, ...] = number(
+        (0.06, 0.12, 0.2, 0.35, 0.5, 0.7, 0.85),
+        "share of the steps",
+        "evaluations during a run, closer where the accuracy rises fast; the end comes on top",
+    )
+    evaluated_views: int = number(3, "count", "held-out views of an evaluation; its own time is taken out")
+
+
+NUMBERS = TradeoffNumbers()
 #: Columns of the table, in order.
 COLUMNS = (
     "group",
@@ -120,22 +132,22 @@ def table(found: list[dict[str, Any]]) -> str:
 def _rows(
     settings: TradeoffSettings, data: Dataset, base: TrainingSettings, progress: Progress
 ) -> list[dict[str, Any]]:
-    kitchen = _Sets(settings, data, base.threads, progress)
+    sets = _Sets(settings, data, base.threads, progress)
     # Seed by seed: whoever stops early has all knobs once, not some of them three times.
     todo = [(knob, seed) for seed in range(settings.seeds) for knob in knobs(settings.quick, settings.only)]
     progress.stage("tradeoff", len(todo))
     rows = []
-    for number, (knob, seed) in enumerate(todo, start=1):
+    for run, (knob, seed) in enumerate(todo, start=1):
         file = settings.out / "rows" / f"{knob.name}-{seed}.json"
-        told = {name: value for name, value in asdict(knob).items() if name != "changes"}
-        key = run_key(settings.comparison(), data, knob.settings(base)) + json.dumps(told, sort_keys=True)
-        row = _kept(file, key) if settings.resume else None
+        facts = {name: value for name, value in asdict(knob).items() if name != "changes"}
+        key = run_key(settings.comparison(), data, knob.settings(base)) + json.dumps(facts, sort_keys=True)
+        row = read_row(file, key) if settings.resume else None
         if row is None:
             if progress.cancelled():
-                raise Cancelled(f"Stopped after {number - 1} of {len(todo)} runs", "Go on with --resume")
+                raise Cancelled(f"Stopped after {run - 1} of {len(todo)} runs", "Go on with --resume")
             row = {"key": key, "knob": knob.label, "group": knob.group, "seed": seed}
             try:
-                row |= one_run(knob, replace(knob.settings(base), seed=seed), kitchen, progress)
+                row |= one_run(knob, replace(knob.settings(base), seed=seed), sets, progress)
             except Cancelled:
                 raise
             except DgsError as error:  # a knob that this set does not have
@@ -144,12 +156,12 @@ def _rows(
             write_json(file, row)
         rows.append(row)
         if not row.get("skipped"):
-            progress.advance(number, psnr=row["heldout"]["psnr"], seconds=row["seconds"]["total"])
+            progress.advance(run, psnr=row["heldout"]["psnr"], seconds=row["seconds"]["total"])
     return rows
 
 
 def one_run(knob: Knob, settings: TrainingSettings, sets: _Sets, progress: Progress) -> dict[str, Any]:
-    """Trains one twin and measures it. Scoring and looks do not count; cameras, effects and views do.
+    """Trains one twin and measures it. Scoring and evaluations do not count; cameras, effects and views do.
 
     Raises:
         Cancelled: the user stopped the training.
@@ -162,21 +174,33 @@ def one_run(knob: Knob, settings: TrainingSettings, sets: _Sets, progress: Progr
     views = [view for view in undistorted_views(data.photos, data.cameras) if view.name not in measure.held]
     effects = choose_effects(knob.effects, data.photos, data.cameras, views, medium, settings, Quiet(progress))
     fitted = effects.corrected(views)
-    looks = _Looks(data, measure.held[:: max(1, len(measure.held) // LOOKED)][:LOOKED], began, settings.steps)
-    trained = train(
-        fitted, [], data.cameras.points, medium, settings, Quiet(progress), watch=looks, formation=effects.formation
+    evaluations = _Evaluations(
+        data,
+        measure.held[:: max(1, len(measure.held) // NUMBERS.evaluated_views)][: NUMBERS.evaluated_views],
+        began,
+        settings.steps,
     )
-    wall = time.perf_counter() - began - looks.away
-    processor = time.process_time() - processor - looks.away_processor
+    trained = train(
+        fitted,
+        [],
+        data.cameras.points,
+        medium,
+        settings,
+        Quiet(progress),
+        watch=evaluations,
+        formation=effects.formation,
+    )
+    wall = time.perf_counter() - began - evaluations.away
+    processor = time.process_time() - processor - evaluations.away_processor
     if trained.steps < settings.steps and progress.cancelled():
         raise Cancelled(f"Stopped while '{knob.label}' was trained", "Go on with --resume")
     if knob.bits == 16:
         trained.gaussians = Gaussians(**{name: t.half().float() for name, t in trained.gaussians.named()})
     found = measure.twin(trained, None)
     end = found["heldout"]["psnr"]
-    # Looks see a few views only; all of them are seen at the end, and tell the difference.
-    offset = end - looks.psnr(trained.gaussians, trained)
-    curve = [[round(searching + seconds, 2), round(value + offset, 3)] for seconds, value in looks.curve]
+    # Evaluations see a few views only; at the end all are seen, and the curve is moved by the difference.
+    offset = end - evaluations.psnr(trained.gaussians, trained)
+    curve = [[round(searching + seconds, 2), round(value + offset, 3)] for seconds, value in evaluations.curve]
     total = searching + wall
     return {
         "seconds": {
@@ -193,13 +217,13 @@ def one_run(knob: Knob, settings: TrainingSettings, sets: _Sets, progress: Progr
     }
 
 
-class _Looks:
+class _Evaluations:
     """The accuracy on a few held-out views while a training runs; its own time is taken out."""
 
     def __init__(self, data: Dataset, names: list[str], began: float, steps: int) -> None:
         now, processor = time.perf_counter(), time.process_time()
         self._data, self._began = data, began
-        self._due = sorted({max(1, round(share * steps)) for share in LOOKS})
+        self._due = sorted({max(1, round(share * steps)) for share in NUMBERS.evaluated_at})
         self._truth = {name: _unit(data.truth.pixels(name)) for name in names}
         self._scale = scene_scale(list(data.cameras.cameras().values()), data.cameras.points)
         self.curve: list[tuple[float, float]] = []
@@ -235,7 +259,7 @@ class _Sets:
 
     def __init__(self, settings: TradeoffSettings, data: Dataset, threads: int, progress: Progress) -> None:
         self._settings, self._data, self._threads, self._progress = settings, data, threads, progress
-        self._known: dict[str, tuple[Dataset, Measure, float]] = {}
+        self._found: dict[str, tuple[Dataset, Measure, float]] = {}
 
     def of(self, knob: Knob) -> tuple[Dataset, Measure, float]:
         """The set, what measures its twins, and the seconds that finding the cameras took.
@@ -243,24 +267,26 @@ class _Sets:
         Raises:
             DgsError: the cameras are given, so that there is nothing to be found differently.
         """
-        if knob.cameras == "refined" and "refined" not in self._known:
-            self._known["refined"] = self._refined()
-        if knob.cameras not in self._known:
+        if knob.cameras == "refined" and "refined" not in self._found:
+            self._found["refined"] = self._refined()
+        if knob.cameras not in self._found:
             data, seconds = self._data, 0.0
             if self._settings.cameras == "found":
                 folder = self._settings.out / ("cameras" if knob.cameras == "usual" else f"cameras-{knob.cameras}")
                 if knob.cameras != "usual" and not (self._settings.resume and (folder / "seconds.json").is_file()):
                     self._find(knob, folder)
                 if not (folder / "seconds.json").is_file():
-                    raise DgsError(f"Nobody knows how long the cameras in '{folder}' took", "Start without --resume")
+                    raise DgsError(
+                        f"It is not recorded how long the cameras in '{folder}' took", "Start without --resume"
+                    )
                 seconds = float(json.loads((folder / "seconds.json").read_text("utf-8")))
                 cameras = load_cameras(folder, data.photos)
                 photos = [photo for photo in data.photos if photo.name in cameras.poses]
                 data = replace(data, cameras=cameras, photos=photos)
             elif knob.cameras == "unrefined":
                 raise DgsError("The cameras are given and were not refined here", "Use --cameras found")
-            self._known[knob.cameras] = data, Measure(data, only_heldout=True), seconds
-        return self._known[knob.cameras]
+            self._found[knob.cameras] = data, Measure(data, only_heldout=True), seconds
+        return self._found[knob.cameras]
 
     def _refined(self) -> tuple[Dataset, Measure, float]:
         """The usual cameras, moved by the loss; held-out photos judge whether they are kept."""
@@ -294,11 +320,3 @@ class _Sets:
 
 def _unit(pixels: Any) -> Any:
     return pixels / float(np.iinfo(pixels.dtype).max)
-
-
-def _kept(file: Path, key: str) -> dict[str, Any] | None:
-    try:
-        row = json.loads(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return None
-    return row if isinstance(row, dict) and row.get("key") == key else None

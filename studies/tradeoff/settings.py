@@ -18,7 +18,7 @@ class TradeoffSettings:
         photos, psf, blur_space, cameras: as of a comparison (`CompareSettings`).
         seeds: trainings of each point.
         only: groups of knobs (`knobs.GROUPS`); empty for all.
-        target: PSNR in dB whose time is told; half a dB below the best point if None.
+        target: PSNR in dB whose time is reported; half a dB below the best point if None.
         quick: few and small: the machinery is proved, the figures say little.
         resume: keep the rows that are there.
         threads: None for all cores; device: 'auto', 'cpu' or 'cuda'.

@@ -26,7 +26,7 @@ ADDON = "bl_ext.user_default.dgs"
 seen: dict[str, object] = {"blender": bpy.app.version_string}
 
 
-def story(robot: Robot) -> Story:
+def story(robot: Robot) -> Story:  # noqa: PLR0915 (one user's way, step after step)
     """The whole way."""
     from importlib import import_module
 

@@ -23,13 +23,14 @@ def _grid(size: int) -> tuple[np.ndarray, np.ndarray]:
     return np.meshgrid(t, t)
 
 
-def point_light(size, place, sx, sy=None, angle=0.0, amplitude=0.6, background=0.03, slope=0.0):
+def point_light(size, place, sx, sy=None, angle=0.0, amplitude=0.6, background=(0.03, 0.0)):
+    """`background`: its level in the middle, and how much it rises from one side to the other."""
     x, y = _grid(size)
     c, s = math.cos(math.radians(angle)), math.sin(math.radians(angle))
     dx, dy = x - place[0], y - place[1]
     u, v = dx * c + dy * s, -dx * s + dy * c
     shape = np.exp(-0.5 * ((u / sx) ** 2 + (v / (sy or sx)) ** 2))
-    return _pixels(background + slope * (x / size - 0.5) + amplitude * shape)
+    return _pixels(background[0] + background[1] * (x / size - 0.5) + amplitude * shape)
 
 
 def edge_light(size, slant, sigma, offset=0.3, low=0.08, high=0.7):

@@ -22,7 +22,9 @@ def test_a_point_off_the_grid_on_a_sloping_background(tmp_path, sigma):
     errors, said = [], []
     for seed in range(6):
         place = 60 + np.random.default_rng(seed).uniform(-0.5, 0.5, 2)
-        file = photos.photo(tmp_path / "p.tif", photos.point_light(120, place, sigma, slope=0.03), 0.002, 16, seed)
+        file = photos.photo(
+            tmp_path / "p.tif", photos.point_light(120, place, sigma, background=(0.03, 0.03)), 0.002, 16, seed
+        )
         measured = measure_psf(file)
         assert measured.kind == "point" and measured.space == "linear"
         errors.append(measured.sigma - sigma)
@@ -82,7 +84,7 @@ def test_a_spread_that_is_no_gaussian_is_kept_and_said(tmp_path):
 
 
 def test_linear_light_is_not_the_file_s_values(tmp_path):
-    file = photos.photo(tmp_path / "p.tif", photos.point_light(100, (50, 50), 4.0, background=0.0), 1e-4)
+    file = photos.photo(tmp_path / "p.tif", photos.point_light(100, (50, 50), 4.0, background=(0.0, 0.0)), 1e-4)
     assert measure_psf(file).sigma == pytest.approx(4.0, rel=0.01)
     assert measure_psf(file, linear=False).sigma > 4.4  # the curve lifts the flanks
     straight = photos.photo(tmp_path / "l.tif", photos.point_light(100, (50, 50), 4.0), 1e-4, encode=False)

@@ -127,7 +127,7 @@ def test_a_cropped_set_sees_the_same_world(rendered_set, tmp_path):
     assert small.cropped(2, lambda photo: photo).truth.border == 12
 
 
-def test_mismatch_tells_every_case(rendered_set, tmp_path):
+def test_mismatch_has_every_case(rendered_set, tmp_path):
     assert (
         run(
             [
@@ -152,7 +152,7 @@ def test_mismatch_tells_every_case(rendered_set, tmp_path):
         == 0
     )
     content = json.loads((tmp_path / "mismatch.json").read_text())
-    assert set(content["cases"]) >= {"as told", "sigma told -20 %", "disc of the same variance", "noise 3 %"}
+    assert set(content["cases"]) >= {"as given", "sigma given -20 %", "disc of the same variance", "noise 3 %"}
     assert all({"plain", "dgs"} <= set(each) for each in content["cases"].values())
     assert "DGS - plain" in (tmp_path / "mismatch.md").read_text()
 

@@ -109,7 +109,7 @@ def test_a_twin_is_rendered_as_the_trainer_saw_it(rendered_set, tmp_path):
     )
     write_ply(tmp_path / "twin.ply", cloud)
     path = turntable.camera_path(cameras, 8)
-    drawn = turntable.frames_of(turntable.Twin("twin", tmp_path / "twin.ply", (0.5, 0.5, 0.5)), cameras, path)
+    drawn = turntable.frames_of(turntable.ShownTwin("twin", tmp_path / "twin.ply", (0.5, 0.5, 0.5)), cameras, path)
     assert len(drawn) == 8 and drawn[0].size == (96, 80)
     assert np.array_equal(np.asarray(drawn[1]), np.asarray(drawn[3]))  # to and fro
     middle = np.asarray(drawn[0]).astype(float)[30:50]

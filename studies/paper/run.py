@@ -1,7 +1,6 @@
-#!/usr/bin/env python3
 """`make paper`: renders the ball, compares all methods on it, and writes docs/paper.md.
 
-    tools/paper.py [--quick] [--real FOLDER ...] [--seeds 3] [--page FILE]
+    python -m studies.paper [--quick] [--real FOLDER ...] [--seeds 3] [--page FILE]
 
 The ball is benchmarks/data/ball, rows are kept in benchmarks/runs/paper (--quick: all in paper_quick), and
 everything is taken up again. The whole takes well over an hour; --quick takes minutes, proves that everything
@@ -13,18 +12,18 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import shutil
-import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-ROOT = Path(__file__).resolve().parent.parent
-sys.path.insert(0, str(ROOT))
-os.environ.setdefault("OMP_WAIT_POLICY", "passive")
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+from ...core.files import write_text
+from ..comparison.methods import WIENER_MEASURED
+from .page import Chapter, page
 
-import run_dgs  # noqa: E402
+ROOT = Path(__file__).resolve().parents[2]
+#: Runs the words of one command and returns its exit status.
+Run = Callable[[list[str]], int]
 
 _REAL = (
     "Sharp photos of a camera, blurred virtually by 5 px in sRGB values, cut by 24 px afterwards (so that light from"
@@ -36,21 +35,23 @@ class Failed(Exception):
     """A command ended with this exit status; it has said why."""
 
 
-def command(*words: object) -> None:
-    """Runs one command of ours in this process."""
-    from dgs.command_line import run
+def checked(run: Run) -> Callable[..., None]:
+    """Names every command before it runs, and raises `Failed` where it fails."""
 
-    print("run_dgs.py " + " ".join(map(str, words)), flush=True)
-    status = run([str(word) for word in words])
-    if status:
-        raise Failed(status)
+    def command(*words: object) -> None:
+        print("run_dgs.py " + " ".join(map(str, words)), flush=True)
+        status = run([str(word) for word in words])
+        if status:
+            raise Failed(status)
+
+    return command
 
 
 def read(path: Path) -> dict[str, Any]:
     return json.loads(path.read_text("utf-8"))
 
 
-def render_sets(work: Path, quick: bool) -> tuple[Path, Path]:
+def render_sets(command: Callable[..., None], work: Path, quick: bool) -> tuple[Path, Path]:
     """The ball blurred in sRGB, and from the same frames blurred in linear light.
 
     The large one is benchmarks/data/ball: what is there of it is not rendered again.
@@ -64,15 +65,15 @@ def render_sets(work: Path, quick: bool) -> tuple[Path, Path]:
     if not (linear / "manifest.json").is_file() and not (linear / "unfinished.json").is_file():
         shutil.rmtree(linear, ignore_errors=True)
         shutil.copytree(encoded / "linear", linear / "linear")
-        shutil.copyfile(encoded / "manifest.json", linear / "manifest.json")  # tells that the frames are the same
+        shutil.copyfile(encoded / "manifest.json", linear / "manifest.json")  # says that the frames are the same
     command("synthesize", "--out", linear, *shared, "--blur-space", "linear")
     return encoded, linear
 
 
-def compare(data: Path, out: Path, options: argparse.Namespace, *more: object, few: bool = False) -> dict[str, Any]:
+def compare(
+    command: Callable[..., None], data: Path, out: Path, options: argparse.Namespace, *more: object, few: bool = False
+) -> dict[str, Any]:
     """The table of one set, taking up what is there; `few` leaves out Richardson-Lucy and every search."""
-    from dgs.studies.comparison.methods import WIENER_MEASURED
-
     rows = ("plain", "paper", "dgs", WIENER_MEASURED, "oracle")
     only = [word for method in rows for word in ("--only", method)] if few else []
     quick = ("--quick", "--cameras", "known", "--steps", 80) if options.quick else ()
@@ -92,15 +93,12 @@ def pictures(out: Path, page: Path, label: str) -> dict[str, str]:
     return links
 
 
-def write(options: argparse.Namespace) -> None:
+def write(options: argparse.Namespace, command: Callable[..., None]) -> None:
     """All sets, all comparisons, the page."""
-    from dgs.core.files import write_text
-    from dgs.studies.comparison.paper import Chapter, page
-
     work = ROOT / "benchmarks" / "runs" / ("paper_quick" if options.quick else "paper")
     target = options.page or (work / "paper.md" if options.quick else ROOT / "docs" / "paper.md")
-    encoded, linear = render_sets(work, options.quick)
-    content = compare(encoded, work / "compare_ball", options)
+    encoded, linear = render_sets(command, work, options.quick)
+    content = compare(command, encoded, work / "compare_ball", options)
     views = "{registered} views".format(**content["facts"])
     main = Chapter(
         f"The ball, {views}",
@@ -113,20 +111,23 @@ def write(options: argparse.Namespace) -> None:
         Chapter(
             "The same ball, blurred in linear light",
             "As a medium blurs: light, not stored values.",
-            compare(linear, work / "compare_ball_linear", one_seed, few=True),
+            compare(command, linear, work / "compare_ball_linear", one_seed, few=True),
         )
     ]
     for folder in options.real:
         out = work / f"compare_{folder.name}"
-        real = compare(folder, out, options, "--psf", "gaussian:5", few=True)
+        real = compare(command, folder, out, options, "--psf", "gaussian:5", few=True)
         more.append(Chapter(f"Real photos: {folder.name}", _REAL, real, pictures(out, target, folder.name)))
-    wrong = compare(encoded, work / "compare_ball", one_seed, "--mismatch")
+    wrong = compare(command, encoded, work / "compare_ball", one_seed, "--mismatch")
     write_text(target, page(main, more, wrong, options.quick))
     print(f"wrote {target.relative_to(ROOT) if target.is_relative_to(ROOT) else target}")
 
 
-def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+def main(run: Run) -> int:
+    """Reads the arguments of this process; `run` runs our own commands."""
+    parser = argparse.ArgumentParser(
+        prog="python -m studies.paper", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--quick", action="store_true")
     parser.add_argument("--real", type=Path, action="append", default=[], metavar="FOLDER")
     parser.add_argument("--seeds", type=int)
@@ -135,13 +136,8 @@ def main() -> int:
     options = parser.parse_args()
     options.seeds = options.seeds or (1 if options.quick else 3)
     options.page = options.page.resolve() if options.page else None
-    run_dgs.mount_package()
     try:
-        write(options)
+        write(options, checked(run))
     except Failed as stop:
         return int(stop.args[0])
     return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

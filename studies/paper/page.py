@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from . import mismatch, table
+from ..comparison import mismatch, table
 
 #: What the project asks of itself on the 76-view ball.
 ABOVE_ONE_VIEW, ABOVE_BASELINES = 0.3, 0.7
@@ -38,7 +38,7 @@ class Chapter:
 
 @dataclass(frozen=True)
 class Verdict:
-    """One target, what was measured, and whether that reaches it (None: it cannot be told)."""
+    """One target, what was measured, and whether that reaches it (None: it cannot be judged)."""
 
     asked: str
     measured: str
@@ -122,7 +122,7 @@ def verdict_lines(found: list[Verdict], quick: bool) -> list[str]:
     """As a table; a quick run is not judged."""
     lines = ["| asked | measured | |", "|---|---|---|"]
     for one in found:
-        word = "not judged (quick)" if quick else {True: "met", False: "**missed**", None: "cannot be told"}[one.met]
+        word = "not judged (quick)" if quick else {True: "met", False: "**missed**", None: "cannot be judged"}[one.met]
         lines.append(f"| {one.asked} | {one.measured} | {word} |")
     return lines
 
@@ -182,12 +182,12 @@ def _lines(content: Mapping[str, Any]) -> Verdict:
         for row in content["rows"]
         if row["method"] == "dgs" and {"red", "white thin"} <= set(row["lines"])
     ]
-    known = [(red, thin) for red, thin in pairs if red is not None and thin is not None]
-    if not known:
+    found = [(red, thin) for red, thin in pairs if red is not None and thin is not None]
+    if not found:
         return Verdict(asked, "-", None)
-    good = sum(red >= RED and thin >= THIN for red, thin in known)
-    runs = "; ".join(f"{red:.0f} / {thin:.0f}" for red, thin in known)
-    return Verdict(asked, f"{runs} ({good} of {len(known)} runs)", 2 * good > len(known))
+    good = sum(red >= RED and thin >= THIN for red, thin in found)
+    runs = "; ".join(f"{red:.0f} / {thin:.0f}" for red, thin in found)
+    return Verdict(asked, f"{runs} ({good} of {len(found)} runs)", 2 * good > len(found))
 
 
 def _band_gain(ours: Mapping[str, float | None]) -> Verdict:
@@ -210,8 +210,8 @@ def _graceful(wrong: Mapping[str, Any]) -> Verdict:
     for name, each in wrong["cases"].items():
         values = each["dgs"]["median"]["psnr"], each["plain"]["median"]["psnr"]
         if "20 %" in name and None not in values:
-            leads[name.removeprefix("sigma told ")] = values[0] - values[1]
+            leads[name.removeprefix("sigma given ")] = values[0] - values[1]
     if not leads:
         return Verdict(asked, "-", None)
-    told = ", ".join(f"{name}: {lead:+.2f} dB" for name, lead in leads.items())
-    return Verdict(asked, told, all(lead > 0 for lead in leads.values()))
+    measured = ", ".join(f"{name}: {lead:+.2f} dB" for name, lead in leads.items())
+    return Verdict(asked, measured, all(lead > 0 for lead in leads.values()))

@@ -3,10 +3,11 @@
 import copy
 
 import pytest
-from dgs.studies.comparison import mismatch, paper, table
+from dgs.studies.comparison import mismatch, table
+from dgs.studies.paper import page as paper
 
 
-def row(method, seed, psnr, red, thin, gain=1.0, correlation=0.6, energy=0.5):
+def row(method, seed, psnr, red, thin, gain=1.0):
     held = {
         "psnr": psnr,
         "ssim": 0.7,
@@ -16,7 +17,7 @@ def row(method, seed, psnr, red, thin, gain=1.0, correlation=0.6, energy=0.5):
         "degraded_psnr": 40.0,
         "bands": {
             "14-10": {"gain": gain, "correlation": 0.99, "energy": 1.0},
-            "10-7": {"gain": 0.4, "correlation": correlation, "energy": energy},
+            "10-7": {"gain": 0.4, "correlation": 0.6, "energy": 0.5},
         },
     }
     lines = {
@@ -73,7 +74,7 @@ def content(dgs=26.3):
 
 def wrong(lead):
     cases = {}
-    for name in ("as told", "sigma told -20 %", "sigma told +20 %"):
+    for name in ("as given", "sigma given -20 %", "sigma given +20 %"):
         each = table.summarised(
             [
                 row("plain", 0, 21.0, 4, 2),
@@ -133,5 +134,5 @@ def test_the_mismatch_table_has_a_row_for_every_case():
     assert len(lines) == 5 and "+1.50" in lines[2]
     names = [case.name for case in mismatch.cases(5.0)]
     assert len(names) == len(set(names)) == 11
-    assert {case.told for case in mismatch.cases(5.0)} == {4.0, 4.5, 5.0, 5.5, 6.0}
+    assert {case.given for case in mismatch.cases(5.0)} == {4.0, 4.5, 5.0, 5.5, 6.0}
     assert len(mismatch.cases(5.0, quick=True)) == 5
