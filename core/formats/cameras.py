@@ -17,7 +17,10 @@ from .spec import CameraFormatSpec
 from .transforms import TRANSFORMS
 
 #: Every format. The first that finds itself in a folder is read.
-CAMERA_FORMATS: tuple[CameraFormatSpec, ...] = (TRANSFORMS, COLMAP)
+CAMERA_FORMATS: tuple[CameraFormatSpec, ...] = (
+    TRANSFORMS,  # first: it lies in the folder that is named, a COLMAP model may lie below
+    COLMAP,
+)
 
 
 @dataclass(frozen=True)

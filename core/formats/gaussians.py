@@ -13,7 +13,12 @@ from .splat import SPLAT
 from .spz import SPZ
 
 #: Every format, in the order of menus.
-SPLAT_FORMATS: tuple[FormatSpec, ...] = (PLY, GLTF, SPZ, SPLAT)
+SPLAT_FORMATS: tuple[FormatSpec, ...] = (
+    PLY,  # first: what an export offers before anything is chosen
+    GLTF,
+    SPZ,
+    SPLAT,
+)
 
 
 def read_suffixes() -> tuple[str, ...]:
