@@ -17,6 +17,7 @@ from scipy.optimize import least_squares
 from scipy.special import ndtr
 
 from ..errors import PsfError
+from ..numbers import number
 from .kernel import FREQUENCIES, believed, finished, fwhm_of
 from .light import PIXEL_VARIANCE, Array, Light
 from .measured import MeasuredPsf
@@ -24,10 +25,27 @@ from .point import background_of
 
 #: Samples per pixel across the edge (ISO 12233).
 FINER = 4
-#: An edge must rise by this many standard deviations of a pixel's noise.
-MINIMUM_RISE = 6.0
-#: px along the edge at least, and standard deviations across it on each side.
-SHORTEST, NARROWEST = 20, 3.0
+
+
+@dataclass(frozen=True)
+class EdgePhotoSettings:
+    """What a photo of a slanted edge must show."""
+
+    minimum_rise: float = number(
+        6.0, "standard deviations of a pixel's noise", "that an edge must rise by to stand out"
+    )
+    minimum_length: int = number(20, "px", "along the edge; shorter ones have too few rows for finer samples")
+    minimum_breadth: float = number(
+        3.0, "standard deviations of the blur", "across the edge on each side: nearer to the border it is cut off"
+    )
+    largest_saturation: float = number(0.01, "share", "of the pixels beside the edge that may be saturated")
+    narrow: float = number(0.6, "px", "a narrower blur (sigma) is reported as an upper bound: pixels hide it")
+    not_gaussian: float = number(
+        0.01, "share of the step", "misfit above which the user is advised to use the kernel file"
+    )
+
+
+SETTINGS = EdgePhotoSettings()
 
 
 @dataclass(frozen=True)
@@ -75,9 +93,9 @@ def measure_edge(light: Light) -> MeasuredPsf:
     edge = fit_edge_in(light)
     d = edge.distance()
     _check_slant(light, edge, d)
-    beside = edge.mask & (np.abs(d) < NARROWEST * edge.sigma)
+    beside = edge.mask & (np.abs(d) < SETTINGS.minimum_breadth * edge.sigma)
     share = float(light.saturated[beside].mean())
-    if share > 0.01:
+    if share > SETTINGS.largest_saturation:
         raise PsfError(
             f"The edge in '{light.name}' is saturated: {100 * share:.0f} % of the pixels beside it are at the top",
             "Expose shorter, so that the bright side stays below about 90 % of the range",
@@ -90,9 +108,9 @@ def measure_edge(light: Light) -> MeasuredPsf:
     residual = max(edge.residual**2 - noise**2, 0.0)
     misfit = math.sqrt(residual) / (edge.high - edge.low)
     notes = ["one edge shows the blur across itself only: the kernel is taken for round"]
-    if misfit > 0.01:
+    if misfit > SETTINGS.not_gaussian:
         notes.append("not a Gaussian: use the kernel file rather than gaussian:SIGMA")
-    if sigma < 0.6:
+    if sigma < SETTINGS.narrow:
         notes.append("narrower than the pixels can tell: the width is an upper bound")
     place = edge.middle[0] + 0.5, edge.middle[1] + 0.5
     return MeasuredPsf(
@@ -129,7 +147,7 @@ def fit_edge_in(light: Light) -> EdgeFit:
             break
         normal, offset, sigma = edge.normal, edge.offset, edge.sigma
     assert edge is not None
-    if edge.high - edge.low < MINIMUM_RISE * max(background_of(values)[1], 0.3 * light.step):
+    if edge.high - edge.low < SETTINGS.minimum_rise * max(background_of(values)[1], 0.3 * light.step):
         raise _no_edge(light)
     return edge
 
@@ -177,7 +195,7 @@ def _line(light: Light) -> tuple[float, float, float]:
         n = np.array([math.cos(normal_angle), math.sin(normal_angle)])
         distance = points @ n - offset
         near = (np.abs(distance) < reach) & (directions @ n > 0.9)
-        if near.sum() < 2 * SHORTEST:
+        if near.sum() < 2 * SETTINGS.minimum_length:
             raise _no_edge(light)
         mean = np.average(points[near], axis=0, weights=weight[near])
         spread = np.cov(points[near].T, aweights=weight[near])
@@ -219,12 +237,12 @@ def _band(light: Light, normal: float, offset: float, sigma: float) -> tuple[NDA
     first, last = float(inside[0] + t.min()), float(inside[-1] + t.min())
     trim = min(2.0 * sigma, 0.1 * (last - first))
     mask = near & (t > first + trim) & (t < last - trim)
-    if last - first - 2 * trim < SHORTEST or mask.sum() < 100:
+    if last - first - 2 * trim < SETTINGS.minimum_length or mask.sum() < 100:
         raise PsfError(
             f"The edge in '{light.name}' is only {max(0.0, last - first - 2 * trim):.0f} px long",
-            f"Come nearer or crop less: at least {SHORTEST} px of straight edge are needed",
+            f"Come nearer or crop less: at least {SETTINGS.minimum_length} px of straight edge are needed",
         )
-    if min(-float(d[mask].min()), float(d[mask].max())) < NARROWEST * sigma:
+    if min(-float(d[mask].min()), float(d[mask].max())) < SETTINGS.minimum_breadth * sigma:
         raise PsfError(
             f"The edge in '{light.name}' is cut off by the border, {sigma:.1f} px wide (sigma) as it is",
             f"Leave at least {math.ceil(5 * sigma)} px of black and of white on its sides",

@@ -9,7 +9,7 @@ from scipy import ndimage
 
 from .light import PIXEL_VARIANCE, Array
 
-#: Standard deviation (px) of the thinnest spread that samples can hold.
+#: Standard deviation (px) of the thinnest spread that samples one px apart can hold.
 THINNEST = 0.3
 #: Frequencies at which a measured kernel's contrast is reported, cycles/px.
 FREQUENCIES = np.linspace(0.0, 0.5, 101)

@@ -9,14 +9,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..colour import srgb_to_linear
+from ..numbers import number
 from ..photos.load import load_photo
 
 Array = NDArray[np.float64]
 
-#: A value within this many steps of the file's largest is taken for saturated: demosaicking and JPEG move it a little.
-SATURATED_STEPS = 2
 #: The pixel's own square footprint has this variance (px^2) along every direction; it is no part of the medium.
 PIXEL_VARIANCE = 1.0 / 12.0
+
+
+@dataclass(frozen=True)
+class LightSettings:
+    """Of the light in a photo."""
+
+    saturated_steps: int = number(
+        2,
+        "rounding steps of the file",
+        "below its largest value that still count as saturated: demosaicking and JPEG move it a little",
+    )
+
+
+SETTINGS = LightSettings()
 
 
 @dataclass(frozen=True)
@@ -58,5 +71,5 @@ def read_light(path: Path, linear: bool = True) -> Light:
     top = int(np.iinfo(photo.pixels.dtype).max)
     unit = photo.pixels.astype(np.float64) / top
     values = srgb_to_linear(unit) if linear else unit
-    saturated = (photo.pixels >= top - SATURATED_STEPS).any(axis=2)
+    saturated = (photo.pixels >= top - SETTINGS.saturated_steps).any(axis=2)
     return Light(photo.name, np.asarray(values.mean(axis=2)), saturated, linear, 1.0 / top)

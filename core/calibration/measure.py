@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
@@ -10,15 +11,33 @@ from scipy import ndimage
 
 from ..errors import PsfError
 from ..files import replacing
+from ..numbers import BY_DEFINITION, number
 from .edge import measure_edge
 from .light import Light, read_light
 from .measured import Kind, MeasuredPsf
 from .point import background_of, measure_point
 
-#: A bright region that covers more of the photo than this, with a flat top, is a surface rather than a point.
-LARGEST_POINT = 0.05
-#: Share of the region above half height that lies above nine tenths: 0.15 for a Gaussian, 1 for a flat top.
-FLAT_TOP = 0.5
+
+@dataclass(frozen=True)
+class KindSettings:
+    """How a point of light and an edge are distinguished."""
+
+    largest_point: float = number(
+        0.05, "share of the photo", "a bright region that covers more, with a flat top, is a surface and no point"
+    )
+    flat_top: float = number(
+        0.5,
+        "share",
+        "of the region above half height that lies above nine tenths: 0.15 for a Gaussian, 1 for a flat top",
+        BY_DEFINITION,
+    )
+    minimum_height: float = number(
+        8.0, "standard deviations of the smoothed noise", "by which something must stand out to be measured"
+    )
+    smallest_photo: int = number(24, "px", "shortest side of a photo that can be measured")
+
+
+SETTINGS = KindSettings()
 
 
 def measure_psf(photo: Path, kind: Literal["auto", "point", "edge"] = "auto", linear: bool = True) -> MeasuredPsf:
@@ -34,8 +53,11 @@ def measure_psf(photo: Path, kind: Literal["auto", "point", "edge"] = "auto", li
         PsfError: there is nothing to measure; the message says the way out.
     """
     light = read_light(photo, linear)
-    if min(light.values.shape) < 24:
-        raise PsfError(f"The photo '{light.name}' is too small to measure", "Give at least 24 x 24 px")
+    if min(light.values.shape) < SETTINGS.smallest_photo:
+        raise PsfError(
+            f"The photo '{light.name}' is too small to measure",
+            f"Give at least {SETTINGS.smallest_photo} x {SETTINGS.smallest_photo} px",
+        )
     if kind == "auto":
         kind = which_kind(light)
     return measure_point(light) if kind == "point" else measure_edge(light)
@@ -47,7 +69,7 @@ def which_kind(light: Light) -> Kind:
     level, noise = background_of(smooth)
     peak = float(smooth.max())
     low = float(np.quantile(smooth, 0.02))
-    if peak - low < 8 * max(noise, 0.1 * light.step):
+    if peak - low < SETTINGS.minimum_height * max(noise, 0.1 * light.step):
         raise PsfError(
             f"Neither a point of light nor an edge stands out in '{light.name}'",
             "Photograph a point of light in the dark, or a straight edge between black and white",
@@ -60,7 +82,7 @@ def which_kind(light: Light) -> Kind:
     if border.any():
         return "edge"
     top = float((region & (smooth > low + 0.9 * (peak - low))).sum()) / float(region.sum())
-    return "edge" if region.mean() > LARGEST_POINT and top > FLAT_TOP else "point"
+    return "edge" if region.mean() > SETTINGS.largest_point and top > SETTINGS.flat_top else "point"
 
 
 def write_kernel(path: Path, measured: MeasuredPsf) -> None:

@@ -8,22 +8,37 @@ clear of the noise, and 1/12 px^2 of variance.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from scipy import ndimage
 from scipy.optimize import least_squares
 
 from ..errors import PsfError
+from ..numbers import number
 from .kernel import centred_kernel, elliptic, fwhm_of, radial_mtf
 from .light import PIXEL_VARIANCE, Array, Light
 from .measured import MeasuredPsf
 
-#: The source must stand this many standard deviations of the (smoothed) noise above the background.
-MINIMUM_PEAK = 12.0
-#: Saturated px inside the source that are still taken for hot pixels.
-HOT_PIXELS = 1
-#: Window around the source: standard deviations to each side at most, and the fewest that a fit needs.
-WIDEST, NARROWEST = 12.0, 3.5
+
+@dataclass(frozen=True)
+class PointPhotoSettings:
+    """What a photo of a point of light must show."""
+
+    minimum_height: float = number(
+        12.0, "standard deviations of the smoothed noise", "that a source must stand above the background"
+    )
+    hot_pixels: int = number(1, "count", "saturated px inside the source that are still taken for hot pixels")
+    largest_window: float = number(12.0, "standard deviations", "to each side of the source that are read at most")
+    smallest_window: float = number(3.5, "standard deviations", "to each side of the source that a fit needs")
+    narrow: float = number(0.6, "px", "a narrower blur (sigma) is reported as an upper bound: pixels hide it")
+    not_gaussian: float = number(
+        0.02, "share of the peak", "misfit above which the user is advised to use the kernel file"
+    )
+    elongated: float = number(1.1, "ratio", "of both widths, above which the user is shown them")
+
+
+SETTINGS = PointPhotoSettings()
 
 
 def background_of(values: Array) -> tuple[float, float]:
@@ -45,18 +60,19 @@ def measure_point(light: Light) -> MeasuredPsf:
     noise = max(noise, 0.3 * light.step * (0.1 if light.linear else 1.0))
     row, column, width = _find(light, level, noise)
     height, breadth = light.values.shape
-    room = min(column + 0.5, row + 0.5, breadth - column - 0.5, height - row - 0.5)
-    if room < NARROWEST * width:
+    free = min(column + 0.5, row + 0.5, breadth - column - 0.5, height - row - 0.5)
+    needed = SETTINGS.smallest_window * width
+    if free < needed:
         raise PsfError(
-            f"The source in '{light.name}' lies {room:.0f} px from the border and is about {width:.1f} px wide (sigma)",
-            f"Move it towards the middle: at least {math.ceil(NARROWEST * width)} px of surroundings are needed",
+            f"The source in '{light.name}' lies {free:.0f} px from the border and is about {width:.1f} px wide (sigma)",
+            f"Move it towards the middle: at least {math.ceil(needed)} px of surroundings are needed",
         )
-    reach = int(min(room - 0.5, max(6.0, math.ceil(WIDEST * width))))
+    reach = int(min(free - 0.5, max(6.0, math.ceil(SETTINGS.largest_window * width))))
     r, c = round(row), round(column)
     window = light.values[r - reach : r + reach + 1, c - reach : c + reach + 1]
     near = light.saturated[r - reach : r + reach + 1, c - reach : c + reach + 1]
     bright = window > level + 0.5 * (window.max() - level)
-    if int((near & bright).sum()) > HOT_PIXELS:
+    if int((near & bright).sum()) > SETTINGS.hot_pixels:
         raise PsfError(
             f"The source in '{light.name}' is saturated ({int((near & bright).sum())} px): its top is cut off",
             "Expose shorter, so that the brightest pixel stays below about 90 % of the range",
@@ -96,11 +112,11 @@ def measure_point(light: Light) -> MeasuredPsf:
 
 def _notes(light: Light, sigmas: Array, residual: float, amplitude: float) -> tuple[str, ...]:
     notes = []
-    if sigmas[1] > 1.1 * sigmas[0]:
+    if sigmas[1] > SETTINGS.elongated * sigmas[0]:
         notes.append(f"wider along one direction: {sigmas[1]:.2f} against {sigmas[0]:.2f} px")
-    if residual > 0 and math.sqrt(residual) > 0.02 * amplitude:
+    if residual > 0 and math.sqrt(residual) > SETTINGS.not_gaussian * amplitude:
         notes.append("not a Gaussian: use the kernel file rather than gaussian:SIGMA")
-    if sigmas[0] < 0.6:
+    if sigmas[0] < SETTINGS.narrow:
         notes.append("narrower than the pixels can tell: the width is an upper bound")
     return tuple(notes)
 
@@ -111,7 +127,7 @@ def _find(light: Light, level: float, noise: float) -> tuple[float, float, float
     row, column = np.unravel_index(int(np.argmax(smooth)), smooth.shape)
     peak = float(smooth[row, column]) - level
     # A Gaussian filter of 1.5 px leaves 1 / (2 sqrt(pi) 1.5) of white noise.
-    if peak < MINIMUM_PEAK * noise * 0.188 or peak <= 2 * light.step * (0.1 if light.linear else 1.0):
+    if peak < SETTINGS.minimum_height * noise * 0.188 or peak <= 2 * light.step * (0.1 if light.linear else 1.0):
         raise PsfError(
             f"No point of light stands out of the background in '{light.name}'",
             "Darken the room, expose longer, or use --kind edge for a photo of a slanted edge",
@@ -124,13 +140,16 @@ def _find(light: Light, level: float, noise: float) -> tuple[float, float, float
     return float(np.average(rows, weights=weight)), float(np.average(columns, weights=weight)), sigma
 
 
+@dataclass(frozen=True)
 class _Fitted:
-    """A Gaussian on a plane, from the window's middle pixel."""
+    """A Gaussian on a plane, from the window's middle pixel; `uncertainty` is that of its width, px."""
 
-    def __init__(self, p: Array, uncertainty: float, residual: float) -> None:
-        self.amplitude, self.x, self.y = float(p[0]), float(p[1]), float(p[2])
-        self.covariance = _covariance(p)
-        self.uncertainty, self.residual = uncertainty, residual
+    amplitude: float
+    x: float
+    y: float
+    covariance: Array
+    uncertainty: float
+    residual: float
 
 
 def _covariance(p: Array) -> Array:
@@ -160,11 +179,12 @@ def _fit(window: Array, width: float) -> _Fitted:
     variance = 2 * fit.cost / freedom
     inverse = np.linalg.pinv(fit.jac.T @ fit.jac) * variance
     # sigma = sqrt(l11 l22): d sigma / sigma = (d l11 / l11 + d l22 / l22) / 2
-    slope = np.zeros(len(p))
+    gradient = np.zeros(len(p))
     sigma = math.sqrt(abs(p[3] * p[5]))
-    slope[3], slope[5] = sigma / (2 * p[3]), sigma / (2 * p[5])
-    uncertainty = math.sqrt(max(float(slope @ inverse @ slope), 0.0))
-    return _Fitted(p, uncertainty, math.sqrt(2 * fit.cost / freedom) * amplitude)
+    gradient[3], gradient[5] = sigma / (2 * p[3]), sigma / (2 * p[5])
+    uncertainty = math.sqrt(max(float(gradient @ inverse @ gradient), 0.0))
+    residual = math.sqrt(2 * fit.cost / freedom) * amplitude
+    return _Fitted(float(p[0]), float(p[1]), float(p[2]), _covariance(p), uncertainty, residual)
 
 
 def _plane(window: Array, x: Array, y: Array, distance: Array, fitted: _Fitted) -> Array:

@@ -18,15 +18,30 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import OptimizeWarning, least_squares
 from scipy.special import ndtr
 
+from ..numbers import BY_DEFINITION, number
+
 Array = NDArray[np.float64]
 
-#: An edge that rises by less than this many standard deviations of what the fit leaves over is no edge.
-CLEAREST_NOISE = 3.0
-#: Blur (px) of the steepest step that samples can tell from an infinitely steep one.
-STEEPEST = 0.15
-#: Relative change at which a fit stops: positions then move by less than 0.01 px, in half the time of 1e-8.
-TOLERANCE = 1e-5
-_FEWEST_SAMPLES = 8
+
+@dataclass(frozen=True)
+class EdgeFitSettings:
+    """Of the fit of one step."""
+
+    minimum_rise: float = number(
+        3.0, "standard deviations of the fit's residual", "an edge that rises by less is no edge"
+    )
+    steepest: float = number(
+        0.15, "px", "blur of the steepest step that samples can distinguish from an infinitely steep one"
+    )
+    tolerance: float = number(
+        1e-5,
+        "relative change",
+        "at which a fit stops: positions then move by less than 0.01 px, in half the time of 1e-8",
+    )
+    minimum_samples: int = number(8, "count", "of a profile; fewer hold no step's four parameters", BY_DEFINITION)
+
+
+SETTINGS = EdgeFitSettings()
 
 
 @dataclass(frozen=True)
@@ -72,7 +87,7 @@ def fit_edge(positions: ArrayLike, values: ArrayLike) -> Edge | None:
     x, y = np.asarray(positions, np.float64), np.asarray(values, np.float64)
     if x.shape != y.shape or x.ndim != 1:
         raise ValueError(f"positions and values differ in shape: {x.shape} and {y.shape}")
-    if len(x) < _FEWEST_SAMPLES or not np.isfinite(y).all():
+    if len(x) < SETTINGS.minimum_samples or not np.isfinite(y).all():
         return None
     few = max(2, len(y) // 6)
     levels = float(np.median(y[:few])), float(np.median(y[-few:]))
@@ -93,19 +108,19 @@ def fit_edge(positions: ArrayLike, values: ArrayLike) -> Edge | None:
         fit = least_squares(
             residual,
             [np.clip(levels[0], low, high), np.clip(levels[1], low, high), start, 0.1 * span],
-            bounds=([low, low, x[0], STEEPEST], [high, high, x[-1], span]),
+            bounds=([low, low, x[0], SETTINGS.steepest], [high, high, x[-1], span]),
             x_scale=[spread, spread, 1.0, 1.0],
-            ftol=TOLERANCE,
-            xtol=TOLERANCE,
-            gtol=TOLERANCE,
+            ftol=SETTINGS.tolerance,
+            xtol=SETTINGS.tolerance,
+            gtol=SETTINGS.tolerance,
         )
     except (ValueError, OptimizeWarning):
         return None
     outside, inside, position, blur = (float(value) for value in fit.x)
     noise = float(np.sqrt(2 * fit.cost / max(1, len(x) - 4)))
-    if abs(inside - outside) < CLEAREST_NOISE * noise or (inside - outside) * (levels[1] - levels[0]) <= 0:
+    if abs(inside - outside) < SETTINGS.minimum_rise * noise or (inside - outside) * (levels[1] - levels[0]) <= 0:
         return None
-    # Levels may sit on their bounds; the position's own variance then is the one with levels known.
+    # Levels may sit on their bounds; the position's own variance then is the one with fixed levels.
     curvature = fit.jac.T @ fit.jac + 1e-12 * np.eye(4)
     variance = noise**2 * float(np.linalg.inv(curvature)[2, 2])
     return Edge(position, float(np.sqrt(max(variance, 0.0))), blur, outside, inside)

@@ -1,6 +1,6 @@
 """How wide painted lines appear, view by view, and how far that is from the truth.
 
-A line is known in the world: points along its middle, unit vectors across it, normals of the surface.
+A line is given in the world: points along its middle, unit vectors across it, normals of the surface.
 It is projected with the true camera; at several stations along it a profile is read across it and both
 flanks are fitted (`edges`). Truth and twin are read at the same stations, with the same instrument, and
 along the same direction in colour space (from the line's colour to its surroundings' in the truth).
@@ -18,27 +18,40 @@ from numpy.typing import NDArray
 
 from ..camera import Camera
 from ..errors import FormatError
+from ..numbers import number
 from .edges import Width, fit_width
 from .profiles import Sampler, intensity_profile
 
 Array = NDArray[np.float64]
 
-#: Stations whose surface is turned away further than this (cosine) are too foreshortened to be read.
-FACING = 0.45
-#: Profiles reach beyond the line's own edges by this many px, but at least by this share of its width.
-REACH, REACH_SHARE = 9.0, 0.75
-#: px along the line that one station averages (pebbles and noise), and px between profile samples.
-BREADTH, STEP = 6.0, 0.4
-#: Stations per view at most, spread evenly over what is seen: about as many as are independent of each other along
-#: a line that crosses the picture. With 16, one width was uncertain by 0.3 px, and a concordance above 50 was chance.
-MOST_STATIONS = 60
-#: Fewer stations tell no width.
-FEWEST_STATIONS = 3
+
+@dataclass(frozen=True)
+class LineSettings:
+    """Where painted lines are read."""
+
+    facing: float = number(
+        0.45, "cosine", "stations whose surface is turned away further are too foreshortened to be read"
+    )
+    reach: float = number(9.0, "px", "that a profile goes beyond the line's own edges on each side")
+    reach_share: float = number(0.75, "share of the line's width", "or by this, where it is more")
+    breadth: float = number(6.0, "px", "along the line that one station averages: pebbles and noise even out")
+    step: float = number(0.4, "px", "between the samples of a profile")
+    maximum_stations: int = number(
+        60,
+        "count",
+        "per view, spread evenly over what is seen: about as many as are independent of each other along a line that"
+        " crosses the picture. With 16, one width was uncertain by 0.3 px, and a concordance above 50 was chance",
+        "the ball's lines (rendered)",
+    )
+    minimum_stations: int = number(3, "count", "with fewer no width is reported")
+
+
+SETTINGS = LineSettings()
 
 
 @dataclass(frozen=True)
 class PaintedLine:
-    """One line of a known scene, in the world of the true cameras.
+    """One line of a given scene, in the world of the true cameras.
 
     Attributes:
         name: as reports call it.
@@ -115,57 +128,59 @@ def stations(line: PaintedLine, camera: Camera, others: Sequence[PaintedLine] = 
     edges = [_project(camera, points + sign * line.width / 2 * across) for sign in (-1.0, 1.0)]
     spans = edges[1] - edges[0]
     widths = np.linalg.norm(spans, axis=1)
-    good = (cosine > FACING) & (widths > 0.5) & np.isfinite(widths)
+    good = (cosine > SETTINGS.facing) & (widths > 0.5) & np.isfinite(widths)
     metre = line.width / np.maximum(widths, 1e-9)  # world units per px
     for other in others:
         if other is line:
             continue
         gap = np.min(np.linalg.norm(points[:, None] - _refined(other.points)[None], axis=2), axis=1)
-        room = line.width / 2 + other.width / 2 + np.maximum(REACH, REACH_SHARE * widths) * metre
-        good &= gap > room
+        clearance = line.width / 2 + other.width / 2 + np.maximum(SETTINGS.reach, SETTINGS.reach_share * widths) * metre
+        good &= gap > clearance
     found = []
     for index in np.flatnonzero(good):
         middle, direction = (edges[0][index] + edges[1][index]) / 2, spans[index] / widths[index]
-        half = _half_length(float(widths[index])) + BREADTH
+        half = _half_length(float(widths[index])) + SETTINGS.breadth
         if (middle - half >= 0).all() and (middle + half <= [camera.width, camera.height]).all():
             found.append(Station(middle, direction, float(widths[index])))
-    picked = np.linspace(0, len(found) - 1, min(MOST_STATIONS, len(found))).round().astype(int)
+    picked = np.linspace(0, len(found) - 1, min(SETTINGS.maximum_stations, len(found))).round().astype(int)
     return [found[i] for i in dict.fromkeys(picked.tolist())]
 
 
-def contrast_direction(sampler: Sampler, places: Sequence[Station]) -> Array:
+def contrast_direction(sampler: Sampler, read_at: Sequence[Station]) -> Array:
     """[C] unit vector in colour space from the surroundings to the line, as the given picture shows it."""
     inner, outer = [], []
-    for place in places:
-        inner.append(sampler.at(place.middle))
-        away = (place.width / 2 + 0.8 * REACH) * place.direction
-        outer += [sampler.at(place.middle + away), sampler.at(place.middle - away)]
+    for station in read_at:
+        inner.append(sampler.at(station.middle))
+        away = (station.width / 2 + 0.8 * SETTINGS.reach) * station.direction
+        outer += [sampler.at(station.middle + away), sampler.at(station.middle - away)]
     difference = np.median(inner, axis=0) - np.median(outer, axis=0)
     return difference / max(float(np.linalg.norm(difference)), 1e-12)
 
 
-def station_profile(sampler: Sampler, place: Station, direction: Array) -> tuple[Array, Array]:
+def station_profile(sampler: Sampler, station: Station, direction: Array) -> tuple[Array, Array]:
     """[n] px from the line's middle, and [n] intensities along `direction` in colour space."""
-    half = _half_length(place.width)
-    offset = half * place.direction
-    distances, values = intensity_profile(sampler, place.middle - offset, place.middle + offset, STEP, BREADTH)
+    half = _half_length(station.width)
+    offset = half * station.direction
+    distances, values = intensity_profile(
+        sampler, station.middle - offset, station.middle + offset, SETTINGS.step, SETTINGS.breadth
+    )
     return distances - half, values @ direction
 
 
-def line_width(sampler: Sampler, places: Sequence[Station], direction: Array) -> LineWidth:
+def line_width(sampler: Sampler, read_at: Sequence[Station], direction: Array) -> LineWidth:
     """Measures a line at the given stations.
 
     Args:
         sampler: of the picture, truth or twin.
-        places: from `stations`.
+        read_at: from `stations`.
         direction: from `contrast_direction` of the TRUE picture.
     """
     widths: list[Width] = []
-    for place in places:
-        width = fit_width(*station_profile(sampler, place, direction))
+    for station in read_at:
+        width = fit_width(*station_profile(sampler, station, direction))
         if width is not None and width.value > 0:
             widths.append(width)
-    if len(widths) < FEWEST_STATIONS:
+    if len(widths) < SETTINGS.minimum_stations:
         return LineWidth(float("nan"), float("nan"), len(widths), float("nan"))
     values = np.array([width.value for width in widths])
     middle = float(np.median(values))
@@ -193,7 +208,7 @@ def concordance(true_widths: Sequence[float], rendered_widths: Sequence[float]) 
 
 
 def _half_length(width: float) -> float:
-    return width / 2 + max(REACH, REACH_SHARE * width)
+    return width / 2 + max(SETTINGS.reach, SETTINGS.reach_share * width)
 
 
 def _refined(values: Array, times: int = 3) -> Array:

@@ -43,7 +43,7 @@ class Similarity:
 def align_similarity(
     estimated: Mapping[str, Camera], reference: Mapping[str, Camera], orientation_weight: float = 1.0
 ) -> Similarity:
-    """The similarity that lays the estimated cameras over the reference, by centres AND orientations.
+    """The similarity that aligns the estimated cameras with the reference, by centres AND orientations.
 
     The rotation maximises tr(R^T M), M = sum_i c'_i c_i^T + w sum_i R'_i^T R_i, with the centres c
     about their mean and scaled to unit rms (Kabsch/Umeyama with the axes of each camera as further
