@@ -167,14 +167,11 @@ def _photo(
     photo = degrade.photograph(
         linear,
         kernel,
+        degrade.Sensor(settings.bits, settings.noise, settings.full_well, settings.read_noise),
         blur_space=settings.blur_space,
         margin=settings.overscan,
-        bits=settings.bits,
-        noise=settings.noise,
         seed=(settings.seed, index),
         gain=float(gains[index]),
-        full_well=settings.full_well,
-        read_noise=settings.read_noise,
     )
     if not settings.jpeg:
         return photo

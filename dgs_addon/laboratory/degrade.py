@@ -7,6 +7,7 @@ A twin that is scored on data made by its own convolution proves little, so noth
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,23 @@ from ...core.errors import PsfError
 from ...core.imaging.kernel_files import read_kernel
 
 _FORMS = "Write none, gaussian:SIGMA, gaussian:SX,SY,ANGLE, disk:RADIUS or file:PATH"
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """What counts the light and stores it.
+
+    Attributes:
+        bits: 8 or 16.
+        noise: standard deviation, of encoded values in [0, 1], added before rounding.
+        full_well: electrons that white is: light is counted in whole ones, with Poisson's noise; 0 for no counting.
+        read_noise: electrons rms that are added to the count.
+    """
+
+    bits: int
+    noise: float = 0.0
+    full_well: float = 0.0
+    read_noise: float = 0.0
 
 
 def kernel_of(psf: str) -> NDArray[np.float64]:
@@ -78,43 +96,37 @@ def decode(encoded: NDArray[np.float64]) -> NDArray[np.float64]:
 def photograph(
     linear: NDArray[np.float32],
     kernel: NDArray[np.float64],
+    sensor: Sensor,
     *,
     blur_space: str,
     margin: int,
-    bits: int,
-    noise: float,
     seed: tuple[int, int],
     gain: float = 1.0,
-    full_well: float = 0.0,
-    read_noise: float = 0.0,
 ) -> NDArray[np.uint8] | NDArray[np.uint16]:
     """The photo through the medium: [H, W, 3] sRGB-encoded.
 
     Args:
         linear: [H + 2 margin, W + 2 margin, 3] linear light, not clipped.
         kernel: point spread function, [K, L].
+        sensor: what counts the light and stores it.
         blur_space: 'linear' blurs light before the sensor clips it; 'srgb' blurs what a sharp
             photo would have stored.
         margin: overscan in px.
-        bits: 8 or 16.
-        noise: standard deviation, of encoded values in [0, 1], added before rounding.
         seed: of the noise: the data set's and the view's number.
         gain: exposure of this photo, a factor on light.
-        full_well: electrons that white is: light is counted in whole ones, with Poisson's noise; 0 for no counting.
-        read_noise: electrons rms that are added to the count.
     """
     light = linear.astype(np.float64) * gain
     if blur_space == "linear":
         encoded = encode(blur(light, kernel, margin))
     else:
         encoded = blur(encode(light), kernel, margin)
-    if full_well > 0:
+    if sensor.full_well > 0:
         generator = np.random.default_rng((*seed, 23))
-        electrons = generator.poisson(np.clip(decode(encoded), 0.0, 1.0) * full_well)
-        encoded = encode((electrons + generator.normal(0.0, read_noise, electrons.shape)) / full_well)
-    if noise > 0:
-        encoded = encoded + np.random.default_rng(seed).normal(0.0, noise, encoded.shape)
-    return quantise(encoded, bits)
+        electrons = generator.poisson(np.clip(decode(encoded), 0.0, 1.0) * sensor.full_well)
+        encoded = encode((electrons + generator.normal(0.0, sensor.read_noise, electrons.shape)) / sensor.full_well)
+    if sensor.noise > 0:
+        encoded = encoded + np.random.default_rng(seed).normal(0.0, sensor.noise, encoded.shape)
+    return quantise(encoded, sensor.bits)
 
 
 def exposures(views: int, stops: float, seed: int) -> NDArray[np.float64]:

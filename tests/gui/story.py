@@ -13,6 +13,7 @@ import random
 import signal
 import sys
 import time
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -28,13 +29,29 @@ seen: dict[str, object] = {"blender": bpy.app.version_string}
 
 def story(robot: Robot) -> Story:  # noqa: PLR0915 (one user's way, step after step)
     """The whole way."""
-    from importlib import import_module
-
-    runner = import_module(f"{ADDON}.dgs_addon.job.runner")
-    redraw = import_module(f"{ADDON}.dgs_addon.window").redraw
     yield from robot.open_tab("Descatter")
     yield from robot.picture("1-empty")
-    settings = bpy.context.scene.dgs
+    yield from _photos_are_dropped(robot)
+    yield from _a_twin_is_made(robot)
+    yield from _it_is_viewed_and_rendered(robot)
+    yield from _ended_early(robot)
+    yield from _exact_view(robot)
+    yield from _files(robot)
+    yield from _german(robot)
+    yield from _test_set()
+    bpy.ops.dgs.open_preferences()
+    yield 2.0
+    yield from robot.picture("9-preferences")
+
+
+def _addon(module: str) -> Any:
+    """A module of the installed extension."""
+    return import_module(f"{ADDON}.dgs_addon.{module}")
+
+
+def _photos_are_dropped(robot: Robot) -> Story:
+    """One photo of the folder is dropped; then the panel is drawn as often as a job has it drawn, for comparison."""
+    settings, redraw = bpy.context.scene.dgs, _addon("window").redraw
     _drop(robot, sorted((FOLDER / "photos").iterdir())[0])
     yield 1.0
     if not settings.photos:  # Blender has a use of its own for pictures, and asks
@@ -47,16 +64,20 @@ def story(robot: Robot) -> Story:  # noqa: PLR0915 (one user's way, step after s
     yield 2.0
     yield from robot.picture("2-photos")
     robot.measure()
-    for _ in range(12):  # the panel drawn as often as a job has it drawn
+    for _ in range(12):
         redraw()
-        yield import_module(f"{ADDON}.dgs_addon.job.job").REDRAW
+        yield _addon("job.job").REDRAW
     seen["idle"] = _figures(robot.ticks)
+
+
+def _a_twin_is_made(robot: Robot) -> Story:
+    runner = _addon("job.runner")
     yield from robot.press("dgs.optimize")
     first = robot.clicked
     yield from _until(lambda: runner.running(), 60)
     yield from _until(lambda: len(runner.current().state.marks) > 10, 500)
-    import_module(f"{ADDON}.dgs_addon.job.pictures").refresh(runner.current())
-    redraw()  # now, not when a slow window would be drawn: for the picture
+    _addon("job.pictures").refresh(runner.current())
+    _addon("window").redraw()  # now, not when a slow window would be drawn: for the picture
     yield from robot.picture("3-optimizing")
     yield from _until(lambda: not runner.running(), 600)
     job, last = runner.current(), len(robot.ticks)
@@ -67,8 +88,11 @@ def story(robot: Robot) -> Story:  # noqa: PLR0915 (one user's way, step after s
     seen["twin"] = _figures(robot.ticks[last:])
     seen["objects"] = sorted(thing.type for thing in bpy.context.scene.objects)
     yield from robot.picture("4-twin")
+
+
+def _it_is_viewed_and_rendered(robot: Robot) -> Story:
     # Each move of the mouse draws all balls by software: fewer do for pressing buttons.
-    nodes = import_module(f"{ADDON}.dgs_addon.scene.nodes")
+    nodes = _addon("scene.nodes")
     modifier = nodes.splat_modifier(bpy.context.object)
     nodes.set_splat_input(modifier, nodes.VIEWPORT_INPUT, 1000)
     bpy.context.scene.cycles.samples = bpy.context.scene.cycles.preview_samples = 1
@@ -90,19 +114,15 @@ def story(robot: Robot) -> Story:  # noqa: PLR0915 (one user's way, step after s
     for window in bpy.context.window_manager.windows[1:]:  # the render's may cover the sidebar
         with bpy.context.temp_override(window=window):
             bpy.ops.wm.window_close()
-    yield from _ended_early(robot, runner)
-    exact = import_module(f"{ADDON}.dgs_addon.questions.exact")
+
+
+def _exact_view(robot: Robot) -> Story:
+    exact = _addon("questions.exact")
     yield from robot.press("dgs.exact_view")
     yield from _until(lambda: exact.IMAGE in bpy.data.images or not exact.busy(), 300)
     seen["exact"] = exact.IMAGE in bpy.data.images
     yield 1.0
     yield from robot.picture("8-exact")
-    yield from _files(robot)
-    yield from _german(robot)
-    yield from _test_set(runner)
-    bpy.ops.dgs.open_preferences()
-    yield 2.0
-    yield from robot.picture("9-preferences")
 
 
 def _drop(robot: Robot, path: Path) -> None:
@@ -147,18 +167,18 @@ def _german(robot: Robot) -> Story:
     yield 0.5
 
 
-def _test_set(runner: Any) -> Story:
+def _test_set() -> Story:
     """Another Blender renders photos with a known truth; they become the photos of step 1."""
-    settings = bpy.context.scene.dgs
+    settings, runner = bpy.context.scene.dgs, _addon("job.runner")
     settings.test_set, settings.test_views, settings.test_width = str(FOLDER / "made"), 3, 96
     bpy.ops.dgs.make_test_set()
     yield from _until(lambda: not runner.busy(), 120)
     seen["made"] = [runner.current().state.phase, settings.photos, len(list((FOLDER / "made" / "sharp").glob("*.png")))]
 
 
-def _ended_early(robot: Robot, runner: Any) -> Story:
+def _ended_early(robot: Robot) -> Story:
     """The job is cancelled, and its engine killed at random moments; the panel says so and has the way on."""
-    settings = bpy.context.scene.dgs
+    settings, runner = bpy.context.scene.dgs, _addon("job.runner")
     settings.live, settings.preset, settings.max_gaussians = True, "balanced", 5000
     yield from robot.press("dgs.optimize")
     first = robot.clicked

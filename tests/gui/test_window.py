@@ -20,7 +20,7 @@ from dgs.core.version import VERSION
 ROOT = Path(dgs.__path__[0])
 from dgs.tests.gui import window  # noqa: E402
 
-pytestmark = pytest.mark.timeout(1200)
+pytestmark = pytest.mark.timeout(1800)
 SUITE = os.environ.get("DGS_WINDOW", "")
 #: Clicks that are allowed from the chosen folder to the rendered twin.
 CLICKS = 6
@@ -61,7 +61,7 @@ def seen(tmp_path_factory: pytest.TempPathFactory) -> dict[str, object]:
     install = ["blender", "--command", "extension", "install-file", "-r", "user_default", "--enable", package]
     window.run(SUITE, work, install, 120, window=False)
     size = ["--window-geometry", "0", "0", *map(str, window.SCREEN)]
-    words = window.run(SUITE, work, ["blender", *size, "--python", str(work / "story.py"), "--", str(work)], 900)
+    words = window.run(SUITE, work, ["blender", *size, "--python", str(work / "story.py"), "--", str(work)], 1500)
     kept = os.environ.get("DGS_WINDOW_PICTURES")
     if kept:
         shutil.copytree(work / "pictures", kept, dirs_exist_ok=True)

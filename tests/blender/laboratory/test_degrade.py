@@ -20,7 +20,7 @@ def test_two_tone_edge_in_both_spaces(space):
     linear[:, 40:] = bright
     photo = (
         degrade.photograph(
-            linear, degrade.kernel_of("gaussian:3"), blur_space=space, margin=0, bits=16, noise=0.0, seed=(0, 0)
+            linear, degrade.kernel_of("gaussian:3"), degrade.Sensor(16), blur_space=space, margin=0, seed=(0, 0)
         )[20, :, 0]
         / 65535
     )
@@ -36,7 +36,7 @@ def test_two_tone_edge_in_both_spaces(space):
 
 def test_no_psf_is_the_sharp_picture_to_the_bit():
     linear = np.random.default_rng(1).random((9, 11, 3), dtype=np.float32)
-    options = {"blur_space": "srgb", "margin": 2, "bits": 8, "noise": 0.0, "seed": (0, 0)}
+    options = {"sensor": degrade.Sensor(8), "blur_space": "srgb", "margin": 2, "seed": (0, 0)}
     sharp = degrade.quantise(degrade.encode(linear[2:-2, 2:-2].astype(np.float64)), 8)
     np.testing.assert_array_equal(degrade.photograph(linear, degrade.kernel_of("none"), **options), sharp)
 

@@ -19,7 +19,12 @@ def _light(height: int, width: int) -> np.ndarray:
 
 def _photo(linear: np.ndarray, space: str, bits: int = 16, noise: float = 0.0, view: int = 0) -> np.ndarray:
     return degrade.photograph(
-        linear, degrade.kernel_of("gaussian:2"), blur_space=space, margin=12, bits=bits, noise=noise, seed=(0, view)
+        linear,
+        degrade.kernel_of("gaussian:2"),
+        degrade.Sensor(bits, noise),
+        blur_space=space,
+        margin=12,
+        seed=(0, view),
     )
 
 

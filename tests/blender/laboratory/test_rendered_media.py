@@ -138,14 +138,15 @@ def test_the_truth_beside_them_is_the_set_without_them_and_the_bits_repeat(tmp_p
 
 def test_photons_are_counted() -> None:
     grey = np.full((200, 200, 3), 0.25, np.float32)
-    options = {"blur_space": "linear", "margin": 0, "bits": 16, "noise": 0.0, "seed": (0, 0)}
-    photo = degrade.photograph(grey, np.ones((1, 1)), full_well=2000, read_noise=12.0, **options) / 65535
+    counted, read = degrade.Sensor(16, full_well=2000), degrade.Sensor(16, full_well=2000, read_noise=12.0)
+    options = {"blur_space": "linear", "margin": 0, "seed": (0, 0)}
+    photo = degrade.photograph(grey, np.ones((1, 1)), read, **options) / 65535
     electrons = degrade.decode(photo) * 2000
     assert electrons.mean() == pytest.approx(500, rel=0.002)
     assert electrons.var() == pytest.approx(500 + 12**2, rel=0.03)
-    bright = degrade.photograph(2 * grey, np.ones((1, 1)), full_well=2000, **options) / 65535
+    bright = degrade.photograph(2 * grey, np.ones((1, 1)), counted, **options) / 65535
     assert (degrade.decode(bright) * 2000).var() == pytest.approx(1000, rel=0.03)
-    again = degrade.photograph(grey, np.ones((1, 1)), full_well=2000, read_noise=12.0, **options) / 65535
+    again = degrade.photograph(grey, np.ones((1, 1)), read, **options) / 65535
     assert np.array_equal(again, photo)
 
 
