@@ -27,7 +27,7 @@ ADDON = "bl_ext.user_default.dgs"
 seen: dict[str, object] = {"blender": bpy.app.version_string}
 
 
-def story(robot: Robot) -> Story:  # noqa: PLR0915 (one user's way, step after step)
+def story(robot: Robot) -> Story:
     """The whole way."""
     yield from robot.open_tab("Descatter")
     yield from robot.picture("1-empty")
