@@ -1,7 +1,9 @@
 """A new effect is found wherever effects are listed, with nothing more than its file and its line."""
 
 import re
+from pathlib import Path
 
+import dgs
 import numpy as np
 import pytest
 import torch
@@ -134,3 +136,12 @@ def test_an_effect_is_simulated_or_masked():
         Switch(speakers=("x",), trial_rank=1)
     with pytest.raises(ValueError, match="either"):
         Switch(speakers=("x",), trial_rank=1, simulation=toy.Dust)
+
+
+def test_the_page_on_extending_shows_this_very_effect():
+    root = Path(dgs.__path__[0])
+    page = (root / "docs/extending.md").read_text("utf-8").split("+++ b/core/effects/dust.py\n")[1].split("--- ")[0]
+    shown = {line[1:] for line in page.splitlines()}
+    source = (root / "tests/core/effects/toy.py").read_text("utf-8").split("\n", 1)[1]
+    used = source.replace("from dgs.core.effects.spec", "from .spec").replace("from dgs.core.", "from ..")
+    assert set(used.splitlines()) <= shown

@@ -1,12 +1,15 @@
 """What the inspection finds in photos whose effects are known, and what it leaves alone."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
 from dgs.core.effects.inspect import inspect_photos
-from dgs.core.effects.registry import EFFECTS
+from dgs.core.effects.registry import EFFECTS, effect_named
 from dgs.core.inspection.evidence import judged
+from dgs.core.inspection.photo_set import PhotoSet
+from dgs.core.photos.load import Photo
 from dgs.core.progress import Silent
 from PIL import Image
 
@@ -29,14 +32,13 @@ def test_clean_photos_call_for_nothing(taken):
     ("name", "effects", "truth", "within"),
     [
         ("blur", {"psf": (2.5, 2.5, 0.0), "space": "srgb"}, 2.5, 0.1),
-        ("defocus", {"defocus": 3.0}, 2.2, 0.4),
-        ("motion", {"motion": 8.0}, 8.0, 0.5),
+        ("defocus", {"defocus": 3.0}, 2.2, 0.15),
+        ("motion", {"motion": 8.0}, 7.7, 0.05),
         ("haze", {"haze": 0.4}, 0.4, 0.25),
         ("exposure", {"exposure": 0.1}, 0.1, 0.1),
         ("white_balance", {"white_balance": 0.06}, 0.06, 0.15),
         ("vignetting", {"vignetting": 0.25}, 0.25, 0.15),
         ("noise", {"noise": 4.0}, 4.0, 0.6),
-        ("saturation", {"saturation": 0.02}, 0.02, 2.0),
     ],
 )
 def test_an_effect_is_found_with_its_size(taken, name, effects, truth, within):
@@ -47,6 +49,28 @@ def test_an_effect_is_found_with_its_size(taken, name, effects, truth, within):
     assert {n for n, e in evidence.items() if e.needed} <= {name, *brought}
 
 
+def test_clipped_px_are_counted(taken):
+    photos = taken(saturation=0.02)
+    truth = np.mean([(photo.pixels == 255).any(axis=2).mean() for photo in photos.photos])
+    assert 0.02 < truth < 0.08  # 2 % of the channels' values
+    evidence = found(photos)
+    # One step below the top counts too: JPEG and demosaicking take clipped px there.
+    assert truth <= evidence["saturation"].estimate["value"] < 1.1 * truth
+    assert {n for n, e in evidence.items() if e.needed} == {"saturation"}
+
+
+def test_px_clipped_by_hand_are_counted_to_the_px():
+    pixels = np.full((40, 50, 3), 90, np.uint8)
+    pixels[:4, :, 1] = 255  # a tenth, in one channel only
+    pixels[4:8, :, 1] = 253
+    mask = np.ones((40, 50), bool)
+    mask[20:] = False  # of what is left, a fifth
+    for mask_or_none, share in ((None, 0.1), (mask, 0.2)):
+        photos = [Photo(f"{i}", Path("p"), pixels, mask=mask_or_none) for i in range(3)]
+        estimate = effect_named("saturation").inspect(PhotoSet(photos)).estimate
+        assert estimate["value"] == pytest.approx(share, rel=1e-3)
+
+
 def test_two_widths_of_blur_and_their_direction(taken):
     estimate = found(taken(psf=(4.0, 2.0, 30.0), space="srgb"), ["blur"])["blur"].estimate
     assert estimate["sigma_x"] == pytest.approx(4.0, rel=0.15) and estimate["sigma_y"] == pytest.approx(2.0, rel=0.2)
@@ -54,8 +78,6 @@ def test_two_widths_of_blur_and_their_direction(taken):
 
 
 def test_without_cameras_it_says_so(taken):
-    from dgs.core.inspection.photo_set import PhotoSet
-
     alone = PhotoSet(taken(exposure=0.1).photos, None, "no cameras were found")
     evidence = found(alone)
     assert not evidence["exposure"].needed and evidence["exposure"].confidence == 0.0
