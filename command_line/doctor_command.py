@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import time
 from collections.abc import Callable
+from importlib.util import find_spec
 
 from ..core.errors import CameraError, DeviceError, DgsError
 from .arguments import add_machine
@@ -99,16 +100,12 @@ def _blur() -> str:
 
 def _cameras() -> str:
     """The library that finds cameras is there; it is not imported, because it may abort a Blender."""
-    from importlib.util import find_spec
-
     if find_spec("pycolmap") is None:
         raise CameraError("pycolmap is not installed", "Run: pip install pycolmap; or give --cameras")
     return "pycolmap is there"
 
 
 def _blender() -> str:
-    from importlib.util import find_spec
-
     if find_spec("bpy") is None:
         return "not here; only 'synthesize' and scenes need it"
     return "bpy is there"

@@ -29,13 +29,13 @@ class Reporting(Progress, Protocol):
 def choose_progress(kind: str, interruption: Interruption) -> Reporting:
     """'auto' (bars on a terminal, else a line per stage), 'json' (lines on stdout) or 'none'."""
     if kind == "json":
-        from .progress_json import JsonLines
+        from .progress_json import JsonLines  # late: only the kind that is asked for
 
         return JsonLines(sys.stdout, interruption)
     if kind == "auto" and sys.stderr.isatty():
-        from .progress_bars import Bars
+        from .progress_bars import Bars  # late: only the kind that is asked for
 
         return Bars(interruption)
-    from .progress_lines import Lines
+    from .progress_lines import Lines  # late: only the kind that is asked for
 
     return Lines(sys.stderr if kind == "auto" else None, sys.stdout, interruption)

@@ -16,14 +16,16 @@ if TYPE_CHECKING:
 
 Values = TypeVar("Values", "Tensor", NDArray[np.float32], NDArray[np.float64])
 
+#: Where the curve's straight segment ends, as a display value and in linear light (the standard's).
 _SRGB_KNEE, _LINEAR_KNEE = 0.04045, 0.0031308
+#: Slope of the straight segment, and offset and exponent of the power above it (the standard's).
 _SLOPE, _OFFSET, _POWER = 12.92, 0.055, 2.4
 
 
 def srgb_to_linear(srgb: Values) -> Values:
     """Display values to linear light, elementwise, of the same type and dtype; differentiable in torch."""
     if not isinstance(srgb, np.ndarray):
-        import torch
+        import torch  # heavy: torch
 
         # The power's branch is fed a harmless value where it is not used: NaN times 0 is NaN.
         safe = srgb.clamp(min=_SRGB_KNEE)
@@ -36,7 +38,7 @@ def srgb_to_linear(srgb: Values) -> Values:
 def linear_to_srgb(linear: Values) -> Values:
     """Linear light to display values, elementwise, of the same type and dtype; differentiable in torch."""
     if not isinstance(linear, np.ndarray):
-        import torch
+        import torch  # heavy: torch
 
         safe = linear.clamp(min=_LINEAR_KNEE)
         curved = (1 + _OFFSET) * safe ** (1 / _POWER) - _OFFSET
@@ -46,14 +48,14 @@ def linear_to_srgb(linear: Values) -> Values:
 
 
 def decoding_slope(srgb: Tensor, linear: Tensor) -> Tensor:
-    """Derivative of `srgb_to_linear` at `srgb`, whose value there, `linear`, is known: no power is taken again."""
-    import torch
+    """Derivative of `srgb_to_linear` at `srgb`, whose value there, `linear`, is given: no power is taken again."""
+    import torch  # heavy: torch
 
     return torch.where(srgb > _SRGB_KNEE, _POWER * linear / (srgb + _OFFSET), 1.0 / _SLOPE)
 
 
 def encoding_slope(linear: Tensor, srgb: Tensor) -> Tensor:
-    """Derivative of `linear_to_srgb` at `linear`, whose value there, `srgb`, is known: no power is taken again."""
-    import torch
+    """Derivative of `linear_to_srgb` at `linear`, whose value there, `srgb`, is given: no power is taken again."""
+    import torch  # heavy: torch
 
     return torch.where(linear > _LINEAR_KNEE, (srgb + _OFFSET) / (_POWER * linear), _SLOPE)

@@ -8,6 +8,7 @@ import sys
 from importlib import metadata
 from pathlib import Path
 
+from .errors import DeviceError
 from .version import VERSION
 
 _LIBRARIES = ("torch", "numpy", "numba", "scipy", "scikit-image", "pycolmap", "plyfile", "pillow", "gsplat", "bpy")
@@ -22,9 +23,9 @@ def cores() -> int:
 
 def use_threads(count: int | None) -> int:
     """Sets the threads of torch and of the kernels; returns how many. Call before the first kernel."""
-    import torch
+    import torch  # heavy: torch
 
-    from .compiled import set_threads
+    from .compiled import set_threads  # heavy: numba
 
     threads = count or cores()
     torch.set_num_threads(threads)
@@ -40,9 +41,7 @@ def choose_device(asked: str) -> str:
     """
     if asked == "cpu":
         return "cpu"
-    import torch
-
-    from .errors import DeviceError
+    import torch  # heavy: torch
 
     if not torch.cuda.is_available():
         if asked == "cuda":
@@ -88,7 +87,7 @@ def peak_memory_mb() -> float | None:
     An upper bound: the two peaks need not have come together. None where the system does not say.
     """
     try:
-        import resource
+        import resource  # late: Windows has none
     except ImportError:  # Windows
         return None
     unit = 1 if sys.platform == "darwin" else 1024

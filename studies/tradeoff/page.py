@@ -15,6 +15,8 @@ from ...core.files import write_text
 from ...core.version import VERSION
 
 _FOLDER = Path(__file__).parent
+#: The style of the engine's own report.
+_STYLE = _FOLDER.parents[1] / "core" / "report" / "report.css"
 
 
 def write_page(path: Path, content: Mapping[str, Any], svg: str) -> None:
@@ -26,7 +28,7 @@ def write_page(path: Path, content: Mapping[str, Any], svg: str) -> None:
     Raises:
         OutputError: it cannot be written.
     """
-    from jinja2 import Environment, StrictUndefined  # (a tenth of a second: only when a page is written)
+    from jinja2 import Environment, StrictUndefined  # heavy: jinja2
 
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     environment.filters["figure"] = _figure
@@ -41,7 +43,7 @@ def write_page(path: Path, content: Mapping[str, Any], svg: str) -> None:
         lines=any(point["line_error"] is not None for point in measured),
         busy=max((point["disturbed"] or 0.0 for point in measured), default=0.0),
         disturbed=DISTURBED,
-        style=Markup((_FOLDER.parent / "report" / "report.css").read_text("utf-8")),
+        style=Markup(_STYLE.read_text("utf-8")),
         # The prolog of a file is no part of a page.
         chart=Markup(re.sub(r"^.*?(?=<svg)", "", svg, flags=re.DOTALL)),
         made=datetime.now().astimezone().strftime("%Y-%m-%d %H:%M"),

@@ -35,8 +35,6 @@ CIRCLES = 2
 UPWARD: set[str] = {"core.effort.estimate -> core.pipeline.blind", "core.effort.estimate -> core.pipeline.reconstruct"}
 #: Package -> imports inside functions that do not say why they are there.
 WITHOUT_REASON: dict[str, int] = {
-    "command_line": 5,
-    "core": 9,
     "core.calibration": 2,
     "core.imaging": 7,
     "core.inspection": 3,
@@ -49,7 +47,6 @@ WITHOUT_REASON: dict[str, int] = {
 }
 #: Package -> numbers at the top of a module that do not say what they are.
 BARE_NUMBERS: dict[str, int] = {
-    "core": 7,
     "core.evaluation": 1,
     "core.formats": 9,
     "core.imaging": 3,
