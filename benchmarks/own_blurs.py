@@ -1,4 +1,4 @@
-"""How well each photo tells its own path of motion and its own width of blur: synthetic sets, known truth.
+"""How well each photo shows its own motion path and its own width of blur: synthetic sets, known truth.
 
     python -m benchmarks.own_blurs [--scenes 6]
 
@@ -23,7 +23,7 @@ MOVED = ((0.0, 0.0), (0.0, 2.0), (3.0, 0.0), (6.0, 0.0), (12.0, 0.0), (6.0, 2.0)
 WIDTHS = ((2.0, 4.0), (2.5, 3.5), (2.8, 3.2), (3.0, 3.0))
 
 
-def told(values: list[float], digits: int = 2) -> str:
+def spread(values: list[float], digits: int = 2) -> str:
     """Median and ninth decile."""
     return f"{np.median(values):.{digits}f} / {np.quantile(values, 0.9):.{digits}f}" if values else "-"
 
@@ -32,7 +32,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--scenes", type=int, default=6)
     scenes = range(parser.parse_args().scenes)
-    print("| path, px (mean) | blur besides, px | photos told to move | length, relative error | direction, degrees |")
+    print("| path, px (mean) | blur besides, px | photos found to move | length, relative error | direction, degrees |")
     print("|---|---|---|---|---|")
     for length, sigma in MOVED:
         truth, found, relative, turned = Truth(motion=length, psf=(sigma, sigma, 0.0)), [], [], []
@@ -47,10 +47,10 @@ def main() -> None:
                     relative.append(abs(path.length / true - 1))
                     turned.append(abs((path.angle - angle + 90) % 180 - 90))
         print(
-            f"| {length:g} | {sigma:g} | {sum(found)} of {len(found)} | {told(relative, 3)} | {told(turned, 1)} |",
+            f"| {length:g} | {sigma:g} | {sum(found)} of {len(found)} | {spread(relative, 3)} | {spread(turned, 1)} |",
             flush=True,
         )
-    print("\n| sigma of the photos, px | sets told to differ | all as shared | each alone | each, shrunk |")
+    print("\n| sigma of the photos, px | sets found to differ | all as shared | each alone | each, shrunk |")
     print("|---|---|---|---|---|")
     for low, high in WIDTHS:
         differ, errors = 0, ([], [], [])
@@ -61,10 +61,10 @@ def main() -> None:
             own = psf_per_photo(photos, shared, linear=True)
             differ += bool(own.spreads)
             for photo, true in zip(photos, own_sigmas(truth, len(photos), seed), strict=True):
-                sigmas = shared.sigma_x, own.told[photo.name], own.shrunk[photo.name]
+                sigmas = shared.sigma_x, own.alone[photo.name], own.shrunk[photo.name]
                 for kept, sigma in zip(errors, sigmas, strict=True):
                     kept.append(abs(sigma - true))
-        cells = " | ".join(told(kept) for kept in errors)
+        cells = " | ".join(spread(kept) for kept in errors)
         print(f"| {low:g} to {high:g} | {differ} of {len(scenes)} | {cells} |", flush=True)
 
 

@@ -1,8 +1,8 @@
 """Widths of the straight, lonely edges in a picture.
 
-A step under a Gaussian blur is its error function, whose width tells the blur. Small round pieces around the crests of
+A step under a Gaussian blur is its error function, whose width is the blur's. Small round pieces around the crests of
 the slope are fitted with one such step each, bent a little, on an even slope (`edge_kernels`). A piece counts where the
-step is all there is: little is left over, and both sides are flat. That flatness is what tells steps from the many
+step is all there is: little is left over, and both sides are flat. That flatness distinguishes steps from the many
 places in a textured picture that merely look like one.
 """
 
@@ -16,29 +16,52 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from ..compiled import run
+from ..numbers import number
 from .edge_kernels import fit_steps
 
 Array = NDArray[np.float64]
 
-#: Pictures are averaged until the blur is this many px wide: a piece then holds a few hundred values at most.
-FINEST = 1.6
-#: Radius of a piece, standard deviations of the blur: a step is flat beyond.
-REACH = 2.8
-#: Of the bell whose slope finds the edges, standard deviations of the blur.
-BELL = 0.6
-#: Least height of a step over the noise, and over full scale.
-CLEAR, LEAST_HEIGHT = 12.0, 0.02
-#: Edges of one picture that are fitted at most.
-MOST = 1000
-#: Edges of one region of a picture (px) may be one contour.
-REGION = 48
-#: What a fit may leave over, of the step's height (rms), beside noise.
-LEFT_OVER = 0.03
-#: Largest slope beside a step, heights per width: where there is one, something else is near. What chance leaves of it
-#: has narrowed the fitted width by `TILT` times as much (log width).
-FLAT, TILT = 0.05, 1.5
-#: Largest curvature times width k; a blurred arc is wider than a blurred line by ARC k^2 / (1 + ARC_LESS k^2).
-CURVED, ARC, ARC_LESS = 0.2, 1.45, 10.0
+#: What the rules of the blind blur were chosen on, and what they were checked on (docs/studies/blind_blur.md).
+CALIBRATION = "drawn scenes and pictures of `benchmarks.blind_psf --calibrate`"
+CHECKED = "benchmarks.blind_psf: 9 drawn scenes, 4 photo sets, 7 pictures; photographs miss 5 % in 6 of 28"
+
+
+@dataclass(frozen=True)
+class EdgeSettings:
+    """Numbers of the fit of one blurred step to a piece, and of what counts as one."""
+
+    finest_width: float = number(
+        1.6, "px", "pictures are averaged until the blur is this wide: a piece then holds a few hundred values at most"
+    )
+    radius: float = number(2.8, "sigma", "of a piece: a step is flat beyond", CALIBRATION, CHECKED)
+    bell: float = number(0.6, "sigma", "of the bell whose slope finds the edges")
+    minimum_height: float = number(0.02, "share of full scale", "least height of a step")
+    minimum_contrast: float = number(12.0, "noise", "least height of a step over the noise", CALIBRATION, CHECKED)
+    maximum_edges: int = number(1000, "count", "edges of one picture that are fitted at most: time only")
+    region: int = number(48, "px", "edges of one region of a picture may be one contour, and count as one")
+    maximum_rest: float = number(
+        0.03, "share of the height (rms)", "what a fit may leave over beside noise", CALIBRATION, CHECKED
+    )
+    maximum_slope: float = number(
+        0.05,
+        "heights per width",
+        "slope beside a step: where there is one, something else is near",
+        CALIBRATION,
+        CHECKED,
+    )
+    slope_correction: float = number(
+        1.5, "log width per slope", "what chance leaves of such a slope has narrowed the fitted width by as much"
+    )
+    maximum_curvature: float = number(0.2, "1 / width", "largest curvature of an edge")
+    arc_widening: float = number(
+        1.45,
+        "ratio",
+        "a blurred arc of curvature k is wider than a line by arc_widening k^2 / (1 + arc_saturation k^2)",
+    )
+    arc_saturation: float = number(10.0, "ratio", "see arc_widening")
+
+
+SETTINGS = EdgeSettings()
 
 
 @dataclass(frozen=True)
@@ -69,8 +92,8 @@ class Edges:
 
     @property
     def group(self) -> NDArray[np.int64]:
-        """[N] number of the region of its picture, side `REGION` px."""
-        cells = np.stack([self.photo, self.x // REGION, self.y // REGION], axis=1).astype(np.int64)
+        """[N] number of the region of its picture, side `region` px."""
+        cells = np.stack([self.photo, self.x // SETTINGS.region, self.y // SETTINGS.region], axis=1).astype(np.int64)
         return np.unique(cells, axis=0, return_inverse=True)[1].reshape(-1)
 
 
@@ -85,7 +108,7 @@ def find_edges(
     sigma: float,
     clipped: NDArray[np.bool_] | None = None,
     photo: int = 0,
-    most: int = MOST,
+    most: int = SETTINGS.maximum_edges,
 ) -> Edges:
     """Fits the straight, lonely edges of a blurred picture.
 
@@ -97,13 +120,15 @@ def find_edges(
         photo: number of the picture, kept with its edges.
         most: edges that are fitted, strongest first.
     """
-    by = max(1, int(sigma / FINEST))
+    by = max(1, int(sigma / SETTINGS.finest_width))
     h, w = (n // by * by for n in grey.shape)
     small = np.ascontiguousarray(_averaged(grey[:h, :w], by), np.float32)
     noise = noise / by
     width = math.sqrt(sigma**2 + (by * by - 1) / 12.0) / by
-    radius = max(REACH * width, 3.2)
-    rows, columns, angles = _candidates(small, width, max(CLEAR * noise, LEAST_HEIGHT), math.ceil(radius) + 1)
+    radius = max(SETTINGS.radius * width, 3.2)
+    rows, columns, angles = _candidates(
+        small, width, max(SETTINGS.minimum_contrast * noise, SETTINGS.minimum_height), math.ceil(radius) + 1
+    )
     if clipped is not None and len(rows):
         near = ndimage.maximum_filter(_averaged(clipped[:h, :w].astype(np.float32), by), 2 * math.floor(radius) + 1)
         free = near[rows, columns] == 0
@@ -116,14 +141,22 @@ def find_edges(
     full = np.abs(height)
     with np.errstate(invalid="ignore", divide="ignore"):
         slope = across * size / height
-        ok = (np.abs(place) < width) & (full > max(CLEAR * noise, LEAST_HEIGHT)) & (np.abs(curve) * size < CURVED)
-        ok &= (np.abs(slope) < FLAT) & (np.abs(along) * size < FLAT * full)
-        ok &= left < np.hypot(LEFT_OVER * full, 1.5 * noise)
+        ok = (
+            (np.abs(place) < width)
+            & (full > max(SETTINGS.minimum_contrast * noise, SETTINGS.minimum_height))
+            & (np.abs(curve) * size < SETTINGS.maximum_curvature)
+        )
+        ok &= (np.abs(slope) < SETTINGS.maximum_slope) & (np.abs(along) * size < SETTINGS.maximum_slope * full)
+        ok &= left < np.hypot(SETTINGS.maximum_rest * full, 1.5 * noise)
     size, full, direction, curve, left, share, slope, rows, columns = (
         v[ok] for v in (size, full, direction, curve, left, share, slope, rows, columns)
     )
     bent = np.square(curve * size)
-    true = size * (1.0 - ARC * bent / (1.0 + ARC_LESS * bent)) * np.exp(TILT * slope)
+    true = (
+        size
+        * (1.0 - SETTINGS.arc_widening * bent / (1.0 + SETTINGS.arc_saturation * bent))
+        * np.exp(SETTINGS.slope_correction * slope)
+    )
     variance = np.square(true * by) - (by * by - 1) / 12.0
     error = 2 * size * share * np.maximum(left, noise) * by * by
     return Edges(
@@ -147,7 +180,7 @@ def _candidates(
     grey: NDArray[np.float32], width: float, least: float, border: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], Array]:
     """Middles (row, column) and direction of the strongest slopes, at most one in a cell, strongest first."""
-    bell = BELL * width
+    bell = SETTINGS.bell * width
     gx = ndimage.gaussian_filter(grey, bell, order=(0, 1))
     gy = ndimage.gaussian_filter(grey, bell, order=(1, 0))
     slope = np.hypot(gx, gy)

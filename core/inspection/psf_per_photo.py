@@ -1,6 +1,6 @@
 """Every photo's own Gaussian around the one that all share, for a medium that changes while photos are taken.
 
-One photo tells its blur less surely than all together. How far the photos' own variances scatter beyond what their
+One photo shows its blur less surely than all together. How far the photos' own variances scatter beyond what their
 uncertainty explains is how far the blurs differ (empirical Bayes): each photo's estimate is drawn towards the shared
 one by the share that is its own noise, and where the scatter is no more than noise, all photos keep the shared one.
 """
@@ -15,33 +15,45 @@ import numpy as np
 from scipy.special import chdtri
 
 from ..imaging.psf import PointSpread
+from ..numbers import number
 from ..photos.load import Photo
 from .photo_set import SETTINGS as LOOKED_AT
 from .photo_set import PhotoSet
 from .spectra import Blur
 
-#: What a fit tells as its error is mostly how the scene bends the law, which photos of one scene have in common: this
-#: share of it scatters from photo to photo (measured on synthetic and real sets whose photos are blurred alike).
-SCATTERED = 0.5
-#: Blurs differ where chance would scatter as far less often than this.
-CHANCE = 0.01
-#: Fewest photos whose scatter says something; the narrowest blur (px) that a photo may be told.
-FEWEST, NARROWEST = 5, 0.3
+
+@dataclass(frozen=True)
+class OwnBlurSettings:
+    """Numbers of each photo's own width."""
+
+    scattered_share: float = number(
+        0.5,
+        "share",
+        "of a fit's error that scatters from photo to photo: the rest is how the scene bends the law, which photos of "
+        "one scene share",
+        "synthetic and real sets whose photos are blurred alike",
+    )
+    significance: float = number(0.01, "probability", "blurs differ where chance would scatter as far less often")
+    minimum_photos: int = number(5, "count", "whose scatter says something")
+    narrowest: float = number(0.3, "px", "blur that a photo may be given")
+
+
+SETTINGS = OwnBlurSettings()
 
 
 @dataclass(frozen=True)
 class OwnSpreads:
-    """What was told.
+    """What was estimated.
 
     Attributes:
         spreads: by photo name, only photos whose blur is not the shared one.
-        told: sigma (px) by photo as its own spectrum alone tells it; shrunk: the same drawn towards the shared one.
+        alone: sigma (px) by photo, from its own spectrum alone; shrunk: the same drawn towards the shared one.
         between: standard deviation (px^2) of the photos' variances, without what noise explains; 0 for equal blurs.
         text: one sentence.
     """
 
     spreads: Mapping[str, PointSpread]
-    told: Mapping[str, float]
+    alone: Mapping[str, float]
     shrunk: Mapping[str, float]
     between: float
     text: str
@@ -57,30 +69,32 @@ def psf_per_photo(
         linear: read spectra on linear light instead of sRGB values.
         paths: lengths (px) of paths of motion that are simulated besides: their part of the blur is taken off.
     """
-    known = {name: blur for name, blur in _blurs(photos, linear).items() if blur is not None}
+    seen_blurs = {name: blur for name, blur in _blurs(photos, linear).items() if blur is not None}
     variance = float(np.trace(shared.covariance)) / 2
-    if len(known) < FEWEST:
-        return OwnSpreads({}, {}, {}, 0.0, f"only {len(known)} photos tell a blur of their own: all get the shared one")
-    names = list(known)
+    if len(seen_blurs) < SETTINGS.minimum_photos:
+        return OwnSpreads(
+            {}, {}, {}, 0.0, f"only {len(seen_blurs)} photos show a blur of their own: all get the shared one"
+        )
+    names = list(seen_blurs)
     motion = np.array([(paths or {}).get(name, 0.0) ** 2 / 24.0 for name in names])
-    seen = np.array([known[name].variance for name in names]) - motion
+    seen = np.array([seen_blurs[name].variance for name in names]) - motion
     off = seen - float(np.median(seen))
-    noise = SCATTERED * np.array([known[name].variance_error for name in names])
-    told = {name: math.sqrt(max(variance + o, NARROWEST**2)) for name, o in zip(names, off, strict=True)}
+    noise = SETTINGS.scattered_share * np.array([seen_blurs[name].variance_error for name in names])
+    alone = {name: math.sqrt(max(variance + o, SETTINGS.narrowest**2)) for name, o in zip(names, off, strict=True)}
     excess = float(np.square(off / noise).sum())
-    if excess <= chdtri(len(names) - 1, CHANCE):
+    if excess <= chdtri(len(names) - 1, SETTINGS.significance):
         text = "the photos' own blurs differ by no more than their uncertainty: all get the shared one"
-        return OwnSpreads({}, told, dict.fromkeys(told, math.sqrt(variance)), 0.0, text)
+        return OwnSpreads({}, alone, dict.fromkeys(alone, math.sqrt(variance)), 0.0, text)
     between = max(float(np.square(off).mean() - np.square(noise).mean()), 1e-6)
     kept = between / (between + noise**2)
     shrunk = {
-        name: math.sqrt(max(variance + share * o, NARROWEST**2))
+        name: math.sqrt(max(variance + share * o, SETTINGS.narrowest**2))
         for name, share, o in zip(names, kept, off, strict=True)
     }
     spreads = {name: _scaled(shared, sigma / math.sqrt(variance)) for name, sigma in shrunk.items()}
     low, high = min(shrunk.values()), max(shrunk.values())
     text = f"{len(spreads)} photos have a Gaussian of their own, sigma {low:.2f} to {high:.2f} px"
-    return OwnSpreads(spreads, told, shrunk, math.sqrt(between), text)
+    return OwnSpreads(spreads, alone, shrunk, math.sqrt(between), text)
 
 
 def _blurs(photos: Sequence[Photo], linear: bool) -> dict[str, Blur | None]:

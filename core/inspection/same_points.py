@@ -19,20 +19,32 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from ..numbers import number
 from .photo_set import PhotoSet
-from .spectra import SLOPE
+from .spectra import SETTINGS as SPECTRA
 
 Array = NDArray[np.float64]
 
-#: The band is what a Gaussian of the first width (px, and over the photos' own blur) passes and one wider does not.
-NARROWEST, OWN, WIDER = 0.8, 0.7, 1.6
-#: Energy is averaged over a Gaussian of so many of the first width; it counts where it is so many times the noise's.
-WINDOW, LOUD = 3.0, 3.0
-#: Power of the distance, mean and standard deviation; what a photo's constant may be (natural log).
-POWER, POWER_SPREAD, PHOTO_SPREAD = SLOPE - 2.0, 0.5, 1.0
-ROUNDS, DRAWS = 5, 100
-#: Fewest observations for a statement.
-FEWEST = 150
+
+@dataclass(frozen=True)
+class SamePointsSettings:
+    """Numbers of the comparison of points in several photos."""
+
+    narrowest_width: float = number(0.8, "px", "first width of the band: what a Gaussian of it passes")
+    shared_share: float = number(0.7, "share", "of the photos' own blur that the first width is at least")
+    width_ratio: float = number(1.6, "ratio", "of the second Gaussian's width, which takes its part of the band away")
+    window: float = number(3.0, "first widths", "of the Gaussian over which energy is averaged")
+    minimum_energy: float = number(3.0, "noise energy", "from which energy counts")
+    distance_power_spread: float = number(
+        0.5, "exponent", "of the power of the distance; its mean is scenes' slope - 2"
+    )
+    photo_spread: float = number(1.0, "natural log", "what a photo's own constant may be")
+    rounds: int = number(5, "count", "of the robust fit")
+    draws: int = number(100, "count", "of regions of space for the standard error (bootstrap)")
+    minimum_observations: int = number(150, "count", "for a statement")
+
+
+SETTINGS = SamePointsSettings()
 
 
 @dataclass(frozen=True)
@@ -57,12 +69,12 @@ def agreement(
     observations = photos.observations
     if observations is None:
         return None
-    first = max(NARROWEST, OWN * float(np.sqrt(max(floor, 0.0))))
+    first = max(SETTINGS.narrowest_width, SETTINGS.shared_share * float(np.sqrt(max(floor, 0.0))))
     energy = _energies(photos, first)
     usable = np.isfinite(energy)
     counts = np.bincount(observations.point[usable], minlength=int(observations.point.max()) + 1)
     usable &= counts[observations.point] >= 2
-    if usable.sum() < FEWEST:
+    if usable.sum() < SETTINGS.minimum_observations:
         return None
     point, photo = observations.point[usable], observations.photo[usable]
     depth, radius2 = observations.depth[usable], observations.radius[usable] ** 2
@@ -75,7 +87,7 @@ def _energies(photos: PhotoSet, first: float) -> Array:
     """[N] energy of the band around every observation over the square of the mean there; NaN where noise has it."""
     observations = photos.observations
     assert observations is not None
-    reach = int(np.ceil(4 * WIDER * first))
+    reach = int(np.ceil(4 * SETTINGS.width_ratio * first))
     impulse = np.zeros((2 * reach + 1,) * 2)
     impulse[reach, reach] = 1.0
     noise_gain = float(np.square(_band(impulse, first)).sum())
@@ -84,26 +96,29 @@ def _energies(photos: PhotoSet, first: float) -> Array:
         if photo.name not in observations.names:
             continue
         mine = np.flatnonzero(observations.photo == observations.names.index(photo.name))
-        energy = ndimage.gaussian_filter(np.square(_band(grey, first)), WINDOW * first, truncate=3.0)
-        level = ndimage.gaussian_filter(grey, WINDOW * first, truncate=3.0)
+        energy = ndimage.gaussian_filter(np.square(_band(grey, first)), SETTINGS.window * first, truncate=3.0)
+        level = ndimage.gaussian_filter(grey, SETTINGS.window * first, truncate=3.0)
         at = observations.pixel[mine].T[::-1] - 0.5
         e, m = (ndimage.map_coordinates(plane, at, order=1, mode="nearest") for plane in (energy, level))
-        known = noise**2 * noise_gain
-        e = np.where(e > (1.0 + LOUD) * known, e - known, np.nan)
+        expected = noise**2 * noise_gain
+        e = np.where(e > (1.0 + SETTINGS.minimum_energy) * expected, e - expected, np.nan)
         out[mine] = np.where(m > 0.01, e / np.maximum(m, 0.01) ** 2, np.nan)
     return out
 
 
 def _band(grey: NDArray[np.floating], first: float) -> Array:
-    low, high = (ndimage.gaussian_filter(np.asarray(grey, np.float32), s * first, truncate=3.5) for s in (WIDER, 1.0))
+    low, high = (
+        ndimage.gaussian_filter(np.asarray(grey, np.float32), s * first, truncate=3.5)
+        for s in (SETTINGS.width_ratio, 1.0)
+    )
     return np.asarray(high - low)
 
 
 def _response(first: float, floor: float, variance: Array) -> Array:
     """Natural log of the share of the band's energy that a variance, px^2, beyond the floor leaves."""
     f = np.linspace(0.002, 0.5, 400)
-    law = f ** (1.0 - SLOPE) * np.exp(-4 * np.pi**2 * f**2 * floor)
-    band = np.exp(-2 * np.pi**2 * (f * first) ** 2) - np.exp(-2 * np.pi**2 * (f * first * WIDER) ** 2)
+    law = f ** (1.0 - SPECTRA.slope) * np.exp(-4 * np.pi**2 * f**2 * floor)
+    band = np.exp(-2 * np.pi**2 * (f * first) ** 2) - np.exp(-2 * np.pi**2 * (f * first * SETTINGS.width_ratio) ** 2)
     at = np.linspace(0.0, max(float(variance.max()), 1e-3), 64)
     energy = (law * band**2 * np.exp(-4 * np.pi**2 * at[:, None] * f**2)).sum(axis=1)
     return np.asarray(np.interp(variance, at, np.log(energy / energy[0])))
@@ -115,11 +130,11 @@ def _fitted(
     """Robust least squares within points; the first column's factor and its error over regions of space."""
     total, count = int(point.max()) + 1, columns.shape[1]
     prior, aim = np.zeros(count), np.zeros(count)
-    prior[1], aim[1] = POWER_SPREAD**-2.0, POWER
-    prior[-photos:] = PHOTO_SPREAD**-2.0
+    prior[1], aim[1] = SETTINGS.distance_power_spread**-2.0, SPECTRA.slope - 2.0
+    prior[-photos:] = SETTINGS.photo_spread**-2.0
     weight, scale = np.ones(len(y)), 0.5
     design, target = columns, y
-    for _ in range(ROUNDS):
+    for _ in range(SETTINGS.rounds):
         sums = np.maximum(np.bincount(point, weight, total), 1e-12)
 
         def centred(values: Array, w: Array = weight, s: Array = sums) -> Array:
@@ -139,7 +154,7 @@ def _fitted(
     matrices = np.stack([design[p].T @ (design[p] * weight[p, None]) for p in parts]) / scale**2
     vectors = np.stack([design[p].T @ (weight[p] * target[p]) for p in parts]) / scale**2
     random = np.random.default_rng(0)
-    picks = random.multinomial(len(groups), np.full(len(groups), 1.0 / len(groups)), size=DRAWS).astype(float)
+    picks = random.multinomial(len(groups), np.full(len(groups), 1.0 / len(groups)), size=SETTINGS.draws).astype(float)
     fixed = np.diag(prior) + 1e-9 * np.eye(count)
     draws = [np.linalg.solve(np.tensordot(p, matrices, 1) + fixed, p @ vectors + prior * aim)[0] for p in picks]
     return Agreement(float(solution[0]), float(np.std(draws)))

@@ -5,8 +5,8 @@ factor; a blur of covariance C multiplies it by the square of its transfer:
 
     log P(f) = a(direction) - b log |f| - 4 pi^2 f' C f,        noise of known power taken off first.
 
-The blur's term grows with f^2, the scene's does not: least squares tell them apart. What looks like blur but is a
-scene without edges (clouds, a wall out of paint) cannot be told from it by any one photo.
+The blur's term grows with f^2, the scene's does not: least squares separate them. What looks like blur but is a
+scene without edges (clouds, a wall out of paint) cannot be distinguished from it by any one photo.
 """
 
 from __future__ import annotations
@@ -18,20 +18,30 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import digamma, polygamma
 
+from ..numbers import number
+
 Array = NDArray[np.float64]
 
-#: Polar bins: radial, and directions over half a turn.
+#: Polar bins: radial, and directions over half a turn. The layout of `polar_power`.
 RADII, DIRECTIONS = 40, 12
-#: Lowest and highest frequency used, cycles/px; at the lowest a tile holds this many periods at least.
-HIGHEST, FEWEST_PERIODS = 0.49, 2.5
-#: A bin counts where its power is this many times the noise's.
-CLEAR = 3.0
-#: A bin keeps its weight where the fitted law stands so many times above the noise.
-LOUD = 10.0
-#: Exponent of scenes' power, mean and standard deviation; how far log power scatters around the law.
-SLOPE, SLOPE_SPREAD, SCATTER = 2.3, 0.45, 0.3
-#: Fewest bins for a fit.
-FEWEST = 18
+#: Highest frequency used, cycles/px: just below what px can hold.
+HIGHEST = 0.49
+
+
+@dataclass(frozen=True)
+class SpectrumSettings:
+    """Numbers of the fit of scene and blur to a spectrum."""
+
+    minimum_periods: float = number(2.5, "periods", "that a tile holds at least at the lowest frequency used")
+    minimum_power: float = number(3.0, "noise power", "from which a ring counts as standing clear of the noise")
+    certain_power: float = number(10.0, "noise power", "where the fitted law stands so high, a bin keeps its weight")
+    slope: float = number(2.3, "exponent", "of scenes' power over frequency, mean (Field 1987: about 2)")
+    slope_spread: float = number(0.45, "exponent", "standard deviation of it over scenes")
+    scatter: float = number(0.3, "log power", "how far power scatters around the law")
+    minimum_bins: int = number(18, "count", "bins for a fit of nine unknowns")
+
+
+SETTINGS = SpectrumSettings()
 
 
 @dataclass(frozen=True)
@@ -92,7 +102,7 @@ def _layout(h: int, w: int) -> tuple[Array, NDArray[np.int64], Array]:
     window = np.outer(np.hanning(h + 2)[1:-1], np.hanning(w + 2)[1:-1])
     fy, fx = np.fft.fftfreq(h)[:, None], np.fft.rfftfreq(w)[None, :]
     radius = np.hypot(fx, fy)
-    lowest = FEWEST_PERIODS / min(h, w)
+    lowest = SETTINGS.minimum_periods / min(h, w)
     edges = np.geomspace(lowest, HIGHEST, RADII + 1)
     ring = np.searchsorted(edges, radius, side="right") - 1
     turn = np.floor((np.arctan2(fy, fx) % np.pi) / np.pi * DIRECTIONS + 0.5).astype(int) % DIRECTIONS
@@ -105,7 +115,7 @@ def _layout(h: int, w: int) -> tuple[Array, NDArray[np.int64], Array]:
 @lru_cache(maxsize=8)
 def _frequencies(shortest: int) -> tuple[Array, Array, Array]:
     """|f|, fx, fy of the bins' middles, [RADII, DIRECTIONS] each."""
-    edges = np.geomspace(FEWEST_PERIODS / shortest, HIGHEST, RADII + 1)
+    edges = np.geomspace(SETTINGS.minimum_periods / shortest, HIGHEST, RADII + 1)
     f = np.sqrt(edges[1:] * edges[:-1])[:, None] * np.ones(DIRECTIONS)
     angle = np.arange(DIRECTIONS) * np.pi / DIRECTIONS
     return f, f * np.cos(angle), f * np.sin(angle)
@@ -125,11 +135,11 @@ def fit_blur(
     f, fx, fy = _frequencies(min(shape))
     counts, (shift, variance) = bin_counts(*shape), _chance(*shape, pictures)
     radial = (power * counts).sum(axis=1) / np.maximum(counts.sum(axis=1), 1)
-    drowned = np.flatnonzero((radial < CLEAR * noise) & (counts.sum(axis=1) > 0))
+    drowned = np.flatnonzero((radial < SETTINGS.minimum_power * noise) & (counts.sum(axis=1) > 0))
     end = drowned[0] if drowned.size else RADII
     clear = (counts > 0) & (power > 2.0 * noise) & (f <= highest) & (f >= lowest)
     clear[end:] = False
-    if clear.sum() < FEWEST or end < 5:
+    if clear.sum() < SETTINGS.minimum_bins or end < 5:
         return None
     y = np.log((power - noise)[clear]) - shift[clear]
     angle = np.arctan2(fy, fx)[clear]
@@ -141,12 +151,12 @@ def fit_blur(
     ]
     matrix = np.stack(columns, axis=1)
     relative = noise / np.maximum(power - noise, 1e-30)[clear]
-    weight = 1.0 / np.sqrt(variance[clear] * (1 + relative) ** 2 + SCATTER**2)
+    weight = 1.0 / np.sqrt(variance[clear] * (1 + relative) ** 2 + SETTINGS.scatter**2)
     prior = np.zeros((5, 9))
-    prior[0, 5] = 1.0 / SLOPE_SPREAD
+    prior[0, 5] = 1.0 / SETTINGS.slope_spread
     prior[1:, 1:5] = np.eye(4) / 0.7  # a scene's directions differ by a factor of two, seldom more
     aim = np.zeros(5)
-    aim[0] = SLOPE / SLOPE_SPREAD
+    aim[0] = SETTINGS.slope / SETTINGS.slope_spread
     for _ in range(4):
         a = np.vstack([matrix * weight[:, None], prior])
         b = np.append(y * weight, aim)
@@ -156,8 +166,8 @@ def fit_blur(
         rest = np.abs(y - law) * weight
         weight = weight * np.sqrt(np.minimum(1.0, 2.5 / np.maximum(rest, 1e-9)))
         # Bins that chance lifted above the noise would straighten the curve: the law decides which ones count.
-        weight = weight * (np.exp(law) > LOUD * noise)
-        if np.count_nonzero(weight) < FEWEST:
+        weight = weight * (np.exp(law) > SETTINGS.certain_power * noise)
+        if np.count_nonzero(weight) < SETTINGS.minimum_bins:
             return None
     # Rings scatter together (the scene's own bumps): as many independent values as rings, not as bins.
     inflate = clear.sum() / max(1.0, float(clear.any(axis=1).sum()))

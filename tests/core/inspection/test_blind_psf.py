@@ -1,4 +1,4 @@
-"""The blur told from blurred photos alone, and plain words where they do not tell it."""
+"""The blur estimated from blurred photos alone, and plain words where they do not determine it."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from scipy import ndimage
 
 
 @pytest.mark.parametrize("sigma", [1.5, 2.0])
-def test_sharp_scenes_tell_their_blur(taken, sigma):
+def test_sharp_scenes_show_their_blur(taken, sigma):
     found = blind_psf(taken(psf=(sigma, sigma, 0.0), space="srgb"))
     assert found.verdict == "estimated" and found.sigma == pytest.approx(sigma, rel=0.08)
     assert found.low < sigma < found.high and found.high - found.low < 0.5 * sigma
@@ -58,7 +58,7 @@ def test_a_scene_without_edges_gives_a_bound_only():
         found.point_spread()
 
 
-def test_a_blank_wall_tells_nothing():
+def test_a_blank_wall_determines_nothing():
     def wall(random):
         return np.round(128 + 3 * random.standard_normal((120, 160, 3))).astype(np.uint8)
 

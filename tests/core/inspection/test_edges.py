@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from dgs.core.inspection.blind_psf import blind_psf
-from dgs.core.inspection.edge_blur import CLEAR, edge_blur
+from dgs.core.inspection.edge_blur import SETTINGS, edge_blur
 from dgs.core.inspection.edges import find_edges
 from dgs.core.inspection.photo_set import PhotoSet
 from dgs.core.photos.load import Photo
@@ -52,7 +52,7 @@ def photos(greys, blurred):
 
 @pytest.mark.parametrize("width", [1.2, 2.4, 6.0])
 @pytest.mark.parametrize("degrees", [0, 27, 225])
-def test_one_edge_tells_its_width_and_direction(width, degrees):
+def test_one_edge_shows_its_width_and_direction(width, degrees):
     found = find_edges(one_edge(width, degrees), 1e-4, 1.15 * width)
     assert len(found) >= 5
     assert np.sqrt(np.median(found.variance)) == pytest.approx(width, rel=0.01)
@@ -84,7 +84,11 @@ def test_scenes_of_steps_tell_their_blur(scenes, sigma):
 def test_a_wrong_guess_is_mended(scenes):
     blurred = photos(scenes, lambda grey: ndimage.gaussian_filter(grey, 4.0))
     found = edge_blur(blurred, np.array([0.5, 0.5, 0.0]))
-    assert found is not None and found.gain > CLEAR and math.sqrt(found.variance) == pytest.approx(4.0, rel=0.04)
+    assert (
+        found is not None
+        and found.gain > SETTINGS.minimum_gain
+        and math.sqrt(found.variance) == pytest.approx(4.0, rel=0.04)
+    )
 
 
 def test_soft_things_beside_sharp_ones_do_not_widen_it(scenes):

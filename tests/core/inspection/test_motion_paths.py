@@ -1,4 +1,4 @@
-"""Every photo's own path of motion: length and direction told, nothing invented, and no haze because of it."""
+"""Every photo's own motion path: length and direction estimated, nothing invented, and no haze because of it."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ from dgs.core.inspection.photometry import fit_photometry
 
 
 @pytest.mark.parametrize("length", [6.0, 12.0])
-def test_lengths_and_directions_are_told(taken, scene, length):
+def test_lengths_and_directions_are_estimated(taken, scene, length):
     photos = taken(motion=length)
     truth = own_paths(Truth(motion=length), scene, 1)
     paths = [photos.motion_paths[photo.name] for photo in photos.photos]
@@ -54,11 +54,11 @@ def test_motion_is_not_taken_for_haze(taken):
     assert taken(motion=8.0).motion.significant and not haze.inspect(taken(motion=8.0)).needed
     assert haze.inspect(taken(haze=0.4)).needed
     photos, own = taken(motion=8.0), {n: (p.length, p.angle) for n, p in taken(motion=8.0).motion_paths.items()}
-    told = [
+    estimated = [
         fit_photometry(observe_points(photos.photos, photos.cameras, photos.sigma, paths=paths)).attenuation.mean()
         for paths in ({}, own)
     ]
-    assert abs(told[1]) < 0.6 * abs(told[0])  # windows of equal blur see less of a haze that is not there
+    assert abs(estimated[1]) < 0.6 * abs(estimated[0])  # windows of equal blur see less of a haze that is not there
 
 
 def test_a_window_is_narrower_along_its_photo_s_path():

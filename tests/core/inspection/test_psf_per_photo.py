@@ -10,7 +10,7 @@ from dgs.core.inspection.psf_per_photo import psf_per_photo
 def test_equal_photos_share_their_blur(taken):
     found = psf_per_photo(taken(psf=(3.0, 3.0, 0.0)).photos, parse_psf("gaussian:3"), linear=True)
     assert found.spreads == {} and found.between == 0.0 and "all get the shared one" in found.text
-    assert set(found.shrunk.values()) == {3.0} and len(set(found.told.values())) > 1
+    assert set(found.shrunk.values()) == {3.0} and len(set(found.alone.values())) > 1
 
 
 def test_photos_that_differ_keep_their_own(taken):
@@ -18,16 +18,16 @@ def test_photos_that_differ_keep_their_own(taken):
     photos = taken(own=(1.5, 4.0)).photos
     shared = parse_psf(f"gaussian:{np.sqrt(np.median(truth**2))}")
     found = psf_per_photo(photos, shared, linear=True)
-    told = np.array([found.shrunk[photo.name] for photo in photos])
-    assert np.abs(told - truth).max() < 0.5
-    assert np.abs(told - truth).mean() < 0.35 * np.abs(shared.sigma_x - truth).mean()
+    widths = np.array([found.shrunk[photo.name] for photo in photos])
+    assert np.abs(widths - truth).max() < 0.5
+    assert np.abs(widths - truth).mean() < 0.35 * np.abs(shared.sigma_x - truth).mean()
     assert all(psf.sigma_x == psf.sigma_y == pytest.approx(found.shrunk[n]) for n, psf in found.spreads.items())
-    assert f"{told.min():.2f} to {told.max():.2f}" in found.text
+    assert f"{widths.min():.2f} to {widths.max():.2f}" in found.text
     # Each lies between what it says itself and what all say.
     for name, sigma in found.shrunk.items():
-        low, high = sorted((found.told[name], shared.sigma_x))
+        low, high = sorted((found.alone[name], shared.sigma_x))
         assert low - 1e-9 <= sigma <= high + 1e-9
-    assert parse_psf(found.spreads[photos[0].name].source).sigma_x == pytest.approx(told[0], abs=1e-3)
+    assert parse_psf(found.spreads[photos[0].name].source).sigma_x == pytest.approx(widths[0], abs=1e-3)
 
 
 def test_few_photos_share_theirs(taken):
