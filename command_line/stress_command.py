@@ -14,7 +14,7 @@ from .arguments import add_machine, show_defaults
 from .progress_choice import Reporting
 
 if TYPE_CHECKING:
-    from ..core.rasterizer.interface import Backend
+    from ..core.devices import BackendName
     from ..studies.stability.case import Result
     from ..studies.stability.torture import TortureResult
 
@@ -92,7 +92,7 @@ def stress_command(options: argparse.Namespace, progress: Reporting) -> int:
     return 2 if failed else 0
 
 
-def _table(cases, backends: tuple[Backend, ...], say, progress: Reporting) -> list[Result]:  # type: ignore[no-untyped-def]
+def _table(cases, backends: tuple[BackendName, ...], say, progress: Reporting) -> list[Result]:  # type: ignore[no-untyped-def]
     from ..studies.stability import table  # heavy: torch
     from ..studies.stability.case import measured, runs  # heavy: torch
 

@@ -33,31 +33,6 @@ def use_threads(count: int | None) -> int:
     return threads
 
 
-def choose_device(asked: str) -> str:
-    """'cpu' or 'cuda'.
-
-    Raises:
-        DeviceError: CUDA was asked for and is not there.
-    """
-    if asked == "cpu":
-        return "cpu"
-    import torch  # heavy: torch
-
-    if not torch.cuda.is_available():
-        if asked == "cuda":
-            raise DeviceError(
-                "There is no CUDA device that torch can use", "Use --device cpu, or install torch for CUDA"
-            )
-        return "cpu"
-    try:
-        metadata.version("gsplat")
-    except metadata.PackageNotFoundError as error:
-        if asked == "cuda":
-            raise DeviceError("The CUDA back end needs gsplat", "Run: pip install gsplat") from error
-        return "cpu"
-    return "cuda"
-
-
 def versions() -> dict[str, str]:
     """Version of this program, of Python and of the libraries that are installed."""
     found = {"dgs": VERSION, "python": platform.python_version()}

@@ -1,4 +1,4 @@
-"""Ways to evaluate one blur: direct, separable, Fourier, and at reduced resolution.
+"""Ways to evaluate one blur on any device: by Fourier transforms, and at reduced resolution; and which ones fit it.
 
 Each maps a frame with a margin [C, H + 2m, W + 2m] to the photo's [C, H, W] (`apply`) and back
 (`adjoint`, the exact transpose). Beyond the margin the frame's edge is repeated.
@@ -7,52 +7,20 @@ Each maps a frame with a margin [C, H + 2m, W + 2m] to the photo's [C, H, W] (`a
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from scipy.fft import next_fast_len
 from torch import Tensor
 
-from ..compiled import run
-from ..constants import TILE
+from ..devices import backend_on
+from ..frames import Evaluation, Frame
 from .psf import PointSpread, gaussian_taps
 
 #: What the reduced-resolution blur may differ by, as a share of the frame's range.
 REDUCED_TOLERANCE = 1e-4
-#: Blocks of 16 rows that are worth handing to a thread.
-_GRAIN = 4
-
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Frame:
-    """Sizes: the photo is height x width px, the rendered frame has `margin` px more on each side."""
-
-    height: int
-    width: int
-    margin: int
-
-    @property
-    def rendered(self) -> tuple[int, int]:
-        """[2] height and width of the frames that are rendered, margin included."""
-        return self.height + 2 * self.margin, self.width + 2 * self.margin
-
-
-class Evaluation(Protocol):
-    """A linear map and its transpose."""
-
-    name: str
-
-    def apply(self, frame: Tensor) -> Tensor: ...
-
-    def adjoint(self, photo: Tensor) -> Tensor: ...
-
-
-def _numpy(tensor: Tensor) -> NDArray[np.floating]:
-    return tensor.detach().contiguous().numpy()
 
 
 def extended(frame: Tensor, vertical: int, horizontal: int) -> Tensor:
@@ -81,93 +49,12 @@ def folded(gradient: Tensor, vertical: int, horizontal: int) -> Tensor:
     return gradient
 
 
-class Separable:
-    """Vertical and horizontal taps for kernels that are symmetric along each axis.
-
-    In compiled code for float32 and at least 16 columns; else as products of banded matrices.
-    """
-
-    name = "separable"
-
-    def __init__(self, vertical: Array, horizontal: Array, frame: Frame, dtype: torch.dtype) -> None:
-        self.frame = frame
-        self.half_v, self.half_h = (t[t.size // 2 :].astype(np.float32) for t in (vertical, horizontal))
-        self.matrices: tuple[Tensor, Tensor] | None = None
-        if dtype != torch.float32 or frame.width < TILE:
-            down = torch.from_numpy(blur_matrix(vertical, frame.height, frame.margin))
-            across = torch.from_numpy(blur_matrix(horizontal, frame.width, frame.margin))
-            self.matrices = down.to(dtype), across.to(dtype)
-
-    def apply(self, frame: Tensor) -> Tensor:
-        """The blur of a frame [C, H + 2m, W + 2m] -> [C, H, W]."""
-        if self.matrices is not None:
-            return self.matrices[0] @ frame @ self.matrices[1].T
-        from .blur_kernels import separable_apply
-
-        f = self.frame
-        out = torch.empty((frame.shape[0], f.height, f.width), dtype=frame.dtype)
-        arguments = (_numpy(frame), out.numpy(), self.half_v, self.half_h, f.margin)
-        run(separable_apply, frame.shape[0] * -(-f.height // TILE), *arguments, grain=_GRAIN)
-        return out
-
-    def adjoint(self, photo: Tensor) -> Tensor:
-        """Its transpose, [C, H, W] -> [C, H + 2m, W + 2m]."""
-        if self.matrices is not None:
-            return self.matrices[0].T @ photo @ self.matrices[1]
-        from .blur_kernels import separable_adjoint
-
-        f = self.frame
-        out = torch.empty((photo.shape[0], *f.rendered), dtype=photo.dtype)
-        arguments = (_numpy(photo), out.numpy(), self.half_v, self.half_h, f.margin)
-        run(separable_adjoint, photo.shape[0] * -(-f.rendered[0] // TILE), *arguments, grain=_GRAIN)
-        return out
-
-
-class Direct:
-    """Every tap of a two-dimensional kernel, in compiled code."""
-
-    name = "direct"
-
-    def __init__(self, kernel: Array, frame: Frame, dtype: torch.dtype) -> None:
-        self.frame = frame
-        self.radius = kernel.shape[0] // 2, kernel.shape[1] // 2
-        self.forward = self._taps(kernel[::-1, ::-1], dtype)  # a convolution correlates with the mirrored kernel
-        self.backward = self._taps(kernel, dtype)
-
-    @staticmethod
-    def _taps(kernel: Array, dtype: torch.dtype) -> NDArray[np.floating]:
-        padded = np.pad(kernel, ((0, 0), (0, -kernel.shape[1] % 4)))
-        return padded.astype(np.float32 if dtype == torch.float32 else np.float64)
-
-    def _correlated(self, source: Tensor, taps: NDArray[np.floating], height: int, width: int) -> Tensor:
-        from .blur_kernels import correlate
-
-        source = torch.nn.functional.pad(source, (0, width + taps.shape[1] - 1 - source.shape[2]))
-        out = torch.empty((source.shape[0], height, width), dtype=source.dtype)
-        run(correlate, source.shape[0] * height, _numpy(source), out.numpy(), taps, grain=4)
-        return out
-
-    def apply(self, frame: Tensor) -> Tensor:
-        """The blur of a frame [C, H + 2m, W + 2m] -> [C, H, W]."""
-        rv, rh = (r - self.frame.margin for r in self.radius)
-        return self._correlated(extended(frame, rv, rh), self.forward, self.frame.height, self.frame.width)
-
-    def adjoint(self, photo: Tensor) -> Tensor:
-        """Its transpose, [C, H, W] -> [C, H + 2m, W + 2m]."""
-        (rv, rh), f = self.radius, self.frame
-        embedded = torch.nn.functional.pad(photo, (2 * rh, 2 * rh, 2 * rv, 2 * rv))
-        spread = self._correlated(embedded, self.backward, f.height + 2 * rv, f.width + 2 * rh)
-        return folded(spread, rv - f.margin, rh - f.margin).contiguous()
-
-
 class Fourier:
     """Multiplication by the transfer function; the frame is extended so that nothing wraps around."""
 
     name = "fourier"
 
     def __init__(self, kernel: Array, frame: Frame, dtype: torch.dtype, device: torch.device) -> None:
-        from scipy.fft import next_fast_len
-
         self.frame = frame
         self.radius = kernel.shape[0] // 2, kernel.shape[1] // 2
         extent = frame.height + 2 * self.radius[0], frame.width + 2 * self.radius[1]
@@ -271,11 +158,8 @@ def candidates(psf: PointSpread, frame: Frame, dtype: torch.dtype, device: torch
     """Every evaluation that is valid for this PSF, frame and device, by name."""
     kernel, separable = psf.kernel(), psf.separable()
     found: dict[str, Evaluation] = {"fourier": Fourier(kernel, frame, dtype, device)}
-    if device.type == "cpu":
-        if kernel.size <= 31 * 31:
-            found["direct"] = Direct(kernel, frame, dtype)
-        if separable is not None and all(np.allclose(t, t[::-1], rtol=0, atol=1e-8) for t in separable):
-            found["separable"] = Separable(*separable, frame, dtype)
+    symmetric = separable is not None and all(np.allclose(t, t[::-1], rtol=0, atol=1e-8) for t in separable)
+    found |= backend_on(device).blurs(kernel, separable if symmetric else None, frame, dtype)
     if separable is not None and psf.samples is None and min(psf.sigma_x, psf.sigma_y) >= 2.0:
         wide = [psf.sigma_y, psf.sigma_x]
         if psf.angle % 180.0 == 90.0:

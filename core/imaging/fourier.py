@@ -14,6 +14,7 @@ from typing import Literal
 import numpy as np
 import torch
 from numpy.typing import ArrayLike, NDArray
+from scipy.fft import next_fast_len
 from torch import Tensor
 
 from .psf import PointSpread
@@ -78,8 +79,6 @@ class FourierFilter:
         device: torch.device | str = "cpu",
         dtype: torch.dtype = torch.float32,
     ) -> None:
-        from scipy.fft import next_fast_len
-
         self.height, self.width, self.beyond = height, width, beyond
         extension = _extension(psf)
         if beyond == "reflect":

@@ -9,9 +9,12 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from ..compiled import threads
+from ..devices import backend_on
 from ..errors import PsfError
+from ..frames import Evaluation, Frame
 from .choices import choice
-from .evaluations import Evaluation, Frame, candidates
+from .evaluations import candidates
 from .psf import PointSpread
 
 #: From this standard deviation on (px), `auto` may take the reduced resolution.
@@ -102,8 +105,6 @@ class BlurOperator:
             raise ValueError(f"expected [C, {size[0]}, {size[1]}], got {list(tensor.shape)}")
 
     def _measured(self, found: dict[str, Evaluation], device: torch.device, dtype: torch.dtype) -> str:
-        from ..compiled import threads
-
         assert self.psf is not None
         # `reduced` is off by up to 1e-4; the others agree to 1e-6. It is worth that for wide blurs only.
         wide = min(self.psf.sigma_x, self.psf.sigma_y) >= WIDE
@@ -140,8 +141,7 @@ def _seconds(evaluation: Evaluation, frame: Tensor) -> float:
     for repeat in range(4):
         start = time.perf_counter()
         out = evaluation.adjoint(evaluation.apply(frame))
-        if out.is_cuda:
-            torch.cuda.synchronize(out.device)
+        backend_on(out.device).synchronize()
         if repeat > 0:
             best = min(best, time.perf_counter() - start)
     return best

@@ -1,4 +1,4 @@
-"""Gaussians and a camera in, an image out: one door, three back ends.
+"""Gaussians and a camera in, an image out: one door, a few back ends (`core.devices`).
 
     rendered = render(gaussians, camera)
     rendered.image.sum().backward()
@@ -8,7 +8,8 @@
 
 from __future__ import annotations
 
-from .interface import BACKENDS, RasterSettings, Rendered, ScreenStatistics, render
+from ..rendering import RasterSettings, Rendered, ScreenStatistics
+from .interface import render
 from .slope import with_slope
 
-__all__ = ["BACKENDS", "RasterSettings", "Rendered", "ScreenStatistics", "render", "with_slope"]
+__all__ = ["RasterSettings", "Rendered", "ScreenStatistics", "render", "with_slope"]

@@ -15,9 +15,9 @@ from ..compiled import run
 from ..constants import TILE, TILE_ROWS
 from ..errors import DeviceError
 from ..gaussians import Gaussians
+from ..rendering import RasterSettings, Rendered, ScreenStatistics
 from .binning_kernels import begin_pairs, count_pairs, depth_order, list_seen, place_pairs
 from .blending_kernels import backward_tiles, blend_tiles
-from .interface import RasterSettings, Rendered, ScreenStatistics
 from .projection_backward_kernels import project_backward
 from .projection_kernels import BLOCK, CULL_REASONS, RECORD_WIDTH, SEEN, project
 from .shape_kernels import V_ALPHA_MINIMUM, V_CENTRE, V_T, VIEW_LENGTH
@@ -276,7 +276,7 @@ def render_cpu(
     Raises:
         DeviceError: the tensors are not float32 on the CPU.
     """
-    if gaussians.means.is_cuda or gaussians.means.dtype != torch.float32:
+    if gaussians.means.device.type != "cpu" or gaussians.means.dtype != torch.float32:
         raise DeviceError(
             "The cpu rasterizer takes float32 tensors on the CPU",
             "Use the back end 'reference' for float64, 'cuda' for tensors on a GPU",

@@ -16,7 +16,7 @@ from ..camera import Camera
 from ..constants import ALPHA_MINIMUM, LOG_SCALE_LIMIT, TILE
 from ..errors import DeviceError
 from ..gaussians import Gaussians
-from .interface import RasterSettings, Rendered, ScreenStatistics
+from ..rendering import RasterSettings, Rendered, ScreenStatistics
 from .projection import camera_pose, select, visible
 
 _INSTALL = (

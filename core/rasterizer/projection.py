@@ -26,8 +26,8 @@ from ..constants import (
     QUATERNION_MINIMUM_NORM,
 )
 from ..gaussians import Gaussians
+from ..rendering import RasterSettings
 from .harmonics import colours
-from .interface import RasterSettings
 
 #: Stands in for `alpha_minimum` = 0 where an ellipse needs an edge.
 SMOOTH_ALPHA_EDGE = 1.0e-12

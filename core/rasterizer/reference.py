@@ -11,7 +11,7 @@ from torch import Tensor
 from ..camera import Camera
 from ..constants import ALPHA_MAXIMUM, TILE, TRANSMITTANCE_STOP
 from ..gaussians import Gaussians
-from .interface import RasterSettings, Rendered, ScreenStatistics
+from ..rendering import RasterSettings, Rendered, ScreenStatistics
 from .projection import Projected, camera_pose, project, select, visible
 
 

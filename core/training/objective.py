@@ -23,13 +23,13 @@ import torch
 from torch import Tensor
 
 from ..colour import decoding_slope, linear_to_srgb
+from ..devices import backend_on
 from ..forward import medium_of
 from ..imaging.evaluations import Frame
 from ..imaging.fourier import FourierFilter
 from ..imaging.medium import BlurSpace
 from ..imaging.psf import PointSpread
 from ..imaging.spectrum import NoiseToSignal
-from .photometric import PhotometricLoss, photometric_reference
 from .settings import TrainingSettings
 from .specks import speck_gradient
 from .variation import variation_gradient
@@ -156,10 +156,4 @@ class Objective:
         return Pull(loss, gradient)
 
     def _compare(self, image: Tensor, photo: Tensor, valid: Tensor | None, ssim_weight: float) -> tuple[float, Tensor]:
-        if not image.is_cuda:
-            return PhotometricLoss(photo, valid, ssim_weight).value_and_gradient(image)
-        leaf = image.detach().requires_grad_()
-        loss = photometric_reference(leaf, photo, valid, ssim_weight)
-        loss.backward()  # type: ignore[no-untyped-call]
-        assert leaf.grad is not None
-        return float(loss), leaf.grad
+        return backend_on(image.device).photometric(image, photo, valid, ssim_weight)

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-import numpy as np
 import torch
 from torch import Tensor
 
-from ..compiled import run
+from ..devices import AdamStep, backend_on
 from ..gaussians import Gaussians
-from .adam_kernels import ROWS, RUN, adam_step
 
 BETA1, BETA2, EPSILON = 0.9, 0.999, 1e-15
 
@@ -46,48 +44,19 @@ class Adam:
                 continue
             rate = rates[name] / bias1
             tail = rates["sh_rest"] / bias1 if name == "sh" else rate
-            if tensor.is_cuda:
-                self._step_torch(name, tensor, gradient, rate, tail, bias2**-0.5)
-                continue
-            period = max(1, tensor.numel() // max(1, tensor.shape[0]))
-            blocks = -(-tensor.shape[0] // ROWS)
-            refused = np.zeros(blocks, np.int64)
-            flat = lambda t: t.detach().reshape(-1).numpy()  # noqa: E731
-            rates_of_one = np.full(period, tail, np.float32)
-            rates_of_one[: 3 if name == "sh" else period] = rate
-            run(
-                adam_step,
-                blocks,
-                flat(tensor),
-                flat(gradient.contiguous()),
-                flat(self.first[name]),
-                flat(self.second[name]),
-                np.tile(rates_of_one, RUN),
-                period,
-                np.float32(BETA1),
-                np.float32(BETA2),
-                np.float32(bias2**-0.5),
-                np.float32(EPSILON),
-                refused,
+            step = AdamStep(
+                tensor.detach(),
+                gradient,
+                self.first[name],
+                self.second[name],
+                rate,
+                tail,
+                3 if name == "sh" else None,
+                bias2**-0.5,
+                (BETA1, BETA2),
+                EPSILON,
             )
-            self._count(name, int(refused.sum()))
-
-    def _step_torch(
-        self, name: str, tensor: Tensor, gradient: Tensor, rate: float, tail: float, correction: float
-    ) -> None:
-        with torch.no_grad():
-            finite = gradient.isfinite()
-            self._count(name, int((~finite).sum()))
-            gradient = torch.where(finite, gradient, 0)
-            first, second = self.first[name], self.second[name]
-            first.lerp_(gradient, 1 - BETA1)
-            second.mul_(BETA2).addcmul_(gradient, gradient, value=1 - BETA2)
-            move = first / second.sqrt().mul_(correction).add_(EPSILON)
-            if name == "sh":
-                tensor[:, :1] -= rate * move[:, :1]
-                tensor[:, 1:] -= tail * move[:, 1:]
-            else:
-                tensor -= rate * move
+            self._count(name, backend_on(tensor.device).adam(step))
 
     def _count(self, name: str, refused: int) -> None:
         if refused:

@@ -16,6 +16,7 @@ from torch import Tensor
 
 from ..compiled import run
 from ..constants import TILE
+from .photometric_kernels import BAND, C1, C2, REACH, photometric
 
 #: Share of the SSIM term in the loss of 3D Gaussian splatting.
 SSIM_WEIGHT = 0.2
@@ -86,8 +87,6 @@ class PhotometricLoss:
             raise ValueError(f"expected {list(shape)} float32, got {list(image.shape)} {image.dtype}")
         if self.count == 0:
             return 0.0, torch.zeros_like(image)
-        from .photometric_kernels import BAND, photometric
-
         w, x = self.ssim_weight, self._padded(image.detach())
         if self.valid is not None:
             x = torch.where(self.valid, x, self.photo)
@@ -140,8 +139,6 @@ def photometric_reference(
 
 def structural_similarity_map(x: Tensor, y: Tensor) -> Tensor:
     """[C, H, W] SSIM around every px of two images [C, H, W], at most 1."""
-    from .photometric_kernels import C1, C2, REACH
-
     t = torch.arange(-REACH, REACH + 1, dtype=x.dtype, device=x.device)
     taps = torch.exp(-0.5 * (t / 1.5) ** 2)
     taps = taps / taps.sum()

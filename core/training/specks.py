@@ -11,14 +11,10 @@ as a prior: Lefkimmiatis et al. 2015). The price is sum sqrt(l2 + eps^2).
 
 from __future__ import annotations
 
-from functools import lru_cache
-
-import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor
 
-from ..compiled import run
+from ..devices import backend_on
 from .variation import SMOOTH
 
 _BINOMIAL = (0.25, 0.5, 0.25)
@@ -35,36 +31,15 @@ def speck_gradient(image: Tensor) -> Tensor:
     Returns:
         [3, H, W].
     """
-    if not image.is_cuda:
-        from .speck_kernels import binomial, differences, slopes, structure
-        from .variation_kernels import negative_divergence
+    return backend_on(image.device).speck_gradient(image)
 
-        source = image.detach().contiguous().numpy()
-        _, height, width = source.shape
-        fields, means, slants, horizontal, vertical = _workspace(height, width)
-        out = np.empty_like(source)
-        run(structure, height - 1, source, fields, grain=16)
-        run(binomial, 3 * height, fields, means, grain=48)
-        run(slopes, height, means, np.float32(SMOOTH**2), grain=16)
-        run(binomial, 3 * height, means, slants, grain=48)
-        run(differences, 3 * (height - 1), source, slants, horizontal, vertical, grain=48)
-        run(negative_divergence, 3 * height, horizontal, vertical, out, grain=48)
-        return torch.from_numpy(out)
+
+def speck_gradient_in_torch(image: Tensor) -> Tensor:
+    """The same in plain torch, on any device."""
     leaf = image.detach().requires_grad_()
     with torch.enable_grad():
         (gradient,) = torch.autograd.grad(speck_price(leaf), leaf)
     return gradient
-
-
-@lru_cache(maxsize=2)
-def _workspace(height: int, width: int) -> tuple[NDArray[np.float32], ...]:
-    """Memory for the passes: fresh memory would cost as much as they do.
-
-    What a pass leaves out (borders, the last row and column) stays zero, so each array belongs to one pass. Not for
-    several trainings in threads of one process: each training is a process of its own.
-    """
-    wide, frame = (3, height + 2, width + 2), (3, height, width)
-    return tuple(np.zeros(shape, np.float32) for shape in (wide, wide, wide, frame, frame))
 
 
 def speck_price(image: Tensor) -> Tensor:

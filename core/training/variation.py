@@ -14,11 +14,10 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
 import torch
 from torch import Tensor
 
-from ..compiled import run
+from ..devices import backend_on
 
 #: Differences below about this size (in [0, 1]) are treated as quadratic: one 8-bit step.
 SMOOTH = 1.0 / 255.0
@@ -36,15 +35,11 @@ def variation_gradient(image: Tensor, knee: float = math.inf) -> Tensor:
     Returns:
         [3, H, W]; each value lies in [-4, 4].
     """
-    if not image.is_cuda:
-        from .variation_kernels import edge_directions, negative_divergence
+    return backend_on(image.device).variation_gradient(image, knee)
 
-        source = image.detach().contiguous().numpy()
-        horizontal, vertical, out = (np.empty_like(source) for _ in range(3))
-        limits = np.float32(SMOOTH**2), np.float32(knee)
-        run(edge_directions, source.shape[1], source, *limits, horizontal, vertical, grain=16)
-        run(negative_divergence, source.shape[0] * source.shape[1], horizontal, vertical, out, grain=48)
-        return torch.from_numpy(out)
+
+def variation_gradient_in_torch(image: Tensor, knee: float) -> Tensor:
+    """The same in plain torch, on any device: the specification."""
     leaf = image.detach().requires_grad_()
     with torch.enable_grad():
         right = leaf[:, :, 1:] - leaf[:, :, :-1]

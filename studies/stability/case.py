@@ -13,10 +13,10 @@ from typing import Literal
 
 from torch import Tensor
 
+from ...core.devices import BackendName
 from ...core.errors import DgsError
 from ...core.gaussians import Gaussians
 from ...core.rasterizer.cuda import available
-from ...core.rasterizer.interface import Backend
 
 Family = Literal["geometry", "rasterizer", "psf", "loss", "poses", "sfm", "scale", "files"]
 #: In the order of the table.
@@ -32,7 +32,7 @@ class Site:
         folder: an empty folder for files.
     """
 
-    backend: Backend
+    backend: BackendName
     folder: Path
 
     @property
@@ -67,7 +67,7 @@ class Case:
     tolerance: float
     reason: str
     measure: Callable[[Site], float]
-    backends: tuple[Backend, ...] = ()
+    backends: tuple[BackendName, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -96,14 +96,14 @@ class Result:
 #: Every case of the files that were imported; see `registry.all_cases`.
 CASES: list[Case] = []
 #: Cases of the rasterizer run on all of these that are there.
-ALL: tuple[Backend, ...] = ("reference", "cpu", "cuda")
+ALL: tuple[BackendName, ...] = ("reference", "cpu", "cuda")
 #: gsplat computes the covariance in float32, caps alpha at 0.999, and leaves out the Gaussian that crosses the
 #: transmittance stop: cases about just that do not concern it.
-OWN: tuple[Backend, ...] = ("reference", "cpu")
+OWN: tuple[BackendName, ...] = ("reference", "cpu")
 
 
 def case(
-    family: Family, name: str, invariant: str, tolerance: float, reason: str, backends: tuple[Backend, ...] = ()
+    family: Family, name: str, invariant: str, tolerance: float, reason: str, backends: tuple[BackendName, ...] = ()
 ) -> Callable[[Callable[[Site], float]], Callable[[Site], float]]:
     """Puts a function into the list of cases; its docstring says what happens."""
 
@@ -115,12 +115,12 @@ def case(
     return register
 
 
-def backends_here() -> tuple[Backend, ...]:
+def backends_here() -> tuple[BackendName, ...]:
     """Rasterizer back ends that this machine has."""
     return ALL if available() else OWN
 
 
-def measured(one: Case, backend: Backend | Literal[""]) -> Result:
+def measured(one: Case, backend: BackendName | Literal[""]) -> Result:
     """Runs a case; whatever it raises is a result, too."""
     began = time.perf_counter()
     error, raised = math.nan, ""
@@ -132,7 +132,7 @@ def measured(one: Case, backend: Backend | Literal[""]) -> Result:
     return Result(one, backend, error, time.perf_counter() - began, raised)
 
 
-def runs(cases: Sequence[Case], backends: Sequence[Backend]) -> Iterator[tuple[Case, Backend | Literal[""]]]:
+def runs(cases: Sequence[Case], backends: Sequence[BackendName]) -> Iterator[tuple[Case, BackendName | Literal[""]]]:
     """Every case with every back end that it concerns."""
     for one in cases:
         for backend in [b for b in backends if b in one.backends] if one.backends else [""]:

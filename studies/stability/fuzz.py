@@ -18,11 +18,11 @@ from ...core import compiled
 from ...core.camera import Camera
 from ...core.constants import ALPHA_MINIMUM, SH_COEFFICIENTS
 from ...core.conventions import rotation_from_quaternion
+from ...core.devices import BackendName
 from ...core.gaussians import Gaussians
 from ...core.imaging.operator import BlurOperator
 from ...core.imaging.psf import PointSpread, point_spread_from_samples
 from ...core.rasterizer import RasterSettings, render
-from ...core.rasterizer.interface import Backend
 from ...core.training.photometric import PhotometricLoss
 from .photographed import disc
 
@@ -128,7 +128,7 @@ def _kernels() -> list[PointSpread]:
 class Fuzzer:
     """Draws and checks scenes; keeps blurs, which take longer to build than to use."""
 
-    def __init__(self, backend: Backend = "cpu") -> None:
+    def __init__(self, backend: BackendName = "cpu") -> None:
         self.backend, self.device = backend, "cuda" if backend == "cuda" else "cpu"
         self.kernels, self.blurs = _kernels(), dict[tuple[int, int, int], BlurOperator]()
         self.found = Fuzzed()
@@ -186,7 +186,9 @@ class Fuzzer:
         return not bad and not uncounted
 
 
-def fuzz(scenes: int, backend: Backend = "cpu", seed: int = 0, report: Callable[[int], None] | None = None) -> Fuzzed:
+def fuzz(
+    scenes: int, backend: BackendName = "cpu", seed: int = 0, report: Callable[[int], None] | None = None
+) -> Fuzzed:
     """Checks `scenes` scenes, seeds `seed`, `seed` + 1, ...; `report` hears how many are done, every hundred."""
 
     began, threads, fuzzer = time.perf_counter(), compiled.threads(), Fuzzer(backend)

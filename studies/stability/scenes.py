@@ -11,9 +11,9 @@ from torch import Tensor
 
 from ...core.camera import Camera
 from ...core.constants import SH_COEFFICIENTS
+from ...core.devices import BackendName
 from ...core.gaussians import Gaussians
-from ...core.rasterizer import Rendered, render
-from ...core.rasterizer.interface import Backend, RasterSettings
+from ...core.rasterizer import RasterSettings, Rendered, render
 from ...core.rasterizer.projection import camera_pose
 from ...core.rigid_motion import moved_pose
 from .case import Site
@@ -104,7 +104,7 @@ class Drawn:
 def drawn(
     gaussians: Gaussians,
     camera: Camera,
-    backend: Backend,
+    backend: BackendName,
     settings: RasterSettings = RasterSettings(),
     background: Tensor | None = None,
     seed: int = 5,

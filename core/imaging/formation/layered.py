@@ -16,10 +16,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ...compiled import run
+from ...devices import Tent, backend_on
 from ..operator import BlurOperator
 from ..psf import PointSpread, gaussian_taps
-from .layered_kernels import gathered, weighed
 
 #: Standard deviations of the ladder, px of the frame. A mixture of two neighbours passes too much fine detail half-way:
 #: at most 0.06 of the contrast with this ratio, 0.12 with a ratio of 2 (0.11 below the first rung).
@@ -29,10 +28,6 @@ LADDER = tuple(0.5 * 1.6**k for k in range(9))
 INVISIBLE = 0.3
 #: Widest blur as a share of the frame's shorter side: beyond, a depth is wrong rather than the scene that blurred.
 WIDEST = 1 / 8
-#: Rows that are worth a call to a thread.
-_GRAIN = 16
-
-Tent = tuple[float, float, float, float]
 
 
 class LayeredBlur:
@@ -96,54 +91,37 @@ class LayeredBlur:
         v = self._variance
         return _rung(k, v.shape[0], v.shape[1], v.dtype, v.device)
 
-    def _compiled(self, light: Tensor) -> bool:
-        """Whether compiled passes do: they know neither autograd nor other devices and types."""
-        plain = light.dtype == torch.float32 and light.device.type == "cpu"
-        return plain and not light.requires_grad and not self._variance.requires_grad
+    def _free_of_gradients(self, light: Tensor) -> bool:
+        """Whether a back end's own passes do: they know neither autograd nor other types than float32."""
+        return light.dtype == torch.float32 and not light.requires_grad and not self._variance.requires_grad
 
     def _weighed(self, light: Tensor, tent: Tent) -> Tensor:
         """[C + 1, h, w] a level's share of the light, and its weights."""
-        if self._compiled(light):
-            out = torch.empty((len(light) + 1, *light.shape[1:]))
-            run(
-                weighed,
-                light.shape[1],
-                light.contiguous().numpy(),
-                self._variance.numpy(),
-                *np.asarray(tent, np.float32),
-                out.numpy(),
-                grain=_GRAIN,
-            )
-            return out
-        weight = self._weight(tent)[None]
-        return torch.cat([weight * light, weight])
-
-    def _weight(self, tent: Tent) -> Tensor:
-        r0, r1, f0, f1 = tent
-        return torch.minimum(r0 + r1 * self._variance, f0 + f1 * self._variance).clamp(min=0.0)
+        if self._free_of_gradients(light):
+            return backend_on(light.device).layer_weighed(light, self._variance, tent)
+        return layer_weighed(light, self._variance, tent)
 
     def _gathered(self, back: Tensor, light: Tensor, gradient: Tensor, in_variance: Tensor, tent: Tent) -> None:
         """Adds a level's part to both gradients; back: [C + 1, h, w], what came back through its blur."""
-        v = self._variance.detach()
-        if self._compiled(light):
-            run(
-                gathered,
-                light.shape[1],
-                back.contiguous().numpy(),
-                light.contiguous().numpy(),
-                v.numpy(),
-                *np.asarray(tent, np.float32),
-                gradient.numpy(),
-                in_variance.numpy(),
-                grain=_GRAIN,
-            )
-            return
-        r0, r1, f0, f1 = tent
-        rising, falling = r0 + r1 * v, f0 + f1 * v
-        gradient += torch.minimum(rising, falling).clamp(min=0.0) * back[:-1]
-        share = (back[:-1] * light).sum(dim=0) - back[-1]
-        slope = torch.where(rising < falling, v.new_tensor(r1), v.new_tensor(f1))
-        in_variance += slope * (torch.minimum(rising, falling) >= 0) * share
+        gather = backend_on(light.device).layer_gathered if self._free_of_gradients(light) else layer_gathered
+        gather(back, light, self._variance.detach(), tent, (gradient, in_variance))
+
+
+def layer_weighed(light: Tensor, variance: Tensor, tent: Tent) -> Tensor:
+    """[C + 1, h, w] a level's share of the light, and its weights, in plain torch."""
+    r0, r1, f0, f1 = tent
+    weight = torch.minimum(r0 + r1 * variance, f0 + f1 * variance).clamp(min=0.0)[None]
+    return torch.cat([weight * light, weight])
+
+
+def layer_gathered(back: Tensor, light: Tensor, variance: Tensor, tent: Tent, gradients: tuple[Tensor, Tensor]) -> None:
+    """Adds a level's part to the gradients in light and variance, in plain torch; see `LayeredBlur`."""
+    r0, r1, f0, f1 = tent
+    rising, falling = r0 + r1 * variance, f0 + f1 * variance
+    gradients[0].add_(torch.minimum(rising, falling).clamp(min=0.0) * back[:-1])
+    share = (back[:-1] * light).sum(dim=0) - back[-1]
+    steepness = torch.where(rising < falling, variance.new_tensor(r1), variance.new_tensor(f1))
+    gradients[1].add_(steepness * (torch.minimum(rising, falling) >= 0) * share)
 
 
 def _tent(variances: Sequence[float], k: int) -> Tent:
@@ -168,4 +146,4 @@ def _variances(widest: float) -> list[float]:
 def _rung(k: int, height: int, width: int, dtype: torch.dtype, device: torch.device) -> BlurOperator:
     """The blur of rung `k` >= 1 on frames of one size; beyond the frame its edge is repeated."""
     psf = PointSpread(sigma_x=LADDER[k - 1], sigma_y=LADDER[k - 1])
-    return BlurOperator(psf, height, width, 0, device, dtype, "separable" if device.type == "cpu" else "fourier")
+    return BlurOperator(psf, height, width, 0, device, dtype, backend_on(device).one_width)

@@ -1,0 +1,132 @@
+"""Compiled kernels (numba) on the CPU's cores."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from ..camera import Camera
+from ..compiled import run
+from ..devices import AdamStep, Tent
+from ..frames import Evaluation, Frame
+from ..gaussians import Gaussians
+from ..imaging.compiled_blurs import Direct, Separable
+from ..imaging.formation.layered_kernels import gathered, weighed
+from ..rasterizer.cpu import render_cpu
+from ..rendering import RasterSettings, Rendered
+from ..training.adam_kernels import ROWS, RUN, adam_step
+from ..training.photometric import PhotometricLoss
+from ..training.speck_kernels import binomial, differences, slopes, structure
+from ..training.variation import SMOOTH
+from ..training.variation_kernels import edge_directions, negative_divergence
+from .reference import ReferenceBackend
+
+#: A kernel with more taps is not evaluated tap by tap: Fourier transforms are faster by far.
+DIRECT_TAPS = 31 * 31
+#: Rows of a picture that are worth a call to a thread; of one channel, of all three.
+ROWS_A_CALL, ROWS_OF_ALL = 16, 48
+
+
+class CpuBackend(ReferenceBackend):
+    """See `core.devices.Backend`."""
+
+    one_width = "separable"
+
+    def render(
+        self,
+        gaussians: Gaussians,
+        camera: Camera,
+        background: Tensor | None,
+        pose: Tensor | None,
+        settings: RasterSettings,
+    ) -> Rendered:
+        """See `Backend`."""
+        return render_cpu(gaussians, camera, background, pose, settings)
+
+    def blurs(
+        self, kernel: NDArray, taps: tuple[NDArray, NDArray] | None, frame: Frame, dtype: torch.dtype
+    ) -> dict[str, Evaluation]:
+        """See `Backend`."""
+        found: dict[str, Evaluation] = {}
+        if kernel.size <= DIRECT_TAPS:
+            found["direct"] = Direct(kernel, frame, dtype)
+        if taps is not None:
+            found["separable"] = Separable(*taps, frame, dtype)
+        return found
+
+    def photometric(
+        self, image: Tensor, photo: Tensor, valid: Tensor | None, ssim_weight: float
+    ) -> tuple[float, Tensor]:
+        """See `Backend`."""
+        return PhotometricLoss(photo, valid, ssim_weight).value_and_gradient(image)
+
+    def variation_gradient(self, image: Tensor, knee: float) -> Tensor:
+        """See `Backend`."""
+        source = image.detach().contiguous().numpy()
+        horizontal, vertical, out = (np.empty_like(source) for _ in range(3))
+        limits = np.float32(SMOOTH**2), np.float32(knee)
+        run(edge_directions, source.shape[1], source, *limits, horizontal, vertical, grain=ROWS_A_CALL)
+        rows = source.shape[0] * source.shape[1]
+        run(negative_divergence, rows, horizontal, vertical, out, grain=ROWS_OF_ALL)
+        return torch.from_numpy(out)
+
+    def speck_gradient(self, image: Tensor) -> Tensor:
+        """See `Backend`."""
+        source = image.detach().contiguous().numpy()
+        _, height, width = source.shape
+        fields, means, slants, horizontal, vertical = _workspace(height, width)
+        out = np.empty_like(source)
+        run(structure, height - 1, source, fields, grain=ROWS_A_CALL)
+        run(binomial, 3 * height, fields, means, grain=ROWS_OF_ALL)
+        run(slopes, height, means, np.float32(SMOOTH**2), grain=ROWS_A_CALL)
+        run(binomial, 3 * height, means, slants, grain=ROWS_OF_ALL)
+        run(differences, 3 * (height - 1), source, slants, horizontal, vertical, grain=ROWS_OF_ALL)
+        run(negative_divergence, 3 * height, horizontal, vertical, out, grain=ROWS_OF_ALL)
+        return torch.from_numpy(out)
+
+    def adam(self, step: AdamStep) -> int:
+        """See `Backend`."""
+        count = step.values.shape[0]
+        period = max(1, step.values.numel() // max(1, count))
+        blocks = -(-count // ROWS)
+        refused = np.zeros(blocks, np.int64)
+        rates_of_one = np.full(period, step.tail, np.float32)
+        rates_of_one[: step.leading or period] = step.rate
+        flat = [t.detach().reshape(-1).numpy() for t in (step.values, step.gradient.contiguous())]
+        moments = [t.detach().reshape(-1).numpy() for t in (step.first, step.second)]
+        numbers = (np.float32(x) for x in (*step.betas, step.correction, step.epsilon))
+        run(adam_step, blocks, *flat, *moments, np.tile(rates_of_one, RUN), period, *numbers, refused)
+        return int(refused.sum())
+
+    def layer_weighed(self, light: Tensor, variance: Tensor, tent: Tent) -> Tensor:
+        """See `Backend`."""
+        out = torch.empty((len(light) + 1, *light.shape[1:]))
+        arrays = light.contiguous().numpy(), variance.numpy()
+        run(weighed, light.shape[1], *arrays, *np.asarray(tent, np.float32), out.numpy(), grain=ROWS_A_CALL)
+        return out
+
+    def layer_gathered(
+        self, back: Tensor, light: Tensor, variance: Tensor, tent: Tent, gradients: tuple[Tensor, Tensor]
+    ) -> None:
+        """See `Backend`."""
+        arrays = back.contiguous().numpy(), light.contiguous().numpy(), variance.numpy()
+        outputs = [gradient.numpy() for gradient in gradients]
+        run(gathered, light.shape[1], *arrays, *np.asarray(tent, np.float32), *outputs, grain=ROWS_A_CALL)
+
+
+@lru_cache(maxsize=2)
+def _workspace(height: int, width: int) -> tuple[NDArray[np.float32], ...]:
+    """Memory for the passes: fresh memory would cost as much as they do.
+
+    What a pass leaves out (borders, the last row and column) stays zero, so each array belongs to one pass. Not for
+    several trainings in threads of one process: each training is a process of its own.
+    """
+    wide, frame = (3, height + 2, width + 2), (3, height, width)
+    return tuple(np.zeros(shape, np.float32) for shape in (wide, wide, wide, frame, frame))
+
+
+BACKEND = CpuBackend()

@@ -1,0 +1,93 @@
+"""Plain torch on any device, float32 and float64: the specification of every other back end."""
+
+from __future__ import annotations
+
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from ..camera import Camera
+from ..devices import AdamStep, Tent
+from ..frames import Evaluation, Frame
+from ..gaussians import Gaussians
+from ..imaging.formation.layered import layer_gathered, layer_weighed
+from ..rasterizer.reference import render_reference
+from ..rendering import RasterSettings, Rendered
+from ..training.photometric import photometric_reference
+from ..training.specks import speck_gradient_in_torch
+from ..training.variation import variation_gradient_in_torch
+
+
+class ReferenceBackend:
+    """See `core.devices.Backend`; others inherit what they have no faster way for."""
+
+    one_width = "fourier"
+
+    def check(self) -> None:
+        """Works everywhere."""
+
+    def synchronize(self) -> None:
+        """Nothing is left to be waited for."""
+
+    def render(
+        self,
+        gaussians: Gaussians,
+        camera: Camera,
+        background: Tensor | None,
+        pose: Tensor | None,
+        settings: RasterSettings,
+    ) -> Rendered:
+        """See `Backend`."""
+        return render_reference(gaussians, camera, background, pose, settings)
+
+    def blurs(
+        self, kernel: NDArray, taps: tuple[NDArray, NDArray] | None, frame: Frame, dtype: torch.dtype
+    ) -> dict[str, Evaluation]:
+        """See `Backend`: none but those of every device."""
+        return {}
+
+    def photometric(
+        self, image: Tensor, photo: Tensor, valid: Tensor | None, ssim_weight: float
+    ) -> tuple[float, Tensor]:
+        """See `Backend`."""
+        leaf = image.detach().requires_grad_()
+        loss = photometric_reference(leaf, photo, valid, ssim_weight)
+        loss.backward()  # type: ignore[no-untyped-call]
+        assert leaf.grad is not None
+        return float(loss), leaf.grad
+
+    def variation_gradient(self, image: Tensor, knee: float) -> Tensor:
+        """See `Backend`."""
+        return variation_gradient_in_torch(image, knee)
+
+    def speck_gradient(self, image: Tensor) -> Tensor:
+        """See `Backend`."""
+        return speck_gradient_in_torch(image)
+
+    def adam(self, step: AdamStep) -> int:
+        """See `Backend`."""
+        finite = step.gradient.isfinite()
+        gradient = torch.where(finite, step.gradient, 0)
+        step.first.lerp_(gradient, 1 - step.betas[0])
+        step.second.mul_(step.betas[1]).addcmul_(gradient, gradient, value=1 - step.betas[1])
+        move = step.first / step.second.sqrt().mul_(step.correction).add_(step.epsilon)
+        if step.leading is None:
+            step.values.sub_(step.rate * move)
+        else:
+            values, moves = (t.reshape(len(t), -1) for t in (step.values, move))
+            values[:, : step.leading] -= step.rate * moves[:, : step.leading]
+            values[:, step.leading :] -= step.tail * moves[:, step.leading :]
+        return int((~finite).sum())
+
+    def layer_weighed(self, light: Tensor, variance: Tensor, tent: Tent) -> Tensor:
+        """See `Backend`."""
+        return layer_weighed(light, variance, tent)
+
+    def layer_gathered(
+        self, back: Tensor, light: Tensor, variance: Tensor, tent: Tent, gradients: tuple[Tensor, Tensor]
+    ) -> None:
+        """See `Backend`."""
+        layer_gathered(back, light, variance, tent, gradients)
+
+
+BACKEND = ReferenceBackend()

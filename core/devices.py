@@ -1,0 +1,219 @@
+"""Where a twin is computed: what a back end can do, which ones there are, and which one a tensor belongs to.
+
+A back end is one package or module of `core.backends` and one line of `REGISTRY`. To add one:
+
+1. Write `core/backends/NAME.py` (or a package, for one with shaders or kernels of its own) with a class that has the
+   members of `Backend`, and `BACKEND = ThatClass()` at its end. What it has no faster way for, it takes from
+   `core.backends.reference.ReferenceBackend`, which is plain torch on any device and the specification of all of them.
+2. Add its line to `REGISTRY`: its name (as `--device` takes it), its module, and torch's type of its tensors' device.
+
+Renders, blurs, losses and Adam's steps then go to it wherever tensors are on that device; nothing else asks what a
+device is. The hard cases (`stress --device NAME`) say whether it agrees with the others.
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING, Protocol
+
+from .errors import DeviceError
+
+if TYPE_CHECKING:
+    import torch
+    from numpy.typing import NDArray
+    from torch import Tensor
+
+    from .camera import Camera
+    from .frames import Evaluation, Frame
+    from .gaussians import Gaussians
+    from .rendering import RasterSettings, Rendered
+
+#: A back end's name: a key of `REGISTRY`, or 'auto'.
+BackendName = str
+#: r0, r1, f0, f1 of a weight max(0, min(r0 + r1 v, f0 + f1 v)) of a variance v.
+Tent = tuple[float, float, float, float]
+
+
+@dataclass(frozen=True)
+class AdamStep:
+    """One step of Adam (Kingma and Ba 2015) for one parameter.
+
+    Attributes:
+        values: [N, ...] changed in place; gradient: of the same shape; first, second: moments, changed in place.
+        rate: step size over the first moment's bias correction, of the first `leading` values of each Gaussian.
+        tail: the same of the others.
+        leading: values of each Gaussian that `rate` is for; all if None.
+        correction: 1 / sqrt of the second moment's bias correction.
+        betas: decay of the moments; epsilon: added to the denominator.
+    """
+
+    values: Tensor
+    gradient: Tensor
+    first: Tensor
+    second: Tensor
+    rate: float
+    tail: float
+    leading: int | None
+    correction: float
+    betas: tuple[float, float]
+    epsilon: float
+
+
+class Backend(Protocol):
+    """What a training asks of a device. Tensors are float32 on the back end's own device unless said otherwise.
+
+    Attributes:
+        one_width: evaluation of a symmetric blur that suits frames of one size ('separable' or 'fourier').
+    """
+
+    one_width: str
+
+    def check(self) -> None:
+        """Raises DeviceError, with the way out, where the back end cannot work on this machine."""
+        ...
+
+    def synchronize(self) -> None:
+        """Waits until everything asked for so far is done (for measuring times)."""
+        ...
+
+    def render(
+        self,
+        gaussians: Gaussians,
+        camera: Camera,
+        background: Tensor | None,
+        pose: Tensor | None,
+        settings: RasterSettings,
+    ) -> Rendered:
+        """See `core.rasterizer.render`."""
+        ...
+
+    def blurs(
+        self, kernel: NDArray, taps: tuple[NDArray, NDArray] | None, frame: Frame, dtype: torch.dtype
+    ) -> dict[str, Evaluation]:
+        """Evaluations of a blur by name, besides those in plain torch that every device has.
+
+        Args:
+            kernel: [K, L] float64; taps: (vertical, horizontal), odd and symmetric, where the kernel is their product.
+            dtype: float32 or float64.
+        """
+        ...
+
+    def photometric(
+        self, image: Tensor, photo: Tensor, valid: Tensor | None, ssim_weight: float
+    ) -> tuple[float, Tensor]:
+        """Value and gradient [3, H, W] of MAE + SSIM between two [3, H, W] sRGB; see `core.training.photometric`."""
+        ...
+
+    def variation_gradient(self, image: Tensor, knee: float) -> Tensor:
+        """See `core.training.variation`."""
+        ...
+
+    def speck_gradient(self, image: Tensor) -> Tensor:
+        """See `core.training.specks`."""
+        ...
+
+    def adam(self, step: AdamStep) -> int:
+        """Makes the step; how many gradients were not finite, and moved nothing."""
+        ...
+
+    def layer_weighed(self, light: Tensor, variance: Tensor, tent: Tent) -> Tensor:
+        """[C + 1, h, w] a layered blur's level's share of the light, and its weights; without gradient."""
+        ...
+
+    def layer_gathered(
+        self, back: Tensor, light: Tensor, variance: Tensor, tent: Tent, gradients: tuple[Tensor, Tensor]
+    ) -> None:
+        """Adds a level's part to the gradients in the light [C, h, w] and in the variance [h, w].
+
+        Args:
+            back: [C + 1, h, w] what came back through the level's blur.
+        """
+        ...
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A back end that there is.
+
+    Attributes:
+        load: makes it; imports what it needs.
+        device: torch's type of the tensors that are its own; None where it is asked for by name only.
+    """
+
+    load: Callable[[], Backend]
+    device: str | None
+
+
+def _module(name: str) -> Callable[[], Backend]:
+    """Loads core.backends.NAME when it is first asked for: torch, numba and a card's libraries take seconds."""
+
+    def load() -> Backend:
+        found: Backend = importlib.import_module(f".backends.{name}", __package__).BACKEND
+        return found
+
+    return load
+
+
+#: All back ends, by the name that `--device` takes; 'auto' takes the last one that works.
+REGISTRY: dict[BackendName, Entry] = {
+    "reference": Entry(_module("reference"), None),
+    "cpu": Entry(_module("cpu"), "cpu"),
+    "cuda": Entry(_module("cuda"), "cuda"),
+}
+
+
+def devices() -> tuple[BackendName, ...]:
+    """Names of the back ends that a run may be computed on."""
+    return tuple(name for name, entry in REGISTRY.items() if entry.device is not None)
+
+
+@cache
+def _loaded(entry: Entry) -> Backend:
+    return entry.load()
+
+
+def backend_named(name: BackendName) -> Backend:
+    """The back end of this name.
+
+    Raises:
+        DeviceError: there is none.
+    """
+    if name not in REGISTRY:
+        raise DeviceError(f"There is no back end '{name}'", f"Choose one of {', '.join(REGISTRY)}")
+    return _loaded(REGISTRY[name])
+
+
+def backend_on(device: torch.device | str) -> Backend:
+    """The back end whose tensors are on this device.
+
+    Raises:
+        DeviceError: no back end computes there.
+    """
+    kind = str(device).partition(":")[0]
+    for entry in REGISTRY.values():
+        if entry.device == kind:
+            return _loaded(entry)
+    raise DeviceError(f"No back end computes on the device '{device}'", f"Choose one of auto, {', '.join(devices())}")
+
+
+def choose_device(asked: BackendName) -> BackendName:
+    """The device to compute on: the one asked for, or for 'auto' the last of `REGISTRY` that works here.
+
+    Raises:
+        DeviceError: the one asked for does not exist, or does not work here.
+    """
+    if asked != "auto":
+        if asked not in devices():
+            raise DeviceError(f"There is no device '{asked}'", f"Choose one of auto, {', '.join(devices())}")
+        backend_named(asked).check()
+        return asked
+    for name in reversed(devices()):
+        try:
+            backend_named(name).check()
+        except DeviceError:
+            continue
+        return name
+    raise DeviceError("No back end works on this machine", "Run 'doctor', which says why")

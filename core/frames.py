@@ -1,0 +1,32 @@
+"""Frames that are larger than their photo, and linear maps between the two."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from torch import Tensor
+
+
+@dataclass(frozen=True)
+class Frame:
+    """Sizes: the photo is height x width px, the rendered frame has `margin` px more on each side."""
+
+    height: int
+    width: int
+    margin: int
+
+    @property
+    def rendered(self) -> tuple[int, int]:
+        """[2] height and width of the frames that are rendered, margin included."""
+        return self.height + 2 * self.margin, self.width + 2 * self.margin
+
+
+class Evaluation(Protocol):
+    """A linear map and its transpose."""
+
+    name: str
+
+    def apply(self, frame: Tensor) -> Tensor: ...
+
+    def adjoint(self, photo: Tensor) -> Tensor: ...
