@@ -9,6 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Literal
 
+from ..core.devices import devices
 from ..core.run_settings import DEFAULT_FRAMES
 
 #: Which files are meant. The formats themselves are in `core.formats`, whose tables load numpy: no list stands here,
@@ -59,7 +60,7 @@ def whole(low: int, high: float = math.inf) -> Callable[[str], int]:
 
 def add_machine(parser: argparse.ArgumentParser) -> None:
     """Device and threads."""
-    parser.add_argument("--device", choices=("auto", "cpu", "cuda"), default="auto", help="where to compute")
+    parser.add_argument("--device", choices=("auto", *devices()), default="auto", help="where to compute")
     parser.add_argument("--threads", type=whole(1, 1024), metavar="N", help="CPU threads; all cores if not given")
 
 

@@ -20,7 +20,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def doctor_command(options: argparse.Namespace, progress: Reporting) -> int:
     """Prints a line per check; 2 if one fails, with the way out in its line."""
-    from ..core.machine import choose_device, machine, use_threads, versions  # late: slows --help
+    from ..core.devices import choose_device
+    from ..core.machine import machine, use_threads, versions  # late: slows --help
 
     facts: dict[str, object] = {**versions()}
     for name, value in facts.items():

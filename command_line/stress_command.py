@@ -50,7 +50,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def stress_command(options: argparse.Namespace, progress: Reporting) -> int:
     """Runs what was asked for; 2 if anything failed."""
-    from ..core.machine import choose_device, machine, use_threads  # late: slows --help
+    from ..core.devices import choose_device
+    from ..core.machine import machine, use_threads  # late: slows --help
     from ..studies.stability import table  # heavy: torch
     from ..studies.stability.case import backends_here  # heavy: torch
     from ..studies.stability.fuzz import fuzz  # heavy: torch

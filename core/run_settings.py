@@ -6,6 +6,8 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, Literal
 
+from .devices import BackendName
+
 #: Frames of a movie if nobody says how many: dense enough around an object, and a minute of cameras at most.
 DEFAULT_FRAMES = 60
 
@@ -56,7 +58,7 @@ class ReconstructSettings:
     max_gaussians: int | None = None
     sh_degree: int | None = None
     seed: int = 0
-    device: Literal["auto", "cpu", "cuda"] = "auto"
+    device: BackendName = "auto"
     threads: int | None = None
     resume: bool = False
     effects: str = "none"

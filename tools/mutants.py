@@ -84,7 +84,7 @@ MUTATIONS = (
     Mutation(
         "psf",
         "the adjoint is the blur itself",
-        "core/imaging/evaluations.py",
+        "core/imaging/compiled_blurs.py",
         "self.backward = self._taps(kernel, dtype)",
         "self.backward = self.forward",
         "adjoint",

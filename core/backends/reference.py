@@ -54,7 +54,7 @@ class ReferenceBackend:
         loss = photometric_reference(leaf, photo, valid, ssim_weight)
         loss.backward()  # type: ignore[no-untyped-call]
         assert leaf.grad is not None
-        return float(loss), leaf.grad
+        return float(loss.detach()), leaf.grad
 
     def variation_gradient(self, image: Tensor, knee: float) -> Tensor:
         """See `Backend`."""

@@ -10,8 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from ..compiled import cache_folder
+from ..devices import choose_device
 from ..errors import Cancelled, PhotoError, PsfError
-from ..machine import choose_device, machine, use_threads
+from ..machine import machine, use_threads
 from ..photos.load import Photo, load_photo, photo_files
 from ..photos.movie import is_movie
 from ..pipeline.blind import Spreads, spreads_of, told_spreads

@@ -17,7 +17,7 @@ from torch import Tensor
 
 from ..camera import Camera
 from ..colour import decoding_slope, encoding_slope, linear_to_srgb, srgb_to_linear
-from ..imaging.evaluations import Frame
+from ..frames import Frame
 from ..imaging.medium import BlurSpace, Medium
 from ..imaging.operator import BlurOperator, shared_operator
 from ..imaging.psf import PointSpread

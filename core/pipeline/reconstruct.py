@@ -11,13 +11,14 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
+from ..devices import choose_device
 from ..errors import CameraError, DgsError
 from ..files import check_writable, make_folder, plain, write_json
 from ..formats.ply import write_ply
 from ..imaging.formation.chain import Formation
 from ..imaging.medium import Medium
 from ..imaging.psf import PointSpread
-from ..machine import choose_device, machine, use_threads
+from ..machine import machine, use_threads
 from ..photos.load import Photo, load_photos
 from ..photos.source import photo_source
 from ..photos.write import render_names

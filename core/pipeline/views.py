@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from ..camera import Camera
 from ..constants import LOW_PASS_VARIANCE
 from ..forward import ForwardModel, margin_for, medium_of, sharp_view, space_of
+from ..frames import Frame
 from ..gaussians import Gaussians
-from ..imaging.evaluations import Frame
 from ..imaging.formation.chain import Formation
 from ..imaging.medium import Medium
 from ..imaging.psf import PointSpread

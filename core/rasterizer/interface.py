@@ -28,7 +28,8 @@ def render(
         background: [3] colour behind everything; black if None.
         pose: [3, 4] world to camera, differentiable; the camera's own if None.
         settings: see `RasterSettings`.
-        backend: 'auto' takes the one whose device the tensors are on ('reference' for other types than float32), see `core.devices`.
+        backend: a name of `core.devices`; 'auto' takes the one whose device the tensors are on, 'reference' for other
+            types than float32.
 
     Returns:
         The view; gradients flow to all five parameters, the background and the pose.

@@ -12,7 +12,7 @@ import numpy as np
 import torch
 
 from ..forward import shared_medium
-from ..imaging.evaluations import Frame
+from ..frames import Frame
 from .grid import GridView
 
 #: Photos without any structure still have one 8-bit step.

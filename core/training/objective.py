@@ -25,7 +25,7 @@ from torch import Tensor
 from ..colour import decoding_slope, linear_to_srgb
 from ..devices import backend_on
 from ..forward import medium_of
-from ..imaging.evaluations import Frame
+from ..frames import Frame
 from ..imaging.fourier import FourierFilter
 from ..imaging.medium import BlurSpace
 from ..imaging.psf import PointSpread

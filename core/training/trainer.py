@@ -12,6 +12,7 @@ import numpy as np
 import torch
 
 from ..colour import srgb_to_linear
+from ..devices import backend_on
 from ..errors import PsfError
 from ..forward import Exposed, Exposure, ForwardModel, low_pass_on_grid, margin_for
 from ..forward.compare import mean_square, psnr_of
@@ -92,7 +93,9 @@ class Trainer:
             start_share=settings.start_share * start_share(self.distinct),
         )
         self.settings, self.medium, self.formation = settings, medium, formation
-        self.device = torch.device(settings.device if settings.device != "auto" else "cpu")
+        name = "cpu" if settings.device == "auto" else settings.device
+        backend_on(name)  # (before torch, whose message names devices of its own)
+        self.device = torch.device(name)
         self.views, self.heldout, self.points = views, heldout, points
         self.scale: SceneScale = scene_scale([v.camera for v in views], points)
         width, height = views[0].camera.width, views[0].camera.height

@@ -10,8 +10,8 @@ import torch
 from ..camera import Camera
 from ..constants import SH_COEFFICIENTS
 from ..forward import ForwardModel, medium_of
+from ..frames import Frame
 from ..gaussians import Gaussians
-from ..imaging.evaluations import Frame
 from ..imaging.psf import PointSpread
 from ..rasterizer import RasterSettings
 from .optimizer import Adam

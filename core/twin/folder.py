@@ -14,8 +14,8 @@ from torch import Tensor
 from ..errors import FormatError
 from ..formats.ply import read_ply
 from ..forward import Exposure, FixedMedium, ForwardModel, low_pass_on_grid, margin_for, shared_medium, space_of
+from ..frames import Frame
 from ..gaussians import Gaussians
-from ..imaging.evaluations import Frame
 from ..imaging.medium import BlurSpace, Medium
 from ..imaging.psf_text import parse_psf
 from ..photos.load import Photo, load_photos

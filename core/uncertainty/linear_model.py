@@ -19,8 +19,8 @@ from torch import Tensor
 from ..camera import Camera
 from ..constants import SH_C0
 from ..forward import ForwardModel, kept_mediums, sharp_view
+from ..frames import Frame
 from ..gaussians import Gaussians
-from ..imaging.evaluations import Frame
 from ..imaging.psf import PointSpread
 from ..numbers import BY_DEFINITION, number
 from ..rasterizer import RasterSettings, Rendered

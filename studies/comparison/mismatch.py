@@ -16,9 +16,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.devices import choose_device
 from ...core.errors import DgsError
 from ...core.files import write_json, write_text
-from ...core.machine import choose_device, use_threads
+from ...core.machine import use_threads
 from ...core.photos.load import Photo
 from ...core.progress import Progress
 from . import degrade, table

@@ -6,6 +6,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal
 
+from ...core.devices import BackendName
+
 #: Every 8th view by sorted name is kept out of all trainings.
 EVERY = 8
 
@@ -45,7 +47,7 @@ class CompareSettings:
     mismatch: bool = False
     resume: bool = False
     threads: int | None = None
-    device: Literal["auto", "cpu", "cuda"] = "auto"
+    device: BackendName = "auto"
 
     def deciding(self) -> dict[str, Any]:
         """What decides the figures of a row: rows of other settings differ in it."""

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from ...core.devices import choose_device
 from ...core.effort.clock import OthersLoad
 from ...core.errors import Cancelled, DgsError
 from ...core.evaluation.metrics import psnr
@@ -19,7 +20,7 @@ from ...core.files import make_folder, write_json, write_text
 from ...core.formats.colmap import write_lenses
 from ...core.gaussians import Gaussians
 from ...core.imaging.medium import Medium
-from ...core.machine import choose_device, machine, use_threads
+from ...core.machine import machine, use_threads
 from ...core.numbers import number
 from ...core.photos.undistort import undistorted_views
 from ...core.pipeline.effects.choose import choose_effects

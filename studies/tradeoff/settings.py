@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from ...core.devices import BackendName
 from ..comparison.settings import CompareSettings
 
 
@@ -36,7 +37,7 @@ class TradeoffSettings:
     quick: bool = False
     resume: bool = False
     threads: int | None = None
-    device: Literal["auto", "cpu", "cuda"] = "auto"
+    device: BackendName = "auto"
 
     def comparison(self) -> CompareSettings:
         """The same for reading the set."""

@@ -13,8 +13,8 @@ from dgs.core.camera import Camera
 from dgs.core.effects.vignetting import Vignetting
 from dgs.core.forward import FixedMedium, ForwardModel, SubFrame, low_pass_on_grid, margin_for, medium_of, sharp_view
 from dgs.core.forward.compare import mean_square, psnr_of
+from dgs.core.frames import Frame
 from dgs.core.gaussians import Gaussians
-from dgs.core.imaging.evaluations import Frame
 from dgs.core.imaging.formation.chain import Formation
 from dgs.core.imaging.psf import PointSpread
 from dgs.core.rasterizer import RasterSettings
