@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable
 from importlib.util import find_spec
 
+from ..core.devices import choose_device
 from ..core.errors import CameraError, DeviceError, DgsError
 from .arguments import add_machine
 from .progress_choice import Reporting
@@ -20,7 +21,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def doctor_command(options: argparse.Namespace, progress: Reporting) -> int:
     """Prints a line per check; 2 if one fails, with the way out in its line."""
-    from ..core.devices import choose_device
     from ..core.machine import machine, use_threads, versions  # late: slows --help
 
     facts: dict[str, object] = {**versions()}

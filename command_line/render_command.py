@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from ..core.devices import choose_device
 from ..core.errors import Cancelled
 from ..core.files import check_writable
 from .arguments import CAMERAS, SPLATS, add_machine, add_progress, show_defaults
@@ -27,7 +28,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def render_command(options: argparse.Namespace, progress: Reporting) -> int:
     """Writes OUT/NAME.png for every camera of the model, sharp or through the given PSF."""
-    from ..core.devices import choose_device
     from ..core.formats.cameras import read_cameras  # heavy: numpy
     from ..core.formats.gaussians import read_gaussians  # heavy: numpy
     from ..core.imaging.medium import Medium  # heavy: torch

@@ -9,12 +9,12 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ..core.devices import BackendName, choose_device
 from ..core.errors import Cancelled
 from .arguments import add_machine, show_defaults
 from .progress_choice import Reporting
 
 if TYPE_CHECKING:
-    from ..core.devices import BackendName
     from ..studies.stability.case import Result
     from ..studies.stability.torture import TortureResult
 
@@ -50,7 +50,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def stress_command(options: argparse.Namespace, progress: Reporting) -> int:
     """Runs what was asked for; 2 if anything failed."""
-    from ..core.devices import choose_device
     from ..core.machine import machine, use_threads  # late: slows --help
     from ..studies.stability import table  # heavy: torch
     from ..studies.stability.case import backends_here  # heavy: torch
