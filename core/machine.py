@@ -8,7 +8,6 @@ import sys
 from importlib import metadata
 from pathlib import Path
 
-from .errors import DeviceError
 from .version import VERSION
 
 _LIBRARIES = ("torch", "numpy", "numba", "scipy", "scikit-image", "pycolmap", "plyfile", "pillow", "gsplat", "bpy")
