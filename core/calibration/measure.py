@@ -97,6 +97,6 @@ def write_kernel(path: Path, measured: MeasuredPsf) -> None:
         if path.suffix.lower() == ".npy":
             np.save(temporary, measured.kernel)
         else:
-            import tifffile
+            import tifffile  # late: only for TIFF files
 
             tifffile.imwrite(temporary, measured.kernel.astype(np.float32))

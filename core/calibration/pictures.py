@@ -17,7 +17,7 @@ def draw_psf(path: Path, measured: MeasuredPsf, title: str) -> None:
     Raises:
         OutputError: it cannot be written.
     """
-    from matplotlib.figure import Figure
+    from matplotlib.figure import Figure  # heavy: matplotlib
 
     figure = Figure(figsize=(11.5, 3.9), dpi=110, layout="constrained")
     left, middle, right = figure.subplots(1, 3)

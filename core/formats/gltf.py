@@ -33,8 +33,9 @@ _PREFIX = f"{EXTENSION}:"
 _NEEDED = ("POSITION", *(f"{_PREFIX}{name}" for name in ("ROTATION", "SCALE", "OPACITY", "SH_DEGREE_0_COEF_0")))
 #: What the harmonics' sums are encoded in: sRGB, as photos. 'BT.709' was a draft's name for it.
 _COLOUR_SPACES = ("srgb_rec709_display", "BT.709")
+#: Component types and the primitive mode, as the format numbers them.
 _FLOAT, _USHORT = 5126, 5123
-_POINTS = 0
+_POINTS = 0  # the primitive mode
 #: Opacities are kept this far from 0 and 1, whose logits are infinite.
 _OPACITY_MARGIN = 1e-7
 

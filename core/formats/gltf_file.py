@@ -19,8 +19,10 @@ from numpy.typing import NDArray
 
 from ..errors import FormatError
 
+#: The file's first word ('glTF'), and the types of its chunks ('JSON', 'BIN').
 _MAGIC, _JSON, _BIN = 0x46546C67, 0x4E4F534A, 0x004E4942
 _COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+#: Components of each element type.
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
 #: Nodes below nodes; more is a circle.
 _DEEPEST_NODE = 100

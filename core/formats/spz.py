@@ -27,8 +27,10 @@ from ..files import write_bytes
 from .spec import FormatSpec
 from .turning import FLIP
 
+#: The file's first word: 'NGSP'.
 _MAGIC = 0x5053474E
 _HEADER = struct.Struct("<IIIBBBB")
+#: A byte's range holds zeroth harmonics from -0.5 to 0.5 over this: the format's.
 _COLOUR = 0.15
 #: Buckets of 8-bit values: harmonics of degree 1 keep 5 bits, the others 4, as the format's own writer.
 _FIRST_BUCKET, _OTHER_BUCKET = 8, 16

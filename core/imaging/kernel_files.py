@@ -11,8 +11,10 @@ from numpy.typing import NDArray
 
 from ..errors import PsfError
 
+#: Bytes of a block: the FITS standard's.
 _FITS_BLOCK = 2880
 _FITS_TYPES = {8: ">u1", 16: ">i2", 32: ">i4", 64: ">i8", -32: ">f4", -64: ">f8"}
+#: Bytes; no point spread is that large, and a wrong file should not fill the memory.
 _LARGEST_FILE = 256 * 2**20
 
 
@@ -68,7 +70,7 @@ def _read_npy(path: Path) -> Any:
 
 
 def _read_tiff(path: Path) -> Any:
-    import tifffile
+    import tifffile  # late: only for TIFF files
 
     with tifffile.TiffFile(path) as file:
         return file.pages[0].asarray()

@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 #: Orthonormal opponent axes: brightness, red-blue, green-magenta. Rows act on RGB.
 OPPONENT = np.array([[1, 1, 1], [1, 0, -1], [1, -2, 1]], np.float64) / np.sqrt([[3.0], [2.0], [6.0]])
 
-BINS = 96
+BINS = 96  # rings of equal width in frequency up to `HIGHEST`
 HIGHEST = math.sqrt(0.5)  # the corner of the frequency plane, cycles/px
 #: Transfer below which a spectrum is taken for nothing but noise.
 _SILENT = 1e-8

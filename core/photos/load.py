@@ -38,8 +38,8 @@ class LoadSettings:
 
 SETTINGS = LoadSettings()
 
-_EXIF_IFD = 0x8769
-_FOCAL_35MM = 0xA405
+_EXIF_IFD = 0x8769  # EXIF's tag of its own directory
+_FOCAL_35MM = 0xA405  # EXIF's tag FocalLengthIn35mmFilm
 #: Diagonal of the 36 x 24 mm frame that EXIF's FocalLengthIn35mmFilm refers to.
 _DIAGONAL_35MM = 43.27
 

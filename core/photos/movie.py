@@ -162,7 +162,7 @@ def _measured(index: int, frame: Any) -> _Best:
 
 def _pixels(frame: Any) -> NDArray[np.uint8]:
     """[H, W, 3] uint8, upright."""
-    from av.video.reformatter import Colorspace
+    from av.video.reformatter import Colorspace  # late: as av
 
     given = int(frame.colorspace)
     unspecified = given == 2  # AVCOL_SPC_UNSPECIFIED
@@ -175,7 +175,7 @@ def _pixels(frame: Any) -> NDArray[np.uint8]:
 
 def _opened(movie: Path) -> Any:
     try:
-        import av
+        import av  # late: not everywhere
     except ImportError as error:
         raise DeviceError(
             "Movies need the package 'av', which the engine's Python does not have",

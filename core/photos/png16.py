@@ -14,6 +14,7 @@ from ..errors import PhotoError
 from .png16_kernels import unfilter
 
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
+#: Channels of each colour type: the PNG standard's.
 _CHANNELS = {0: 1, 2: 3, 4: 2, 6: 4}
 #: Nobody's camera makes more; a damaged header could ask for terabytes.
 _MAXIMUM_PIXELS = 1 << 28
