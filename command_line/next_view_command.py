@@ -19,13 +19,13 @@ if TYPE_CHECKING:
     from ..core.uncertainty.next_view import Suggestion
 
 #: Lines of the table below the chosen views.
-OTHERS = 7
+OTHERS_SHOWN = 7
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command."""
     parser.description = (
-        "Ranks cameras by what a photo from there is expected to tell about a twin, through its blur; "
+        "Ranks cameras by what a photo from there is expected to add to a twin, through its blur; "
         "writes TWIN/next_views.json."
     )
     show_defaults(parser)
@@ -113,7 +113,7 @@ def table(ranked: Sequence[Suggestion]) -> list[str]:
     head = f"{'take':<5} {'view':<20} {'new':>6} {'gain':>12} {'guessed':>8} {'wrong by':>9} {'shows twin':>11}"
     lines = [f"{head}   centre (world units)"]
     chosen = [s for s in ranked if s.order]
-    for s in [*chosen, *[s for s in ranked if not s.order][:OTHERS]]:
+    for s in [*chosen, *[s for s in ranked if not s.order][:OTHERS_SHOWN]]:
         centre = ", ".join(f"{value:.4g}" for value in s.camera.centre)
         order = f"{s.order}." if s.order else "-"
         lines.append(

@@ -45,7 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="preset, iterations, gaussians, resolution, harmonics, blur, 'float width', loss, cameras or effects; "
         "may be repeated; all if not given",
     )
-    add("--target", type=float, metavar="DB", help="PSNR whose time is told; half a dB below the best if not given")
+    add("--target", type=float, metavar="DB", help="PSNR whose time is reported; half a dB below the best if not given")
     add("--quick", action="store_true", help="few points and short trainings: proves the machinery only")
     add("--resume", action="store_true", help="keep the rows in DIR that belong to the same settings")
     add_machine(parser)

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import FormatError
+from .numbers import number
 
 Floats = NDArray[np.float64]
 
@@ -31,9 +32,22 @@ MODELS = {
 }
 
 _EXPORT = "Export the cameras again, or let them be found from the photos"
-#: Newton's steps that undo a distortion, at most; they end where less than this is left (image plane at depth 1).
-_NEWTON_STEPS = 20
-_NEWTON_TOLERANCE = 1.0e-10  # far below what a float32 resolves
+
+
+@dataclass(frozen=True)
+class UndistortSettings:
+    """Newton's method, which finds the ideal coordinates of distorted ones. All lengths are normalised (1 = focal)."""
+
+    steps: int = number(20, "count", "most steps; where a ray exists the search ends long before")
+    tolerance: float = number(
+        1e-10, "normalised", "the search ends where no error is larger: far below what a float32 resolves"
+    )
+    difference: float = number(1e-6, "normalised", "step of the central differences that the derivative is taken from")
+    least_determinant: float = number(1e-9, "normalised^2", "a derivative below it cannot be inverted: no ray there")
+    accepted: float = number(1e-6, "normalised", "a larger error that is left means that no ray reaches this place")
+
+
+UNDISTORT = UndistortSettings()
 
 
 @dataclass(frozen=True)
@@ -141,20 +155,20 @@ class Lens:
             guess = xy * np.where(r > 1e-12, np.tan(np.minimum(r, 1.5)) / np.maximum(r, 1e-12), 1.0)
         else:
             guess = xy.copy()
-        step = 1e-6
-        for _ in range(_NEWTON_STEPS):
+        step = UNDISTORT.difference
+        for _ in range(UNDISTORT.steps):
             error = self.distort(guess) - xy
-            if not (np.abs(error) > _NEWTON_TOLERANCE).any():
+            if not (np.abs(error) > UNDISTORT.tolerance).any():
                 break
             dx = (self.distort(guess + [step, 0.0]) - self.distort(guess - [step, 0.0])) / (2 * step)
             dy = (self.distort(guess + [0.0, step]) - self.distort(guess - [0.0, step])) / (2 * step)
             det = dx[..., 0] * dy[..., 1] - dx[..., 1] * dy[..., 0]
-            det = np.where(np.abs(det) < 1e-9, np.nan, det)
+            det = np.where(np.abs(det) < UNDISTORT.least_determinant, np.nan, det)
             move_x = (dy[..., 1] * error[..., 0] - dy[..., 0] * error[..., 1]) / det
             move_y = (dx[..., 0] * error[..., 1] - dx[..., 1] * error[..., 0]) / det
             guess = guess - np.stack([move_x, move_y], axis=-1)
         error = np.abs(self.distort(guess) - xy).max(-1)
-        return np.where((error < 1e-6)[..., None], guess, np.nan)
+        return np.where((error < UNDISTORT.accepted)[..., None], guess, np.nan)
 
     def to_pixels(self, xy: Floats) -> Floats:
         """Ideal normalised coordinates [..., 2] -> px."""
