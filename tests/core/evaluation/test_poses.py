@@ -55,9 +55,17 @@ def test_px_equivalent_is_error_over_depth_times_focal() -> None:
     estimated["2"] = camera("2", reference["2"].centre + [0.001, 0, 0], reference["2"].rotation)
     errors = pose_errors(estimated, reference, POINTS)
     depth = scene_depth(reference["2"], POINTS)
-    assert 3 < depth < 8
-    assert errors.centre_px[2] == pytest.approx(0.001 / depth * 100, rel=0.5)  # the alignment takes up a part
-    assert errors.centre_px[0] < errors.centre_px[2]
+    assert errors.centre_px[2] == pytest.approx(errors.centre[2] / depth * 100, rel=1e-9)
+    assert 0.0005 < errors.centre[2] < 0.001  # the alignment takes up a part
+    assert errors.centre_px[[0, 1, 3, 4, 5]].max() < 0.6 * errors.centre_px[2]
+
+
+def test_the_scenes_depth_is_the_median_of_what_the_frame_shows() -> None:
+    one = camera("", np.array([0.0, 0.0, -5.0]), np.eye(3))
+    shown = [[0.0, 0.0, 0.0], [0.1, 0.1, 1.0], [0.0, 0.2, 4.0]]
+    beside, behind = [9.0, 0.0, 0.0], [0.0, 0.0, -6.0]
+    assert scene_depth(one, np.array([*shown, beside, beside, behind, behind])) == pytest.approx(6.0)
+    assert np.isnan(scene_depth(one, np.array([beside, behind])))
 
 
 def test_all_in_one_place_and_no_common_name() -> None:

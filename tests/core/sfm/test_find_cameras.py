@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from dgs.core.camera import Camera
-from dgs.core.errors import CameraError, Cancelled, DegenerateMotion, NativeCrash, TooFewPhotos
+from dgs.core.errors import CameraError, Cancelled, DegenerateMotion, NativeCrash, NoOverlap, TooFewPhotos
 from dgs.core.evaluation.poses import pose_errors
 from dgs.core.photos.load import Photo
 from dgs.core.progress import Silent
@@ -100,10 +100,10 @@ def test_finds_cameras_of_blurred_photos(blurred: tuple[dict[str, Camera], list[
     found = find.find_cameras(photos, kernel(SIGMA), SfmSettings(), tmp_path, Silent())
     assert found.names == tuple(sorted(truth))
     errors = pose_errors(found.cameras(), truth, np.zeros((1, 3)))
-    assert abs(np.median(errors.focal)) < 0.02
-    assert np.median(errors.centre_px) < 1.5
+    assert abs(np.median(errors.focal)) < 0.005
+    assert np.median(errors.centre_px) < 0.12  # by features alone, without aligned patches, it is 0.21
     assert found.figures.attempts[0].verdict == "trusted"
-    assert len(found.points.positions) > 100
+    assert len(found.points.positions) > 700
     assert found.points.colours.std() > 5
     assert list(tmp_path.iterdir()) == []
 
@@ -116,12 +116,12 @@ def test_two_photos_are_too_few(blurred: tuple[dict[str, Camera], list[Photo]], 
 def test_photos_of_nothing_are_no_overlap(tmp_path: Path) -> None:
     noise = np.random.default_rng(0)
     photos = [photo(f"{i}.png", 0.5 + 0.01 * noise.standard_normal((60, 80))) for i in range(4)]
-    with pytest.raises(CameraError) as error:
+    with pytest.raises(NoOverlap, match="Only 0 of 4 photos share enough detail") as error:
         find.find_cameras(photos, None, SfmSettings(), tmp_path, Silent())
     assert error.value.way_out
 
 
-def test_a_camera_that_only_turns_is_told_so(tmp_path: Path) -> None:
+def test_a_camera_that_only_turns_is_refused_with_this_reason(tmp_path: Path) -> None:
     textures = [texture(3), texture(4)]
     middle = cameras(3)["été 1.png"]
     photos = []

@@ -80,7 +80,7 @@ def test_new_photos_are_placed_by_the_twins_surface(made: Path, twin: Twin, monk
     truth = cameras(COUNT)
     for name, camera in found.cameras().items():
         off = np.linalg.norm(camera.centre - truth[name].centre) / 4.0 * FOCAL
-        assert off < 1.5, (name, off)
+        assert off < 1.0, (name, off)
     assert not list((made / "out").glob("place-*")), "nothing is left behind"
 
 
@@ -95,7 +95,7 @@ def test_old_photos_are_looked_through_once(made: Path, twin: Twin, monkeypatch:
     assert counts == [COUNT, len(NEW)], "the second time only the new photos"
     assert first is not None and again is not None
     for name, camera in first.cameras().items():
-        assert np.linalg.norm(camera.centre - again.cameras()[name].centre) / 4.0 * FOCAL < 1.0
+        assert np.linalg.norm(camera.centre - again.cameras()[name].centre) / 4.0 * FOCAL < 0.3
     kept.write_bytes(b"damaged")
     assert module.against_twin(twin, photos, 2, Silent()) is not None and counts[2:] == [COUNT]
 
