@@ -157,9 +157,9 @@ def report(rows: list[dict]) -> None:
             for n in names:
                 if n != name and n not in BRINGS.get(name, set()) and _needed(r, n):
                     others[n] = others.get(n, 0) + 1
-        told = f"{min(ratios):.2f} to {max(ratios):.2f}" if ratios else "-"
+        shown = f"{min(ratios):.2f} to {max(ratios):.2f}" if ratios else "-"
         lines.append(
-            f"| {effect} | {' | '.join(cells)} | {told} | "
+            f"| {effect} | {' | '.join(cells)} | {shown} | "
             f"{', '.join(f'{n} ({c} of {len(clear)})' for n, c in others.items()) or 'none'} |"
         )
         content["effects"][effect] = {

@@ -73,8 +73,8 @@ ARMS = ("none", "auto", "all", "nothing left out")
 
 def code() -> str:
     """Changes where a run, or what makes the sets, does."""
-    rooms = ("inspection", "pipeline", "imaging", "training", "rasterizer", "evaluation")
-    files = [f for room in rooms for f in sorted((ROOT / "core" / room).rglob("*.py"))]
+    packages = ("inspection", "pipeline", "imaging", "training", "rasterizer", "evaluation")
+    files = [f for package in packages for f in sorted((ROOT / "core" / package).rglob("*.py"))]
     files += [ROOT / "benchmarks/effect_scenes.py", Path(__file__)]
     return hashlib.sha256(b"".join(f.read_bytes() for f in files)).hexdigest()[:12]
 

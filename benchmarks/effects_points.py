@@ -54,17 +54,17 @@ def main() -> None:
                     print(f"scene {seed}, {there}: no size of {name}", flush=True)
                     continue
                 began = time.process_time()
-                told = confirmed_by_points(effect, photos)
+                confirmed = confirmed_by_points(effect, photos)
                 seconds.append(time.process_time() - began)
-                shares[name, there].append(told)
-                print(f"scene {seed}, {there}: {name} {told}", flush=True)
+                shares[name, there].append(confirmed)
+                print(f"scene {seed}, {there}: {name} {confirmed}", flush=True)
     print("| asked for | photos with | share that the points show | confirmed |\n|---|---|---|---|")
-    for (name, there), told in shares.items():
-        known = [t for t in told if t is not None]
+    for (name, there), confirmed in shares.items():
+        known = [t for t in confirmed if t is not None]
         values = [t.share for t in known] or [float("nan")]
         print(
             f"| {name} | {there} | {min(values):.2f} to {max(values):.2f} | "
-            f"{sum(t.confirms for t in known)} of {len(told)} |"
+            f"{sum(t.confirms for t in known)} of {len(confirmed)} |"
         )
     print(f"{np.mean(seconds):.2f} s of processor time each.")
 

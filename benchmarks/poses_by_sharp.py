@@ -38,7 +38,7 @@ from dgs.core.training.settings import TrainingSettings
 from dgs.core.twin.refine_cameras import refine_cameras
 
 #: Matches of a pair that count, and a match that is farther off under every set of cameras is a false one (px).
-FEWEST, FALSE = 30, 4.0
+MINIMUM_MATCHES, FALSE = 30, 4.0
 
 Pairs = dict[tuple[str, str], tuple[np.ndarray, np.ndarray]]
 
@@ -55,7 +55,7 @@ def sharp_matches(folder: Path, work: Path) -> Pairs:
     found = read_matches(database)
     out = {}
     for (a, b), index in found.pairs.items():
-        if len(index) >= FEWEST:
+        if len(index) >= MINIMUM_MATCHES:
             names = Path(found.names[a]).stem, Path(found.names[b]).stem
             out[names] = (found.keypoints[a][index[:, 0]], found.keypoints[b][index[:, 1]])
     return out

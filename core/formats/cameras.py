@@ -69,7 +69,7 @@ def read_cameras(path: Path, sizes: Mapping[str, tuple[int, int]] | None = None)
         sizes: (width, height) of the photos in px by lower-case stem, for files that do not say it.
 
     Raises:
-        FormatError: nothing there, no format knows it, or it is damaged.
+        FormatError: nothing there, no format reads it, or it is damaged.
     """
     for spec in CAMERA_FORMATS:
         place = spec.find(path)

@@ -34,7 +34,7 @@ def shown_methods(summary: dict[str, Any]) -> list[str]:
 def write_pictures(
     out: Path, data: Dataset, measure: Measure, content: dict[str, Any], progress: Progress | None = None
 ) -> dict[str, str]:
-    """Draws what the renders and twins on disk allow; returns title by file name, the most telling first."""
+    """Draws what the renders and twins on disk allow; returns title by file name, the most important first."""
     import matplotlib  # heavy: a second
 
     matplotlib.use("Agg")

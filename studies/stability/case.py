@@ -99,7 +99,7 @@ CASES: list[Case] = []
 ALL: tuple[BackendName, ...] = ("reference", "cpu", "cuda")
 #: gsplat computes the covariance in float32, caps alpha at 0.999, and leaves out the Gaussian that crosses the
 #: transmittance stop: cases about just that do not concern it.
-OWN: tuple[BackendName, ...] = ("reference", "cpu")
+OWN_BACKENDS: tuple[BackendName, ...] = ("reference", "cpu")
 
 
 def case(
@@ -117,7 +117,7 @@ def case(
 
 def backends_here() -> tuple[BackendName, ...]:
     """Rasterizer back ends that this machine has."""
-    return ALL if available() else OWN
+    return ALL if available() else OWN_BACKENDS
 
 
 def measured(one: Case, backend: BackendName | Literal[""]) -> Result:

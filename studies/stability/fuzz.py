@@ -32,7 +32,7 @@ SPECIAL = np.array([np.nan, np.inf, -np.inf, 0.0, -0.0, 1e-45, -1e-45, 1.2e-38, 
 RATES = (0.0, 0.02, 0.1, 0.5)
 #: width, height in px; the reach of the blur is added.
 SIZES = ((1, 1), (16, 16), (17, 5), (33, 40), (5, 70))
-MOST = 12
+MAXIMUM_SPLATS = 12
 
 
 @dataclass
@@ -71,7 +71,7 @@ def values(random: np.random.Generator, shape: tuple[int, ...], mean: float, spr
 def any_splats(random: np.random.Generator) -> Gaussians:
     """0 to 12 Gaussians of any degree, around three units before a camera at the origin."""
     count, coefficients, rate = (
-        int(random.integers(0, MOST + 1)),
+        int(random.integers(0, MAXIMUM_SPLATS + 1)),
         SH_COEFFICIENTS[random.integers(0, 4)],
         random.choice(RATES),
     )

@@ -59,7 +59,7 @@ def test_cameras_tell_up(twin: Any) -> None:
     assert twin.children[0].matrix_world.to_3x3().col[1][2] == pytest.approx(1.0, abs=1e-5)
 
 
-def test_a_floor_tells_up(twin: Any) -> None:
+def test_a_floor_shows_what_is_up(twin: Any) -> None:
     marks = [mark(0, 0, 0), mark(1, 0, 1), mark(0, 1, 0), mark(1, 1, 1)]
     assert set_up(twin, marks) == pytest.approx(math.pi / 4, abs=1e-5)
     bpy.context.view_layer.update()

@@ -15,24 +15,16 @@ GLOSSARY = ROOT / "docs" / "glossary.md"
 EXEMPT = {"docs/glossary.md", "CHANGELOG.md", "tests/core/test_language.py"}
 #: Uses of a banned word that are left, by word; these numbers may only shrink.
 LEFT: dict[str, int] = {
-    "told": 258,
-    "tells": 27,
-    "telling": 2,
-    "knows": 22,
-    "Kitchen": 5,
-    "Ingredients": 7,
-    "Place": 113,
-    "Pile": 10,
-    "pile": 37,
-    "rooms": 2,
-    "pulls": 11,
+    "told": 114,
+    "tells": 8,
+    "knows": 5,
+    "pulls": 9,
     "Pull": 6,
-    "Outcome": 13,
-    "FEWEST": 14,
-    "MOST": 8,
-    "LEAST": 19,
-    "CLEAR": 12,
-    "OWN": 41,
+    "Outcome": 3,
+    "FEWEST": 2,
+    "MOST": 2,
+    "LEAST": 14,
+    "OWN": 1,
 }
 #: Where a folder of the code is meant; 'core' alone is no path.
 CODE = re.compile(r"`((?:core|studies|command_line|dgs_addon|operators|panels|tests|tools|benchmarks|docs)/[\w./*-]*)`")

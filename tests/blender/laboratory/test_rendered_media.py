@@ -86,7 +86,7 @@ def test_an_edge_out_of_focus_is_as_wide_as_the_thin_lens_says(stop: float, tmp_
     assert added == pytest.approx((disc**2 / 16, disc**2 / 16), rel=0.08)  # a disc's variance along one axis
 
 
-def test_in_focus_nothing_is_lost_and_the_manifest_tells(tmp_path: Path) -> None:
+def test_in_focus_nothing_is_lost_and_the_manifest_says_so(tmp_path: Path) -> None:
     settings = replace(patch(tmp_path / "a.blend"), aperture=1.0)  # focus: the object's middle
     assert made(settings, tmp_path / "set") == pytest.approx((0, 0), abs=0.03)
     written = json.loads((tmp_path / "set/manifest.json").read_text())["settings"]

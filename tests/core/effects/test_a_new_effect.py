@@ -58,7 +58,7 @@ def test_the_command_line_offers_and_takes_it(with_toy, capsys):
     assert "dust" in caught.value.way_out
 
 
-def test_without_it_nobody_knows_it():
+def test_without_it_nobody_lists_it():
     assert "dust" not in effects_help() and registry.effect_named("dust") is None
     with pytest.raises(DgsError):
         parse_effects("dust")

@@ -1,4 +1,4 @@
-"""New photos into a twin: fitted, told apart, kept in history and taken back; on a real folder."""
+"""New photos into a twin: fitted, sorted, kept in history and taken back; on a real folder."""
 
 import json
 import shutil
