@@ -1,9 +1,11 @@
-"""What the optimizer is told to do."""
+"""What a training is asked to do."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from typing import Literal
+
+from ..numbers import number
 
 LossName = Literal["dgs", "paper"]
 PresetName = Literal["draft", "balanced", "fine"]
@@ -26,37 +28,71 @@ class Rates:
     sh_rest: float = 4e-4
 
 
-#: With so many photos, the noise of one photo and the smoothness are taken as they are set.
-PHOTOS_AT_PAR = 36
-LEAST_TRUST, MOST_TRUST = 0.02, 4.0
-LEAST_SMOOTH, MOST_SMOOTH = 0.5, 2.0
+#: What the factors below were chosen on; nothing else speaks for them.
+_FEW_SETS = "one set for each number of photos (12, 15, 33, 67), single runs"
 
 
-def trust(photos: int) -> float:
+@dataclass(frozen=True)
+class PhotoCountSettings:
+    """How the number of photos changes what a training believes."""
+
+    photos_at_par: int = number(
+        36, "photos", "with so many, the noise of one photo and the smoothness are taken as they are set", _FEW_SETS
+    )
+    trust_power: float = number(
+        3.0, "exponent", "trust in the inversion grows with this power of the photos", _FEW_SETS
+    )
+    least_trust: float = number(
+        0.02, "factor", "with fewest photos; best with 12 and 15 photos was 0.03 to 0.1", _FEW_SETS
+    )
+    most_trust: float = number(
+        4.0, "factor", "with many photos; best with 33 was 0.1 to 3 (no difference), with 67 1 to 5", _FEW_SETS
+    )
+    smoothness_power: float = number(0.5, "exponent", "smoothness falls with this power of the photos", _FEW_SETS)
+    least_smooth: float = number(
+        0.5, "factor", "with many photos; the best weight was 0.1 with 33 and with 67 photos", _FEW_SETS
+    )
+    most_smooth: float = number(
+        2.0, "factor", "with few photos; the best weight was 0.1 to 0.2 with 12, 0.15 to 0.5 with 15", _FEW_SETS
+    )
+    start_until: float = number(
+        1.5,
+        "of photos_at_par",
+        "from so many photos on, none of the run fits photos sharpened one by one: worth 0.05 dB with 33, it costs 0.04"
+        " to 0.1 dB with 66",
+        "one set with 33 photos and one with 66",
+    )
+    start_fall: float = number(
+        2.0, "per photos_at_par", "how fast that share falls with the number of photos", "one set with 33, one with 66"
+    )
+
+
+PHOTO_COUNT = PhotoCountSettings()
+
+
+def trust(photos: int, settings: PhotoCountSettings = PHOTO_COUNT) -> float:
     """How much to trust `photos` photos in the inversion, relative to the noise of one of them.
 
-    Many views average noise, and tell what is seen from what is invented; with few, the twin's own errors
-    (shape, light, coverage) pass for detail and are amplified. Measured best: 0.03 to 0.1 with 12 and 15
-    photos, 0.1 to 3 (no difference) with 33, 1 to 5 with 67 (one set each, single runs).
+    Many views average noise, and distinguish what is seen from what is invented; with few, the twin's own errors
+    (shape, light, coverage) pass for detail and are amplified.
     """
-    return float(min(max((photos / PHOTOS_AT_PAR) ** 3, LEAST_TRUST), MOST_TRUST))
+    share = (photos / settings.photos_at_par) ** settings.trust_power
+    return float(min(max(share, settings.least_trust), settings.most_trust))
 
 
-def smoothness(photos: int) -> float:
-    """Factor on the total variation: the fewer photos, the more it has to say (as a prior against data).
-
-    Measured best: a weight of 0.1 to 0.2 with 12 photos, 0.15 to 0.5 with 15, 0.1 with 33 and with 67.
-    """
-    return float(min(max((PHOTOS_AT_PAR / max(photos, 1)) ** 0.5, LEAST_SMOOTH), MOST_SMOOTH))
+def smoothness(photos: int, settings: PhotoCountSettings = PHOTO_COUNT) -> float:
+    """Factor on the total variation: the fewer photos, the more it has to say (as a prior against data)."""
+    share = (settings.photos_at_par / max(photos, 1)) ** settings.smoothness_power
+    return float(min(max(share, settings.least_smooth), settings.most_smooth))
 
 
-def start_share(photos: int) -> float:
+def start_share(photos: int, settings: PhotoCountSettings = PHOTO_COUNT) -> float:
     """Factor on the share of the run that fits photos sharpened one by one.
 
-    Few photos that disagree give a better first shape that way; many tell more together from the first step
-    on. Measured: with 33 photos worth 0.05 dB, with 66 it costs 0.04 to 0.1 (one set each).
+    Few photos that disagree give a better first shape that way; many say more together from the first step on.
     """
-    return float(min(max(3.0 - 2.0 * photos / PHOTOS_AT_PAR, 0.0), 1.0))
+    most = settings.start_until * settings.start_fall
+    return float(min(max(most - settings.start_fall * photos / settings.photos_at_par, 0.0), 1.0))
 
 
 @dataclass(frozen=True)
@@ -105,20 +141,48 @@ class TrainingSettings:
     max_gaussians: int = 40_000
     sh_degree: int = 1
     loss: LossName = "dgs"
-    base_weight: float = 0.3
-    inverse_weight: float = 2.3
-    inverse_width: float = 0.25
+    base_weight: float = number(
+        0.3, "factor", "of the paper's loss where the blur is inverted: it keeps structure and the border"
+    )
+    inverse_weight: float = number(
+        2.3, "factor", "of the inverted residual: what is missing in the band that the photos hold"
+    )
+    inverse_width: float = number(
+        0.25,
+        "of the scene's contrast",
+        "residuals beyond count no more: photos that disagree would leave specks; exact L1 (0)"
+        " was half a dB worse, least squares 2 to 3 dB",
+        "one set, single runs",
+    )
     noise_gain: float | None = None
-    variation_weight: float = 0.6
-    variation_knee: float = 0.4
-    speck_weight: float = 0.2
-    ssim_weight: float = 0.2
-    low_pass: float = 2.0
-    backdrop: float = 0.25
-    start_share: float = 0.3
-    coarse_share: float = 0.12
-    density_every: int = 100
-    density_until: float = 0.6
+    variation_weight: float = number(
+        0.6, "factor", "of the sharp render's variation, against detail that no photo asks for"
+    )
+    variation_knee: float = number(
+        0.4,
+        "of the scene's contrast",
+        "edges higher than this cost hardly more for being higher, so that lines keep their contrast",
+    )
+    speck_weight: float = number(0.2, "factor", "of the price of single specks, where a blur is inverted")
+    ssim_weight: float = number(
+        0.2, "share", "of 1 - SSIM against the mean absolute error", "3D Gaussian splatting (Kerbl et al. 2023)"
+    )
+    low_pass: float = number(
+        2.0, "px^2 of the photo", "keeps Gaussians from inventing detail between the px of a blurred photo"
+    )
+    backdrop: float = number(
+        0.25, "sRGB in [0, 1]", "how far the colour behind the twin is shaken; without it surfaces stay translucent"
+    )
+    start_share: float = number(
+        0.3, "share of the run", "fits photos whose blur was undone beforehand: they show where edges lie"
+    )
+    coarse_share: float = number(
+        0.12, "share of the run", "on a grid of half the resolution: quick, and shapes come first"
+    )
+    density_every: int = number(
+        100, "steps", "between two density controls", "3D Gaussian splatting (Kerbl et al. 2023)"
+    )
+    density_until: float = number(0.6, "share of the run", "after which Gaussians are neither added nor removed")
     grid_step: int | None = None
     rates: Rates = field(default_factory=Rates)
     seed: int = 0

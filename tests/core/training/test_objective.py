@@ -10,7 +10,7 @@ from dgs.core.imaging.operator import BlurOperator
 from dgs.core.imaging.psf import PointSpread
 from dgs.core.imaging.spectrum import BINS, NoiseToSignal
 from dgs.core.training.objective import Objective
-from dgs.core.training.settings import LEAST_TRUST, MOST_TRUST, TrainingSettings, smoothness, trust
+from dgs.core.training.settings import PHOTO_COUNT, TrainingSettings, smoothness, trust
 
 HEIGHT, WIDTH, MARGIN = 60, 84, 6
 PSF = PointSpread(sigma_x=2.0, sigma_y=2.0)
@@ -90,5 +90,5 @@ def test_masked_pixels_do_not_pull(phase: str) -> None:
 def test_few_photos_are_trusted_less_and_smoothed_more() -> None:
     assert trust(36) == smoothness(36) == 1.0
     assert smoothness(1) == 2.0 and smoothness(10_000) == 0.5 and smoothness(12) > smoothness(70)
-    assert trust(2) == LEAST_TRUST and trust(1000) == MOST_TRUST
+    assert trust(2) == PHOTO_COUNT.least_trust and trust(1000) == PHOTO_COUNT.most_trust
     assert trust(12) < trust(20) < trust(70)
