@@ -137,7 +137,7 @@ def run(folder: Path, effects: str, preset: str, gaussians: int) -> dict:
         truth=folder / "truth",
     )
     wall, processor = time.perf_counter(), time.process_time()
-    report = reconstruct(settings, Silent()).report
+    report = reconstruct(settings.split(), Silent()).report
     row = {
         "effects": effects,
         "wall": time.perf_counter() - wall,

@@ -22,7 +22,7 @@ from dgs.core.evaluation.metrics import psnr
 from dgs.core.evaluation.poses import align_similarity, scene_depth
 from dgs.core.formats.colmap import write_lenses
 from dgs.core.photos.load import load_photos
-from dgs.core.pipeline.heldout import TruthFolder
+from dgs.core.photos.truth import TruthFolder
 from dgs.core.pipeline.views import Viewer, to_pixels
 from dgs.core.pose import Pose
 from dgs.core.progress import Silent
@@ -31,7 +31,7 @@ from dgs.core.sfm.given import load_cameras
 from dgs.core.training.settings import TrainingSettings
 from dgs.core.training.trainer import Trainer
 from dgs.core.twin.consensus import align_view
-from dgs.core.twin.folder import open_twin
+from dgs.core.twin.opened import open_twin
 from dgs.core.twin.pose_steps import twisted
 from dgs.core.twin.refine_cameras import ViewAligner
 

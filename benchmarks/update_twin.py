@@ -18,10 +18,10 @@ from pathlib import Path
 
 import numpy as np
 from dgs.core.evaluation.metrics import psnr
-from dgs.core.pipeline.heldout import TruthFolder
+from dgs.core.photos.truth import TruthFolder
 from dgs.core.pipeline.views import Viewer, to_pixels
 from dgs.core.progress import Silent
-from dgs.core.twin.folder import open_twin
+from dgs.core.twin.opened import open_twin
 
 ROOT = Path(__file__).resolve().parents[1]
 

@@ -36,7 +36,7 @@ def cameras_command(options: argparse.Namespace, progress: Reporting) -> int:
         device=options.device,
         threads=options.threads,
     )
-    found = only_cameras(settings, progress)
+    found = only_cameras(settings.split(), progress)
     figures = found.figures
     progress.finished(
         {

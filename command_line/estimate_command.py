@@ -33,9 +33,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def estimate_command(options: argparse.Namespace, progress: Reporting) -> int:
     """Prints the prediction for every preset."""
-    from ..core.effort.estimate import estimate, told  # heavy: torch
+    from ..core.effort.described import RunDescription  # late: slows --help
+    from ..core.effort.estimate import PhotoSample, estimate, table  # heavy: torch
+    from ..core.effort.model import sample  # heavy: torch
+    from ..core.machine import Machine  # late: slows --help
+    from ..core.pipeline.sampled import sample_photos  # heavy: torch
 
-    settings = ReconstructSettings(
+    run = ReconstructSettings(
         photos=options.photos,
         out=Path("."),
         psf=options.psf,
@@ -47,7 +51,9 @@ def estimate_command(options: argparse.Namespace, progress: Reporting) -> int:
         sh_degree=options.sh_degree,
         device=options.device,
         threads=options.threads,
-    )
-    found = estimate(settings, progress)
-    print(json.dumps(found) if options.json else told(found), flush=True)
+    ).split()
+    machine = Machine.ready(run.threads, run.device)
+    few = sample_photos(run.photos, run.medium, sample, progress)
+    found = estimate(PhotoSample(few.files, few.photos, few.medium), RunDescription.of(run), machine, progress)
+    print(json.dumps(found) if options.json else table(found), flush=True)
     return 0

@@ -54,7 +54,7 @@ def next_view_command(options: argparse.Namespace, progress: Reporting) -> int:
 
     from ..core.machine import use_threads  # late: slows --help
     from ..core.report.known import add_chapter  # heavy: torch
-    from ..core.twin.folder import open_twin  # heavy: torch
+    from ..core.twin.opened import open_twin  # heavy: torch
     from ..core.uncertainty.candidates import CAMERA_PATHS, candidates, candidates_from  # heavy: torch
     from ..core.uncertainty.next_view import NextViewSettings, rank  # heavy: torch
     from ..core.uncertainty.pictures import draw_expected  # heavy: torch

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -116,6 +117,8 @@ def _add_effort(effort: argparse._ArgumentGroup) -> None:
 def reconstruct_command(options: argparse.Namespace, progress: Reporting) -> int:
     """Runs the whole pipeline; 130 if it was stopped (the twin so far is saved and reported)."""
     from ..core.effort.clock import process_began  # late: slows --help
+    from ..core.effort.described import RunDescription  # late: slows --help
+    from ..core.effort.timing import RunTiming  # heavy: torch
     from ..core.pipeline.reconstruct import reconstruct  # heavy: torch
 
     settings = ReconstructSettings(
@@ -145,9 +148,10 @@ def reconstruct_command(options: argparse.Namespace, progress: Reporting) -> int
         until=options.until_quality,
         min_steps=options.min_steps,
     )
-    outcome = reconstruct(settings, progress, process_began())
-    progress.finished(_result(settings, outcome.report))
-    if outcome.cancelled:
+    run = settings.split()
+    finished = reconstruct(run, progress, process_began(), partial(RunTiming, RunDescription.of(run)))
+    progress.finished(_result(settings, finished.report))
+    if finished.cancelled:
         raise Cancelled(
             f"Stopped; the twin so far and its report are in '{settings.out}'", "Add --resume to go on from there"
         )

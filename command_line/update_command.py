@@ -9,7 +9,7 @@ from pathlib import Path
 
 from ..core.errors import DgsError
 from ..core.sfm.child import Waiting
-from ..core.twin.history import rollback
+from ..core.twin.folder import TwinFolder
 from .arguments import add_machine, add_progress, show_defaults
 from .progress_choice import Reporting
 
@@ -49,7 +49,7 @@ def update_command(options: argparse.Namespace, progress: Reporting) -> int:
     """Updates or rolls back; writes TWIN/update.json and TWIN/changes."""
 
     if options.rollback:
-        state = rollback(options.twin)
+        state = TwinFolder(options.twin).rollback()
         progress.finished({"twin": str(options.twin / "twin.ply"), "state": state.name})
         return 0
     if options.photos is None:

@@ -5,9 +5,11 @@ from __future__ import annotations
 import os
 import platform
 import sys
+from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
 
+from .devices import BackendName, choose_device
 from .version import VERSION
 
 _LIBRARIES = ("torch", "numpy", "numba", "scipy", "scikit-image", "pycolmap", "plyfile", "pillow", "gsplat", "bpy")
@@ -41,6 +43,32 @@ def versions() -> dict[str, str]:
         except metadata.PackageNotFoundError:
             continue
     return found
+
+
+@dataclass(frozen=True)
+class Machine:
+    """What a run computes on.
+
+    Attributes:
+        threads: of torch and of the kernels; device: the back end's name.
+    """
+
+    threads: int
+    device: BackendName
+
+    @staticmethod
+    def ready(threads: int | None, device: BackendName) -> Machine:
+        """Sets the threads and finds the device; None: all cores. Call before the first kernel.
+
+        Raises:
+            DeviceError: the back end that was asked for is not there.
+        """
+        return Machine(use_threads(threads), choose_device(device))
+
+    @property
+    def facts(self) -> dict[str, str | int | float | None]:
+        """System, processor, cores, memory."""
+        return machine(self.threads, self.device)
 
 
 def machine(threads: int, device: str) -> dict[str, str | int | float | None]:

@@ -1,20 +1,96 @@
-"""What a reconstruction is asked to do."""
+"""What a reconstruction is asked to do: flat, as options and report.json name it, and split by stage."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, Literal
 
 from .devices import BackendName
 
+PresetName = Literal["draft", "balanced", "fine"]
 #: Frames of a movie if nobody says how many: dense enough around an object, and a minute of cameras at most.
 DEFAULT_FRAMES = 60
+_PATHS = ("photos", "out", "cameras", "truth", "masks", "reference_cameras")
+
+
+@dataclass(frozen=True)
+class PhotoSettings:
+    """Which photos there are: see the fields of the same names in `ReconstructSettings`."""
+
+    photos: Path
+    masks: Path | None = None
+    frames: int = DEFAULT_FRAMES
+    holdout_every: int = 8
+    max_size: int | None = None
+
+
+@dataclass(frozen=True)
+class MediumSettings:
+    """What blurs the photos.
+
+    Attributes:
+        psf, blur_space: as in `ReconstructSettings`.
+        motion_apart: whether the camera's motion may be simulated as an effect, so that it is no part of the blur.
+    """
+
+    psf: str = "none"
+    blur_space: Literal["srgb", "linear"] = "srgb"
+    motion_apart: bool = False
+
+
+@dataclass(frozen=True)
+class CameraSettings:
+    """Where the photos were taken from: `ReconstructSettings.cameras`, `.refine_cameras` and `.reference_cameras`."""
+
+    given: Path | None = None
+    refine: bool = False
+    reference: Path | None = None
+
+
+@dataclass(frozen=True)
+class TrainingRequest:
+    """What is asked of the training: see the fields of the same names in `ReconstructSettings`."""
+
+    preset: PresetName = "balanced"
+    loss: Literal["dgs", "paper"] = "dgs"
+    until: float | Literal["plateau"] | None = None
+    min_steps: int = 0
+    max_gaussians: int | None = None
+    sh_degree: int | None = None
+    seed: int = 0
+
+
+@dataclass(frozen=True)
+class RunSettings:
+    """One run by its stages; made by `ReconstructSettings.split`.
+
+    Attributes:
+        out, resume, snapshots, time_limit: as in `ReconstructSettings`.
+        effects: as `--effects` takes it; truth: folder of sharp photos, only for scoring.
+        device, threads: as in `ReconstructSettings`.
+        asked: every setting by its flat name, as report.json repeats it.
+    """
+
+    out: Path
+    photos: PhotoSettings
+    medium: MediumSettings
+    cameras: CameraSettings
+    effects: str
+    training: TrainingRequest
+    truth: Path | None
+    device: BackendName
+    threads: int | None
+    resume: bool
+    snapshots: bool
+    time_limit: float | None
+    asked: dict[str, Any]
 
 
 @dataclass(frozen=True)
 class ReconstructSettings:
-    """One run, as the command line asks for it.
+    """One run, as the command line asks for it. Stages do not see it: they get their part of `split`.
 
     Attributes:
         photos: folder of photos, a list of them (.txt), or a movie.
@@ -35,7 +111,7 @@ class ReconstructSettings:
         seed, device, threads: threads None for all cores.
         resume: go on from the checkpoint in `out`.
         effects: besides the blur: 'auto', 'none', 'all' or names (see `effects.decision.parse_effects`).
-        refine_cameras: move the cameras by the loss before the training (`pipeline.refined`).
+        refine_cameras: move the cameras by the loss before the training (`pipeline.refinement`).
         reference_cameras: true cameras, only for reporting errors.
         snapshots: write the twin so far and a picture of it to `out`/snapshot while training.
     """
@@ -50,7 +126,7 @@ class ReconstructSettings:
     frames: int = DEFAULT_FRAMES
     holdout_every: int = 8
     max_size: int | None = None
-    preset: Literal["draft", "balanced", "fine"] = "balanced"
+    preset: PresetName = "balanced"
     loss: Literal["dgs", "paper"] = "dgs"
     time_limit: float | None = None
     until: float | Literal["plateau"] | None = None
@@ -70,3 +146,32 @@ class ReconstructSettings:
         """For report.json: paths as text."""
         values = {f.name: getattr(self, f.name) for f in fields(self)}
         return {name: str(value) if isinstance(value, Path) else value for name, value in values.items()}
+
+    @staticmethod
+    def from_plain(values: Mapping[str, Any]) -> ReconstructSettings:
+        """From what `plain` gave, of this version or another: names that are not known any more are left out."""
+        known = {f.name: values[f.name] for f in fields(ReconstructSettings) if f.name in values}
+        paths = {name: Path(known[name]) for name in _PATHS if known.get(name) is not None}
+        return ReconstructSettings(**{**known, **paths})
+
+    def split(self) -> RunSettings:
+        """Each stage's own settings."""
+        words = [word.strip() for word in self.effects.split(",")]
+        motion_apart = "-motion" not in words and bool({"auto", "all", "motion"} & set(words))
+        return RunSettings(
+            out=self.out,
+            photos=PhotoSettings(self.photos, self.masks, self.frames, self.holdout_every, self.max_size),
+            medium=MediumSettings(self.psf, self.blur_space, motion_apart),
+            cameras=CameraSettings(self.cameras, self.refine_cameras, self.reference_cameras),
+            effects=self.effects,
+            training=TrainingRequest(
+                self.preset, self.loss, self.until, self.min_steps, self.max_gaussians, self.sh_degree, self.seed
+            ),
+            truth=self.truth,
+            device=self.device,
+            threads=self.threads,
+            resume=self.resume,
+            snapshots=self.snapshots,
+            time_limit=self.time_limit,
+            asked=self.plain(),
+        )

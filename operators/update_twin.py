@@ -8,7 +8,7 @@ import bpy
 from bpy.app.translations import pgettext_rpt as rpt_
 
 from ..core.errors import DgsError
-from ..core.twin.history import rollback, states
+from ..core.twin.folder import TwinFolder
 from ..dgs_addon.engine.interpreter import why_not
 from ..dgs_addon.job import runner
 from ..dgs_addon.job.request import update_request
@@ -30,7 +30,7 @@ def _why_no_twin(scene: Any) -> str:
 
 def _why_no_state(scene: Any) -> str:
     reason, out = _why_no_twin(scene), out_folder(scene.dgs)
-    if not reason and out is not None and not states(out):
+    if not reason and out is not None and not TwinFolder(out).states():
         reason = "The twin has not been updated"
     return reason
 
@@ -93,7 +93,7 @@ class DGS_OT_rollback_twin(_Updated, bpy.types.Operator):
         out = out_folder(context.scene.dgs)
         assert out is not None
         try:
-            rollback(out)
+            TwinFolder(out).rollback()
             if twin_of(out, context.scene) is not None:
                 add_twin_of(out, context.scene)
         except DgsError as error:

@@ -12,7 +12,7 @@ _imported = time.perf_counter()
 
 
 def process_began() -> float:
-    """On the clock of `time.perf_counter`: when this process was started; when it was imported, where no one knows."""
+    """On the clock of `time.perf_counter`: when this process was started; when this was imported, where none says."""
     try:
         fields = Path("/proc/self/stat").read_text("utf-8").rpartition(")")[2].split()
         up = float(Path("/proc/uptime").read_text("utf-8").split()[0])
@@ -23,7 +23,7 @@ def process_began() -> float:
 
 
 class OthersLoad:
-    """Share of the cores that other processes have kept busy since this was made; None where no one tells."""
+    """Share of the cores that other processes have kept busy since this was made; None where none says."""
 
     def __init__(self) -> None:
         self._before = _busy()

@@ -14,60 +14,158 @@ from typing import TypeVar
 
 import numpy as np
 
+from ..numbers import number
 from ..photos.load import Photo
 from ..sfm.settings import SfmSettings
-from .records import DISTURBED, Run, Work
+from .records import RECORDS, PastRun, Work
 
 T = TypeVar("T")
 
-#: Photos that are enough to try.
-VIEWS = 4
 STAGES = ("start", "photos", "sfm", "compile", "prepare", "train", "save", "page")
-#: Past runs that count, the latest first.
-WINDOW = 12
-#: Relative half-width of an 80 % interval where nothing is known, and the least that is claimed.
-UNKNOWN, LEAST = 0.5, 0.06
-#: Runs from which on a stage is called calibrated.
-ENOUGH = 3
-#: Scenes of which an accuracy must be known before one is predicted.
-SCENES = 4
-#: A machine is never taken for busier than this.
-MOST_BUSY = 0.9
-#: Half-width of 80 % in standard deviations (normal).
+#: Half-width in standard deviations of the interval that holds four of five draws of a normal distribution.
 EIGHTY = 1.2816
+#: A normal distribution's standard deviation over its median absolute deviation.
+MAD_TO_DEVIATION = 1.4826
+
+#: The laws' data: the developers' runs on two cores of an Intel Xeon, while the laws were written (docs/tradeoff.md).
+_TWO_CORES = "the developers' own runs on two cores; which sets is not recorded"
+#: Whatever machine: every law is multiplied by what this machine's own runs took against it.
+_CALIBRATED = "nothing: each machine's own runs set it right"
 
 
+@dataclass(frozen=True)
+class Laws:
+    """Seconds of each stage, and megabytes, on two cores; every machine's own runs set them right."""
+
+    start: float = number(2.5, "s", "from the command to the first work: importing torch", _TWO_CORES, _CALIBRATED)
+    photos: tuple[float, float] = number(
+        (0.05, 0.03), "s, s per megapixel of the files", "decoding photos", _TWO_CORES, _CALIBRATED
+    )
+    no_search: float = number(0.1, "s", "reading cameras that are given", _TWO_CORES, _CALIBRATED)
+    search_begin: float = number(1.0, "s", "starting the child process that finds cameras", _TWO_CORES, _CALIBRATED)
+    search_few: tuple[float, float] = number(
+        (4.0, 0.15),
+        "s, s per photo",
+        "finding cameras of a small set, of photos of `search_size`",
+        _TWO_CORES,
+        _CALIBRATED,
+    )
+    search_many: tuple[float, float] = number(
+        (2.0, 0.125), "s, s per photo", "the same of a large set, which is matched once", _TWO_CORES, _CALIBRATED
+    )
+    search_size: float = number(0.4, "megapixels", "of the photos that the two laws above were taken from", _TWO_CORES)
+    search_compiling: tuple[float, float] = number(
+        (1.3, 18.0),
+        "factor, s",
+        "kernels are compiled on one core meanwhile: longer by this, at least so long",
+        _TWO_CORES,
+    )
+    compile: tuple[float, float, float] = number(
+        (0.05, 0.6, 14.0),
+        "s",
+        "loading kernels: while cameras are sought, from the cache, and compiling all of them",
+        _TWO_CORES,
+        _CALIBRATED,
+    )
+    prepare: tuple[float, float, float] = number(
+        (0.3, 0.05, 1e-5),
+        "s, s per megapixel, s per Gaussian",
+        "undistorting photos, first Gaussians",
+        _TWO_CORES,
+        _CALIBRATED,
+    )
+    save: tuple[float, float, float] = number(
+        (0.4, 0.8, 3e-6),
+        "s, s per megapixel, s per Gaussian",
+        "scoring and writing held-out views",
+        _TWO_CORES,
+        _CALIBRATED,
+    )
+    page: float = number(0.8, "s", "writing the report", _TWO_CORES, _CALIBRATED)
+    memory: tuple[float, float, float] = number(
+        (420.0, 12.0, 1.2e-3),
+        "MB, MB per megapixel, MB per Gaussian",
+        "libraries; photos as files, straightened and on two grids; Gaussians with their moments",
+        _TWO_CORES,
+        _CALIBRATED,
+    )
+    search_memory: tuple[float, float] = number(
+        (250.0, 16.0), "MB, MB per megapixel", "the child process that finds cameras", _TWO_CORES, _CALIBRATED
+    )
+
+
+@dataclass(frozen=True)
+class PredictionSettings:
+    """How predictions are calibrated, and how sure they claim to be."""
+
+    window: int = number(12, "runs", "past runs that count, the latest first: older ones ran older software")
+    unknown: float = number(0.5, "share", "half-width of the interval of 80 % before any run of this machine")
+    least: float = number(0.06, "share", "half-width that is claimed at least, however alike past runs were")
+    enough: int = number(3, "runs", "from which on a stage is called calibrated")
+    scenes: int = number(4, "scenes", "whose accuracy must be measured before one of a new scene is predicted")
+    busiest: float = number(0.9, "share", "a machine is never taken for busier: the division would run away")
+    small_stage: float = number(0.05, "share", "of the training: shorter stages need not be calibrated")
+    sampled: int = number(4, "photos", "that stand for all of them in probes, contrast and estimates")
+    block: int = number(16, "px", "side of the blocks whose deviations are a photo's contrast")
+    least_contrast: float = number(1e-3, "share", "of the range of values: empty photos would divide by zero")
+    sure: float = number(0.1, "dB", "half-width that is claimed at least of the accuracy of a scene seen before")
+
+
+LAWS_OF_TWO_CORES = Laws()
+PREDICTIONS = PredictionSettings()
 #: From so many photos on, cameras are found the short way.
 MANY = SfmSettings().many
-#: Seconds of compiling all kernels while cameras are sought, which takes a core from them.
-COMPILING = 18.0
 
 
 def _search(work: Work) -> float:
     """Cameras: features per photo, and pairs that its neighbours ask for. Kernels become ready meanwhile."""
+    laws = LAWS_OF_TWO_CORES
     if not work.search:
-        return 0.1
-    fixed, each = (2.0, 0.125) if work.photos >= MANY else (4.0, 0.15)
-    sought = 1.0 + (fixed + each * work.photos) * (work.megapixels / 0.4)
-    return sought if work.compiled else max(sought * 1.3, COMPILING)
+        return laws.no_search
+    fixed, each = laws.search_many if work.photos >= MANY else laws.search_few
+    sought = laws.search_begin + (fixed + each * work.photos) * (work.megapixels / laws.search_size)
+    longer, least = laws.search_compiling
+    return sought if work.compiled else max(sought * longer, least)
+
+
+def _compile(work: Work) -> float:
+    searching, cached, whole = LAWS_OF_TWO_CORES.compile
+    return searching if work.search else cached if work.compiled else whole
+
+
+def _photos(work: Work) -> float:
+    fixed, each = LAWS_OF_TWO_CORES.photos
+    return fixed + each * work.files_megapixels
+
+
+def _prepare(work: Work) -> float:
+    fixed, pixels, gaussians = LAWS_OF_TWO_CORES.prepare
+    return fixed + pixels * work.fitted * work.megapixels + gaussians * work.gaussians
+
+
+def _save(work: Work) -> float:
+    fixed, pixels, gaussians = LAWS_OF_TWO_CORES.save
+    return fixed + pixels * work.scored * work.megapixels + gaussians * work.gaussians
 
 
 LAWS: dict[str, Callable[[Work], float]] = {
-    "start": lambda work: 2.5,
-    "photos": lambda work: 0.05 + 0.03 * work.files_megapixels,
+    "start": lambda work: LAWS_OF_TWO_CORES.start,
+    "photos": _photos,
     "sfm": _search,
-    "compile": lambda work: 0.05 if work.search else 0.6 if work.compiled else 14.0,
-    "prepare": lambda work: 0.3 + 0.05 * work.fitted * work.megapixels + 1e-5 * work.gaussians,
-    "save": lambda work: 0.4 + 0.8 * work.scored * work.megapixels + 3e-6 * work.gaussians,
-    "page": lambda work: 0.8,
+    "compile": _compile,
+    "prepare": _prepare,
+    "save": _save,
+    "page": lambda work: LAWS_OF_TWO_CORES.page,
 }
 
 
 def _memory(work: Work) -> float:
-    """MB: the libraries, photos as files, straightened and on two grids, Gaussians with moments, the child process."""
+    """MB: this process and the child that finds cameras."""
+    fixed, each, gaussian = LAWS_OF_TWO_CORES.memory
     pixels = work.photos * work.megapixels
-    own = 420.0 + 12.0 * pixels + 1.2e-3 * work.gaussians
-    return own + (250.0 + 16.0 * pixels if work.search else 0.0)
+    own = fixed + each * pixels + gaussian * work.gaussians
+    child, child_each = LAWS_OF_TWO_CORES.search_memory
+    return own + (child + child_each * pixels if work.search else 0.0)
 
 
 @dataclass(frozen=True)
@@ -91,27 +189,31 @@ class Range:
 
 def _factor(ratios: Sequence[float]) -> tuple[float, float, bool]:
     """(factor, relative half-width of 80 %, calibrated) from measured over predicted, latest last."""
-    known = [ratio for ratio in ratios if math.isfinite(ratio) and ratio > 0][-WINDOW:]
-    if not known:
-        return 1.0, UNKNOWN, False
-    middle = statistics.median(known)
-    off = [abs(ratio / middle - 1.0) for ratio in known]
-    # With few runs the spread itself is hardly known.
-    spread = EIGHTY * 1.4826 * statistics.median(off) + UNKNOWN / len(known) ** 1.5
-    return middle, max(LEAST, spread), len(known) >= ENOUGH
+    measured = [ratio for ratio in ratios if math.isfinite(ratio) and ratio > 0][-PREDICTIONS.window :]
+    if not measured:
+        return 1.0, PREDICTIONS.unknown, False
+    middle = statistics.median(measured)
+    off = [abs(ratio / middle - 1.0) for ratio in measured]
+    # With few runs the spread itself is uncertain.
+    spread = EIGHTY * MAD_TO_DEVIATION * statistics.median(off) + PREDICTIONS.unknown / len(measured) ** 1.5
+    return middle, max(PREDICTIONS.least, spread), len(measured) >= PREDICTIONS.enough
 
 
 def slowdown(busy: float | None) -> float:
     """How many times longer things take while others keep this share of the machine busy."""
-    return 1.0 / (1.0 - min(busy or 0.0, MOST_BUSY)) if busy is not None and busy > DISTURBED else 1.0
+    if busy is None or busy <= RECORDS.disturbed_share:
+        return 1.0
+    return 1.0 / (1.0 - min(busy, PREDICTIONS.busiest))
 
 
-def stage_seconds(runs: Sequence[Run], work: Work, train: float, slow: float = 1.0) -> tuple[dict[str, float], Range]:
+def stage_seconds(
+    runs: Sequence[PastRun], work: Work, train: float, slow: float = 1.0
+) -> tuple[dict[str, float], Range]:
     """Seconds by stage, and in all.
 
     Args:
         runs: past ones; disturbed ones count only where there is no other.
-        train: seconds of training as a probe tells, which feels what else the machine does.
+        train: seconds of training that a probe predicts, which feels what else the machine does.
         slow: `slowdown` of all other stages.
     """
     used = [run for run in runs if run.clean] or list(runs)
@@ -120,17 +222,17 @@ def stage_seconds(runs: Sequence[Run], work: Work, train: float, slow: float = 1
     for stage in STAGES:
         if stage == "train":
             base = train
-            told = [run for run in used if run.train_predicted and "train" in run.seconds]
-            ratios = [run.seconds["train"] / (run.train_predicted or math.nan) for run in told]
+            past = [run for run in used if run.train_predicted and "train" in run.seconds]
+            ratios = [run.seconds["train"] / (run.train_predicted or math.nan) for run in past]
         else:
             law = LAWS[stage]
             base = law(work)
-            told = [run for run in used if stage in run.seconds and _alike(stage, run.work, work)]
-            ratios = [run.seconds[stage] / law(run.work) for run in told]
-        factor, spread, known = _factor(ratios)
+            past = [run for run in used if stage in run.seconds and _alike(stage, run.work, work)]
+            ratios = [run.seconds[stage] / law(run.work) for run in past]
+        factor, spread, sure = _factor(ratios)
         seconds[stage] = base * factor * (1.0 if stage == "train" else slow)
         variance += (spread * seconds[stage]) ** 2
-        calibrated &= known or base < 0.05 * train
+        calibrated &= sure or base < PREDICTIONS.small_stage * train
     total = sum(seconds.values())
     half = math.sqrt(variance)
     return seconds, Range(total, max(0.0, total - half), total + half, calibrated)
@@ -143,33 +245,36 @@ def _alike(stage: str, past: Work, work: Work) -> bool:
     return stage != "compile" or (past.compiled == work.compiled and past.search == work.search)
 
 
-def memory(runs: Sequence[Run], work: Work) -> Range:
+def memory(runs: Sequence[PastRun], work: Work) -> Range:
     """Peak in MB (10^6 bytes), of this process and the one that finds cameras."""
     ratios = [r.memory_mb / _memory(r.work) for r in runs if r.memory_mb and r.work.search == work.search]
-    factor, spread, known = _factor(ratios)
+    factor, spread, sure = _factor(ratios)
     value = factor * _memory(work)
-    return Range(value, value * (1 - spread), value * (1 + spread), known)
+    return Range(value, value * (1 - spread), value * (1 + spread), sure)
 
 
 def sample(things: Sequence[T]) -> list[T]:
     """A few, evenly chosen: what all of them are like."""
-    return [things[i] for i in np.unique(np.linspace(0, len(things) - 1, min(VIEWS, len(things))).astype(int))]
+    return [
+        things[i] for i in np.unique(np.linspace(0, len(things) - 1, min(PREDICTIONS.sampled, len(things))).astype(int))
+    ]
 
 
 def contrast(photos: Sequence[Photo]) -> float:
-    """Root of the mean squared deviation of photos from blocks of 16 px, in [0, 1]: what could be wrong."""
+    """Root of the mean squared deviation of photos from blocks of px, in [0, 1]: what could be wrong."""
     found = []
+    side, least = PREDICTIONS.block, PREDICTIONS.least_contrast
     for photo in sample(photos):
         plane = photo.pixels.mean(axis=2) / float(np.iinfo(photo.pixels.dtype).max)
-        height, width = (n // 16 * 16 for n in plane.shape)
+        height, width = (n // side * side for n in plane.shape)
         if height and width:
-            blocks = plane[:height, :width].reshape(height // 16, 16, width // 16, 16)
+            blocks = plane[:height, :width].reshape(height // side, side, width // side, side)
             found.append(float(np.mean(blocks.var(axis=(1, 3)))))
-    return max(math.sqrt(statistics.mean(found)), 1e-3) if found else 1e-3
+    return max(math.sqrt(statistics.mean(found)), least) if found else least
 
 
-def accuracy(runs: Sequence[Run], preset: str, scene: str, own: float) -> Range | None:
-    """PSNR on held-out photos (dB) to be expected of a preset; None where too few scenes are known.
+def accuracy(runs: Sequence[PastRun], preset: str, scene: str, own: float) -> Range | None:
+    """PSNR on held-out photos (dB) to be expected of a preset; None where too few scenes were measured.
 
     What remains wrong in a picture grows with its contrast, so scenes are compared by the PSNR that they would
     have at the same contrast. A run of the very same scene and preset says it directly.
@@ -177,17 +282,17 @@ def accuracy(runs: Sequence[Run], preset: str, scene: str, own: float) -> Range 
     same = [r.psnr for r in runs if r.scene == scene and r.preset == preset and r.psnr is not None]
     if same:
         middle = statistics.median(same)
-        spread = max(0.1, EIGHTY * statistics.pstdev(same))
+        spread = max(PREDICTIONS.sure, EIGHTY * statistics.pstdev(same))
         return Range(middle, middle - spread, middle + spread, True)
     by_scene: dict[str, float] = {}
     for run in runs:
         if run.preset == preset and run.psnr is not None and run.scene != scene:
             by_scene[run.scene] = run.psnr + 20.0 * math.log10(run.contrast)
-    if len(by_scene) < SCENES:
+    if len(by_scene) < PREDICTIONS.scenes:
         return None
     levels = list(by_scene.values())
     # The interval of one more draw: the mean's own uncertainty belongs to it.
-    from scipy.stats import t
+    from scipy.stats import t  # heavy: scipy.stats
 
     half = float(t.ppf(0.9, len(levels) - 1)) * statistics.stdev(levels) * math.sqrt(1 + 1 / len(levels))
     value = statistics.mean(levels) - 20.0 * math.log10(own)

@@ -7,44 +7,52 @@ as the presets' does (300 steps: 22,000; 1000: 40,000; 4000: 80,000) up to what 
 
 from __future__ import annotations
 
-import json
 import math
 import threading
-import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from pathlib import Path
+from typing import Any
 
-from ..files import write_json
-from ..imaging.formation.chain import Formation
-from ..imaging.medium import Medium
+from ..numbers import BY_DEFINITION, number
 from ..photos.load import Photo
 from ..training.grid import SMALLEST_SIDE, grid_step
-from ..training.settings import TrainingSettings
-from ..views import SparsePoints, View
-from .model import VIEWS, slowdown, stage_seconds
-from .probe import PHASE_SECONDS, Speed, probe
-from .records import Run, Work
+from ..training.job import PlannedTraining, TrainingJob
+from ..views import View
+from .model import PREDICTIONS, slowdown, stage_seconds
+from .probe import PROBE, Speed, probe
+from .records import PastRun, Work, photo_work
 
-#: Gaussians at 1000 steps; they grow with the root of the steps between these limits.
-GAUSSIANS, FEWEST, MOST = 40_000, 5_000, 150_000
-#: More than this (and than so many steps for each photo) has brought nothing: with 33 real photos 4000 steps
-#: reached 28.67 dB and 2000 28.71 (3 seeds), on the ball with 66 4000 were 0.09 dB below 1000 (one run).
-USEFUL_STEPS, USEFUL_VISITS = 3000, 60
-#: Of what is left, each of the (four to six) parts of a probe may take this share.
-PROBING = 0.01
-#: With fewer steps than this, a grid of half the resolution buys more than it loses.
-FEW_STEPS = 150
-#: Cameras that would take more than this share of the time are found in a hurry.
-CAMERA_SHARE = 0.35
-#: Views that are scored in a short time: at least so many, and for at most this share of the time.
-FEWEST_SCORED, SCORE_SHARE = 2, 0.12
-#: Kept back for what cannot be foreseen, as a share of the time and in seconds at most.
-SPARE, MOST_SPARE = 0.01, 2.0
-#: A limit is kept within the larger of these: a share of it, and seconds.
-ALLOWED_SHARE, ALLOWED_SECONDS = 0.05, 3.0
-#: However long the cameras took, the training gets this share of the time.
-LEAST_TRAINING = 0.1
+_HELPED = (
+    "33 real photos: 4000 steps reached 28.67 dB, 2000 28.71 (3 seeds); the ball with 66: 4000 were 0.09 dB below 1000"
+)
+
+
+@dataclass(frozen=True)
+class PlanSettings:
+    """How a time limit is divided."""
+
+    gaussians: int = number(
+        40_000, "Gaussians", "at 1000 steps, as the balanced preset; they grow with the root of the steps"
+    )
+    fewest_gaussians: int = number(5_000, "Gaussians", "that a twin has at least, however short the time")
+    most_gaussians: int = number(150_000, "Gaussians", "beyond which more have not been tried by plans")
+    useful_steps: int = number(3000, "steps", "more have brought nothing", _HELPED)
+    useful_visits: int = number(60, "steps per photo", "of large sets: more have brought nothing", _HELPED)
+    probing: float = number(0.01, "share", "of what is left, for each of the four to six parts of a probe")
+    coarse_steps: int = number(150, "steps", "with fewer, a grid of half the resolution buys more than it loses")
+    camera_share: float = number(0.35, "share", "of the time: cameras that would take more are found in a hurry")
+    scored: int = number(2, "views", "that are scored however short the time is")
+    score_share: float = number(0.12, "share", "of the time that scoring more views than that may take")
+    spare_share: float = number(0.01, "share", "of the time, kept back for what cannot be foreseen")
+    most_spare: float = number(2.0, "s", "kept back at most")
+    allowed_share: float = number(0.05, "share", "of a limit by which it may be passed without a word", BY_DEFINITION)
+    allowed_seconds: float = number(3.0, "s", "by which any limit may be passed without a word", BY_DEFINITION)
+    least_training: float = number(0.1, "share", "of the time that the training gets, however long the cameras took")
+
+
+PLANNING = PlanSettings()
+#: Of the search for the steps that fill a time: bounds, and halvings of the interval between them (to 0.1 steps).
+_MOST_STEPS, _HALVINGS = 200_000.0, 40
 
 
 @dataclass(frozen=True)
@@ -55,7 +63,7 @@ class Plan:
         limit: seconds in all.
         hurried: cameras with half the observations.
         steps, gaussians, grid_step: of the training, as expected.
-        train_seconds: of its iterations and looks.
+        train_seconds: of its iterations and held-out evaluations.
         save_seconds: kept for scoring, saving and the report.
         scored: held-out views that are scored.
         step_seconds: expected for one step.
@@ -80,18 +88,19 @@ class Plan:
 
 def gaussians_for(steps: float) -> int:
     """How many Gaussians so many steps can place."""
-    return int(min(max(GAUSSIANS * math.sqrt(max(steps, 0.0) / 1000.0), FEWEST), MOST))
+    wanted = PLANNING.gaussians * math.sqrt(max(steps, 0.0) / 1000.0)
+    return int(min(max(wanted, PLANNING.fewest_gaussians), PLANNING.most_gaussians))
 
 
 def useful_steps(photos: int) -> int:
     """More steps than these have not made a twin better."""
-    return max(USEFUL_STEPS, USEFUL_VISITS * photos)
+    return max(PLANNING.useful_steps, PLANNING.useful_visits * photos)
 
 
 def steps_within(speed: Speed, seconds: float, fixed: int | None = None) -> tuple[int, int]:
     """(steps, Gaussians) that fill the time; `fixed` Gaussians where the user wants so many."""
-    low, high = 1.0, 200_000.0
-    for _ in range(40):
+    low, high = 1.0, _MOST_STEPS
+    for _ in range(_HALVINGS):
         middle = math.sqrt(low * high)
         count = fixed or gaussians_for(middle)
         low, high = (middle, high) if speed.training(int(middle), count) <= seconds else (low, middle)
@@ -103,22 +112,20 @@ class Budget:
     """One run's time.
 
     Args:
-        limit: seconds from `began` to the last file.
-        began: on the clock of `time.perf_counter`.
+        limit: seconds from the start of the process to the last file.
+        spent: seconds so far; those that the user let the work wait do not count.
         runs: of this machine, for what scoring and saving take.
-        waited: seconds that the user let the work wait, which do not count.
         busy: share of the machine that others use.
     """
 
     def __init__(
         self,
         limit: float,
-        began: float,
-        runs: Sequence[Run],
-        waited: Callable[[], float] = lambda: 0.0,
+        spent: Callable[[], float],
+        runs: Sequence[PastRun],
         busy: Callable[[], float | None] = lambda: None,
     ) -> None:
-        self.limit, self.began, self._runs, self._waited, self._busy = limit, began, runs, waited, busy
+        self.limit, self.spent, self._runs, self._busy = limit, spent, runs, busy
         self._page = 0.0
         self.plan: Plan | None = None
         self.hurried = False
@@ -127,72 +134,66 @@ class Budget:
         self._begun = 0
         self._lock = threading.Lock()
 
-    def spent(self) -> float:
-        """Seconds so far."""
-        return time.perf_counter() - self.began - self._waited()
-
     def left(self) -> float:
         """Seconds until the end; negative when it has passed."""
         return self.limit - self.spent()
 
-    def overrun(self) -> bool:
-        """Whether more time was taken than a time limit allows: 5 % of it, or three seconds."""
-        return self.left() < -max(ALLOWED_SECONDS, ALLOWED_SHARE * self.limit)
+    def overrun(self) -> float:
+        """Seconds that were taken beyond the limit, where that is more than is allowed; else 0."""
+        over = -self.left()
+        return over if over > max(PLANNING.allowed_seconds, PLANNING.allowed_share * self.limit) else 0.0
 
     def hurry(self, photos: Sequence[Photo]) -> bool:
         """Whether the cameras must be found in a hurry."""
-        work = self._work(photos, len(photos), 0, GAUSSIANS)
-        self.hurried = self._stages(work)["sfm"] > CAMERA_SHARE * self.limit
+        self.hurried = self._stages(_work(photos, len(photos), 0))["sfm"] > PLANNING.camera_share * self.limit
         return self.hurried
 
     def train(
         self,
+        job: TrainingJob,
         photos: Sequence[Photo],
-        views: Sequence[View],
-        held: int,
-        points: SparsePoints,
-        medium: Medium,
-        settings: TrainingSettings,
         fixed: int | None = None,
-        formation: Formation = Formation(),
-        kept: Path | None = None,
-        resume: bool = False,
-    ) -> TrainingSettings:
-        """Settings that fill what is left; probes the machine for a second or two.
+        earlier: Mapping[str, Any] | None = None,
+    ) -> PlannedTraining:
+        """The training that fills what is left; probes the machine for a second or two.
 
         Args:
-            photos: all of them; views: those that are fitted; held: how many could be scored.
-            fixed: Gaussians, where the user wants so many.
-            kept: file of the plan; resume: its grid and Gaussians are taken from it, as the checkpoint needs them.
+            photos: those with a camera; fixed: Gaussians, where the user wants so many.
+            earlier: plan of the run that is resumed, whose grid and Gaussians its checkpoint needs; empty where it is
+                gone; None for a new run.
         """
-        if resume and kept is not None:
-            fixed, settings = _as_before(kept, fixed, settings)
-        width, height = views[0].camera.width, views[0].camera.height
-        usual = settings.grid_step or grid_step(medium, width, height)
-        small = self._small(views, points)
-        phase = min(PHASE_SECONDS, max(0.0, PROBING * self.left()))
-        speed = probe(small, points, medium, settings, len(views), held, formation=formation, phase_seconds=phase)
-        scored, saving = self._saving(photos, len(views), held)
-        mine = self._training_time(saving)
-        steps, count = steps_within(speed, mine, fixed)
-        grid = settings.grid_step
-        if steps < FEW_STEPS and grid is None and not resume and min(width, height) // (2 * usual) >= SMALLEST_SIDE:
-            grid = 2 * usual
-            settings = replace(settings, grid_step=grid)
-            speed = probe(small, points, medium, settings, len(views), held, formation=formation, phase_seconds=phase)
-            steps, count = steps_within(speed, self._training_time(saving), fixed)
+        if earlier is not None:
+            job, fixed = _as_before(earlier, job, fixed)
+        settings, held = job.settings, len(job.heldout)
+        width, height = job.views[0].camera.width, job.views[0].camera.height
+        usual = settings.grid_step or grid_step(job.medium, width, height)
+        scored, saving = self._saving(photos, len(job.views), held)
+        speed, steps, count = self._probed(job, saving, fixed)
+        halved = min(width, height) // (2 * usual) >= SMALLEST_SIDE
+        if steps < PLANNING.coarse_steps and settings.grid_step is None and earlier is None and halved:
+            settings = replace(settings, grid_step=2 * usual)
+            speed, steps, count = self._probed(replace(job, settings=settings), saving, fixed)
         self.speed = speed
         mine = self._training_time(saving)
-        useful = max(useful_steps(len(views)), settings.min_steps)
+        useful = max(useful_steps(len(job.views)), settings.min_steps)
         enough = steps > useful and settings.until is None  # who asks for a quality may go on for it
         if enough:
             steps, count = useful, fixed or gaussians_for(useful)
             mine = min(mine, speed.training(steps, count))
-        step = speed.training(steps, count) / steps
-        self.plan = Plan(self.limit, self.hurried, steps, count, grid, mine, saving, scored, step, enough)
-        if kept is not None:
-            write_json(kept, self.plan.plain())
-        return replace(settings, steps=steps, max_gaussians=count, time_limit=mine)
+        self.plan = Plan(
+            limit=self.limit,
+            hurried=self.hurried,
+            steps=steps,
+            gaussians=count,
+            grid_step=settings.grid_step,
+            train_seconds=mine,
+            save_seconds=saving,
+            scored=scored,
+            step_seconds=speed.training(steps, count) / steps,
+            enough=enough,
+        )
+        planned = replace(settings, steps=steps, max_gaussians=count, time_limit=mine)
+        return PlannedTraining(planned, self.plan.plain(), enough)
 
     def another(self) -> bool:
         """Whether there is time to score one more view; called by several threads, each time before one."""
@@ -201,63 +202,55 @@ class Budget:
             if self._scoring is None:
                 self._scoring = now
             self._begun += 1
-            if self._begun <= FEWEST_SCORED:
+            if self._begun <= PLANNING.scored:
                 return True
             # Those that are under way count as done: what is left over pays for the report's page.
-            each = (now - self._scoring) / max(1, self._begun - FEWEST_SCORED)
+            each = (now - self._scoring) / max(1, self._begun - PLANNING.scored)
             return now + each + self._page <= self.limit
 
+    def _probed(self, job: TrainingJob, saving: float, fixed: int | None) -> tuple[Speed, int, int]:
+        """What an iteration costs, and the steps and Gaussians that fill the training's time."""
+        phase = min(PROBE.phase_seconds, max(0.0, PLANNING.probing * self.left()))
+        speed = probe(replace(job, views=_neighbours(job.views)), len(job.views), len(job.heldout), phase_seconds=phase)
+        return speed, *steps_within(speed, self._training_time(saving), fixed)
+
     def _training_time(self, saving: float) -> float:
-        spare = min(MOST_SPARE, SPARE * self.limit)
-        return max(self.left() - saving - spare, LEAST_TRAINING * self.limit)
+        spare = min(PLANNING.most_spare, PLANNING.spare_share * self.limit)
+        return max(self.left() - saving - spare, PLANNING.least_training * self.limit)
 
     def _saving(self, photos: Sequence[Photo], fitted: int, held: int) -> tuple[int, float]:
         """Views to score, and seconds that this and the rest will take."""
 
         def seconds(scored: int) -> float:
-            stages = self._stages(self._work(photos, fitted, scored, GAUSSIANS))
+            stages = self._stages(_work(photos, fitted, scored))
             self._page = stages["page"]
             return stages["save"] + stages["page"]
 
         base, scored = seconds(0), held
-        while scored > FEWEST_SCORED and seconds(scored) - base > SCORE_SHARE * self.limit:
+        while scored > PLANNING.scored and seconds(scored) - base > PLANNING.score_share * self.limit:
             scored -= 1
         return scored, seconds(scored)
 
     def _stages(self, work: Work) -> dict[str, float]:
         return stage_seconds(self._runs, work, 0.0, slowdown(self._busy()))[0]
 
-    @staticmethod
-    def _small(views: Sequence[View], points: SparsePoints) -> list[View]:
-        """Neighbours among the views: they see the same."""
-        middle = max(0, len(views) // 2 - VIEWS // 2)
-        return list(views[middle : middle + VIEWS])
 
-    @staticmethod
-    def _work(photos: Sequence[Photo], fitted: int, scored: int, gaussians: int) -> Work:
-        return work_of(photos, fitted, scored, 1000, gaussians, True, False, True)
+def _neighbours(views: Sequence[View]) -> list[View]:
+    """A few neighbours among the views: they see the same."""
+    count = PREDICTIONS.sampled
+    middle = max(0, len(views) // 2 - count // 2)
+    return list(views[middle : middle + count])
 
 
-def work_of(
-    photos: Sequence[Photo],
-    fitted: int,
-    scored: int,
-    steps: int,
-    gaussians: int,
-    search: bool,
-    hurried: bool,
-    compiled: bool,
-) -> Work:
-    """What there is to do with these photos."""
-    used = [photo.size[0] * photo.size[1] for photo in photos]
-    files = [(w * h) / (p.scale[0] * p.scale[1]) for p, (w, h) in ((p, p.size) for p in photos)]
-    mean = sum(used) / max(1, len(used)) / 1e6
-    return Work(len(photos), sum(files) / 1e6, mean, fitted, scored, steps, gaussians, search, hurried, compiled)
+def _work(photos: Sequence[Photo], fitted: int, scored: int) -> Work:
+    """Before anything is planned: 1000 steps."""
+    work = photo_work(photos, search=True, hurried=False, compiled=True)
+    return work.training(fitted, scored, 1000, PLANNING.gaussians)
 
 
-def _as_before(kept: Path, fixed: int | None, settings: TrainingSettings) -> tuple[int | None, TrainingSettings]:
+def _as_before(earlier: Mapping[str, Any], job: TrainingJob, fixed: int | None) -> tuple[TrainingJob, int | None]:
     try:
-        plan = json.loads(kept.read_text("utf-8"))
-        return int(plan["gaussians"]), replace(settings, grid_step=plan["grid_step"])
-    except (OSError, ValueError, KeyError, TypeError):  # none: the checkpoint itself will tell what does not fit
-        return fixed, settings
+        count, grid = int(earlier["gaussians"]), earlier["grid_step"]
+    except (ValueError, KeyError, TypeError):  # none: the checkpoint itself says what does not fit
+        return job, fixed
+    return replace(job, settings=replace(job.settings, grid_step=grid)), count

@@ -1,4 +1,4 @@
-"""A few iterations on this machine and this scene tell what an iteration costs.
+"""A few iterations on this machine and this scene show what an iteration costs.
 
 Before the cameras are known, the photos hang on a wall before made-up ones: how many pixels there are, how
 wide the blur is, and how many Gaussians lie over one another in a picture is what costs time, not what is seen.
@@ -14,24 +14,37 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..camera import Camera
-from ..imaging.formation.chain import Formation
-from ..imaging.medium import Medium
+from ..numbers import number
 from ..photos.load import Photo
+from ..training.job import TrainingJob
 from ..training.run import LOOKS
-from ..training.settings import TrainingSettings, start_share
+from ..training.settings import start_share
 from ..training.trainer import WATCHED_VIEWS, Trainer
 from ..training.warmup import compile_kernels
 from ..views import SparsePoints, View
-from .model import VIEWS, sample
+from .model import PREDICTIONS, sample
 
-#: Gaussians (of the budget) at which it is tried.
-COUNTS = (8_000, 32_000)
-#: Seconds for one number of Gaussians in one phase, and iterations at least.
-PHASE_SECONDS, LEAST = 0.25, 3
-#: Gaussians on average over a run, as a share of the budget: it begins with less.
-MEAN_SHARE = 0.9
-#: A look at a held-out photo takes this share of an iteration.
-LOOK = 0.35
+
+@dataclass(frozen=True)
+class ProbeSettings:
+    """How iterations are timed."""
+
+    counts: tuple[int, int] = number(
+        (8_000, 32_000), "Gaussians", "of the budget, at which iterations are tried: a line through two points"
+    )
+    phase_seconds: float = number(0.25, "s", "for one number of Gaussians in one phase")
+    fewest: int = number(3, "iterations", "for one number of Gaussians in one phase, however slow")
+    most: int = number(50, "iterations", "the same, however quick: their median is sure by then")
+    mean_share: float = number(0.9, "share", "of the budget that a run's Gaussians are on average: it begins with less")
+    evaluation: float = number(0.35, "iterations", "that evaluating a held-out photo takes: no backward pass")
+    fastest: float = number(1e-5, "s", "of a step without Gaussians, where noise makes the line cross zero")
+
+
+PROBE = ProbeSettings()
+#: The wall that photos without cameras hang on: a usual focal length (of the longer side), cameras so far apart, the
+#: wall so far away and so bumpy (viewing distance 2), and so many points along a side. What costs time does not depend
+#: on them much: how many px there are, how wide the blur is, how many Gaussians lie over one another.
+FOCAL, APART, DISTANCE, BUMPS, POINTS = 1.2, 0.05, 2.0, 0.2, 24
 
 
 @dataclass(frozen=True)
@@ -53,7 +66,7 @@ class Speed:
 
     Attributes:
         phases: parts of a run in order.
-        watched: held-out photos that are looked at during a run.
+        watched: held-out photos that are evaluated during a run.
         seconds: that the probe itself took.
     """
 
@@ -62,10 +75,10 @@ class Speed:
     seconds: float
 
     def training(self, steps: int, gaussians: int) -> float:
-        """Seconds of a run's iterations and looks."""
-        mean = MEAN_SHARE * gaussians
+        """Seconds of a run's iterations and held-out evaluations."""
+        mean = PROBE.mean_share * gaussians
         step = sum(phase.share * phase.seconds(mean) for phase in self.phases)
-        return steps * step + LOOKS * self.watched * LOOK * self.phases[-1].seconds(mean)
+        return steps * step + LOOKS * self.watched * PROBE.evaluation * self.phases[-1].seconds(mean)
 
 
 def made_up(photos: Sequence[Photo]) -> tuple[list[View], SparsePoints]:
@@ -73,53 +86,50 @@ def made_up(photos: Sequence[Photo]) -> tuple[list[View], SparsePoints]:
     views = []
     for index, photo in enumerate(sample(photos)):
         width, height = photo.size
-        focal = photo.focal_px or 1.2 * max(width, height)
-        shift = np.array([0.05 * index, 0.0, 0.0])
+        focal = photo.focal_px or FOCAL * max(width, height)
+        shift = np.array([APART * index, 0.0, 0.0])
         camera = Camera(photo.name, width, height, focal, focal, width / 2, height / 2, np.eye(3), shift)
         views.append(View(camera, photo.pixels, photo.mask))
     first = views[0].camera
-    half = 0.75 * np.array([first.width, first.height]) / first.fx * 2.0
-    x, y = (a.ravel() for a in np.meshgrid(np.linspace(-1, 1, 24), np.linspace(-1, 1, 24)))
-    depth = 2.0 + 0.2 * np.sin(5 * x) * np.cos(4 * y)
+    half = 0.75 * np.array([first.width, first.height]) / first.fx * DISTANCE
+    x, y = (a.ravel() for a in np.meshgrid(np.linspace(-1, 1, POINTS), np.linspace(-1, 1, POINTS)))
+    depth = DISTANCE + BUMPS * np.sin(5 * x) * np.cos(4 * y)
     points = np.stack([x * half[0], y * half[1], depth], axis=1)
     return views, SparsePoints(points, np.full((len(points), 3), 128, np.uint8))
 
 
 def probe(
-    views: Sequence[View],
-    points: SparsePoints,
-    medium: Medium,
-    settings: TrainingSettings,
+    job: TrainingJob,
     fitted: int,
     heldout: int,
-    counts: tuple[int, int] = COUNTS,
-    formation: Formation = Formation(),
-    phase_seconds: float = PHASE_SECONDS,
+    counts: tuple[int, int] = PROBE.counts,
+    phase_seconds: float = PROBE.phase_seconds,
 ) -> Speed:
     """Times iterations; takes a second or two, after the kernels are compiled.
 
     Args:
-        views: a few are enough (`VIEWS` are used); points: what cameras came with.
-        settings: of the run; its steps and Gaussians do not matter.
+        job: a few views are enough, and no held-out ones; its steps and Gaussians do not matter.
         fitted, heldout: photos that the run will train on, and those it will watch.
         phase_seconds: for one number of Gaussians in one phase.
     """
+    settings = job.settings
     compile_kernels(settings.sh_degree)
     began = time.perf_counter()
-    chosen = list(views)[:: max(1, len(views) // VIEWS)][:VIEWS]
+    few_views = PREDICTIONS.sampled
+    chosen = list(job.views)[:: max(1, len(job.views) // few_views)][:few_views]
     share = settings.start_share * start_share(fitted) / start_share(len(chosen))
     quiet = replace(settings, start_share=share, density_every=10**9, time_limit=None, until=None)
     tables: list[dict[float, float]] = []
     numbers: list[int] = []
     for count in counts:
-        trainer = Trainer(chosen, [], points, medium, replace(quiet, max_gaussians=count), formation)
+        trainer = Trainer(chosen, [], job.points, job.medium, replace(quiet, max_gaussians=count), job.formation)
         numbers.append(len(trainer.optimizer.gaussians))
         tables.append({middle: _step(trainer, middle, phase_seconds) for _, middle in _parts(trainer)})
     few, many = numbers
     phases = []
     for length, middle in _parts(trainer):
-        slope = max(0.0, (tables[1][middle] - tables[0][middle]) / max(1, many - few))
-        phases.append(Phase(length, max(1e-5, tables[0][middle] - slope * few), slope))
+        each = max(0.0, (tables[1][middle] - tables[0][middle]) / max(1, many - few))
+        phases.append(Phase(length, max(PROBE.fastest, tables[0][middle] - each * few), each))
     return Speed(tuple(phases), min(heldout, WATCHED_VIEWS), time.perf_counter() - began)
 
 
@@ -137,7 +147,7 @@ def _step(trainer: Trainer, share: float, seconds: float) -> float:
     trainer.advance(share)
     taken: list[float] = []
     until = time.perf_counter() + seconds
-    while len(taken) < LEAST or (time.perf_counter() < until and len(taken) < 50):
+    while len(taken) < PROBE.fewest or (time.perf_counter() < until and len(taken) < PROBE.most):
         began = time.perf_counter()
         trainer.advance(share)
         taken.append(time.perf_counter() - began)

@@ -5,20 +5,32 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import json
-from dataclasses import asdict, dataclass, fields
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
 from ..compiled import cache_base
 from ..errors import OutputError
 from ..files import write_json
+from ..numbers import number
+from ..photos.load import Photo
 
-#: Runs and predictions that are kept.
-KEPT = 200
 #: Raised whenever this software becomes so much quicker or slower that older records mislead.
 ERA = 2
-#: Runs during which others used more of the machine than this do not calibrate.
-DISTURBED = 0.15
+
+
+@dataclass(frozen=True)
+class RecordSettings:
+    """What is remembered of past runs, and which of them count."""
+
+    kept: int = number(200, "count", "runs, and predictions, that the file holds: it stays below 200 kB")
+    disturbed_share: float = number(
+        0.15, "share", "of the machine that other programs used, above which a run says nothing of the machine itself"
+    )
+
+
+RECORDS = RecordSettings()
 
 
 @dataclass(frozen=True)
@@ -45,20 +57,32 @@ class Work:
     hurried: bool
     compiled: bool
 
+    def training(self, fitted: int, scored: int, steps: int, gaussians: int) -> Work:
+        """The same with another training."""
+        return replace(self, fitted=fitted, scored=scored, steps=steps, gaussians=gaussians)
+
+
+def photo_work(photos: Sequence[Photo], *, search: bool, hurried: bool, compiled: bool) -> Work:
+    """What there is to do with these photos but for the training; see `Work`."""
+    used = [photo.size[0] * photo.size[1] for photo in photos]
+    files = [(w * h) / (p.scale[0] * p.scale[1]) for p, (w, h) in ((p, p.size) for p in photos)]
+    mean = sum(used) / max(1, len(used)) / 1e6
+    return Work(len(photos), sum(files) / 1e6, mean, 0, 0, 0, 0, search, hurried, compiled)
+
 
 @dataclass(frozen=True)
-class Run:
+class PastRun:
     """One finished run.
 
     Attributes:
         work: what was done.
         seconds: by stage (`model.STAGES`).
-        train_predicted: seconds of training as the probe had told, None without a probe.
+        train_predicted: seconds of training that the probe predicted, None without a probe.
         memory_mb: peak.
-        scene: of photos and medium, whatever the effort; preset: '' where it was none.
+        scene: key of photos and medium, whatever the effort; preset: '' where it was none.
         contrast: of the photos (`model.contrast`).
         psnr, sharp_psnr: on held-out views, against the photos and against the truth.
-        disturbed: share of the machine that others used; None where not known.
+        disturbed: share of the machine that others used; None where the system does not say.
     """
 
     work: Work
@@ -75,41 +99,41 @@ class Run:
     @property
     def clean(self) -> bool:
         """Whether its seconds are the machine's own."""
-        return self.disturbed is None or self.disturbed <= DISTURBED
+        return self.disturbed is None or self.disturbed <= RECORDS.disturbed_share
 
 
 class Records:
     """The file of this machine's runs.
 
     Args:
-        machine: what tells machines apart: processor, cores, threads, device.
+        machine: by processor, cores, threads and device, machines are distinguished.
         folder: the user's cache folder if not given.
     """
 
     def __init__(self, machine: dict[str, Any], folder: Path | None = None) -> None:
-        told = json.dumps({k: machine.get(k) for k in ("processor", "cores", "threads", "device")}, sort_keys=True)
-        name = hashlib.sha256(f"{ERA} {told}".encode()).hexdigest()[:12]
+        identity = json.dumps({k: machine.get(k) for k in ("processor", "cores", "threads", "device")}, sort_keys=True)
+        name = hashlib.sha256(f"{ERA} {identity}".encode()).hexdigest()[:12]
         self._path = (folder or cache_base()) / f"runs-{name}.json"
-        self._told = json.loads(told)
+        self._machine = json.loads(identity)
         content = _read(self._path)
         self.runs = [run for row in content.get("runs", []) if (run := _run(row)) is not None]
         self.predictions: dict[str, Any] = dict(content.get("predictions", {}))
 
-    def add(self, run: Run) -> None:
+    def add(self, run: PastRun) -> None:
         """Keeps a run; a cache that cannot be written is no loss worth an error."""
-        self.runs = [*self.runs, run][-KEPT:]
+        self.runs = [*self.runs, run][-RECORDS.kept :]
         self._save()
 
     def predict(self, key: str, prediction: dict[str, Any]) -> None:
         """Keeps what was predicted of a job, so that its report can say how true it was."""
         self.predictions.pop(key, None)
-        self.predictions = dict([*self.predictions.items(), (key, prediction)][-KEPT:])
+        self.predictions = dict([*self.predictions.items(), (key, prediction)][-RECORDS.kept :])
         self._save()
 
     def _save(self) -> None:
         runs = [asdict(run) for run in self.runs]
         with contextlib.suppress(OutputError):
-            write_json(self._path, {"machine": self._told, "runs": runs, "predictions": self.predictions})
+            write_json(self._path, {"machine": self._machine, "runs": runs, "predictions": self.predictions})
 
 
 def _read(path: Path) -> dict[str, Any]:
@@ -120,10 +144,10 @@ def _read(path: Path) -> dict[str, Any]:
     return content if isinstance(content, dict) else {}
 
 
-def _run(row: Any) -> Run | None:
+def _run(row: Any) -> PastRun | None:
     """None for what another version wrote."""
     try:
-        run = Run(**{**row, "work": Work(**row["work"])})
+        run = PastRun(**{**row, "work": Work(**row["work"])})
     except (TypeError, KeyError):
         return None
-    return run if set(row) == {f.name for f in fields(Run)} else None
+    return run if set(row) == {f.name for f in fields(PastRun)} else None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import unicodedata
 from collections.abc import Sequence
 from pathlib import Path
@@ -10,13 +11,19 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from ..files import replacing
+from ..files import write_bytes
 
 
 def write_png(path: Path, pixels: NDArray[np.uint8]) -> None:
     """Writes [H, W, 3] uint8, whole or not at all; raises OutputError."""
-    with replacing(path) as temporary:
-        Image.fromarray(pixels).save(temporary, "PNG", compress_level=4)
+    write_bytes(path, png_bytes(pixels))
+
+
+def png_bytes(pixels: NDArray[np.uint8]) -> bytes:
+    """[H, W, 3] uint8 as the content of a PNG file, as `write_png` writes it."""
+    stream = io.BytesIO()
+    Image.fromarray(pixels).save(stream, "PNG", compress_level=4)
+    return stream.getvalue()
 
 
 def photo_stem(name: str) -> str:

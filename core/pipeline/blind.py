@@ -17,7 +17,7 @@ from ..inspection.blind_psf import blind_psf
 from ..inspection.photo_set import PhotoSet
 from ..inspection.psf_per_photo import gaussian_text, psf_per_photo
 from ..photos.load import Photo
-from ..run_settings import ReconstructSettings
+from ..run_settings import MediumSettings
 
 #: Words that ask for an estimate.
 ESTIMATED = ("auto", "auto-each")
@@ -59,10 +59,8 @@ def told_spreads(text: str) -> Spreads | None:
     return Spreads(psf, notes=() if psf is None else psf.notes)
 
 
-def spreads_of(
-    told: Spreads | None, photos: Sequence[Photo], settings: ReconstructSettings, some: bool = False
-) -> tuple[Spreads, ReconstructSettings]:
-    """The point spreads of these photos, and the settings with the shared one in place of what was asked.
+def spreads_of(told: Spreads | None, photos: Sequence[Photo], settings: MediumSettings, some: bool = False) -> Spreads:
+    """The point spreads of these photos.
 
     Args:
         told: from `told_spreads`.
@@ -72,10 +70,10 @@ def spreads_of(
         PsfError: the photos do not tell, or do not fit the list; the message tells the way out.
     """
     if told is None:
-        told = _estimated(photos, settings)
-    elif settings.psf.startswith(LISTED):
-        told = _of_photos(told, photos, settings.psf.removeprefix(LISTED), some)
-    return told, replace(settings, psf=told.source)
+        return _estimated(photos, settings)
+    if settings.psf.startswith(LISTED):
+        return _of_photos(told, photos, settings.psf.removeprefix(LISTED), some)
+    return told
 
 
 def _listed(file: Path) -> Spreads:
@@ -118,7 +116,7 @@ def _of_photos(listed: Spreads, photos: Sequence[Photo], file: str, some: bool) 
     return replace(listed, own=own, notes=(*listed.notes, f"{len(own)} photos have one of their own ({file})"))
 
 
-def _estimated(photos: Sequence[Photo], settings: ReconstructSettings) -> Spreads:
+def _estimated(photos: Sequence[Photo], settings: MediumSettings) -> Spreads:
     linear = settings.blur_space == "linear"
     source = PhotoSet(photos, linear=linear)
     found = blind_psf(source)
@@ -138,13 +136,13 @@ def _estimated(photos: Sequence[Photo], settings: ReconstructSettings) -> Spread
     notes = (*shared.notes, *([moved] if moved else []))
     if settings.psf != "auto-each":
         return Spreads(first, notes=notes)
-    paths = source.motion_paths.items() if _may_move(settings) else ()
+    paths = source.motion_paths.items() if settings.motion_apart else ()
     own = psf_per_photo(photos, shared, linear, {name: path.length for name, path in paths})
     spreads = {name: _in_files(psf, scale[name]) for name, psf in own.spreads.items()}
     return Spreads(first, spreads, (*notes, own.text))
 
 
-def _motion_seen(source: PhotoSet, settings: ReconstructSettings) -> str:
+def _motion_seen(source: PhotoSet, settings: MediumSettings) -> str:
     """What the photos show of motion, and what takes it into account; empty where none is clear."""
     if source.motion is None or not source.motion.significant:
         return ""
@@ -155,15 +153,9 @@ def _motion_seen(source: PhotoSet, settings: ReconstructSettings) -> str:
         f"{min(lengths):.1f} to {max(lengths):.1f} px: a Gaussian does not describe that blur"
     )
     way = "--effects auto (where a short trial confirms them) or --effects motion puts each photo's path into its blur"
-    if _may_move(settings):
+    if settings.motion_apart:
         way = "--effects decides whether each photo's path is put into its blur"
     return f"{seen}; {way}"
-
-
-def _may_move(settings: ReconstructSettings) -> bool:
-    """Whether motion may be simulated, and is no part of the blur then."""
-    words = [word.strip() for word in settings.effects.split(",")]
-    return "-motion" not in words and bool({"auto", "all", "motion"} & set(words))
 
 
 def _in_files(psf: PointSpread, scale: float) -> PointSpread:

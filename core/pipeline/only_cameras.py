@@ -4,27 +4,25 @@ from __future__ import annotations
 
 from ..files import check_writable
 from ..machine import use_threads
-from ..photos.load import load_photos
-from ..photos.source import photo_source
 from ..progress import Progress
 from ..reconstruction import Reconstruction
-from ..run_settings import ReconstructSettings
-from .blind import spreads_of, told_spreads
-from .reconstruct import cameras_of, medium_for
+from ..run_settings import RunSettings
+from ..twin.folder import TwinFolder
+from .blind import told_spreads
+from .cameras import cameras_of, search_for
+from .medium import medium_of
+from .photos import read_photos
 
 
-def only_cameras(settings: ReconstructSettings, progress: Progress) -> Reconstruction:
-    """Finds the cameras and writes them to `settings.out`/cameras.
+def only_cameras(run: RunSettings, progress: Progress) -> Reconstruction:
+    """Finds the cameras and writes them to `run.out`/cameras.
 
     Raises:
         DgsError: one of its subclasses; nothing was written then.
     """
-    told = told_spreads(settings.psf)
-    check_writable(settings.out)
-    threads = use_threads(settings.threads)
-    source = photo_source(settings.photos, settings.out, settings.frames, progress)
-    photos = load_photos(source, settings.max_size, progress, settings.masks)
-    spreads, settings = spreads_of(told, photos, settings)
-    medium = medium_for(photos, spreads.psf, settings, spreads.own)
-    reconstruction, _ = cameras_of(settings, photos, medium, threads, progress)
-    return reconstruction
+    given, folder = told_spreads(run.medium.psf), TwinFolder(run.out)
+    check_writable(run.out)
+    search = search_for(run.training, use_threads(run.threads), False, run.resume)
+    loaded = read_photos(run.photos, folder, progress)
+    medium = medium_of(run.medium, given, loaded.photos, progress).medium
+    return cameras_of(run.cameras.given, loaded.photos, medium, search, folder, progress).reconstruction

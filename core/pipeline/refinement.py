@@ -2,69 +2,75 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from ..camera import Camera
+from ..evaluation.poses import pose_errors
 from ..imaging.medium import Medium
 from ..lens import MODELS, Lens
 from ..photos.load import Photo
+from ..photos.undistort import undistorted_views
 from ..pose import Pose
 from ..progress import Progress
 from ..reconstruction import Reconstruction
-from ..run_settings import ReconstructSettings
-from ..twin.refine_cameras import Refined
+from ..sfm.given import load_cameras
+from ..training.settings import TrainingSettings
+from ..twin.folder import TwinFolder
+from ..twin.refine_cameras import Refined, refine_cameras
+from .cameras import FoundCameras
 
 
-def refined(
-    settings: ReconstructSettings,
-    reconstruction: Reconstruction,
-    photos: list[Photo],
-    held: list[str],
-    medium: Medium,
-    threads: int,
-    device: str,
-    progress: Progress,
-) -> tuple[Reconstruction, dict[str, Any]]:
-    """Refines poses and the shared focal length, and writes them to `settings.out`/cameras if they are kept.
+@dataclass(frozen=True)
+class RefinementJob:
+    """What cameras are refined with.
 
-    Returns:
-        The cameras to go on with, and what is said of them in report.json ('cameras', 'refined').
+    Attributes:
+        photos: those with a camera; held: names of those that judge.
+        medium: on the photos' grid.
+        settings: of the training; effort is not taken over.
+        reference: true cameras, only for reporting errors.
     """
-    from ..formats.colmap import write_lenses
-    from ..photos.undistort import undistorted_views
-    from ..training.settings import TrainingSettings
-    from ..twin.refine_cameras import refine_cameras
 
-    views = undistorted_views([photo for photo in photos if photo.name in reconstruction.poses], reconstruction)
-    chosen = replace(
-        TrainingSettings.preset(settings.preset), loss=settings.loss, seed=settings.seed, threads=threads, device=device
-    )
-    one_lens = len(set(reconstruction.lenses.values())) == 1
-    found = refine_cameras(
-        [v for v in views if v.name not in held],
-        [v for v in views if v.name in held],
-        reconstruction.points,
-        medium,
-        chosen,
+    photos: list[Photo]
+    held: Sequence[str]
+    medium: Medium
+    settings: TrainingSettings
+    reference: Path | None
+
+
+def refine(found: FoundCameras, job: RefinementJob, folder: TwinFolder, progress: Progress) -> FoundCameras:
+    """Refines poses and the shared focal length, and keeps them in the folder if held-out photos confirm them.
+
+    Raises:
+        Cancelled: the user asked to stop. OutputError: they cannot be written.
+    """
+    before = found.reconstruction
+    views = undistorted_views(job.photos, before)
+    refined = refine_cameras(
+        [v for v in views if v.name not in job.held],
+        [v for v in views if v.name in job.held],
+        before.points,
+        job.medium,
+        job.settings,
         progress,
-        focal=one_lens,
+        focal=len(set(before.lenses.values())) == 1,
     )
-    facts = found.plain()
-    if settings.reference_cameras is not None:
+    facts = refined.plain()
+    if job.reference is not None:
         given = {view.name: view.camera for view in views}
-        facts["error_before"] = against(given, settings.reference_cameras, photos)
-        facts["error_after"] = against(found.cameras, settings.reference_cameras, photos)
-    if not found.kept:
+        facts["error_before"] = against(given, job.reference, job.photos)
+        facts["error_after"] = against(refined.cameras, job.reference, job.photos)
+    if not refined.kept:
         progress.note("The cameras were refined, but held-out photos are not explained better: they stay as they were")
-        return reconstruction, facts
-    moved = taken_over(reconstruction, found)
-    write_lenses(settings.out / "cameras", moved.lenses, moved.poses, moved.points)
-    progress.note(f"The cameras were refined: they moved by {found.moved_px:.2f} px (median)")
-    return moved, facts
+        return replace(found, refined=facts)
+    moved = taken_over(before, refined)
+    folder.save_cameras(moved)
+    progress.note(f"The cameras were refined: they moved by {refined.moved_px:.2f} px (median)")
+    return replace(found, reconstruction=moved, refined=facts)
 
 
 def taken_over(reconstruction: Reconstruction, found: Refined) -> Reconstruction:
@@ -85,9 +91,6 @@ def against(cameras: dict[str, Camera], reference: Path, photos: list[Photo]) ->
     Raises:
         CameraError: the reference has none of these cameras.
     """
-    from ..evaluation.poses import pose_errors
-    from ..sfm.given import load_cameras
-
     truth = load_cameras(reference, photos)
     points = None if truth.figures.scattered else truth.points.positions
     errors = pose_errors(cameras, truth.cameras(), points)

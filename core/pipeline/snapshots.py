@@ -4,24 +4,21 @@ from __future__ import annotations
 
 import io
 import time
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from ..files import make_folder, write_bytes
-from ..formats.ply import write_ply
 from ..forward import sharp_view
 from ..photos.scale import resized, size_within
-from ..photos.write import write_png
+from ..photos.write import png_bytes
+from ..twin.folder import TwinFolder
 from .views import to_pixels
 
 if TYPE_CHECKING:
     from ..training.trainer import Trainer
 
-PICTURE, PREVIEW, TWIN = "picture.png", "preview.npy", "twin.ply"
 #: Longest side in px of the preview: whoever shows it need neither decode nor shrink it.
 PREVIEW_SIZE = 360
 #: Seconds between two snapshots at least.
@@ -33,17 +30,16 @@ SHARE = 0.04
 
 
 class Snapshots:
-    """Writes `folder`/picture.png (a photo's view of the sharp twin), preview.npy (the same, small:
-    [H, W, 3] uint8 sRGB) and twin.ply now and then.
+    """Writes snapshot/ now and then: a photo's view of the sharp twin, the same small, and the twin.
 
-    All are written whole or not at all, so that another program may read them at any moment.
+    Whoever reads them at any moment finds them whole.
 
     Raises:
         OutputError: the folder cannot be written to.
     """
 
-    def __init__(self, folder: Path) -> None:
-        self._folder = make_folder(folder)
+    def __init__(self, folder: TwinFolder) -> None:
+        self._folder = folder
         self._next = time.perf_counter() + INTERVAL
 
     def __call__(self, trainer: Trainer) -> None:
@@ -52,17 +48,15 @@ class Snapshots:
         if began < self._next:
             return
         pixels = to_pixels(_picture(trainer))
-        write_png(self._folder / PICTURE, pixels)
         preview = io.BytesIO()
         np.save(preview, resized(pixels, *size_within(pixels.shape[1], pixels.shape[0], PREVIEW_SIZE)))
-        write_bytes(self._folder / PREVIEW, preview.getvalue())
-        write_ply(self._folder / TWIN, trainer.result().cloud())
+        self._folder.save_snapshot(png_bytes(pixels), preview.getvalue(), trainer.result().cloud())
         ended = time.perf_counter()
         self._next = ended + max(INTERVAL, (ended - began) / SHARE)
 
 
 class Watchers:
-    """Looks over a training's shoulder: keeps the twin so far as `out`/twin.ply, and snapshots if they are wanted.
+    """Follows a training: keeps the twin so far as twin.ply, and snapshots if they are wanted.
 
     Whoever ends the process, however rudely, finds a twin that is half a minute old at most.
 
@@ -70,9 +64,9 @@ class Watchers:
         OutputError: the folder cannot be written to.
     """
 
-    def __init__(self, out: Path, snapshots: bool) -> None:
-        self._twin = out / TWIN
-        self._snapshots = Snapshots(out / "snapshot") if snapshots else None
+    def __init__(self, folder: TwinFolder, snapshots: bool) -> None:
+        self._folder = folder
+        self._snapshots = Snapshots(folder) if snapshots else None
         self._next = time.perf_counter() + TWIN_INTERVAL
 
     def __call__(self, trainer: Trainer) -> None:
@@ -80,7 +74,7 @@ class Watchers:
         if self._snapshots is not None:
             self._snapshots(trainer)
         if time.perf_counter() >= self._next:
-            write_ply(self._twin, trainer.result().cloud())
+            self._folder.save_twin(trainer.result().cloud())
             self._next = time.perf_counter() + TWIN_INTERVAL
 
 

@@ -37,9 +37,9 @@ from ..training.scale import scene_scale
 from ..training.settings import TrainingSettings
 from ..training.trainer import Level, Trainer
 from ..training.warmup import compile_kernels
-from ..twin import history
 from ..twin.changes import Changes, find_changes, shows_changed, wider
-from ..twin.folder import Files, Twin, open_files, read_report
+from ..twin.folder import TwinFolder
+from ..twin.opened import Files, Twin, open_files
 from ..twin.pictures import draw_changes
 from ..twin.placing import Placing
 from ..twin.register import corrected, register
@@ -105,8 +105,9 @@ def update(settings: UpdateSettings, progress: Progress, waiting: Waiting | None
 def _updated(settings: UpdateSettings, progress: Progress, waiting: Waiting | None) -> dict[str, Any]:
     began = time.perf_counter()
     folder = settings.twin
+    kept_in = TwinFolder(folder)
     threads = use_threads(settings.threads)
-    report = read_report(folder)
+    report = kept_in.report()
     if any(effect.get("on") for effect in report.get("effects", []) if isinstance(effect, dict)):
         raise DgsError(
             f"'{folder}' was made with effects besides the blur, which updates do not know",
@@ -145,7 +146,7 @@ def _updated(settings: UpdateSettings, progress: Progress, waiting: Waiting | No
         after = _residuals(twin, gaussians, medium, _watched(twin)), _residuals(twin, gaussians, medium, new_views)
         if settings.share is not None or after[1] > after[0] - BEHIND:
             break
-    state = history.keep(folder)
+    state = kept_in.keep_state()
     facts = {
         "photos": [photo.name for photo in photos],
         "steps": trainer.step,
@@ -179,7 +180,7 @@ def _new_photos(settings: UpdateSettings, twin: Files, progress: Progress) -> li
     """Photos that the twin does not have yet, copied into its folder under names of their own."""
     known = {fingerprint(photo.pixels) for photo in twin.photos}
     names = {photo.name.casefold() for photo in twin.photos}
-    loaded = load_photos(settings.photos, twin.settings.max_size, progress, None, minimum=1)
+    loaded = load_photos(settings.photos, twin.settings.photos.max_size, progress, None, minimum=1)
     new = [photo for photo in loaded if fingerprint(photo.pixels) not in known]
     if not new:
         raise PhotoError(f"'{settings.photos}' holds no photo that the twin does not have", "Add new photos to it")
@@ -238,7 +239,7 @@ def _trainer(
         for name in ("sh_degree", "loss", "low_pass", "variation_weight", "inverse_weight", "base_weight")
         if name in named
     }
-    chosen = replace(TrainingSettings.preset(twin.settings.preset), **plain)
+    chosen = replace(TrainingSettings.preset(twin.settings.training.preset), **plain)
     count = len(state.arrays["value.means"])
     room = max(count, round(count * (1.0 + len(new) / max(1, len(kept)))))
     steps = max(20, round((ROUND if settings.share is None else settings.share) * whole))
@@ -309,9 +310,9 @@ def _write(
     report["gaussians"] = len(gaussians)
     write_json(folder / "report.json", report)
     new = {name: psf for name, psf in medium.per_view.items() if name not in twin.medium.per_view}
-    past = history.read_facts(folder)
+    past = TwinFolder(folder).update_log()
     own = {**past.get("psf", {}), **{name: psf.source for name, psf in new.items() if psf is not None and psf.source}}
-    history.note_facts(folder, {"held": twin.held, "psf": own, "updates": [*past.get("updates", []), facts]})
+    TwinFolder(folder).save_update_log({"held": twin.held, "psf": own, "updates": [*past.get("updates", []), facts]})
     write_json(folder / "update.json", facts)
     for name in ("known.npy", "next_views.json"):  # of the twin as it was
         (folder / name).unlink(missing_ok=True)

@@ -24,7 +24,7 @@ from ..imaging.medium import Medium
 from ..imaging.psf import PointSpread
 from ..rasterizer import RasterSettings, with_slope
 from ..training.grid import GridView, coarse_camera
-from .folder import Twin
+from .opened import Twin
 from .surface import surface_depth
 
 #: Widths of the blur that are tried, relative to the twin's.

@@ -1,206 +1,258 @@
-"""Opens the folder that `reconstruct` left behind: photos, cameras, medium and Gaussians of one twin."""
+"""What lies in a twin's folder, which stage makes it, and the one writer of it.
+
+`PARTS` is the one list: what a run leaves, what an update changes, what its history keeps and what an update makes
+stale are read off it. Blender's own Python reads this file too.
+"""
 
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, fields, replace
+import shutil
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-import torch
-from torch import Tensor
-
+from ..cloud import GaussianCloud
 from ..errors import FormatError
-from ..formats.ply import read_ply
-from ..forward import Exposure, FixedMedium, ForwardModel, low_pass_on_grid, margin_for, shared_medium, space_of
-from ..frames import Frame
-from ..gaussians import Gaussians
-from ..imaging.medium import BlurSpace, Medium
-from ..imaging.psf_text import parse_psf
-from ..photos.load import Photo, load_photos
-from ..photos.source import photo_source
-from ..photos.undistort import undistorted_views
-from ..progress import Progress
-from ..rasterizer import RasterSettings
+from ..files import make_folder, output_error, write_bytes, write_json, write_text
+from ..formats.ply import write_ply
 from ..reconstruction import Reconstruction
-from ..run_settings import ReconstructSettings
-from ..sfm.given import load_cameras
-from ..training.grid import GridView, grid_step
-from ..training.scale import SceneScale, scene_scale
-from ..training.trainer import mean_colour
-from ..views import View, heldout_names
-from .history import read_facts
-
-_PATHS = ("photos", "out", "cameras", "truth", "masks")
 
 
 @dataclass(frozen=True)
-class Twin:
-    """One twin with everything it was made from.
+class Part:
+    """One file or folder of a twin's folder.
 
     Attributes:
-        folder: where it lies.
-        settings: of the run that made it.
-        photos: all photos; reconstruction: cameras of those that have one.
-        medium: on the grid of the photos as loaded.
-        views: undistorted photos with cameras, held-out ones too.
-        held: names that were kept out of the training.
-        gaussians: in world units, drawn with the usual low-pass.
-        scale: the scene's own units.
-        background: [3] sRGB colour behind the twin.
+        name: inside the folder.
+        stage: which makes it.
+        state: whether it is part of the twin's state, which an update keeps in history/ first, and `rollback` brings
+            back.
+        stale: whether it speaks of the twin as it was, so that an update takes it away.
+        folder: whether it is one.
     """
 
-    folder: Path
-    settings: ReconstructSettings
-    photos: list[Photo]
-    reconstruction: Reconstruction
-    medium: Medium
-    views: list[View]
-    held: list[str]
-    gaussians: Gaussians
-    scale: SceneScale
-    background: Tensor
-
-    @property
-    def kept(self) -> list[View]:
-        """The views it was trained on."""
-        return [view for view in self.views if view.name not in self.held]
-
-    @property
-    def step(self) -> int:
-        """Photo px per grid px that the blur allows."""
-        camera = self.views[0].camera
-        return grid_step(self.medium, camera.width, camera.height)
-
-    def on_grid(self, views: list[View], step: int) -> list[GridView]:
-        """Views in the scene's own units on a grid of `step` photo px."""
-        return [
-            GridView(v, self.scale.camera_to_unit(v.camera), step, self.medium.psf_for(v.name), self.medium.blur_space)
-            for v in views
-        ]
-
-    def margin(self, step: int) -> int:
-        """Grid px that a render must be larger on every side, so that light from beyond the border is there."""
-        spreads = [self.medium.psf, *self.medium.per_view.values()]
-        widest = max(
-            (
-                0.0 if p is None or p.is_identity else float(np.linalg.eigvalsh(p.covariance)[-1]) ** 0.5
-                for p in spreads
-            ),
-            default=0.0,
-        )
-        return margin_for(widest, step)
-
-    def model(self, margin: int | None = None, blur_space: BlurSpace | None = None) -> ForwardModel:
-        """From the twin to its photos, on the grid of `step`; `expose` takes views of `on_grid`.
-
-        Args:
-            margin: grid px around each photo; None for what the blur asks for.
-            blur_space: another than the medium's.
-        """
-        around, space = self.margin(self.step) if margin is None else margin, blur_space or space_of(self.medium)
-
-        def medium(view: Exposure) -> FixedMedium:
-            return shared_medium(view.psf, Frame(view.camera.height, view.camera.width, around), space)
-
-        return ForwardModel(self.raster_settings(), medium, around)
-
-    def raster_settings(self) -> RasterSettings:
-        """How the twin is drawn on the grid of `step`: with the low-pass that viewers have on the photos' own grid."""
-        return RasterSettings(low_pass=low_pass_on_grid(self.step))
+    name: str
+    stage: str
+    state: bool = False
+    stale: bool = False
+    folder: bool = False
 
 
-def read_report(folder: Path) -> dict[str, Any]:
-    """The content of a twin folder's report.json.
-
-    Raises:
-        FormatError: the folder is no twin, or its report is damaged.
-    """
-    path = folder / "report.json"
-    if not path.is_file() or not (folder / "twin.ply").is_file():
-        raise FormatError(
-            f"'{folder}' is no twin folder (it lacks report.json or twin.ply)", "Give the --out folder of 'reconstruct'"
-        )
-    try:
-        content = json.loads(path.read_text("utf-8"))
-        content["settings"]["run"]["psf"]
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise FormatError(f"'{path}' is damaged ({type(error).__name__})", "Reconstruct the twin again") from error
-    return dict(content)
-
-
-def settings_of(folder: Path, report: dict[str, Any], photos: Path | None = None) -> ReconstructSettings:
-    """The settings of the run that made a twin; its cameras are those in the folder."""
-    run = report["settings"]["run"]
-    known = {f.name: run[f.name] for f in fields(ReconstructSettings) if f.name in run}
-    for name in _PATHS:
-        if known.get(name) is not None:
-            known[name] = Path(known[name])
-    settings = ReconstructSettings(**known)
-    listed = folder / "photos.txt"  # what updates added is in it too
-    given = photos or (listed if listed.is_file() else settings.photos)
-    return replace(settings, out=folder, cameras=folder / "cameras", photos=given)
+PARTS = (
+    Part("frames", "photos", folder=True),
+    Part("photos.txt", "photos", state=True),
+    Part("photos", "update", folder=True),  # new photos: only ever added
+    Part("cameras", "cameras", state=True, folder=True),
+    Part("sfm", "cameras", folder=True),
+    Part("plan.json", "training"),
+    Part("snapshot", "training", folder=True),
+    Part("checkpoint.npz", "training", state=True),
+    Part("twin.ply", "training", state=True),
+    Part("renders", "scores", folder=True),
+    Part("report.json", "report", state=True),
+    Part("report.html", "report"),
+    Part("twin.json", "update", state=True),
+    Part("update.json", "update", state=True),
+    Part("changes", "update", folder=True),
+    Part("history", "update", folder=True),
+    Part("known.npy", "next view", state=True, stale=True),
+    Part("next_views.json", "next view", state=True, stale=True),
+    Part("next_views", "next view", stale=True, folder=True),
+)
 
 
-@dataclass(frozen=True)
-class Files:
-    """What is read from a twin's folder before anything is computed; the fields are those of `Twin`."""
+class TwinFolder:
+    """A twin's folder: names of its files, their readers, and the only code that writes them.
 
-    folder: Path
-    settings: ReconstructSettings
-    photos: list[Photo]
-    reconstruction: Reconstruction
-    medium: Medium
-    held: list[str]
-    gaussians: Gaussians
-
-    def twin(self) -> Twin:
-        """The twin; undistorting its photos takes most of the time."""
-        placed = self.reconstruction.poses
-        views = undistorted_views([photo for photo in self.photos if photo.name in placed], self.reconstruction)
-        scale = scene_scale([view.camera for view in views], self.reconstruction.points)
-        shown = [view for view in views if view.name not in self.held] or views
-        return Twin(
-            self.folder,
-            self.settings,
-            self.photos,
-            self.reconstruction,
-            self.medium,
-            views,
-            self.held,
-            self.gaussians,
-            scale,
-            mean_colour(shown).to(torch.float32),
-        )
-
-
-def open_twin(folder: Path, progress: Progress, photos: Path | None = None) -> Twin:
-    """Reads a twin folder.
+    Every file is written whole or not at all.
 
     Args:
-        folder: what `reconstruct --out` named.
-        photos: where its photos lie now, if they were moved.
-
-    Raises:
-        FormatError: no twin folder, or damaged. PhotoError, CameraError: as of `reconstruct`.
+        path: the folder; need not be there before something is saved.
     """
-    return open_files(folder, progress, photos).twin()
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.photo_list = path / "photos.txt"
+        self.new_photo_folder = path / "photos"
+        self.camera_folder = path / "cameras"
+        self.sfm_folder = path / "sfm"
+        self.checkpoint = path / "checkpoint.npz"
+        self.twin_file = path / "twin.ply"
+        self.report_page = path / "report.html"
+        self.change_folder = path / "changes"
+
+    def save_photo_list(self, photos: Sequence[Path]) -> None:
+        """All photos of the twin, line by line; raises OutputError."""
+        # Not resolved: a linked photo would get another name, and lose its camera.
+        write_text(self.photo_list, "\n".join(str(photo.absolute()) for photo in photos) + "\n")
+
+    def save_new_photo(self, source: Path, name: str) -> Path:
+        """Copies a photo that an update takes in; returns where it lies now.
+
+        Raises:
+            OutputError: it cannot be written.
+        """
+        target = make_folder(self.new_photo_folder) / name
+        try:
+            shutil.copy2(source, target)
+        except OSError as error:
+            raise output_error(target, error) from error
+        return target
+
+    def save_cameras(self, found: Reconstruction) -> None:
+        """Cameras and points as a COLMAP model; raises OutputError."""
+        from ..formats.colmap import write_lenses  # late: not in Blender's Python
+
+        write_lenses(self.camera_folder, found.lenses, found.poses, found.points)
+
+    def save_plan(self, plan: Mapping[str, Any]) -> None:
+        """What was planned for a time limit; raises OutputError."""
+        write_json(self.path / "plan.json", dict(plan))
+
+    def plan(self) -> dict[str, Any]:
+        """What `save_plan` kept; empty where there is none, or it is damaged."""
+        try:
+            content = json.loads((self.path / "plan.json").read_text("utf-8"))
+        except (OSError, ValueError):
+            return {}
+        return content if isinstance(content, dict) else {}
+
+    def save_twin(self, cloud: GaussianCloud) -> None:
+        """The Gaussians; raises OutputError."""
+        write_ply(self.twin_file, cloud)
+
+    def save_snapshot(self, picture: bytes, preview: bytes, cloud: GaussianCloud) -> None:
+        """The twin so far and what it looks like, for whoever watches a training; raises OutputError.
+
+        Args:
+            picture: a PNG file; preview: a .npy file, [H, W, 3] uint8 sRGB.
+        """
+        folder = make_folder(self.path / "snapshot")
+        write_bytes(folder / "picture.png", picture)
+        write_bytes(folder / "preview.npy", preview)
+        write_ply(folder / "twin.ply", cloud)
+
+    def save_render(self, file: str, png: bytes) -> None:
+        """A held-out view as the twin shows it, in renders/; raises OutputError."""
+        write_bytes(self.path / "renders" / file, png)
+
+    def save_report(self, report: Mapping[str, Any]) -> None:
+        """report.json; raises OutputError."""
+        write_json(self.path / "report.json", dict(report))
+
+    def report(self) -> dict[str, Any]:
+        """The content of report.json.
+
+        Raises:
+            FormatError: the folder is no twin, or its report is damaged.
+        """
+        path = self.path / "report.json"
+        if not path.is_file() or not self.twin_file.is_file():
+            raise FormatError(
+                f"'{self.path}' is no twin folder (it lacks report.json or twin.ply)",
+                "Give the --out folder of 'reconstruct'",
+            )
+        try:
+            content = json.loads(path.read_text("utf-8"))
+            content["settings"]["run"]["psf"]
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            raise FormatError(f"'{path}' is damaged ({type(error).__name__})", "Reconstruct the twin again") from error
+        return dict(content)
+
+    def save_update(self, report: Mapping[str, Any]) -> None:
+        """update.json, what the last update found; raises OutputError."""
+        write_json(self.path / "update.json", dict(report))
+
+    def save_update_log(self, log: Mapping[str, Any]) -> None:
+        """Writes what `update_log` reads; raises OutputError."""
+        write_json(self.path / "twin.json", dict(log))
+
+    def update_log(self) -> dict[str, Any]:
+        """What updates noted about the twin: 'held' names, 'psf' by photo name, 'updates'; empty before the first.
+
+        Raises:
+            FormatError: the file is damaged.
+        """
+        path = self.path / "twin.json"
+        if not path.is_file():
+            return {}
+        try:
+            content = json.loads(path.read_text("utf-8"))
+            if not isinstance(content, dict):
+                raise ValueError
+        except (OSError, ValueError) as error:
+            raise FormatError(f"'{path}' is damaged", "Bring an earlier state back: update TWIN --rollback") from error
+        return content
+
+    def drop_stale(self) -> None:
+        """Takes away what speaks of the twin as it was."""
+        for part in PARTS:
+            if part.stale and part.folder:
+                shutil.rmtree(self.path / part.name, ignore_errors=True)
+            elif part.stale:
+                (self.path / part.name).unlink(missing_ok=True)
+
+    def states(self) -> list[Path]:
+        """Folders of the kept states, oldest first."""
+        kept = (self.path / "history").glob("[0-9][0-9][0-9]")
+        return sorted(state for state in kept if (state / "twin.ply").is_file())
+
+    def keep_state(self) -> Path:
+        """Copies the present state to history/NNN; a copy that was cut off is never taken for a state.
+
+        Raises:
+            OutputError: no room, or no permission.
+        """
+        numbers = [int(state.name) for state in self.states()]
+        target = self.path / "history" / f"{max(numbers, default=-1) + 1:03d}"
+        half = target.with_name(f".{target.name}.part")
+        try:
+            shutil.rmtree(half, ignore_errors=True)
+            make_folder(half)
+            for part in _state():
+                source = self.path / part.name
+                if part.folder and source.is_dir():
+                    shutil.copytree(source, half / part.name)
+                elif not part.folder and source.is_file():
+                    shutil.copy2(source, half / part.name)
+            half.rename(target)
+        except OSError as error:
+            raise output_error(target, error) from error
+        return target
+
+    def rollback(self) -> Path:
+        """Brings the latest kept state back and takes it out of the history; returns what it was called.
+
+        Raises:
+            FormatError: nothing is kept. OutputError: it cannot be written.
+        """
+        kept = self.states()
+        if not kept:
+            raise FormatError(f"'{self.path}' has no earlier state", "There is nothing to roll back")
+        state = kept[-1]
+        try:
+            for part in _state():
+                self._bring_back(part, state / part.name)
+            shutil.rmtree(state)
+        except OSError as error:
+            raise output_error(self.path, error) from error
+        return state
+
+    def _bring_back(self, part: Part, kept: Path) -> None:
+        target = self.path / part.name
+        if part.folder and kept.is_dir():
+            shutil.rmtree(target, ignore_errors=True)
+            shutil.copytree(kept, target)
+        elif not part.folder and kept.is_file():
+            half = target.with_name(f".{part.name}.part")
+            shutil.copy2(kept, half)
+            half.replace(target)
+        elif not part.folder:
+            target.unlink(missing_ok=True)
 
 
-def open_files(folder: Path, progress: Progress, photos: Path | None = None) -> Files:
-    """The first, quick part of `open_twin`."""
-    report = read_report(folder)
-    settings = settings_of(folder, report, photos)
-    cloud = read_ply(folder / "twin.ply")
-    psf = parse_psf(settings.psf)
-    source = photo_source(settings.photos, folder, settings.frames, progress)
-    loaded = load_photos(source, settings.max_size, progress, settings.masks)
-    listed = {name: parse_psf(text) for name, text in (report["medium"].get("per_photo") or {}).items()}
-    medium = Medium(psf, settings.blur_space, listed).at_scales({photo.name: photo.scale[0] for photo in loaded})
-    noted = read_facts(folder)
-    own = {name: parse_psf(text) for name, text in noted.get("psf", {}).items()}
-    medium = replace(medium, per_view={**medium.per_view, **own})
-    reconstruction = load_cameras(folder / "cameras", loaded)
-    held = noted.get("held") or heldout_names([photo.name for photo in loaded], settings.holdout_every)
-    return Files(folder, settings, loaded, reconstruction, medium, held, Gaussians.from_cloud(cloud))
+def _state() -> list[Part]:
+    """Files before folders."""
+    return sorted((part for part in PARTS if part.state), key=lambda part: part.folder)

@@ -19,7 +19,7 @@ from ..sfm.features import FEATURES, load_features
 from ..sfm.find import keep_features, talk
 from ..sfm.job import KEPT, PLAN, REFERENCES, write_job
 from ..sfm.settings import SfmSettings
-from .folder import Files, Twin
+from .opened import Files, Twin
 from .surface import surface_depth
 
 

@@ -19,7 +19,7 @@ from ..progress import Progress
 from ..reconstruction import Reconstruction
 from ..sfm.given import load_cameras
 from ..training.grid import GridView
-from .folder import Twin
+from .opened import Twin
 from .placing import SETTINGS, Placing, shared_lens
 from .pose_steps import photometric_step, twisted
 

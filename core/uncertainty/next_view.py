@@ -18,7 +18,7 @@ from ..numbers import number
 from ..progress import Progress
 from ..rasterizer import RasterSettings
 from ..training.grid import coarse_camera
-from ..twin.folder import Twin
+from ..twin.opened import Twin
 from .coverage import Coverage
 from .detail import Detail
 from .expected_error import PARTS, ExpectedError

@@ -11,7 +11,7 @@ import bpy
 
 from ...core.errors import FormatError
 from ...core.formats.ply import read_ply
-from ...core.twin.history import states
+from ...core.twin.folder import TwinFolder
 from .twin import add_twin
 
 #: Frames that a state is shown.
@@ -32,7 +32,7 @@ def add_states(out: Path, scene: Any, first: int = 1, frames: int = FRAMES) -> l
     Raises:
         FormatError: the twin has no earlier state, or one is damaged.
     """
-    kept = states(out)
+    kept = TwinFolder(out).states()
     if not kept:
         raise FormatError(f"'{out.name}' has no earlier state", "Update the twin with new photos first")
     folders = [*kept, out]

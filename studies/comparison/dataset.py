@@ -21,7 +21,7 @@ from ...core.imaging.psf import PointSpread, point_spread_from_samples
 from ...core.imaging.psf_text import parse_psf
 from ...core.lens import MODELS, Lens
 from ...core.photos.load import Photo, load_photo, load_photos, photo_files
-from ...core.pipeline.heldout import TruthFolder
+from ...core.photos.truth import TruthFolder
 from ...core.progress import Progress
 from ...core.reconstruction import Reconstruction
 from ...core.sfm.find import find_cameras

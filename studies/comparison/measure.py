@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import unicodedata
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -23,8 +24,10 @@ from ...core.evaluation.lines import (
 from ...core.evaluation.metrics import psnr
 from ...core.evaluation.poses import Similarity, align_similarity, pose_errors
 from ...core.evaluation.profiles import Sampler
+from ...core.evaluation.view_scores import ViewScores, mean_of
 from ...core.numbers import number
-from ...core.pipeline.heldout import Scores, ViewScorer, mean_of
+from ...core.photos.write import write_png
+from ...core.pipeline.scores import ViewScorer
 from ...core.pipeline.views import Viewer
 from ...core.progress import Silent
 from ...core.rasterizer import RasterSettings, render
@@ -113,8 +116,10 @@ class Measure:
         for kind, names in (("heldout", self.held), ("fitted", self.fitted)):
             scores, objects = [], []
             for name in names:
-                path = folder / render_file(name) if folder is not None and kind == "heldout" else None
-                score, shown = scorer.score(self.by_name[name], kind == "heldout", path)
+                keep = None
+                if folder is not None and kind == "heldout":
+                    keep = partial(write_png, folder / render_file(name))
+                score, shown = scorer.score(self.by_name[name], kind == "heldout", keep)
                 pictures[name] = shown.twin / 255.0
                 scores.append(score)
                 if name in self.data.masks and shown.truth is not None:
@@ -231,7 +236,7 @@ def render_file(name: str) -> str:
     return f"{unicodedata.normalize('NFC', Path(name).stem)}.png"
 
 
-def _means(scores: list[Scores], objects: list[float]) -> dict[str, Any]:
+def _means(scores: list[ViewScores], objects: list[float]) -> dict[str, Any]:
     out: dict[str, Any] = {
         name: mean_of([(score.sharp or {}).get(name) for score in scores]) for name in ("psnr", "ssim", "psnr_inside")
     }

@@ -13,10 +13,10 @@ from typing import Any
 from ...core.devices import choose_device
 from ...core.errors import Cancelled
 from ...core.evaluation.metrics import low_passed_truth_psnr
+from ...core.evaluation.view_scores import mean_of
 from ...core.files import make_folder, write_json
 from ...core.formats.ply import write_ply
 from ...core.machine import machine, use_threads
-from ...core.pipeline.heldout import mean_of
 from ...core.progress import Progress
 from ...core.training.grid import grid_step
 from ...core.training.settings import TrainingSettings

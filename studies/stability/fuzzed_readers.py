@@ -21,8 +21,7 @@ from ...core.imaging.kernel_files import read_kernel
 from ...core.imaging.psf_text import parse_psf
 from ...core.photos.load import load_photo
 from ...core.training.checkpoint import Checkpoint, load_checkpoint, save_checkpoint
-from ...core.twin.folder import read_report
-from ...core.twin.history import read_facts
+from ...core.twin.folder import TwinFolder
 from ...core.views import SparsePoints
 from .reader_fuzz import Damage, Reader, damaged
 
@@ -188,7 +187,7 @@ def _report() -> Reader:
         report = {"settings": {"run": run, "training": {"sh_degree": 1}}, "steps": 300, "medium": {"per_photo": None}}
         (place / "report.json").write_text(json.dumps(report), "utf-8")
 
-    return Reader("report.json", write, read_report, "report.json", damaged)
+    return Reader("report.json", write, lambda path: TwinFolder(path).report(), "report.json", damaged)
 
 
 def _facts() -> Reader:
@@ -197,7 +196,7 @@ def _facts() -> Reader:
         facts = {"held": ["a.png"], "psf": {"b.png": "gaussian:2"}, "updates": [{"photos": ["c.png"], "steps": 20}]}
         (place / "twin.json").write_text(json.dumps(facts), "utf-8")
 
-    return Reader("twin.json", write, read_facts, "twin.json", damaged)
+    return Reader("twin.json", write, lambda path: TwinFolder(path).update_log(), "twin.json", damaged)
 
 
 def readers() -> list[Reader]:

@@ -10,7 +10,7 @@ from typing import Any
 
 from markupsafe import Markup
 
-from ...core.effort.records import DISTURBED
+from ...core.effort.records import RECORDS
 from ...core.files import write_text
 from ...core.version import VERSION
 
@@ -42,7 +42,7 @@ def write_page(path: Path, content: Mapping[str, Any], svg: str) -> None:
         skipped=[point for point in points if point["skipped"]],
         lines=any(point["line_error"] is not None for point in measured),
         busy=max((point["disturbed"] or 0.0 for point in measured), default=0.0),
-        disturbed=DISTURBED,
+        disturbed=RECORDS.disturbed_share,
         style=Markup(_STYLE.read_text("utf-8")),
         # The prolog of a file is no part of a page.
         chart=Markup(re.sub(r"^.*?(?=<svg)", "", svg, flags=re.DOTALL)),

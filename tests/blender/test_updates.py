@@ -15,7 +15,7 @@ bpy = pytest.importorskip("bpy")
 
 import dgs  # noqa: E402
 from dgs.core.formats.ply import read_ply  # noqa: E402
-from dgs.core.twin import history  # noqa: E402
+from dgs.core.twin.folder import TwinFolder  # noqa: E402
 from dgs.dgs_addon.job import runner, watching  # noqa: E402
 from dgs.dgs_addon.job.request import request_of, update_request  # noqa: E402
 from dgs.dgs_addon.job.results import twin_of  # noqa: E402
@@ -119,7 +119,7 @@ def test_a_watched_folder_starts_an_update(scene: Any) -> None:
     assert job is not None and job.request.count == len(NEW)
     assert watching.check(scene) is None, "one job at a time"
     assert runner.wait(120.0) and job.state.phase == "done", job.state
-    assert len(history.states(out)) == 1
+    assert len(TwinFolder(out).states()) == 1
     assert [watching.check(scene) for _ in range(3)] == [None] * 3, "nothing new"
     scene.dgs.watching = False
     assert watching._tick() is None
@@ -142,9 +142,9 @@ def test_a_photo_that_cannot_be_used_is_tried_once(scene: Any) -> None:
 
 def test_states_stand_on_the_timeline(scene: Any) -> None:
     out = Path(scene.dgs.out)
-    history.keep(out)
+    TwinFolder(out).keep_state()
     (out / "update.json").write_text(json.dumps({"photos": ["a.png", "b.png"]}), "utf-8")
-    history.keep(out)
+    TwinFolder(out).keep_state()
     scene.timeline_markers.new("state of play", frame=7)  # the user's own
     for _ in range(2):  # a second time in place of the first
         things = add_states(out, scene, first=1, frames=10)

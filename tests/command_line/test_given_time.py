@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import time
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -12,8 +14,10 @@ from dgs.command_line.arguments import quality
 from dgs.command_line.progress_bars import curve
 from dgs.core.effort import plan
 from dgs.core.effort.clock import OthersLoad, process_began
+from dgs.core.effort.described import RunDescription
+from dgs.core.effort.timing import RunTiming
 from dgs.core.errors import DgsError
-from dgs.core.pipeline.reconstruct import reconstruct
+from dgs.core.pipeline.reconstruct import FinishedRun, reconstruct
 from dgs.core.progress import Silent
 from dgs.core.report.schema import problems
 from dgs.core.run_settings import ReconstructSettings
@@ -53,11 +57,16 @@ def settings(scene: Path, out: Path, **changes) -> ReconstructSettings:
     )
 
 
+def reconstructed(asked: ReconstructSettings, began: float | None = None) -> FinishedRun:
+    """As the command does it."""
+    run = asked.split()
+    return reconstruct(run, Silent(), began, partial(RunTiming, RunDescription.of(run)))
+
+
 def test_time_that_helps_nobody_is_not_used(scene, tmp_path, monkeypatch):
-    monkeypatch.setattr(plan, "USEFUL_STEPS", 40)
-    monkeypatch.setattr(plan, "USEFUL_VISITS", 1)
+    monkeypatch.setattr(plan, "PLANNING", replace(plan.PLANNING, useful_steps=40, useful_visits=1))
     began = time.perf_counter()
-    report = reconstruct(settings(scene, tmp_path, time_limit=300.0), Silent(), began).report
+    report = reconstructed(settings(scene, tmp_path, time_limit=300.0), began).report
     assert time.perf_counter() - began < 60.0
     assert report["predicted"]["enough"] is True
     assert any("more than what makes" in note for note in report["notes"])
@@ -65,9 +74,9 @@ def test_time_that_helps_nobody_is_not_used(scene, tmp_path, monkeypatch):
 
 def test_the_time_is_kept_and_all_of_it_is_used(scene, tmp_path, monkeypatch):
     limit = 25.0
-    monkeypatch.setattr(plan, "USEFUL_STEPS", 10**6)
+    monkeypatch.setattr(plan, "PLANNING", replace(plan.PLANNING, useful_steps=10**6))
     began = time.perf_counter()
-    outcome = reconstruct(settings(scene, tmp_path, time_limit=limit), Silent(), began)
+    outcome = reconstructed(settings(scene, tmp_path, time_limit=limit), began)
     taken = time.perf_counter() - began
     report = json.loads((tmp_path / "report.json").read_text("utf-8"))
     assert problems(report) == [] and report["status"] == "time limit"
@@ -105,7 +114,7 @@ def test_an_estimate_is_compared_with_what_it_took(scene, tmp_path, capsys, own_
     assert draft["psnr"] is None and not draft["seconds"]["calibrated"]
     assert run(words) == 0
     assert "not calibrated" in capsys.readouterr().out
-    reconstruct(settings(scene, tmp_path, preset="draft"), Silent())
+    reconstructed(settings(scene, tmp_path, preset="draft"))
     report = json.loads((tmp_path / "report.json").read_text("utf-8"))
     assert report["predicted"]["by"] == "estimate" and report["predicted"]["seconds"] > 0
     assert "Predicted" in (tmp_path / "report.html").read_text("utf-8")
@@ -116,10 +125,10 @@ def test_an_estimate_is_compared_with_what_it_took(scene, tmp_path, capsys, own_
 
 
 def test_quality_ends_a_run_and_needs_photos_held_out(scene, tmp_path):
-    report = reconstruct(settings(scene, tmp_path, until=14.0, preset="draft"), Silent()).report
+    report = reconstructed(settings(scene, tmp_path, until=14.0, preset="draft")).report
     assert report["status"] == "quality" and report["steps"] < 300
     with pytest.raises(DgsError, match="--holdout-every"):
-        reconstruct(ReconstructSettings(scene / "photos", tmp_path, until=14.0, holdout_every=0), Silent())
+        reconstructed(ReconstructSettings(scene / "photos", tmp_path, until=14.0, holdout_every=0))
 
 
 def test_qualities_as_they_are_typed():

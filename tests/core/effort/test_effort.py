@@ -4,19 +4,23 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from dgs.core.effort import plan
-from dgs.core.effort.model import LAWS, SCENES, accuracy, contrast, memory, slowdown, stage_seconds
-from dgs.core.effort.plan import FEWEST_SCORED, Budget, gaussians_for, steps_within, useful_steps
+from dgs.core.effort.model import LAWS, PREDICTIONS, accuracy, contrast, memory, slowdown, stage_seconds
+from dgs.core.effort.plan import PLANNING, Budget, gaussians_for, steps_within, useful_steps
 from dgs.core.effort.probe import Phase, Speed, made_up, probe
-from dgs.core.effort.records import KEPT, Records, Run, Work
+from dgs.core.effort.records import RECORDS, PastRun, Records, Work
+from dgs.core.imaging.formation.chain import Formation
 from dgs.core.imaging.medium import Medium
 from dgs.core.imaging.psf import PointSpread
 from dgs.core.photos.load import Photo
+from dgs.core.training.job import PlannedTraining, TrainingJob
 from dgs.core.training.settings import TrainingSettings
 
 WORK = Work(40, 16.0, 0.4, 35, 5, 1000, 40_000, True, False, True)
@@ -24,10 +28,10 @@ MACHINE = {"processor": "one", "cores": 2, "threads": 2, "device": "cpu"}
 SPEED = Speed((Phase(0.12, 0.002, 1e-7), Phase(0.88, 0.01, 4e-7)), 4, 1.0)
 
 
-def run_of(factor: float = 1.0, **changes) -> Run:
+def run_of(factor: float = 1.0, **changes) -> PastRun:
     """A past run that took `factor` times what the laws say."""
     seconds = {stage: factor * law(WORK) for stage, law in LAWS.items()} | {"train": factor * 20.0}
-    plain = Run(WORK, seconds, 20.0, 1000.0, "scene", "balanced", 0.1, 30.0, None, 0.0)
+    plain = PastRun(WORK, seconds, 20.0, 1000.0, "scene", "balanced", 0.1, 30.0, None, 0.0)
     return replace(plain, **changes)
 
 
@@ -44,10 +48,10 @@ def test_records_come_back_and_belong_to_one_machine(tmp_path: Path):
     again = Records(MACHINE, tmp_path)
     assert again.runs == [run_of()] and again.predictions == {"job": {"seconds": 3.0}}
     assert Records({**MACHINE, "processor": "another"}, tmp_path).runs == []
-    for index in range(KEPT + 5):
+    for index in range(RECORDS.kept + 5):
         again.predictions[str(index)] = {}
     again.predict("last", {})
-    assert len(Records(MACHINE, tmp_path).predictions) == KEPT
+    assert len(Records(MACHINE, tmp_path).predictions) == RECORDS.kept
 
 
 def test_a_damaged_cache_is_no_cache(tmp_path: Path):
@@ -95,11 +99,11 @@ def test_memory_grows_with_photos_and_gaussians_and_learns():
 
 
 def test_accuracy_is_told_only_once_it_is_known():
-    def scene(index: int, contrasty: float) -> Run:
+    def scene(index: int, contrasty: float) -> PastRun:
         # the same relative error everywhere: more contrast, more error
         return run_of(scene=str(index), contrast=contrasty, psnr=28.0 - 20 * math.log10(contrasty / 0.1))
 
-    runs = [scene(i, 0.05 * (i + 1)) for i in range(SCENES)]
+    runs = [scene(i, 0.05 * (i + 1)) for i in range(PREDICTIONS.scenes)]
     assert accuracy(runs[:-1], "balanced", "new", 0.1) is None
     assert accuracy(runs, "draft", "new", 0.1) is None, "another preset says nothing"
     told = accuracy(runs, "balanced", "new", 0.4)
@@ -134,7 +138,8 @@ def test_a_probe_measures_what_iterations_cost():
     views, points = made_up(photos)
     settings = TrainingSettings(threads=1)
     began = time.perf_counter()
-    speed = probe(views, points, Medium(PointSpread("gaussian", 2.0, 2.0)), settings, 3, 1, (300, 1500))
+    job = TrainingJob(views, [], points, Medium(PointSpread("gaussian", 2.0, 2.0)), settings, Formation())
+    speed = probe(job, 3, 1, (300, 1500))
     assert speed.seconds <= time.perf_counter() - began
     assert sum(phase.share for phase in speed.phases) == pytest.approx(1.0)
     assert len(speed.phases) >= 2, "photos sharpened beforehand, then the photos themselves"
@@ -142,29 +147,35 @@ def test_a_probe_measures_what_iterations_cost():
     assert speed.training(200, 1000) > speed.training(100, 1000) > 0
 
 
+def since(began: float) -> Callable[[], float]:
+    return lambda: time.perf_counter() - began
+
+
 def planned(limit: float, spent: float = 0.0, held: int = 9, **changes) -> tuple[Budget, TrainingSettings]:
     photos = [photo(f"{i}.png") for i in range(4)]
     views, points = made_up(photos)
-    budget = Budget(limit, time.perf_counter() - spent, [])
+    budget = Budget(limit, since(time.perf_counter() - spent), [])
     settings = replace(TrainingSettings(threads=1), **changes)
     medium = Medium(PointSpread("gaussian", 2.0, 2.0))
-    return budget, budget.train(photos, views, held, points, medium, settings, 600)
+    found = budget.train(TrainingJob(views, views[:1] * held, points, medium, settings, Formation()), photos, 600)
+    assert budget.plan is not None and found.plan == budget.plan.plain() and found.enough == budget.plan.enough
+    return budget, found.settings
 
 
 def test_more_steps_than_help_are_not_planned():
     budget, settings = planned(3000.0)
     assert budget.plan is not None and settings.time_limit is not None
-    assert budget.plan.enough and budget.plan.steps == settings.steps == useful_steps(4) == plan.USEFUL_STEPS
+    assert budget.plan.enough and budget.plan.steps == settings.steps == useful_steps(4) == PLANNING.useful_steps
     assert settings.time_limit < 1500.0
-    asked = plan.USEFUL_STEPS + 500
+    asked = PLANNING.useful_steps + 500
     assert planned(3000.0, min_steps=asked)[1].steps == asked, "steps that are asked for are done"
     budget, settings = planned(3000.0, until=30.0)
-    assert budget.plan is not None and not budget.plan.enough and settings.steps > plan.USEFUL_STEPS
-    assert useful_steps(100) == 100 * plan.USEFUL_VISITS, "many photos want more"
+    assert budget.plan is not None and not budget.plan.enough and settings.steps > PLANNING.useful_steps
+    assert useful_steps(100) == 100 * PLANNING.useful_visits, "many photos want more"
 
 
 def test_what_is_left_goes_to_the_training(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(plan, "USEFUL_STEPS", 10**6)
+    monkeypatch.setattr(plan, "PLANNING", replace(PLANNING, useful_steps=10**6))
     budget, settings = planned(60.0, spent=20.0)
     assert budget.plan is not None and settings.time_limit is not None
     assert settings.time_limit + budget.plan.save_seconds == pytest.approx(budget.left(), abs=2.5)
@@ -175,31 +186,31 @@ def test_what_is_left_goes_to_the_training(monkeypatch: pytest.MonkeyPatch):
 
 
 def test_waiting_does_not_count():
-    waited = [0.0]
-    budget = Budget(10.0, time.perf_counter() - 6.0, [], lambda: waited[0])
+    waited, worked = [0.0], since(time.perf_counter() - 6.0)
+    budget = Budget(10.0, lambda: worked() - waited[0], [])
     before = budget.left()
     waited[0] = 5.0
     assert budget.left() == pytest.approx(before + 5.0, abs=0.1)
 
 
 def test_views_are_scored_while_there_is_time():
-    late = Budget(10.0, time.perf_counter() - 60.0, [])
-    assert [late.another() for _ in range(4)] == [True] * FEWEST_SCORED + [False] * 2
-    early = Budget(1000.0, time.perf_counter(), [])
+    late = Budget(10.0, since(time.perf_counter() - 60.0), [])
+    assert [late.another() for _ in range(4)] == [True] * PLANNING.scored + [False] * 2
+    early = Budget(1000.0, since(time.perf_counter()), [])
     assert all(early.another() for _ in range(20))
 
 
-def test_a_resumed_plan_keeps_grid_and_gaussians(tmp_path: Path):
+def test_a_resumed_plan_keeps_grid_and_gaussians():
     photos = [photo(f"{i}.png") for i in range(4)]
     views, points = made_up(photos)
-    medium, file = Medium(PointSpread("gaussian", 2.0, 2.0)), tmp_path / "plan.json"
+    medium = Medium(PointSpread("gaussian", 2.0, 2.0))
+    job = TrainingJob(views, views[:1], points, medium, TrainingSettings(threads=1), Formation())
 
-    def planned_again(resume: bool, fixed: int | None) -> TrainingSettings:
-        return Budget(40.0, time.perf_counter(), []).train(
-            photos, views, 1, points, medium, TrainingSettings(threads=1), fixed, kept=file, resume=resume
-        )
+    def planned_again(earlier: Mapping[str, Any] | None, fixed: int | None) -> PlannedTraining:
+        return Budget(40.0, since(time.perf_counter()), []).train(job, photos, fixed, earlier)
 
-    first = planned_again(False, 700)
-    assert planned_again(True, None).max_gaussians == first.max_gaussians == 700
-    file.unlink()
-    assert planned_again(True, 900).max_gaussians == 900
+    first = planned_again(None, 700)
+    assert first.plan is not None
+    assert planned_again(first.plan, None).settings.max_gaussians == first.settings.max_gaussians == 700
+    assert planned_again({**first.plan, "grid_step": 2}, None).settings.grid_step == 2
+    assert planned_again({}, 900).settings.max_gaussians == 900, "the plan is gone"

@@ -12,8 +12,8 @@ from dgs.benchmarks.effects import photo_set
 from dgs.core.errors import PsfError
 from dgs.core.photos.load import Photo
 from dgs.core.pipeline.blind import spreads_of, told_spreads
-from dgs.core.pipeline.reconstruct import medium_for
-from dgs.core.run_settings import ReconstructSettings
+from dgs.core.pipeline.medium import medium_with
+from dgs.core.run_settings import MediumSettings, ReconstructSettings
 
 
 def photos(*names, scale=1.0):
@@ -23,16 +23,16 @@ def photos(*names, scale=1.0):
 def listed(tmp_path, content, *names, scale=1.0, some=False):
     file = tmp_path / "spreads.json"
     file.write_text(content if isinstance(content, str) else json.dumps(content))
-    settings = ReconstructSettings(Path("p"), Path("o"), psf=f"per-photo:{file}")
+    settings = MediumSettings(f"per-photo:{file}")
     return spreads_of(told_spreads(settings.psf), photos(*names, scale=scale), settings, some)
 
 
 def test_a_list_gives_each_photo_its_own(tmp_path):
     np.save(tmp_path / "k.npy", np.ones((3, 3)))
     content = {"a.png": "gaussian:3", "b.png": "k.npy", "c.png": "none", "*": "gaussian:2+path:6,30"}
-    found, settings = listed(tmp_path, content, "a.png", "b.png", "c.png", "d.png")
-    assert settings.psf == "gaussian:2+path:6,30" and set(found.own) == {"a.png", "b.png", "c.png"}
-    medium = medium_for(photos("a.png", "b.png", "c.png", "d.png"), found.psf, settings, found.own)
+    found = listed(tmp_path, content, "a.png", "b.png", "c.png", "d.png")
+    assert found.source == "gaussian:2+path:6,30" and set(found.own) == {"a.png", "b.png", "c.png"}
+    medium = medium_with(found, MediumSettings(), photos("a.png", "b.png", "c.png", "d.png"))
     assert medium.psf_for("a.png").sigma_x == 3.0 and medium.psf_for("c.png") is None
     assert medium.psf_for("b.png").kernel().shape == (3, 3) and medium.psf_for("d.png") is medium.psf
     # The list's own kernels are found from anywhere afterwards.
@@ -40,16 +40,16 @@ def test_a_list_gives_each_photo_its_own(tmp_path):
 
 
 def test_without_a_default_the_middle_one_stands_for_all(tmp_path):
-    found, _ = listed(tmp_path, {"a": "gaussian:1", "b": "gaussian:4", "c": "gaussian:2"}, "a", "b", "c")
+    found = listed(tmp_path, {"a": "gaussian:1", "b": "gaussian:4", "c": "gaussian:2"}, "a", "b", "c")
     assert found.psf.sigma_x == 2.0
 
 
 def test_spreads_shrink_with_their_photos(tmp_path):
-    found, settings = listed(tmp_path, {"a": "gaussian:8", "*": "gaussian:4"}, "a", "b", scale=0.5)
-    medium = medium_for(photos("a", "b", scale=0.5), found.psf, settings, found.own)
+    found = listed(tmp_path, {"a": "gaussian:8", "*": "gaussian:4"}, "a", "b", scale=0.5)
+    medium = medium_with(found, MediumSettings(), photos("a", "b", scale=0.5))
     assert medium.psf_for("a").sigma_x == pytest.approx(4.0, rel=0.02)
     mixed = [*photos("a", scale=0.5), *photos("b")]
-    medium = medium_for(mixed, found.psf, settings, found.own)
+    medium = medium_with(found, MediumSettings(), mixed)
     assert medium.psf_for("a").sigma_x == pytest.approx(4.0, rel=0.02) and medium.psf_for("b").sigma_x == 4.0
 
 
@@ -72,7 +72,7 @@ def test_wrong_lists_are_explained(tmp_path, content, words):
 
 
 def test_a_list_of_more_photos_than_were_looked_at(tmp_path):
-    found, _ = listed(tmp_path, {"a": "gaussian:3", "later": "gaussian:1", "*": "none"}, "a", "b", some=True)
+    found = listed(tmp_path, {"a": "gaussian:3", "later": "gaussian:1", "*": "none"}, "a", "b", some=True)
     assert set(found.own) == {"a"}
     with pytest.raises(PsfError, match="cannot be read"):
         told_spreads(f"per-photo:{tmp_path / 'none.json'}")
@@ -93,13 +93,14 @@ def still():
 
 
 def asked(psf, effects="none"):
-    return ReconstructSettings(Path("p"), Path("o"), psf=psf, blur_space="linear", effects=effects)
+    asked = ReconstructSettings(Path("p"), Path("o"), psf=psf, blur_space="linear", effects=effects)
+    return asked.split().medium
 
 
 def said(photos, settings):
     """What the run says of the point spread: in notes, or as an error."""
     try:
-        return " ".join(spreads_of(None, photos, settings)[0].notes)
+        return " ".join(spreads_of(None, photos, settings).notes)
     except PsfError as error:
         return error.what
 
@@ -122,8 +123,8 @@ def test_paths_are_in_px_of_the_files(shaken):
 
 @pytest.mark.parametrize("psf", ["auto", "auto-each"])
 def test_sharp_photos_are_said_to_be_sharp_and_still(still, psf):
-    spreads, settings = spreads_of(None, still, asked(psf))
-    assert spreads.psf is None and not spreads.own and settings.psf == "none"
+    spreads = spreads_of(None, still, asked(psf))
+    assert spreads.psf is None and not spreads.own and spreads.source == "none"
     text = " ".join(spreads.notes)
     assert "no blur beyond what sharp photos have" in text and "moved" not in text
     assert ("no photo gets a Gaussian of its own" in text) == (psf == "auto-each")

@@ -18,7 +18,7 @@ from dgs.core.sfm import find
 from dgs.core.sfm.features import FEATURES
 from dgs.core.twin import placing
 from dgs.core.twin import register as module
-from dgs.core.twin.folder import Twin, open_twin
+from dgs.core.twin.opened import Twin, open_twin
 from dgs.core.views import SparsePoints
 from dgs.tests.core.sfm.test_find_cameras import FOCAL, HEIGHT, SIGMA, WIDTH, cameras, photographed, texture
 from PIL import Image

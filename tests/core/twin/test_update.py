@@ -12,8 +12,8 @@ import pytest
 from dgs.core.errors import DgsError, PhotoError
 from dgs.core.pipeline.update import UpdateSettings, update
 from dgs.core.progress import Silent
-from dgs.core.twin import history
-from dgs.core.twin.folder import open_twin
+from dgs.core.twin.folder import TwinFolder
+from dgs.core.twin.opened import open_twin
 from dgs.tests.command_line.scene import SIGMA, write_scene
 from PIL import Image
 from scipy.ndimage import gaussian_filter
@@ -93,12 +93,12 @@ def test_new_photos_are_taken_in_and_rolled_back(twin, made):
     assert (out / "changes" / "phöto 03.png").is_file()
     with pytest.raises(PhotoError, match="no photo that the twin does not have"):
         updated(twin, made)
-    assert [path.name for path in history.states(out)] == ["000"]
-    history.rollback(out)
+    assert [path.name for path in TwinFolder(out).states()] == ["000"]
+    TwinFolder(out).rollback()
     assert {name: (out / name).read_bytes() for name in before} == before
-    assert len(open_twin(out, Silent()).views) == 7 and history.states(out) == []
+    assert len(open_twin(out, Silent()).views) == 7 and TwinFolder(out).states() == []
     with pytest.raises(DgsError, match="no earlier state"):
-        history.rollback(out)
+        TwinFolder(out).rollback()
 
 
 def test_a_moved_part_is_a_change_of_the_object(twin, made):

@@ -1,0 +1,132 @@
+"""The stage 'cameras': where the photos were taken from; given, those of the run that is resumed, or found."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ..errors import CameraError
+from ..files import make_folder
+from ..imaging.medium import Medium
+from ..photos.load import Photo
+from ..progress import Progress
+from ..reconstruction import Reconstruction
+from ..run_settings import TrainingRequest
+from ..sfm.features import FEATURES
+from ..sfm.find import find_cameras
+from ..sfm.given import load_cameras
+from ..sfm.settings import SfmSettings
+from ..training.settings import TrainingSettings
+from ..twin.folder import TwinFolder
+from .world import near_origin
+
+
+@dataclass(frozen=True)
+class FoundCameras:
+    """Cameras, and where they come from.
+
+    Attributes:
+        reconstruction: poses, lenses and points.
+        source: 'given' by the user, or 'sfm' where they were found from the photos.
+        file: what the user gave, or None.
+        refined: what moving them by the loss found, for report.json; None where it was not asked for.
+    """
+
+    reconstruction: Reconstruction
+    source: str
+    file: Path | None = None
+    refined: Mapping[str, Any] | None = None
+
+
+@dataclass(frozen=True)
+class CameraSearch:
+    """How cameras are found.
+
+    Attributes:
+        threads: of the child process that looks for them.
+        hurried: with half the observations.
+        resume: take those in the folder, if there are.
+        sh_degree: of the training: its kernels become ready meanwhile.
+    """
+
+    threads: int
+    hurried: bool
+    resume: bool
+    sh_degree: int
+
+
+def search_for(request: TrainingRequest, threads: int, hurried: bool, resume: bool) -> CameraSearch:
+    """How a run that trains so looks for its cameras: a draft is always in a hurry."""
+    preset = TrainingSettings.preset(request.preset).sh_degree
+    degree = preset if request.sh_degree is None else request.sh_degree
+    return CameraSearch(threads, hurried or request.preset == "draft", resume, degree)
+
+
+def cameras_of(
+    given: Path | None,
+    photos: list[Photo],
+    medium: Medium,
+    search: CameraSearch,
+    folder: TwinFolder,
+    progress: Progress,
+) -> FoundCameras:
+    """Cameras of the photos, kept in the folder.
+
+    Args:
+        given: COLMAP model folder or transforms.json; None to find the cameras.
+
+    Raises:
+        CameraError: no trustworthy cameras, or fewer than two.
+        OutputError: they cannot be written.
+    """
+    resumed = search.resume and folder.camera_folder.is_dir()
+    features = folder.sfm_folder / FEATURES
+    if not resumed:  # (of an earlier twin in this folder)
+        features.unlink(missing_ok=True)
+    if given is not None:
+        found = FoundCameras(_given(given, photos, progress), "given", given)
+    elif resumed:
+        found = FoundCameras(load_cameras(folder.camera_folder, photos), "sfm")
+        progress.note("The cameras are those of the run that is resumed")
+    else:
+        found = FoundCameras(_found(photos, medium, search, folder, progress), "sfm")
+    count = len(found.reconstruction.poses)
+    if count < 2:
+        raise CameraError(
+            f"Only {count} of {len(photos)} photos have a camera",
+            "Check that the names in the camera model are those of the photos",
+        )
+    folder.save_cameras(found.reconstruction)
+    return found
+
+
+def _given(path: Path, photos: list[Photo], progress: Progress) -> Reconstruction:
+    reconstruction, offset = near_origin(load_cameras(path, photos))
+    if offset is not None:
+        progress.note(
+            "The cameras lie too far from their origin for files of float32: cameras and twin were moved; "
+            f"add ({', '.join(f'{value:g}' for value in offset)}) to return to the world that was given"
+        )
+    if reconstruction.figures.scattered:
+        progress.note("The cameras came without points: random ones stand where the cameras look")
+    return reconstruction
+
+
+def _found(
+    photos: Sequence[Photo], medium: Medium, search: CameraSearch, folder: TwinFolder, progress: Progress
+) -> Reconstruction:
+    """From the photos. The child works on one core half of the time: meanwhile this process gets its kernels ready."""
+    from ..training.warmup import compile_kernels  # heavy: numba
+
+    kernel = None if medium.psf is None or medium.psf.is_identity else medium.psf.kernel()
+    usual = SfmSettings(threads=search.threads)
+    settings = usual.hurried() if search.hurried else usual
+    early = threading.Thread(target=compile_kernels, args=(search.sh_degree,))
+    early.start()
+    work = make_folder(folder.sfm_folder)
+    found = find_cameras(list(photos), kernel, settings, work, progress, work / FEATURES)
+    early.join()
+    return found

@@ -1,0 +1,45 @@
+"""The stage 'photos': the photos of a run, and which of them are kept out of the training."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from ..photos.load import Photo, load_photos
+from ..photos.source import photo_source
+from ..progress import Progress
+from ..run_settings import PhotoSettings
+from ..twin.folder import TwinFolder
+from ..views import heldout_names
+
+
+@dataclass(frozen=True)
+class LoadedPhotos:
+    """The photos of a run.
+
+    Attributes:
+        source: folder or list that they came from; of a movie, the folder of its frames.
+        photos: sorted by name; held: names of those that no training sees; every: every how many-th.
+    """
+
+    source: Path
+    photos: list[Photo]
+    held: list[str]
+    every: int
+
+    def placed(self, names: Mapping[str, object]) -> list[Photo]:
+        """The photos that these names have a camera for."""
+        return [photo for photo in self.photos if photo.name in names]
+
+
+def read_photos(settings: PhotoSettings, folder: TwinFolder, progress: Progress) -> LoadedPhotos:
+    """Reads the photos; a movie's frames are written to the folder first.
+
+    Raises:
+        PhotoError: nothing there that can be used. Cancelled: the user asked to stop.
+    """
+    source = photo_source(settings.photos, folder.path, settings.frames, progress)
+    photos = load_photos(source, settings.max_size, progress, settings.masks)
+    held = heldout_names([photo.name for photo in photos], settings.holdout_every)
+    return LoadedPhotos(source, photos, held, settings.holdout_every)

@@ -1,0 +1,54 @@
+"""The stage 'effects': what is simulated besides the blur, and the views as the twin is fitted to them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from ..imaging.medium import Medium
+from ..photos.load import Photo
+from ..progress import Progress
+from ..reconstruction import Reconstruction
+from ..training.settings import TrainingSettings
+from ..views import View
+from .effects.choose import Chosen, choose_effects
+from .fitted import SplitViews
+
+
+@dataclass(frozen=True)
+class SimulatedEffects:
+    """What is simulated.
+
+    Attributes:
+        chosen: what was decided about each effect, and the chain of those that are on.
+        medium: with the point spreads that effects give photos of their own.
+        fitted, heldout: the views without what lens and sensor did to them.
+    """
+
+    chosen: Chosen
+    medium: Medium
+    fitted: list[View]
+    heldout: list[View]
+
+
+def simulate(
+    asked: str,
+    photos: Sequence[Photo],
+    cameras: Reconstruction,
+    views: SplitViews,
+    medium: Medium,
+    settings: TrainingSettings,
+    progress: Progress,
+) -> SimulatedEffects:
+    """Decides which effects are simulated, and undoes on the photos what need not be simulated in every step.
+
+    Args:
+        asked: as `--effects` takes it; photos: those with a camera.
+        settings: of the training; trials are like it, but short.
+
+    Raises:
+        DgsError: an effect was forced on that these photos say nothing about. Cancelled: the user asked to stop.
+    """
+    chosen = choose_effects(asked, photos, cameras, views.fitted, medium, settings, progress)
+    through = chosen.formation.through(medium, views.names)
+    return SimulatedEffects(chosen, through, chosen.corrected(views.fitted), chosen.corrected(views.heldout))

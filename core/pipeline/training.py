@@ -1,0 +1,87 @@
+"""The stage 'training': Gaussians fitted to the photos, within the time there is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+from ..machine import Machine
+from ..photos.load import Photo
+from ..progress import Progress
+from ..run_settings import TrainingRequest
+from ..training.job import PlannedTraining, TrainingJob
+from ..training.run import Trained, train
+from ..training.settings import TrainingSettings
+from ..twin.folder import TwinFolder
+from .snapshots import Watchers
+from .timing import Timing
+
+#: A run that waits for a quality takes at most this many times the preset's steps.
+UNTIL_STEPS = 4
+
+
+def usual_settings(request: TrainingRequest, machine: Machine) -> TrainingSettings:
+    """The preset, with what every training of the run shares: loss, seed and machine."""
+    preset = TrainingSettings.preset(request.preset)
+    return replace(preset, loss=request.loss, seed=request.seed, threads=machine.threads, device=machine.device)
+
+
+def training_settings(request: TrainingRequest, machine: Machine, limited: bool) -> TrainingSettings:
+    """The settings of the optimization.
+
+    Args:
+        limited: whether a time limit will say how many steps there are.
+    """
+    changes: Mapping[str, Any] = {"max_gaussians": request.max_gaussians, "sh_degree": request.sh_degree}
+    settings = replace(
+        usual_settings(request, machine),
+        until=request.until,
+        min_steps=request.min_steps,
+        **{name: value for name, value in changes.items() if value is not None},
+    )
+    if request.until is None or limited:
+        return settings
+    return replace(settings, steps=max(UNTIL_STEPS * settings.steps, settings.min_steps))
+
+
+def fit_into_time(
+    job: TrainingJob, photos: Sequence[Photo], fixed: int | None, resume: bool, timing: Timing, folder: TwinFolder
+) -> PlannedTraining:
+    """The training that the time allows; its plan is kept in the folder.
+
+    Args:
+        photos: those with a camera; fixed: Gaussians, where the user wants so many.
+        resume: go on with the plan in the folder.
+
+    Raises:
+        OutputError: the plan cannot be written.
+    """
+    planned = timing.plan(job, photos, fixed, folder.plan() if resume else None)
+    if planned.plan is not None:
+        folder.save_plan(planned.plan)
+    return planned
+
+
+def train_twin(job: TrainingJob, resume: bool, snapshots: bool, folder: TwinFolder, progress: Progress) -> Trained:
+    """Trains, and keeps checkpoints, snapshots and the twin in the folder.
+
+    Raises:
+        CheckpointError, TrainingError, OutputError: see `train`.
+    """
+    trained = train(
+        job.views,
+        job.heldout,
+        job.points,
+        job.medium,
+        job.settings,
+        progress,
+        folder.checkpoint,
+        resume,
+        Watchers(folder, snapshots),
+        job.formation,
+    )
+    if progress.cancelled() and trained.stopped == "done" and trained.steps < job.settings.steps:
+        trained.stopped = "cancelled"
+    folder.save_twin(trained.gaussians.cloud())
+    return trained

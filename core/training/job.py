@@ -1,0 +1,45 @@
+"""What a training starts from, in one piece."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from ..imaging.formation.chain import Formation
+from ..imaging.medium import Medium
+from ..views import SparsePoints, View
+from .settings import TrainingSettings
+
+
+@dataclass(frozen=True)
+class TrainingJob:
+    """All that `train` needs besides where it writes.
+
+    Attributes:
+        views: photos to fit, with cameras in any world; heldout: photos to watch only.
+        points: sparse points in the same world.
+        medium, formation: point spreads, and effects besides them.
+    """
+
+    views: Sequence[View]
+    heldout: Sequence[View]
+    points: SparsePoints
+    medium: Medium
+    settings: TrainingSettings
+    formation: Formation
+
+
+@dataclass(frozen=True)
+class PlannedTraining:
+    """A training fitted into the time there is.
+
+    Attributes:
+        settings: of the training.
+        plan: to be kept in the twin's folder, so that a resumed run goes on with it; None where nothing was planned.
+        enough: there is more time than makes a twin better.
+    """
+
+    settings: TrainingSettings
+    plan: Mapping[str, Any] | None = None
+    enough: bool = False
