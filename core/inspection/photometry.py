@@ -16,13 +16,29 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from ..numbers import number
 from .observations import PointObservations
 
 Array = NDArray[np.float64]
 
-#: Rounds of reweighting, draws of the bootstrap, and weak priors that keep unseen directions finite.
-ROUNDS, DRAWS = 6, 200
-PRIOR_GAIN, PRIOR_VIGNETTE, PRIOR_HAZE = 0.5, 0.7, 1.0
+
+@dataclass(frozen=True)
+class PhotometrySettings:
+    """Numbers of the joint fit of gains, vignetting and haze."""
+
+    rounds: int = number(6, "count", "rounds of reweighting")
+    draws: int = number(200, "count", "draws of regions of space (bootstrap), for the uncertainty")
+    prior_gain: float = number(
+        0.5, "natural log", "standard deviation of a photo's gain, so that what is unseen stays finite"
+    )
+    prior_vignette: float = number(0.7, "share", "the same of the light lost in the corner")
+    prior_haze: float = number(1.0, "1 / median depth", "the same of the attenuation; the backscatter's is half of it")
+    outlier: float = number(4.7, "robust sigmas", "residuals beyond do not count", "Tukey's usual 95 % efficiency")
+    first_scale: float = number(0.05, "relative", "scatter that the fit begins with")
+    least_scale: float = number(0.003, "relative", "scatter at least: rounding of 8-bit files")
+
+
+SETTINGS = PhotometrySettings()
 
 
 @dataclass(frozen=True)
@@ -34,7 +50,7 @@ class Photometry:
         vignette: [3] share of light lost where r = 1 (the corner).
         attenuation: [3] beta, per median depth.
         backscatter: [3] beta A, light per median depth.
-        *_draws: the same with a first axis of `DRAWS`.
+        *_draws: the same with a first axis of draws.
         residual: [N, 3] what is left, relative to the point's mean; weight: [N, 3] in [0, 1].
         spread: robust standard deviation of the residuals.
     """
@@ -56,7 +72,7 @@ def fit_photometry(observations: PointObservations, seed: int = 0) -> Photometry
     """The joint fit; see the module."""
     photos = len(observations.names)
     blocks = int(observations.block.max()) + 1
-    picks = np.random.default_rng(seed).multinomial(blocks, np.full(blocks, 1.0 / blocks), size=DRAWS)
+    picks = np.random.default_rng(seed).multinomial(blocks, np.full(blocks, 1.0 / blocks), size=SETTINGS.draws)
     found, drawn, residuals, weights = [], [], [], []
     for channel in range(3):
         solution, draws, residual, weight = _fit(observations, channel, photos, blocks, picks)
@@ -64,7 +80,7 @@ def fit_photometry(observations: PointObservations, seed: int = 0) -> Photometry
         drawn.append(draws)
         residuals.append(residual)
         weights.append(weight)
-    s, d = np.stack(found), np.stack(drawn, axis=1)  # [3, K], [DRAWS, 3, K]
+    s, d = np.stack(found), np.stack(drawn, axis=1)  # [3, K], [draws, 3, K]
     gains = s[:, :photos].T
     gains_draws = d[:, :, :photos].transpose(0, 2, 1)
     residual_all, weight_all = np.stack(residuals, 1), np.stack(weights, 1)
@@ -90,11 +106,19 @@ def _fit(
     light = observations.light[:, channel]
     total = int(point.max()) + 1
     weight = np.ones(len(light))
-    prior = np.concatenate([np.full(photos, PRIOR_GAIN), [PRIOR_VIGNETTE, PRIOR_HAZE, 0.5 * PRIOR_HAZE]]) ** -2.0
+    prior = (
+        np.concatenate(
+            [
+                np.full(photos, SETTINGS.prior_gain),
+                [SETTINGS.prior_vignette, SETTINGS.prior_haze, 0.5 * SETTINGS.prior_haze],
+            ]
+        )
+        ** -2.0
+    )
     solution = np.zeros(photos + 3)
     design, target = np.zeros((len(light), photos + 3)), np.zeros(len(light))
-    scale = 0.05
-    for _ in range(ROUNDS):
+    scale = SETTINGS.first_scale
+    for _ in range(SETTINGS.rounds):
         sums = np.maximum(np.bincount(point, weight, total), 1e-12)
 
         def centred(values: Array, w: Array = weight, s: Array = sums) -> Array:
@@ -114,8 +138,9 @@ def _fit(
         normal = design.T @ (design * weight[:, None]) / scale**2 + np.diag(prior)
         solution = np.linalg.solve(normal, design.T @ (weight * target) / scale**2)
         rest = target - design @ solution
-        scale = max(1.4826 * float(np.median(np.abs(rest))), 0.003)
-        weight = np.where(np.abs(rest) < 4.7 * scale, (1 - (rest / (4.7 * scale)) ** 2) ** 2, 0.0)  # Tukey's biweight
+        scale = max(1.4826 * float(np.median(np.abs(rest))), SETTINGS.least_scale)
+        limit = SETTINGS.outlier * scale
+        weight = np.where(np.abs(rest) < limit, (1 - (rest / limit) ** 2) ** 2, 0.0)  # Tukey's biweight
     matrices = np.zeros((blocks, photos + 3, photos + 3))
     vectors = np.zeros((blocks, photos + 3))
     for block in range(blocks):

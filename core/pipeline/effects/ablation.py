@@ -39,14 +39,13 @@ class TrialSettings:
     fewest_judged: int = number(5, "photos", "judged at least, by all pairs together")
     most_judged: int = number(8, "photos", "judged by a pair at most")
     pairs: int = number(2, "count", "pairs of trainings, each with a seed and judged photos of its own")
-    steps: int = number(100, "steps", "of a short training", "benchmarks/effects_auto.py, drawn scenes")
-    gaussians: int = number(2000, "count", "of a short training", "benchmarks/effects_auto.py, drawn scenes")
+    steps: int = number(100, "steps", "of a short training")
+    gaussians: int = number(2000, "count", "of a short training")
     side: int = number(
         80,
         "px",
         "along the shorter side, to which photos are averaged down: what is tried changes from photo to photo, or "
         "slowly over the frame and the depth, and shows there as well, at a price that does not grow with the photos",
-        "benchmarks/effects_auto.py, drawn scenes",
     )
     points: int = number(1000, "count", "sparse points that a trial of what the sensor does starts from at most")
     path_px: float = number(4.0, "px", "that a path must still be long in a trial of it")
