@@ -35,7 +35,7 @@ class PhotometrySettings:
     prior_haze: float = number(1.0, "1 / median depth", "the same of the attenuation; the backscatter's is half of it")
     outlier: float = number(4.7, "robust sigmas", "residuals beyond do not count", "Tukey's usual 95 % efficiency")
     first_scale: float = number(0.05, "relative", "scatter that the fit begins with")
-    least_scale: float = number(0.003, "relative", "scatter at least: rounding of 8-bit files")
+    least_scale: float = number(0.003, "relative", "scatter at least, so that no perfect fit divides by zero")
 
 
 SETTINGS = PhotometrySettings()
@@ -106,15 +106,8 @@ def _fit(
     light = observations.light[:, channel]
     total = int(point.max()) + 1
     weight = np.ones(len(light))
-    prior = (
-        np.concatenate(
-            [
-                np.full(photos, SETTINGS.prior_gain),
-                [SETTINGS.prior_vignette, SETTINGS.prior_haze, 0.5 * SETTINGS.prior_haze],
-            ]
-        )
-        ** -2.0
-    )
+    others = [SETTINGS.prior_vignette, SETTINGS.prior_haze, 0.5 * SETTINGS.prior_haze]
+    prior = np.concatenate([np.full(photos, SETTINGS.prior_gain), others]) ** -2.0
     solution = np.zeros(photos + 3)
     design, target = np.zeros((len(light), photos + 3)), np.zeros(len(light))
     scale = SETTINGS.first_scale
