@@ -8,6 +8,9 @@ from pathlib import Path
 from ..errors import CameraError, Cancelled
 from ..imaging.psf import PointSpread
 from ..progress import Progress
+from ..sfm.find import find_cameras
+from ..sfm.given import load_cameras
+from ..sfm.settings import SfmSettings
 from .photo_set import PhotoSet
 
 #: Blur (px) from which on it is undone before features are sought.
@@ -24,12 +27,7 @@ def with_cameras(photos: PhotoSet, given: Path | None, threads: int, progress: P
         Cancelled: the user asked to stop.
     """
     if given is not None:
-        from ..sfm.given import load_cameras
-
         return _replaced(photos, given=load_cameras(given, list(photos.photos)))
-    from ..sfm.find import find_cameras
-    from ..sfm.settings import SfmSettings
-
     sigma = photos.sigma
     kernel = PointSpread(sigma_x=sigma, sigma_y=sigma).kernel() if sigma > UNDONE else None
     try:

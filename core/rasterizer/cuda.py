@@ -43,7 +43,7 @@ def _gsplat() -> Any:
     if not torch.cuda.is_available():
         raise DeviceError("This PyTorch sees no CUDA device", _INSTALL)
     try:
-        import gsplat
+        import gsplat  # late: only where there is CUDA
         from gsplat.cuda import _backend
     except (ImportError, OSError) as error:
         raise DeviceError(f"gsplat cannot be loaded ({error})", _INSTALL) from error

@@ -42,6 +42,7 @@ def end_with_parent() -> None:
 
 def main(folder: Path, waiting: bool = False) -> int:
     """Tries recipe after recipe; the best trusted model goes to `folder`/best (COLMAP binary)."""
+    # late: the package is mounted where this file starts
     from dgs.core import compiled
     from dgs.core.sfm import attempts, placing
     from dgs.core.sfm.child import GO, wait_for

@@ -10,6 +10,7 @@ from torch import Tensor
 from ..devices import AdamStep, backend_on
 from ..gaussians import Gaussians
 
+#: Decay of Adam's first and second moments (Kingma and Ba 2015), and what keeps the division finite (as in 3DGS).
 BETA1, BETA2, EPSILON = 0.9, 0.999, 1e-15
 
 

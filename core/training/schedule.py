@@ -15,8 +15,9 @@ Ending = Literal["done", "time limit", "quality", "plateau"]
 
 #: No run takes more steps than this, whatever time it is given.
 MOST_STEPS = 100_000
-#: A plateau: the last quarter of the work has brought less than this (dB on held-out photos).
+#: A plateau: the last share of the work (see below) has brought less than this (dB on held-out photos).
 PLATEAU_DB = 0.05
+#: Share of the work that a plateau is judged by: the last quarter.
 PLATEAU_SHARE = 0.25
 #: A run that has reached its plateau lowers its step sizes over this share of the work it has done.
 COOLING = 0.15

@@ -17,6 +17,7 @@ from torch import Tensor
 from ..devices import backend_on
 from .variation import SMOOTH
 
+#: A binomial filter of three px: the smallest smooth mean.
 _BINOMIAL = (0.25, 0.5, 0.25)
 
 
