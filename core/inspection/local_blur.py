@@ -72,7 +72,7 @@ class LocalBlur:
         sharpest: least variance over the depths there are.
         defocus, defocus_error: standard deviation (px) that the blurriest depth has beyond the sharpest.
         corner, corner_error: variance at the corner minus that in the middle, px^2.
-        depths, variances: [n] tiles with a known depth, for pictures; curve: [2, 50] depth and fitted variance.
+        depths, variances: [n] tiles with a depth, for pictures; curve: [2, 50] depth and fitted variance.
     """
 
     by_depth: bool

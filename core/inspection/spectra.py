@@ -3,7 +3,7 @@
 Scenes with edges have power that falls as a power of frequency (Field 1987), the same in all directions but for a
 factor; a blur of covariance C multiplies it by the square of its transfer:
 
-    log P(f) = a(direction) - b log |f| - 4 pi^2 f' C f,        noise of known power taken off first.
+    log P(f) = a(direction) - b log |f| - 4 pi^2 f' C f,        the noise's estimated power taken off first.
 
 The blur's term grows with f^2, the scene's does not: least squares separate them. What looks like blur but is a
 scene without edges (clouds, a wall out of paint) cannot be distinguished from it by any one photo.

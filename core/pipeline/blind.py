@@ -1,4 +1,4 @@
-"""Point spreads of a run: told, listed photo by photo, or estimated from the photos before anything else."""
+"""Point spreads of a run: given, listed photo by photo, or estimated from the photos before anything else."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Spreads:
         return "none" if self.psf is None else self.psf.source
 
 
-def told_spreads(text: str) -> Spreads | None:
+def given_spreads(text: str) -> Spreads | None:
     """What `--psf` says without the photos; None where they are asked (auto, auto-each).
 
     Raises:
@@ -59,21 +59,21 @@ def told_spreads(text: str) -> Spreads | None:
     return Spreads(psf, notes=() if psf is None else psf.notes)
 
 
-def spreads_of(told: Spreads | None, photos: Sequence[Photo], settings: MediumSettings, some: bool = False) -> Spreads:
+def spreads_of(given: Spreads | None, photos: Sequence[Photo], settings: MediumSettings, some: bool = False) -> Spreads:
     """The point spreads of these photos.
 
     Args:
-        told: from `told_spreads`.
+        given: from `given_spreads`.
         some: the photos are a few of the set, so that a list may name others.
 
     Raises:
-        PsfError: the photos do not tell, or do not fit the list; the message tells the way out.
+        PsfError: the photos do not show it, or do not fit the list; the message says the way out.
     """
-    if told is None:
+    if given is None:
         return _estimated(photos, settings)
     if settings.psf.startswith(LISTED):
-        return _of_photos(told, photos, settings.psf.removeprefix(LISTED), some)
-    return told
+        return _of_photos(given, photos, settings.psf.removeprefix(LISTED), some)
+    return given
 
 
 def _listed(file: Path) -> Spreads:

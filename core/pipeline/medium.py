@@ -31,7 +31,7 @@ def medium_of(
     """The medium of these photos; estimated from them where that was asked for.
 
     Args:
-        given: from `blind.told_spreads`; None to estimate.
+        given: from `blind.given_spreads`; None to estimate.
 
     Raises:
         PsfError: the photos do not show their blur, or do not fit the list.

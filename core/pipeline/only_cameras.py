@@ -8,7 +8,7 @@ from ..progress import Progress
 from ..reconstruction import Reconstruction
 from ..run_settings import RunSettings
 from ..twin.folder import TwinFolder
-from .blind import told_spreads
+from .blind import given_spreads
 from .cameras import cameras_of, search_for
 from .medium import medium_of
 from .photos import read_photos
@@ -20,7 +20,7 @@ def only_cameras(run: RunSettings, progress: Progress) -> Reconstruction:
     Raises:
         DgsError: one of its subclasses; nothing was written then.
     """
-    given, folder = told_spreads(run.medium.psf), TwinFolder(run.out)
+    given, folder = given_spreads(run.medium.psf), TwinFolder(run.out)
     check_writable(run.out)
     search = search_for(run.training, use_threads(run.threads), False, run.resume)
     loaded = read_photos(run.photos, folder, progress)

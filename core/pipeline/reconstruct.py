@@ -17,7 +17,7 @@ from ..run_settings import RunSettings
 from ..training.job import TrainingJob
 from ..training.scale import scene_scale
 from ..twin.folder import TwinFolder
-from .blind import told_spreads
+from .blind import given_spreads
 from .cameras import cameras_of, search_for
 from .fitted import split_views
 from .medium import medium_of
@@ -65,7 +65,7 @@ def reconstruct(
     """
     watch, keeper, folder = Stopwatch(began), NoteKeeper(progress), TwinFolder(run.out)
     # What can be wrong with the request is found out before any work.
-    given = told_spreads(run.medium.psf)
+    given = given_spreads(run.medium.psf)
     truth = TruthFolder(run.truth) if run.truth is not None else None
     check_writable(run.out)
     if run.training.until is not None and run.photos.holdout_every == 0:

@@ -12,7 +12,7 @@ from ..photos.load import Photo, load_photo, photo_files
 from ..photos.movie import is_movie
 from ..progress import Progress
 from ..run_settings import MediumSettings, PhotoSettings
-from .blind import Spreads, spreads_of, told_spreads
+from .blind import Spreads, given_spreads, spreads_of
 from .medium import medium_with
 
 
@@ -37,7 +37,7 @@ def sample_photos(
     Raises:
         PhotoError, PsfError: the photos or the medium cannot be used. Cancelled: the user asked to stop.
     """
-    given = told_spreads(blur.psf)
+    given = given_spreads(blur.psf)
     if is_movie(settings.photos) and not settings.photos.is_dir():
         raise PhotoError(
             f"'{settings.photos.name}' is a movie: its frames have to be chosen first",

@@ -14,7 +14,7 @@ Planes = NDArray[np.floating]
 def matched_psnr(render: Planes, photo: Planes, mask: NDArray[np.bool_] | None = None) -> float:
     """PSNR (dB, sRGB) after one gain per channel, in linear light, has been taken from the photo itself.
 
-    A held-out photo's exposure cannot be known from the other photos; what the twin is to be judged by is the rest.
+    A held-out photo's exposure cannot be estimated from the other photos; what the twin is to be judged by is the rest.
 
     Args:
         render, photo: [3, H, W] sRGB in [0, 1].

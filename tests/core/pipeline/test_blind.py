@@ -11,7 +11,7 @@ from dgs.benchmarks.effect_scenes import Truth, degrade, make_scene
 from dgs.benchmarks.effects import photo_set
 from dgs.core.errors import PsfError
 from dgs.core.photos.load import Photo
-from dgs.core.pipeline.blind import spreads_of, told_spreads
+from dgs.core.pipeline.blind import given_spreads, spreads_of
 from dgs.core.pipeline.medium import medium_with
 from dgs.core.run_settings import MediumSettings, ReconstructSettings
 
@@ -24,7 +24,7 @@ def listed(tmp_path, content, *names, scale=1.0, some=False):
     file = tmp_path / "spreads.json"
     file.write_text(content if isinstance(content, str) else json.dumps(content))
     settings = MediumSettings(f"per-photo:{file}")
-    return spreads_of(told_spreads(settings.psf), photos(*names, scale=scale), settings, some)
+    return spreads_of(given_spreads(settings.psf), photos(*names, scale=scale), settings, some)
 
 
 def test_a_list_gives_each_photo_its_own(tmp_path):
@@ -36,7 +36,7 @@ def test_a_list_gives_each_photo_its_own(tmp_path):
     assert medium.psf_for("a.png").sigma_x == 3.0 and medium.psf_for("c.png") is None
     assert medium.psf_for("b.png").kernel().shape == (3, 3) and medium.psf_for("d.png") is medium.psf
     # The list's own kernels are found from anywhere afterwards.
-    assert told_spreads(found.own["b.png"].source).psf.kernel() == pytest.approx(medium.psf_for("b.png").kernel())
+    assert given_spreads(found.own["b.png"].source).psf.kernel() == pytest.approx(medium.psf_for("b.png").kernel())
 
 
 def test_without_a_default_the_middle_one_stands_for_all(tmp_path):
@@ -75,8 +75,8 @@ def test_a_list_of_more_photos_than_were_looked_at(tmp_path):
     found = listed(tmp_path, {"a": "gaussian:3", "later": "gaussian:1", "*": "none"}, "a", "b", some=True)
     assert set(found.own) == {"a"}
     with pytest.raises(PsfError, match="cannot be read"):
-        told_spreads(f"per-photo:{tmp_path / 'none.json'}")
-    assert told_spreads("auto") is None and told_spreads("auto-each") is None
+        given_spreads(f"per-photo:{tmp_path / 'none.json'}")
+    assert given_spreads("auto") is None and given_spreads("auto-each") is None
 
 
 @pytest.fixture(scope="module")
