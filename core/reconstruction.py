@@ -1,4 +1,4 @@
-"""What is known about the cameras of a set: poses, lenses, points, and how far to trust them."""
+"""The cameras of a set: poses, lenses, points, and how they were found."""
 
 from __future__ import annotations
 

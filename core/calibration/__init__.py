@@ -1,1 +1,1 @@
-"""The medium's point spread from a photo of something known: a point of light, or a slanted edge."""
+"""The medium's point spread from a photo of a simple thing: a point of light, or a slanted edge."""

@@ -254,7 +254,7 @@ def _band(light: Light, normal: float, offset: float, sigma: float) -> tuple[NDA
 def _fit(
     values: Array, mask: NDArray[np.bool_], middle: tuple[float, float], normal: float, offset: float, sigma: float
 ) -> EdgeFit:
-    """Step, its place, direction and width, and a gentle slope of the light on either side."""
+    """Step, its place, direction and width, and a gentle gradient of the light on either side."""
     rows, columns = np.nonzero(mask)
     if len(rows) > 60_000:
         chosen = np.random.default_rng(0).choice(len(rows), 60_000, replace=False)

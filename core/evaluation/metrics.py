@@ -131,13 +131,13 @@ def bands(image: Image, truth: Image, periods: Sequence[tuple[float, float]]) ->
 
 
 def edge_sharpness(image: Image, truth: Image, share: float = 0.02) -> float:
-    """Slope across the truth's strongest edges, as a share of the truth's own slope.
+    """Gradient across the truth's strongest edges, as a share of the truth's own.
 
-    1 is as sharp as the truth; a blurred edge is less. The slope is taken along the truth's own
+    1 is as sharp as the truth; a blurred edge is less. The gradient is taken along the truth's own
     gradient, so that speckle beside the edge does not count as sharpness.
 
     Args:
-        share: share of the pixels (those with the steepest slope in the truth) that are read.
+        share: share of the pixels (those with the steepest gradient in the truth) that are read.
     """
     _same_size(image, truth)
     gradients = [np.stack(np.gradient(np.asarray(i, np.float64).mean(axis=2))) for i in (image, truth)]

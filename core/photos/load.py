@@ -218,7 +218,7 @@ def _read(path: Path) -> _Decoded:
         # Pillow has no 16-bit RGB; tifffile does, but reads no EXIF rotation of its own.
         return _read_tiff(path)
     if path.suffix.lower() == ".png" and _png_depth(path) == 16:
-        from .png16 import read_png16  # Pillow would cut 16 bits to 8
+        from .png16 import read_png16  # heavy: numba; Pillow would cut 16 bits to 8
 
         return _from_array(read_png16(path))
     with Image.open(path) as opened:

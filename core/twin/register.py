@@ -17,7 +17,9 @@ from ..photos.undistort import undistorted_views
 from ..pose import Pose
 from ..progress import Progress
 from ..reconstruction import Reconstruction
+from ..sfm.find import find_cameras
 from ..sfm.given import load_cameras
+from ..sfm.settings import SfmSettings
 from ..training.grid import GridView
 from .opened import Twin
 from .placing import SETTINGS, Placing, shared_lens
@@ -49,9 +51,6 @@ def register(
     """
     if cameras is not None:
         return load_cameras(cameras, photos), True
-    from ..sfm.find import find_cameras
-    from ..sfm.settings import SfmSettings
-
     placed_at = against_twin(twin, photos, threads, progress, placing)
     if placed_at is not None:
         return placed_at, True

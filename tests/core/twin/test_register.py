@@ -14,7 +14,6 @@ from dgs.core.lens import Lens
 from dgs.core.photos.load import load_photos
 from dgs.core.pose import Pose
 from dgs.core.progress import Silent
-from dgs.core.sfm import find
 from dgs.core.sfm.features import FEATURES
 from dgs.core.twin import placing
 from dgs.core.twin import register as module
@@ -73,7 +72,7 @@ def twin(made: Path) -> Twin:
 
 
 def test_new_photos_are_placed_by_the_twins_surface(made: Path, twin: Twin, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(find, "find_cameras", None)  # not needed
+    monkeypatch.setattr(module, "find_cameras", None)  # not needed
     photos = load_photos(made / "new", None, Silent(), None, minimum=1)
     found, exact = module.register(twin, photos, None, 2, Silent())
     assert exact and set(found.poses) == {photo.name for photo in photos}
