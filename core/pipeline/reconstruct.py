@@ -19,6 +19,7 @@ from ..training.scale import scene_scale
 from ..twin.folder import TwinFolder
 from .blind import given_spreads
 from .cameras import cameras_of, search_for
+from .effects.decision import parse_effects
 from .fitted import split_views
 from .medium import medium_of
 from .photos import read_photos
@@ -66,6 +67,7 @@ def reconstruct(
     watch, keeper, folder = Stopwatch(began), NoteKeeper(progress), TwinFolder(run.out)
     # What can be wrong with the request is found out before any work.
     given = given_spreads(run.medium.psf)
+    parse_effects(run.effects)
     truth = TruthFolder(run.truth) if run.truth is not None else None
     check_writable(run.out)
     if run.training.until is not None and run.photos.holdout_every == 0:

@@ -58,6 +58,11 @@ def test_the_command_line_offers_and_takes_it(with_toy, capsys):
     assert "dust" in caught.value.way_out
 
 
+def test_a_name_that_is_none_ends_a_run_before_any_work(tmp_path, capsys):
+    assert run(["reconstruct", str(tmp_path / "none"), "--out", str(tmp_path / "out"), "--effects", "dust"]) == 2
+    assert "there is no effect 'dust'" in capsys.readouterr().err and not (tmp_path / "out").exists()
+
+
 def test_without_it_nobody_lists_it():
     assert "dust" not in effects_help() and registry.effect_named("dust") is None
     with pytest.raises(DgsError):
