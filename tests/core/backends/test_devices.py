@@ -82,7 +82,7 @@ def test_a_training_on_such_a_device_ends_at_once():
     from dgs.core.training.settings import TrainingSettings
     from dgs.core.views import SparsePoints, View
 
-    view = View("a.png", np.zeros((24, 32, 3), np.uint8), None, CAMERA)
+    view = View(CAMERA, np.zeros((24, 32, 3), np.uint8))
     points = SparsePoints(np.array([[0.0, 0.0, 2.0]]), np.zeros((1, 3), np.uint8))
     with pytest.raises(DeviceError, match="'gpu'"):
         Trainer([view], [], points, Medium(), TrainingSettings(device="gpu"))
