@@ -5,7 +5,6 @@ import os
 import re
 import subprocess
 import sys
-from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -30,13 +29,8 @@ WITHOUT_TORCH = (
     "colour",
 )
 
-#: Faults that are being mended. The lists only shrink, until they are empty.
-CIRCLES = 0
-UPWARD: set[str] = set()
-#: Package -> imports inside functions that do not say why they are there.
-WITHOUT_REASON: dict[str, int] = {"core.twin": 2}
-#: Package -> numbers at the top of a module that do not say what they are.
-BARE_NUMBERS: dict[str, int] = {"core.inspection": 3}
+#: Imports inside functions in the whole tree, each with its reason: 306 before this was counted. It may only shrink.
+LATE_IMPORTS = 159
 
 NAMES_BLENDER = "import numpy\nfrom mathutils import Vector\n"
 NAMES_ITSELF = "from dgs.core.camera import Camera\n"
@@ -96,7 +90,7 @@ def test_every_package_has_a_floor(graph):
 
 def test_no_import_leads_to_a_higher_floor(graph):
     """What stands on a floor imports nothing of what is built on it; two packages of a floor do not know each other."""
-    assert [arrow for arrow in graph.upward() if arrow not in UPWARD] == []
+    assert graph.upward() == []
 
 
 def test_only_the_command_line_imports_studies(graph):
@@ -107,30 +101,24 @@ def test_only_the_command_line_imports_studies(graph):
 
 
 def test_no_modules_import_each_other_in_a_circle(graph):
-    circles = graph.circles()
-    assert len(circles) <= CIRCLES, circles
+    assert graph.circles() == []
 
 
 def test_imports_inside_functions_say_why(graph):
     """At the top of the file, unless they save start-up time or Blender's Python lacks the package."""
-    bare = [one for one in graph.inside if not one.has_reason]
-    counts = Counter(package_of(one.module) for one in bare)
-    over = {name for name, count in counts.items() if count > WITHOUT_REASON.get(name, 0)}
-    assert [f"{one.module}:{one.line}" for one in bare if package_of(one.module) in over] == []
+    assert [f"{one.module}:{one.line}" for one in graph.inside if not one.has_reason] == []
+    assert len(graph.inside) <= LATE_IMPORTS
 
 
 def test_numbers_at_the_top_of_a_module_say_what_they_are():
     """Tuned numbers are fields of settings (`core.numbers`); a definition has a comment."""
-    found = {file.relative_to(ROOT): bare_numbers(file.read_text("utf-8")) for file in sources("core")}
-    listed = [
-        (package_of(".".join(file.with_suffix("").parts)), f"{file}:{line}: {name}")
-        for file, numbers in found.items()
+    found = {
+        f"{file.relative_to(ROOT)}:{line}": name
+        for file in sources("core")
         if file.name != "constants.py" and not file.stem.endswith("kernels")
-        for name, line in numbers
-    ]
-    counts = Counter(package for package, _ in listed)
-    over = {name for name, count in counts.items() if count > BARE_NUMBERS.get(name, 0)}
-    assert [where for package, where in listed if package in over] == []
+        for name, line in bare_numbers(file.read_text("utf-8"))
+    }
+    assert found == {}
 
 
 def test_the_reader_of_numbers_sees_them():
