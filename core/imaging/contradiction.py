@@ -1,12 +1,12 @@
-"""Do the photos hold more fine detail than the blur that was told could have let through?
+"""Do the photos hold more fine detail than the blur that was given could have let through?
 
-A blur told too wide is worse than one told too narrow: its inverse lifts what the true medium left far
+A blur given too wide is worse than one given too narrow: its inverse lifts what the true medium left far
 above what stood there, and nothing in the photos holds against it. But it shows in the spectrum. Where the
-told blur lets most pass, spectrum over |H|^2 is the sharp scene's, a power of frequency (Field 1987); towards finer
+given blur lets most pass, spectrum over |H|^2 is the sharp scene's, a power of frequency (Field 1987); towards finer
 scales |H|^2 times that power is the most that the photos can hold besides noise. A true blur that is narrower, or of
 another family with a long spectrum (a disc's side lobes), exceeds it by orders of magnitude.
 
-Such an excess cannot be inverted by the told blur: it is counted as noise that many photos have in common, so that
+Such an excess cannot be inverted by the given blur: it is counted as noise that many photos have in common, so that
 their number does not average it away.
 """
 
@@ -21,13 +21,13 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 #: Photos contradict a blur from this ratio of powers on, in brightness (JPEG distorts colours more). Told rightly,
-#: four test sets reach 3.1, as JPEG 3.5; told 20 % too wide, at least 4.6; a disc told as a Gaussian, 15 and more
+#: four test sets reach 3.1, as JPEG 3.5; given 20 % too wide, at least 4.6; a disc given as a Gaussian, 15 and more
 #: (benchmarks/wrong_blur.py; the limit was set on these sets).
 CONTRADICTED = 4.0
 #: Power that is explained: once contradicted, what exceeds the expected by this factor is distrusted.
 _EXPLAINED = 1.3
 #: The excess weighs so many times as noise of the same power. Noise calls for one careful inversion; here iterating
-#: would amplify the excess step by step as far as it agrees between photos. Measured: 1 leaves a ball told 20 % too
+#: would amplify the excess step by step as far as it agrees between photos. Measured: 1 leaves a ball given 20 % too
 #: wide 0.3 dB below plain splatting, 5 is 0.1 above, 20 0.5.
 _DISTRUST = 20.0
 #: The scene's power law is read where the blur leaves at least this share of the power.
@@ -49,7 +49,7 @@ class Observed:
     Attributes:
         power: [BINS] power spectral density of the photos.
         floor: that of their noise.
-        transfer: [BINS] |H| of the blur that was told, root mean square over directions.
+        transfer: [BINS] |H| of the blur that was given, root mean square over directions.
         f: [BINS] cycles/px.
     """
 
@@ -79,7 +79,7 @@ class Observed:
         return np.asarray(np.exp(level - slope * np.log(np.maximum(self.f, self.f[1]))))
 
     def excess(self) -> float:
-        """How many times the expected power the photos hold at fine scales; 1 where it cannot be told."""
+        """How many times the expected power the photos hold at fine scales; 1 where it cannot be estimated."""
         scene, fine = self.scene(), self.fine
         if scene is None or not fine.any():
             return 1.0
@@ -94,7 +94,7 @@ class Observed:
         return np.asarray(np.maximum.accumulate(np.where(self.fine, _DISTRUST * over / scene, 0.0)))
 
     def widest(self) -> float:
-        """The largest share of the told width at which the photos hold what that blur may have let through."""
+        """The largest share of the given width at which the photos hold what that blur may have let through."""
         for share in _WIDTHS:
             narrower = replace(self, transfer=np.interp(share * self.f, self.f, self.transfer))
             if narrower.excess() < math.sqrt(CONTRADICTED):

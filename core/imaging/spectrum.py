@@ -44,7 +44,7 @@ class NoiseToSignal:
         brightness, colour: [BINS], noise power over the sharp scene's power, for one photo.
         noise: standard deviation of the photos' noise, in [0, 1] units.
         excess: how many times the power that the blur could have let through the photos hold at fine scales.
-        widest: share of the told width at which the photos would no longer contradict the blur; 1 if they do not.
+        widest: share of the given width at which the photos would no longer contradict the blur; 1 if they do not.
         unexplained: [2, BINS] what contradicts the blur, over the scene's power (brightness, colour); None for none.
     """
 
@@ -57,7 +57,7 @@ class NoiseToSignal:
 
     @property
     def contradicted(self) -> bool:
-        """Whether the photos hold detail that the blur as told cannot have let through."""
+        """Whether the photos hold detail that the blur as given cannot have let through."""
         return self.excess > CONTRADICTED
 
     def trusted(self, gain: float) -> NoiseToSignal:

@@ -1,4 +1,4 @@
-"""How strong the differences of a scene are, told by its blurred photos: the unit of what a loss calls large.
+"""How strong the differences of a scene are, estimated from its blurred photos: the unit of what a loss calls large.
 
 A twin must not depend on how bright or contrasty its photos are, so sizes of differences in the loss are
 given in units of the scene's own.

@@ -1,6 +1,6 @@
 """Adaptive density control: Gaussians go where the image asks for them (Kerbl et al. 2023, section 5.2).
 
-Transparent Gaussians are removed; those whose projected centre the loss pulls hardest are cloned
+Transparent Gaussians are removed; those whose projected centre has the largest gradient are cloned
 (small ones) or split in two (large ones), up to a budget.
 """
 
@@ -31,14 +31,14 @@ class DensityControl:
 
     def __init__(self, count: int, device: torch.device) -> None:
         self.device = device
-        self.pull = torch.zeros(count, device=device)
+        self.gradients = torch.zeros(count, device=device)
         self.views = torch.zeros(count, device=device)
         self.counts = {"pruned": 0, "cloned": 0, "split": 0}
 
     def collect(self, screen: ScreenStatistics) -> None:
         """Adds one view's gradients of the projected centres."""
         assert screen.mean_gradient is not None
-        self.pull += screen.mean_gradient.norm(dim=1).to(self.pull.device)
+        self.gradients += screen.mean_gradient.norm(dim=1).to(self.gradients.device)
         self.views += (screen.radius > 0).to(self.views.device, self.views.dtype)
 
     def act(self, optimizer: Adam, target: int, random: np.random.Generator) -> None:
@@ -48,7 +48,7 @@ class DensityControl:
         alive = opacity > TRANSPARENT
         if int(alive.sum()) == 0:  # everything faded: keep the most opaque half rather than nothing
             alive = opacity >= opacity.median()
-        score = torch.where(self.views > 0, self.pull / self.views.clamp(min=1), 0.0)
+        score = torch.where(self.views > 0, self.gradients / self.views.clamp(min=1), 0.0)
         score = torch.where(alive, score, -1.0)
         living = int(alive.sum())
         wanted = max(0, min(target - living, int(math.ceil(GROWTH * living)), int((score > 0).sum())))
@@ -71,7 +71,7 @@ class DensityControl:
         self.counts["cloned"] += int((~large).sum())
         self.counts["split"] += int(large.sum())
         count = len(optimizer.gaussians)
-        self.pull, self.views = (torch.zeros(count, device=self.device) for _ in range(2))
+        self.gradients, self.views = (torch.zeros(count, device=self.device) for _ in range(2))
 
 
 def _copies(g: Gaussians, rows: Tensor, shrink: float, random: np.random.Generator) -> Gaussians:

@@ -1,4 +1,4 @@
-"""What pulls at the sharp render: the photo, the inverted blur, and a little smoothness.
+"""What drives the sharp render: the photo, the inverted blur, and a little smoothness.
 
 The paper's loss (MAE + SSIM between the degraded render H x and the photo y) reaches the render x
 through the adjoint H', which is tiny just where the medium left little: the loss looks finished
@@ -36,7 +36,7 @@ from .variation import variation_gradient
 
 
 @dataclass(frozen=True)
-class Pull:
+class LossAndGradient:
     """What one photo asks of the render: loss value, and its gradient [3, H + 2m, W + 2m]."""
 
     loss: float
@@ -105,8 +105,8 @@ class Objective:
         if psf is not None and ratio is not None:
             self.inverse = Inverse(psf, height + 2 * margin, width + 2 * margin, ratio, device)
 
-    def pull(self, image: Tensor, photo: Tensor, valid: Tensor | None) -> Pull:
-        """How the photo [3, H, W] pulls at a render [3, H + 2m, W + 2m], both sRGB."""
+    def loss(self, image: Tensor, photo: Tensor, valid: Tensor | None) -> LossAndGradient:
+        """Loss of a render [3, H + 2m, W + 2m] against the photo [3, H, W], both sRGB, and its gradient."""
         s = self.settings
         passed = self.medium.passed(image)
         weight = 1.0 if self.inverse is None else s.base_weight
@@ -118,7 +118,7 @@ class Objective:
         if s.variation_weight and s.loss != "paper":
             gradient += (s.variation_weight / photo.numel()) * variation_gradient(image, self.knee)
         if self.inverse is None:
-            return Pull(loss, gradient)
+            return LossAndGradient(loss, gradient)
         if s.speck_weight:
             gradient += (s.speck_weight / photo.numel()) * speck_gradient(image)
         residual = self.medium.decoded(photo) - passed.blurred
@@ -135,25 +135,25 @@ class Objective:
         if valid is not None:
             d = d * valid
         gradient[inner] -= (s.inverse_weight / photo.numel()) * d
-        return Pull(loss, gradient)
+        return LossAndGradient(loss, gradient)
 
-    def start(self, image: Tensor, photo: Tensor, valid: Tensor | None) -> Pull:
-        """How the photo, its blur undone once and for all, pulls at a render; arguments as of `pull`."""
+    def start_loss(self, image: Tensor, photo: Tensor, valid: Tensor | None) -> LossAndGradient:
+        """The same against the photo with its blur undone once and for all; arguments as of `loss`."""
         assert self.inverse is not None
         s, m = self.settings, self.margin
-        known = self.medium.decoded(photo)
+        inner_photo = self.medium.decoded(photo)
         if valid is not None:  # what does not count must not be blurred into what does
-            known = torch.where(valid, known, known[:, valid].mean(dim=1)[:, None, None])
-        wide = torch.nn.functional.pad(known[None], (m, m, m, m), mode="replicate")[0]
-        residual = known - self.medium.blur.apply(wide)
+            inner_photo = torch.where(valid, inner_photo, inner_photo[:, valid].mean(dim=1)[:, None, None])
+        wide = torch.nn.functional.pad(inner_photo[None], (m, m, m, m), mode="replicate")[0]
+        residual = inner_photo - self.medium.blur.apply(wide)
         inner = (slice(None), slice(m, m + photo.shape[1]), slice(m, m + photo.shape[2]))
-        sharp = known + self.inverse.apply(torch.nn.functional.pad(residual, (m, m, m, m)))[inner]
+        sharp = inner_photo + self.inverse.apply(torch.nn.functional.pad(residual, (m, m, m, m)))[inner]
         if self.space == "linear":
             sharp = linear_to_srgb(sharp.clamp(min=0.0))
         gradient = (s.variation_weight / photo.numel()) * variation_gradient(image, self.knee)
         loss, slope = self._compare(image[inner].contiguous(), sharp, valid, s.ssim_weight)
         gradient[inner] += slope
-        return Pull(loss, gradient)
+        return LossAndGradient(loss, gradient)
 
     def _compare(self, image: Tensor, photo: Tensor, valid: Tensor | None, ssim_weight: float) -> tuple[float, Tensor]:
         return backend_on(image.device).photometric(image, photo, valid, ssim_weight)

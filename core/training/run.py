@@ -179,8 +179,8 @@ def train(
 def _warn_of_blur(ratio: NoiseToSignal | None, progress: Progress) -> None:
     if ratio is not None and ratio.contradicted:
         progress.note(
-            f"The photos hold {ratio.excess:.0f} times the fine detail that the blur, as it was told, could have let"
-            f" through. It is narrower than told ({ratio.widest:.0%} of the width at most), or of another kind."
+            f"The photos hold {ratio.excess:.0f} times the fine detail that the blur, as it was given, could have let"
+            f" through. It is narrower than given ({ratio.widest:.0%} of the width at most), or of another kind."
             " What contradicts it is not sharpened. Measure the blur (measure-psf), or let it be found (--psf auto)"
         )
 

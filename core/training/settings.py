@@ -120,7 +120,7 @@ class TrainingSettings:
         low_pass: variance added to every projected Gaussian, in px^2 of the PHOTO's grid.
         backdrop: how far (in [0, 1]) the colour behind the twin is shaken from step to step; without
             it surfaces stay translucent.
-        start_share: share of the run that fits photos whose blur was undone beforehand (`Objective.start`), times
+        start_share: share of the run that fits photos whose blur was undone beforehand (`Objective.start_loss`), times
             `start_share` of the number of photos.
         coarse_share: share of the run on a grid of half the resolution.
         density_every, density_until: steps between two density controls, and the share of the run

@@ -5,7 +5,7 @@ stand almost anywhere: they are where noise ends up. Edges and lines change acro
 
     J = b * sum over colours of grad x grad x',   b: the binomial mean over 3 x 3 px
 
-tells them apart: of an edge its smaller eigenvalue l2 is zero, of a speck it is not (Foerstner and Guelch 1987;
+separates them: of an edge its smaller eigenvalue l2 is zero, of a speck it is not (Foerstner and Guelch 1987;
 as a prior: Lefkimmiatis et al. 2015). The price is sum sqrt(l2 + eps^2).
 """
 

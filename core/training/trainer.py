@@ -210,9 +210,9 @@ class Trainer:
         valid = None if view.valid is None else torch.from_numpy(view.valid).to(self.device)
         photo = torch.from_numpy(view.planes()).to(self.device)
         objective = self.objective(level, view)
-        pulls = objective.start if objective.inverse is not None and share < s.start_share else objective.pull
-        pull = pulls(exposed.reached, photo, valid)
-        exposed.backward(pull.gradient)
+        evaluate = objective.start_loss if objective.inverse is not None and share < s.start_share else objective.loss
+        found = evaluate(exposed.reached, photo, valid)
+        exposed.backward(found.gradient)
         for frame in exposed.frames:
             self.density.collect(frame.rendered.screen)
             for reason, count in frame.rendered.screen.culled.items():
@@ -229,7 +229,7 @@ class Trainer:
                 self.density = DensityControl(len(self.optimizer.gaussians), self.device)
         if self.step % s.density_every == 0 and share < s.density_until:
             self.density.act(self.optimizer, s.max_gaussians, np.random.default_rng([s.seed, 2, self.step]))
-        return pull.loss
+        return found.loss
 
     def heldout_psnr(self) -> float | None:
         """PSNR (dB) of the degraded render against held-out photos, on the finest grid."""
@@ -285,7 +285,7 @@ class Trainer:
     def state(self, seconds: float, history: list[dict[str, float]]) -> Checkpoint:
         """Everything that is needed to go on."""
         o, d = self.optimizer, self.density
-        arrays = {"pull": d.pull.cpu().numpy(), "views": d.views.cpu().numpy()}
+        arrays = {"pull": d.gradients.cpu().numpy(), "views": d.views.cpu().numpy()}
         for name, tensor in o.gaussians.named():
             arrays[f"value.{name}"] = tensor.detach().cpu().numpy()
             arrays[f"first.{name}"] = o.first[name].cpu().numpy()
@@ -310,7 +310,7 @@ class Trainer:
         self.optimizer.steps = checkpoint.counters["steps"]
         self.optimizer.refused, self.repairs, self.culled = group("refused."), group("repair."), group("culled.")
         self.density = DensityControl(len(self.optimizer.gaussians), self.device)
-        self.density.pull, self.density.views = take("pull"), take("views")
+        self.density.gradients, self.density.views = take("pull"), take("views")
         self.density.counts = group("density.")
         self.step = checkpoint.step
 

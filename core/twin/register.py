@@ -26,7 +26,7 @@ from .placing import SETTINGS, Placing, shared_lens
 from .pose_steps import photometric_step, twisted
 
 #: Old photos that tell how well the twin fits where a camera is right, and how many times worse a new one may fit
-#: before its camera is doubted; LEAST: half an 8-bit step, below which nothing is told apart.
+#: before its camera is doubted; LEAST: half an 8-bit step, below which no difference counts.
 CHECKED, WORSE, LEAST = 6, 4.0, 0.5 / 255.0
 #: Steps of the loss at the frozen twin after that, from smoothed photos (grid px) to sharp ones.
 SMOOTH = (4.0, 2.0, 1.0, 0.0, 0.0)

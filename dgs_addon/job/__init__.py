@@ -2,8 +2,8 @@
 
 properties   `scene.dgs`: the settings of all steps
 request      what the engine is asked to do, as a command line
-worker       the process and the thread that reads it; knows no Blender
-state        where a job stands, event by event, and what its end means; knows no Blender
+worker       the process and the thread that reads it; without Blender
+state        where a job stands, event by event, and what its end means; without Blender
 record       job.json beside the results: what a later Blender needs to go on
 snapshot, preview   the twin so far and its picture, read on the worker's thread
 job          all of these together

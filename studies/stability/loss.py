@@ -133,7 +133,7 @@ def nan_through_the_medium(site: Site) -> float:
         for ratio in (None, _ratio()):
             objective = Objective(psf, 48, 64, 8, space, settings, torch.device("cpu"), ratio)  # type: ignore[arg-type]
             for mask in (valid, torch.zeros_like(valid)):
-                terms = [objective.pull] + ([objective.start] if ratio is not None else [])
+                terms = [objective.loss] + ([objective.start_loss] if ratio is not None else [])
                 for pull in terms:
                     out = pull(_noise(3, 64, 80, seed=7), photo, mask)
                     bad += non_finite(out.gradient) + (not math.isfinite(out.loss))

@@ -15,16 +15,11 @@ GLOSSARY = ROOT / "docs" / "glossary.md"
 EXEMPT = {"docs/glossary.md", "CHANGELOG.md", "tests/core/test_language.py"}
 #: Uses of a banned word that are left, by word; these numbers may only shrink.
 LEFT: dict[str, int] = {
-    "told": 114,
-    "tells": 8,
-    "knows": 5,
-    "pulls": 9,
-    "Pull": 6,
-    "Outcome": 3,
-    "FEWEST": 2,
-    "MOST": 2,
-    "LEAST": 14,
-    "OWN": 1,
+    "told": 42,
+    "tells": 2,
+    "knows": 1,
+    "pulls": 1,
+    "LEAST": 10,
 }
 #: Where a folder of the code is meant; 'core' alone is no path.
 CODE = re.compile(r"`((?:core|studies|command_line|dgs_addon|operators|panels|tests|tools|benchmarks|docs)/[\w./*-]*)`")

@@ -79,16 +79,16 @@ def test_nothing_but_noise_is_not_believed():
 
 
 @pytest.mark.parametrize("slope", [1.5, 2.0, 3.0])
-@pytest.mark.parametrize("told", [3.2, 4.0])
-def test_a_blur_told_rightly_or_too_narrow_is_not_contradicted(slope, told):
+@pytest.mark.parametrize("given", [3.2, 4.0])
+def test_a_blur_given_rightly_or_too_narrow_is_not_contradicted(slope, given):
     frames, _ = scenes(slope, 4.0, 0.002)
-    found = noise_to_signal(frames, PointSpread("gaussian", told, told), 0.0005)
+    found = noise_to_signal(frames, PointSpread("gaussian", given, given), 0.0005)
     assert not found.contradicted and found.unexplained is None
     assert found.trusted(5.0).brightness == pytest.approx(found.brightness / 5.0)
 
 
 @pytest.mark.parametrize("slope", [1.5, 2.0, 3.0])
-def test_a_blur_told_too_wide_is_contradicted(slope):
+def test_a_blur_given_too_wide_is_contradicted(slope):
     frames, _ = scenes(slope, 4.0, 0.002)
     found = noise_to_signal(frames, PointSpread("gaussian", 5.2, 5.2), 0.0005)
     assert found.contradicted
@@ -99,7 +99,7 @@ def test_a_blur_told_too_wide_is_contradicted(slope):
     assert (found.trusted(1e6).brightness[f < 0.03] < 1e-3).all(), "what the blur lets pass is trusted still"
 
 
-def test_a_disc_told_as_a_gaussian_is_contradicted():
+def test_a_disc_given_as_a_gaussian_is_contradicted():
     """Their variances are the same, but a disc's side lobes let fine detail through."""
     frames, _ = scenes(2.0, 0.0, 0.0)
     disc = PointSpread("file", samples=degrade.disc(8.0))

@@ -1,4 +1,4 @@
-"""The scene's contrast, told by its blurred photos."""
+"""The scene's contrast, estimated from its blurred photos."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What pulls at the render: the directions of both terms, masks, borders, and how far photos are trusted."""
+"""What drives the render: the directions of both terms, masks, borders, and how far photos are trusted."""
 
 from __future__ import annotations
 
@@ -46,19 +46,19 @@ def correlation(a: torch.Tensor, b: torch.Tensor) -> float:
 def test_the_inverted_residual_points_at_what_is_missing(space: str) -> None:
     truth = scene()
     blurred = BlurOperator(PSF, HEIGHT + 2 * MARGIN, WIDTH + 2 * MARGIN, 0, torch.device("cpu")).apply(truth)
-    pull = objective(space, base_weight=0.0).pull(blurred, photo_of(truth, space), None)
+    found = objective(space, base_weight=0.0).loss(blurred, photo_of(truth, space), None)
     middle = (slice(None), slice(12, -12), slice(12, -12))
     missing = inside(truth - blurred)[middle]
-    assert correlation(-inside(pull.gradient)[middle], missing) > 0.9
-    assert pull.gradient.isfinite().all()
+    assert correlation(-inside(found.gradient)[middle], missing) > 0.9
+    assert found.gradient.isfinite().all()
 
 
 @pytest.mark.parametrize("space", ["srgb", "linear"])
-def test_nothing_pulls_at_the_truth(space: str) -> None:
+def test_nothing_moves_the_truth(space: str) -> None:
     truth = scene()
     blurred = BlurOperator(PSF, HEIGHT + 2 * MARGIN, WIDTH + 2 * MARGIN, 0, torch.device("cpu")).apply(truth)
     photo = photo_of(truth, space)
-    at_truth, at_blurred = (objective(space, base_weight=0.0).pull(x, photo, None) for x in (truth, blurred))
+    at_truth, at_blurred = (objective(space, base_weight=0.0).loss(x, photo, None) for x in (truth, blurred))
     assert float(at_truth.gradient.norm()) < 1e-2 * float(at_blurred.gradient.norm())
 
 
@@ -67,15 +67,15 @@ def test_the_start_draws_a_blurred_render_towards_the_sharp_scene(space: str) ->
     truth = scene()
     photo = photo_of(truth, space)
     render = torch.nn.functional.pad(photo[None], (MARGIN,) * 4, mode="replicate")[0]
-    pull = objective(space, ssim_weight=0.0).start(render, photo, None)
+    found = objective(space, ssim_weight=0.0).start_loss(render, photo, None)
     middle = (slice(None), slice(12, -12), slice(12, -12))
     wanted = (inside(truth) - photo)[middle]
     clear = wanted.abs() > 0.02  # the sign of a mean absolute error says nothing about less
-    agree = torch.sign(-inside(pull.gradient)[middle])[clear] == torch.sign(wanted)[clear]
+    agree = torch.sign(-inside(found.gradient)[middle])[clear] == torch.sign(wanted)[clear]
     assert float(agree.float().mean()) > 0.97
 
 
-@pytest.mark.parametrize("phase", ["start", "pull"])
+@pytest.mark.parametrize("phase", ["start_loss", "loss"])
 def test_masked_pixels_do_not_pull(phase: str) -> None:
     truth = scene()
     photo = photo_of(truth)

@@ -137,7 +137,7 @@ def test_density_grows_where_it_is_pulled_and_moments_follow():
     counts = density.counts
     assert counts["pruned"] == 7 and counts["cloned"] + counts["split"] == 10
     g = optimizer.gaussians
-    assert len(g) == 100 - 7 + 10 and len(density.pull) == len(density.views) == len(g)
+    assert len(g) == 100 - 7 + 10 and len(density.gradients) == len(density.views) == len(g)
     untouched = torch.tensor([*range(7, 50), *range(60, 100)])
     for row in untouched.tolist():
         (at,) = torch.nonzero((g.means == means[row]).all(dim=1))[:, 0].tolist()

@@ -46,7 +46,7 @@ def test_photos_that_share_a_spread_share_their_objective(moved):
     assert trainer.levels[-1].margin > shared.levels[-1].margin
 
 
-def test_a_checkpoint_knows_the_spreads(moved):
+def test_a_checkpoint_holds_the_spreads(moved):
     scene, views, medium = moved
     prints = [Trainer(views, [], scene.points, m, SHORT).fingerprint() for m in (scene.medium, medium)]
     name = views[0].name
@@ -84,12 +84,12 @@ def test_splats_cannot_be_widened_by_different_spreads(moved):
 
 
 def test_simulated_motion_gives_sharper_views(moved):
-    """Held-out SHARP views: the twin that knows the paths is nearer to them than the one that does not."""
+    """Held-out SHARP views: the twin that was given the paths is nearer to them than the one that does not."""
     scene, views, medium = moved
     found = []
-    for told in (scene.medium, medium):
+    for given in (scene.medium, medium):
         settings = replace(SHORT, steps=160, max_gaussians=1500)
-        twin = train(views[:-2], [], scene.points, told, settings, Silent())
+        twin = train(views[:-2], [], scene.points, given, settings, Silent())
         scores = []
         for view in views[-2:]:
             image = render(twin.gaussians, view.camera, settings=RasterSettings(low_pass=twin.low_pass)).image

@@ -84,7 +84,7 @@ def test_resumed_run_ends_as_the_uninterrupted_one(scene, tmp_path):
     assert [row["step"] for row in resumed.history] == sorted({row["step"] for row in resumed.history})
 
 
-def test_time_limit_is_kept_and_told(scene):
+def test_time_limit_is_kept_and_reported(scene):
     run(scene, replace(SHORT, steps=1))  # kernels are loaded before the clock
     begin = time.perf_counter()
     trained = run(scene, replace(SHORT, steps=1_000_000, time_limit=1.5))
@@ -137,9 +137,9 @@ def test_masked_pixels_have_no_influence(scene):
     image = torch.rand(size, generator=torch.Generator().manual_seed(1))
     objective = clean.objective(clean.levels[-1], view)
     assert view.valid is not None and other.valid is not None
-    a, b = (objective.pull(image, torch.from_numpy(v.planes()), torch.from_numpy(v.valid)) for v in (view, other))
+    a, b = (objective.loss(image, torch.from_numpy(v.planes()), torch.from_numpy(v.valid)) for v in (view, other))
     assert a.loss == b.loss and torch.equal(a.gradient, b.gradient)
-    unmasked = objective.pull(image, torch.from_numpy(other.planes()), None)
+    unmasked = objective.loss(image, torch.from_numpy(other.planes()), None)
     assert not torch.equal(a.gradient, unmasked.gradient)
 
 
