@@ -44,7 +44,7 @@ def main() -> int:
                 for i, p in enumerate(sharp)
             ]
             planes = [np.ascontiguousarray(p.transpose(2, 0, 1), np.float32) / np.float32(255) for p in photos]
-            given, cells = PointSpread("gaussian", case.told, case.told), []
+            given, cells = PointSpread("gaussian", case.given, case.given), []
             for grid in GRIDS:
                 rounding = 1 / 255 / 12**0.5 / grid
                 found = noise_to_signal((averaged(p, grid) for p in planes), given.on_grid(grid), rounding)

@@ -1,6 +1,6 @@
 """The time of one run: planned where there is a limit, compared with what was predicted, and remembered.
 
-Made for `pipeline.timing.Timing`: a run is handed one and asks it; this package knows no pipeline.
+Made for `pipeline.timing.Timing`: a run is handed one and asks it; this package imports no pipeline.
 """
 
 from __future__ import annotations

@@ -55,7 +55,7 @@ class Viewer:
     def sharp(self, lens: Lens, pose: Pose, finer: float = 1.0) -> NDArray[np.float32]:
         """[3, H, W] sRGB, with the lens's distortion.
 
-        `finer` tells how many times finer the lens's grid is than the one that `low_pass` is meant on.
+        `finer` says how many times finer the lens's grid is than the one that `low_pass` is meant on.
         """
         settings = RasterSettings(low_pass=self._low_pass * finer**2)
         undistortion = _undistortion(lens)

@@ -16,7 +16,7 @@ from ..frames import Frame
 from .grid import GridView
 
 #: Photos without any structure still have one 8-bit step.
-LEAST = 1.0 / 255.0
+MINIMUM_CONTRAST = 1.0 / 255.0
 
 
 def scene_contrast(views: Sequence[GridView]) -> float:
@@ -43,4 +43,4 @@ def scene_contrast(views: Sequence[GridView]) -> float:
         counted = counted[torch.isfinite(counted)]
         if len(counted):
             found.append(float(counted.mean()) / lowered)
-    return max(float(np.mean(found)), LEAST) if found else LEAST
+    return max(float(np.mean(found)), MINIMUM_CONTRAST) if found else MINIMUM_CONTRAST

@@ -107,7 +107,7 @@ class TrainingSettings:
             the degraded render alone).
         base_weight: of the paper's loss within 'dgs'; it keeps structure (SSIM) and the border.
         inverse_weight: of the inverted residual.
-        inverse_width: its size, in units of the scene's contrast, from which on it pulls no harder: photos that
+        inverse_width: its size, in units of the scene's contrast, from which on its gradient grows no more: photos that
             disagree (light, moved leaves, wrong depth) would otherwise leave specks. In single
             runs on one set, exact L1 (0) measured about half a dB worse, least squares 2 to 3 dB.
         noise_gain: how much more (> 1) or less the photos are trusted in the inversion than the noise of

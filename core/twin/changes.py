@@ -32,7 +32,7 @@ WIDTHS = (0.6, 0.7, 0.8, 0.9, 1.0, 1.1, 1.2, 1.35, 1.5, 1.75)
 #: Another width is believed if it lowers the residual by this share.
 LEAST_GAIN = 0.1
 #: A px has changed where the smoothed residual is so many times its robust spread, and at least so large (sRGB).
-TIMES, LEAST = 6.0, 0.03
+MINIMUM_RATIO, MINIMUM_CHANGE = 6.0, 0.03
 #: An old photo saw a place if its own view of the twin lies as deep there within this share, and not in the outermost
 #: share of its frame.
 SAME_DEPTH, BORDER = 0.1, 0.02
@@ -106,7 +106,7 @@ def find_changes(twin: Twin, views: Sequence[GridView], medium: Medium) -> Chang
         smooth = np.stack([gaussian_filter(plane.numpy(), ties) for plane in rest])
         size = np.sqrt((smooth**2).mean(axis=0))
         spread = float(np.median(size)) + 1e-6
-        found = (size > TIMES * spread) & (size > LEAST)
+        found = (size > MINIMUM_RATIO * spread) & (size > MINIMUM_CHANGE)
         changed[view.name] = binary_dilation(binary_opening(found, iterations=1), iterations=round(2 * ties))
     unseen = {view.name: np.zeros_like(changed[view.name]) for view in views}
     if any(found.any() for found in changed.values()):

@@ -25,9 +25,9 @@ from .opened import Twin
 from .placing import SETTINGS, Placing, shared_lens
 from .pose_steps import photometric_step, twisted
 
-#: Old photos that tell how well the twin fits where a camera is right, and how many times worse a new one may fit
-#: before its camera is doubted; LEAST: half an 8-bit step, below which no difference counts.
-CHECKED, WORSE, LEAST = 6, 4.0, 0.5 / 255.0
+#: Old photos that show how well the twin fits where a camera is right, and how many times worse a new one may fit
+#: before its camera is doubted; MINIMUM_DIFFERENCE: half an 8-bit step, below which no difference counts.
+CHECKED, WORSE, MINIMUM_DIFFERENCE = 6, 4.0, 0.5 / 255.0
 #: Steps of the loss at the frozen twin after that, from smoothed photos (grid px) to sharp ones.
 SMOOTH = (4.0, 2.0, 1.0, 0.0, 0.0)
 
@@ -128,7 +128,7 @@ def _misfit(twin: Twin, view: GridView) -> float:
     with torch.no_grad():
         exposed = twin.model().expose(twin.scale.to_unit(twin.gaussians), view, twin.background)
         difference = exposed.residual(torch.from_numpy(view.planes())).abs()
-    return max(float(counted(difference, mask_of(view.valid)).median()), LEAST)
+    return max(float(counted(difference, mask_of(view.valid)).median()), MINIMUM_DIFFERENCE)
 
 
 def corrected(twin: Twin, reconstruction: Reconstruction, photos: list[Photo]) -> Reconstruction:

@@ -107,9 +107,9 @@ def test_an_estimate_is_compared_with_what_it_took(scene, tmp_path, capsys, own_
         "none",
     ]
     assert run([*words, "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert set(told["presets"]) == {"draft", "balanced", "fine"} and told["photos"] == 9
-    draft, fine = told["presets"]["draft"], told["presets"]["fine"]
+    answer = json.loads(capsys.readouterr().out)
+    assert set(answer["presets"]) == {"draft", "balanced", "fine"} and answer["photos"] == 9
+    draft, fine = answer["presets"]["draft"], answer["presets"]["fine"]
     assert 0 < draft["seconds"]["low"] < draft["seconds"]["value"] < fine["seconds"]["value"]
     assert draft["psnr"] is None and not draft["seconds"]["calibrated"]
     assert run(words) == 0

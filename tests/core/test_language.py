@@ -13,14 +13,8 @@ ROOT = Path(__file__).resolve().parents[2]
 GLOSSARY = ROOT / "docs" / "glossary.md"
 #: The table itself, what was said in the past, and this file.
 EXEMPT = {"docs/glossary.md", "CHANGELOG.md", "tests/core/test_language.py"}
-#: Uses of a banned word that are left, by word; these numbers may only shrink.
-LEFT: dict[str, int] = {
-    "told": 42,
-    "tells": 2,
-    "knows": 1,
-    "pulls": 1,
-    "LEAST": 10,
-}
+#: Uses of a banned word that are left, by word; these may only shrink. Rows that earlier versions kept say "told".
+LEFT: dict[str, int] = {"told": 2}
 #: Where a folder of the code is meant; 'core' alone is no path.
 CODE = re.compile(r"`((?:core|studies|command_line|dgs_addon|operators|panels|tests|tools|benchmarks|docs)/[\w./*-]*)`")
 #: Made by commands, or a pattern of names.

@@ -1,4 +1,4 @@
-"""Records, laws, probe and plan: what is told before a run, and that a plan fits its time."""
+"""Records, laws, probe and plan: what is predicted before a run, and that a plan fits its time."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ def test_memory_grows_with_photos_and_gaussians_and_learns():
     assert memory([run_of(memory_mb=2 * plain)] * 4, WORK).value == pytest.approx(2 * plain)
 
 
-def test_accuracy_is_told_only_once_it_is_known():
+def test_accuracy_is_predicted_only_once_it_is_calibrated():
     def scene(index: int, contrasty: float) -> PastRun:
         # the same relative error everywhere: more contrast, more error
         return run_of(scene=str(index), contrast=contrasty, psnr=28.0 - 20 * math.log10(contrasty / 0.1))
@@ -106,8 +106,8 @@ def test_accuracy_is_told_only_once_it_is_known():
     runs = [scene(i, 0.05 * (i + 1)) for i in range(PREDICTIONS.scenes)]
     assert accuracy(runs[:-1], "balanced", "new", 0.1) is None
     assert accuracy(runs, "draft", "new", 0.1) is None, "another preset says nothing"
-    told = accuracy(runs, "balanced", "new", 0.4)
-    assert told is not None and told.value == pytest.approx(28.0 - 20 * math.log10(4), abs=1e-6)
+    predicted = accuracy(runs, "balanced", "new", 0.4)
+    assert predicted is not None and predicted.value == pytest.approx(28.0 - 20 * math.log10(4), abs=1e-6)
     noisy = accuracy([*runs, run_of(scene="odd", psnr=33.0)], "balanced", "new", 0.4)
     assert noisy is not None and noisy.high - noisy.low > 2.0
     own = accuracy([run_of(scene="new", psnr=31.0)], "balanced", "new", 0.4)

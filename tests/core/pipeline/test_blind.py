@@ -1,4 +1,4 @@
-"""Point spreads of a run: told, listed by photo, or estimated; and what cannot be meant."""
+"""Point spreads of a run: given, listed by photo, or estimated; and what cannot be meant."""
 
 import json
 import re

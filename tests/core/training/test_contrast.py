@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from dgs.core.camera import Camera
 from dgs.core.imaging.psf_text import parse_psf
-from dgs.core.training.contrast import LEAST, scene_contrast
+from dgs.core.training.contrast import MINIMUM_CONTRAST, scene_contrast
 from dgs.core.training.grid import GridView
 from dgs.core.views import View
 from scipy.ndimage import gaussian_filter
@@ -55,4 +55,4 @@ def test_what_is_masked_does_not_count_and_grey_photos_have_the_least_contrast()
     assert scene_contrast([view(poisoned, None, mask)]) == pytest.approx(
         scene_contrast([view(picture, None, mask)]), rel=1e-3
     )
-    assert scene_contrast([view(np.full((SIDE, SIDE), 0.5), None)]) == LEAST
+    assert scene_contrast([view(np.full((SIDE, SIDE), 0.5), None)]) == MINIMUM_CONTRAST

@@ -53,7 +53,7 @@ def true_defocus(scene):
     return Defocus(torch.tensor(strength), torch.tensor((1 / near + 1 / far) / 2 * size))
 
 
-def test_their_size_is_told_in_the_trainer_s_units(sets, true_defocus):
+def test_their_size_is_given_in_the_trainer_s_units(sets, true_defocus):
     defocus = built("defocus", sets["defocus"])
     for name, tolerance in (("strength", 0.35), ("focus", 0.15)):
         assert float(defocus.parameters[name]) == pytest.approx(float(true_defocus.parameters[name]), rel=tolerance)
@@ -66,8 +66,8 @@ def test_only_what_is_there_is_confirmed(sets):
     made = {"defocus": built("defocus", sets["defocus"]), "field_blur": built("field_blur", sets["field"])}
     for name, there in (("defocus", "defocus"), ("field_blur", "field")):
         for kind, photos in sets.items():
-            told = confirmed_by_points(made[name], photos)
-            assert told is not None and told.confirms == (kind == there), (name, kind, told)
+            confirmed = confirmed_by_points(made[name], photos)
+            assert confirmed is not None and confirmed.confirms == (kind == there), (name, kind, confirmed)
 
 
 def test_auto_simulates_what_is_confirmed(sets):
@@ -80,7 +80,7 @@ def test_auto_simulates_what_is_confirmed(sets):
     assert "same points" in line.why and line.parameters and line.evidence["needed"]
 
 
-def test_a_size_that_cannot_be_told_is_said(sets):
+def test_a_size_that_cannot_be_estimated_is_said(sets):
     grey = [replace(p, pixels=np.full_like(p.pixels, 90)) for p in sets["clean"].photos[:4]]
     photos = PhotoSet(grey, sets["clean"].cameras)
     assert built("defocus", photos) is None and built("field_blur", photos) is None
