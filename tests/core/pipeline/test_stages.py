@@ -1,0 +1,56 @@
+"""A run's settings, split by stage once; and a run without a limit."""
+
+from pathlib import Path
+
+from dgs.core.machine import Machine
+from dgs.core.pipeline.timing import NoteKeeper, Stopwatch, Untimed
+from dgs.core.pipeline.training import UNTIL_STEPS, training_settings, usual_settings
+from dgs.core.progress import Silent
+from dgs.core.run_settings import ReconstructSettings
+
+ONE = Machine(1, "cpu")
+
+
+def test_what_report_json_keeps_gives_the_settings_again():
+    asked = ReconstructSettings(Path("p"), Path("o"), psf="gaussian:2", masks=Path("m"), until=28.0, seed=3)
+    assert ReconstructSettings.from_plain({**asked.plain(), "of another version": 1}) == asked
+    assert asked.split().asked == asked.plain()
+
+
+def test_every_setting_goes_to_a_stage():
+    """Each field, changed alone, changes the split settings besides their record of what was asked."""
+    plain = ReconstructSettings(Path("p"), Path("o"))
+    other = {"psf": "auto", "blur_space": "linear", "frames": 7, "holdout_every": 3, "preset": "draft", "loss": "paper"}
+    other |= {"photos": Path("q"), "out": Path("r"), "min_steps": 9, "seed": 4, "effects": "auto", "device": "cpu"}
+    for name, value in plain.plain().items():
+        new = other.get(name, (not value) if isinstance(value, bool) else Path("x") if value is None else None)
+        changed = ReconstructSettings(**{**vars(plain), name: new}).split()
+        assert {**vars(changed), "asked": None} != {**vars(plain.split()), "asked": None}, name
+
+
+def test_motion_is_apart_from_the_blur_where_it_may_be_simulated():
+    for effects, apart in (("none", False), ("auto", True), ("auto,-motion", False), ("haze", False), ("motion", True)):
+        assert ReconstructSettings(Path("p"), Path("o"), effects=effects).split().medium.motion_apart is apart
+
+
+def test_a_run_that_waits_for_a_quality_may_take_more_steps_unless_its_time_is_limited():
+    request = ReconstructSettings(Path("p"), Path("o"), until=28.0, max_gaussians=700).split().training
+    usual = usual_settings(request, ONE)
+    assert training_settings(request, ONE, limited=True).steps == usual.steps
+    free = training_settings(request, ONE, limited=False)
+    assert free.steps == UNTIL_STEPS * usual.steps and free.max_gaussians == 700 and free.until == 28.0
+
+
+def test_an_untimed_run_asks_for_nothing():
+    timing = Untimed(ONE, lambda: 1e9)
+    assert not timing.limited and not timing.hurry([]) and timing.another() and timing.overrun() == 0.0
+    assert timing.predicted([]) is None
+
+
+def test_waiting_is_counted_and_laps_add_up():
+    keeper, watch = NoteKeeper(Silent()), Stopwatch()
+    keeper.note("one")
+    assert keeper.notes == ["one"] and not keeper.cancelled() and keeper.waited >= 0.0
+    watch.lap("prepare")
+    watch.part("prepare", {"train": 5.0})
+    assert watch.seconds == {"prepare": 0.0, "train": 5.0} and watch.total() >= 0.0
