@@ -22,7 +22,7 @@ from ..training.settings import TrainingSettings
 from ..training.trainer import Level, Trainer
 from ..training.warmup import compile_kernels
 from ..twin.folder import TwinFolder
-from ..twin.opened import Twin
+from ..twin.opened import OpenedTwin
 from ..views import View
 
 
@@ -95,7 +95,9 @@ class ContinuedTraining:
         CheckpointError: the optimizer's state is not there.
     """
 
-    def __init__(self, twin: Twin, views: UpdateViews, share: float | None, seed: int, threads: int | None) -> None:
+    def __init__(
+        self, twin: OpenedTwin, views: UpdateViews, share: float | None, seed: int, threads: int | None
+    ) -> None:
         folder = TwinFolder(twin.folder)
         if not folder.checkpoint.is_file():
             raise CheckpointError(
@@ -154,14 +156,14 @@ class ContinuedTraining:
                     raise Cancelled("Stopped; the twin is as it was")
 
 
-def explained(twin: Twin, gaussians: Gaussians, views: UpdateViews) -> Explained:
+def explained(twin: OpenedTwin, gaussians: Gaussians, views: UpdateViews) -> Explained:
     """How well Gaussians explain old photos through the twin's medium, and new ones through theirs."""
     old = [view for view in twin.views if view.name in twin.held] or twin.views
     watched = old[:: max(1, -(-len(old) // CONTINUED.watched))]
     return Explained(_psnr(twin, gaussians, twin.medium, watched), _psnr(twin, gaussians, views.medium, views.new))
 
 
-def _psnr(twin: Twin, gaussians: Gaussians, medium: Medium, views: Sequence[View]) -> float:
+def _psnr(twin: OpenedTwin, gaussians: Gaussians, medium: Medium, views: Sequence[View]) -> float:
     """PSNR (dB) of the twin through the blur against photos."""
     changed = replace(twin, medium=medium)
     unit, model = twin.scale.to_unit(gaussians), changed.model(twin.margin(twin.step))
@@ -173,7 +175,7 @@ def _psnr(twin: Twin, gaussians: Gaussians, medium: Medium, views: Sequence[View
     return round(psnr_of(errors), 3)
 
 
-def _own_settings(twin: Twin, used: dict[str, Any]) -> TrainingSettings:
+def _own_settings(twin: OpenedTwin, used: dict[str, Any]) -> TrainingSettings:
     """Of the twin's own training, what an update keeps."""
     kept = {name: used[name] for name in _KEPT if name in used}
     return replace(TrainingSettings.preset(twin.settings.training.preset), **kept)

@@ -87,7 +87,8 @@ def reconstruct(
     if run.cameras.refine and not (run.resume and folder.checkpoint.is_file()):
         usual = usual_settings(run.training, machine)
         job = RefinementJob(photos, loaded.held, blur.medium, usual, run.cameras.reference)
-        cameras = refine(cameras, job, folder, keeper)
+        cameras = refine(cameras, job, keeper)
+        folder.save_cameras(cameras.reconstruction)
         watch.lap("refine")
 
     views = split_views(photos, cameras.reconstruction, loaded.held, keeper)

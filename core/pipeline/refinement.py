@@ -19,7 +19,6 @@ from ..progress import Progress
 from ..reconstruction import Reconstruction
 from ..sfm.given import load_cameras
 from ..training.settings import TrainingSettings
-from ..twin.folder import TwinFolder
 from ..twin.refine_cameras import Refined, refine_cameras
 from .cameras import FoundCameras
 
@@ -42,11 +41,11 @@ class RefinementJob:
     reference: Path | None
 
 
-def refine(found: FoundCameras, job: RefinementJob, folder: TwinFolder, progress: Progress) -> FoundCameras:
-    """Refines poses and the shared focal length, and keeps them in the folder if held-out photos confirm them.
+def refine(found: FoundCameras, job: RefinementJob, progress: Progress) -> FoundCameras:
+    """Poses and the shared focal length moved by the loss, if held-out photos confirm them; else as they were.
 
     Raises:
-        Cancelled: the user asked to stop. OutputError: they cannot be written.
+        Cancelled: the user asked to stop.
     """
     before = found.reconstruction
     views = undistorted_views(job.photos, before)
@@ -68,7 +67,6 @@ def refine(found: FoundCameras, job: RefinementJob, folder: TwinFolder, progress
         progress.note("The cameras were refined, but held-out photos are not explained better: they stay as they were")
         return replace(found, refined=facts)
     moved = taken_over(before, refined)
-    folder.save_cameras(moved)
     progress.note(f"The cameras were refined: they moved by {refined.moved_px:.2f} px (median)")
     return replace(found, reconstruction=moved, refined=facts)
 

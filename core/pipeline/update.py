@@ -29,7 +29,7 @@ from ..training.checkpoint import Checkpoint, save_checkpoint
 from ..training.warmup import compile_kernels
 from ..twin.changes import Changes, find_changes, shows_changed, wider
 from ..twin.folder import TwinFolder
-from ..twin.opened import Files, Twin, open_files
+from ..twin.opened import OpenedTwin, StoredTwin, open_files
 from ..twin.pictures import draw_changes
 from ..twin.placing import Placing
 from ..twin.register import corrected, register
@@ -113,7 +113,7 @@ def _updated(settings: UpdateSettings, progress: Progress, waiting: Waiting | No
     return facts
 
 
-def _new_photos(source: Path, twin: Files, folder: TwinFolder, progress: Progress) -> list[Photo]:
+def _new_photos(source: Path, twin: StoredTwin, folder: TwinFolder, progress: Progress) -> list[Photo]:
     """Photos that the twin does not have yet, copied into its folder under names of their own."""
     there = {fingerprint(photo.pixels) for photo in twin.photos}
     names = {photo.name.casefold() for photo in twin.photos}
@@ -133,12 +133,12 @@ def _new_photos(source: Path, twin: Files, folder: TwinFolder, progress: Progres
 
 def _placed(
     settings: UpdateSettings,
-    files: Files,
+    files: StoredTwin,
     photos: list[Photo],
     threads: int,
     progress: Progress,
     waiting: Waiting | None,
-) -> tuple[Twin, Reconstruction]:
+) -> tuple[OpenedTwin, Reconstruction]:
     """The twin, and the new photos' cameras in its world; they are looked for while the twin gets ready."""
     placing = Placing.begin(files, photos, threads, waiting) if settings.cameras is None else None
     try:
@@ -152,14 +152,14 @@ def _placed(
     return twin, corrected(twin, found, [photo for photo in photos if photo.name in found.poses])
 
 
-def _medium(twin: Twin, names: Sequence[str], width: float) -> Medium:
+def _medium(twin: OpenedTwin, names: Sequence[str], width: float) -> Medium:
     if width == 1.0 or twin.medium.psf is None:
         return twin.medium
     own = {name: wider(twin.medium.psf, width) for name in names}
     return replace(twin.medium, per_view={**twin.medium.per_view, **own})
 
 
-def _masked(twin: Twin, view: View, changes: Changes) -> View:
+def _masked(twin: OpenedTwin, view: View, changes: Changes) -> View:
     """An old view without the px that show what has changed."""
     if not bool(changes.splats.any()):
         return view
@@ -202,7 +202,7 @@ class UpdatedTwin:
     state: Checkpoint
 
 
-def save_updated(updated: UpdatedTwin, twin: Twin, facts: dict[str, Any], folder: TwinFolder) -> None:
+def save_updated(updated: UpdatedTwin, twin: OpenedTwin, facts: dict[str, Any], folder: TwinFolder) -> None:
     """Writes what has changed of a twin's folder, and takes away what spoke of the twin as it was.
 
     Raises:

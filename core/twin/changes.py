@@ -24,7 +24,7 @@ from ..imaging.medium import Medium
 from ..imaging.psf import PointSpread
 from ..rasterizer import RasterSettings, with_slope
 from ..training.grid import GridView, coarse_camera
-from .opened import Twin
+from .opened import OpenedTwin
 from .surface import surface_depth
 
 #: Widths of the blur that are tried, relative to the twin's.
@@ -81,7 +81,7 @@ def wider(psf: PointSpread, factor: float) -> PointSpread:
     return replace(psf, sigma_x=x, sigma_y=y, source=f"gaussian:{x:.6g},{y:.6g},{psf.angle:.6g}")
 
 
-def find_changes(twin: Twin, views: Sequence[GridView], medium: Medium) -> Changes:
+def find_changes(twin: OpenedTwin, views: Sequence[GridView], medium: Medium) -> Changes:
     """Compares new photos on the twin's grid with what the twin shows through the blur."""
     step, model = twin.step, replace(twin, medium=medium).model(max(1, math.ceil(WIDTHS[-1] * twin.margin(twin.step))))
     gaussians, settings = twin.scale.to_unit(twin.gaussians), twin.raster_settings()
@@ -193,7 +193,7 @@ def _splats(
     return (inside > SHARE * everywhere) & (everywhere > 0.5)
 
 
-def shows_changed(twin: Twin, splats: Tensor, views: Sequence[GridView]) -> dict[str, np.ndarray]:
+def shows_changed(twin: OpenedTwin, splats: Tensor, views: Sequence[GridView]) -> dict[str, np.ndarray]:
     """[H, W] bool by name: where old photos show what has changed since, as far as the twin can tell."""
     if not bool(splats.any()):
         return {}

@@ -33,7 +33,7 @@ from .folder import TwinFolder
 
 
 @dataclass(frozen=True)
-class Twin:
+class OpenedTwin:
     """One twin with everything it was made from.
 
     Attributes:
@@ -117,8 +117,8 @@ def settings_of(folder: TwinFolder, report: Mapping[str, Any], photos: Path | No
 
 
 @dataclass(frozen=True)
-class Files:
-    """What is read from a twin's folder before anything is computed; the fields are those of `Twin`."""
+class StoredTwin:
+    """What is read from a twin's folder before anything is computed; the fields are those of `OpenedTwin`."""
 
     folder: Path
     settings: RunSettings
@@ -128,13 +128,13 @@ class Files:
     held: list[str]
     gaussians: Gaussians
 
-    def twin(self) -> Twin:
+    def twin(self) -> OpenedTwin:
         """The twin; undistorting its photos takes most of the time."""
         placed = self.reconstruction.poses
         views = undistorted_views([photo for photo in self.photos if photo.name in placed], self.reconstruction)
         scale = scene_scale([view.camera for view in views], self.reconstruction.points)
         shown = [view for view in views if view.name not in self.held] or views
-        return Twin(
+        return OpenedTwin(
             self.folder,
             self.settings,
             self.photos,
@@ -148,7 +148,7 @@ class Files:
         )
 
 
-def open_twin(folder: Path, progress: Progress, photos: Path | None = None) -> Twin:
+def open_twin(folder: Path, progress: Progress, photos: Path | None = None) -> OpenedTwin:
     """Reads a twin folder.
 
     Args:
@@ -161,7 +161,7 @@ def open_twin(folder: Path, progress: Progress, photos: Path | None = None) -> T
     return open_files(folder, progress, photos).twin()
 
 
-def open_files(folder: Path, progress: Progress, photos: Path | None = None) -> Files:
+def open_files(folder: Path, progress: Progress, photos: Path | None = None) -> StoredTwin:
     """The first, quick part of `open_twin`."""
     kept = TwinFolder(folder)
     report = kept.report()
@@ -177,4 +177,4 @@ def open_files(folder: Path, progress: Progress, photos: Path | None = None) -> 
     medium = replace(medium, per_view={**medium.per_view, **own})
     reconstruction = load_cameras(kept.camera_folder, loaded)
     held = noted.get("held") or heldout_names([photo.name for photo in loaded], settings.photos.holdout_every)
-    return Files(folder, settings, loaded, reconstruction, medium, held, Gaussians.from_cloud(cloud))
+    return StoredTwin(folder, settings, loaded, reconstruction, medium, held, Gaussians.from_cloud(cloud))

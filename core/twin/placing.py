@@ -19,7 +19,7 @@ from ..sfm.features import FEATURES, load_features
 from ..sfm.find import keep_features, talk
 from ..sfm.job import KEPT, PLAN, REFERENCES, write_job
 from ..sfm.settings import SfmSettings
-from .opened import Files, Twin
+from .opened import OpenedTwin, StoredTwin
 from .surface import surface_depth
 
 
@@ -53,7 +53,11 @@ class Placing:
 
     @staticmethod
     def begin(
-        twin: Files | Twin, photos: list[Photo], threads: int, waiting: Waiting | None = None, kept: bool = True
+        twin: StoredTwin | OpenedTwin,
+        photos: list[Photo],
+        threads: int,
+        waiting: Waiting | None = None,
+        kept: bool = True,
     ) -> Placing | None:
         """Lets the child look for the photos' features and match them with old ones.
 
@@ -86,7 +90,7 @@ class Placing:
         child.go()
         return Placing(photos, names, references, child, settings)
 
-    def poses(self, twin: Twin, progress: Progress) -> dict[str, Pose] | None:
+    def poses(self, twin: OpenedTwin, progress: Progress) -> dict[str, Pose] | None:
         """All new photos' poses in the twin's world, from where their matches lie on its surface; None if any lacks."""
         folder = self.child.folder
         by_name, rows = {view.name: view for view in twin.views}, {}

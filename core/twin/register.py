@@ -21,7 +21,7 @@ from ..sfm.find import find_cameras
 from ..sfm.given import load_cameras
 from ..sfm.settings import SfmSettings
 from ..training.grid import GridView
-from .opened import Twin
+from .opened import OpenedTwin
 from .placing import SETTINGS, Placing, shared_lens
 from .pose_steps import photometric_step, twisted
 
@@ -33,7 +33,7 @@ SMOOTH = (4.0, 2.0, 1.0, 0.0, 0.0)
 
 
 def register(
-    twin: Twin,
+    twin: OpenedTwin,
     photos: list[Photo],
     cameras: Path | None,
     threads: int,
@@ -85,7 +85,7 @@ def register(
 
 
 def against_twin(
-    twin: Twin, photos: list[Photo], threads: int, progress: Progress, placing: Placing | None = None
+    twin: OpenedTwin, photos: list[Photo], threads: int, progress: Progress, placing: Placing | None = None
 ) -> Reconstruction | None:
     """Cameras of new photos from their matches with old ones, whose features lie on the twin's surface.
 
@@ -117,13 +117,13 @@ def against_twin(
     return None
 
 
-def _usual(twin: Twin) -> float:
+def _usual(twin: OpenedTwin) -> float:
     """How well the twin fits photos whose cameras are right."""
     old = twin.views[:: max(1, len(twin.views) // CHECKED)]
     return float(np.median([_misfit(twin, view) for view in twin.on_grid(old, twin.step)]))
 
 
-def _misfit(twin: Twin, view: GridView) -> float:
+def _misfit(twin: OpenedTwin, view: GridView) -> float:
     """Median difference (sRGB) between a photo and the twin through the blur: a part that changed hardly counts."""
     with torch.no_grad():
         exposed = twin.model().expose(twin.scale.to_unit(twin.gaussians), view, twin.background)
@@ -131,7 +131,7 @@ def _misfit(twin: Twin, view: GridView) -> float:
     return max(float(counted(difference, mask_of(view.valid)).median()), MINIMUM_DIFFERENCE)
 
 
-def corrected(twin: Twin, reconstruction: Reconstruction, photos: list[Photo]) -> Reconstruction:
+def corrected(twin: OpenedTwin, reconstruction: Reconstruction, photos: list[Photo]) -> Reconstruction:
     """New cameras moved to where the twin, through the blur, explains their photos best."""
     # sRGB values are blurred whatever the medium does: its steps were tried that way.
     gaussians, model = twin.scale.to_unit(twin.gaussians), twin.model(blur_space="srgb")

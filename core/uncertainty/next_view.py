@@ -18,7 +18,7 @@ from ..numbers import number
 from ..progress import Progress
 from ..rasterizer import RasterSettings
 from ..training.grid import coarse_camera
-from ..twin.opened import Twin
+from ..twin.opened import OpenedTwin
 from .coverage import Coverage
 from .detail import Detail
 from .expected_error import PARTS, ExpectedError
@@ -105,7 +105,7 @@ class Observations:
         twin: the twin; `through_blur` False leaves the point spread out.
     """
 
-    def __init__(self, twin: Twin, through_blur: bool = True, grid: int = LIMITS.grid) -> None:
+    def __init__(self, twin: OpenedTwin, through_blur: bool = True, grid: int = LIMITS.grid) -> None:
         camera = twin.views[0].camera
         self.twin = twin
         self.step = max(twin.step, -(-max(camera.width, camera.height) // grid))
@@ -199,7 +199,7 @@ class Ranking:
     views: dict[str, tuple[Tensor, Tensor, Tensor]]
 
 
-def rank(twin: Twin, candidates: Sequence[Camera], settings: NextViewSettings, progress: Progress) -> Ranking:
+def rank(twin: OpenedTwin, candidates: Sequence[Camera], settings: NextViewSettings, progress: Progress) -> Ranking:
     """Chooses `settings.count` candidates greedily; the rest follow by what they are worth after those.
 
     Args:

@@ -22,9 +22,10 @@ from ...core.gaussians import Gaussians
 from ...core.imaging.medium import Medium
 from ...core.machine import machine, use_threads
 from ...core.numbers import number
-from ...core.photos.undistort import undistorted_views
-from ...core.pipeline.effects.choose import choose_effects
-from ...core.pipeline.refinement import taken_over
+from ...core.pipeline.cameras import FoundCameras
+from ...core.pipeline.fitted import split_views
+from ...core.pipeline.refinement import RefinementJob, refine
+from ...core.pipeline.simulated import simulate
 from ...core.pipeline.views import Viewer, to_pixels
 from ...core.progress import Progress
 from ...core.sfm.find import find_cameras
@@ -34,7 +35,6 @@ from ...core.training.run import Trained, train
 from ...core.training.scale import scene_scale
 from ...core.training.settings import TrainingSettings
 from ...core.training.trainer import Trainer
-from ...core.twin.refine_cameras import refine_cameras
 from ..comparison.dataset import Dataset, load_dataset
 from ..comparison.measure import Measure
 from ..comparison.methods import Quiet
@@ -172,9 +172,8 @@ def one_run(knob: Knob, settings: TrainingSettings, sets: _Sets, progress: Progr
     others = OthersLoad()
     began, processor = time.perf_counter(), time.process_time()
     medium = data.medium if knob.medium else Medium(None, data.medium.blur_space)
-    views = [view for view in undistorted_views(data.photos, data.cameras) if view.name not in measure.held]
-    effects = choose_effects(knob.effects, data.photos, data.cameras, views, medium, settings, Quiet(progress))
-    fitted = effects.corrected(views)
+    views = split_views(data.photos, data.cameras, measure.held, Quiet(progress))
+    effects = simulate(knob.effects, data.photos, data.cameras, views, medium, settings, Quiet(progress))
     evaluations = _Evaluations(
         data,
         measure.held[:: max(1, len(measure.held) // NUMBERS.evaluated_views)][: NUMBERS.evaluated_views],
@@ -182,14 +181,14 @@ def one_run(knob: Knob, settings: TrainingSettings, sets: _Sets, progress: Progr
         settings.steps,
     )
     trained = train(
-        fitted,
+        effects.fitted,
         [],
         data.cameras.points,
-        medium,
+        effects.medium,
         settings,
         Quiet(progress),
         watch=evaluations,
-        formation=effects.formation,
+        formation=effects.chosen.formation,
     )
     wall = time.perf_counter() - began - evaluations.away
     processor = time.process_time() - processor - evaluations.away_processor
@@ -293,18 +292,10 @@ class _Sets:
         """The usual cameras, moved by the loss; held-out photos judge whether they are kept."""
         data, _, seconds = self.of(Knob("cameras", "usual"))
         began = time.perf_counter()
-        views = undistorted_views(data.photos, data.cameras)
         chosen = replace(base_settings(self._settings.quick), threads=self._threads)
-        found = refine_cameras(
-            [view for view in views if view.name not in data.heldout],
-            [view for view in views if view.name in data.heldout],
-            data.cameras.points,
-            data.medium,
-            chosen,
-            Quiet(self._progress),
-            focal=len(set(data.cameras.lenses.values())) == 1,
-        )
-        moved = replace(data, cameras=taken_over(data.cameras, found))
+        job = RefinementJob(data.photos, data.heldout, data.medium, chosen, None)
+        refined = refine(FoundCameras(data.cameras, "sfm"), job, Quiet(self._progress))
+        moved = replace(data, cameras=refined.reconstruction)
         return moved, Measure(moved, only_heldout=True), seconds + time.perf_counter() - began
 
     def _find(self, knob: Knob, folder: Path) -> None:

@@ -17,7 +17,7 @@ from dgs.core.progress import Silent
 from dgs.core.sfm.features import FEATURES
 from dgs.core.twin import placing
 from dgs.core.twin import register as module
-from dgs.core.twin.opened import Twin, open_twin
+from dgs.core.twin.opened import OpenedTwin, open_twin
 from dgs.core.views import SparsePoints
 from dgs.tests.core.sfm.test_find_cameras import FOCAL, HEIGHT, SIGMA, WIDTH, cameras, photographed, texture
 from PIL import Image
@@ -67,11 +67,13 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def twin(made: Path) -> Twin:
+def twin(made: Path) -> OpenedTwin:
     return open_twin(made / "out", Silent())
 
 
-def test_new_photos_are_placed_by_the_twins_surface(made: Path, twin: Twin, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_new_photos_are_placed_by_the_twins_surface(
+    made: Path, twin: OpenedTwin, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(module, "find_cameras", None)  # not needed
     photos = load_photos(made / "new", None, Silent(), None, minimum=1)
     found, exact = module.register(twin, photos, None, 2, Silent())
@@ -83,7 +85,7 @@ def test_new_photos_are_placed_by_the_twins_surface(made: Path, twin: Twin, monk
     assert not list((made / "out").glob("place-*")), "nothing is left behind"
 
 
-def test_old_photos_are_looked_through_once(made: Path, twin: Twin, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_old_photos_are_looked_through_once(made: Path, twin: OpenedTwin, monkeypatch: pytest.MonkeyPatch) -> None:
     kept = made / "out" / "sfm" / FEATURES  # (the twin's cameras were given: nothing was kept when it was made)
     photos = load_photos(made / "new", None, Silent(), None, minimum=1)
     counts = []
@@ -99,14 +101,14 @@ def test_old_photos_are_looked_through_once(made: Path, twin: Twin, monkeypatch:
     assert module.against_twin(twin, photos, 2, Silent()) is not None and counts[2:] == [COUNT]
 
 
-def test_photos_of_another_size_go_the_long_way(made: Path, twin: Twin) -> None:
+def test_photos_of_another_size_go_the_long_way(made: Path, twin: OpenedTwin) -> None:
     photos = load_photos(made / "new", None, Silent(), None, minimum=1)
     smaller = [replace(photo, pixels=photo.pixels[:, :-2].copy()) for photo in photos]
     assert module.against_twin(twin, smaller, 2, Silent()) is None
 
 
 def test_a_place_where_the_twin_shows_something_else_is_not_believed(
-    made: Path, twin: Twin, monkeypatch: pytest.MonkeyPatch
+    made: Path, twin: OpenedTwin, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     photos = load_photos(made / "new", None, Silent(), None, minimum=1)
     usual = placing.talk

@@ -11,7 +11,7 @@ from dgs.core.progress import Silent
 from dgs.core.reconstruction import Figures, Reconstruction
 from dgs.core.run_settings import ReconstructSettings
 from dgs.core.training.scale import scene_scale
-from dgs.core.twin.opened import Twin
+from dgs.core.twin.opened import OpenedTwin
 from dgs.core.uncertainty.expected_error import ExpectedErrorSettings
 from dgs.core.uncertainty.next_view import NextViewSettings, Observations, rank
 from dgs.core.uncertainty.pictures import draw_expected
@@ -37,7 +37,7 @@ def twin_of(tmp_path, held, per_view=None):
     medium = Medium(PointSpread("gaussian", 1.5, 1.5), per_view=per_view or {})
     figures = Figures("transforms.json", 5, 5, 40.0, float("nan"), 10.0, 0.0)
     settings = ReconstructSettings(photos=tmp_path, out=tmp_path).split()
-    return Twin(
+    return OpenedTwin(
         tmp_path,
         settings,
         [],
