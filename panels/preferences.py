@@ -17,7 +17,7 @@ _SHOWN = 24
 class DGS_AP_preferences(bpy.types.AddonPreferences):
     """Shown in Edit > Preferences > Add-ons."""
 
-    bl_idname = __package__.rsplit(".dgs_addon", 1)[0]
+    bl_idname = __package__.rsplit(".panels", 1)[0]
 
     python: bpy.props.StringProperty(
         name="Python of the Engine",

@@ -24,6 +24,7 @@ import bpy
 bpy.ops.extensions.package_install_files(filepath=sys.argv[1], repo="user_default", enable_on_install=True)
 name = "bl_ext.user_default.dgs"
 assert name in bpy.context.preferences.addons, list(bpy.context.preferences.addons.keys())
+assert bpy.context.preferences.addons[name].preferences.python == "", "the add-on has no preferences"
 assert not bpy.app.online_access
 from pathlib import Path
 assert list(Path(sys.argv[3]).rglob("site-packages/plyfile.py")), "the bundled wheel was not installed"
