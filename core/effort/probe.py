@@ -17,7 +17,7 @@ from ..camera import Camera
 from ..numbers import number
 from ..photos.load import Photo
 from ..training.job import TrainingJob
-from ..training.run import LOOKS
+from ..training.run import RUN
 from ..training.settings import start_share
 from ..training.trainer import WATCHED_VIEWS, Trainer
 from ..training.warmup import compile_kernels
@@ -78,7 +78,7 @@ class Speed:
         """Seconds of a run's iterations and held-out evaluations."""
         mean = PROBE.mean_share * gaussians
         step = sum(phase.share * phase.seconds(mean) for phase in self.phases)
-        return steps * step + LOOKS * self.watched * PROBE.evaluation * self.phases[-1].seconds(mean)
+        return steps * step + RUN.evaluations * self.watched * PROBE.evaluation * self.phases[-1].seconds(mean)
 
 
 def made_up(photos: Sequence[Photo]) -> tuple[list[View], SparsePoints]:

@@ -69,18 +69,7 @@ def train_twin(job: TrainingJob, resume: bool, snapshots: bool, folder: TwinFold
     Raises:
         CheckpointError, TrainingError, OutputError: see `train`.
     """
-    trained = train(
-        job.views,
-        job.heldout,
-        job.points,
-        job.medium,
-        job.settings,
-        progress,
-        folder.checkpoint,
-        resume,
-        Watchers(folder, snapshots),
-        job.formation,
-    )
+    trained = train(job, progress, folder.checkpoint, resume, Watchers(folder, snapshots))
     if progress.cancelled() and trained.stopped == "done" and trained.steps < job.settings.steps:
         trained.stopped = "cancelled"
     folder.save_twin(trained.gaussians.cloud())

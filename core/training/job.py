@@ -27,7 +27,7 @@ class TrainingJob:
     points: SparsePoints
     medium: Medium
     settings: TrainingSettings
-    formation: Formation
+    formation: Formation = Formation()
 
 
 @dataclass(frozen=True)

@@ -4,36 +4,56 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Literal
 
 import torch
 
 from .. import compiled
 from ..constants import LOW_PASS_VARIANCE
 from ..gaussians import Gaussians
-from ..imaging.formation.chain import Formation
-from ..imaging.medium import Medium
 from ..imaging.spectrum import NoiseToSignal
+from ..numbers import BY_DEFINITION, number
 from ..progress import Progress
-from ..views import SparsePoints, View
 from .checkpoint import load_checkpoint, save_checkpoint
-from .schedule import Schedule
+from .job import TrainingJob
+from .schedule import Ending, Schedule
 from .settings import TrainingSettings
 from .trainer import Trainer
 from .warmup import compile_kernels
 
-#: Seconds between two checkpoints. With an iteration and the writing, a kill loses less than 30 s of the optimization.
-CHECKPOINT_SECONDS = 25.0
-#: How often the held-out photos are looked at during a run, and one that waits for an accuracy.
-LOOKS, LOOKS_UNTIL = 16, 40
-#: However long the preparation took, iterations get this share of the time limit.
-LEAST_ITERATING = 0.2
-#: A stopped run leaves its best look instead of its last state if that was better by more than this (dB).
-BETTER_DB = 0.05
-#: Steps between two reports of progress.
-REPORT_EVERY = 10
+#: Why a run ended.
+Stop = Ending | Literal["cancelled"]
+
+
+@dataclass(frozen=True)
+class TrainingRunSettings:
+    """Numbers of a training run's course: when it is evaluated, kept and reported."""
+
+    checkpoint_seconds: float = number(
+        25.0,
+        "s",
+        "between two checkpoints; with an iteration and the writing, a killed run loses less than 30 s of work",
+        BY_DEFINITION,
+    )
+    evaluations: int = number(
+        16, "count", "of the held-out photos in a run, evenly over it; more cost time that iterations could have"
+    )
+    evaluations_until: int = number(
+        40, "count", "the same in a run that waits for an accuracy, which it would overshoot"
+    )
+    least_iterating: float = number(
+        0.2, "share", "of the time limit that iterations get, however long the preparation took"
+    )
+    clearly_better: float = number(
+        0.05, "dB", "a stopped run leaves its best evaluated state instead of its last one if that was better by more"
+    )
+    report_every: int = number(10, "steps", "between two reports of progress; more often costs time, less often jerks")
+
+
+RUN = TrainingRunSettings()
 
 
 @dataclass
@@ -44,7 +64,7 @@ class Trained:
         gaussians: in the world of the cameras that came in, to be drawn with the usual low-pass.
         low_pass: variance (px^2) to draw them with.
         background: [3] sRGB colour behind them.
-        history: one row per look: step, seconds, loss, gaussians and, if photos are held out,
+        history: one row per evaluation: step, seconds, loss, gaussians and, if photos are held out,
             heldout_psnr (dB, degraded render against photo).
         counters: what was added, removed, refused and repaired.
         seconds: 'prepare', 'compile', 'train', 'finish'.
@@ -65,33 +85,26 @@ class Trained:
 
 
 def train(
-    views: Sequence[View],
-    heldout: Sequence[View],
-    points: SparsePoints,
-    medium: Medium,
-    settings: TrainingSettings,
+    job: TrainingJob,
     progress: Progress,
     checkpoint: Path | None = None,
     resume: bool = False,
     watch: Callable[[Trainer], None] | None = None,
-    formation: Formation = Formation(),
 ) -> Trained:
     """Optimizes Gaussians against photos through the medium.
 
     Args:
-        views: photos to fit, with cameras in any world.
-        heldout: photos to watch only; never fitted.
-        points: sparse points in the same world.
+        job: photos, points, medium and settings.
         checkpoint: file that the state is kept in; None for none.
         resume: go on from `checkpoint` if it is there.
         watch: called after every iteration; may look, and must not change anything.
-        formation: effects besides the point spread, see `Trainer`.
 
     Raises:
         CheckpointError: the checkpoint is damaged or belongs to another run.
         NonFiniteParameter: the optimization diverged beyond repair.
         OutputError: the checkpoint cannot be written.
     """
+    settings = job.settings
     if settings.threads:
         compiled.set_threads(settings.threads)
         torch.set_num_threads(settings.threads)
@@ -99,81 +112,133 @@ def train(
     progress.stage("compile")
     compile_kernels(settings.sh_degree)
     compiled_at = time.perf_counter()
-    trainer = Trainer(views, heldout, points, medium, settings, formation)
+    trainer = Trainer(job.views, job.heldout, job.points, job.medium, settings, job.formation)
     _warn_of_blur(trainer.levels[-1].ratio, progress)
-    history: list[dict[str, float]] = []
-    before = 0.0
-    if resume and checkpoint is not None and checkpoint.exists():
-        state = load_checkpoint(checkpoint, trainer.fingerprint())
-        trainer.restore(state)
-        history, before = state.history, state.seconds
-        progress.note(f"Going on from step {state.step}")
+    run = _Run(trainer, settings, progress, checkpoint)
+    if resume:
+        run.resume()
     prepared = time.perf_counter()
     progress.stage("train", settings.steps)
-    limit = None
-    if settings.time_limit is not None:
-        limit = max(settings.time_limit - (prepared - start), LEAST_ITERATING * settings.time_limit)
-    schedule = Schedule(settings, limit, trainer.step)
-    clock, keeper = _Clock(), _Best()
-    looks = LOOKS if settings.until is None else LOOKS_UNTIL
-    stopped, saved, loss, cost = "done", prepared, 0.0, 0.0
-    looked = int(schedule.share(trainer.step, 0.0) * looks + 1e-9)
-    while True:
-        if clock.waited(progress.cancelled):
-            stopped = "cancelled"
-            break
-        spent = clock.spent()
-        # The last look takes as long as the one before, and belongs to the run.
-        ending = schedule.ended(trainer.step, spent if limit is None else spent + cost)
-        if ending is not None:
-            stopped = ending
-            break
-        share = schedule.share(trainer.step, spent)
-        loss = trainer.advance(min(share, 1.0 - 1e-9))
-        spent = clock.spent()
-        share = schedule.share(trainer.step, spent)
-        done = trainer.step if limit is None else min(round(share * settings.steps), settings.steps)
-        if int(share * looks + 1e-9) > looked:
-            looked = int(share * looks + 1e-9)
-            history.append(_look(trainer, loss, before + spent))
-            keeper.see(trainer, history[-1])
-            cost = clock.spent() - spent
-            schedule.look(trainer.step, spent, history[-1].get("heldout_psnr"))
-            progress.advance(done, **history[-1])
-        elif trainer.step % REPORT_EVERY == 0:
-            progress.advance(done, loss=loss)
-        if watch is not None:
-            watch(trainer)
-        if checkpoint is not None and time.perf_counter() - saved > CHECKPOINT_SECONDS:
-            save_checkpoint(checkpoint, trainer.state(before + clock.spent(), history))
-            saved = time.perf_counter()
-    spent = clock.spent()
+    stopped = run.iterate(_limit(settings.time_limit, prepared - start), watch)
     end = time.perf_counter()
-    if not history or history[-1]["step"] != trainer.step:
-        history.append(_look(trainer, loss, before + spent))
-    if checkpoint is not None:
-        save_checkpoint(checkpoint, trainer.state(before + spent, history))
-    if stopped == "cancelled" and keeper.better_than(history[-1]):
-        progress.note(f"The twin is that of step {keeper.step}, the best on the photos held out")
-        trainer.optimizer.gaussians = keeper.gaussians
-    gaussians = trainer.result()
+    gaussians = run.finished(stopped)
     behind = trainer.background.cpu()
     return Trained(
         gaussians=gaussians,
         low_pass=LOW_PASS_VARIANCE,
         background=(float(behind[0]), float(behind[1]), float(behind[2])),
-        history=history,
+        history=run.history,
         counters=trainer.counters(),
         seconds={
             "compile": compiled_at - start,
             "prepare": prepared - compiled_at,
-            "train": before + spent,
+            "train": run.seconds,
             "finish": time.perf_counter() - end,
         },
         steps=trainer.step,
         stopped=stopped,
         settings=replace(settings),
     )
+
+
+def _limit(asked: float | None, preparation: float) -> float | None:
+    """Seconds that are left for iterations; None for no limit."""
+    return None if asked is None else max(asked - preparation, RUN.least_iterating * asked)
+
+
+class _Run:
+    """The iterations of one training: its steps, evaluations, checkpoints and end.
+
+    Args:
+        settings: as they were asked for (the trainer's own follow the number of photos).
+        checkpoint: file that the state is kept in; None for none.
+
+    Attributes:
+        history: one row per evaluation, those before a resumption included.
+        seconds: of training, those before a resumption included.
+    """
+
+    def __init__(
+        self, trainer: Trainer, settings: TrainingSettings, progress: Progress, checkpoint: Path | None
+    ) -> None:
+        self.trainer, self.settings, self.progress, self.checkpoint = trainer, settings, progress, checkpoint
+        self.history: list[dict[str, float]] = []
+        self.seconds = 0.0
+        self._earlier = 0.0  # seconds of the run that is resumed
+        self._loss = 0.0
+        self._best = _Best()
+        self._evaluations = RUN.evaluations if settings.until is None else RUN.evaluations_until
+        self._evaluated = 0  # evaluations that were due so far
+        self._evaluation_seconds = 0.0  # of the last one
+
+    def resume(self) -> None:
+        """Goes on from the checkpoint, if there is one."""
+        if self.checkpoint is None or not self.checkpoint.exists():
+            return
+        state = load_checkpoint(self.checkpoint, self.trainer.fingerprint())
+        self.trainer.restore(state)
+        self.history, self._earlier = state.history, state.seconds
+        self.progress.note(f"Going on from step {state.step}")
+
+    def iterate(self, limit: float | None, watch: Callable[[Trainer], None] | None) -> Stop:
+        """Steps until the end; why it came. `limit`: seconds, None for none."""
+        trainer, clock = self.trainer, _Clock()
+        schedule = Schedule(self.settings, limit, trainer.step)
+        self._evaluated = self._due(schedule.share(trainer.step, 0.0))
+        saved = time.perf_counter()
+        stopped: Stop = "cancelled"
+        while not clock.waited(self.progress.cancelled):
+            spent = clock.spent()
+            # The last evaluation takes as long as the one before, and belongs to the run.
+            ending = schedule.ended(trainer.step, spent if limit is None else spent + self._evaluation_seconds)
+            if ending is not None:
+                stopped = ending
+                break
+            self._loss = trainer.advance(min(schedule.share(trainer.step, spent), 1.0 - 1e-9))
+            self._report(schedule, clock, limited=limit is not None)
+            if watch is not None:
+                watch(trainer)
+            if self.checkpoint is not None and time.perf_counter() - saved > RUN.checkpoint_seconds:
+                self._save(clock.spent())
+                saved = time.perf_counter()
+        self.seconds = self._earlier + clock.spent()
+        return stopped
+
+    def finished(self, stopped: Stop) -> Gaussians:
+        """Evaluates and keeps the last state; the twin, of the best state if the run was cancelled."""
+        if not self.history or self.history[-1]["step"] != self.trainer.step:
+            self.history.append(_evaluation(self.trainer, self._loss, self.seconds))
+        if self.checkpoint is not None:
+            save_checkpoint(self.checkpoint, self.trainer.state(self.seconds, self.history))
+        if stopped == "cancelled" and self._best.better_than(self.history[-1]):
+            self.progress.note(f"The twin is that of step {self._best.step}, the best on the photos held out")
+            self.trainer.optimizer.gaussians = self._best.gaussians
+        return self.trainer.result()
+
+    def _due(self, share: float) -> int:
+        """How many evaluations belong to this share of the run."""
+        return int(share * self._evaluations + 1e-9)
+
+    def _report(self, schedule: Schedule, clock: _Clock, limited: bool) -> None:
+        """Reports a step, and evaluates the twin where that is due."""
+        trainer, steps = self.trainer, self.settings.steps
+        spent = clock.spent()
+        share = schedule.share(trainer.step, spent)
+        done = min(round(share * steps), steps) if limited else trainer.step
+        if self._due(share) > self._evaluated:
+            self._evaluated = self._due(share)
+            row = _evaluation(trainer, self._loss, self._earlier + spent)
+            self.history.append(row)
+            self._best.see(trainer, row)
+            self._evaluation_seconds = clock.spent() - spent
+            schedule.evaluated(trainer.step, spent, row.get("heldout_psnr"))
+            self.progress.advance(done, **row)
+        elif trainer.step % RUN.report_every == 0:
+            self.progress.advance(done, loss=self._loss)
+
+    def _save(self, spent: float) -> None:
+        assert self.checkpoint is not None
+        save_checkpoint(self.checkpoint, self.trainer.state(self._earlier + spent, self.history))
 
 
 def _warn_of_blur(ratio: NoiseToSignal | None, progress: Progress) -> None:
@@ -202,7 +267,7 @@ class _Clock:
 
 
 class _Best:
-    """The twin of the look that predicted the held-out photos best."""
+    """The evaluated twin that predicted the held-out photos best."""
 
     def __init__(self) -> None:
         self.psnr, self.step = -math.inf, 0
@@ -214,10 +279,10 @@ class _Best:
             self.gaussians = trainer.optimizer.gaussians.detached()
 
     def better_than(self, row: dict[str, float]) -> bool:
-        return self.psnr > row.get("heldout_psnr", math.inf) + BETTER_DB
+        return self.psnr > row.get("heldout_psnr", math.inf) + RUN.clearly_better
 
 
-def _look(trainer: Trainer, loss: float, seconds: float) -> dict[str, float]:
+def _evaluation(trainer: Trainer, loss: float, seconds: float) -> dict[str, float]:
     """One row of the history."""
     row = {
         "step": trainer.step,

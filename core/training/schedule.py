@@ -7,20 +7,33 @@ complete when its time is up, however fast the machine turned out to be.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Literal
 
+from ..numbers import number
 from .settings import TrainingSettings
 
 Ending = Literal["done", "time limit", "quality", "plateau"]
 
-#: No run takes more steps than this, whatever time it is given.
-MOST_STEPS = 100_000
-#: A plateau: the last share of the work (see below) has brought less than this (dB on held-out photos).
-PLATEAU_DB = 0.05
-#: Share of the work that a plateau is judged by: the last quarter.
-PLATEAU_SHARE = 0.25
-#: A run that has reached its plateau lowers its step sizes over this share of the work it has done.
-COOLING = 0.15
+
+@dataclass(frozen=True)
+class ScheduleSettings:
+    """Numbers of a run's end."""
+
+    maximum_steps: int = number(100_000, "steps", "that no run exceeds, whatever time it is given")
+    latest_resumption: float = number(
+        0.9, "share of the run", "a resumed run with a time limit begins no later, so that its last phases are not lost"
+    )
+    plateau_gain: float = number(
+        0.05, "dB on held-out photos", "a plateau: the last share of the work has brought less than this"
+    )
+    plateau_share: float = number(0.25, "share of the work", "that a plateau is judged by: the last quarter")
+    cooling: float = number(
+        0.15, "share of the work done", "over which a run that has reached its plateau lowers its step sizes"
+    )
+
+
+SCHEDULE = ScheduleSettings()
 
 
 class Schedule:
@@ -34,10 +47,10 @@ class Schedule:
 
     def __init__(self, settings: TrainingSettings, limit: float | None, step: int = 0) -> None:
         self._settings, self._limit, self._before = settings, limit, step
-        self._start = 0.0 if limit is None else min(step / settings.steps, 0.9)
+        self._start = 0.0 if limit is None else min(step / settings.steps, SCHEDULE.latest_resumption)
         self._cooling: tuple[float, float] | None = None
         self._met = False
-        self._known: list[tuple[float, float]] = []
+        self._evaluations: list[tuple[float, float]] = []
 
     def _work(self, step: int, spent: float) -> float:
         """Share of the planned run."""
@@ -56,7 +69,7 @@ class Schedule:
         began, length = self._cooling
         return min(1.0, began + (1.0 - began) * (work - began) / length)
 
-    def look(self, step: int, spent: float, psnr: float | None) -> None:
+    def evaluated(self, step: int, spent: float, psnr: float | None) -> None:
         """Takes in the accuracy on held-out photos (dB)."""
         until = self._settings.until
         if until is None or psnr is None:
@@ -65,23 +78,23 @@ class Schedule:
             self._met |= psnr >= float(until)
             return
         work = self._work(step, spent)
-        self._known.append((work, psnr))
-        before = [known for at, known in self._known if at <= work * (1 - PLATEAU_SHARE)]
+        self._evaluations.append((work, psnr))
+        before = [earlier for at, earlier in self._evaluations if at <= work * (1 - SCHEDULE.plateau_share)]
         # The first phases have rests of their own, before the full grid and the photos themselves take over.
         first = max(self._settings.coarse_share, self._settings.start_share)
-        ripe = work * (1 - PLATEAU_SHARE) >= first and step >= self._settings.min_steps
-        if self._cooling is None and ripe and before and psnr - before[-1] < PLATEAU_DB:
-            self._cooling = work, COOLING * work
+        ripe = work * (1 - SCHEDULE.plateau_share) >= first and step >= self._settings.min_steps
+        if self._cooling is None and ripe and before and psnr - before[-1] < SCHEDULE.plateau_gain:
+            self._cooling = work, SCHEDULE.cooling * work
 
     def ended(self, step: int, spent: float) -> Ending | None:
         """Why the run is over; None while it is not."""
         s = self._settings
-        if step < s.min_steps and step < MOST_STEPS and (self._limit is not None or s.until is not None):
+        if step < s.min_steps and step < SCHEDULE.maximum_steps and (self._limit is not None or s.until is not None):
             return None
         if self._met:
             return "quality"
         if self._cooling is not None and self.share(step, spent) >= 1.0:
             return "plateau"
         if self._limit is not None:
-            return "time limit" if spent >= self._limit else "done" if step >= MOST_STEPS else None
+            return "time limit" if spent >= self._limit else "done" if step >= SCHEDULE.maximum_steps else None
         return "done" if step >= s.steps else None

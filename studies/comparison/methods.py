@@ -23,6 +23,7 @@ from ...core.imaging.medium import Medium
 from ...core.photos.load import Photo
 from ...core.photos.undistort import undistorted_views
 from ...core.progress import Progress
+from ...core.training.job import TrainingJob
 from ...core.training.run import Trained, train
 from ...core.training.settings import TrainingSettings
 from . import deconvolution
@@ -116,7 +117,9 @@ class MethodRunner:
         views = [view for view in undistorted_views(ready.photos, self._data.cameras) if view.name not in held]
         if not views:
             raise DgsError(f"'{self._data.name}' has too few photos to hold some out", "Give a set of 9 photos or more")
-        trained = train(views, [], self._data.cameras.points, ready.medium, ready.settings, Quiet(self._progress))
+        trained = train(
+            TrainingJob(views, [], self._data.cameras.points, ready.medium, ready.settings), Quiet(self._progress)
+        )
         if trained.steps < ready.settings.steps and self._progress.cancelled():
             raise Cancelled(f"Stopped while '{method}' was trained", "Go on with --resume")
         seconds = {"deconvolution": ready.seconds}

@@ -31,6 +31,7 @@ from ...core.progress import Progress
 from ...core.sfm.find import find_cameras
 from ...core.sfm.given import load_cameras
 from ...core.sfm.settings import SfmSettings
+from ...core.training.job import TrainingJob
 from ...core.training.run import Trained, train
 from ...core.training.scale import scene_scale
 from ...core.training.settings import TrainingSettings
@@ -180,16 +181,8 @@ def one_run(knob: Knob, settings: TrainingSettings, sets: _Sets, progress: Progr
         began,
         settings.steps,
     )
-    trained = train(
-        effects.fitted,
-        [],
-        data.cameras.points,
-        effects.medium,
-        settings,
-        Quiet(progress),
-        watch=evaluations,
-        formation=effects.chosen.formation,
-    )
+    job = TrainingJob(effects.fitted, [], data.cameras.points, effects.medium, settings, effects.chosen.formation)
+    trained = train(job, Quiet(progress), watch=evaluations)
     wall = time.perf_counter() - began - evaluations.away
     processor = time.process_time() - processor - evaluations.away_processor
     if trained.steps < settings.steps and progress.cancelled():

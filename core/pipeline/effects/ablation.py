@@ -18,6 +18,7 @@ from ...numbers import BY_DEFINITION, number
 from ...pose import Pose
 from ...progress import Silent
 from ...training.grid import coarse_view
+from ...training.job import TrainingJob
 from ...training.run import train
 from ...training.scale import scene_scale
 from ...training.settings import TrainingSettings
@@ -183,7 +184,7 @@ class Ablation:
         judged = self.judged(pair)
         fitted = [view for i, view in enumerate(views) if i not in judged]
         points = self.points if blurred else _fewer(self.points)
-        trained = train(fitted, [], points, medium, settings, Silent(), formation=formation)
+        trained = train(TrainingJob(fitted, [], points, medium, settings, formation), Silent())
         scale = scene_scale([view.camera for view in fitted], points)
         device = "cpu" if settings.device == "auto" else settings.device
         viewer = Viewer(trained.gaussians, scale, device, trained.low_pass, trained.background)

@@ -12,6 +12,7 @@ from dgs.core.imaging.psf_text import parse_psf
 from dgs.core.imaging.spectrum import noise_to_signal
 from dgs.core.progress import Silent
 from dgs.core.rasterizer import RasterSettings, render
+from dgs.core.training.job import TrainingJob
 from dgs.core.training.run import train
 from dgs.core.training.trainer import Trainer
 from dgs.tests.core.training.training_scenes import SHORT, blurred_scene, photographed, psnr
@@ -89,7 +90,7 @@ def test_simulated_motion_gives_sharper_views(moved):
     found = []
     for given in (scene.medium, medium):
         settings = replace(SHORT, steps=160, max_gaussians=1500)
-        twin = train(views[:-2], [], scene.points, given, settings, Silent())
+        twin = train(TrainingJob(views[:-2], [], scene.points, given, settings), Silent())
         scores = []
         for view in views[-2:]:
             image = render(twin.gaussians, view.camera, settings=RasterSettings(low_pass=twin.low_pass)).image

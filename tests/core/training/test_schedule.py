@@ -7,8 +7,9 @@ from dataclasses import replace
 
 import pytest
 from dgs.core.progress import Silent
+from dgs.core.training.job import TrainingJob
 from dgs.core.training.run import Trained, train
-from dgs.core.training.schedule import COOLING, Schedule
+from dgs.core.training.schedule import SCHEDULE, Schedule
 from dgs.core.training.settings import TrainingSettings
 from dgs.tests.core.training.training_scenes import SHORT, Scene, blurred_scene, same
 
@@ -32,7 +33,8 @@ class StopsAfter(Silent):
 
 
 def run(scene: Scene, settings: TrainingSettings = SHORT, progress: Silent = Silent(), **options) -> Trained:
-    return train(scene.views[1:], scene.views[:1], scene.points, scene.medium, settings, progress, **options)
+    job = TrainingJob(scene.views[1:], scene.views[:1], scene.points, scene.medium, settings)
+    return train(job, progress, **options)
 
 
 def ends(schedule: Schedule, seconds_per_step: float, most: int = 100_000) -> tuple[int, str, list[float]]:
@@ -80,27 +82,27 @@ def test_a_plateau_cools_down_and_ends():
         shares.append(schedule.share(step, 0.0))
         step += 1
         if step % 25 == 0:
-            schedule.look(step, 0.0, 20.0 + min(step, 500) / 100)
+            schedule.evaluated(step, 0.0, 20.0 + min(step, 500) / 100)
         ending = schedule.ended(step, 0.0)
     assert ending == "plateau" and 500 < step < 1000
     assert shares[-1] > 0.98, "the step sizes came down all the way"
     began = next(i for i in range(1, len(shares)) if shares[i] - shares[i - 1] > 0.0011)
-    assert step - began == pytest.approx(COOLING * began, rel=0.2)
+    assert step - began == pytest.approx(SCHEDULE.cooling * began, rel=0.2)
 
 
 def test_while_it_rises_there_is_no_plateau():
     schedule = Schedule(replace(SETTINGS, steps=1000, until="plateau"), None)
     for step in range(25, 1000, 25):
-        schedule.look(step, 0.0, 20.0 + step / 100)
+        schedule.evaluated(step, 0.0, 20.0 + step / 100)
         assert schedule.share(step, 0.0) == pytest.approx(step / 1000)
     assert schedule.ended(1000, 0.0) == "done"
 
 
 def test_a_quality_ends_the_run_but_not_before_its_least_steps():
     schedule = Schedule(replace(SETTINGS, until=25.0, min_steps=60), None)
-    schedule.look(40, 0.0, 24.9)
+    schedule.evaluated(40, 0.0, 24.9)
     assert schedule.ended(61, 0.0) is None
-    schedule.look(50, 0.0, 25.0)
+    schedule.evaluated(50, 0.0, 25.0)
     assert schedule.ended(59, 0.0) is None and schedule.ended(60, 0.0) == "quality"
 
 
@@ -117,22 +119,22 @@ def test_the_limit_shapes_the_run(scene: Scene):
     trained = run(scene, replace(SHORT, steps=1_000_000, time_limit=6.0), watch=lambda t: seen.append(t.step))
     assert trained.stopped == "time limit" and time.perf_counter() - began < 6.0 + 3.0
     assert seen == list(range(1, trained.steps + 1))
-    looks = [row["seconds"] for row in trained.history]
-    assert looks == sorted(looks) and len(looks) >= 3
+    evaluated = [row["seconds"] for row in trained.history]
+    assert evaluated == sorted(evaluated) and len(evaluated) >= 3
 
 
 def test_a_stopped_run_leaves_its_best(scene: Scene, monkeypatch: pytest.MonkeyPatch):
-    """Held-out accuracy that fell before the user stopped: the twin of the best look comes out."""
+    """Held-out accuracy that fell before the user stopped: the twin of the best evaluation comes out."""
     from dgs.core.training import run as module
 
     kept = {}
 
-    def look(trainer, loss, seconds):
+    def evaluation(trainer, loss, seconds):
         kept[trainer.step] = trainer.result()
         psnr = 30.0 if trainer.step < 12 else 20.0
         return {"step": trainer.step, "seconds": seconds, "loss": loss, "gaussians": 1, "heldout_psnr": psnr}
 
-    monkeypatch.setattr(module, "_look", look)
+    monkeypatch.setattr(module, "_evaluation", evaluation)
     stopped = run(scene, progress=StopsAfter(23))
     assert stopped.stopped == "cancelled"
     assert same(stopped.gaussians, kept[min(kept)])

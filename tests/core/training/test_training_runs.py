@@ -10,6 +10,7 @@ from dgs.core.imaging.medium import Medium
 from dgs.core.progress import Silent
 from dgs.core.rasterizer import render
 from dgs.core.training import trainer as trainer_module
+from dgs.core.training.job import TrainingJob
 from dgs.core.training.run import Trained, train
 from dgs.core.training.trainer import Trainer
 from dgs.tests.core.training.training_scenes import SHORT, Scene, blurred_scene, moved, psnr, same
@@ -52,7 +53,7 @@ class Listens(Silent):
 def run(scene: Scene, settings=SHORT, medium=None, **options) -> Trained:
     progress = options.pop("progress", Silent())
     medium = scene.medium if medium is None else medium
-    return train(scene.views[1:], scene.views[:1], scene.points, medium, settings, progress, **options)
+    return train(TrainingJob(scene.views[1:], scene.views[:1], scene.points, medium, settings), progress, **options)
 
 
 def sharp_psnr(trained: Trained, scene: Scene, index: int = 0) -> float:

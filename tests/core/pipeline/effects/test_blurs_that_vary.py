@@ -20,6 +20,7 @@ from dgs.core.pipeline.effects.choose import choose_effects
 from dgs.core.pipeline.effects.confirmed import confirmed_by_points
 from dgs.core.pipeline.views import Viewer
 from dgs.core.progress import Silent
+from dgs.core.training.job import TrainingJob
 from dgs.core.training.run import train
 from dgs.core.training.scale import scene_scale
 from dgs.core.training.settings import TrainingSettings
@@ -97,7 +98,7 @@ def test_the_twin_is_sharper_with_it(sets, true_defocus):
     points, scale = photos.cameras.points, scene_scale([v.camera for v in fitted], photos.cameras.points)
     found = []
     for formation in (Formation(), Formation([true_defocus])):
-        trained = train(fitted, [], points, MEDIUM, SETTINGS, Silent(), formation=formation)
+        trained = train(TrainingJob(fitted, [], points, MEDIUM, SETTINGS, formation), Silent())
         viewer = Viewer(trained.gaussians, scale, "cpu", trained.low_pass, trained.background)
         errors = []
         for i in held:
