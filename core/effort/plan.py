@@ -15,7 +15,7 @@ from typing import Any
 
 from ..numbers import BY_DEFINITION, number
 from ..photos.load import Photo
-from ..training.grid import SMALLEST_SIDE, grid_step
+from ..training.grid import GRID, grid_step
 from ..training.job import PlannedTraining, TrainingJob
 from ..views import View
 from .model import PREDICTIONS, slowdown, stage_seconds
@@ -169,7 +169,7 @@ class Budget:
         usual = settings.grid_step or grid_step(job.medium, width, height)
         scored, saving = self._saving(photos, len(job.views), held)
         speed, steps, count = self._probed(job, saving, fixed)
-        halved = min(width, height) // (2 * usual) >= SMALLEST_SIDE
+        halved = min(width, height) // (2 * usual) >= GRID.smallest_side
         if steps < PLANNING.coarse_steps and settings.grid_step is None and earlier is None and halved:
             settings = replace(settings, grid_step=2 * usual)
             speed, steps, count = self._probed(replace(job, settings=settings), saving, fixed)

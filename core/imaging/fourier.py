@@ -62,7 +62,7 @@ class FourierFilter:
     Args:
         psf: the blur; `noise_to_signal`: n > 0, or values at equal steps of radial frequency from 0
             to sqrt(1/2) cycles/px, in one row for all channels or one row each.
-        height, width: size of the frames in px.
+        shape: height and width of the frames in px.
         kind: 'newton' for |H|^2 / (|H|^2 + n), 'wiener' for conj(H) / (|H|^2 + n).
         beyond: what lies beyond the frame: 'zero' fits residuals and makes `adjoint` the exact
             transpose; 'reflect' fits pictures.
@@ -71,15 +71,15 @@ class FourierFilter:
     def __init__(
         self,
         psf: PointSpread,
-        height: int,
-        width: int,
+        shape: tuple[int, int],
         noise_to_signal: ArrayLike,
         kind: Literal["newton", "wiener"] = "newton",
         beyond: Beyond = "zero",
         device: torch.device | str = "cpu",
         dtype: torch.dtype = torch.float32,
     ) -> None:
-        self.height, self.width, self.beyond = height, width, beyond
+        (height, width), self.beyond = shape, beyond
+        self.height, self.width = shape
         extension = _extension(psf)
         if beyond == "reflect":
             self.before = min(extension[0], height - 1), min(extension[1], width - 1)
@@ -187,6 +187,6 @@ def wiener_photo(planes: Tensor, psf: PointSpread | None, noise_to_signal: Array
     if psf is None or psf.is_identity:
         return Deconvolved(planes, weight)
     wiener = FourierFilter(
-        psf, height, width, noise_to_signal, "wiener", "reflect", device=planes.device, dtype=planes.dtype
+        psf, (height, width), noise_to_signal, "wiener", "reflect", device=planes.device, dtype=planes.dtype
     )
     return Deconvolved(wiener.apply(planes), weight)

@@ -183,7 +183,7 @@ class _Rasterize(torch.autograd.Function):
     """means, log_scales, quaternions, opacity_logits, sh, background, pose -> image, alpha, depth."""
 
     @staticmethod
-    def forward(
+    def forward(  # noqa: PLR0913  autograd wants its tensors one by one
         ctx: Any,
         camera: Camera,
         settings: RasterSettings,

@@ -7,27 +7,52 @@ Transparent Gaussians are removed; those whose projected centre has the largest 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 import torch
 from torch import Tensor
 
 from ..gaussians import Gaussians
+from ..numbers import number
 from ..rasterizer import ScreenStatistics
 from .optimizer import Adam
 
-#: Below this opacity a Gaussian is invisible behind 8-bit steps and is removed.
-TRANSPARENT = 0.01
-#: A split Gaussian's halves are smaller by this factor (3DGS).
-SPLIT_SHRINK = 1.6
-#: Gaussians larger than this quantile of all sizes are split rather than cloned.
-SPLIT_QUANTILE = 0.5
-#: At most this share of the Gaussians is added at a time.
-GROWTH = 0.3
+#: Sizes that a quantile is taken of: torch sorts no more than 16 million values, and a million says as much.
+_QUANTILE_SAMPLE = 1_000_000
+
+
+@dataclass(frozen=True)
+class DensitySettings:
+    """Numbers of the density control."""
+
+    minimum_opacity: float = number(
+        0.01, "opacity", "below it a Gaussian is next to invisible in 8-bit steps and is removed"
+    )
+    split_shrink: float = number(
+        1.6,
+        "factor",
+        "by which the two halves of a split Gaussian are smaller",
+        "3D Gaussian splatting (Kerbl et al. 2023)",
+    )
+    split_quantile: float = number(
+        0.5, "quantile of sizes", "of all Gaussians; larger ones are split, smaller ones are cloned"
+    )
+    growth: float = number(
+        0.3, "share of the Gaussians", "that is added at a time at most; more would crowd the first places that ask"
+    )
+
+
+DENSITY = DensitySettings()
 
 
 class DensityControl:
-    """Collects how hard each Gaussian is pulled, and acts on it now and then."""
+    """Sums up each Gaussian's gradients on the screen, and acts on them now and then.
+
+    Attributes:
+        gradients: [N] lengths of the gradients in the projected centre; views: [N] how many views saw it.
+        counts: 'pruned', 'cloned' and 'split' so far.
+    """
 
     def __init__(self, count: int, device: torch.device) -> None:
         self.device = device
@@ -45,21 +70,21 @@ class DensityControl:
         """Prunes, then clones and splits up to `target` Gaussians."""
         g = optimizer.gaussians.detached()
         opacity = torch.sigmoid(g.opacity_logits)
-        alive = opacity > TRANSPARENT
+        alive = opacity > DENSITY.minimum_opacity
         if int(alive.sum()) == 0:  # everything faded: keep the most opaque half rather than nothing
             alive = opacity >= opacity.median()
         score = torch.where(self.views > 0, self.gradients / self.views.clamp(min=1), 0.0)
         score = torch.where(alive, score, -1.0)
         living = int(alive.sum())
-        wanted = max(0, min(target - living, int(math.ceil(GROWTH * living)), int((score > 0).sum())))
+        wanted = max(0, min(target - living, int(math.ceil(DENSITY.growth * living)), int((score > 0).sum())))
         chosen = torch.topk(score, wanted).indices if wanted else torch.zeros(0, dtype=torch.long, device=self.device)
         size = g.log_scales.max(dim=1).values
-        large = size[chosen] > torch.quantile(size[alive][:1_000_000], SPLIT_QUANTILE)
+        large = size[chosen] > torch.quantile(size[alive][:_QUANTILE_SAMPLE], DENSITY.split_quantile)
         keep_mask = alive.clone()
         keep_mask[chosen[large]] = False
         keep = torch.nonzero(keep_mask)[:, 0]
         clones = _copies(g, chosen[~large], 1.0, random)
-        first, second = (_copies(g, chosen[large], SPLIT_SHRINK, random) for _ in range(2))
+        first, second = (_copies(g, chosen[large], DENSITY.split_shrink, random) for _ in range(2))
         new = Gaussians(
             **{
                 name: torch.cat([tensor, getattr(first, name), getattr(second, name)])

@@ -2,15 +2,25 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import torch
 
 from ..constants import LOG_SCALE_LIMIT
 from ..errors import NonFiniteParameter
 from ..gaussians import Gaussians
+from ..numbers import number
 from .optimizer import Adam
 
-#: Steps between two looks at all parameters (a look costs half a millisecond).
-EVERY = 50
+
+@dataclass(frozen=True)
+class GuardSettings:
+    """Numbers of the guards."""
+
+    every: int = number(50, "steps", "between two checks of all parameters; a check costs half a millisecond")
+
+
+GUARDS = GuardSettings()
 
 
 def non_finite_rows(gaussians: Gaussians) -> dict[str, torch.Tensor]:

@@ -9,6 +9,7 @@ would otherwise spend half its time on, growing, is done before it starts.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -18,17 +19,35 @@ from scipy.spatial import QhullError, cKDTree
 from ..camera import Camera
 from ..constants import SH_C0, SH_COEFFICIENTS
 from ..gaussians import Gaussians
+from ..numbers import BY_DEFINITION, number
+from ..views import SparsePoints
 
 Array = NDArray[np.float64]
 
-#: Opacity of a first Gaussian; 3DGS starts at 0.1, but these lie on surfaces already.
-FIRST_OPACITY = 0.5
-#: Share of the budget that the lifted pixels fill; the rest is left for the density control.
-FIRST_SHARE = 0.8
-#: Views whose depth is interpolated, evenly chosen: more only repeat the same surface.
-LIFTED_VIEWS = 16
-#: Sparse points an interpolation of depth needs.
-FEWEST_POINTS = 8
+
+@dataclass(frozen=True)
+class InitialSettings:
+    """Numbers of the first Gaussians."""
+
+    opacity: float = number(0.5, "opacity", "of each; 3DGS starts at 0.1, but these lie on surfaces already")
+    budget_share: float = number(
+        0.8, "share of the budget", "that lifted px fill; the rest is left for the density control"
+    )
+    lifted_views: int = number(
+        16, "photos", "whose depth is interpolated, evenly chosen: more only repeat the same surface"
+    )
+    minimum_points: int = number(8, "count", "sparse points that an interpolation of a photo's depth needs")
+    neighbours: int = number(
+        3, "count", "whose mean squared distance is a Gaussian's spacing", "3D Gaussian splatting (Kerbl et al. 2023)"
+    )
+    size: float = number(0.5, "spacing", "standard deviation of a first Gaussian")
+    lone_spacing: float = number(0.01, "viewing distance", "spacing of a Gaussian that is the only one")
+    minimum_variance: float = number(
+        1e-14, "viewing distance^2", "of points at one place, whose logarithm would not be finite", BY_DEFINITION
+    )
+
+
+INITIAL = InitialSettings()
 
 
 def _seen(camera: Camera, positions: Array) -> tuple[Array, Array]:
@@ -53,7 +72,7 @@ def lifted_points(
         positions [K, 3] and pixels [K, 2] (x, y); empty if the view sees too few points.
     """
     uv, depth = _seen(camera, positions)
-    if len(uv) < FEWEST_POINTS:
+    if len(uv) < INITIAL.minimum_points:
         return np.zeros((0, 3)), np.zeros((0, 2))
     # blue-ish noise: one pixel at a random place of each cell of a grid
     area = (camera.width + 2 * margin) * (camera.height + 2 * margin)
@@ -63,7 +82,7 @@ def lifted_points(
     pixels = np.stack([gx.ravel(), gy.ravel()], axis=1) + random.random((nx * ny, 2))
     pixels *= ((camera.width + 2 * margin) / nx, (camera.height + 2 * margin) / ny)
     pixels -= margin
-    from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator  # (a fifth of a second to import)
+    from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator  # late: a fifth of a second
 
     inverse = 1.0 / depth  # inverse depth is linear in the image on a plane
     nearest = NearestNDInterpolator(uv, inverse)(pixels)
@@ -80,8 +99,7 @@ def lifted_points(
 def first_gaussians(
     cameras: Sequence[Camera],
     planes: Callable[[int], NDArray[np.float32]],
-    positions: Array,
-    colours: NDArray[np.uint8],
+    points: SparsePoints,
     count: int,
     sh_degree: int,
     random: np.random.Generator,
@@ -92,12 +110,13 @@ def first_gaussians(
     Args:
         cameras: the training views in unit coordinates.
         planes: gives view i as [3, H, W] float32 sRGB (sharpened photos serve better).
-        positions, colours: the sparse points [M, 3] and their sRGB colours [M, 3].
-        count: the budget; about `FIRST_SHARE` of it is used.
+        points: the sparse points, in unit coordinates.
+        count: the budget; about `INITIAL.budget_share` of it is used.
         margin: px beyond the frames that the twin should cover.
     """
-    target = max(1, int(count * FIRST_SHARE))
-    chosen = np.unique(np.linspace(0, len(cameras) - 1, min(LIFTED_VIEWS, len(cameras))).astype(int))
+    positions, colours = points.positions, points.colours
+    target = max(1, int(count * INITIAL.budget_share))
+    chosen = np.unique(np.linspace(0, len(cameras) - 1, min(INITIAL.lifted_views, len(cameras))).astype(int))
     share = max(1, target // len(chosen))
     all_positions, all_colours = [], []
     for index in chosen:
@@ -125,18 +144,18 @@ def first_gaussians(
 def gaussians_at(centres: Array, rgb: NDArray[np.float32], sh_degree: int) -> Gaussians:
     """Isotropic Gaussians whose size is the distance to the next few neighbours."""
     n = len(centres)
-    spacing = np.full(n, 0.01)
+    spacing = np.full(n, INITIAL.lone_spacing)
     if n > 1:
-        near = cKDTree(centres).query(centres, k=min(4, n), workers=-1)[0][:, 1:]
-        spacing = np.sqrt(np.maximum((near**2).mean(axis=1), 1e-14))
+        near = cKDTree(centres).query(centres, k=min(1 + INITIAL.neighbours, n), workers=-1)[0][:, 1:]
+        spacing = np.sqrt(np.maximum((near**2).mean(axis=1), INITIAL.minimum_variance))
     sh = np.zeros((n, SH_COEFFICIENTS[sh_degree], 3), np.float32)
     sh[:, 0] = (rgb - 0.5) / SH_C0
     quaternions = np.zeros((n, 4), np.float32)
     quaternions[:, 0] = 1.0
-    opacity = np.log(FIRST_OPACITY / (1 - FIRST_OPACITY))
+    opacity = np.log(INITIAL.opacity / (1 - INITIAL.opacity))
     return Gaussians(
         means=torch.from_numpy(centres.astype(np.float32)),
-        log_scales=torch.from_numpy(np.log(0.5 * spacing)[:, None].repeat(3, axis=1).astype(np.float32)),
+        log_scales=torch.from_numpy(np.log(INITIAL.size * spacing)[:, None].repeat(3, axis=1).astype(np.float32)),
         quaternions=torch.from_numpy(quaternions),
         opacity_logits=torch.full((n,), float(opacity)),
         sh=torch.from_numpy(sh),

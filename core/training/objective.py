@@ -7,7 +7,7 @@ while the finest band that the photos still hold is missing. The inverted residu
     d = W (y - H x),   W = H' / (|H|^2 + n)                                    (Wiener's inverse)
 
 is what is missing in x itself, in the band that the photos hold (|H|^2 > n), and nothing outside
-it. The residual is known inside the photo only and taken as zero beyond, so no border has to be
+it. The residual is measured inside the photo only and taken as zero beyond, so no border has to be
 invented. x is drawn towards x + d by a pseudo-Huber difference, so that a few photos that disagree
 do not outvote the rest.
 
@@ -30,9 +30,25 @@ from ..imaging.fourier import FourierFilter
 from ..imaging.medium import BlurSpace
 from ..imaging.psf import PointSpread
 from ..imaging.spectrum import NoiseToSignal
+from ..numbers import number
 from .settings import TrainingSettings
 from .specks import speck_gradient
 from .variation import variation_gradient
+
+
+@dataclass(frozen=True)
+class ObjectiveSettings:
+    """Numbers of the inverted residual, besides those of `TrainingSettings`."""
+
+    minimum_derivative: float = number(
+        0.1,
+        "linear light per sRGB",
+        "of the decoding curve that an inverted residual in linear light is divided by: the curve is flat in the dark,"
+        " where noise would be lifted without limit",
+    )
+
+
+OBJECTIVE = ObjectiveSettings()
 
 
 @dataclass(frozen=True)
@@ -53,7 +69,7 @@ class Inverse:
 
     def __init__(self, psf: PointSpread, height: int, width: int, ratio: NoiseToSignal, device: torch.device) -> None:
         brightness, colour = (
-            FourierFilter(psf, height, width, table, "wiener", "zero", device)
+            FourierFilter(psf, (height, width), table, "wiener", "zero", device)
             for table in (ratio.brightness, ratio.colour)
         )
         self.height, self.width, self.size = height, width, brightness.size
@@ -76,8 +92,8 @@ class Objective:
 
     Args:
         psf: the point spread on this grid, None for none.
-        height, width: the photos' size on this grid.
-        margin: px the render is larger on every side.
+        frame: the photos' size on this grid, and the margin that the render is larger by on every side.
+        space: in which the blur is linear.
         ratio: noise over signal of the photos on this grid; None where nothing is inverted.
         contrast: of the sharp scene on this grid (`contrast.scene_contrast`), the unit of differences.
     """
@@ -85,25 +101,23 @@ class Objective:
     def __init__(
         self,
         psf: PointSpread | None,
-        height: int,
-        width: int,
-        margin: int,
+        frame: Frame,
         space: BlurSpace,
         settings: TrainingSettings,
         device: torch.device,
         ratio: NoiseToSignal | None = None,
         contrast: float = 0.2,
     ) -> None:
-        self.settings, self.margin, self.space, self.device = settings, margin, space, device
+        self.settings, self.margin, self.space, self.device = settings, frame.margin, space, device
         self.knee, self.inverse_width = settings.variation_knee * contrast, settings.inverse_width * contrast
         if settings.blur_evaluation == "splats":  # the splats themselves are widened: see `Trainer.raster_settings`
             psf, evaluation = None, "auto"
         else:
             evaluation = settings.blur_evaluation
-        self.medium = medium_of(psf, Frame(height, width, margin), space, device, evaluation=evaluation)
+        self.medium = medium_of(psf, frame, space, device, evaluation=evaluation)
         self.inverse = None
         if psf is not None and ratio is not None:
-            self.inverse = Inverse(psf, height + 2 * margin, width + 2 * margin, ratio, device)
+            self.inverse = Inverse(psf, *frame.rendered, ratio, device)
 
     def loss(self, image: Tensor, photo: Tensor, valid: Tensor | None) -> LossAndGradient:
         """Loss of a render [3, H + 2m, W + 2m] against the photo [3, H, W], both sRGB, and its gradient."""
@@ -128,7 +142,7 @@ class Objective:
         m = self.margin
         missing = self.inverse.apply(torch.nn.functional.pad(residual, (m, m, m, m)))
         if self.space == "linear":
-            missing = missing / decoding_slope(image, passed.light).clamp(min=0.1)
+            missing = missing / decoding_slope(image, passed.light).clamp(min=OBJECTIVE.minimum_derivative)
         inner = (slice(None), slice(m, m + photo.shape[1]), slice(m, m + photo.shape[2]))
         d = missing[inner]
         d = d / (d.square() + self.inverse_width**2).sqrt() if self.inverse_width else d.sign()
@@ -151,8 +165,8 @@ class Objective:
         if self.space == "linear":
             sharp = linear_to_srgb(sharp.clamp(min=0.0))
         gradient = (s.variation_weight / photo.numel()) * variation_gradient(image, self.knee)
-        loss, slope = self._compare(image[inner].contiguous(), sharp, valid, s.ssim_weight)
-        gradient[inner] += slope
+        loss, in_sharpened = self._compare(image[inner].contiguous(), sharp, valid, s.ssim_weight)
+        gradient[inner] += in_sharpened
         return LossAndGradient(loss, gradient)
 
     def _compare(self, image: Tensor, photo: Tensor, valid: Tensor | None, ssim_weight: float) -> tuple[float, Tensor]:

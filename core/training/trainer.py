@@ -16,28 +16,42 @@ from ..devices import backend_on
 from ..errors import PsfError
 from ..forward import Exposed, Exposure, ForwardModel, low_pass_on_grid, margin_for
 from ..forward.compare import mean_square, psnr_of
+from ..frames import Frame
 from ..gaussians import Gaussians
 from ..imaging.formation.chain import Formation
 from ..imaging.medium import Medium
 from ..imaging.spectrum import NoiseToSignal, noise_to_signal
+from ..numbers import number
 from ..rasterizer import RasterSettings
 from ..views import SparsePoints, View, distinct
 from .checkpoint import Checkpoint
 from .contrast import scene_contrast
 from .density import DensityControl
 from .footprint import widened
-from .grid import SMALLEST_SIDE, GridView, grid_step
-from .guards import EVERY, drop_non_finite, out_of_range
+from .grid import GRID, GridView, grid_step
+from .guards import GUARDS, drop_non_finite, out_of_range
 from .initial import first_gaussians
 from .objective import Objective
 from .optimizer import Adam
 from .scale import SceneScale, scene_scale
 from .settings import TrainingSettings, smoothness, start_share, trust
 
-#: Photos whose spectra are averaged for the noise-to-signal ratio.
-SPECTRUM_VIEWS = 12
-#: Held-out photos that are looked at while training.
-WATCHED_VIEWS = 4
+
+@dataclass(frozen=True)
+class TrainerSettings:
+    """How many photos are asked where all would take too long."""
+
+    spectrum_views: int = number(
+        12, "photos", "whose spectra, contrasts and colours are averaged, evenly over the set; more say little new"
+    )
+    watched_views: int = number(
+        4,
+        "photos",
+        "of those held out that are rendered at every evaluation; more cost time that iterations could have",
+    )
+
+
+TRAINER = TrainerSettings()
 
 
 #: What the projection culls because it has to; what is merely not seen (outside, transparent) is no repair.
@@ -56,8 +70,8 @@ class Level:
     views: list[GridView]
     heldout: list[GridView]
     margin: int
-    ratio: NoiseToSignal | None = None
-    contrast: float = 0.2
+    ratio: NoiseToSignal | None
+    contrast: float
     objectives: dict[Any, Objective] = field(default_factory=dict)
 
 
@@ -102,7 +116,7 @@ class Trainer:
         step = settings.grid_step or grid_step(medium, width, height)
         fine = self._level(step)
         self.levels = [fine]
-        if settings.coarse_share > 0 and min(width, height) // (2 * step) >= SMALLEST_SIDE:
+        if settings.coarse_share > 0 and min(width, height) // (2 * step) >= GRID.smallest_side:
             self.levels = [self._level(2 * step), fine]
         gaussians = (
             self.scale.to_unit(start)
@@ -110,8 +124,7 @@ class Trainer:
             else first_gaussians(
                 [v.camera for v in fine.views],
                 lambda i: fine.views[i].planes(),
-                self.scale.points_to_unit(points.positions),
-                points.colours,
+                replace(points, positions=self.scale.points_to_unit(points.positions)),
                 settings.max_gaussians,
                 settings.sh_degree,
                 np.random.default_rng([settings.seed, 0]),
@@ -130,9 +143,9 @@ class Trainer:
             camera = self.scale.camera_to_unit(view.camera)
             return GridView(view, camera, step, self.medium.psf_for(view.name), self.medium.blur_space)
 
-        views, heldout = [on_grid(v) for v in self.views], [on_grid(v) for v in self.heldout[:WATCHED_VIEWS]]
+        views, heldout = [on_grid(v) for v in self.views], [on_grid(v) for v in self.heldout[: TRAINER.watched_views]]
         sigma = max((float(np.linalg.eigvalsh(v.psf.covariance)[-1]) ** 0.5 for v in views if v.psf), default=0.0)
-        contrast = scene_contrast(views[:: max(1, len(views) // SPECTRUM_VIEWS)])
+        contrast = scene_contrast(views[:: max(1, len(views) // TRAINER.spectrum_views)])
         reach = math.hypot(sigma, self.formation.reach(views[0].camera.width, views[0].camera.height))
         return Level(step, views, heldout, margin_for(reach), self._ratio(views, step), contrast)
 
@@ -140,12 +153,12 @@ class Trainer:
         """Noise over signal of the photos on a grid, as far as they are trusted."""
         if all(v.psf is None for v in views) or self.settings.loss == "paper":
             return None
-        looked_at = views[:: max(1, len(views) // SPECTRUM_VIEWS)]
-        photos = [v.planes() for v in looked_at]
+        measured = views[:: max(1, len(views) // TRAINER.spectrum_views)]
+        photos = [v.planes() for v in measured]
         if self.medium.blur_space == "linear":
             photos = [np.asarray(srgb_to_linear(p), np.float32) for p in photos]
         gain = self.settings.noise_gain or trust(self.distinct)
-        return noise_to_signal(photos, [v.psf for v in looked_at], self.views[0].rounding / step).trusted(gain)
+        return noise_to_signal(photos, [v.psf for v in measured], self.views[0].rounding / step).trusted(gain)
 
     def objective(self, level: Level, view: Exposure) -> Objective:
         """The objective for a view's size and point spread; made once for all views that share them."""
@@ -153,9 +166,7 @@ class Trainer:
         if key not in level.objectives:
             level.objectives[key] = Objective(
                 view.psf,
-                view.camera.height,
-                view.camera.width,
-                level.margin,
+                Frame(view.camera.height, view.camera.width, level.margin),
                 self.medium.blur_space,
                 self.settings,
                 self.device,
@@ -219,7 +230,7 @@ class Trainer:
                 self.culled[reason] = self.culled.get(reason, 0) + count
         self.optimizer.step(self.rates(share))
         self.step += 1
-        if self.step % EVERY == 0:
+        if self.step % GUARDS.every == 0:
             clamped = out_of_range(self.optimizer.gaussians)
             self.repairs["clamped scales, most at once"] = max(
                 self.repairs.get("clamped scales, most at once", 0), clamped
@@ -331,10 +342,10 @@ def round_variance(views: Sequence[GridView]) -> float:
 
 
 def mean_colour(views: Sequence[View]) -> torch.Tensor:
-    """[3] float32 sRGB: the photos' mean, which stands behind the twin and where no photo has looked."""
+    """[3] float32 sRGB: the photos' mean, which stands behind the twin and in what no photo shows."""
     sums = np.zeros(3)
-    for view in views[:: max(1, len(views) // SPECTRUM_VIEWS)]:
+    for view in views[:: max(1, len(views) // TRAINER.spectrum_views)]:
         full = float(np.iinfo(view.photo.dtype).max)
         pixels = view.photo if view.mask is None or not view.mask.any() else view.photo[view.mask]
         sums += pixels.reshape(-1, 3).mean(axis=0) / full
-    return torch.from_numpy(sums / len(views[:: max(1, len(views) // SPECTRUM_VIEWS)])).float()
+    return torch.from_numpy(sums / len(views[:: max(1, len(views) // TRAINER.spectrum_views)])).float()

@@ -164,10 +164,10 @@ class Fuzzer:
         value, slope = PhotometricLoss(photo).value_and_gradient(seen.cpu().contiguous())
         # The loss divides by the number of px: brought to size 1, so that a step of any size is met.
         weights = blur.adjoint(slope.to(self.device)) * photo.numel()
-        pulled = (view.image * weights).sum() + (view.alpha * weights[0]).sum()
+        weighted = (view.image * weights).sum() + (view.alpha * weights[0]).sum()
         if view.depth is not None:
-            pulled = pulled + (view.depth * weights[1]).sum()
-        gradients = torch.autograd.grad(pulled, [t for _, t in leaves.named()], allow_unused=True)
+            weighted = weighted + (view.depth * weights[1]).sum()
+        gradients = torch.autograd.grad(weighted, [t for _, t in leaves.named()], allow_unused=True)
         outputs = [view.image, view.alpha, view.depth, seen, slope, weights, torch.tensor(value), *gradients]
         bad = sum(int((~t.detach().isfinite()).sum()) for t in outputs if t is not None)
         poisoned = ~torch.stack(

@@ -8,6 +8,7 @@ import numpy as np
 import torch
 
 from ...core.errors import NonFiniteParameter
+from ...core.frames import Frame
 from ...core.imaging.medium import Medium
 from ...core.imaging.operator import BlurOperator
 from ...core.imaging.psf import PointSpread, point_spread_from_samples
@@ -131,11 +132,11 @@ def nan_through_the_medium(site: Site) -> float:
     valid = photo.isfinite().all(dim=0)
     for space in ("srgb", "linear"):
         for ratio in (None, _ratio()):
-            objective = Objective(psf, 48, 64, 8, space, settings, torch.device("cpu"), ratio)  # type: ignore[arg-type]
+            objective = Objective(psf, Frame(48, 64, 8), space, settings, torch.device("cpu"), ratio)  # type: ignore[arg-type]
             for mask in (valid, torch.zeros_like(valid)):
                 terms = [objective.loss] + ([objective.start_loss] if ratio is not None else [])
-                for pull in terms:
-                    out = pull(_noise(3, 64, 80, seed=7), photo, mask)
+                for term in terms:
+                    out = term(_noise(3, 64, 80, seed=7), photo, mask)
                     bad += non_finite(out.gradient) + (not math.isfinite(out.loss))
     return float(bad)
 
@@ -208,14 +209,14 @@ def lost_rows(site: Site) -> float:
 
 @case("loss", "a density control of extremes", "finite, within the budget", 0.0, "a count of violations")
 def density_of_extremes(site: Site) -> float:
-    """Everything faded, everything pulled without limit, nothing seen."""
+    """Everything faded, gradients without limit, nothing seen."""
     violations = 0
-    for logits, pull in ((-12.0, 1.0), (20.0, 1e30), (0.0, 0.0), (0.0, math.nan), (0.0, math.inf)):
+    for logits, gradient in ((-12.0, 1.0), (20.0, 1e30), (0.0, 0.0), (0.0, math.nan), (0.0, math.inf)):
         optimizer = Adam(random_scene(60, 1))
         with torch.no_grad():
             optimizer.gaussians.opacity_logits[:] = logits
         density = DensityControl(60, torch.device("cpu"))
-        density.collect(ScreenStatistics(torch.ones(60), mean_gradient=torch.full((60, 2), pull)))
+        density.collect(ScreenStatistics(torch.ones(60), mean_gradient=torch.full((60, 2), gradient)))
         density.act(optimizer, 70, np.random.default_rng(0))
         violations += not 30 <= len(optimizer.gaussians) <= 70
         violations += sum(non_finite(t) for _, t in optimizer.gaussians.named())

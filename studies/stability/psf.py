@@ -269,7 +269,7 @@ def inverse_at_nulls(site: Site) -> float:
         psf = point_spread_from_samples(kernel)
         for noise in (1e-9, 1e-5, 1e3):
             for kind in ("newton", "wiener"):
-                inverse = FourierFilter(psf, 40, 50, noise, kind)  # type: ignore[arg-type]
+                inverse = FourierFilter(psf, (40, 50), noise, kind)  # type: ignore[arg-type]
                 x, y = _noise(3, 40, 50, seed=3) - 0.5, _noise(3, 40, 50, seed=4) - 0.5
                 there, back = inverse.apply(x), inverse.adjoint(y)
                 if not bool(there.isfinite().all() and back.isfinite().all()):

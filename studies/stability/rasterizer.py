@@ -13,7 +13,7 @@ from ...core.camera import Camera
 from ...core.constants import ALPHA_MAXIMUM, ALPHA_MINIMUM, NEAR_PLANE
 from ...core.gaussians import Gaussians
 from ...core.rasterizer import RasterSettings
-from ...core.training.density import TRANSPARENT
+from ...core.training.density import DENSITY
 from .case import ALL, OWN_BACKENDS, Site, case, worst
 from .photographed import small_set, trained_steps
 from .scenes import against_float64, drawn, joined, make_camera, pixels_apart, random_scene, rows, single
@@ -141,7 +141,7 @@ def no_splat_is_dead_for_good(site: Site) -> float:
         trainer.advance(step / 100)
     faded = int((torch.sigmoid(trainer.optimizer.gaussians.opacity_logits) < ALPHA_MINIMUM).sum())
     acted = trainer.density.counts["pruned"] > before
-    return float(faded) + float(not acted) + float(not TRANSPARENT > ALPHA_MINIMUM)
+    return float(faded) + float(not acted) + float(not DENSITY.minimum_opacity > ALPHA_MINIMUM)
 
 
 @case(

@@ -127,8 +127,7 @@ def no_extent(site: Site) -> float:
         gaussians = first_gaussians(
             [v.camera for v in views],
             lambda i: views[i].planes(),
-            positions,
-            np.full((len(positions), 3), 90, np.uint8),
+            SparsePoints(positions, np.full((len(positions), 3), 90, np.uint8)),
             300,
             1,
             np.random.default_rng(0),

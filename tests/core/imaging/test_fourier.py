@@ -38,7 +38,7 @@ def test_no_psf_returns_the_photo():
 def test_adjoint(kind, name):
     psf = parse_psf(name)
     assert psf is not None
-    filter_ = FourierFilter(psf, 40, 51, 1e-3, kind, dtype=torch.float64)
+    filter_ = FourierFilter(psf, (40, 51), 1e-3, kind, dtype=torch.float64)
     x, y = torch.rand(2, 3, 40, 51, dtype=torch.float64)
     assert (filter_.apply(x) * y).sum() == pytest.approx(float((x * filter_.adjoint(y)).sum()), rel=1e-12)
 
@@ -49,8 +49,8 @@ def test_newton_is_wiener_of_the_blurred():
     x = torch.zeros(1, 90, 90, dtype=torch.float64)
     x[0, 40:50, 40:52] = 1.0
     blurred = BlurOperator(psf, 90, 90, dtype=torch.float64).apply(x)
-    newton = FourierFilter(psf, 90, 90, 1e-2, "newton", dtype=torch.float64).apply(x)
-    wiener = FourierFilter(psf, 90, 90, 1e-2, "wiener", dtype=torch.float64).apply(blurred)
+    newton = FourierFilter(psf, (90, 90), 1e-2, "newton", dtype=torch.float64).apply(x)
+    wiener = FourierFilter(psf, (90, 90), 1e-2, "wiener", dtype=torch.float64).apply(blurred)
     assert (newton - wiener).abs().max() < 1e-4 and newton.max() > 0.9
 
 
@@ -58,8 +58,8 @@ def test_noise_over_frequency():
     psf = parse_psf("gaussian:2")
     assert psf is not None
     x = torch.rand(1, 30, 30)
-    constant = FourierFilter(psf, 30, 30, 1e-3).apply(x)
-    listed = FourierFilter(psf, 30, 30, np.full(20, 1e-3)).apply(x)
+    constant = FourierFilter(psf, (30, 30), 1e-3).apply(x)
+    listed = FourierFilter(psf, (30, 30), np.full(20, 1e-3)).apply(x)
     assert (constant - listed).abs().max() < 1e-6
     with pytest.raises(ValueError, match="positive"):
-        FourierFilter(psf, 30, 30, 0.0)
+        FourierFilter(psf, (30, 30), 0.0)

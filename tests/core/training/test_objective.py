@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import torch
 from dgs.core.colour import linear_to_srgb, srgb_to_linear
+from dgs.core.frames import Frame
 from dgs.core.imaging.operator import BlurOperator
 from dgs.core.imaging.psf import PointSpread
 from dgs.core.imaging.spectrum import BINS, NoiseToSignal
@@ -26,7 +27,7 @@ def scene() -> torch.Tensor:
 
 def objective(space: str = "srgb", **settings: float) -> Objective:
     wanted = TrainingSettings(variation_weight=0.0, speck_weight=0.0, **settings)  # type: ignore[arg-type]
-    return Objective(PSF, HEIGHT, WIDTH, MARGIN, space, wanted, torch.device("cpu"), RATIO)  # type: ignore[arg-type]
+    return Objective(PSF, Frame(HEIGHT, WIDTH, MARGIN), space, wanted, torch.device("cpu"), RATIO)  # type: ignore[arg-type]
 
 
 def photo_of(image: torch.Tensor, space: str = "srgb") -> torch.Tensor:
@@ -76,7 +77,7 @@ def test_the_start_draws_a_blurred_render_towards_the_sharp_scene(space: str) ->
 
 
 @pytest.mark.parametrize("phase", ["start_loss", "loss"])
-def test_masked_pixels_do_not_pull(phase: str) -> None:
+def test_masked_pixels_have_no_gradient(phase: str) -> None:
     truth = scene()
     photo = photo_of(truth)
     valid = torch.ones(HEIGHT, WIDTH, dtype=torch.bool)

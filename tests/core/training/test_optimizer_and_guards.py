@@ -8,7 +8,7 @@ import torch
 from dgs.core.errors import NonFiniteParameter
 from dgs.core.gaussians import Gaussians
 from dgs.core.rasterizer import ScreenStatistics
-from dgs.core.training.density import TRANSPARENT, DensityControl
+from dgs.core.training.density import DENSITY, DensityControl
 from dgs.core.training.guards import drop_non_finite
 from dgs.core.training.optimizer import Adam
 from dgs.tests.core.training.training_scenes import same
@@ -28,7 +28,7 @@ def some(count: int = 40, degree: int = 1, seed: int = 0) -> Gaussians:
     return Gaussians(**{name: torch.randn(*shape, generator=random) for name, shape in shapes.items()})
 
 
-def pulled(optimizer: Adam, seed: int) -> dict[str, torch.Tensor]:
+def with_gradients(optimizer: Adam, seed: int) -> dict[str, torch.Tensor]:
     """Gives every parameter a random gradient of very different sizes."""
     random = torch.Generator().manual_seed(seed)
     out = {}
@@ -50,7 +50,7 @@ def test_adam_agrees_with_torch(degree):
     groups += [{"params": [base], "lr": RATES["sh"]}, {"params": [rest], "lr": RATES["sh_rest"]}]
     theirs = torch.optim.Adam(groups, betas=(0.9, 0.999), eps=1e-15)
     for step in range(25):
-        gradients = pulled(ours, step)
+        gradients = with_gradients(ours, step)
         for name, leaf in leaves.items():
             leaf.grad = gradients[name].double()
         base.grad, rest.grad = gradients["sh"][:, :1].double(), gradients["sh"][:, 1:].double()
@@ -64,7 +64,7 @@ def test_adam_agrees_with_torch(degree):
 
 def test_gradients_are_forgotten_after_a_step():
     optimizer = Adam(some())
-    pulled(optimizer, 0)
+    with_gradients(optimizer, 0)
     optimizer.step(RATES)
     assert all(t.grad is None for _, t in optimizer.gaussians.named())
     before = optimizer.gaussians.detached()
@@ -75,8 +75,8 @@ def test_gradients_are_forgotten_after_a_step():
 @pytest.mark.parametrize("poison", [math.nan, math.inf, -math.inf])
 def test_non_finite_gradients_are_refused_and_counted(poison):
     clean, spoiled = Adam(some()), Adam(some())
-    pulled(clean, 1)
-    pulled(spoiled, 1)
+    with_gradients(clean, 1)
+    with_gradients(spoiled, 1)
     for optimizer, value in ((clean, 0.0), (spoiled, poison)):
         assert optimizer.gaussians.means.grad is not None and optimizer.gaussians.sh.grad is not None
         optimizer.gaussians.means.grad[3, 1] = value
@@ -89,7 +89,7 @@ def test_non_finite_gradients_are_refused_and_counted(poison):
 @pytest.mark.parametrize("name", ["means", "log_scales", "quaternions", "opacity_logits", "sh"])
 def test_non_finite_rows_are_dropped_and_counted(name):
     optimizer = Adam(some())
-    pulled(optimizer, 0)
+    with_gradients(optimizer, 0)
     optimizer.step(RATES)
     first = optimizer.first["means"].clone()
     kept = [row for row in range(40) if row not in (5, 11)]
@@ -113,26 +113,26 @@ def test_all_rows_lost_is_an_error_that_names_the_parameter():
         drop_non_finite(optimizer, 150)
 
 
-def control(optimizer: Adam, pull: torch.Tensor) -> DensityControl:
+def control(optimizer: Adam, lengths: torch.Tensor) -> DensityControl:
     count = len(optimizer.gaussians)
     density = DensityControl(count, torch.device("cpu"))
-    gradient = torch.stack([pull, torch.zeros(count)], dim=1)
+    gradient = torch.stack([lengths, torch.zeros(count)], dim=1)
     density.collect(ScreenStatistics(radius=torch.ones(count), mean_gradient=gradient))
     return density
 
 
-def test_density_grows_where_it_is_pulled_and_moments_follow():
+def test_density_grows_where_gradients_are_large_and_moments_follow():
     optimizer = Adam(some(100))
     with torch.no_grad():
         optimizer.gaussians.opacity_logits[:] = 1.0
-        optimizer.gaussians.opacity_logits[:7] = math.log(0.5 * TRANSPARENT)  # invisible
-    pulled(optimizer, 0)
+        optimizer.gaussians.opacity_logits[:7] = math.log(0.5 * DENSITY.minimum_opacity)  # invisible
+    with_gradients(optimizer, 0)
     optimizer.step({**RATES, "opacity_logits": 0.0})
     means = optimizer.gaussians.means.detach().clone()
     first, second = optimizer.first["means"], optimizer.second["means"]
-    pull = torch.zeros(100)
-    pull[50:60] = 1.0
-    density = control(optimizer, pull)
+    lengths = torch.zeros(100)
+    lengths[50:60] = 1.0
+    density = control(optimizer, lengths)
     density.act(optimizer, 1000, np.random.default_rng(0))
     counts = density.counts
     assert counts["pruned"] == 7 and counts["cloned"] + counts["split"] == 10

@@ -14,6 +14,7 @@ from dgs.core.training.grid import averaged, coarse_camera, grid_step
 from dgs.core.training.initial import first_gaussians
 from dgs.core.training.specks import speck_gradient, speck_price
 from dgs.core.training.variation import SMOOTH, variation_gradient
+from dgs.core.views import SparsePoints
 from dgs.tests.core.training.training_scenes import HEIGHT, WIDTH, camera_at, coloured_plane
 
 
@@ -56,7 +57,8 @@ def start(positions, budget=400):
     cameras = [camera_at(x, 0.0, f"{x}") for x in (-0.5, 0.0, 0.5)]
     image = np.random.default_rng(1).random((3, HEIGHT, WIDTH)).astype(np.float32)
     colours = np.full((len(positions), 3), 90, np.uint8)
-    return first_gaussians(cameras, lambda i: image, positions, colours, budget, 1, np.random.default_rng(0), 4.0)
+    points = SparsePoints(positions, colours)
+    return first_gaussians(cameras, lambda i: image, points, budget, 1, np.random.default_rng(0), 4.0)
 
 
 @pytest.mark.parametrize("count", [1, 2, 7, 8, 60, 3000])

@@ -10,6 +10,7 @@ from dgs.core.imaging.medium import Medium
 from dgs.core.progress import Silent
 from dgs.core.rasterizer import render
 from dgs.core.training import trainer as trainer_module
+from dgs.core.training.grid import GRID
 from dgs.core.training.job import TrainingJob
 from dgs.core.training.run import Trained, train
 from dgs.core.training.trainer import Trainer
@@ -24,18 +25,18 @@ def scene() -> Scene:
 @pytest.fixture(autouse=True)
 def two_levels(monkeypatch):
     """Photos of this size would be trained on one grid only; both stages shall run."""
-    monkeypatch.setattr(trainer_module, "SMALLEST_SIDE", 48)
+    monkeypatch.setattr(trainer_module, "GRID", replace(GRID, smallest_side=48))
 
 
 class StopsAfter(Silent):
-    """The user stops at the n-th look."""
+    """The user stops when asked for the n-th time."""
 
-    def __init__(self, looks: int) -> None:
-        self.looks = looks
+    def __init__(self, questions: int) -> None:
+        self.questions = questions
 
     def cancelled(self) -> bool:
-        self.looks -= 1
-        return self.looks < 0
+        self.questions -= 1
+        return self.questions < 0
 
 
 class Listens(Silent):
