@@ -23,7 +23,7 @@ def main() -> int:
     parser.add_argument("--data", type=Path, action="append", required=True, help="set with a folder sharp/")
     parser.add_argument("--photos", type=int, default=6)
     options = parser.parse_args()
-    from dgs.core.imaging.contradiction import CONTRADICTED
+    from dgs.core.imaging.contradiction import CONTRADICTION
     from dgs.core.imaging.psf import PointSpread
     from dgs.core.imaging.spectrum import noise_to_signal
     from dgs.core.photos.load import load_photo
@@ -32,7 +32,7 @@ def main() -> int:
 
     cases = mismatch.cases(SIGMA)
     cut = max(case.kernel.shape[0] // 2 for case in cases)
-    print(f"contradicted from {CONTRADICTED:g} on\n")
+    print(f"contradicted from {CONTRADICTION.limit:g} on\n")
     print("| set | case | " + " | ".join(f"excess, width (grid {g} px)" for g in GRIDS) + " |\n|---|---|---|---|")
     for folder in options.data:
         files = [f for f in sorted((folder / "sharp").iterdir()) if f.suffix.lower() in (".png", ".jpg", ".jpeg")]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -16,6 +17,7 @@ from ..frames import Evaluation, Frame
 from ..gaussians import Gaussians
 from ..imaging.compiled_blurs import Direct, Separable
 from ..imaging.formation.layered_kernels import gathered, weighed
+from ..numbers import number
 from ..rasterizer.cpu import render_cpu
 from ..rendering import RasterSettings, Rendered
 from ..training.adam_kernels import ROWS, RUN, adam_step
@@ -25,10 +27,19 @@ from ..training.variation import SMOOTH
 from ..training.variation_kernels import edge_directions, negative_divergence
 from .reference import ReferenceBackend
 
-#: A kernel with more taps is not evaluated tap by tap: Fourier transforms are faster by far.
-DIRECT_TAPS = 31 * 31
-#: Rows of a picture that are worth a call to a thread; of one channel, of all three.
-ROWS_A_CALL, ROWS_OF_ALL = 16, 48
+
+@dataclass(frozen=True)
+class CpuSettings:
+    """Numbers of the CPU's kernels; they change how long it takes, and nothing else but last bits."""
+
+    direct_taps: int = number(
+        31 * 31, "count", "a kernel with more is not evaluated tap by tap: Fourier transforms are faster by far"
+    )
+    rows: int = number(16, "rows of one channel", "that are worth a call to a thread")
+    rows_of_all: int = number(48, "rows of all three channels", "that are worth a call to a thread")
+
+
+CPU = CpuSettings()
 
 
 class CpuBackend(ReferenceBackend):
@@ -52,7 +63,7 @@ class CpuBackend(ReferenceBackend):
     ) -> dict[str, Evaluation]:
         """See `Backend`."""
         found: dict[str, Evaluation] = {}
-        if kernel.size <= DIRECT_TAPS:
+        if kernel.size <= CPU.direct_taps:
             found["direct"] = Direct(kernel, frame, dtype)
         if taps is not None:
             found["separable"] = Separable(*taps, frame, dtype)
@@ -69,9 +80,9 @@ class CpuBackend(ReferenceBackend):
         source = image.detach().contiguous().numpy()
         horizontal, vertical, out = (np.empty_like(source) for _ in range(3))
         limits = np.float32(SMOOTH**2), np.float32(knee)
-        run(edge_directions, source.shape[1], source, *limits, horizontal, vertical, grain=ROWS_A_CALL)
+        run(edge_directions, source.shape[1], source, *limits, horizontal, vertical, grain=CPU.rows)
         rows = source.shape[0] * source.shape[1]
-        run(negative_divergence, rows, horizontal, vertical, out, grain=ROWS_OF_ALL)
+        run(negative_divergence, rows, horizontal, vertical, out, grain=CPU.rows_of_all)
         return torch.from_numpy(out)
 
     def speck_gradient(self, image: Tensor) -> Tensor:
@@ -80,12 +91,12 @@ class CpuBackend(ReferenceBackend):
         _, height, width = source.shape
         fields, means, slants, horizontal, vertical = _workspace(height, width)
         out = np.empty_like(source)
-        run(structure, height - 1, source, fields, grain=ROWS_A_CALL)
-        run(binomial, 3 * height, fields, means, grain=ROWS_OF_ALL)
-        run(slopes, height, means, np.float32(SMOOTH**2), grain=ROWS_A_CALL)
-        run(binomial, 3 * height, means, slants, grain=ROWS_OF_ALL)
-        run(differences, 3 * (height - 1), source, slants, horizontal, vertical, grain=ROWS_OF_ALL)
-        run(negative_divergence, 3 * height, horizontal, vertical, out, grain=ROWS_OF_ALL)
+        run(structure, height - 1, source, fields, grain=CPU.rows)
+        run(binomial, 3 * height, fields, means, grain=CPU.rows_of_all)
+        run(slopes, height, means, np.float32(SMOOTH**2), grain=CPU.rows)
+        run(binomial, 3 * height, means, slants, grain=CPU.rows_of_all)
+        run(differences, 3 * (height - 1), source, slants, horizontal, vertical, grain=CPU.rows_of_all)
+        run(negative_divergence, 3 * height, horizontal, vertical, out, grain=CPU.rows_of_all)
         return torch.from_numpy(out)
 
     def adam(self, step: AdamStep) -> int:
@@ -106,7 +117,7 @@ class CpuBackend(ReferenceBackend):
         """See `Backend`."""
         out = torch.empty((len(light) + 1, *light.shape[1:]))
         arrays = light.contiguous().numpy(), variance.numpy()
-        run(weighed, light.shape[1], *arrays, *np.asarray(tent, np.float32), out.numpy(), grain=ROWS_A_CALL)
+        run(weighed, light.shape[1], *arrays, *np.asarray(tent, np.float32), out.numpy(), grain=CPU.rows)
         return out
 
     def layer_gathered(
@@ -115,7 +126,7 @@ class CpuBackend(ReferenceBackend):
         """See `Backend`."""
         arrays = back.contiguous().numpy(), light.contiguous().numpy(), variance.numpy()
         outputs = [gradient.numpy() for gradient in gradients]
-        run(gathered, light.shape[1], *arrays, *np.asarray(tent, np.float32), *outputs, grain=ROWS_A_CALL)
+        run(gathered, light.shape[1], *arrays, *np.asarray(tent, np.float32), *outputs, grain=CPU.rows)
 
 
 @lru_cache(maxsize=2)

@@ -14,7 +14,7 @@ from torch import Tensor
 Planes = TypeVar("Planes", Tensor, NDArray[Any])
 
 #: Mean squared errors below this count as this one: 100 dB, far beyond what a photo of 16 bits can say.
-LEAST_ERROR = 1e-10
+MINIMUM_ERROR = 1e-10
 
 
 def mask_of(valid: NDArray[np.bool_] | None) -> Tensor | None:
@@ -34,4 +34,4 @@ def mean_square(residual: Planes, valid: Planes | None = None) -> float:
 
 def psnr_of(errors: Sequence[float]) -> float:
     """PSNR in dB of photos in [0, 1], from their mean squared errors."""
-    return -10.0 * math.log10(max(sum(errors) / len(errors), LEAST_ERROR))
+    return -10.0 * math.log10(max(sum(errors) / len(errors), MINIMUM_ERROR))

@@ -16,7 +16,7 @@ from ..gaussians import Gaussians
 from ..imaging.formation.chain import Formation, Passage
 from ..imaging.formation.effect import Shot
 from ..imaging.psf import PointSpread
-from ..rasterizer import RasterSettings, Rendered, render, with_slope
+from ..rasterizer import RasterSettings, Rendered, render, with_gradient
 from .medium import MediumModel
 
 
@@ -108,8 +108,8 @@ class Exposed:
         """Adds gradients to the Gaussians, poses, and effects, given that of a loss in `reached`."""
         total: Tensor | None = None
         for frame, part in zip(self.frames, self._shared(upstream), strict=True):
-            slope = with_slope(frame.rendered.image, frame.passage.gradient(part))
-            total = slope if total is None else total + slope
+            derivative = with_gradient(frame.rendered.image, frame.passage.gradient(part))
+            total = derivative if total is None else total + derivative
         assert total is not None
         total.backward()  # type: ignore[no-untyped-call]
 

@@ -3,22 +3,33 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import PsfError
+from ..numbers import BY_DEFINITION, number
 from .kernel_samples import convolved_samples, spreading, trimmed
 from .psf import PointSpread
 
 Array = NDArray[np.float64]
 
-#: Points of a path per px: the grid sees no difference to a line.
-_DENSE = 8
-#: A cubic's undershoot below this share of the peak is cut; a path that has more is antialiased by the hat instead.
-_UNDERSHOOT = 1e-2
-#: Longest path, px: a kernel must hold it.
-LONGEST_PATH = 512.0
+
+@dataclass(frozen=True)
+class PathSettings:
+    """Numbers of the kernel of a straight path."""
+
+    density: int = number(8, "points per px", "of a path: the grid sees no difference to a line")
+    undershoot: float = number(
+        1e-2,
+        "share of the peak",
+        "below which a cubic's undershoot is cut; a path that has more is antialiased by the hat instead",
+    )
+    longest: float = number(512.0, "px", "longest path: a kernel must hold it", BY_DEFINITION)
+
+
+PATH = PathSettings()
 
 
 def convolved(first: PointSpread | None, second: PointSpread | None) -> PointSpread | None:
@@ -52,8 +63,8 @@ def moved(psf: PointSpread | None, length: float, angle: float) -> PointSpread |
         PsfError: a length that makes no sense.
     """
     path = f"path:{length:.6g},{angle:.6g}"
-    if not (math.isfinite(length) and math.isfinite(angle) and 0.0 <= length <= LONGEST_PATH):
-        raise PsfError(f"The path '{path}' makes no sense", f"Give 0 to {LONGEST_PATH:g} px and an angle in degrees")
+    if not (math.isfinite(length) and math.isfinite(angle) and 0.0 <= length <= PATH.longest):
+        raise PsfError(f"The path '{path}' makes no sense", f"Give 0 to {PATH.longest:g} px and an angle in degrees")
     if length == 0.0:
         return psf
     # Spread by a cubic a path keeps its variance to the last digit; the other blur smooths what undershoots.
@@ -61,7 +72,7 @@ def moved(psf: PointSpread | None, length: float, angle: float) -> PointSpread |
     source = path
     if psf is not None and not psf.is_identity:
         cubic = convolved_samples(psf.kernel(), samples)
-        crude = cubic.min() < -_UNDERSHOOT * cubic.max()
+        crude = cubic.min() < -PATH.undershoot * cubic.max()
         samples = convolved_samples(psf.kernel(), _path(length, angle, linear=True)) if crude else cubic
         source = f"{psf.source}+{path}"
     notes = () if psf is None else psf.notes
@@ -71,7 +82,7 @@ def moved(psf: PointSpread | None, length: float, angle: float) -> PointSpread |
 
 def _path(length: float, angle: float, linear: bool) -> Array:
     """[K, L], odd, of sum 1, centred; `linear` never undershoots, the cubic keeps the variance."""
-    count = max(2, math.ceil(_DENSE * length))
+    count = max(2, math.ceil(PATH.density * length))
     # Middles of equal pieces have 1 - 1 / n^2 of the line's variance: they are moved outwards.
     along = ((np.arange(count) + 0.5) / count - 0.5) * length / math.sqrt(1.0 - 1.0 / count**2)
     rows, columns = (along * turn for turn in (math.sin(math.radians(angle)), math.cos(math.radians(angle))))

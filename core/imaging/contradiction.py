@@ -18,28 +18,53 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ..numbers import BY_DEFINITION, number
+
 Array = NDArray[np.float64]
 
-#: Photos contradict a blur from this ratio of powers on, in brightness (JPEG distorts colours more). Told rightly,
-#: four test sets reach 3.1, as JPEG 3.5; given 20 % too wide, at least 4.6; a disc given as a Gaussian, 15 and more
-#: (benchmarks/wrong_blur.py; the limit was set on these sets).
-CONTRADICTED = 4.0
-#: Power that is explained: once contradicted, what exceeds the expected by this factor is distrusted.
-_EXPLAINED = 1.3
-#: The excess weighs so many times as noise of the same power. Noise calls for one careful inversion; here iterating
-#: would amplify the excess step by step as far as it agrees between photos. Measured: 1 leaves a ball given 20 % too
-#: wide 0.3 dB below plain splatting, 5 is 0.1 above, 20 0.5.
-_DISTRUST = 20.0
-#: The scene's power law is read where the blur leaves at least this share of the power.
-_PASSING = 0.05
-#: Slopes that scenes' power spectra may have; 0 is white texture.
-_SLOPES = (0.0, 4.0)
-#: Bins that a line is fitted to, at least; the lowest frequency (cycles/px) that the window does not smear.
-_ENOUGH, _LOWEST = 4, 0.01
-#: Photos show something where their power is this many times the noise's.
-_CLEAR = 4.0
-#: A blur contradicted is tried at these shares of its width, widest first.
-_WIDTHS = np.linspace(1.0, 0.2, 81)
+#: What several of these numbers were chosen on.
+_FOUR_SETS = "four sets of photos, blurs given rightly and wrongly (benchmarks/wrong_blur.py)"
+
+
+@dataclass(frozen=True)
+class ContradictionSettings:
+    """Numbers of the test whether photos contradict a blur."""
+
+    limit: float = number(
+        4.0,
+        "ratio of powers",
+        "from which photos contradict a blur, in brightness (JPEG distorts colours more): given rightly, the sets reach"
+        " 3.1, as JPEG 3.5; given 20 % too wide, at least 4.6; a disc given as a Gaussian, 15 and more",
+        _FOUR_SETS,
+    )
+    explained: float = number(
+        1.3, "ratio of powers", "once contradicted, what exceeds the expected power by this factor is distrusted"
+    )
+    distrust: float = number(
+        20.0,
+        "noise power per excess power",
+        "Noise calls for one careful inversion; here iterating would amplify the excess step by step as far as it"
+        " agrees between photos. With 1 a ball's blur given 20 % too wide ends 0.3 dB below plain splatting, with 5"
+        " 0.1 above, with 20 0.5 above.",
+        "one set, a ball, its blur given 20 % too wide",
+    )
+    passing: float = number(
+        0.05, "share of power", "that a blur leaves where the scene's power law is read; less is read as fine detail"
+    )
+    flattest: float = number(0.0, "exponent", "of scenes' power over frequency: white texture", BY_DEFINITION)
+    steepest: float = number(4.0, "exponent", "of scenes' power over frequency; steeper fits are taken for failures")
+    minimum_bins: int = number(4, "count", "rings that the power law is fitted to")
+    lowest: float = number(0.01, "cycles/px", "lowest frequency, below which the window smears the spectrum")
+    clear_power: float = number(4.0, "noise power", "from which photos show something")
+    narrowest: float = number(
+        0.2, "share of the given width", "narrowest blur that a contradicted one is compared with"
+    )
+    widths: int = number(81, "count", "of widths tried between that and the given one, widest first: steps of 1 %")
+
+
+CONTRADICTION = ContradictionSettings()
+#: Shares of the width at which a contradicted blur is tried, widest first.
+_WIDTHS = np.linspace(1.0, CONTRADICTION.narrowest, CONTRADICTION.widths)
 
 
 @dataclass(frozen=True)
@@ -61,22 +86,22 @@ class Observed:
     @property
     def clear(self) -> NDArray[np.bool_]:
         """[BINS] where the photos stand clear of the noise."""
-        return np.asarray((self.power > _CLEAR * self.floor) & (self.f > _LOWEST))
+        return np.asarray((self.power > CONTRADICTION.clear_power * self.floor) & (self.f > CONTRADICTION.lowest))
 
     @property
     def fine(self) -> NDArray[np.bool_]:
         """[BINS] where they do although the blur should leave little."""
-        return np.asarray(self.clear & (self.transfer**2 < _PASSING))
+        return np.asarray(self.clear & (self.transfer**2 < CONTRADICTION.passing))
 
     def scene(self) -> Array | None:
         """[BINS] the sharp scene's power, continued from where the blur lets most pass; None where too little does."""
-        low = self.clear & (self.transfer**2 > _PASSING)
-        if low.sum() < _ENOUGH:
+        low = self.clear & (self.transfer**2 > CONTRADICTION.passing)
+        if low.sum() < CONTRADICTION.minimum_bins:
             return None
         x, y = np.log(self.f[low]), np.log((self.power - self.floor)[low] / self.transfer[low] ** 2)
-        slope = float(np.clip(-np.polyfit(x, y, 1)[0], *_SLOPES))
-        level = float(np.mean(y + slope * x))
-        return np.asarray(np.exp(level - slope * np.log(np.maximum(self.f, self.f[1]))))
+        exponent = float(np.clip(-np.polyfit(x, y, 1)[0], CONTRADICTION.flattest, CONTRADICTION.steepest))
+        level = float(np.mean(y + exponent * x))
+        return np.asarray(np.exp(level - exponent * np.log(np.maximum(self.f, self.f[1]))))
 
     def excess(self) -> float:
         """How many times the expected power the photos hold at fine scales; 1 where it cannot be estimated."""
@@ -90,13 +115,13 @@ class Observed:
         scene = self.scene()
         if scene is None:
             return np.zeros_like(self.f)
-        over = np.maximum(self.power - _EXPLAINED * (self.transfer**2 * scene + self.floor), 0.0)
-        return np.asarray(np.maximum.accumulate(np.where(self.fine, _DISTRUST * over / scene, 0.0)))
+        over = np.maximum(self.power - CONTRADICTION.explained * (self.transfer**2 * scene + self.floor), 0.0)
+        return np.asarray(np.maximum.accumulate(np.where(self.fine, CONTRADICTION.distrust * over / scene, 0.0)))
 
     def widest(self) -> float:
         """The largest share of the given width at which the photos hold what that blur may have let through."""
         for share in _WIDTHS:
             narrower = replace(self, transfer=np.interp(share * self.f, self.f, self.transfer))
-            if narrower.excess() < math.sqrt(CONTRADICTED):
+            if narrower.excess() < math.sqrt(CONTRADICTION.limit):
                 return float(share)
         return float(_WIDTHS[-1])

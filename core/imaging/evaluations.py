@@ -7,6 +7,7 @@ Each maps a frame with a margin [C, H + 2m, W + 2m] to the photo's [C, H, W] (`a
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -16,11 +17,40 @@ from torch import Tensor
 
 from ..devices import backend_on
 from ..frames import Evaluation, Frame
+from ..numbers import BY_DEFINITION, number
 from .psf import PointSpread, gaussian_taps
 
-#: What the reduced-resolution blur may differ by, as a share of the frame's range.
-REDUCED_TOLERANCE = 1e-4
 Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ReducedSettings:
+    """Numbers of the blur at reduced resolution."""
+
+    tolerance: float = number(
+        1e-4,
+        "share of the frame's range",
+        "that it may differ by from the blur itself, by its bound: a fortieth of an 8-bit step",
+        BY_DEFINITION,
+    )
+    smallest_sigma: float = number(
+        2.0, "px", "standard deviation from which on it is offered; a narrower blur leaves no px to be saved"
+    )
+    step: float = number(
+        0.65,
+        "standard deviations",
+        "of the coarse grid: folding is worst half-way to the replica, exp(-(pi sigma / step)^2 / 2) = 8e-6",
+        BY_DEFINITION,
+    )
+    reach: float = number(
+        5.0, "standard deviations", "that both Gaussians are cut at; the cut adds the rest of the bound"
+    )
+    reference_reach: float = number(
+        6.0, "standard deviations", "that the blur is cut at which the bound compares with", BY_DEFINITION
+    )
+
+
+REDUCED = ReducedSettings()
 
 
 def extended(frame: Tensor, vertical: int, horizontal: int) -> Tensor:
@@ -130,11 +160,9 @@ def blur_matrix(taps: Array, inside: int, margin: int) -> Array:
 def reduced_factors(sigma: float, inside: int, margin: int) -> tuple[Array, Array, float]:
     """(down [n, inside + 2 margin], up [inside, n], bound) with up @ down close to the blur's matrix."""
     total = inside + 2 * margin
-    # Folding is worst half-way to the replica, exp(-(pi sigma / step)^2 / 2) = 8e-6; the cut of
-    # both Gaussians adds the rest.
-    step = max(1.0, 0.65 * sigma)
+    step = max(1.0, REDUCED.step * sigma)
     half = sigma / math.sqrt(2.0)
-    reach = 5.0 * half
+    reach = REDUCED.reach * half
     count = math.ceil((inside + 2 * reach) / step) + 1
     nodes = (inside - 1) / 2 + margin + (np.arange(count) - (count - 1) / 2) * step
 
@@ -150,7 +178,9 @@ def reduced_factors(sigma: float, inside: int, margin: int) -> tuple[Array, Arra
     up = weights(np.arange(inside)[:, None] + margin - nodes[None, :])
     up /= up.sum(axis=1, keepdims=True)
     # Rows of the difference sum to 0, so values in [0, 1] count by their distance from 1/2.
-    bound = 0.5 * float(np.abs(up @ down - blur_matrix(gaussian_taps(sigma, 6.0), inside, margin)).sum(axis=1).max())
+    bound = 0.5 * float(
+        np.abs(up @ down - blur_matrix(gaussian_taps(sigma, REDUCED.reference_reach), inside, margin)).sum(axis=1).max()
+    )
     return down, up, bound
 
 
@@ -160,11 +190,11 @@ def candidates(psf: PointSpread, frame: Frame, dtype: torch.dtype, device: torch
     found: dict[str, Evaluation] = {"fourier": Fourier(kernel, frame, dtype, device)}
     symmetric = separable is not None and all(np.allclose(t, t[::-1], rtol=0, atol=1e-8) for t in separable)
     found |= backend_on(device).blurs(kernel, separable if symmetric else None, frame, dtype)
-    if separable is not None and psf.samples is None and min(psf.sigma_x, psf.sigma_y) >= 2.0:
+    if separable is not None and psf.samples is None and min(psf.sigma_x, psf.sigma_y) >= REDUCED.smallest_sigma:
         wide = [psf.sigma_y, psf.sigma_x]
         if psf.angle % 180.0 == 90.0:
             wide.reverse()
         reduced = Reduced(wide[0], wide[1], frame, dtype, device)
-        if reduced.bound < REDUCED_TOLERANCE:
+        if reduced.bound < REDUCED.tolerance:
             found["reduced"] = reduced
     return found

@@ -17,17 +17,28 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.fft import next_fast_len
 from torch import Tensor
 
+from ..numbers import number
 from .psf import PointSpread
 
-#: A frame is extended by this many radii of the PSF before a transform.
-_EXTENSION = 1.5
 Array = NDArray[np.float64]
 Beyond = Literal["zero", "reflect"]
 
 
+@dataclass(frozen=True)
+class FilterSettings:
+    """Numbers of filters in the frequency domain."""
+
+    extension: float = number(
+        1.5, "radii of the PSF", "that a frame is extended by before a transform; less lets its borders meet"
+    )
+
+
+FILTER = FilterSettings()
+
+
 def _extension(psf: PointSpread) -> tuple[int, int]:
     rv, rh = psf.radius
-    return math.ceil(_EXTENSION * rv), math.ceil(_EXTENSION * rh)
+    return math.ceil(FILTER.extension * rv), math.ceil(FILTER.extension * rh)
 
 
 def _transfer(psf: PointSpread, size: tuple[int, int]) -> NDArray[np.complex128]:
@@ -140,39 +151,7 @@ def _taper(size: tuple[int, int], before: tuple[int, int], height: int, width: i
     return axis(size[0], before[0], height)[:, None] * axis(size[1], before[1], width)[None, :]
 
 
-def border_weight(psf: PointSpread | None, height: int, width: int) -> Tensor:
-    """[H, W] float32 in [0, 1]: how far a deconvolved photo is to be trusted.
-
-    A px nearer to the border than the PSF reaches was lit by what the photo does not show: 0. From
-    there the weight rises as a squared sine to 1 at 1.6 times the reach (32 px at sigma 5): with
-    n = 1e-5 the border's error has died away there.
-    """
-    rv, rh = (0, 0) if psf is None or psf.is_identity else psf.radius
-
-    def axis(total: int, reach: int) -> Tensor:
-        if reach == 0:
-            return torch.ones(total)
-        position = torch.arange(total) + 0.5
-        distance = torch.minimum(position, total - position)
-        return torch.sin(0.5 * math.pi * ((distance - reach) / (0.6 * reach)).clamp(0, 1)) ** 2
-
-    return axis(height, rv)[:, None] * axis(width, rh)[None, :]
-
-
-@dataclass(frozen=True)
-class Deconvolved:
-    """A deconvolved photo.
-
-    Attributes:
-        planes: [C, H, W] of the photo's dtype, not clipped.
-        weight: [H, W] float32 in [0, 1], see `border_weight`.
-    """
-
-    planes: Tensor
-    weight: Tensor
-
-
-def wiener_photo(planes: Tensor, psf: PointSpread | None, noise_to_signal: ArrayLike) -> Deconvolved:
+def wiener_photo(planes: Tensor, psf: PointSpread | None, noise_to_signal: ArrayLike) -> Tensor:
     """Wiener deconvolution of one photo.
 
     Args:
@@ -181,12 +160,15 @@ def wiener_photo(planes: Tensor, psf: PointSpread | None, noise_to_signal: Array
         psf: the blur; None or sigma 0 returns the photo as it is.
         noise_to_signal: n > 0 (1e-5 for 8-bit photos of many views), or values at equal steps of
             radial frequency from 0 to sqrt(1/2) cycles/px.
+
+    Returns:
+        [C, H, W] of the photo's dtype, not clipped. Nearer to the border than the PSF reaches it cannot be trusted:
+        what the photo does not show lit it.
     """
     height, width = planes.shape[1:]
-    weight = border_weight(psf, height, width).to(planes.device)
     if psf is None or psf.is_identity:
-        return Deconvolved(planes, weight)
+        return planes
     wiener = FourierFilter(
         psf, (height, width), noise_to_signal, "wiener", "reflect", device=planes.device, dtype=planes.dtype
     )
-    return Deconvolved(wiener.apply(planes), weight)
+    return wiener.apply(planes)

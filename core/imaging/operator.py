@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
@@ -13,13 +14,34 @@ from ..compiled import threads
 from ..devices import backend_on
 from ..errors import PsfError
 from ..frames import Evaluation, Frame
+from ..numbers import number
 from .choices import choice
 from .evaluations import candidates
 from .psf import PointSpread
 
-#: From this standard deviation on (px), `auto` may take the reduced resolution.
-WIDE = 10.0
+#: What an evaluation may be asked for by.
 EVALUATIONS = ("auto", "direct", "separable", "fourier", "reduced")
+
+
+@dataclass(frozen=True)
+class ChoiceSettings:
+    """Numbers of the choice between evaluations of a blur."""
+
+    wide: float = number(
+        10.0,
+        "px",
+        "standard deviation from which on 'auto' may take the reduced resolution, which is off by up to 1e-4 where the"
+        " others agree to 1e-6",
+    )
+    reduced_share: float = number(
+        0.5,
+        "share of the fastest exact one's time",
+        "that the reduced resolution may take at most to be worth its error",
+    )
+    repeats: int = number(3, "count", "measurements of each, of which the best counts, after one that compiles")
+
+
+CHOICE = ChoiceSettings()
 
 
 class BlurOperator:
@@ -106,15 +128,14 @@ class BlurOperator:
 
     def _measured(self, found: dict[str, Evaluation], device: torch.device, dtype: torch.dtype) -> str:
         assert self.psf is not None
-        # `reduced` is off by up to 1e-4; the others agree to 1e-6. It is worth that for wide blurs only.
-        wide = min(self.psf.sigma_x, self.psf.sigma_y) >= WIDE
+        wide = min(self.psf.sigma_x, self.psf.sigma_y) >= CHOICE.wide
         offered = {name: found[name] for name in found if name != "reduced" or wide}
 
         def measure() -> str:
             frame = torch.rand((3, *self.frame.rendered), device=device, dtype=dtype)
             taken = {name: _seconds(offered[name], frame) for name in offered}
             exact = min((name for name in taken if name != "reduced"), key=lambda name: taken[name])
-            return "reduced" if taken.get("reduced", taken[exact]) < 0.5 * taken[exact] else exact
+            return "reduced" if taken.get("reduced", taken[exact]) < CHOICE.reduced_share * taken[exact] else exact
 
         kernel = self.psf.kernel()
         # Sampled kernels take the time of their size: photos with one each are not measured one by one.
@@ -136,9 +157,9 @@ def _rounded(size: int) -> int:
 
 
 def _seconds(evaluation: Evaluation, frame: Tensor) -> float:
-    """Best of three of one blur and its adjoint, after a call that compiles and plans."""
+    """Best of a few of one blur and its adjoint, after a call that compiles and plans."""
     best = float("inf")
-    for repeat in range(4):
+    for repeat in range(1 + CHOICE.repeats):
         start = time.perf_counter()
         out = evaluation.adjoint(evaluation.apply(frame))
         backend_on(out.device).synchronize()

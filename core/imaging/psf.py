@@ -14,16 +14,29 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import PsfError
+from ..numbers import number
 from .kernel_samples import convolved_samples, interpolation, moments, trimmed
 
-#: A Gaussian is cut at this many standard deviations (6e-5 of its light lies beyond) and renormalised.
-TRUNCATION = 4.0
-#: Below this standard deviation (px) a Gaussian that is tilted against the pixel grid slips between pixels.
-THINNEST_TILTED = 0.3
-#: A kernel file with longer sides is refused: it is a picture rather than a point spread.
-LARGEST_KERNEL = 1025
-#: Sum of a kernel file that counts as normalised.
-SUM_TOLERANCE = 1e-3
+
+@dataclass(frozen=True)
+class PointSpreadSettings:
+    """Numbers of point spreads as arrays."""
+
+    truncation: float = number(
+        4.0,
+        "standard deviations",
+        "that a Gaussian is cut at (6e-5 of its light lies beyond) and renormalised; a wider one takes longer",
+    )
+    thinnest_tilted: float = number(
+        0.3, "px", "standard deviation below which a Gaussian that is tilted against the px' grid slips between px"
+    )
+    longest_side: int = number(
+        1025, "px", "of a kernel file; a larger one is refused: it is a picture rather than a point spread"
+    )
+    sum_tolerance: float = number(1e-3, "share", "that the sum of a kernel file may be off 1 and count as normalised")
+
+
+POINT_SPREAD = PointSpreadSettings()
 
 Array = NDArray[np.float64]
 
@@ -89,7 +102,7 @@ class PointSpread:
         if separable is not None:
             return np.outer(*separable)
         covariance = self._tilted_covariance()
-        rx, ry = (math.ceil(TRUNCATION * math.sqrt(v)) for v in np.diag(covariance))
+        rx, ry = (math.ceil(POINT_SPREAD.truncation * math.sqrt(v)) for v in np.diag(covariance))
         y, x = np.mgrid[-ry : ry + 1, -rx : rx + 1]
         a, b, c = np.linalg.inv(covariance)[[0, 0, 1], [0, 1, 1]]
         values = np.exp(-0.5 * (a * x * x + 2 * b * x * y + c * y * y))
@@ -156,7 +169,11 @@ class PointSpread:
         return 2.0 if lost.size == 0 else float(1.0 / frequencies[max(1, lost[0] - 1)])
 
     def _tilted_covariance(self) -> Array:
-        thick = replace(self, sigma_x=max(self.sigma_x, THINNEST_TILTED), sigma_y=max(self.sigma_y, THINNEST_TILTED))
+        thick = replace(
+            self,
+            sigma_x=max(self.sigma_x, POINT_SPREAD.thinnest_tilted),
+            sigma_y=max(self.sigma_y, POINT_SPREAD.thinnest_tilted),
+        )
         return thick.covariance
 
     def _scaled(self, s: float) -> PointSpread:
@@ -168,7 +185,7 @@ class PointSpread:
         return replace(self, samples=values / values.sum())
 
 
-def gaussian_taps(sigma: float, truncation: float = TRUNCATION) -> Array:
+def gaussian_taps(sigma: float, truncation: float = POINT_SPREAD.truncation) -> Array:
     """[2 r + 1] float64 samples of a Gaussian, cut at r >= truncation * sigma, with sum 1; [1] for sigma 0."""
     radius = math.ceil(truncation * sigma)
     if radius == 0:
@@ -193,10 +210,10 @@ def point_spread_from_samples(values: ArrayLike, source: str = "samples") -> Poi
     notes: list[str] = []
     if samples.ndim != 2 or samples.size == 0:
         raise PsfError(f"The PSF '{source}' has shape {samples.shape}", "Give a single-channel picture")
-    if max(samples.shape) > LARGEST_KERNEL:
+    if max(samples.shape) > POINT_SPREAD.longest_side:
         raise PsfError(
             f"The PSF '{source}' is {samples.shape[1]} x {samples.shape[0]} px",
-            f"Crop it to {LARGEST_KERNEL} px or less",
+            f"Crop it to {POINT_SPREAD.longest_side} px or less",
         )
     if not np.isfinite(samples).all():
         raise PsfError(f"The PSF '{source}' holds values that are not finite", "Replace them by 0")
@@ -206,7 +223,7 @@ def point_spread_from_samples(values: ArrayLike, source: str = "samples") -> Poi
     total = samples.sum()
     if total <= 0:
         raise PsfError(f"The PSF '{source}' is dark", "Give a picture of a point of light")
-    if abs(total - 1.0) > SUM_TOLERANCE:
+    if abs(total - 1.0) > POINT_SPREAD.sum_tolerance:
         notes.append(f"its sum was {total:.6g} and is now 1")
     samples /= total
     samples, centring = _centred(samples, source)

@@ -18,7 +18,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .contradiction import CONTRADICTED, Observed
+from ..numbers import BY_DEFINITION, number
+from .contradiction import CONTRADICTION, Observed
 from .psf import PointSpread
 
 Array = NDArray[np.float64]
@@ -26,14 +27,41 @@ Array = NDArray[np.float64]
 #: Orthonormal opponent axes: brightness, red-blue, green-magenta. Rows act on RGB.
 OPPONENT = np.array([[1, 1, 1], [1, 0, -1], [1, -2, 1]], np.float64) / np.sqrt([[3.0], [2.0], [6.0]])
 
-BINS = 96  # rings of equal width in frequency up to `HIGHEST`
-HIGHEST = math.sqrt(0.5)  # the corner of the frequency plane, cycles/px
-#: Transfer below which a spectrum is taken for nothing but noise.
-_SILENT = 1e-8
-#: Where the medium silences nothing, the least power below this transfer is an upper bound of the noise.
-_FAINT = 1e-3
-#: Slopes of the power spectrum that scenes have; fits outside are taken for failures.
-_SLOPES = (1.0, 4.0)
+#: Rings of equal width in frequency up to `HIGHEST`: the layout of all tables here.
+BINS = 96
+#: The corner of the frequency plane, cycles/px.
+HIGHEST = math.sqrt(0.5)
+
+
+@dataclass(frozen=True)
+class NoiseToSignalSettings:
+    """Numbers of the measurement of noise and signal."""
+
+    silent: float = number(1e-8, "share of power", "that a blur passes where a spectrum is taken for nothing but noise")
+    faint: float = number(
+        1e-3, "share of power", "where the medium silences nothing, the least power below this bounds the noise"
+    )
+    minimum_bins: int = number(4, "count", "rings that the noise's power is the median of, or a power law is fitted to")
+    readable: float = number(
+        1e-6, "share of power", "that a blur passes at least where the scene's power is divided out of it"
+    )
+    flattest: float = number(1.0, "exponent", "of scenes' power over frequency; flatter fits are taken for failures")
+    steepest: float = number(4.0, "exponent", "of scenes' power over frequency; steeper fits are taken for failures")
+    unseen: float = number(
+        2.0, "exponent", "of the scene's power where nothing but noise is seen", "Field 1987, many natural scenes"
+    )
+    least_ratio: float = number(
+        1e-9,
+        "power ratio",
+        "noise over signal: no less, or the inverse would lose its digits in float32",
+        BY_DEFINITION,
+    )
+    most_ratio: float = number(
+        1e3, "power ratio", "noise over signal: beyond, nothing is left of the scene", BY_DEFINITION
+    )
+
+
+NOISE = NoiseToSignalSettings()
 
 
 @dataclass(frozen=True)
@@ -58,7 +86,7 @@ class NoiseToSignal:
     @property
     def contradicted(self) -> bool:
         """Whether the photos hold detail that the blur as given cannot have let through."""
-        return self.excess > CONTRADICTED
+        return self.excess > CONTRADICTION.limit
 
     def trusted(self, gain: float) -> NoiseToSignal:
         """The ratio when the photos are trusted `gain` times as much as their noise alone would allow.
@@ -110,7 +138,7 @@ def noise_to_signal(
     floors = [max(_floor(s, transfer**2, f), quantisation**2) for s in spectra]
     seen = [Observed(s, floor, transfer, f) for s, floor in zip(spectra, floors, strict=True)]
     tables, noise, excess = [_ratio(one) for one in seen], math.sqrt(floors[0]), seen[0].excess()
-    if excess <= CONTRADICTED:
+    if excess <= CONTRADICTION.limit:
         return NoiseToSignal(tables[0], tables[1], noise, excess)
     unexplained = np.stack([one.unexplained() for one in seen])
     return NoiseToSignal(tables[0], tables[1], noise, excess, seen[0].widest(), unexplained)
@@ -129,10 +157,10 @@ def _passed(spreads: Sequence[PointSpread | None], f: Array) -> Array:
 
 def _floor(spectrum: Array, passed: Array, f: Array) -> float:
     """Power of the noise: of what is left where the blur lets nothing pass, or at least hardly anything."""
-    silent = (passed < _SILENT) & (f <= 0.5)
-    if silent.sum() >= 4:
+    silent = (passed < NOISE.silent) & (f <= 0.5)
+    if silent.sum() >= NOISE.minimum_bins:
         return float(np.median(spectrum[silent]))
-    faint = (passed < _FAINT) & (f <= 0.5)
+    faint = (passed < NOISE.faint) & (f <= 0.5)
     return float(spectrum[faint].min()) if faint.any() else 0.0
 
 
@@ -140,14 +168,15 @@ def _ratio(seen: Observed) -> Array:
     """floor / S(f), with S a power law through the band where the photo stands clear of the floor."""
     spectrum, floor, f = seen.power, seen.floor, seen.f
     passed = seen.transfer**2
-    clear = seen.clear & (passed > 1e-6)
+    clear = seen.clear & (passed > NOISE.readable)
     signal = (spectrum - floor) / np.maximum(passed, 1e-12)
-    if clear.sum() < 4:  # nothing but noise: believe nothing beyond the lowest frequencies
-        level, slope = math.log(max(float(spectrum[1] - floor), 1e-12)) + 2 * math.log(f[1]), 2.0
+    if clear.sum() < NOISE.minimum_bins:  # nothing but noise: believe nothing beyond the lowest frequencies
+        exponent = NOISE.unseen
+        level = math.log(max(float(spectrum[1] - floor), 1e-12)) + exponent * math.log(f[1])
     else:
         x, y = np.log(f[clear]), np.log(signal[clear])
-        slope = float(-np.polyfit(x, y, 1)[0])
-        slope = min(max(slope, _SLOPES[0]), _SLOPES[1])
-        level = float(np.mean(y + slope * x))
-    fitted = np.exp(level - slope * np.log(np.maximum(f, f[1])))
-    return np.asarray(np.clip(floor / fitted, 1e-9, 1e3))
+        exponent = float(-np.polyfit(x, y, 1)[0])
+        exponent = min(max(exponent, NOISE.flattest), NOISE.steepest)
+        level = float(np.mean(y + exponent * x))
+    fitted = np.exp(level - exponent * np.log(np.maximum(f, f[1])))
+    return np.asarray(np.clip(floor / fitted, NOISE.least_ratio, NOISE.most_ratio))

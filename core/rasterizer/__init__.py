@@ -9,7 +9,7 @@
 from __future__ import annotations
 
 from ..rendering import RasterSettings, Rendered, ScreenStatistics
+from .given_gradient import with_gradient
 from .interface import render
-from .slope import with_slope
 
-__all__ = ["RasterSettings", "Rendered", "ScreenStatistics", "render", "with_slope"]
+__all__ = ["RasterSettings", "Rendered", "ScreenStatistics", "render", "with_gradient"]

@@ -3,15 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import torch
 from torch import Tensor
 
 from ..devices import AdamStep, backend_on
 from ..gaussians import Gaussians
+from ..numbers import number
 
-#: Decay of Adam's first and second moments (Kingma and Ba 2015), and what keeps the division finite (as in 3DGS).
-BETA1, BETA2, EPSILON = 0.9, 0.999, 1e-15
+
+@dataclass(frozen=True)
+class AdamSettings:
+    """Numbers of Adam, besides its step sizes (`settings.Rates`)."""
+
+    first_decay: float = number(0.9, "per step", "of the first moment", "Kingma and Ba 2015")
+    second_decay: float = number(0.999, "per step", "of the second moment", "Kingma and Ba 2015")
+    epsilon: float = number(
+        1e-15,
+        "gradient",
+        "added to the denominator, which keeps it finite; small, as gradients of single px are",
+        "3D Gaussian splatting (Kerbl et al. 2023)",
+    )
+
+
+ADAM = AdamSettings()
 
 
 class Adam:
@@ -37,7 +53,7 @@ class Adam:
             rates: a step size per parameter name, and 'sh_rest' for the harmonics of degree >= 1.
         """
         self.steps += 1
-        bias1, bias2 = 1 - BETA1**self.steps, 1 - BETA2**self.steps
+        bias1, bias2 = 1 - ADAM.first_decay**self.steps, 1 - ADAM.second_decay**self.steps
         for name, tensor in self.gaussians.named():
             gradient = tensor.grad
             tensor.grad = None
@@ -54,8 +70,8 @@ class Adam:
                 tail,
                 3 if name == "sh" else None,
                 bias2**-0.5,
-                (BETA1, BETA2),
-                EPSILON,
+                (ADAM.first_decay, ADAM.second_decay),
+                ADAM.epsilon,
             )
             self._count(name, backend_on(tensor.device).adam(step))
 

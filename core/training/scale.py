@@ -16,7 +16,18 @@ from numpy.typing import NDArray
 from ..camera import Camera
 from ..errors import CameraError
 from ..gaussians import Gaussians
+from ..numbers import number
 from ..views import SparsePoints
+
+
+@dataclass(frozen=True)
+class ScaleSettings:
+    """Numbers of the scene's unit."""
+
+    points: int = number(2000, "count", "of the sparse points that the medians are taken of, where there are many more")
+
+
+SCALE = ScaleSettings()
 
 
 @dataclass(frozen=True)
@@ -64,8 +75,8 @@ def scene_scale(cameras: Sequence[Camera], points: SparsePoints) -> SceneScale:
         CameraError: no point lies in front of any camera.
     """
     positions = points.positions
-    if len(positions) > 4000:
-        positions = positions[:: len(positions) // 2000]
+    if len(positions) > 2 * SCALE.points:
+        positions = positions[:: len(positions) // SCALE.points]
     depths = []
     for camera in cameras:
         z = positions @ camera.rotation[2] + camera.translation[2]

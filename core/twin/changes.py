@@ -22,7 +22,7 @@ from ..forward import sharp_view
 from ..gaussians import Gaussians
 from ..imaging.medium import Medium
 from ..imaging.psf import PointSpread
-from ..rasterizer import RasterSettings, with_slope
+from ..rasterizer import RasterSettings, with_gradient
 from ..training.grid import GridView, coarse_camera
 from .opened import OpenedTwin
 from .surface import surface_depth
@@ -186,8 +186,8 @@ def _splats(
         bright = torch.zeros_like(gaussians.sh).requires_grad_()
         image = sharp_view(replace(gaussians, sh=bright), view.camera, settings).image
         seen = mask.expand(3, -1, -1).float().contiguous()
-        (inner,) = torch.autograd.grad(with_slope(image, seen), bright, retain_graph=True)
-        (whole,) = torch.autograd.grad(with_slope(image, torch.ones_like(image)), bright)
+        (inner,) = torch.autograd.grad(with_gradient(image, seen), bright, retain_graph=True)
+        (whole,) = torch.autograd.grad(with_gradient(image, torch.ones_like(image)), bright)
         inside += inner[:, 0].mean(dim=1) / SH_C0
         everywhere += whole[:, 0].mean(dim=1) / SH_C0
     return (inside > SHARE * everywhere) & (everywhere > 0.5)

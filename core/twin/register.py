@@ -133,7 +133,7 @@ def _misfit(twin: OpenedTwin, view: GridView) -> float:
 
 def corrected(twin: OpenedTwin, reconstruction: Reconstruction, photos: list[Photo]) -> Reconstruction:
     """New cameras moved to where the twin, through the blur, explains their photos best."""
-    # sRGB values are blurred whatever the medium does: its steps were tried that way.
+    # sRGB values are blurred whatever the medium's space is. Nothing says why; it is kept: changing it changes results.
     gaussians, model = twin.scale.to_unit(twin.gaussians), twin.model(blur_space="srgb")
     poses = dict(reconstruction.poses)
     views = undistorted_views([photo for photo in photos if photo.name in poses], reconstruction)

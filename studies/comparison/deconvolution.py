@@ -69,10 +69,10 @@ def wiener(photos: Sequence[Photo], medium: Medium, ratio: str) -> list[Photo]:
     for photo in photos:
         blurred = _light(photo, medium)
         if table is None:
-            sharp = wiener_photo(blurred, medium.psf, float(ratio)).planes
+            sharp = wiener_photo(blurred, medium.psf, float(ratio))
         else:  # brightness and colour apart, as they were measured
             turned = torch.einsum("ij,jhw->ihw", rotation, blurred)
-            sharp = torch.einsum("ji,jhw->ihw", rotation, wiener_photo(turned, medium.psf, table).planes)
+            sharp = torch.einsum("ji,jhw->ihw", rotation, wiener_photo(turned, medium.psf, table))
         out.append(_with(photo, sharp, medium))
     return out
 

@@ -10,7 +10,7 @@ import torch
 from ...core.colour import linear_to_srgb, srgb_to_linear
 from ...core.errors import PsfError
 from ...core.forward import FixedMedium
-from ...core.imaging.evaluations import REDUCED_TOLERANCE
+from ...core.imaging.evaluations import REDUCED
 from ...core.imaging.fourier import FourierFilter
 from ...core.imaging.operator import BlurOperator
 from ...core.imaging.psf import PointSpread, gaussian_taps, point_spread_from_samples
@@ -183,7 +183,7 @@ def evaluations_agree(site: Site) -> float:
     "psf",
     "reduced resolution",
     "differs from the exact blur by less than it promises",
-    REDUCED_TOLERANCE,
+    REDUCED.tolerance,
     "its own bound",
 )
 def reduced(site: Site) -> float:

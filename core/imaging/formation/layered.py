@@ -10,6 +10,7 @@ where a blurred foreground ends.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -17,17 +18,39 @@ import torch
 from torch import Tensor
 
 from ...devices import Tent, backend_on
+from ...numbers import BY_DEFINITION, number
 from ..operator import BlurOperator
 from ..psf import PointSpread, gaussian_taps
 
-#: Standard deviations of the ladder, px of the frame. A mixture of two neighbours passes too much fine detail half-way:
-#: at most 0.06 of the contrast with this ratio, 0.12 with a ratio of 2 (0.11 below the first rung).
-LADDER = tuple(0.5 * 1.6**k for k in range(9))
-#: A frame whose blur stays below this standard deviation (px) everywhere is not touched: it dims the finest period
-#: that the px hold (2 px) by a third, periods of 4 px by a tenth.
-INVISIBLE = 0.3
-#: Widest blur as a share of the frame's shorter side: beyond, a depth is wrong rather than the scene that blurred.
-WIDEST = 1 / 8
+
+@dataclass(frozen=True)
+class LayeredSettings:
+    """Numbers of a blur whose width differs from px to px."""
+
+    first: float = number(0.5, "px of the frame", "standard deviation of the ladder's lowest rung")
+    ratio: float = number(
+        1.6,
+        "ratio",
+        "of neighbouring rungs: half-way between two a mixture passes too much fine detail, at most 0.06 of the"
+        " contrast with this ratio, 0.12 with a ratio of 2 (0.11 below the first rung)",
+        BY_DEFINITION,
+    )
+    rungs: int = number(9, "count", "of the ladder, up to 21 px; more cost a blur each")
+    invisible: float = number(
+        0.3,
+        "px of the frame",
+        "a frame whose blur stays narrower everywhere is not touched: it dims the finest period that the px hold (2 px)"
+        " by a third, periods of 4 px by a tenth",
+        BY_DEFINITION,
+    )
+    widest: float = number(
+        1 / 8, "share of the frame's shorter side", "beyond, a depth is wrong rather than the scene that blurred"
+    )
+
+
+LAYERED = LayeredSettings()
+#: Standard deviations of the ladder, px of the frame.
+LADDER = tuple(LAYERED.first * LAYERED.ratio**k for k in range(LAYERED.rungs))
 
 
 class LayeredBlur:
@@ -38,9 +61,9 @@ class LayeredBlur:
     """
 
     def __init__(self, variance: Tensor) -> None:
-        variances = _variances(WIDEST * min(variance.shape))
+        variances = _variances(LAYERED.widest * min(variance.shape))
         lowest, highest = (float(v) for v in torch.aminmax(variance.detach()))
-        self.identity = highest < INVISIBLE**2
+        self.identity = highest < LAYERED.invisible**2
         if self.identity:
             return
         first = max(i for i, v in enumerate(variances) if v <= lowest or i == 0)

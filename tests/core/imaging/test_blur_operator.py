@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 from dgs.core.errors import PsfError
-from dgs.core.imaging.evaluations import REDUCED_TOLERANCE
+from dgs.core.imaging.evaluations import REDUCED
 from dgs.core.imaging.operator import BlurOperator
 from dgs.core.imaging.psf import PointSpread, point_spread_from_samples
 from dgs.core.imaging.psf_text import parse_psf
@@ -59,7 +59,7 @@ def test_evaluations_agree_with_scipy(name, margin):
     expected = ndimage.convolve(frame.double().numpy(), spread(name).kernel()[None], mode="nearest")
     expected = expected[:, margin : margin + height, margin : margin + width]
     for operator in operators(name, height, width, margin):
-        tolerance = REDUCED_TOLERANCE if operator.evaluation == "reduced" else 1e-5
+        tolerance = REDUCED.tolerance if operator.evaluation == "reduced" else 1e-5
         assert np.abs(operator.apply(frame).numpy() - expected).max() < tolerance, operator.evaluation
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import torch
-from dgs.core.imaging.fourier import FourierFilter, border_weight, wiener_photo
+from dgs.core.imaging.fourier import FourierFilter, wiener_photo
 from dgs.core.imaging.operator import BlurOperator
 from dgs.core.imaging.psf_text import parse_psf
 
@@ -13,24 +13,22 @@ def scene(height: int, width: int) -> torch.Tensor:
     return BlurOperator(parse_psf("gaussian:2"), height, width, 8).apply(noise)
 
 
-def test_wiener_brings_detail_back_where_the_weight_says_so():
+def test_wiener_brings_detail_back_but_at_the_border():
     psf = parse_psf("gaussian:2.5")
     sharp = scene(140, 180)
     photo, truth = BlurOperator(psf, 120, 160, 10).apply(sharp), sharp[:, 10:-10, 10:-10]
     restored = wiener_photo(photo, psf, 1e-4)
-    weight = restored.weight
+    middle = (slice(None), slice(16, -16), slice(16, -16))  # 1.6 times as far from the border as the PSF reaches
 
     def error(image: torch.Tensor) -> float:
-        return float(((image - truth) ** 2 * weight).sum().sqrt())
+        return float((image - truth)[middle].square().sum().sqrt())
 
-    assert error(restored.planes) < 0.5 * error(photo)
-    assert weight[60, 80] == 1 and weight[0, 80] == 0 and weight[60, -1] == 0
+    assert error(restored) < 0.5 * error(photo)
 
 
 def test_no_psf_returns_the_photo():
     photo = scene(30, 40)
-    assert wiener_photo(photo, None, 1e-5).planes is photo
-    assert border_weight(None, 5, 6).min() == 1
+    assert wiener_photo(photo, None, 1e-5) is photo
 
 
 @pytest.mark.parametrize("kind", ["newton", "wiener"])

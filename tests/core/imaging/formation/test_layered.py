@@ -6,7 +6,7 @@ from dgs.core.effects.defocus import Defocus
 from dgs.core.effects.field_blur import FieldBlur
 from dgs.core.imaging.formation.chain import Formation
 from dgs.core.imaging.formation.effect import Shot
-from dgs.core.imaging.formation.layered import INVISIBLE, LADDER, LayeredBlur
+from dgs.core.imaging.formation.layered import LADDER, LAYERED, LayeredBlur
 
 H, W = 48, 64
 
@@ -119,7 +119,7 @@ def test_changed_parameters_are_noticed_between_forward_and_gradient():
     [
         Defocus(torch.tensor(0.0), torch.tensor(1.0)),
         FieldBlur(torch.tensor(0.0)),
-        FieldBlur(torch.tensor(0.9 * INVISIBLE / 80)),
+        FieldBlur(torch.tensor(0.9 * LAYERED.invisible / 80)),
     ],
 )
 def test_what_is_not_visible_costs_nothing(effect):

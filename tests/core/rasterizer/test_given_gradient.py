@@ -1,4 +1,4 @@
-"""A known gradient goes through autograd, without what torch would import for it."""
+"""A gradient that is given goes through autograd, without what torch would import for it."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import subprocess
 import sys
 
 import torch
-from dgs.core.rasterizer import with_slope
+from dgs.core.rasterizer import with_gradient
 
 STEP = """
 import sys, torch
@@ -21,7 +21,7 @@ print("sympy" in sys.modules)
 def test_the_gradient_arrives() -> None:
     leaf = torch.arange(6.0).reshape(2, 3).requires_grad_()
     wanted = torch.tensor([[1.0, -2.0, 0.5], [0.0, 3.0, 4.0]])
-    with_slope(leaf * 2.0, wanted).backward()
+    with_gradient(leaf * 2.0, wanted).backward()
     assert torch.equal(leaf.grad, 2.0 * wanted)
 
 

@@ -1,4 +1,4 @@
-"""Hands a known gradient to autograd."""
+"""Hands a gradient that was computed otherwise to autograd."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 
-class _Slope(torch.autograd.Function):
+class _WithGradient(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, tensor: Tensor, gradient: Tensor) -> Tensor:
         ctx.save_for_backward(gradient)
@@ -20,10 +20,10 @@ class _Slope(torch.autograd.Function):
         return gradient, None
 
 
-def with_slope(tensor: Tensor, gradient: Tensor) -> Tensor:
+def with_gradient(tensor: Tensor, gradient: Tensor) -> Tensor:
     """A zero whose derivative by `tensor` is `gradient` (of the same shape).
 
     `tensor.backward(gradient)` says the same, but makes torch import sympy first: half a second of every run.
     """
-    zero: Tensor = _Slope.apply(tensor, gradient)
+    zero: Tensor = _WithGradient.apply(tensor, gradient)
     return zero
