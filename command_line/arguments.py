@@ -113,6 +113,16 @@ def add_photos(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for all results")
 
 
+def add_overwrite(parser: argparse.ArgumentParser) -> None:
+    """Whether files of others may be replaced."""
+    parser.add_argument(
+        "--overwrite",
+        action="store_true",
+        help="replace files that this program did not write (they are listed in '.dgs-written' beside them), or that "
+        "were changed since; what the command reads is never replaced",
+    )
+
+
 def add_masks(parser: argparse.ArgumentParser | argparse._ArgumentGroup) -> None:
     """Masks of the photos."""
     parser.add_argument("--masks", type=Path, metavar="DIR", help="images of the same names; black pixels do not count")

@@ -5,7 +5,9 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from .arguments import CAMERAS, SPLATS
+from ..core.errors import OutputError
+from ..core.outputs import check_outputs, note_output
+from .arguments import CAMERAS, SPLATS, add_overwrite
 from .progress_choice import Reporting
 
 
@@ -17,12 +19,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--cameras", type=Path, metavar="MODEL", help=f"{CAMERAS}; one is placed if not given")
     add("--photos", type=Path, metavar="DIR", help="photos to show behind the cameras")
     add("--out", type=Path, required=True, metavar="FILE.blend", help="the scene to write")
+    add_overwrite(parser)
 
 
 def blend_command(options: argparse.Namespace, progress: Reporting) -> int:
     """Writes OUT with the twin and the cameras; needs bpy."""
     from ..dgs_addon.scene.save_blend import save_blend  # heavy: bpy
 
+    if options.out.suffix.lower() != ".blend":
+        raise OutputError(f"'{options.out.name}' is no name of a Blender scene", "Give a name that ends in .blend")
+    check_outputs([options.out], [options.twin], options.overwrite)
     save_blend(options.twin, options.cameras, options.out, options.photos)
+    note_output(options.out)
     progress.finished({"blend": str(options.out)})
     return 0

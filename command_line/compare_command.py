@@ -7,8 +7,9 @@ from pathlib import Path
 
 from ..core.errors import DgsError
 from ..core.files import check_writable
+from ..core.outputs import check_output_folder
 from ..studies.comparison.settings import CompareSettings
-from .arguments import add_machine, add_progress, show_defaults
+from .arguments import add_machine, add_overwrite, add_progress, show_defaults
 from .progress_choice import Reporting
 
 
@@ -49,6 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--quick", action="store_true", help="few methods and short trainings: proves the machinery only")
     add("--mismatch", action="store_true", help="instead: what happens when the medium is not the one that was given")
     add("--resume", action="store_true", help="keep the rows in DIR that belong to the same settings")
+    add_overwrite(parser)
     add_machine(parser)
     add_progress(parser)
 
@@ -77,6 +79,7 @@ def compare_command(options: argparse.Namespace, progress: Reporting) -> int:
         threads=options.threads,
         device=options.device,
     )
+    check_output_folder(settings.out, ("compare.json", "mismatch.json"), options.overwrite)
     check_writable(settings.out)
     if settings.mismatch:
         from ..studies.comparison.mismatch import study  # heavy: torch

@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..core.files import check_writable, write_json
-from .arguments import add_machine, add_masks, add_progress, show_defaults
+from ..core.outputs import check_outputs, note_output
+from .arguments import add_machine, add_masks, add_overwrite, add_progress, show_defaults
 from .progress_choice import Reporting
 
 if TYPE_CHECKING:
@@ -40,6 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_masks(parser)
     add("--out", type=Path, metavar="DIR", help="folder for inspection.json and pictures; none if not given")
     add("--json", action="store_true", help="print JSON instead of the table")
+    add_overwrite(parser)
     add_machine(parser)
     add_progress(parser)
 
@@ -49,7 +51,7 @@ def inspect_command(options: argparse.Namespace, progress: Reporting) -> int:
     from ..core.effects.inspect import inspect_photos  # heavy: torch
     from ..core.inspection.cameras import with_cameras  # heavy: torch
     from ..core.inspection.photo_set import PhotoSet  # heavy: torch
-    from ..core.inspection.pictures import draw_inspection  # heavy: torch
+    from ..core.inspection.pictures import PICTURES, draw_inspection  # heavy: torch
     from ..core.machine import use_threads  # late: slows --help
     from ..core.photos.load import load_photos  # heavy: torch
 
@@ -57,6 +59,8 @@ def inspect_command(options: argparse.Namespace, progress: Reporting) -> int:
     threads = use_threads(options.threads)
     if options.out is not None:
         check_writable(options.out)
+        files = [options.out / name for name in ("inspection.json", *PICTURES)]
+        check_outputs(files, overwrite=options.overwrite)
     loaded = load_photos(options.photos, None, progress, options.masks, minimum=1)
     photos = PhotoSet(loaded, why="cameras were not asked for" if options.without_cameras else "")
     seconds_cameras = 0.0
@@ -78,6 +82,8 @@ def inspect_command(options: argparse.Namespace, progress: Reporting) -> int:
         pictures = [str(path) for path in draw_inspection(options.out, photos, found)]
         content["pictures"] = pictures
         write_json(options.out / "inspection.json", content)
+        for file in (options.out / "inspection.json", *map(Path, pictures)):
+            note_output(file)
     if options.json:
         print(json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False), flush=True)
         return 0

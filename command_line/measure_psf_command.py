@@ -6,7 +6,8 @@ import argparse
 import json
 from pathlib import Path
 
-from .arguments import add_progress, show_defaults
+from ..core.outputs import check_outputs, note_output
+from .arguments import add_overwrite, add_progress, show_defaults
 from .progress_choice import Reporting
 
 
@@ -28,6 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "otherwise the sRGB curve is undone first, for --blur-space linear",
     )
     add("--json", action="store_true", help="print the figures as JSON")
+    add_overwrite(parser)
     add_progress(parser)
 
 
@@ -37,11 +39,14 @@ def measure_psf_command(options: argparse.Namespace, progress: Reporting) -> int
     from ..core.calibration.measured import mtf50  # heavy: torch
     from ..core.calibration.pictures import draw_psf  # heavy: torch
 
+    picture = options.out.with_name(f"{options.out.stem}_picture.png")
+    check_outputs([options.out, picture], [options.photo], options.overwrite)
     progress.stage("measure")
     measured = measure_psf(options.photo, options.kind, not options.srgb)
     write_kernel(options.out, measured)
-    picture = options.out.with_name(f"{options.out.stem}_picture.png")
     draw_psf(picture, measured, options.photo.name)
+    note_output(options.out)
+    note_output(picture)
     for note in measured.notes:
         progress.note(note)
     edge = f"an edge, {measured.slant:.1f} degrees slanted" if measured.slant is not None else ""

@@ -8,7 +8,8 @@ from pathlib import Path
 from ..core.devices import choose_device
 from ..core.errors import Cancelled
 from ..core.files import check_writable
-from .arguments import CAMERAS, SPLATS, add_machine, add_progress, show_defaults
+from ..core.outputs import check_outputs, note_output
+from .arguments import CAMERAS, SPLATS, add_machine, add_overwrite, add_progress, show_defaults
 from .progress_choice import Reporting
 
 
@@ -22,6 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--out", type=Path, required=True, metavar="DIR", help="folder for NAME.png")
     add("--psf", default="none", metavar="PSF", help="also blur, as in 'reconstruct'")
     add("--blur-space", choices=("srgb", "linear"), default="srgb", help="where the blur acts")
+    add_overwrite(parser)
     add_machine(parser)
     add_progress(parser)
 
@@ -56,11 +58,14 @@ def render_command(options: argparse.Namespace, progress: Reporting) -> int:
     scale = scene_scale([Undistortion(lenses[name]).camera(name, poses[name]) for name in names], points)
     viewer = Viewer(Gaussians.from_cloud(cloud), scale, choose_device(options.device))
     files = render_names(names)
+    read = [options.twin, options.cameras, *([model.place] if model.place.is_file() else model.place.glob("*"))]
+    check_outputs([options.out / file for file in files.values()], read, options.overwrite)
     progress.stage("render", len(files))
     for index, (name, file) in enumerate(files.items()):
         if progress.cancelled():
             raise Cancelled(f"Stopped after {index} of {len(files)} pictures; they are in '{options.out}'")
         write_png(options.out / file, to_pixels(viewer.degraded(lenses[name], poses[name], medium, name)))
+        note_output(options.out / file)
         progress.advance(index + 1)
     progress.finished({"pictures": len(files), "folder": str(options.out)})
     return 0

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import argparse
 
-from .arguments import add_progress, show_defaults
+from ..core.outputs import check_output_folder
+from .arguments import add_overwrite, add_progress, show_defaults
 from .progress_choice import Reporting
 
 
@@ -15,6 +16,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = "Renders photos of a known object with Blender, blurred and sharp, with their cameras."
     show_defaults(parser)
     add_settings(parser)
+    add_overwrite(parser)
     add_progress(parser)
 
 
@@ -22,4 +24,5 @@ def synthesize_command(options: argparse.Namespace, progress: Reporting) -> int:
     """Runs the laboratory, which says in one line what to do where there is no Blender."""
     from ..dgs_addon.laboratory.command import run  # heavy: numpy
 
+    check_output_folder(options.out, ("manifest.json", "unfinished.json"), options.overwrite)
     return int(run(options, progress) or 0)

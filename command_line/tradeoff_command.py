@@ -7,8 +7,9 @@ from pathlib import Path
 
 from ..core.errors import DgsError
 from ..core.files import check_writable
+from ..core.outputs import check_output_folder
 from ..studies.tradeoff.settings import TradeoffSettings
-from .arguments import add_machine, add_progress, show_defaults
+from .arguments import add_machine, add_overwrite, add_progress, show_defaults
 from .progress_choice import Reporting
 
 
@@ -48,6 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--target", type=float, metavar="DB", help="PSNR whose time is reported; half a dB below the best if not given")
     add("--quick", action="store_true", help="few points and short trainings: proves the machinery only")
     add("--resume", action="store_true", help="keep the rows in DIR that belong to the same settings")
+    add_overwrite(parser)
     add_machine(parser)
     add_progress(parser)
 
@@ -75,6 +77,7 @@ def tradeoff_command(options: argparse.Namespace, progress: Reporting) -> int:
         threads=options.threads,
         device=options.device,
     )
+    check_output_folder(settings.out, ("tradeoff.json",), options.overwrite)
     check_writable(settings.out)
     content = measure_tradeoff(settings, progress)
     out = settings.out

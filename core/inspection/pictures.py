@@ -14,6 +14,9 @@ from .evidence import Evidence
 from .photo_set import PhotoSet
 from .spectra import RADII, bin_counts, middle_frequencies, polar_power
 
+#: What is drawn, by name.
+PICTURES = ("blur_map.png", "spectrum.png", "photos.png")
+
 
 def draw_inspection(folder: Path, photos: PhotoSet, found: Sequence[Evidence]) -> list[Path]:
     """Writes blur_map.png, spectrum.png and photos.png; returns their paths.
@@ -23,7 +26,7 @@ def draw_inspection(folder: Path, photos: PhotoSet, found: Sequence[Evidence]) -
     """
     make_folder(folder)
     drawn = []
-    for name, draw in (("blur_map.png", _blur_map), ("spectrum.png", _spectrum), ("photos.png", _per_photo)):
+    for name, draw in zip(PICTURES, (_blur_map, _spectrum, _per_photo), strict=True):
         figure = draw(photos, {e.name: e for e in found})
         if figure is None:
             continue

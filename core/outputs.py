@@ -1,0 +1,90 @@
+"""Outputs never replace what somebody else made: what this program wrote is listed in its folder, by its content.
+
+`.dgs-written` has a line for each file, as `sha256sum` writes it. A file that is not there, or was changed since, is
+the user's: it is replaced only where `--overwrite` allows it. What a command reads is never replaced.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Iterable
+from pathlib import Path
+
+from .errors import OutputError
+from .files import make_folder, output_error
+
+#: The list's name in each folder that something was written to.
+LIST = ".dgs-written"
+_WAY_OUT = "Give another --out, or allow it with --overwrite"
+
+
+def check_outputs(files: Iterable[Path], inputs: Iterable[Path] = (), overwrite: bool = False) -> None:
+    """Refuses to write files in the place of what this program did not write.
+
+    Args:
+        files: that will be written.
+        inputs: files that are read meanwhile, which nothing ever replaces.
+        overwrite: the user allowed to replace the files of others.
+
+    Raises:
+        OutputError: one of them is an input, a folder, or somebody else's.
+    """
+    read = {path.resolve() for path in inputs}
+    there = [file for file in files if os.path.lexists(file)]
+    for file in there:
+        if file.resolve() in read:
+            raise OutputError(f"'{file}' is read by this command and would be replaced", "Give another --out")
+        if file.is_dir():
+            raise OutputError(f"'{file}' is a folder; a file would be written there", "Give another name")
+    others = [] if overwrite else [file for file in there if not _is_ours(file)]
+    if others:
+        more = f" (and {len(others) - 1} more files)" if len(others) > 1 else ""
+        raise OutputError(
+            f"'{others[0]}'{more} is there already and was not written by this program, or changed since", _WAY_OUT
+        )
+
+
+def check_output_folder(folder: Path, marks: Iterable[str], overwrite: bool = False) -> None:
+    """Refuses a folder with content that this program did not write; marks an empty one as its own.
+
+    Args:
+        folder: where many files will be written; made if missing.
+        marks: names of files or folders that only this command leaves there.
+        overwrite: the user allowed to replace the files of others.
+
+    Raises:
+        OutputError: it holds something else, or cannot be written to.
+    """
+    make_folder(folder)
+    names = {path.name for path in folder.iterdir()}
+    seen = {name for name in names if not name.startswith(".")}
+    if seen and not overwrite and LIST not in names and not names & set(marks):
+        raise OutputError(f"The folder '{folder}' holds files that this program did not write", _WAY_OUT)
+    _append(folder, "")
+
+
+def note_output(file: Path) -> None:
+    """Keeps in the folder's list that this program wrote a file; raises OutputError."""
+    _append(file.parent, f"{_digest(file)}  {file.name}\n")
+
+
+def _append(folder: Path, text: str) -> None:
+    try:
+        with (folder / LIST).open("a", encoding="utf-8") as file:
+            file.write(text)
+    except OSError as error:
+        raise output_error(folder / LIST, error) from error
+
+
+def _is_ours(file: Path) -> bool:
+    try:
+        lines = (file.parent / LIST).read_text("utf-8", "replace").splitlines()
+        return file.is_file() and f"{_digest(file)}  {file.name}" in lines
+    except OSError:
+        return False
+
+
+def _digest(file: Path) -> str:
+    with file.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
