@@ -9,6 +9,7 @@ import traceback
 from typing import NoReturn
 
 from ..core.errors import Cancelled, DgsError
+from ..core.names import fault_of, shown
 from ..core.version import VERSION
 from .interruption import Interruption
 from .library_output import library_output_aside
@@ -58,6 +59,11 @@ def run(arguments: list[str]) -> int:
         0 if all went well; 2 for bad input (one line on stderr says what and the way out); 130 if
         the user stopped it (what was finished is saved); 1 for a bug (with its traceback).
     """
+    wrong = next((argument for argument in arguments if fault_of(argument)), None)
+    if wrong is not None:
+        fault = fault_of(wrong)
+        print(f"'{shown(wrong)}' {fault}. Rename the file or folder.", file=sys.stderr, flush=True)
+        return DgsError.exit_code
     parser = build_parser(arguments)
     try:
         options = parser.parse_args(arguments)

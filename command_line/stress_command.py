@@ -10,8 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..core.devices import BackendName, choose_device
-from ..core.errors import Cancelled
-from .arguments import add_machine, show_defaults
+from ..core.errors import Cancelled, DgsError
+from ..core.outputs import check_outputs, note_output
+from .arguments import add_machine, add_overwrite, show_defaults, whole
 from .progress_choice import Reporting
 
 if TYPE_CHECKING:
@@ -42,14 +43,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="random scenes of anything at all (100000 takes minutes); 500 with the table, if not given",
     )
     add("--torture", action="store_true", help="20 trainings on deliberately bad scenes instead of the table")
+    add(
+        "--fuzz-files",
+        type=whole(1),
+        metavar="N",
+        help="instead: N damaged files for every reader; no traceback, no abort, no hang (10000 take an hour)",
+    )
     add("--json", action="store_true", help="one JSON object instead of lines")
     add("--markdown", type=Path, metavar="FILE", help="also write the tables to this document")
     add("--list", action="store_true", help="name the cases, and run none")
+    add_overwrite(parser)
     add_machine(parser)
 
 
 def stress_command(options: argparse.Namespace, progress: Reporting) -> int:
     """Runs what was asked for; 2 if anything failed."""
+    if options.fuzz_files is not None:
+        return _damaged_files(options, progress)
     from ..core.machine import machine, use_threads  # late: slows --help
     from ..studies.stability import table  # heavy: torch
     from ..studies.stability.case import backends_here  # heavy: torch
@@ -62,6 +72,11 @@ def stress_command(options: argparse.Namespace, progress: Reporting) -> int:
         for c in all_cases()
         if not options.only or any(w.lower() in f"{c.family} {c.name}".lower() for w in options.only)
     ]
+    if not cases:
+        families = ", ".join(sorted({c.family for c in all_cases()}))
+        raise DgsError(f"No case is called '{' or '.join(options.only)}'", f"See --list; families are {families}")
+    if options.markdown is not None and not table.takes_tables(options.markdown):
+        check_outputs([options.markdown], overwrite=options.overwrite)
     if options.list:
         for one in cases:
             print(f"{one.family:<11}{one.name}: {one.states}")
@@ -87,9 +102,19 @@ def stress_command(options: argparse.Namespace, progress: Reporting) -> int:
         print()
     if options.markdown is not None:
         table.write_markdown(options.markdown, table.markdown(results, found, outcomes, here, seconds))
+        note_output(options.markdown)
     count = len(results) + len(outcomes) + (found is not None)
     say(f"{count - failed} of {count} hold, {failed} failed; {seconds:.0f} s on {table.described(here)}")
     return 2 if failed else 0
+
+
+def _damaged_files(options: argparse.Namespace, progress: Reporting) -> int:
+    from .fuzz_files import fuzz_files  # heavy: torch
+
+    readers, faulty = fuzz_files(options.fuzz_files, options.only, lambda t: print(t, flush=True), progress.cancelled)
+    _look(progress)
+    print(f"{readers - faulty} of {readers} readers hold, {faulty} failed", flush=True)
+    return 2 if faulty else 0
 
 
 def _table(cases, backends: tuple[BackendName, ...], say, progress: Reporting) -> list[Result]:  # type: ignore[no-untyped-def]

@@ -17,6 +17,11 @@ from typing import Any
 
 from .errors import OutputError
 
+#: Bytes of JSON that are read; a hundred times the largest of ours, and what a parser makes of it still fits in memory.
+LARGEST_JSON = 2**25
+#: Whole numbers beyond it are no counts, sizes or seeds, and no array takes them.
+LARGEST_INTEGER = 2**64
+
 _WAYS_OUT = {
     errno.ENOSPC: "Free some space on that disk or choose another folder",
     errno.EDQUOT: "Your disk quota is used up; free some space or choose another folder",
@@ -116,6 +121,45 @@ def write_text(path: Path, text: str) -> None:
 def write_json(path: Path, value: Any) -> None:
     """Writes JSON that every parser reads: NaN and infinity are refused (ValueError)."""
     write_text(path, json.dumps(value, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
+
+
+def read_json(path: Path, largest: int = LARGEST_JSON) -> Any:
+    """What a JSON file holds, whoever wrote it; its types are the caller's to check.
+
+    Raises:
+        OSError: it cannot be read.
+        ValueError: it is larger than `largest` bytes, no JSON, or what `parse_json` refuses.
+    """
+    with path.open("rb") as file:
+        data = file.read(largest + 1)
+    if len(data) > largest:
+        raise ValueError(f"larger than {largest // 2**20} MiB")
+    return parse_json(data)
+
+
+def parse_json(data: bytes) -> Any:
+    """UTF-8 JSON from anybody.
+
+    Raises:
+        ValueError: no JSON, brackets in brackets without end, whole numbers that no array takes, or text that is no
+            Unicode.
+    """
+    try:
+        value = json.loads(data.decode("utf-8-sig"), parse_int=_integer)
+        if b"\\u" in data:  # half a pair of surrogates is valid JSON, but no file takes it
+            json.dumps(value, ensure_ascii=False).encode("utf-8")
+    except RecursionError:
+        raise ValueError("too many brackets in brackets") from None
+    except MemoryError:
+        raise ValueError("too large for the memory") from None
+    return value
+
+
+def _integer(text: str) -> int:
+    value = int(text) if len(text) <= 21 else LARGEST_INTEGER
+    if not -LARGEST_INTEGER < value < LARGEST_INTEGER:
+        raise ValueError(f"the number {text[:8]}... has {len(text)} digits")
+    return value
 
 
 def plain(value: Any) -> Any:

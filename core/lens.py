@@ -31,6 +31,8 @@ MODELS = {
     "OPENCV_FISHEYE": (False, 4),
 }
 
+#: Longest side of a photo (px): ten times the largest panoramas.
+_LARGEST_SIDE = 2**20
 _EXPORT = "Export the cameras again, or let them be found from the photos"
 
 
@@ -68,6 +70,8 @@ class Lens:
     def __post_init__(self) -> None:
         if self.model not in MODELS:
             raise FormatError(f"The lens model '{self.model}' is not supported", f"Use one of {', '.join(MODELS)}")
+        if not (0 < self.width <= _LARGEST_SIDE and 0 < self.height <= _LARGEST_SIDE):
+            raise FormatError(f"A lens of {self.width} x {self.height} px makes no sense", _EXPORT)
         simple, distortion = MODELS[self.model]
         if len(self.params) != (3 if simple else 4) + distortion:
             raise FormatError(f"A lens '{self.model}' cannot have {len(self.params)} parameters", _EXPORT)

@@ -12,7 +12,7 @@ from typing import Any
 
 from ..compiled import cache_base
 from ..errors import OutputError
-from ..files import write_json
+from ..files import read_json, write_json
 from ..numbers import number
 from ..photos.load import Photo
 
@@ -138,7 +138,7 @@ class Records:
 
 def _read(path: Path) -> dict[str, Any]:
     try:
-        content = json.loads(path.read_text("utf-8"))
+        content = read_json(path)
     except (OSError, ValueError):  # none yet, or cut off
         return {}
     return content if isinstance(content, dict) else {}

@@ -8,7 +8,6 @@ along the same direction in colour space (from the line's colour to its surround
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -18,6 +17,7 @@ from numpy.typing import NDArray
 
 from ..camera import Camera
 from ..errors import FormatError
+from ..files import read_json
 from ..numbers import number
 from .edges import Width, fit_width
 from .profiles import Sampler, intensity_profile
@@ -105,7 +105,7 @@ def read_lines(path: Path) -> list[PaintedLine]:
         FormatError: the file does not hold lines.
     """
     try:
-        entries = json.loads(path.read_text(encoding="utf-8"))
+        entries = read_json(path)
         return [
             PaintedLine(
                 str(entry["name"]),

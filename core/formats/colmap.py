@@ -17,6 +17,7 @@ from ..camera import Camera
 from ..conventions import rotation_from_quaternion
 from ..errors import FormatError, OutputError
 from ..lens import MODELS, Lens
+from ..names import inner_name
 from ..pose import Pose
 from ..views import SparsePoints
 from .spec import CameraFormatSpec
@@ -188,8 +189,14 @@ def _binary_points(data: bytes) -> list[tuple[float, ...]]:
     for _ in range(count):
         *row, _error, track = struct.unpack_from("<Q3d3BdQ", data, at)
         rows.append(tuple(row))
-        at += 51 + 8 * track
+        at = _inside(data, at + 51 + 8 * track)
     return rows
+
+
+def _inside(data: bytes, at: int) -> int:
+    if at > len(data):
+        raise ValueError("cut off")
+    return at
 
 
 def _text_points(text: str) -> list[tuple[float, ...]]:
@@ -200,7 +207,10 @@ def _text_points(text: str) -> list[tuple[float, ...]]:
 def _pose(values: tuple[float, ...]) -> Pose:
     if not np.isfinite(values).all():
         raise ValueError("a pose that is not finite")
-    return Pose(rotation_from_quaternion(np.array(values[:4])), np.array(values[4:7], float))
+    rotation = rotation_from_quaternion(np.array(values[:4]))
+    if not np.isfinite(rotation).all():
+        raise ValueError("a rotation that is none")
+    return Pose(rotation, np.array(values[4:7], float))
 
 
 def _binary_lenses(data: bytes) -> dict[int, Lens]:
@@ -220,15 +230,23 @@ def _binary_lenses(data: bytes) -> dict[int, Lens]:
 
 def _binary_images(data: bytes) -> dict[str, tuple[int, Pose]]:
     (count,) = struct.unpack_from("<Q", data)
-    images, at = {}, 8
+    images, at = dict[str, tuple[int, Pose]](), 8
     for _ in range(count):
         pose = _pose(struct.unpack_from("<7d", data, at + 4))
         (camera,) = struct.unpack_from("<i", data, at + 60)
         end = data.index(b"\0", at + 64)
-        images[data[at + 64 : end].decode("utf-8")] = camera, pose
+        _add(images, data[at + 64 : end].decode("utf-8"), camera, pose)
         (observations,) = struct.unpack_from("<Q", data, end + 1)
-        at = end + 9 + 24 * observations
+        at = _inside(data, end + 9 + 24 * observations)
     return images
+
+
+def _add(images: dict[str, tuple[int, Pose]], name: str, camera: int, pose: Pose) -> None:
+    """Keeps an image by its name, which never leads out of the folder that it is put into."""
+    inner = inner_name(name)
+    if inner in images:
+        raise ValueError(f"two images '{inner}'")
+    images[inner] = camera, pose
 
 
 def _text_lenses(text: str) -> dict[int, Lens]:
@@ -245,11 +263,11 @@ def _text_images(text: str) -> dict[str, tuple[int, Pose]]:
     lines = [line for line in text.splitlines() if not line.startswith("#")]
     while lines and not lines[0].strip():
         lines.pop(0)
-    images = {}
+    images: dict[str, tuple[int, Pose]] = {}
     for line in lines[::2]:
         if line.strip():
             _, *values = line.split(maxsplit=9)
-            images[values[8]] = int(values[7]), _pose(tuple(map(float, values[:7])))
+            _add(images, values[8], int(values[7]), _pose(tuple(map(float, values[:7]))))
     return images
 
 

@@ -23,6 +23,7 @@ from ..colour import srgb_to_linear
 from ..constants import SH_C0, SH_COEFFICIENTS
 from ..errors import FormatError
 from ..files import write_bytes
+from ..json_shape import anything, check_shape, text
 from ..version import VERSION
 from .gltf_file import Asset, open_gltf
 from .spec import FormatSpec
@@ -31,6 +32,8 @@ from .turning import flipped, moved
 EXTENSION = "KHR_gaussian_splatting"
 _PREFIX = f"{EXTENSION}:"
 _NEEDED = ("POSITION", *(f"{_PREFIX}{name}" for name in ("ROTATION", "SCALE", "OPACITY", "SH_DEGREE_0_COEF_0")))
+#: Values of each splat; all others, which are colours, have 3.
+_WIDTHS = {f"{_PREFIX}ROTATION": 4, f"{_PREFIX}OPACITY": 1}
 #: What the harmonics' sums are encoded in: sRGB, as photos. 'BT.709' was a draft's name for it.
 _COLOUR_SPACES = ("srgb_rec709_display", "BT.709")
 #: Component types and the primitive mode, as the format numbers them.
@@ -138,6 +141,10 @@ def _binary(arrays: dict[str, NDArray[Any]], name: str) -> bytes:
 def _primitive(asset: Asset, primitive: dict[str, Any]) -> GaussianCloud:
     """In glTF's axes and the node's own place."""
     extension, attributes = primitive["extensions"][EXTENSION], primitive.get("attributes", {})
+    try:
+        check_shape(extension, {"extensions?": {"*": anything}, "colorSpace?": text}, EXTENSION)
+    except ValueError as error:
+        raise FormatError(f"'{asset.path}' is damaged ({error})", "Export it again") from error
     packed = extension.get("extensions", {})
     if packed:
         raise FormatError(f"'{asset.path}' holds compressed splats ({', '.join(packed)})", "Export it uncompressed")
@@ -148,6 +155,10 @@ def _primitive(asset: Asset, primitive: dict[str, Any]) -> GaussianCloud:
     missing = [name for name in _NEEDED if name not in arrays]
     if missing:
         raise FormatError(f"The splats of '{asset.path}' lack {', '.join(missing)}", "Export it again")
+    for name, values in arrays.items():
+        width = _WIDTHS.get(name, 3)
+        if values.shape != (len(arrays["POSITION"]), width):
+            raise FormatError(f"'{asset.path}' has {name} of shape {values.shape}", "Export it again")
     scale = arrays[f"{_PREFIX}SCALE"]
     # A draft of the extension stored logarithms, which the published one cannot hold: it has no negative scales.
     logarithms = scale if (scale < 0).any() else np.log(np.maximum(scale, 1e-30))
@@ -178,7 +189,7 @@ def _placed(cloud: GaussianCloud, matrix: NDArray[np.float64], path: Path) -> Ga
     if np.array_equal(matrix, np.eye(4)):
         return cloud
     scale = float(np.cbrt(np.linalg.det(linear)))
-    if scale <= 0 or not np.allclose(linear @ linear.T, scale**2 * np.eye(3), atol=1e-4 * scale**2):
+    if not 0 < scale < np.inf or not np.allclose(linear @ linear.T, scale**2 * np.eye(3), atol=1e-4 * scale**2):
         raise FormatError(f"'{path}' stretches or mirrors its splats", "Apply the node's scale before the export")
     return moved(cloud, linear / scale, scale, matrix[:3, 3])
 

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import base64
 import binascii
-import json
 import struct
 from collections.abc import Iterator
 from pathlib import Path
@@ -18,6 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import FormatError
+from ..files import parse_json
+from ..json_shape import anything, check_shape, count, number, text
+from ..names import shown
 
 #: The file's first word ('glTF'), and the types of its chunks ('JSON', 'BIN').
 _MAGIC, _JSON, _BIN = 0x46546C67, 0x4E4F534A, 0x004E4942
@@ -26,6 +28,20 @@ _COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
 #: Nodes below nodes; more is a circle.
 _DEEPEST_NODE = 100
+_NODE = {"mesh?": count, "children?": [count]}
+_NODE |= {f"{name}?": [number] for name in ("matrix", "rotation", "scale", "translation")}
+_ACCESSOR = {"bufferView?": count, "byteOffset?": count, "componentType": count, "count": count, "type": text}
+#: What is read of the JSON.
+_CONTENT = {
+    "asset": {"version": text},
+    "scene?": count,
+    "scenes?": [{"nodes?": [count]}],
+    "nodes?": [_NODE],
+    "meshes?": [{"primitives?": [{"attributes?": {"*": count}, "extensions?": {"*": anything}}]}],
+    "accessors?": [_ACCESSOR],
+    "bufferViews?": [{"buffer": count, "byteOffset?": count, "byteStride?": count}],
+    "buffers?": [{"uri?": text}],
+}
 
 
 class Asset:
@@ -50,8 +66,9 @@ class Asset:
         try:
             scenes = self._content.get("scenes", [])
             roots = scenes[self._content.get("scene", 0)].get("nodes", []) if scenes else self._roots()
+            seen: set[int] = set()
             for root in roots:
-                yield from self._below(root, np.eye(4), 0)
+                yield from self._below(root, np.eye(4), 0, seen)
         except (IndexError, KeyError, TypeError, ValueError, AttributeError) as error:
             raise self._damaged(error) from error
 
@@ -67,11 +84,13 @@ class Asset:
                 raise FormatError(f"'{self.path}' stores values sparsely", "Export it without sparse accessors")
             view = self._content["bufferViews"][accessor["bufferView"]]
             kind, width = np.dtype(_COMPONENTS[accessor["componentType"]]), _WIDTHS[accessor["type"]]
-            count, row = int(accessor["count"]), kind.itemsize * width
-            stride = int(view.get("byteStride", row))
-            start = int(view.get("byteOffset", 0)) + int(accessor.get("byteOffset", 0))
+            rows, row = accessor["count"], kind.itemsize * width
+            stride = view.get("byteStride", row)
+            start = view.get("byteOffset", 0) + accessor.get("byteOffset", 0)
             strides, buffer = (stride, kind.itemsize), self._buffer(view["buffer"])
-            values: NDArray[Any] = np.ndarray((count, width), kind, buffer, start, strides)
+            if stride < row or start + rows * stride - (stride - row) > len(buffer):
+                raise ValueError("values beyond their buffer")
+            values: NDArray[Any] = np.ndarray((rows, width), kind, buffer, start, strides)
             whole = values.astype(np.float64)
         except (IndexError, KeyError, TypeError, ValueError, AttributeError) as error:
             raise self._damaged(error) from error
@@ -85,16 +104,17 @@ class Asset:
         return [index for index in range(len(nodes)) if index not in below]
 
     def _below(
-        self, index: int, above: NDArray[np.float64], depth: int
+        self, index: int, above: NDArray[np.float64], depth: int, seen: set[int]
     ) -> Iterator[tuple[dict[str, Any], NDArray[np.float64]]]:
-        if depth > _DEEPEST_NODE:
-            raise ValueError("nodes in a circle")
+        if depth > _DEEPEST_NODE or index in seen:
+            raise ValueError("nodes in a circle, or below two others")
+        seen.add(index)
         node = self._content["nodes"][index]
         matrix = above @ _matrix(node)
         if "mesh" in node:
             yield self._content["meshes"][node["mesh"]], matrix
         for child in node.get("children", []):
-            yield from self._below(child, matrix, depth + 1)
+            yield from self._below(child, matrix, depth + 1, seen)
 
     def _buffer(self, index: int) -> bytes:
         if index not in self._buffers:
@@ -110,7 +130,12 @@ class Asset:
         return self._buffers[index]
 
     def _beside(self, uri: str) -> bytes:
-        file = self.path.parent / unquote(uri)
+        name, folder = unquote(uri), self.path.parent.resolve()
+        if "\\" in name or ":" in name or "\0" in name or not (folder / name).resolve().is_relative_to(folder):
+            raise FormatError(
+                f"'{self.path}' names a buffer outside its folder ('{shown(uri[:80])}')", "Export it as one .glb file"
+            )
+        file = self.path.parent / name
         try:
             return file.read_bytes()
         except OSError as error:
@@ -134,8 +159,9 @@ def open_gltf(path: Path) -> Asset:
     try:
         if data[:4] == b"glTF":
             words, binary = _chunks(data)
-        content = json.loads(words.decode("utf-8"))
-        if not isinstance(content, dict) or not str(content["asset"]["version"]).startswith("2."):
+        content = parse_json(words)
+        check_shape(content, _CONTENT)
+        if not content["asset"]["version"].startswith("2."):
             raise ValueError("another version")
     except (ValueError, KeyError, TypeError, struct.error, binascii.Error) as error:
         raise FormatError(f"'{path}' is no glTF 2.0 file ({error})", "Export or download it again") from error

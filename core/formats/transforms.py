@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,10 @@ import numpy as np
 from ..camera import Camera
 from ..conventions import from_opengl, to_opengl
 from ..errors import FormatError, OutputError
+from ..files import read_json
+from ..json_shape import check_shape, number, text
 from ..lens import Lens
+from ..names import inner_name
 from ..pose import Pose
 from .spec import CameraFormatSpec
 
@@ -35,7 +38,7 @@ def read_transforms(
     if path.is_dir():
         path = path / "transforms.json"
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = read_json(path)
     except OSError as error:
         raise FormatError(f"'{path}' cannot be read ({error.strerror})", "Check the path of the cameras") from error
     except ValueError as error:
@@ -47,7 +50,8 @@ def read_transforms(
     poses: dict[str, Pose] = {}
     for frame in frames:
         try:
-            name = PurePosixPath(str(frame["file_path"]).replace("\\", "/")).name
+            check_shape(frame, {"file_path": text, "transform_matrix": [[number]]})
+            name = inner_name(frame["file_path"]).rsplit("/", 1)[-1]
             rotation, translation = from_opengl(np.array(frame["transform_matrix"], float))
             poses[name] = Pose(rotation, translation)
             lenses[name] = _lens({**content, **frame}, (sizes or {}).get(name.rsplit(".", 1)[0].casefold()))
@@ -60,25 +64,25 @@ def read_transforms(
 
 def _lens(values: dict[str, Any], size: tuple[int, int] | None) -> Lens:
     if "w" in values and "h" in values:
-        width, height = int(values["w"]), int(values["h"])
+        width, height = int(_number(values, "w")), int(_number(values, "h"))
     elif size is not None:
         width, height = size
     else:
         raise FormatError("The photos' size is missing (w, h)", _EXPORT)
     if "fl_x" in values:
-        fx = float(values["fl_x"])
+        fx = _number(values, "fl_x")
     elif "camera_angle_x" in values:
-        fx = 0.5 * width / math.tan(0.5 * float(values["camera_angle_x"]))
+        fx = _focal(width, values, "camera_angle_x")
     else:
         raise FormatError("The focal length is missing (fl_x or camera_angle_x)", _EXPORT)
     if "fl_y" in values:
-        fy = float(values["fl_y"])
+        fy = _number(values, "fl_y")
     elif "camera_angle_y" in values:
-        fy = 0.5 * height / math.tan(0.5 * float(values["camera_angle_y"]))
+        fy = _focal(height, values, "camera_angle_y")
     else:
         fy = fx
-    head = (fx, fy, float(values.get("cx", width / 2)), float(values.get("cy", height / 2)))
-    k = [float(values.get(key, 0.0)) for key in ("k1", "k2", "k3", "k4", "p1", "p2")]
+    head = (fx, fy, _number(values, "cx", width / 2), _number(values, "cy", height / 2))
+    k = [_number(values, key, 0.0) for key in ("k1", "k2", "k3", "k4", "p1", "p2")]
     if "FISHEYE" in str(values.get("camera_model", "")).upper() or values.get("is_fisheye"):
         return Lens("OPENCV_FISHEYE", width, height, (*head, *k[:4]))
     if not any(k):
@@ -86,6 +90,21 @@ def _lens(values: dict[str, Any], size: tuple[int, int] | None) -> Lens:
     if k[2] or k[3]:  # nerfstudio's k4 is OpenCV's first denominator coefficient in no version we know
         return Lens("FULL_OPENCV", width, height, (*head, k[0], k[1], k[4], k[5], k[2], 0.0, 0.0, 0.0))
     return Lens("OPENCV", width, height, (*head, k[0], k[1], k[4], k[5]))
+
+
+def _number(values: dict[str, Any], key: str, missing: float = 0.0) -> float:
+    value = float(values.get(key, missing))
+    if not math.isfinite(value):
+        raise ValueError(f"{key} is not finite")
+    return value
+
+
+def _focal(side: int, values: dict[str, Any], key: str) -> float:
+    """px, from the angle (radians) that a side of the photo sees."""
+    angle = _number(values, key)
+    if not 0.0 < angle < math.pi:
+        raise ValueError(f"{key} is no angle of view")
+    return 0.5 * side / math.tan(0.5 * angle)
 
 
 def write_transforms(path: Path, cameras: Mapping[str, Camera]) -> None:

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from ..compiled import cache_base
+from ..files import read_json
 from ..version import VERSION
 
 _chosen: dict[str, str] = {}
@@ -49,7 +50,7 @@ def _processor() -> str:
 
 def _read(path: Path) -> dict[str, str]:
     try:
-        known = json.loads(path.read_text("utf-8"))
+        known = read_json(path)
     except (OSError, ValueError):  # none yet, or cut off: measured again
         return {}
     return known if isinstance(known, dict) else {}

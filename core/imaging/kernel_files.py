@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import struct
+import math
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import PsfError
+from ..npy import read_npy
 
 #: Bytes of a block: the FITS standard's.
 _FITS_BLOCK = 2880
@@ -27,7 +28,11 @@ def read_kernel(path: Path) -> NDArray[np.float64]:
     Raises:
         PsfError: missing, damaged, of another kind, or not one channel.
     """
-    if not path.is_file():
+    try:
+        there = path.is_file()
+    except (OSError, ValueError):  # a name that no file can have
+        there = False
+    if not there:
         raise PsfError(f"There is no PSF file '{path}'", "Check the path after file:")
     if path.stat().st_size > _LARGEST_FILE:
         raise PsfError(f"The PSF file '{path}' is larger than 256 MiB", "Crop it around the point of light")
@@ -47,11 +52,15 @@ def read_kernel(path: Path) -> NDArray[np.float64]:
         values = np.squeeze(np.asarray(reader(path)))
     except PsfError:
         raise
-    except (OSError, ValueError, KeyError, EOFError, struct.error, SyntaxError, RuntimeError) as error:
-        raise PsfError(f"The PSF file '{path}' cannot be read: {error}", "Save it again") from error
+    except Exception as error:  # (decoders raise whatever they like; the file's name is what helps)
+        raise PsfError(f"The PSF file '{path}' cannot be read: {_reason(error)}", "Save it again") from error
     if values.dtype.kind not in "uifb":
         raise PsfError(f"The PSF file '{path}' holds {values.dtype}, not numbers", "Save real numbers")
     return _single_channel(np.atleast_2d(values).astype(np.float64), path)
+
+
+def _reason(error: Exception) -> str:
+    return " ".join(str(error).split())[:160] or type(error).__name__
 
 
 def _single_channel(values: NDArray[np.float64], path: Path) -> NDArray[np.float64]:
@@ -66,14 +75,19 @@ def _single_channel(values: NDArray[np.float64], path: Path) -> NDArray[np.float
 
 
 def _read_npy(path: Path) -> Any:
-    return np.load(path, allow_pickle=False)
+    with path.open("rb") as file:
+        return read_npy(file, path.stat().st_size)
 
 
 def _read_tiff(path: Path) -> Any:
     import tifffile  # late: only for TIFF files
 
     with tifffile.TiffFile(path) as file:
-        return file.pages[0].asarray()
+        if not len(file.pages):
+            raise ValueError("it holds no picture")
+        page = file.pages[0]
+        _check_size(math.prod(page.shape) * 8)
+        return page.asarray()
 
 
 def _read_png(path: Path) -> Any:
@@ -82,12 +96,19 @@ def _read_png(path: Path) -> Any:
     with Image.open(path) as file:
         if file.format != "PNG":
             raise PsfError(f"The PSF file '{path}' is {file.format}, not PNG", "Save it as PNG")
+        _check_size(math.prod(file.size) * 4)
         picture: Image.Image = file
         if picture.mode == "P" or picture.mode == "1":
             picture = picture.convert("L")
         if picture.mode not in ("L", "I;16", "I", "RGB", "RGBA", "LA"):
             raise PsfError(f"The PSF file '{path}' has mode {picture.mode}", "Save it as grey, 8 or 16 bit")
         return np.array(picture)
+
+
+def _check_size(size: int) -> None:
+    """Refuses a picture that would fill the memory, however small its file is."""
+    if size > _LARGEST_FILE:
+        raise ValueError(f"it declares a picture of {size // 2**20} MiB")
 
 
 def _read_fits(path: Path) -> Any:
@@ -107,6 +128,8 @@ def _read_fits(path: Path) -> Any:
         raise PsfError(f"The PSF file '{path}' has no primary array", "Save the kernel in the primary HDU")
     begin = -(-(start + 80) // _FITS_BLOCK) * _FITS_BLOCK
     shape = [int(header[f"NAXIS{axis}"]) for axis in range(int(header["NAXIS"]), 0, -1)]
+    if min(shape) < 1:
+        raise ValueError(f"its array has the shape {tuple(shape)}")
     values = np.frombuffer(data, _FITS_TYPES[int(header["BITPIX"])], int(np.prod(shape)), begin)
     scale, zero = (float(header.get(k, d).replace("D", "E")) for k, d in (("BSCALE", "1"), ("BZERO", "0")))
     return values.reshape(shape).astype(np.float64) * scale + zero

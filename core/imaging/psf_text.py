@@ -12,6 +12,8 @@ from .psf import PointSpread, point_spread_from_samples
 
 #: Kinds of file that `kernel_files` reads; such a path is a PSF without `file:` before it.
 KERNEL_SUFFIXES = frozenset({".npy", ".tif", ".tiff", ".png", ".fits", ".fit", ".fts"})
+#: Standard deviation in px; the samples of a wider Gaussian would fill the memory, and leave nothing of a photo.
+_WIDEST = 1000.0
 
 
 def parse_psf(text: str) -> PointSpread | None:
@@ -41,6 +43,8 @@ def parse_psf(text: str) -> PointSpread | None:
         sx, sy, angle = (values + [values[0], 0.0][len(values) - 1 :])[:3]
         if sx < 0 or sy < 0:
             raise PsfError(f"The PSF '{text}' has a negative width", "Give standard deviations in pixels")
+        if max(sx, sy) > _WIDEST:
+            raise PsfError(f"The PSF '{text}' is wider than any photo", f"Give at most {_WIDEST:g} px")
         return PointSpread(sigma_x=sx, sigma_y=sy, angle=angle, source=text.strip())
     path = rest if kind == "file" else text.strip()
     if path and (kind == "file" or Path(path).suffix.lower() in KERNEL_SUFFIXES):

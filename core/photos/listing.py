@@ -6,6 +6,7 @@ import unicodedata
 from pathlib import Path
 
 from ..errors import PhotoError
+from ..names import check_photo_name
 
 #: Ending of a list of photos.
 LIST = ".txt"
@@ -32,6 +33,7 @@ def listed_files(path: Path) -> list[Path]:
             raise PhotoError(f"'{path.name}' names '{line}', which is not there", "Correct the list")
         if name in files and files[name].resolve() != file.resolve():
             raise PhotoError(f"'{path.name}' names two photos '{name}'", "Give every photo its own name")
+        check_photo_name(file)
         files[name] = file
     if not files:
         raise PhotoError(f"The list '{path}' names no photos", "Write one file name a line into it")

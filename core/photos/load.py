@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageOps
 
 from ..errors import Cancelled, PhotoError
+from ..names import check_photo_name
 from ..numbers import BY_DEFINITION, number
 from ..progress import Progress
 from .listing import LIST, listed_files
@@ -109,6 +110,8 @@ def photo_files(source: Path) -> list[Path]:
         raise PhotoError(
             f"The folder '{source}' holds no photos", "Put PNG, JPEG, TIFF, WebP or BMP files directly into it"
         )
+    for file in files:
+        check_photo_name(file)
     return files
 
 

@@ -7,7 +7,6 @@ that shows what the one before showed, because the camera stood still, gives non
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,7 +17,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from ..errors import Cancelled, DeviceError, PhotoError
-from ..files import make_folder, replacing, write_json
+from ..files import make_folder, read_json, replacing, write_json
 from ..numbers import number
 from ..progress import Progress
 from .scale import size_within
@@ -222,7 +221,7 @@ def _seconds(container: Any) -> float:
 
 def _done(folder: Path, asked: dict[str, Any]) -> bool:
     try:
-        held = json.loads((folder / _LIST).read_text("utf-8"))
+        held = read_json(folder / _LIST)
         return {key: held[key] for key in asked} == asked and all((folder / name).is_file() for name in held["frames"])
     except (OSError, ValueError, KeyError, TypeError):
         return False

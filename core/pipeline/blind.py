@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import unicodedata
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -10,7 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
+from .. import json_shape
 from ..errors import PsfError
+from ..files import read_json
 from ..imaging.psf import PointSpread
 from ..imaging.psf_text import KERNEL_SUFFIXES, parse_psf
 from ..inspection.blind_psf import blind_psf
@@ -78,13 +79,17 @@ def spreads_of(given: Spreads | None, photos: Sequence[Photo], settings: MediumS
 
 def _listed(file: Path) -> Spreads:
     try:
-        content = json.loads(file.read_text("utf-8"))
+        content = read_json(file)
     except OSError as error:
         raise PsfError(f"The list of point spreads '{file}' cannot be read", "Check the path given") from error
     except ValueError as error:
         raise PsfError(f"The list of point spreads '{file}' is no JSON ({error})", _example()) from error
-    if not isinstance(content, dict) or not content or not all(isinstance(v, str) for v in content.values()):
-        raise PsfError(f"The list of point spreads '{file}' is no object of texts", _example())
+    try:
+        json_shape.check_shape(content, {"*": json_shape.text})
+    except ValueError as error:
+        raise PsfError(f"The list of point spreads '{file}' is no object of texts ({error})", _example()) from error
+    if not content:
+        raise PsfError(f"The list of point spreads '{file}' is empty", _example())
     own: dict[str, PointSpread | None] = {}
     for name, text in content.items():
         try:

@@ -6,11 +6,15 @@ import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..files import parse_json
+from ..json_shape import check_shape, text
+from ..npy import read_npz
 from ..numbers import BY_DEFINITION, number
 from .settings import Recipe
 
@@ -89,16 +93,27 @@ def save_features(path: Path, found: Mapping[str, Features], recipe: Recipe) -> 
     )
 
 
+def _text(array: NDArray[Any]) -> Any:
+    return parse_json(str(array).encode("utf-8"))
+
+
 def load_features(path: Path) -> tuple[dict[str, Features], Recipe] | None:
     """What `save_features` wrote; None if it is not there or not readable: features can be found again."""
     try:
-        with np.load(path, allow_pickle=False) as content:
-            names, recipe = json.loads(str(content["names"])), Recipe(**json.loads(str(content["recipe"])))
-            cuts = np.cumsum(content["counts"])[:-1]
-            positions, descriptors = np.split(content["places"], cuts), np.split(content["descriptors"], cuts)
+        content = read_npz(path)
+        names, recipe = _text(content["names"]), Recipe(**_text(content["recipe"]))
+        check_shape(names, [text])
+        counts, places, descriptions = content["counts"], content["places"], content["descriptors"]
+        whole = int(counts.sum())
+        if counts.dtype != np.int64 or (counts < 0).any() or counts.shape != (len(names),):
+            return None
+        if places.shape != (whole, 2) or descriptions.shape != (whole, 128) or descriptions.dtype != np.uint8:
+            return None
+        cuts = np.cumsum(counts)[:-1]
+        positions, descriptors = np.split(places, cuts), np.split(descriptions, cuts)
         pairs = zip(positions, descriptors, strict=True)
         return {name: Features(*one) for name, one in zip(names, pairs, strict=True)}, recipe
-    except (OSError, ValueError, KeyError, TypeError, EOFError, BadZipFile):
+    except (OSError, ValueError, KeyError, TypeError, EOFError, BadZipFile, NotImplementedError):
         return None
 
 

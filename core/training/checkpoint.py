@@ -15,11 +15,33 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..constants import SH_COEFFICIENTS
 from ..errors import CheckpointError
-from ..files import replacing
+from ..files import parse_json, replacing
+from ..json_shape import anything, check_shape, count, number, text
+from ..npy import read_npz
 
 #: Raised whenever the content changes its meaning.
 FORMAT = 1
+
+#: Sides of a parameter behind the number of Gaussians.
+_SIDES = {"means": (3,), "log_scales": (3,), "quaternions": (4,), "opacity_logits": ()}
+
+
+def _any_number(value: object) -> bool:
+    """Number, even one that is not finite: a loss may be."""
+    return isinstance(value, (int, float)) and not isinstance(value, bool)
+
+
+#: What is read of the JSON.
+_FACTS = {
+    "format": count,
+    "fingerprint": {"photos?": [text], "*": anything},
+    "step": count,
+    "seconds": number,
+    "history": [{"step": count, "*": _any_number}],
+    "counters": {"steps": count, "*": count},
+}
 
 
 @dataclass
@@ -68,26 +90,22 @@ def load_checkpoint(path: Path, fingerprint: dict[str, Any]) -> Checkpoint:
         CheckpointError: the file is damaged, or belongs to other photos or settings.
     """
     try:
-        with np.load(path, allow_pickle=False) as archive:
-            arrays = {name: archive[name] for name in archive.files}
-        facts = json.loads(arrays.pop("__facts__").tobytes().decode("utf-8"))
-        checkpoint = Checkpoint(
-            arrays,
-            facts["fingerprint"],
-            int(facts["step"]),
-            float(facts["seconds"]),
-            list(facts["history"]),
-            dict(facts["counters"]),
-        )
-        known = facts["format"]
-    except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile, json.JSONDecodeError) as error:
+        arrays = read_npz(path)
+        facts = parse_json(arrays.pop("__facts__").tobytes())
+        known = facts["format"] if isinstance(facts, dict) else None
+        if known == FORMAT:
+            check_shape(facts, _FACTS)
+            _check_arrays(arrays)
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, NotImplementedError) as error:
         raise CheckpointError(
-            f"The checkpoint '{path}' is damaged ({type(error).__name__})", "Start again without --resume"
+            f"The checkpoint '{path}' is damaged ({type(error).__name__}: {error})", "Start again without --resume"
         ) from error
     if known != FORMAT:
         raise CheckpointError(
             f"The checkpoint '{path}' is of another version of this program", "Start again without --resume"
         )
+    fitting, history, counters = facts["fingerprint"], facts["history"], facts["counters"]
+    checkpoint = Checkpoint(arrays, fitting, facts["step"], float(facts["seconds"]), history, counters)
     wanted = json.loads(json.dumps(fingerprint))
     differing = sorted(key for key in wanted if checkpoint.fingerprint.get(key) != wanted[key])
     if differing:
@@ -96,3 +114,30 @@ def load_checkpoint(path: Path, fingerprint: dict[str, Any]) -> Checkpoint:
             "Use the settings of that run, or start again without --resume",
         )
     return checkpoint
+
+
+def _check_arrays(arrays: dict[str, NDArray[Any]]) -> None:
+    """Arrays of one training agree with one another: native code trusts them.
+
+    Raises:
+        ValueError: it names the array.
+    """
+    sides: dict[str, tuple[int, ...]] = {**_SIDES, "sh": _sides_of_harmonics(arrays)}
+    wanted = {f"{kind}.{name}": side for kind in ("value", "first", "second") for name, side in sides.items()}
+    wanted |= {"pull": (), "views": ()}
+    amount = len(arrays["value.means"]) if arrays.get("value.means", np.zeros(())).ndim else 0
+    for name, side in wanted.items():
+        if name not in arrays:
+            raise ValueError(f"the array '{name}' is missing")
+        array = arrays[name]
+        if not amount or array.shape != (amount, *side) or array.dtype != np.float32:
+            raise ValueError(f"the array '{name}' is {array.dtype} {array.shape}, not float32 {(amount or 1, *side)}")
+        if name.startswith(("first.", "second.")) and not np.isfinite(array).all():
+            raise ValueError(f"the array '{name}' is not finite")
+        if name.startswith("second.") and (array < 0).any():
+            raise ValueError(f"the array '{name}' is negative, a mean of squares")
+
+
+def _sides_of_harmonics(arrays: dict[str, NDArray[Any]]) -> tuple[int, ...]:
+    harmonics = arrays.get("value.sh", np.zeros(())).shape
+    return (harmonics[1] if len(harmonics) == 3 and harmonics[1] in SH_COEFFICIENTS else SH_COEFFICIENTS[0], 3)

@@ -6,7 +6,6 @@ stale are read off it. Blender's own Python reads this file too.
 
 from __future__ import annotations
 
-import json
 import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -15,8 +14,9 @@ from typing import Any
 
 from ..cloud import GaussianCloud
 from ..errors import FormatError
-from ..files import make_folder, output_error, write_bytes, write_json, write_text
+from ..files import make_folder, output_error, read_json, write_bytes, write_json, write_text
 from ..formats.ply import write_ply
+from ..json_shape import anything, check_shape, count, text
 from ..reconstruction import Reconstruction
 
 
@@ -61,6 +61,33 @@ PARTS = (
     Part("next_views.json", "next view", state=True, stale=True),
     Part("next_views", "next view", stale=True, folder=True),
 )
+
+#: What is read of report.json; a field that another version lacks may be missing.
+_REPORT = {
+    "settings": {
+        "run": {
+            "psf": text,
+            "photos": text,
+            "out": text,
+            "blur_space?": frozenset(("srgb", "linear")),
+            "cameras?": (text,),
+            "truth?": (text,),
+            "masks?": (text,),
+            "frames?": count,
+            "holdout_every?": count,
+            "max_size?": (count,),
+            "preset?": text,
+            "effects?": text,
+            "seed?": count,
+        },
+        "training?": {"sh_degree?": count},
+    },
+    "steps?": count,
+    "medium?": {"per_photo?": ({"*": text},)},
+    "effects?": [anything],
+}
+#: What is read of twin.json.
+_UPDATE_LOG = {"held?": [text], "psf?": {"*": text}, "updates?": [{"*": anything}]}
 
 
 class TwinFolder:
@@ -114,7 +141,7 @@ class TwinFolder:
     def plan(self) -> dict[str, Any]:
         """What `save_plan` kept; empty where there is none, or it is damaged."""
         try:
-            content = json.loads((self.path / "plan.json").read_text("utf-8"))
+            content = read_json(self.path / "plan.json")
         except (OSError, ValueError):
             return {}
         return content if isinstance(content, dict) else {}
@@ -155,10 +182,10 @@ class TwinFolder:
                 "Give the --out folder of 'reconstruct'",
             )
         try:
-            content = json.loads(path.read_text("utf-8"))
-            content["settings"]["run"]["psf"]
-        except (OSError, ValueError, KeyError, TypeError) as error:
-            raise FormatError(f"'{path}' is damaged ({type(error).__name__})", "Reconstruct the twin again") from error
+            content = read_json(path)
+            check_shape(content, _REPORT)
+        except (OSError, ValueError) as error:
+            raise FormatError(f"'{path}' is damaged ({error})", "Reconstruct the twin again") from error
         return dict(content)
 
     def save_update(self, report: Mapping[str, Any]) -> None:
@@ -179,12 +206,13 @@ class TwinFolder:
         if not path.is_file():
             return {}
         try:
-            content = json.loads(path.read_text("utf-8"))
-            if not isinstance(content, dict):
-                raise ValueError
+            content = read_json(path)
+            check_shape(content, _UPDATE_LOG)
         except (OSError, ValueError) as error:
-            raise FormatError(f"'{path}' is damaged", "Bring an earlier state back: update TWIN --rollback") from error
-        return content
+            raise FormatError(
+                f"'{path}' is damaged ({error})", "Bring an earlier state back: update TWIN --rollback"
+            ) from error
+        return dict(content)
 
     def drop_stale(self) -> None:
         """Takes away what speaks of the twin as it was."""

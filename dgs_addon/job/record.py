@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import json
 import os
 import sys
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from ...core.errors import FormatError
-from ...core.files import write_json
+from ...core.files import read_json, write_json
+from ...core.json_shape import anything, check_shape, count, text
 
 NAME = "job.json"
 LOG = "job.log"
@@ -51,6 +51,23 @@ class Record:
         return self.phase in ("running", "paused", "cancelling") and not _lives(self.pid)
 
 
+def _process(value: object) -> bool:
+    """A number that a process can have."""
+    return count(value) and cast(int, value) < 2**31
+
+
+#: What job.json holds.
+_SHAPE = {
+    "kind": text,
+    "photos": text,
+    "count": count,
+    "arguments": [text],
+    "phase?": text,
+    "selection?": text,
+    "pid?": (_process,),
+    "error?": text,
+    "result?": {"*": anything},
+}
 #: What was read last, by file and time of its last change: a panel asks at every redraw.
 _cache: dict[tuple[Path, int], Record] = {}
 
@@ -64,7 +81,8 @@ def read_record(out: Path) -> Record | None:
     try:
         key = (out, (out / NAME).stat().st_mtime_ns)
         if key not in _cache:
-            value = json.loads((out / NAME).read_text("utf-8"))
+            value = read_json(out / NAME)
+            check_shape(value, _SHAPE)
             names = {f.name for f in fields(Record)}
             record = Record(**{name: item for name, item in value.items() if name in names})
             _cache.clear()
@@ -72,7 +90,7 @@ def read_record(out: Path) -> Record | None:
         return _cache[key]
     except FileNotFoundError:
         return None
-    except (OSError, ValueError, TypeError, AttributeError) as error:
+    except (OSError, ValueError) as error:
         raise FormatError(f"'{out / NAME}' is damaged ({error})", "Delete it") from error
 
 

@@ -14,8 +14,10 @@ from mathutils import Matrix
 
 from ...core.cloud import GaussianCloud
 from ...core.errors import DgsError
+from ...core.files import read_json
 from ...core.formats.cameras import read_cameras
 from ...core.formats.ply import read_ply
+from ...core.json_shape import anything, check_shape
 from ..axes import matrix_to_blender
 from ..scene.cameras import add_cameras
 from ..scene.material import prepare_scene
@@ -110,11 +112,24 @@ def _select(twin: Any, scene: Any) -> None:
             layer.objects.active = twin
 
 
+#: What is kept of a report with a twin in a scene.
+_PROVENANCE = {
+    "photos": {"folder": anything},
+    "settings": anything,
+    "medium": {"psf": anything},
+    "heldout": {"degraded": anything, "sharp": anything},
+}
+
+
 def _provenance(twin: Any, out: Path) -> None:
     try:
-        report = json.loads((out / "report.json").read_text("utf-8"))
+        report = read_json(out / "report.json")
     except (OSError, ValueError):
         return  # a twin without a report is still a twin
+    try:
+        check_shape(report, _PROVENANCE)
+    except ValueError:
+        return
     twin[PHOTOS] = str(report["photos"]["folder"])
     twin[SETTINGS] = json.dumps(report["settings"])
     twin["dgs_psf"] = str(report["medium"]["psf"])

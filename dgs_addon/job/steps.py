@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from ...core.errors import DgsError
+from ...core.files import read_json
 from ..paths import absolute, out_folder
 from ..photos import photo_folder
 from .record import Record, read_record
@@ -75,8 +75,10 @@ def _read(out: Path) -> ResultsFolder:
     except DgsError:
         record = None
     try:
-        report = json.loads((out / "report.json").read_text("utf-8"))
+        report = read_json(out / "report.json")
     except (OSError, ValueError):
+        report = {}
+    if not isinstance(report, dict):
         report = {}
     return ResultsFolder(record, (out / "cameras").is_dir(), (out / "twin.ply").is_file(), report)
 

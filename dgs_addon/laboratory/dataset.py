@@ -11,7 +11,6 @@ manifest.json   all settings; `SynthesizeSettings.from_json(manifest["settings"]
 from __future__ import annotations
 
 import hashlib
-import json
 import tempfile
 from pathlib import Path
 from typing import Any
@@ -21,7 +20,7 @@ from numpy.typing import NDArray
 
 from ...core.camera import Camera
 from ...core.errors import Cancelled, DgsError
-from ...core.files import make_folder, write_json
+from ...core.files import make_folder, read_json, write_json
 from ...core.formats.transforms import write_transforms
 from ...core.progress import Progress, Silent
 from ...core.views import SparsePoints
@@ -300,7 +299,7 @@ def _lines() -> list[dict[str, Any]]:
 
 
 def _finished(out: Path, manifest: dict[str, Any], names: list[str]) -> bool:
-    there = _read_json(out / "manifest.json")
+    there = _read_own(out / "manifest.json")
     if (out / "unfinished.json").exists() or not _same_photos(there, manifest):
         return False
     wanted = ["photos", "sharp", *(folder for extra, folder, _ in _BESIDE if manifest["settings"].get(extra))]
@@ -322,10 +321,10 @@ def _same_photos(earlier: dict[str, Any], manifest: dict[str, Any]) -> bool:
     return before.photos_fingerprint() == now.photos_fingerprint() and first.split("-")[1:] == second.split("-")[1:]
 
 
-def _read_json(path: Path) -> dict[str, Any]:
+def _read_own(path: Path) -> dict[str, Any]:
     """Content of a file of ours; empty if it is missing or was cut off (then nothing is trusted)."""
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = read_json(path)
     except (FileNotFoundError, ValueError):
         return {}
     return content if isinstance(content, dict) else {}
@@ -333,7 +332,7 @@ def _read_json(path: Path) -> dict[str, Any]:
 
 def _forget_other_settings(out: Path, manifest: dict[str, Any]) -> None:
     """Removes what an earlier run with other settings left under names that will be written."""
-    earlier = _read_json(out / "unfinished.json") or _read_json(out / "manifest.json")
+    earlier = _read_own(out / "unfinished.json") or _read_own(out / "manifest.json")
     if _same_photos(earlier, manifest):
         return
     stale = ["photos", "sharp", "masks_ball", "depth", "normals"]

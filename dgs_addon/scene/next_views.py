@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +10,7 @@ import numpy as np
 
 from ...core.camera import Camera
 from ...core.errors import FormatError
+from ...core.files import read_json
 from ..axes import place_camera
 
 #: Custom properties of a suggested camera.
@@ -32,7 +32,7 @@ def add_next_views(path: Path, name: str, scene: Any) -> list[Any]:
     if not path.is_file():
         raise FormatError(f"There is no '{path}'", "Run next-view on the twin's folder first")
     try:
-        views = json.loads(path.read_text("utf-8"))["views"]
+        views = read_json(path)["views"]
         chosen = sorted((v for v in views if v["order"]), key=lambda v: int(v["order"]))
         cameras = [
             Camera(
@@ -49,7 +49,7 @@ def add_next_views(path: Path, name: str, scene: Any) -> list[Any]:
             for v in chosen
         ]
         gains = [float(v["bits"]) for v in chosen]
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except (OSError, ValueError, KeyError, TypeError, OverflowError) as error:
         raise FormatError(f"'{path}' is damaged ({type(error).__name__})", "Run next-view again") from error
     before = bpy.data.collections.get(name)
     if before is not None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -10,6 +9,7 @@ from typing import Any
 import bpy
 
 from ...core.errors import FormatError
+from ...core.files import read_json
 from ...core.formats.ply import read_ply
 from ...core.twin.folder import TwinFolder
 from .twin import add_twin
@@ -71,7 +71,7 @@ def _show_from(thing: Any, begin: int, end: int, number: int, count: int) -> Non
 def _label(number: int, folder: Path) -> str:
     """'state 2: 5 new photos'; the first state is the twin as it was made."""
     try:
-        facts = json.loads((folder / "update.json").read_text("utf-8"))
+        facts = read_json(folder / "update.json")
         return f"state {number}: {len(facts['photos'])} new photos"
     except (OSError, ValueError, KeyError, TypeError):
         return f"state {number}"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -14,11 +13,12 @@ from numpy.typing import NDArray
 from ...core.camera import Camera
 from ...core.errors import DgsError, PhotoError
 from ...core.evaluation.lines import PaintedLine, read_lines
-from ...core.files import write_json
+from ...core.files import read_json, write_json
 from ...core.formats.colmap import write_lenses
 from ...core.imaging.medium import Medium
 from ...core.imaging.psf import PointSpread, point_spread_from_samples
 from ...core.imaging.psf_text import parse_psf
+from ...core.json_shape import check_shape, text
 from ...core.lens import MODELS, Lens
 from ...core.photos.load import Photo, load_photo, load_photos, photo_files
 from ...core.photos.truth import TruthFolder
@@ -186,7 +186,8 @@ def _medium_text(settings: CompareSettings) -> tuple[str, Any]:
     file = settings.dataset / "psf.json"
     if file.is_file():
         try:
-            given = json.loads(file.read_text(encoding="utf-8"))
+            given = read_json(file)
+            check_shape(given, {"psf?": (text,), "blur_space?": (text,)})
         except (OSError, ValueError) as error:
             raise DgsError(f"'{file}' cannot be read: {error}", "Give --psf") from error
     psf = settings.psf or given.get("psf")

@@ -12,13 +12,12 @@ oracle           Gaussian splatting of the sharp photos
 
 from __future__ import annotations
 
-import json
 import time
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ...core.errors import Cancelled, DgsError
-from ...core.files import write_json
+from ...core.files import read_json, write_json
 from ...core.imaging.medium import Medium
 from ...core.photos.load import Photo
 from ...core.photos.undistort import undistorted_views
@@ -190,7 +189,7 @@ class MethodRunner:
         seconds = (time.perf_counter() - began) * len(photos) / max(1, len(photos) - before)
         file = None if kept is None else kept / "seconds.json"
         if file is not None and before >= len(photos) and file.is_file():
-            seconds = float(json.loads(file.read_text(encoding="utf-8")))
+            seconds = float(read_json(file))
         elif file is not None:
             write_json(file, round(seconds, 1))
         return made, seconds

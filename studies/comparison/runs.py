@@ -14,7 +14,7 @@ from ...core.devices import choose_device
 from ...core.errors import Cancelled
 from ...core.evaluation.metrics import low_passed_truth_psnr
 from ...core.evaluation.view_scores import mean_of
-from ...core.files import make_folder, write_json
+from ...core.files import make_folder, read_json, write_json
 from ...core.formats.ply import write_ply
 from ...core.machine import machine, use_threads
 from ...core.progress import Progress
@@ -203,7 +203,7 @@ def run_key(settings: CompareSettings, data: Dataset, base: TrainingSettings) ->
 def read_row(file: Path, key: str) -> Row | None:
     """A row on disk; None if there is none, or one that was made with other settings."""
     try:
-        row = json.loads(file.read_text(encoding="utf-8"))
+        row = read_json(file)
     except (OSError, ValueError):
         return None
     if not isinstance(row, dict) or row.get("key") != key:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -11,7 +10,7 @@ import numpy as np
 
 from ...core.evaluation.lines import line_width
 from ...core.evaluation.profiles import Sampler
-from ...core.files import write_json
+from ...core.files import read_json, write_json
 from ...core.pipeline.views import Viewer
 from ...core.progress import Progress
 from .measure import Measure, TrueWidth
@@ -66,7 +65,7 @@ def widths_from_everywhere(
 
 def _read(file: Path) -> dict[str, Any]:
     try:
-        content = json.loads(file.read_text(encoding="utf-8"))
+        content = read_json(file)
     except (OSError, ValueError):
         return {}
     return content if isinstance(content, dict) else {}

@@ -7,6 +7,7 @@ import gzip
 import io
 import json
 import struct
+import zlib
 from pathlib import Path
 
 import numpy as np
@@ -14,12 +15,17 @@ from PIL import Image
 
 from ...core.camera import Camera
 from ...core.cloud import GaussianCloud
+from ...core.evaluation.lines import read_lines
 from ...core.formats.colmap import read_model, write_model
 from ...core.formats.gaussians import read_gaussians, write_gaussians
 from ...core.formats.transforms import read_transforms, write_transforms
 from ...core.imaging.kernel_files import read_kernel
 from ...core.imaging.psf_text import parse_psf
-from ...core.photos.load import load_photo
+from ...core.photos.load import load_photo, load_photos, photo_files
+from ...core.pipeline.blind import given_spreads
+from ...core.progress import Silent
+from ...core.sfm.features import Features, load_features, save_features
+from ...core.sfm.settings import recipes
 from ...core.training.checkpoint import Checkpoint, load_checkpoint, save_checkpoint
 from ...core.twin.folder import TwinFolder
 from ...core.views import SparsePoints
@@ -29,7 +35,7 @@ from .reader_fuzz import Damage, Reader, damaged
 def cloud(count: int = 40) -> GaussianCloud:
     """Gaussians of degree 1."""
     random = np.random.default_rng(0)
-    draw = lambda *shape: random.normal(size=shape).astype(np.float32)  # noqa: E731
+    draw = lambda *shape: np.asarray(random.normal(size=shape), np.float32)  # noqa: E731
     return GaussianCloud(draw(count, 3), draw(count, 3) - 3, draw(count, 4), draw(count), draw(count, 4, 3))
 
 
@@ -72,8 +78,9 @@ def _inside_npz(content: bytes, random: np.random.Generator) -> bytes:
         return damaged(content, random)
     with np.load(io.BytesIO(content)) as archive:
         arrays = {name: archive[name] for name in archive.files}
-    name = sorted(arrays)[int(random.integers(len(arrays)))]
-    if random.random() < 0.4:
+    names = sorted(name for name, array in arrays.items() if array.ndim)
+    name = names[int(random.integers(len(names)))]
+    if "__facts__" in arrays and random.random() < 0.4:
         text = damaged(arrays["__facts__"].tobytes(), random)
         arrays["__facts__"] = np.frombuffer(text, np.uint8)
     else:
@@ -169,7 +176,8 @@ def _checkpoint() -> Reader:
         c = cloud()
         values = {"means": c.means, "log_scales": c.log_scales, "quaternions": c.quaternions}
         values |= {"opacity_logits": c.opacity_logits, "sh": c.sh}
-        arrays = {f"{kind}.{name}": value for kind in ("value", "first", "second") for name, value in values.items()}
+        arrays = {f"{kind}.{name}": value for kind in ("value", "first") for name, value in values.items()}
+        arrays |= {f"second.{name}": np.square(value) for name, value in values.items()}
         arrays |= {name: np.ones(len(c.means), np.float32) for name in ("pull", "views")}
         state = Checkpoint(arrays, {"photos": ["a.png"]}, 7, 1.5, [{"step": 7.0, "loss": 0.1}], {"steps": 7})
         save_checkpoint(place / "checkpoint.npz", state)
@@ -199,8 +207,86 @@ def _facts() -> Reader:
     return Reader("twin.json", write, lambda path: TwinFolder(path).update_log(), "twin.json", damaged)
 
 
+def _spreads() -> Reader:
+    def write(place: Path) -> None:
+        place.mkdir(exist_ok=True)
+        given = {"a.png": "gaussian:3", "b.png": "gaussian:3,2,10+path:8,3", "*": "none"}
+        (place / "psf.json").write_text(json.dumps(given), "utf-8")
+
+    return Reader("per-photo PSF", write, lambda p: given_spreads(f"per-photo:{p / 'psf.json'}"), "psf.json", damaged)
+
+
+def _deep_photo(suffix: str) -> Reader:
+    """16 bits per value."""
+    name = f"photo{suffix}"
+
+    def write(place: Path) -> None:
+        import tifffile  # late: only for this file
+
+        place.mkdir(exist_ok=True)
+        values = np.random.default_rng(3).integers(0, 2**16, (30, 40, 3), dtype=np.uint16)
+        if suffix == ".tif":
+            tifffile.imwrite(place / name, values, photometric="rgb")
+        else:
+            (place / name).write_bytes(_png16(values))
+
+    return Reader(f"16-bit photo {suffix}", write, lambda place: load_photo(place / name), name, damaged)
+
+
+def _png16(values: np.ndarray) -> bytes:
+    """Rows without a filter."""
+    height, width, _ = values.shape
+    rows = np.concatenate([np.zeros((height, 1), np.uint8), values.astype(">u2").view(np.uint8).reshape(height, -1)], 1)
+    head = struct.pack(">IIBBBBB", width, height, 16, 2, 0, 0, 0)
+    parts = ((b"IHDR", head), (b"IDAT", zlib.compress(rows.tobytes())), (b"IEND", b""))
+    chunks = (struct.pack(">I", len(d)) + k + d + struct.pack(">I", zlib.crc32(k + d)) for k, d in parts)
+    return b"\x89PNG\r\n\x1a\n" + b"".join(chunks)
+
+
+def _masked() -> Reader:
+    def write(place: Path) -> None:
+        for folder in ("photos", "masks"):
+            (place / folder).mkdir(parents=True, exist_ok=True)
+            for name in ("a.png", "b.png"):
+                Image.fromarray(np.full((30, 40), 255, np.uint8)).save(place / folder / name)
+
+    def read(place: Path) -> object:
+        return load_photos(place / "photos", None, Silent(), place / "masks", minimum=1)
+
+    return Reader("mask", write, read, "masks/a.png", damaged)
+
+
+def _list() -> Reader:
+    def write(place: Path) -> None:
+        place.mkdir(exist_ok=True)
+        for name in ("a.png", "b.png"):
+            Image.fromarray(np.full((30, 40), 255, np.uint8)).save(place / name)
+        (place / "list.txt").write_text("# photos\na.png\nb.png\n", "utf-8")
+
+    return Reader("list of photos", write, lambda place: photo_files(place / "list.txt"), "list.txt", damaged)
+
+
+def _lines() -> Reader:
+    def write(place: Path) -> None:
+        place.mkdir(exist_ok=True)
+        line = {"name": "a", "width_m": 0.1, **{key: [[0.0, 1.0, 2.0]] * 2 for key in ("points", "across", "normals")}}
+        (place / "lines.json").write_text(json.dumps([line]), "utf-8")
+
+    return Reader("lines.json", write, lambda place: read_lines(place / "lines.json"), "lines.json", damaged)
+
+
+def _features() -> Reader:
+    def write(place: Path) -> None:
+        place.mkdir(exist_ok=True)
+        one = Features(np.ones((5, 2), np.float32), np.ones((5, 128), np.uint8))
+        found = {"a.png": one, "b.png": one}
+        save_features(place / "features.npz", found, recipes(False)[0])
+
+    return Reader("features", write, lambda place: load_features(place / "features.npz"), "features.npz", _inside_npz)
+
+
 def readers() -> list[Reader]:
-    """All of them."""
+    """All of `core`."""
     return [
         *(_splats(suffix) for suffix in (".ply", ".splat", ".gltf", ".glb")),
         _splats(".spz", _inside_gzip),
@@ -208,6 +294,12 @@ def readers() -> list[Reader]:
         _transforms(),
         *(_kernel(suffix) for suffix in (".npy", ".tif", ".png", ".fits")),
         *(_photo(suffix) for suffix in (".png", ".jpg", ".tif")),
+        *(_deep_photo(suffix) for suffix in (".png", ".tif")),
+        _masked(),
+        _list(),
+        _spreads(),
+        _lines(),
+        _features(),
         _checkpoint(),
         _report(),
         _facts(),

@@ -161,6 +161,14 @@ def described(machine: Mapping[str, Any]) -> str:
     return f"{machine['cores']} cores of {machine['processor']}, {machine['memory_gb']} GB, device {machine['device']}"
 
 
+def takes_tables(path: Path) -> bool:
+    """Whether a document has a place for the tables."""
+    try:
+        return BEGIN in path.read_text("utf-8")
+    except (OSError, ValueError):
+        return False
+
+
 def write_markdown(path: Path, tables: str) -> None:
     """Puts the tables between the marks of a document, or writes a document of them alone.
 
@@ -168,7 +176,7 @@ def write_markdown(path: Path, tables: str) -> None:
         OutputError: the file cannot be written.
     """
     before, after = "", ""
-    if path.exists() and BEGIN in (old := path.read_text("utf-8")):
-        before, rest = old.split(BEGIN, 1)
+    if takes_tables(path):
+        before, rest = path.read_text("utf-8").split(BEGIN, 1)
         after = rest.split(END, 1)[1] if END in rest else "\n"
     write_text(path, f"{before}{BEGIN}\n\n{tables}\n{END}{after}")

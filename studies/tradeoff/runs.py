@@ -16,7 +16,7 @@ from ...core.devices import choose_device
 from ...core.effort.clock import OthersLoad
 from ...core.errors import Cancelled, DgsError
 from ...core.evaluation.metrics import psnr
-from ...core.files import make_folder, write_json, write_text
+from ...core.files import make_folder, read_json, write_json, write_text
 from ...core.formats.colmap import write_lenses
 from ...core.gaussians import Gaussians
 from ...core.imaging.medium import Medium
@@ -272,7 +272,7 @@ class _Sets:
                     raise DgsError(
                         f"It is not recorded how long the cameras in '{folder}' took", "Start without --resume"
                     )
-                seconds = float(json.loads((folder / "seconds.json").read_text("utf-8")))
+                seconds = float(read_json(folder / "seconds.json"))
                 cameras = load_cameras(folder, data.photos)
                 photos = [photo for photo in data.photos if photo.name in cameras.poses]
                 data = replace(data, cameras=cameras, photos=photos)

@@ -8,10 +8,22 @@ from dgs.core.training.checkpoint import Checkpoint, load_checkpoint, save_check
 FINGERPRINT = {"settings": {"seed": 0, "steps": 10}, "photos": ["a.png", "b.png"], "blur space": "srgb"}
 
 
+def arrays():
+    random = np.random.default_rng(0)
+    sides = {"means": (3,), "log_scales": (3,), "quaternions": (4,), "opacity_logits": (), "sh": (4, 3)}
+    values = {name: random.normal(size=(50, *side)).astype(np.float32) for name, side in sides.items()}
+    out = {f"{kind}.{name}": np.abs(array) for kind in ("first", "second") for name, array in values.items()}
+    return {
+        **{f"value.{n}": a for n, a in values.items()},
+        **out,
+        "pull": values["means"][:, 0],
+        "views": np.ones(50, "f"),
+    }
+
+
 @pytest.fixture
 def kept(tmp_path):
-    arrays = {"value.means": np.random.default_rng(0).normal(size=(50, 3)).astype(np.float32)}
-    checkpoint = Checkpoint(arrays, FINGERPRINT, 7, 1.25, [{"step": 7, "loss": 0.5}], {"steps": 7})
+    checkpoint = Checkpoint(arrays(), FINGERPRINT, 7, 1.25, [{"step": 7, "loss": 0.5}], {"steps": 7})
     save_checkpoint(tmp_path / "kept.npz", checkpoint)
     return tmp_path / "kept.npz"
 
@@ -20,7 +32,8 @@ def test_round_trip(kept):
     back = load_checkpoint(kept, FINGERPRINT)
     assert (back.step, back.seconds, back.counters) == (7, 1.25, {"steps": 7})
     assert back.history == [{"step": 7, "loss": 0.5}]
-    assert np.array_equal(back.arrays["value.means"], np.random.default_rng(0).normal(size=(50, 3)).astype(np.float32))
+    assert back.arrays.keys() == arrays().keys()
+    assert all(np.array_equal(back.arrays[name], array) for name, array in arrays().items())
     assert [path.name for path in kept.parent.iterdir()] == ["kept.npz"], "no temporary file is left"
 
 
@@ -60,3 +73,63 @@ def test_archive_of_something_else(kept):
 def test_checkpoint_of_another_run_names_what_differs(kept, change):
     with pytest.raises(CheckpointError, match=f"kept\\.npz' belongs to a run with another {next(iter(change))}"):
         load_checkpoint(kept, {**FINGERPRINT, **change})
+
+
+@pytest.mark.parametrize(
+    ("name", "change"),
+    [
+        ("value.quaternions", lambda a: a[:-1]),
+        ("first.means", lambda a: a[:, :2]),
+        ("second.sh", lambda a: a.astype(np.float64)),
+        ("value.opacity_logits", lambda a: a[:, None]),
+        ("value.sh", lambda a: a[:, :3]),
+        ("value.means", lambda a: a[:0]),
+        ("first.sh", lambda a: np.full_like(a, np.nan)),
+        ("second.means", lambda a: -a - 1),
+        ("pull", lambda a: a[:7]),
+        ("views", lambda a: None),
+    ],
+)
+def test_arrays_that_do_not_agree_are_named(tmp_path, name, change):
+    """Short ones ended the process in native code (status 134)."""
+    changed = arrays()
+    changed[name] = change(changed[name])
+    if changed[name] is None:
+        del changed[name]
+    save_checkpoint(tmp_path / "a.npz", Checkpoint(changed, {}, 7, 1.0, [], {"steps": 7}))
+    with pytest.raises(CheckpointError, match=rf"a\.npz' is damaged .*'{name}'"):
+        load_checkpoint(tmp_path / "a.npz", {})
+
+
+@pytest.mark.parametrize(
+    ("facts", "word"),
+    [
+        ({"step": -1}, "step is no count"),
+        ({"step": 1.5}, "step is no count"),
+        ({"seconds": "1"}, "seconds is no number"),
+        ({"history": [{"step": 1, "loss": "x"}]}, r"history\[0\]\.loss is no"),
+        ({"history": {}}, "history is no list"),
+        ({"counters": {}}, "steps is missing"),
+        ({"counters": {"steps": -1}}, "steps is no count"),
+        ({"fingerprint": []}, "fingerprint is no object"),
+    ],
+)
+def test_facts_of_other_kinds_are_named(tmp_path, facts, word):
+    usual = {"fingerprint": {}, "step": 7, "seconds": 1.0, "history": [], "counters": {"steps": 7}}
+    save_checkpoint(tmp_path / "a.npz", Checkpoint(arrays(), **{**usual, **facts}))
+    with pytest.raises(CheckpointError, match=f"a\\.npz' is damaged .*{word}"):
+        load_checkpoint(tmp_path / "a.npz", {})
+
+
+def test_an_array_that_declares_more_than_the_file_holds_takes_no_memory(tmp_path):
+    """112 GiB were asked for, and 'use --max-size' was the advice."""
+    import io
+    import zipfile
+
+    stream = io.BytesIO()
+    header = {"descr": "<f4", "fortran_order": False, "shape": (2**40,)}
+    np.lib.format.write_array_header_1_0(stream, header)
+    with zipfile.ZipFile(tmp_path / "a.npz", "w") as archive:
+        archive.writestr("pull.npy", stream.getvalue())
+    with pytest.raises(CheckpointError, match="declares the shape"):
+        load_checkpoint(tmp_path / "a.npz", {})

@@ -80,7 +80,7 @@ def test_damaged_files_are_explained_or_as_good_as_none(folder):
         folder.update_log()
     assert folder.plan() == {}
     folder.save_plan({"gaussians": 5})
-    folder.save_report({"settings": {"run": {"psf": "none"}}})
+    folder.save_report({"settings": {"run": {"psf": "none", "photos": "photos", "out": "twin"}}})
     assert folder.plan() == {"gaussians": 5} and folder.report()["settings"]["run"]["psf"] == "none"
     (folder.path / "twin.json").unlink()
     assert folder.update_log() == {}

@@ -1,0 +1,80 @@
+"""Whether what came out of a JSON file has the types that are read from it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+#: How a value must be: see `check_shape`.
+Shape = Any
+
+
+def number(value: object) -> bool:
+    """A finite number."""
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def count(value: object) -> bool:
+    """A whole number from 0, written as one."""
+    return isinstance(value, int) and not isinstance(value, bool) and 0 <= value < 2**53
+
+
+def text(value: object) -> bool:
+    """A text that could be a path."""
+    return isinstance(value, str) and "\0" not in value
+
+
+def anything(_value: object) -> bool:
+    """Whatever it is."""
+    return True
+
+
+def check_shape(value: Any, shape: Shape, where: str = "") -> None:
+    """Looks at the parts of a value that are read; others may be there.
+
+    Args:
+        value: out of a JSON file.
+        shape: a predicate of this module; [shape] for a list of such; {'key': shape, 'other?': shape} for an object, in
+            which keys with a question mark may be missing, and '*' stands for every key that is not named;
+            (shape,) for such a value or null; a frozenset of the texts that are allowed.
+        where: what the message calls the value.
+
+    Raises:
+        ValueError: it says what is not as it should be: "frames[2].w is no number".
+    """
+    if isinstance(shape, dict):
+        _check_object(value, shape, where)
+    elif isinstance(shape, list):
+        if not isinstance(value, list):
+            raise ValueError(f"{where or 'it'} is no list")
+        for index, item in enumerate(value):
+            check_shape(item, shape[0], f"{where}[{index}]")
+    elif isinstance(shape, tuple):
+        if value is not None:
+            check_shape(value, shape[0], where)
+    elif isinstance(shape, frozenset):
+        if not isinstance(value, str) or value not in shape:
+            raise ValueError(f"{where or 'it'} is none of {', '.join(sorted(shape))}")
+    elif not shape(value):
+        raise ValueError(f"{where or 'it'} is no {_called(shape)}")
+
+
+def _check_object(value: Any, shape: dict[str, Shape], where: str) -> None:
+    if not isinstance(value, dict):
+        raise ValueError(f"{where or 'it'} is no object")
+    dot = f"{where}." if where else ""
+    named = {key.rstrip("?") for key in shape if key != "*"}
+    for key, inner in shape.items():
+        name = key.rstrip("?")
+        if key == "*":
+            for other in value.keys() - named:
+                check_shape(value[other], inner, dot + other[:40])
+        elif name in value:
+            check_shape(value[name], inner, dot + name)
+        elif not key.endswith("?"):
+            raise ValueError(f"{dot}{name} is missing")
+
+
+def _called(predicate: Callable[[object], bool]) -> str:
+    return predicate.__name__.strip("_").replace("_", " ")
