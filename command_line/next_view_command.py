@@ -8,7 +8,7 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..core.errors import DgsError
+from ..core.errors import DgsError, FormatError
 from ..core.files import replacing, write_json
 from .arguments import add_machine, add_progress, show_defaults
 from .progress_choice import Reporting
@@ -50,6 +50,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def next_view_command(options: argparse.Namespace, progress: Reporting) -> int:
     """Prints the ranking; writes TWIN/next_views.json, and TWIN/known.npy: how far photos fix each splat's colour."""
+    from ..core.lock import working_on  # late: slows --help
+
+    if not options.twin.is_dir():
+        raise FormatError(f"There is no folder '{options.twin}'", "Give the --out folder of 'reconstruct'")
+    with working_on(options.twin, "next-view", progress.note):
+        return _rank_and_write(options, progress)
+
+
+def _rank_and_write(options: argparse.Namespace, progress: Reporting) -> int:
     import numpy as np  # heavy
 
     from ..core.machine import use_threads  # late: slows --help

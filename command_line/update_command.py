@@ -7,10 +7,10 @@ import json
 import os
 from pathlib import Path
 
-from ..core.errors import DgsError
+from ..core.errors import DgsError, FormatError
 from ..core.sfm.child import Waiting
 from ..core.twin.folder import TwinFolder
-from .arguments import add_machine, add_progress, show_defaults, whole
+from .arguments import add_machine, add_progress, show_defaults
 from .progress_choice import Reporting
 
 
@@ -38,7 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="steps, as a share of the twin's own training; default: rounds of 0.06 until new photos are explained as "
         "well as old ones, 4 at most",
     )
-    add("--seed", type=whole(0, 2**31 - 1), default=0, metavar="N", help="same seed, same twin (CPU)")
+    add("--seed", type=int, default=0, metavar="N", help="same seed, same twin (CPU)")
     add("--rollback", action="store_true", help="bring the state before the last update back instead")
     add("--json", action="store_true", help="print JSON")
     add_machine(parser)
@@ -47,9 +47,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def update_command(options: argparse.Namespace, progress: Reporting) -> int:
     """Updates or rolls back; writes TWIN/update.json and TWIN/changes."""
+    from ..core.lock import working_on  # late: slows --help
 
+    if not options.twin.is_dir():
+        raise FormatError(f"There is no folder '{options.twin}'", "Give the --out folder of 'reconstruct'")
     if options.rollback:
-        state = TwinFolder(options.twin).rollback()
+        with working_on(options.twin, "update --rollback", progress.note):
+            state = TwinFolder(options.twin).rollback()
         progress.finished({"twin": str(options.twin / "twin.ply"), "state": state.name})
         return 0
     if options.photos is None:
@@ -60,11 +64,11 @@ def update_command(options: argparse.Namespace, progress: Reporting) -> int:
     try:
         from ..core.pipeline.update import UpdateSettings, update  # heavy: torch
 
-        facts = update(
-            UpdateSettings(options.twin, options.photos, options.cameras, options.share, options.threads, options.seed),
-            progress,
-            waiting,
+        settings = UpdateSettings(
+            options.twin, options.photos, options.cameras, options.share, options.threads, options.seed
         )
+        with working_on(options.twin, "update", progress.note):
+            facts = update(settings, progress, waiting)
     finally:
         if waiting is not None:
             waiting.end()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -13,6 +13,7 @@ from filelock import FileLock, Timeout
 
 from .errors import FolderInUse
 from .files import make_folder, output_error
+from .transaction import recover
 
 #: Held by the operating system for as long as the process lives, so that none is left behind by a kill.
 LOCK = ".lock"
@@ -47,6 +48,15 @@ def locked(folder: Path, task: str) -> Iterator[None]:
     finally:
         (folder / OWNER).unlink(missing_ok=True)
         lock.release()
+
+
+@contextmanager
+def working_on(folder: Path, task: str, note: Callable[[str], None]) -> Iterator[None]:
+    """`locked`, after what a process that died left behind was undone or completed; `note` gets what was done."""
+    with locked(folder, task):
+        if done := recover(folder):
+            note(done)
+        yield
 
 
 def _sign(folder: Path, task: str) -> None:

@@ -52,6 +52,11 @@ class FolderChange:
         make_folder(target.parent)
         return target
 
+    @property
+    def content(self) -> Path:
+        """The folder in which everything new is written; what lies in it only counts once `new` has named it."""
+        return self._next / CONTENT
+
     def remove(self, name: str) -> None:
         """`name` (a file or a folder) will be gone; it need not be there."""
         self._removed.append(_inside(name))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from ..files import check_writable
+from ..lock import working_on
 from ..machine import use_threads
 from ..progress import Progress
 from ..reconstruction import Reconstruction
@@ -22,7 +23,8 @@ def only_cameras(run: RunSettings, progress: Progress) -> Reconstruction:
     """
     given, folder = given_spreads(run.medium.psf), TwinFolder(run.out)
     check_writable(run.out)
-    search = search_for(run.training, use_threads(run.threads), False, run.resume)
-    loaded = read_photos(run.photos, folder, progress)
-    medium = medium_of(run.medium, given, loaded.photos, progress).medium
-    return cameras_of(run.cameras.given, loaded.photos, medium, search, folder, progress).reconstruction
+    with working_on(run.out, "cameras", progress.note):
+        search = search_for(run.training, use_threads(run.threads), False, run.resume)
+        loaded = read_photos(run.photos, folder, progress)
+        medium = medium_of(run.medium, given, loaded.photos, progress).medium
+        return cameras_of(run.cameras.given, loaded.photos, medium, search, folder, progress).reconstruction

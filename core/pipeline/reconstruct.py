@@ -9,6 +9,7 @@ from typing import Any
 
 from ..errors import DgsError
 from ..files import check_writable
+from ..lock import working_on
 from ..machine import Machine
 from ..photos.truth import TruthFolder
 from ..progress import Progress
@@ -17,7 +18,7 @@ from ..run_settings import RunSettings
 from ..training.job import TrainingJob
 from ..training.scale import scene_scale
 from ..twin.folder import TwinFolder
-from .blind import given_spreads
+from .blind import Spreads, given_spreads
 from .cameras import cameras_of, search_for
 from .effects.decision import parse_effects
 from .fitted import split_views
@@ -64,14 +65,28 @@ def reconstruct(
     Raises:
         DgsError: one of its subclasses; what was written before stays.
     """
-    watch, keeper, folder = Stopwatch(began), NoteKeeper(progress), TwinFolder(run.out)
+    watch, keeper = Stopwatch(began), NoteKeeper(progress)
     # What can be wrong with the request is found out before any work.
     given = given_spreads(run.medium.psf)
     parse_effects(run.effects)
-    truth = TruthFolder(run.truth) if run.truth is not None else None
-    check_writable(run.out)
     if run.training.until is not None and run.photos.holdout_every == 0:
         raise DgsError("Quality is judged on photos held out, and none are", "Use --holdout-every 8")
+    truth = TruthFolder(run.truth) if run.truth is not None else None
+    check_writable(run.out)
+    with working_on(run.out, "reconstruct", keeper.note):
+        return _stages(run, given, truth, keeper, watch, timing_on)
+
+
+def _stages(
+    run: RunSettings,
+    given: Spreads | None,
+    truth: TruthFolder | None,
+    keeper: NoteKeeper,
+    watch: Stopwatch,
+    timing_on: MakeTiming,
+) -> FinishedRun:
+    """The row itself."""
+    folder = TwinFolder(run.out)
     machine = Machine.ready(run.threads, run.device)
     timing = timing_on(machine, lambda: time.perf_counter() - watch.began - keeper.waited)
 

@@ -6,6 +6,7 @@ do not count where they show what has changed since. The state before is kept in
 
 from __future__ import annotations
 
+import shutil
 import threading
 import time
 from collections.abc import Sequence
@@ -28,7 +29,7 @@ from ..sfm.child import Waiting
 from ..training.checkpoint import Checkpoint, save_checkpoint
 from ..training.warmup import compile_kernels
 from ..twin.changes import Changes, find_changes, shows_changed, wider
-from ..twin.folder import TwinFolder
+from ..twin.folder import TwinChange, TwinFolder
 from ..twin.opened import OpenedTwin, StoredTwin, open_files
 from ..twin.pictures import draw_changes
 from ..twin.placing import Placing
@@ -98,29 +99,23 @@ def _updated(settings: UpdateSettings, progress: Progress, waiting: Waiting | No
     before = explained(twin, twin.gaussians, views)
     training = ContinuedTraining(twin, views, settings.share, settings.seed, settings.threads)
     gaussians, after = training.run(progress)
-    state = folder.keep_state()
-    facts = {
-        "photos": [photo.name for photo in photos],
-        "steps": training.trainer.step,
-        "gaussians": len(gaussians),
-        **_change_facts(changes, before, after),
-        "before": state.name,
-        "seconds": {"register": round(registered - began, 3), "update": round(time.perf_counter() - registered, 3)},
-    }
     updated = UpdatedTwin(photos, found, gaussians, medium, training.trainer.state(0.0, []))
-    save_updated(updated, twin, facts, folder)
-    draw_changes(folder.change_folder, new, changes, twin.step)
+    with folder.changing() as change:
+        facts = {
+            "photos": [photo.name for photo in photos],
+            "steps": training.trainer.step,
+            "gaussians": len(gaussians),
+            **_change_facts(changes, before, after),
+            "before": change.keep_state().name,
+            "seconds": {"register": round(registered - began, 3), "update": round(time.perf_counter() - registered, 3)},
+        }
+        save_updated(updated, twin, facts, folder, change)
+        draw_changes(change.new.change_folder, new, changes, twin.step)
     return facts
 
 
 def _new_photos(source: Path, twin: StoredTwin, folder: TwinFolder, progress: Progress) -> list[Photo]:
     """Photos that the twin does not have yet, copied into its folder under names of their own."""
-    own = folder.new_photo_folder.resolve()
-    if source.resolve() == own or own in source.resolve().parents:
-        raise PhotoError(
-            f"'{source}' is where the twin keeps its photos: what an update takes in is copied there",
-            "Put the new photos into a folder of their own",
-        )
     there = {fingerprint(photo.pixels) for photo in twin.photos}
     names = {photo.name.casefold() for photo in twin.photos}
     loaded = load_photos(source, twin.settings.photos.max_size, progress, None, minimum=1)
@@ -208,8 +203,10 @@ class UpdatedTwin:
     state: Checkpoint
 
 
-def save_updated(updated: UpdatedTwin, twin: OpenedTwin, facts: dict[str, Any], folder: TwinFolder) -> None:
-    """Writes what has changed of a twin's folder, and takes away what spoke of the twin as it was.
+def save_updated(
+    updated: UpdatedTwin, twin: OpenedTwin, facts: dict[str, Any], folder: TwinFolder, change: TwinChange
+) -> None:
+    """Writes what changes of a twin's folder, and takes away what speaks of the twin as it was.
 
     Raises:
         OutputError: it cannot be written.
@@ -219,18 +216,24 @@ def save_updated(updated: UpdatedTwin, twin: OpenedTwin, facts: dict[str, Any], 
     lenses = {**old.lenses, **{name: found.lenses[name] for name in found.poses}}
     if len(poses) != len(lenses):
         raise CameraError("Cameras and lenses of the update do not fit", "Report this as a bug")
-    folder.save_twin(updated.gaussians.cloud())
-    folder.save_cameras(replace(old, poses=poses, lenses=lenses))
-    save_checkpoint(folder.checkpoint, updated.state)
-    folder.save_photo_list([photo.path for photo in [*twin.photos, *updated.photos]])
+    new = change.new
+    new.save_twin(updated.gaussians.cloud())
+    new.save_cameras(replace(old, poses=poses, lenses=lenses))
+    save_checkpoint(new.checkpoint, updated.state)
+    new.save_photo_list([photo.path for photo in [*twin.photos, *updated.photos]])
     report = folder.report()
     report["settings"]["run"]["photos"] = str(folder.photo_list)
     report["gaussians"] = len(updated.gaussians)
-    folder.save_report(report)
-    new = {name: psf for name, psf in updated.medium.per_view.items() if name not in twin.medium.per_view}
+    new.save_report(report)
+    spreads = {name: psf for name, psf in updated.medium.per_view.items() if name not in twin.medium.per_view}
     past = folder.update_log()
-    own = {**past.get("psf", {}), **{name: psf.source for name, psf in new.items() if psf is not None and psf.source}}
-    folder.save_update_log({"held": twin.held, "psf": own, "updates": [*past.get("updates", []), facts]})
-    folder.save_update(facts)
-    folder.drop_stale()
-    drop_chapter(folder.report_page)
+    own = {
+        **past.get("psf", {}),
+        **{name: psf.source for name, psf in spreads.items() if psf is not None and psf.source},
+    }
+    new.save_update_log({"held": twin.held, "psf": own, "updates": [*past.get("updates", []), facts]})
+    new.save_update(facts)
+    change.remove_stale()
+    if folder.report_page.is_file():
+        shutil.copy2(folder.report_page, new.report_page)
+        drop_chapter(new.report_page)

@@ -7,7 +7,8 @@ stale are read off it. Blender's own Python reads this file too.
 from __future__ import annotations
 
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,7 @@ from ..files import make_folder, output_error, read_json, write_bytes, write_jso
 from ..formats.ply import write_ply
 from ..json_shape import anything, check_shape, count, text
 from ..reconstruction import Reconstruction
+from ..transaction import FolderChange, changing, recover
 
 
 @dataclass(frozen=True)
@@ -59,7 +61,7 @@ PARTS = (
     Part("history", "update", folder=True),
     Part("known.npy", "next view", state=True, stale=True),
     Part("next_views.json", "next view", state=True, stale=True),
-    Part("next_views", "next view", stale=True, folder=True),
+    Part("next_views", "next view", state=True, stale=True, folder=True),
 )
 
 #: What is read of report.json; a field that another version lacks may be missing.
@@ -214,18 +216,22 @@ class TwinFolder:
             ) from error
         return dict(content)
 
-    def drop_stale(self) -> None:
-        """Takes away what speaks of the twin as it was."""
-        for part in PARTS:
-            if part.stale and part.folder:
-                shutil.rmtree(self.path / part.name, ignore_errors=True)
-            elif part.stale:
-                (self.path / part.name).unlink(missing_ok=True)
-
     def states(self) -> list[Path]:
         """Folders of the kept states, oldest first."""
         kept = (self.path / "history").glob("[0-9][0-9][0-9]")
         return sorted(state for state in kept if (state / "twin.ply").is_file())
+
+    @contextmanager
+    def changing(self) -> Iterator[TwinChange]:
+        """Several parts change together or not at all, when the block ends well; see `core.transaction`.
+
+        Raises:
+            OutputError: no room, or no permission; the folder is as it was.
+        """
+        with changing(self.path) as change:
+            made = TwinChange(self, change)
+            yield made
+            made.place()
 
     def keep_state(self) -> Path:
         """Copies the present state to history/NNN; a copy that was cut off is never taken for a state.
@@ -233,52 +239,80 @@ class TwinFolder:
         Raises:
             OutputError: no room, or no permission.
         """
-        numbers = [int(state.name) for state in self.states()]
-        target = self.path / "history" / f"{max(numbers, default=-1) + 1:03d}"
-        half = target.with_name(f".{target.name}.part")
-        try:
-            shutil.rmtree(half, ignore_errors=True)
-            make_folder(half)
-            for part in _state():
-                source = self.path / part.name
-                if part.folder and source.is_dir():
-                    shutil.copytree(source, half / part.name)
-                elif not part.folder and source.is_file():
-                    shutil.copy2(source, half / part.name)
-            half.rename(target)
-        except OSError as error:
-            raise output_error(target, error) from error
-        return target
+        with self.changing() as change:
+            return change.keep_state()
 
     def rollback(self) -> Path:
         """Brings the latest kept state back and takes it out of the history; returns what it was called.
 
+        Killed at any moment, the folder is as before or as after when it is opened the next time.
+
         Raises:
-            FormatError: nothing is kept. OutputError: it cannot be written.
+            FormatError: nothing is kept. OutputError: it cannot be written; the folder is as it was.
         """
+        recover(self.path)
         kept = self.states()
         if not kept:
             raise FormatError(f"'{self.path}' has no earlier state", "There is nothing to roll back")
         state = kept[-1]
-        try:
+        with self.changing() as change:
             for part in _state():
-                self._bring_back(part, state / part.name)
-            shutil.rmtree(state)
-        except OSError as error:
-            raise output_error(self.path, error) from error
+                if (state / part.name).exists():
+                    _copy(part, state, change.new.path)
+                elif not part.folder or part.stale:
+                    change.remove(part.name)
+            change.remove(f"history/{state.name}")
         return state
 
-    def _bring_back(self, part: Part, kept: Path) -> None:
-        target = self.path / part.name
-        if part.folder and kept.is_dir():
-            shutil.rmtree(target, ignore_errors=True)
-            shutil.copytree(kept, target)
-        elif not part.folder and kept.is_file():
-            half = target.with_name(f".{part.name}.part")
-            shutil.copy2(kept, half)
-            half.replace(target)
-        elif not part.folder:
-            target.unlink(missing_ok=True)
+
+class TwinChange:
+    """A change of a twin's folder that is being prepared; made by `TwinFolder.changing`.
+
+    Args:
+        folder: as it is.
+        change: of its files.
+    """
+
+    #: Folders that new files join; others are replaced whole.
+    GROWING = ("photos", "history", "renders", "snapshot")
+
+    def __init__(self, folder: TwinFolder, change: FolderChange) -> None:
+        self._folder, self._change = folder, change
+        #: Where the new parts are saved.
+        self.new = TwinFolder(change.content)
+
+    def keep_state(self) -> Path:
+        """The present state will be in history/NNN as well; where that will be."""
+        name = f"{max((int(state.name) for state in self._folder.states()), default=-1) + 1:03d}"
+        for part in _state():
+            if (self._folder.path / part.name).exists():
+                _copy(part, self._folder.path, make_folder(self.new.path / "history" / name))
+        return self._folder.path / "history" / name
+
+    def remove(self, name: str) -> None:
+        """A part, or a file of one, will be gone."""
+        self._change.remove(name)
+
+    def remove_stale(self) -> None:
+        """What speaks of the twin as it was will be gone."""
+        for part in PARTS:
+            if part.stale:
+                self.remove(part.name)
+
+    def place(self) -> None:
+        """All that was saved will stand in the folder."""
+        for entry in sorted(self._change.content.iterdir()):
+            inside = sorted(entry.iterdir()) if entry.name in self.GROWING else [entry]
+            for found in inside:
+                self._change.new(found.relative_to(self._change.content).as_posix())
+
+
+def _copy(part: Part, source: Path, target: Path) -> None:
+    """Copies one part from a folder into another; raises OSError."""
+    if part.folder:
+        shutil.copytree(source / part.name, target / part.name)
+    else:
+        shutil.copy2(source / part.name, target / part.name)
 
 
 def _state() -> list[Part]:

@@ -1,11 +1,15 @@
 """A twin's folder: one list of what lies in it, states that are kept and come back, and what an update makes stale."""
 
+import shutil
+
 import numpy as np
 import pytest
 from dgs.core.cloud import GaussianCloud
-from dgs.core.errors import FormatError
+from dgs.core.errors import FormatError, OutputError
 from dgs.core.formats.ply import read_ply
+from dgs.core.transaction import recover
 from dgs.core.twin.folder import PARTS, TwinFolder
+from dgs.tests.crashes import crashes
 
 
 def cloud(value):
@@ -68,7 +72,8 @@ def test_a_copy_that_was_cut_off_is_no_state(folder):
 
 
 def test_what_speaks_of_the_twin_as_it_was_is_dropped(folder):
-    folder.drop_stale()
+    with folder.changing() as change:
+        change.remove_stale()
     gone = {part.name for part in PARTS if not (folder.path / part.name).exists()}
     assert gone == {"known.npy", "next_views.json", "next_views"}
 
@@ -101,3 +106,66 @@ def test_snapshots_and_renders_stand_where_the_panel_looks(folder):
     assert (folder.path / "renders" / "a.png").read_bytes() == b"render"
     folder.save_photo_list([folder.path / "b.png", folder.path / "a.png"])
     assert folder.photo_list.read_text("utf-8").splitlines() == [str(folder.path / n) for n in ("b.png", "a.png")]
+
+
+def content(path):
+    """Every file's bytes, by name."""
+    return {file.relative_to(path).as_posix(): file.read_bytes() for file in path.rglob("*") if file.is_file()}
+
+
+def restore(path, kept):
+    """The folder as `kept` holds it."""
+    shutil.rmtree(path, ignore_errors=True)
+    for name, data in kept.items():
+        (path / name).parent.mkdir(parents=True, exist_ok=True)
+        (path / name).write_bytes(data)
+
+
+def update(folder):
+    """What an update writes, without its training."""
+    with folder.changing() as change:
+        change.keep_state()
+        change.new.save_twin(cloud(2.0))
+        change.new.save_update({"photos": ["new.png"]})
+        change.new.save_photo_list([folder.path / "a.png", folder.path / "new.png"])
+        change.new.camera_folder.mkdir()
+        (change.new.camera_folder / "two.txt").write_text("after")
+        change.remove_stale()
+
+
+@pytest.mark.parametrize("fault", ["kill", "full"])
+def test_an_update_cut_off_anywhere_is_as_before_or_as_after(folder, fault):
+    before = content(folder.path)
+    update(folder)
+    after = content(folder.path)
+    assert after.keys() - before.keys() >= {"history/000/twin.ply", "history/000/cameras/one.txt", "cameras/two.txt"}
+    assert {"cameras/one.txt", "known.npy", "next_views/one.txt"} <= before.keys() - after.keys()
+    restore(folder.path, before)
+    for _ in crashes(lambda: update(folder), folder.path, fault, OutputError):
+        recover(folder.path)
+        assert content(folder.path) in (before, after)
+        restore(folder.path, before)
+
+
+@pytest.mark.parametrize("fault", ["kill", "full"])
+def test_a_rollback_cut_off_anywhere_and_asked_for_again_brings_back_one_state(folder, fault):
+    first = content(folder.path)
+    update(folder)
+    second = content(folder.path)
+    folder.save_twin(cloud(3.0))
+    folder.keep_state()
+    folder.save_twin(cloud(4.0))
+    newest = content(folder.path)
+    folder.rollback()
+    older = content(folder.path)
+    assert older["twin.ply"] != second["twin.ply"] and "history/001/twin.ply" not in older
+    restore(folder.path, newest)
+    for _ in crashes(lambda: folder.rollback(), folder.path, fault, OutputError):
+        recover(folder.path)
+        assert content(folder.path) in (newest, older)
+        if content(folder.path) == newest:
+            folder.rollback()
+        assert content(folder.path) == older
+        folder.rollback()
+        assert {name: data for name, data in content(folder.path).items() if name in first} == first
+        restore(folder.path, newest)
