@@ -4,8 +4,18 @@ from __future__ import annotations
 
 import argparse
 
-from ..core.run_settings import ReconstructSettings
-from .arguments import add_machine, add_masks, add_max_size, add_medium, add_photos, add_progress, show_defaults
+from ..core.outputs import check_output_folder
+from ..core.run_settings import RUN_MARKS, RUN_REPLACES, ReconstructSettings
+from .arguments import (
+    add_machine,
+    add_masks,
+    add_max_size,
+    add_medium,
+    add_overwrite,
+    add_photos,
+    add_progress,
+    show_defaults,
+)
 from .progress_choice import Reporting
 
 
@@ -14,6 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = "Finds the cameras and writes DIR/cameras, which 'reconstruct --resume' goes on from."
     show_defaults(parser)
     add_photos(parser)
+    add_overwrite(parser)
     add_medium(parser)
     add_masks(parser)
     add_max_size(parser)
@@ -25,6 +36,7 @@ def cameras_command(options: argparse.Namespace, progress: Reporting) -> int:
     """Writes OUT/cameras; `reconstruct --resume` takes them from there."""
     from ..core.pipeline.only_cameras import only_cameras  # heavy: torch
 
+    check_output_folder(options.out, RUN_MARKS, options.overwrite, RUN_REPLACES)
     settings = ReconstructSettings(
         photos=options.photos,
         out=options.out,

@@ -9,13 +9,15 @@ from typing import Any
 
 from ..core.effects.choices import effects_help
 from ..core.errors import Cancelled
-from ..core.run_settings import ReconstructSettings
+from ..core.outputs import check_output_folder
+from ..core.run_settings import RUN_MARKS, RUN_REPLACES, ReconstructSettings
 from .arguments import (
     CAMERAS,
     add_machine,
     add_masks,
     add_max_size,
     add_medium,
+    add_overwrite,
     add_photos,
     add_progress,
     duration,
@@ -34,6 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     show_defaults(parser)
     add_photos(parser)
+    add_overwrite(parser)
     add_medium(parser)
     parser.add_argument("--effects", default="none", metavar="EFFECTS", help=effects_help())
     _add_given(parser.add_argument_group("what is given"))
@@ -121,6 +124,8 @@ def reconstruct_command(options: argparse.Namespace, progress: Reporting) -> int
     from ..core.effort.timing import RunTiming  # heavy: torch
     from ..core.pipeline.reconstruct import reconstruct  # heavy: torch
 
+    if not options.resume:  # (what goes on there is its own)
+        check_output_folder(options.out, RUN_MARKS, options.overwrite, RUN_REPLACES)
     settings = ReconstructSettings(
         photos=options.photos,
         out=options.out,

@@ -45,13 +45,16 @@ def check_outputs(files: Iterable[Path], inputs: Iterable[Path] = (), overwrite:
         )
 
 
-def check_output_folder(folder: Path, marks: Iterable[str], overwrite: bool = False) -> None:
-    """Refuses a folder with content that this program did not write; marks an empty one as its own.
+def check_output_folder(
+    folder: Path, marks: Iterable[str], overwrite: bool = False, replaced: Iterable[str] | None = None
+) -> None:
+    """Refuses a folder with content that this program did not write; marks any other as its own.
 
     Args:
         folder: where many files will be written; made if missing.
         marks: names of files or folders that only this command leaves there.
         overwrite: the user allowed to replace the files of others.
+        replaced: names that will be written, where all else in the folder is left alone; None: everything may be.
 
     Raises:
         OutputError: it holds something else, or cannot be written to.
@@ -59,8 +62,11 @@ def check_output_folder(folder: Path, marks: Iterable[str], overwrite: bool = Fa
     make_folder(folder)
     names = {path.name for path in folder.iterdir()}
     seen = {name for name in names if not name.startswith(".")}
+    if replaced is not None:
+        seen &= set(replaced)
     if seen and not overwrite and LIST not in names and not names & set(marks):
-        raise OutputError(f"The folder '{folder}' holds files that this program did not write", _WAY_OUT)
+        named = f", such as '{min(seen)}'"
+        raise OutputError(f"The folder '{folder}' holds files that this program did not write{named}", _WAY_OUT)
     _append(folder, "")
 
 

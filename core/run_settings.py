@@ -15,6 +15,24 @@ DEFAULT_FRAMES = 60
 _PATHS = ("photos", "out", "cameras", "truth", "masks", "reference_cameras")
 
 
+#: Names that only a run leaves in its folder, and those that it replaces there (of `core.twin.folder.PARTS`).
+RUN_MARKS = ("report.json", "checkpoint.npz", "photos.txt", "plan.json", "sfm", "job.json")
+RUN_REPLACES = (
+    "cameras",
+    "sfm",
+    "plan.json",
+    "snapshot",
+    "checkpoint.npz",
+    "twin.ply",
+    "renders",
+    "report.json",
+    "report.html",
+    "known.npy",
+    "next_views.json",
+    "next_views",
+)
+
+
 @dataclass(frozen=True)
 class PhotoSettings:
     """Which photos there are: see the fields of the same names in `ReconstructSettings`."""

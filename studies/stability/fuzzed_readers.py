@@ -8,6 +8,7 @@ import io
 import json
 import struct
 import zlib
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -94,6 +95,34 @@ def _inside_npz(content: bytes, random: np.random.Generator) -> bytes:
     return out.getvalue()
 
 
+def _inside_png(content: bytes, random: np.random.Generator) -> bytes:
+    """One chunk is changed, its length and checksum fit: of pixels what is packed, or what it unpacks to."""
+    if random.random() < 0.2:
+        return damaged(content, random)
+    chunks, at = list[tuple[bytes, bytes]](), 8
+    while at + 12 <= len(content):
+        (length,) = struct.unpack_from(">I", content, at)
+        chunks.append((content[at + 4 : at + 8], content[at + 8 : at + 8 + length]))
+        at += 12 + length
+    chosen = int(random.integers(len(chunks)))
+    kind, data = chunks[chosen]
+    if kind == b"IDAT" and random.random() < 0.5:
+        data = zlib.compress(damaged(zlib.decompress(data), random))
+    else:
+        data = damaged(data, random)
+    chunks[chosen] = kind, data
+    return _png(chunks)
+
+
+def _damage_of(suffix: str) -> Damage:
+    return _inside_png if suffix == ".png" else damaged
+
+
+def _png(chunks: Iterable[tuple[bytes, bytes]]) -> bytes:
+    packed = (struct.pack(">I", len(d)) + k + d + struct.pack(">I", zlib.crc32(k + d)) for k, d in chunks)
+    return b"\x89PNG\r\n\x1a\n" + b"".join(packed)
+
+
 def _changed(array: np.ndarray, how: int) -> np.ndarray | None:
     """Of another length, shape, kind or content; None to leave it out."""
     flat = array.reshape(-1)
@@ -143,7 +172,7 @@ def _kernel(suffix: str) -> Reader:
         else:
             (place / name).write_bytes(_fits(values))
 
-    return Reader(f"kernel {suffix}", write, lambda place: _read_kernel(place / name), name, damaged)
+    return Reader(f"kernel {suffix}", write, lambda place: _read_kernel(place / name), name, _damage_of(suffix))
 
 
 def _read_kernel(path: Path) -> object:
@@ -167,7 +196,7 @@ def _photo(suffix: str) -> Reader:
         random = np.random.default_rng(2)
         Image.fromarray(random.integers(0, 255, (30, 40, 3), dtype=np.uint8)).save(place / name)
 
-    return Reader(f"photo {suffix}", write, lambda place: load_photo(place / name), name, damaged)
+    return Reader(f"photo {suffix}", write, lambda place: load_photo(place / name), name, _damage_of(suffix))
 
 
 def _checkpoint() -> Reader:
@@ -230,7 +259,7 @@ def _deep_photo(suffix: str) -> Reader:
         else:
             (place / name).write_bytes(_png16(values))
 
-    return Reader(f"16-bit photo {suffix}", write, lambda place: load_photo(place / name), name, damaged)
+    return Reader(f"16-bit photo {suffix}", write, lambda place: load_photo(place / name), name, _damage_of(suffix))
 
 
 def _png16(values: np.ndarray) -> bytes:
@@ -238,9 +267,7 @@ def _png16(values: np.ndarray) -> bytes:
     height, width, _ = values.shape
     rows = np.concatenate([np.zeros((height, 1), np.uint8), values.astype(">u2").view(np.uint8).reshape(height, -1)], 1)
     head = struct.pack(">IIBBBBB", width, height, 16, 2, 0, 0, 0)
-    parts = ((b"IHDR", head), (b"IDAT", zlib.compress(rows.tobytes())), (b"IEND", b""))
-    chunks = (struct.pack(">I", len(d)) + k + d + struct.pack(">I", zlib.crc32(k + d)) for k, d in parts)
-    return b"\x89PNG\r\n\x1a\n" + b"".join(chunks)
+    return _png(((b"IHDR", head), (b"IDAT", zlib.compress(rows.tobytes())), (b"IEND", b"")))
 
 
 def _masked() -> Reader:

@@ -4,6 +4,8 @@ import pytest
 from dgs.command_line.main import run
 from dgs.core.errors import OutputError
 from dgs.core.outputs import check_output_folder, check_outputs, note_output
+from dgs.core.run_settings import RUN_REPLACES
+from dgs.core.twin.folder import PARTS
 from PIL import Image
 
 
@@ -119,3 +121,20 @@ def test_render_keeps_photos(tmp_path, capsys):
         assert run([*words, str(tmp_path / "out"), "--progress", "none"]) == 0
     assert run([*words, str(photos), "--overwrite", "--progress", "none"]) == 0
     assert (photos / "a.png").read_bytes() != before
+
+
+@pytest.mark.parametrize("command", ["reconstruct", "cameras"])
+def test_a_run_replaces_no_cameras_of_others(command, tmp_path, capsys):
+    """A data set's own folder as --out lost its camera model."""
+    (tmp_path / "photos").mkdir()
+    for name in ("a.png", "b.png", "c.png"):
+        Image.new("RGB", (40, 30)).save(tmp_path / "photos" / name)
+    (tmp_path / "cameras").mkdir()
+    (tmp_path / "cameras" / "cameras.txt").write_text("mine")
+    line = said(capsys, command, tmp_path / "photos", "--out", tmp_path, "--progress", "none")
+    assert "such as 'cameras'" in line and "--overwrite" in line
+    assert (tmp_path / "cameras" / "cameras.txt").read_text() == "mine"
+
+
+def test_what_a_run_replaces_is_what_it_leaves():
+    assert tuple(part.name for part in PARTS if part.stage not in ("photos", "update")) == RUN_REPLACES
