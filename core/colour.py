@@ -47,14 +47,14 @@ def linear_to_srgb(linear: Values) -> Values:
     return cast(Values, np.where(linear > _LINEAR_KNEE, curved_array, linear * _SLOPE))
 
 
-def decoding_slope(srgb: Tensor, linear: Tensor) -> Tensor:
+def decoding_derivative(srgb: Tensor, linear: Tensor) -> Tensor:
     """Derivative of `srgb_to_linear` at `srgb`, whose value there, `linear`, is given: no power is taken again."""
     import torch  # heavy: torch
 
     return torch.where(srgb > _SRGB_KNEE, _POWER * linear / (srgb + _OFFSET), 1.0 / _SLOPE)
 
 
-def encoding_slope(linear: Tensor, srgb: Tensor) -> Tensor:
+def encoding_derivative(linear: Tensor, srgb: Tensor) -> Tensor:
     """Derivative of `linear_to_srgb` at `linear`, whose value there, `srgb`, is given: no power is taken again."""
     import torch  # heavy: torch
 

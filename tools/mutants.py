@@ -61,8 +61,8 @@ MUTATIONS = (
         "rasterizer",
         "backward clamps alpha elsewhere than forward",
         "core/rasterizer/splat_kernels.py",
-        'slope = choose(raw.compare("<", ALPHA_MAXIMUM), slope, 0.0)',
-        'slope = choose(raw.compare("<", 0.999), slope, 0.0)',
+        'derivative = choose(raw.compare("<", ALPHA_MAXIMUM), derivative, 0.0)',
+        'derivative = choose(raw.compare("<", 0.999), derivative, 0.0)',
         "cap and cpu",
     ),
     Mutation(

@@ -22,7 +22,7 @@ from ..rasterizer.cpu import render_cpu
 from ..rendering import RasterSettings, Rendered
 from ..training.adam_kernels import ROWS, RUN, adam_step
 from ..training.photometric import PhotometricLoss
-from ..training.speck_kernels import binomial, differences, slopes, structure
+from ..training.speck_kernels import binomial, derivatives, differences, structure
 from ..training.variation import SMOOTH
 from ..training.variation_kernels import edge_directions, negative_divergence
 from .reference import ReferenceBackend
@@ -93,7 +93,7 @@ class CpuBackend(ReferenceBackend):
         out = np.empty_like(source)
         run(structure, height - 1, source, fields, grain=CPU.rows)
         run(binomial, 3 * height, fields, means, grain=CPU.rows_of_all)
-        run(slopes, height, means, np.float32(SMOOTH**2), grain=CPU.rows)
+        run(derivatives, height, means, np.float32(SMOOTH**2), grain=CPU.rows)
         run(binomial, 3 * height, means, slants, grain=CPU.rows_of_all)
         run(differences, 3 * (height - 1), source, slants, horizontal, vertical, grain=CPU.rows_of_all)
         run(negative_divergence, 3 * height, horizontal, vertical, out, grain=CPU.rows_of_all)

@@ -16,7 +16,7 @@ import torch
 from torch import Tensor
 
 from ..camera import Camera
-from ..colour import decoding_slope, encoding_slope, linear_to_srgb, srgb_to_linear
+from ..colour import decoding_derivative, encoding_derivative, linear_to_srgb, srgb_to_linear
 from ..frames import Frame
 from ..imaging.medium import BlurSpace, Medium
 from ..imaging.operator import BlurOperator, shared_operator
@@ -117,8 +117,8 @@ class FixedMedium:
         """`gradient` where the image has passed before; `weight` times `upstream` [3, H, W], that in `degraded`."""
         if self.space == "srgb":
             return self.blur.adjoint(upstream * weight)
-        upstream = upstream * encoding_slope(passed.blurred, degraded)
-        return self.blur.adjoint(upstream * weight) * decoding_slope(passed.image, passed.light)
+        upstream = upstream * encoding_derivative(passed.blurred, degraded)
+        return self.blur.adjoint(upstream * weight) * decoding_derivative(passed.image, passed.light)
 
 
 def medium_of(

@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 
 from ..camera import Camera
-from ..colour import decoding_slope, encoding_slope, linear_to_srgb, srgb_to_linear
+from ..colour import decoding_derivative, encoding_derivative, linear_to_srgb, srgb_to_linear
 from ..gaussians import Gaussians
 from ..imaging.formation.chain import Formation, Passage
 from ..imaging.formation.effect import Shot
@@ -119,10 +119,10 @@ class Exposed:
             return [upstream]
         if self.medium.space == "srgb":
             return [frame.weight * upstream for frame in self.frames]
-        upstream = upstream * encoding_slope(srgb_to_linear(self.reached), self.reached)
+        upstream = upstream * encoding_derivative(srgb_to_linear(self.reached), self.reached)
         images = [frame.passage.reached for frame in self.frames]
         return [
-            frame.weight * upstream * decoding_slope(image, srgb_to_linear(image))
+            frame.weight * upstream * decoding_derivative(image, srgb_to_linear(image))
             for frame, image in zip(self.frames, images, strict=True)
         ]
 

@@ -114,9 +114,9 @@ def read_tile(typing_context, state, image, transmittance, image_gradient, alpha
         for offset, pixel in _rows(builder, *arguments[5:8]):
             rest = -1.0 * alpha_gradient.row(pixel) * transmittance.row(pixel)
             for plane in (DR_, DG_, DB_):
-                slope = gradient.row(pixel)
-                tile.put_row(offset, plane, slope)
-                rest = rest + slope * image.row(pixel)
+                derivative = gradient.row(pixel)
+                tile.put_row(offset, plane, derivative)
+                rest = rest + derivative * image.row(pixel)
                 pixel = builder.add(pixel, arguments[8])
             tile.put_row(offset, REST_, rest)
         return context.get_dummy_value()

@@ -144,11 +144,11 @@ def project(gaussians: Gaussians, camera: Camera, pose: Tensor, settings: Raster
     xx, yy = xx + low_pass, yy + low_pass
     conic = torch.stack([yy, -xy, xx], dim=-1) / determinant[:, None]
 
-    # (as exp(log sigmoid), whose slope keeps its digits where sigmoid is 1 to rounding)
+    # (as exp(log sigmoid), whose derivative keeps its digits where sigmoid is 1 to rounding)
     opacity = torch.nn.functional.logsigmoid(gaussians.opacity_logits).exp()
     if settings.antialias:
         share = bare / determinant
-        # The square root has no slope at 0 (a needle seen end on, to rounding).
+        # The square root has no derivative at 0 (a needle seen end on, to rounding).
         opacity = opacity * torch.where(share > 0, share, torch.ones_like(share)).sqrt() * (share > 0)
 
     centre = -pose[:, :3].T @ pose[:, 3]

@@ -28,7 +28,7 @@ from .shape_kernels import (
     View,
     gathered,
     harmonics,
-    harmonics_slope,
+    harmonics_gradient,
 )
 from .splat_kernels import M_ALL, M_RED, M_X, M_XX, M_XY, M_Y, M_YY, SLOT_WIDTH
 
@@ -128,7 +128,7 @@ def _chain(typing_context, view, parameters, count, work, out, pose):  # type: i
                 by_axes = dot(d_v[3 * i : 3 * i + 3], shape.axes[3 * k : 3 * k + 3])
                 to_pose(3 * i + k, by_axes + d_point[i] * shape.mean[k])
             to_pose(V_T + i, d_point[i])
-        for k, d in enumerate(_quaternion_slope(shape.unit, d_r)):
+        for k, d in enumerate(_quaternion_gradient(shape.unit, d_r)):
             out[P_QUATERNION + k] = only((d / shape.norm).single())
 
         # colour
@@ -153,9 +153,9 @@ def _chain(typing_context, view, parameters, count, work, out, pose):  # type: i
                 out.buffer.put_row(to, (P_SH + channel) * TILE, only(colour[channel] * value))
                 weight = weight + colour[channel] * row(planes.buffer, P_SH + channel, k, 3)
             work.buffer.put_row(builder.mul(k, ir.Constant(k.type, TILE)), _WEIGHT * TILE, weight)
-        slope = [s.double() for s in harmonics_slope(*look, [work[_WEIGHT + k] for k in range(16)])]
-        along = dot(slope, shape.look)
-        by_look = [(s - along * v) * shape.inverse_distance for s, v in zip(slope, shape.look, strict=True)]
+        gradient = [s.double() for s in harmonics_gradient(*look, [work[_WEIGHT + k] for k in range(16)])]
+        along = dot(gradient, shape.look)
+        by_look = [(s - along * v) * shape.inverse_distance for s, v in zip(gradient, shape.look, strict=True)]
         for k in range(3):
             to_pose(V_T + 3 + k, by_look[k])
             chained = view[k] * d_point[0] + view[3 + k] * d_point[1] + view[6 + k] * d_point[2]
@@ -165,7 +165,7 @@ def _chain(typing_context, view, parameters, count, work, out, pose):  # type: i
     return types.void(view, parameters, types.int64, work, out, pose), generate
 
 
-def _quaternion_slope(unit: list[Lanes], r: list[Lanes]) -> list[Lanes]:
+def _quaternion_gradient(unit: list[Lanes], r: list[Lanes]) -> list[Lanes]:
     """From the gradient of a rotation matrix to that of its unit quaternion, across its length."""
     w, x, y, z = unit
     turn_x, turn_y, turn_z = r[7] - r[5], r[2] - r[6], r[3] - r[1]

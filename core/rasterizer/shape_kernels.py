@@ -195,7 +195,7 @@ def harmonics(x: Lanes, y: Lanes, z: Lanes) -> list[Lanes]:
     ]
 
 
-def harmonics_slope(x: Lanes, y: Lanes, z: Lanes, w: list[Lanes]) -> list[Lanes]:
+def harmonics_gradient(x: Lanes, y: Lanes, z: Lanes, w: list[Lanes]) -> list[Lanes]:
     """Gradient of sum_k w[k] harmonics[k] with respect to the direction."""
     xx, yy, zz = x * x, y * y, z * z
     gx = (

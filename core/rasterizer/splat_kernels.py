@@ -158,12 +158,12 @@ def backward_splat(typing_context, state, splats, g, left, top, first, last, str
             dr, dg, db = tile.row(row, DR_), tile.row(row, DG_), tile.row(row, DB_)
             colour = dr * splat.red + dg * splat.green + db * splat.blue
             rest = tile.row(row, REST_) - weight * colour
-            slope = alpha * (transmittance * colour - rest.over(1.0 - alpha))
-            slope = choose(raw.compare("<", ALPHA_MAXIMUM), slope, 0.0)
+            derivative = alpha * (transmittance * colour - rest.over(1.0 - alpha))
+            derivative = choose(raw.compare("<", ALPHA_MAXIMUM), derivative, 0.0)
             tile.put_row(row, REST_, rest)
             tile.put_row(row, T_, transmittance - weight)
             # sums of sums: the row m before the end counts m times in the second, m (m + 1) / 2 times in the third
-            sums.add(0, slope)
+            sums.add(0, derivative)
             sums.add(1, sums[0])
             sums.add(2, sums[1])
             sums.add(3, weight * dr)

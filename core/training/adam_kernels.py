@@ -22,10 +22,10 @@ def adam_run(values, gradient, first, second, begin, end, rates, beta1, beta2, c
     bad = np.int32(0)
     for i in range(end - begin):
         finite = abs(g[i]) <= f32(1e18)
-        slope = g[i] if finite else f32(0)
+        followed = g[i] if finite else f32(0)
         bad += np.int32(0) if finite else np.int32(1)
-        mean = beta1 * m1[i] + (f32(1) - beta1) * slope
-        square = beta2 * m2[i] + (f32(1) - beta2) * slope * slope
+        mean = beta1 * m1[i] + (f32(1) - beta1) * followed
+        square = beta2 * m2[i] + (f32(1) - beta2) * followed * followed
         m1[i] = mean
         m2[i] = square
         v[i] -= rates[i] * mean / (f32(math.sqrt(square)) * correction + epsilon)

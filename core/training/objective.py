@@ -22,7 +22,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from ..colour import decoding_slope, linear_to_srgb
+from ..colour import decoding_derivative, linear_to_srgb
 from ..devices import backend_on
 from ..forward import medium_of
 from ..frames import Frame
@@ -142,7 +142,7 @@ class Objective:
         m = self.margin
         missing = self.inverse.apply(torch.nn.functional.pad(residual, (m, m, m, m)))
         if self.space == "linear":
-            missing = missing / decoding_slope(image, passed.light).clamp(min=OBJECTIVE.minimum_derivative)
+            missing = missing / decoding_derivative(image, passed.light).clamp(min=OBJECTIVE.minimum_derivative)
         inner = (slice(None), slice(m, m + photo.shape[1]), slice(m, m + photo.shape[2]))
         d = missing[inner]
         d = d / (d.square() + self.inverse_width**2).sqrt() if self.inverse_width else d.sign()

@@ -1,9 +1,9 @@
 """Compiled mean absolute error and SSIM, value and gradient, in one sweep.
 
 A band of rows of one channel is swept downwards, four rows at a time: the windows of x, y, x^2, y^2
-and x y, SSIM and its slopes (kept for the last 16 rows), and, seven rows behind, the windows of the
-slopes and the gradient. Windows are summed vertically straight from the images, then horizontally
-from vectors that neighbour each other, so that nothing but slopes leaves the first-level cache.
+and x y, SSIM and its derivatives (kept for the last 16 rows), and, seven rows behind, the windows of the
+derivatives and the gradient. Windows are summed vertically straight from the images, then horizontally
+from vectors that neighbour each other, so that nothing but derivatives leaves the first-level cache.
 Photo and render count as black beyond the frame, as in 3D Gaussian splatting. Rows are passed as
 addresses, since those beyond the frame are one blank row.
 """
@@ -32,7 +32,7 @@ _TAPS = [w / _total for w in _weights]
 
 #: Rows of a band, about: each band computes SSIM of 12 more than it has.
 BAND = 136
-#: Rows per step, rows that its windows reach, and rows whose slopes are kept.
+#: Rows per step, rows that its windows reach, and rows whose derivatives are kept.
 _STEP = 4
 _REACHED = _STEP + 2 * REACH
 _KEPT = 16
@@ -101,17 +101,17 @@ def _fields_down(typing_context, images, photos, column, slots, position):  # ty
 
 
 @intrinsic
-def _similarity(typing_context, slots, position, weights, slopes, column, counted, totals):  # type: ignore[no-untyped-def]
-    """SSIM of four rows at 16 columns: totals[:16] += counted[row] SSIM, and its slopes.
+def _similarity(typing_context, slots, position, weights, derivatives, column, counted, totals):  # type: ignore[no-untyped-def]
+    """SSIM of four rows at 16 columns: totals[:16] += counted[row] SSIM, and its derivatives.
 
-    weights: addresses of 4 rows, 1 where a px counts, else 0. slopes: addresses of 3 x 4 rows, the
+    weights: addresses of 4 rows, 1 where a px counts, else 0. derivatives: addresses of 3 x 4 rows, the
     derivatives of SSIM with respect to the windowed means of x, x^2 and x y.
     """
 
     def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
         windows = Buffer(context, builder, signature.args[0], arguments[0])
         at = [_slot(builder, arguments[1], shift) for shift in (-1, 0, 1)]
-        weight_rows, slope_rows = (_table(context, builder, signature, arguments, n, arguments[4]) for n in (2, 3))
+        weight_rows, derivative_rows = (_table(context, builder, signature, arguments, n, arguments[4]) for n in (2, 3))
         share = Buffer(context, builder, signature.args[5], arguments[5])
         sums = Buffer(context, builder, signature.args[6], arguments[6])
         with cgutils.for_range_slice(builder, _index(0), _index(_STEP), _index(1), inc=True) as (row, _):
@@ -131,18 +131,18 @@ def _similarity(typing_context, slots, position, weights, slopes, column, counte
             value = top_mean * top_variance * inverse
             by_mean, by_variance = value * below_variance * unit, value * below_mean * unit
             first = 2.0 * (n * (top_variance - top_mean) * inverse + m * (by_variance - by_mean))
-            for field, slope in enumerate((first, -1.0 * by_variance, 2.0 * top_mean * inverse)):
-                slope_rows[builder.add(row, _index(field * _STEP))] = slope
+            for field, derivative in enumerate((first, -1.0 * by_variance, 2.0 * top_mean * inverse)):
+                derivative_rows[builder.add(row, _index(field * _STEP))] = derivative
             sums.put_row(_index(0), 0, sums.row(_index(0)) + value * share.one(row))
         return context.get_dummy_value()
 
     i = types.int64
-    return types.void(slots, i, weights, slopes, i, counted, totals), generate
+    return types.void(slots, i, weights, derivatives, i, counted, totals), generate
 
 
 @intrinsic
-def _slopes_down(typing_context, slopes, column, slots, position):  # type: ignore[no-untyped-def]
-    """Vertical windows of the three slopes (addresses of 3 x 14 rows), into slot `position`."""
+def _derivatives_down(typing_context, derivatives, column, slots, position):  # type: ignore[no-untyped-def]
+    """Vertical windows of the three derivatives (addresses of 3 x 14 rows), into slot `position`."""
 
     def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
         rows = _table(context, builder, signature, arguments, 0, arguments[1])
@@ -154,7 +154,7 @@ def _slopes_down(typing_context, slopes, column, slots, position):  # type: igno
         return context.get_dummy_value()
 
     i = types.int64
-    return types.void(slopes, i, slots, i), generate
+    return types.void(derivatives, i, slots, i), generate
 
 
 @intrinsic
@@ -268,10 +268,10 @@ def photometric(begin, end, bands, image, photo, weights, by_error, by_similarit
                     if first + i >= bottom:
                         xs[i], ys[i] = blank.ctypes.data, blank.ctypes.data
                 _clear(slots, _SLOTS - 1)
-                _slopes_down(reached, 0, slots, 0)
+                _derivatives_down(reached, 0, slots, 0)
                 for position in range(width // TILE):
                     if (position + 1) * TILE < width:
-                        _slopes_down(reached, (position + 1) * TILE, slots, position + 1)
+                        _derivatives_down(reached, (position + 1) * TILE, slots, position + 1)
                     else:
                         _clear(slots, position + 1)
                     _pull(slots, position, xs, ys, ws, to, position * TILE, by_error, by_similarity, totals)

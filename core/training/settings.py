@@ -100,6 +100,19 @@ def start_share(photos: int, settings: PhotoCountSettings = PHOTO_COUNT) -> floa
 
 
 @dataclass(frozen=True)
+class PresetSettings:
+    """What the presets 'draft' and 'fine' change of the balanced one, `TrainingSettings`."""
+
+    draft_steps: int = number(300, "steps", "of a draft: photos to report in about half the balanced preset's time")
+    draft_gaussians: int = number(25_000, "count", "a draft's budget: what so few steps can bring into shape")
+    fine_steps: int = number(2000, "steps", "of the fine preset; 4000 were no better")
+    fine_gaussians: int = number(56_000, "count", "the fine preset's budget: it grows with the root of the steps")
+
+
+PRESETS = PresetSettings()
+
+
+@dataclass(frozen=True)
 class TrainingSettings:
     """Choices of the optimization.
 
@@ -141,9 +154,13 @@ class TrainingSettings:
             widened by it instead of blurring the picture, which is quick and only nearly the same.
     """
 
-    steps: int = 1000
-    max_gaussians: int = 40_000
-    sh_degree: int = 1
+    steps: int = number(1000, "steps", "of the balanced preset, one photo each; more are better until the plateau")
+    max_gaussians: int = number(
+        40_000, "count", "the balanced preset's budget; more resolve finer detail and take longer in every step"
+    )
+    sh_degree: int = number(
+        1, "degree", "of the harmonics: colours change with the direction, but not sharply; 0 to 3 are possible"
+    )
     loss: LossName = "dgs"
     base_weight: float = number(
         0.3, "factor", "of the paper's loss where the blur is inverted: it keeps structure and the border"
@@ -202,7 +219,7 @@ class TrainingSettings:
         """The settings behind `--preset`."""
         base = TrainingSettings()
         return {
-            "draft": replace(base, steps=300, max_gaussians=25_000),
+            "draft": replace(base, steps=PRESETS.draft_steps, max_gaussians=PRESETS.draft_gaussians),
             "balanced": base,
-            "fine": replace(base, steps=2000, max_gaussians=56_000),
+            "fine": replace(base, steps=PRESETS.fine_steps, max_gaussians=PRESETS.fine_gaussians),
         }[name]

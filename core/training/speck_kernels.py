@@ -44,7 +44,7 @@ def binomial(begin, end, fields, means):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def slopes(begin, end, means, epsilon):  # type: ignore[no-untyped-def]
+def derivatives(begin, end, means, epsilon):  # type: ignore[no-untyped-def]
     """In place: derivatives of sqrt(l2 + epsilon) by the three entries of the averaged tensor."""
     _, _, width = means.shape
     for y in range(begin + 1, end + 1):

@@ -1,8 +1,8 @@
-"""sRGB and linear light: inverse, monotone, finite slopes."""
+"""sRGB and linear light: inverse, monotone, finite derivatives."""
 
 import numpy as np
 import torch
-from dgs.core.colour import decoding_slope, encoding_slope, linear_to_srgb, srgb_to_linear
+from dgs.core.colour import decoding_derivative, encoding_derivative, linear_to_srgb, srgb_to_linear
 
 
 def test_known_values_and_round_trip():
@@ -26,10 +26,10 @@ def test_torch_agrees_and_slopes_are_finite():
 
 def test_slopes_are_the_curves_own():
     values = torch.tensor([-2.0, -0.055, -0.01, 0.0, 1e-30, 0.003, 0.0032, 0.04, 0.041, 0.5, 1.0, 2.0, 50.0])
-    for curve, slope in ((srgb_to_linear, decoding_slope), (linear_to_srgb, encoding_slope)):
+    for curve, derivative in ((srgb_to_linear, decoding_derivative), (linear_to_srgb, encoding_derivative)):
         at = values.clone().requires_grad_()
         out = curve(at)
         (expected,) = torch.autograd.grad(out.sum(), at)
-        found = slope(values, out.detach())
+        found = derivative(values, out.detach())
         assert torch.isfinite(found).all()
         assert torch.allclose(found, expected, rtol=1e-4)

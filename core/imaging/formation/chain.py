@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 from torch import Tensor
 
-from ...colour import decoding_slope, encoding_slope, linear_to_srgb, srgb_to_linear
+from ...colour import decoding_derivative, encoding_derivative, linear_to_srgb, srgb_to_linear
 from ..medium import Medium
 from .effect import Effect, Shot
 
@@ -33,10 +33,10 @@ class Passage:
         """Gradient in `frame`, given that in `reached`; adds those in the effects' parameters."""
         if not self.effects:
             return upstream
-        gradient = upstream * encoding_slope(self.stages[-1], self.reached)
+        gradient = upstream * encoding_derivative(self.stages[-1], self.reached)
         for effect, light in zip(reversed(self.effects), reversed(self.stages[:-1]), strict=True):
             gradient = effect.gradient(gradient, light, self.shot)
-        return gradient * decoding_slope(self.frame, self.stages[0])
+        return gradient * decoding_derivative(self.frame, self.stages[0])
 
 
 @dataclass(frozen=True)

@@ -47,7 +47,7 @@ def gathered(
     channels = light.shape[0]
     share = np.empty(light.shape[2], np.float32)
     for y in range(begin, end):
-        v, slope = variance[y], in_variance[y]
+        v, derivative = variance[y], in_variance[y]
         for x in range(v.shape[0]):
             share[x] = -back[channels, y, x]
         for c in range(channels):
@@ -58,4 +58,4 @@ def gathered(
         for x in range(v.shape[0]):
             rising, falling = r0 + r1 * v[x], f0 + f1 * v[x]
             side = r1 if rising < falling else f1
-            slope[x] += (side if min(rising, falling) >= np.float32(0) else np.float32(0)) * share[x]
+            derivative[x] += (side if min(rising, falling) >= np.float32(0) else np.float32(0)) * share[x]
