@@ -39,7 +39,7 @@ _FACTS = {
     "fingerprint": {"photos?": [text], "*": anything},
     "step": count,
     "seconds": number,
-    "history": [{"step": count, "*": _any_number}],
+    "history": [{"step": number, "*": _any_number}],
     "counters": {"steps": count, "*": count},
 }
 
