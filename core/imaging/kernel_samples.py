@@ -9,6 +9,11 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+#: Samples along a side of a px that a disc's rim crosses; the area is then right to less than a percent.
+_DISC_SAMPLES = 16
+#: Radius (px) below which a disc is a point.
+_SMALLEST_DISC = 0.1
+
 
 def moments(samples: Array) -> tuple[Array, Array]:
     """Centroid [2] (x, y; px from the middle of the array) and covariance [2, 2] (px^2)."""
@@ -61,3 +66,15 @@ def convolved_samples(a: Array, b: Array) -> Array:
     for (i, j), value in np.ndenumerate(b):
         out[i : i + a.shape[0], j : j + a.shape[1]] += value * a
     return out
+
+
+def disc(radius: float) -> Array:
+    """[K, K] a uniform disc of `radius` px, of sum 1, its rim by the area that it covers: a lens out of focus."""
+    if radius <= _SMALLEST_DISC:
+        return np.ones((1, 1))
+    reach = math.ceil(radius)
+    side = (2 * reach + 1) * _DISC_SAMPLES
+    place = (np.arange(side) + 0.5) / _DISC_SAMPLES - reach - 0.5
+    covered = (place[:, None] ** 2 + place**2 <= radius**2).astype(np.float64)
+    kernel = covered.reshape(2 * reach + 1, _DISC_SAMPLES, 2 * reach + 1, _DISC_SAMPLES).mean(axis=(1, 3))
+    return np.asarray(kernel / kernel.sum())

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from ..numbers import BY_DEFINITION, number
 from .contradiction import CONTRADICTION, Observed
 from .psf import PointSpread
+from .spectral_bins import SpectralBins, frequency_plane
 
 Array = NDArray[np.float64]
 
@@ -107,17 +108,12 @@ def frequencies() -> Array:
 def radial_power(planes: NDArray[np.float32]) -> Array:
     """[C, BINS] power spectral density of [C, H, W]; white noise of variance v gives v everywhere."""
     _, h, w = planes.shape
-    window = np.outer(np.hanning(h + 2)[1:-1], np.hanning(w + 2)[1:-1])
-    centred = planes - planes.mean(axis=(1, 2), keepdims=True)
-    power = np.abs(np.fft.rfft2(centred * window)) ** 2 / np.square(window).sum()
-    radius = np.hypot(np.fft.fftfreq(h)[:, None], np.fft.rfftfreq(w)[None, :])
-    bins = np.minimum(np.rint(radius / HIGHEST * (BINS - 1)).astype(int), BINS - 1).ravel()
-    counts = np.bincount(bins, minlength=BINS)
-    sums = np.stack([np.bincount(bins, p.ravel(), minlength=BINS) for p in power])
-    out = sums / np.maximum(counts, 1)
-    for empty in np.flatnonzero(counts == 0):  # small frames leave gaps
+    index = np.minimum(np.rint(np.hypot(*frequency_plane(h, w)) / HIGHEST * (BINS - 1)).astype(int), BINS - 1)
+    bins = SpectralBins((h, w), index, BINS)
+    out = bins.mean_power(planes - planes.mean(axis=(1, 2), keepdims=True))
+    for empty in np.flatnonzero(bins.counts == 0):  # small frames leave gaps
         out[:, empty] = out[:, empty - 1]
-    return np.asarray(out)
+    return out
 
 
 def noise_to_signal(

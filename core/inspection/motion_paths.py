@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from scipy.special import digamma, polygamma
 
 from ..colour import srgb_to_linear
+from ..imaging.spectral_bins import SpectralBins, frequency_plane, polar_index
 from ..numbers import number
 from ..photos.load import Photo
 from .evidence import judged
@@ -138,31 +139,24 @@ class _Bins:
     """B polar bins of one size of photo.
 
     Attributes:
-        index: [coefficients] bin of each, -1 for none; used: which have one.
+        spectral: which coefficient belongs to which bin.
         count, f, angle: [B] coefficients, frequency (cycles/px) and direction (radians) of the middle.
         fx, fy: [B, samples] some of the coefficients in each.
-        window: [H, W] Hann's.
     """
 
-    index: NDArray[np.int64]
-    used: NDArray[np.bool_]
+    spectral: SpectralBins
     count: Array
     f: Array
     angle: Array
     fx: Array
     fy: Array
-    window: Array
 
 
 @lru_cache(maxsize=2)
 def _bins(h: int, w: int) -> _Bins:
-    fy, fx = np.broadcast_arrays(np.fft.fftfreq(h)[:, None], np.fft.rfftfreq(w)[None, :])
-    radius = np.hypot(fx, fy)
+    fy, fx = np.broadcast_arrays(*frequency_plane(h, w))
     edges = np.geomspace(SETTINGS.lowest_periods / min(h, w), SETTINGS.highest, SETTINGS.rings + 1)
-    ring = np.searchsorted(edges, radius, side="right") - 1
-    turn = np.floor((np.arctan2(fy, fx) % np.pi) / np.pi * SETTINGS.directions + 0.5).astype(int) % SETTINGS.directions
-    inside = (ring >= 0) & (ring < SETTINGS.rings)
-    flat = np.where(inside, ring * SETTINGS.directions + turn, -1).ravel()
+    flat = polar_index(h, w, edges, SETTINGS.directions).ravel()
     counts = np.bincount(flat[flat >= 0], minlength=SETTINGS.rings * SETTINGS.directions)
     kept = np.flatnonzero(counts > 0)
     number = np.full(SETTINGS.rings * SETTINGS.directions + 1, -1)
@@ -177,19 +171,14 @@ def _bins(h: int, w: int) -> _Bins:
     chosen = order[picks]
     x, y = fx.ravel()[chosen], fy.ravel()[chosen]
     middle = np.sqrt(edges[1:] * edges[:-1])[kept // SETTINGS.directions]
-    window = np.outer(np.hanning(h + 2)[1:-1], np.hanning(w + 2)[1:-1])
     turned = kept % SETTINGS.directions * np.pi / SETTINGS.directions
-    return _Bins(index, index >= 0, counts[kept].astype(float), middle, turned, x, y, window)
+    spectral = SpectralBins((h, w), index, len(kept))
+    return _Bins(spectral, counts[kept].astype(float), middle, turned, x, y)
 
 
 def _power(grey: NDArray[np.float32]) -> Array:
     """[B] mean power of the bins."""
-    bins = _bins(*grey.shape)
-    v = np.asarray(grey, np.float64)
-    v = (v - float((v * bins.window).sum() / bins.window.sum())) * bins.window
-    power = (np.abs(np.fft.rfft2(v)) ** 2).ravel() / np.square(bins.window).sum()
-    sums = np.bincount(bins.index[bins.used], power[bins.used], minlength=len(bins.count))
-    return np.asarray(sums / bins.count)
+    return _bins(*grey.shape).spectral.power_of(grey)
 
 
 def _transfer(bins: _Bins, length: Array, angle: Array) -> Array:

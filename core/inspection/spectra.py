@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import digamma, polygamma
 
+from ..imaging.spectral_bins import SpectralBins, polar_index
 from ..numbers import number
 
 Array = NDArray[np.float64]
@@ -74,19 +75,12 @@ class Blur:
 
 def polar_power(values: NDArray[np.floating]) -> Array:
     """Power [RADII, DIRECTIONS] of [H, W]; white noise of variance v gives v, bins without a coefficient are 0."""
-    h, w = values.shape
-    window, index, counts = _layout(h, w)
-    v = np.asarray(values, np.float64)
-    mean = float((v * window).sum() / window.sum())
-    power = np.abs(np.fft.rfft2((v - mean) * window)) ** 2 / np.square(window).sum()
-    used = index >= 0
-    sums = np.bincount(index[used], power[used], minlength=RADII * DIRECTIONS)
-    return (sums / np.maximum(counts, 1)).reshape(RADII, DIRECTIONS)
+    return _bins(*values.shape).power_of(values).reshape(RADII, DIRECTIONS)
 
 
 def bin_counts(h: int, w: int) -> Array:
     """[RADII, DIRECTIONS] number of coefficients in each bin of `polar_power`."""
-    return _layout(h, w)[2].reshape(RADII, DIRECTIONS)
+    return _bins(h, w).counts.astype(float).reshape(RADII, DIRECTIONS)
 
 
 @lru_cache(maxsize=8)
@@ -98,24 +92,19 @@ def _chance(h: int, w: int, pictures: int) -> tuple[Array, Array]:
 
 
 @lru_cache(maxsize=8)
-def _layout(h: int, w: int) -> tuple[Array, NDArray[np.int64], Array]:
-    window = np.outer(np.hanning(h + 2)[1:-1], np.hanning(w + 2)[1:-1])
-    fy, fx = np.fft.fftfreq(h)[:, None], np.fft.rfftfreq(w)[None, :]
-    radius = np.hypot(fx, fy)
-    lowest = SETTINGS.minimum_periods / min(h, w)
-    edges = np.geomspace(lowest, HIGHEST, RADII + 1)
-    ring = np.searchsorted(edges, radius, side="right") - 1
-    turn = np.floor((np.arctan2(fy, fx) % np.pi) / np.pi * DIRECTIONS + 0.5).astype(int) % DIRECTIONS
-    inside = (ring >= 0) & (ring < RADII)
-    index = np.where(inside, ring * DIRECTIONS + turn, -1)
-    counts = np.bincount(index[inside], minlength=RADII * DIRECTIONS).astype(float)
-    return window, index, counts
+def _bins(h: int, w: int) -> SpectralBins:
+    return SpectralBins((h, w), polar_index(h, w, _edges(min(h, w)), DIRECTIONS), RADII * DIRECTIONS)
+
+
+def _edges(shortest: int) -> Array:
+    """[RADII + 1] radial frequencies that bound the rings, cycles/px."""
+    return np.geomspace(SETTINGS.minimum_periods / shortest, HIGHEST, RADII + 1)
 
 
 @lru_cache(maxsize=8)
 def _frequencies(shortest: int) -> tuple[Array, Array, Array]:
     """|f|, fx, fy of the bins' middles, [RADII, DIRECTIONS] each."""
-    edges = np.geomspace(SETTINGS.minimum_periods / shortest, HIGHEST, RADII + 1)
+    edges = _edges(shortest)
     f = np.sqrt(edges[1:] * edges[:-1])[:, None] * np.ones(DIRECTIONS)
     angle = np.arange(DIRECTIONS) * np.pi / DIRECTIONS
     return f, f * np.cos(angle), f * np.sin(angle)

@@ -15,6 +15,7 @@ from ...core.errors import DgsError, PhotoError
 from ...core.evaluation.lines import PaintedLine, read_lines
 from ...core.files import read_json, write_json
 from ...core.formats.colmap import write_lenses
+from ...core.imaging.kernel_samples import disc
 from ...core.imaging.medium import Medium
 from ...core.imaging.psf import PointSpread, point_spread_from_samples
 from ...core.imaging.psf_text import parse_psf
@@ -28,7 +29,6 @@ from ...core.sfm.find import find_cameras
 from ...core.sfm.given import load_cameras
 from ...core.sfm.settings import SfmSettings
 from ...core.views import heldout_names
-from .degrade import disc
 from .settings import EVERY, CompareSettings
 
 _PHOTO_FOLDERS = ("photos", "blur5")

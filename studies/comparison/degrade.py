@@ -1,4 +1,5 @@
-"""Media for the mismatch study, written apart from the engine's own operator (`core.imaging`).
+"""Media for the mismatch study, written apart from the engine's own operator (`core.imaging`); a disc is
+`core.imaging.kernel_samples.disc`.
 
 Point spreads are [K, K] float64, odd sizes, sum 1, sampled at pixel centres.
 """
@@ -34,16 +35,6 @@ def moffat(sigma: float, beta: float = 3.0) -> Array:
     width = sigma * 2 * math.sqrt(2 * math.log(2))
     a = width / (2 * math.sqrt(2 ** (1 / beta) - 1))
     return _normalised((1 + _squared(math.ceil(_CUT * sigma)) / a**2) ** -beta)
-
-
-def disc(radius: float) -> Array:
-    """A uniform disc of `radius` px with area coverage at its rim: a lens out of focus."""
-    fine, reach = 16, math.ceil(radius)
-    side = (2 * reach + 1) * fine
-    place = (np.arange(side) + 0.5) / fine - reach - 0.5
-    covered = (place[:, None] ** 2 + place**2 <= radius**2).astype(np.float64)
-    kernel = covered.reshape(2 * reach + 1, fine, 2 * reach + 1, fine).mean(axis=(1, 3))
-    return _normalised(kernel) if radius > 0.1 else np.ones((1, 1))
 
 
 def two_gaussians(sigma: float, wide: float = 2.5, share: float = 0.15) -> Array:

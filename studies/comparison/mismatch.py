@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from ...core.devices import choose_device
 from ...core.errors import DgsError
 from ...core.files import write_json, write_text
+from ...core.imaging.kernel_samples import disc
 from ...core.machine import use_threads
 from ...core.photos.load import Photo
 from ...core.progress import Progress
@@ -62,7 +63,7 @@ def cases(sigma: float, quick: bool = False) -> list[Mismatch]:
     found += [Mismatch(f"sigma given {wrong:+d} %", sigma * (1 + wrong / 100), true) for wrong in WRONG_SIGMAS]
     found += [
         Mismatch("Moffat of the same width", sigma, degrade.moffat(sigma)),
-        Mismatch("disc of the same variance", sigma, degrade.disc(2 * sigma)),
+        Mismatch("disc of the same variance", sigma, disc(2 * sigma)),
         Mismatch("two Gaussians, a tail of 15 %", sigma, degrade.two_gaussians(sigma)),
         Mismatch("noise 1 %", sigma, true, noise=0.01),
         Mismatch("noise 3 %", sigma, true, noise=0.03),

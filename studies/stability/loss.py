@@ -9,6 +9,7 @@ import torch
 
 from ...core.errors import NonFiniteParameter
 from ...core.frames import Frame
+from ...core.imaging.kernel_samples import disc
 from ...core.imaging.medium import Medium
 from ...core.imaging.operator import BlurOperator
 from ...core.imaging.psf import PointSpread, point_spread_from_samples
@@ -23,7 +24,7 @@ from ...core.training.settings import TrainingSettings
 from ...core.training.specks import speck_gradient
 from ...core.training.variation import variation_gradient
 from .case import Site, case, explained, non_finite
-from .photographed import arc, corner_points, disc, looking, misfit, photographs, trained_steps
+from .photographed import arc, corner_points, looking, misfit, photographs, trained_steps
 from .scenes import random_scene
 
 LEVELS = (0.0, 1e-7, 0.3, 0.9999, 1.0, 1e4)

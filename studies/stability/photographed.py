@@ -88,14 +88,6 @@ def corner_points(count: int, seed: int = 0, flat: bool = False) -> SparsePoints
     return SparsePoints(positions, np.full((count, 3), 128, np.uint8))
 
 
-def disc(radius: float) -> Array:
-    """[K, K] a filled disc: what a lens out of focus does."""
-    reach = int(np.ceil(radius))
-    y, x = np.mgrid[-reach : reach + 1, -reach : reach + 1]
-    kernel = np.clip(radius + 0.5 - np.hypot(x, y), 0.0, 1.0)
-    return np.asarray(kernel / kernel.sum())
-
-
 def photographs(
     cameras: Sequence[Camera], kernel: Array | float = SIGMA, exposure: float = 1.0, flat: bool = False, seed: int = 0
 ) -> list[View]:

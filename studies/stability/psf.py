@@ -12,11 +12,11 @@ from ...core.errors import PsfError
 from ...core.forward import FixedMedium
 from ...core.imaging.evaluations import REDUCED
 from ...core.imaging.fourier import FourierFilter
+from ...core.imaging.kernel_samples import disc
 from ...core.imaging.operator import BlurOperator
 from ...core.imaging.psf import PointSpread, gaussian_taps, point_spread_from_samples
 from ...core.imaging.psf_text import parse_psf
 from .case import Site, Unexplained, case, explained, worst
-from .photographed import disc
 
 #: (text or None for a lopsided file, margin in px)
 SPREADS = (

@@ -11,13 +11,14 @@ import numpy as np
 import torch
 
 from ...core.errors import DgsError
+from ...core.imaging.kernel_samples import disc
 from ...core.imaging.medium import Medium
 from ...core.imaging.psf import PointSpread, point_spread_from_samples
 from ...core.training.optimizer import Adam
 from ...core.training.settings import Rates
 from ...core.training.trainer import Trainer
 from ...core.views import SparsePoints, View
-from .photographed import arc, corner_points, disc, looking, misfit, moved_world, photographs, trained_steps
+from .photographed import arc, corner_points, looking, misfit, moved_world, photographs, trained_steps
 
 STEPS = 500
 #: A misfit below one 8-bit step leaves nothing to gain.

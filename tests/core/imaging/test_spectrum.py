@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from dgs.core.imaging.kernel_samples import disc as disc_of
 from dgs.core.imaging.psf import PointSpread
 from dgs.core.imaging.spectrum import HIGHEST, frequencies, noise_to_signal, radial_power
-from dgs.studies.comparison import degrade
 
 SIZE = 256
 CONTRAST = 0.15
@@ -102,7 +102,7 @@ def test_a_blur_given_too_wide_is_contradicted(slope):
 def test_a_disc_given_as_a_gaussian_is_contradicted():
     """Their variances are the same, but a disc's side lobes let fine detail through."""
     frames, _ = scenes(2.0, 0.0, 0.0)
-    disc = PointSpread("file", samples=degrade.disc(8.0))
+    disc = PointSpread("file", samples=disc_of(8.0))
     f = np.hypot(np.fft.fftfreq(SIZE)[:, None], np.fft.rfftfreq(SIZE)[None])
     transfer = disc.mtf(f.ravel(), 0.0).reshape(f.shape)
     noise = np.random.default_rng(1)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from dgs.core.imaging.kernel_samples import disc
 from dgs.studies.comparison import degrade
 from scipy.ndimage import gaussian_filter
 
@@ -19,9 +20,7 @@ def half_width(kernel):
     return float(np.ptp(fine[values >= row.max() / 2]))
 
 
-@pytest.mark.parametrize(
-    "kernel", [degrade.gaussian(3), degrade.moffat(3), degrade.disc(5), degrade.two_gaussians(3)], ids=str
-)
+@pytest.mark.parametrize("kernel", [degrade.gaussian(3), degrade.moffat(3), disc(5), degrade.two_gaussians(3)], ids=str)
 def test_kernels_are_centred_and_keep_light(kernel):
     assert kernel.sum() == pytest.approx(1.0) and kernel.min() >= 0
     assert kernel.shape[0] % 2 == kernel.shape[1] % 2 == 1
@@ -32,7 +31,7 @@ def test_widths_are_as_said():
     assert variance(degrade.gaussian(3)) == pytest.approx(9.0, rel=1e-3)
     assert half_width(degrade.moffat(4)) == pytest.approx(half_width(degrade.gaussian(4)), rel=0.02)
     assert variance(degrade.moffat(4)) > 1.3 * 16
-    assert variance(degrade.disc(6)) == pytest.approx(9.0, rel=0.02)  # R^2 / 4
+    assert variance(disc(6)) == pytest.approx(9.0, rel=0.02)  # R^2 / 4
     assert variance(degrade.two_gaussians(3)) == pytest.approx(9 * (0.85 + 0.15 * 2.5**2), rel=0.05)
 
 
