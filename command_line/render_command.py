@@ -31,13 +31,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def render_command(options: argparse.Namespace, progress: Reporting) -> int:
     """Writes OUT/NAME.png for every camera of the model, sharp or through the given PSF."""
     from ..core.formats.cameras import read_cameras  # heavy: numpy
-    from ..core.formats.gaussians import read_gaussians  # heavy: numpy
+    from ..core.formats.gaussians import read_gaussians, unusable  # heavy: numpy
     from ..core.imaging.medium import Medium  # heavy: torch
     from ..core.imaging.psf_text import parse_psf  # heavy: torch
     from ..core.machine import use_threads  # late: slows --help
 
     psf = parse_psf(options.psf)
     cloud = read_gaussians(options.twin)
+    fault = unusable(cloud)
+    if fault:
+        progress.note(f"'{options.twin}': {fault}")
     check_writable(options.out)
 
     import numpy as np  # heavy

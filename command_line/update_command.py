@@ -10,7 +10,7 @@ from pathlib import Path
 from ..core.errors import DgsError, FormatError
 from ..core.sfm.child import Waiting
 from ..core.twin.folder import TwinFolder
-from .arguments import add_machine, add_progress, show_defaults
+from .arguments import add_machine, add_progress, show_defaults, whole
 from .progress_choice import Reporting
 
 
@@ -38,7 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="steps, as a share of the twin's own training; default: rounds of 0.06 until new photos are explained as "
         "well as old ones, 4 at most",
     )
-    add("--seed", type=int, default=0, metavar="N", help="same seed, same twin (CPU)")
+    add("--seed", type=whole(0, 2**31 - 1), default=0, metavar="N", help="same seed, same twin (CPU)")
     add("--rollback", action="store_true", help="bring the state before the last update back instead")
     add("--json", action="store_true", help="print JSON")
     add_machine(parser)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
 from ..cloud import GaussianCloud
 from ..errors import FormatError
 from .gltf import GLTF
@@ -43,6 +45,26 @@ def read_gaussians(path: Path) -> GaussianCloud:
         FormatError: a suffix of no format, no such file, or a damaged one.
     """
     return _format_of(path).read(path)
+
+
+def unusable(cloud: GaussianCloud) -> str:
+    """What a user should hear of Gaussians that are not finite, which nothing draws; '' where all are.
+
+    Raises:
+        FormatError: there is none that is.
+    """
+    values = (
+        cloud.means,
+        cloud.log_scales,
+        cloud.quaternions,
+        cloud.opacity_logits[:, None],
+        cloud.sh.reshape(len(cloud), -1),
+    )
+    finite = np.all([np.isfinite(array).all(axis=1) for array in values], axis=0)
+    missing = int((~finite).sum())
+    if missing and missing == len(cloud):
+        raise FormatError(f"None of the {len(cloud)} Gaussians is finite", "Export the file again")
+    return f"{missing} of {len(cloud)} Gaussians are not finite and are not drawn" if missing else ""
 
 
 def write_gaussians(path: Path, cloud: GaussianCloud) -> None:

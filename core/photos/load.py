@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import importlib.util
 import logging
 import os
 import unicodedata
+import warnings
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -16,13 +18,19 @@ from numpy.typing import NDArray
 from PIL import Image, ImageOps
 
 from ..errors import Cancelled, PhotoError
-from ..names import check_photo_name
+from ..names import check_photo_name, shown
 from ..numbers import BY_DEFINITION, number
 from ..progress import Progress
 from .listing import LIST, listed_files
 from .scale import resized, resized_mask, size_within
 
 SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp", ".bmp"})
+#: Read where the package pillow-heif is there.
+_HEIF = frozenset({".heic", ".heif"})
+#: Pictures of kinds that are not read; somebody may take them for photos.
+_UNREAD = frozenset({".gif", ".avif", ".jp2", ".dng", ".cr2", ".cr3", ".nef", ".arw", ".orf", ".raf", ".rw2", ".exr"})
+# What a photo of a large sensor has is no attack; what has twice as many px is refused all the same.
+warnings.filterwarnings("ignore", category=Image.DecompressionBombWarning)
 
 
 @dataclass(frozen=True)
@@ -105,14 +113,35 @@ def photo_files(source: Path) -> list[Path]:
         entries = sorted(source.iterdir(), key=lambda p: unicodedata.normalize("NFC", p.name))
     except OSError as error:
         raise PhotoError(f"The folder '{source}' cannot be read ({error.strerror})", "Check its permissions") from error
-    files = [p for p in entries if p.suffix.lower() in SUFFIXES and not p.name.startswith(".") and p.is_file()]
+    files = [p for p in entries if p.suffix.lower() in _read_suffixes() and not _hidden(p)]
     if not files:
+        others = _left_out(source)
         raise PhotoError(
-            f"The folder '{source}' holds no photos", "Put PNG, JPEG, TIFF, WebP or BMP files directly into it"
+            f"The folder '{source}' holds no photos" + (f" ({others})" if others else ""),
+            "Put PNG, JPEG, TIFF, WebP or BMP files directly into it",
         )
     for file in files:
         check_photo_name(file)
     return files
+
+
+def _read_suffixes() -> frozenset[str]:
+    return SUFFIXES | _HEIF if importlib.util.find_spec("pillow_heif") else SUFFIXES
+
+
+def _hidden(path: Path) -> bool:
+    return path.name.startswith(".") or not path.is_file()
+
+
+def _left_out(source: Path) -> str:
+    """Which pictures of a folder are of kinds that are not read: '3 files of kinds that are not read: a.gif, ...'."""
+    if not source.is_dir():
+        return ""
+    kinds = (_UNREAD | _HEIF) - _read_suffixes()
+    names = sorted(shown(path.name) for path in source.iterdir() if path.suffix.lower() in kinds and not _hidden(path))
+    listed = ", ".join(names[:3]) + (", ..." if len(names) > 3 else "")
+    heif = "; install pillow-heif for HEIC" if any(name.lower().endswith(tuple(_HEIF)) for name in names) else ""
+    return f"{len(names)} of kinds that are not read: {listed}{heif}" if names else ""
 
 
 def load_photos(
@@ -142,6 +171,9 @@ def load_photos(
     files = photo_files(source)
     if max_size is not None and max_size < SETTINGS.smallest:
         raise PhotoError(f"A longest side of {max_size} px is too small", f"Ask for at least {SETTINGS.smallest} px")
+    others = _left_out(source)
+    if others:
+        progress.note(f"Pictures left out: {others}")
     mask_files = _masks(masks) if masks is not None else {}
     progress.stage("photos", len(files))
     photos, failures = _read_all(files, max_size, masks is not None, mask_files, progress)
@@ -224,6 +256,8 @@ def _read(path: Path) -> _Decoded:
         from .png16 import read_png16  # heavy: numba; Pillow would cut 16 bits to 8
 
         return _from_array(read_png16(path))
+    if path.suffix.lower() in _HEIF:
+        importlib.import_module("pillow_heif").register_heif_opener()  # an extra package
     with Image.open(path) as opened:
         exif = opened.getexif()
         focal = exif.get_ifd(_EXIF_IFD).get(_FOCAL_35MM)

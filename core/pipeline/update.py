@@ -116,6 +116,12 @@ def _updated(settings: UpdateSettings, progress: Progress, waiting: Waiting | No
 
 def _new_photos(source: Path, twin: StoredTwin, folder: TwinFolder, progress: Progress) -> list[Photo]:
     """Photos that the twin does not have yet, copied into its folder under names of their own."""
+    own = folder.new_photo_folder.resolve()
+    if source.resolve() == own or own in source.resolve().parents:
+        raise PhotoError(
+            f"'{source}' is where the twin keeps its photos: what an update takes in is copied there",
+            "Put the new photos into a folder of their own",
+        )
     there = {fingerprint(photo.pixels) for photo in twin.photos}
     names = {photo.name.casefold() for photo in twin.photos}
     loaded = load_photos(source, twin.settings.photos.max_size, progress, None, minimum=1)

@@ -10,10 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import CameraError, FormatError
+from ..errors import CameraError, DegenerateMotion, FormatError
 from ..formats.cameras import CameraModel, read_cameras
 from ..lens import Lens
-from ..numbers import number
+from ..numbers import BY_DEFINITION, number
 from ..photos.load import Photo
 from ..reconstruction import Figures, Reconstruction
 from .scatter import scattered_points
@@ -25,6 +25,9 @@ class GivenCameraSettings:
 
     aspect_tolerance: float = number(
         0.01, "share", "by which width / height may differ before a lens no longer fits a photo"
+    )
+    same_place: float = number(
+        1e-12, "share", "of the largest coordinate: cameras no farther apart stand at one place", BY_DEFINITION
     )
 
 
@@ -64,6 +67,12 @@ def _given(photos: list[Photo], model: CameraModel, path: Path, started: float) 
         raise CameraError(
             f"'{path}' has no camera for any of the {len(photos)} photos (but for {sorted(model.poses)[0]!r}, ...)",
             "Give the cameras of these photos; names must match but for folder, case and extension",
+        )
+    centres = np.array([model.poses[camera].centre for camera in chosen.values()])
+    if len(centres) > 1 and np.ptp(centres, axis=0).max() <= SETTINGS.same_place * max(1.0, np.abs(centres).max()):
+        raise DegenerateMotion(
+            f"'{path}' has all {len(centres)} cameras of the photos at one place, from where no depth is seen",
+            "Give cameras at different places",
         )
     fitted = {p.name: _fitted(model.lenses[chosen[p.name]], p) for p in photos if p.name in chosen}
     focal = float(np.mean([(lens.fx + lens.fy) / 2 for lens in fitted.values()]))

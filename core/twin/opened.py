@@ -11,6 +11,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from ..errors import FormatError
 from ..formats.ply import read_ply
 from ..forward import Exposure, FixedMedium, ForwardModel, low_pass_on_grid, margin_for, shared_medium, space_of
 from ..frames import Frame
@@ -175,6 +176,8 @@ def open_files(folder: Path, progress: Progress, photos: Path | None = None) -> 
     noted = kept.update_log()
     own = {name: parse_psf(text) for name, text in noted.get("psf", {}).items()}
     medium = replace(medium, per_view={**medium.per_view, **own})
+    if not kept.camera_folder.is_dir():
+        raise FormatError(f"'{folder}' is no whole twin folder: it lacks cameras/", "Reconstruct the twin again")
     reconstruction = load_cameras(kept.camera_folder, loaded)
     held = noted.get("held") or heldout_names([photo.name for photo in loaded], settings.photos.holdout_every)
     return StoredTwin(folder, settings, loaded, reconstruction, medium, held, Gaussians.from_cloud(cloud))
