@@ -16,6 +16,8 @@ from .files import make_folder, output_error
 
 #: The list's name in each folder that something was written to.
 LIST = ".dgs-written"
+#: What the add-on writes into a job's folder before the engine starts (`dgs_addon/job/record.py`).
+JOB_FILES = frozenset({"job.json", "job.log"})
 _WAY_OUT = "Give another --out, or allow it with --overwrite"
 
 
@@ -61,7 +63,7 @@ def check_output_folder(
     """
     make_folder(folder)
     names = {path.name for path in folder.iterdir()}
-    seen = {name for name in names if not name.startswith(".")}
+    seen = {name for name in names - JOB_FILES if not name.startswith(".")}
     if replaced is not None:
         seen &= set(replaced)
     if seen and not overwrite and LIST not in names and not names & set(marks):
