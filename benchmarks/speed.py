@@ -93,7 +93,9 @@ def measure(row: Row) -> Row:
     until = time.perf_counter() + (14.0 if slow else 5.0)
     for iteration in range(3 if slow else 400):
         camera = cameras[iteration % 4]
-        view, marks = _one_iteration(row, optimizer, camera, blur, photo)
+        # The images of the round before stay in memory until here, as in a training: freed earlier, their memory would
+        # go back to the system and be fetched anew in every stage.
+        view, marks, _images = _one_iteration(row, optimizer, camera, blur, photo)
         spent = [later - earlier for earlier, later in itertools.pairwise(marks)]
         stages = (spent[0], spent[1] + spent[4], spent[2] + spent[3], spent[5], spent[6], marks[-1] - marks[0])
         # The first rounds plan, compile and fill caches.
@@ -114,8 +116,8 @@ def measure(row: Row) -> Row:
     }
 
 
-def _one_iteration(row: Row, optimizer: Any, camera: Any, blur: Any, photo: Any) -> tuple[Any, list[float]]:
-    """One step of training: what was rendered, and the times (ms) between its stages."""
+def _one_iteration(row: Row, optimizer: Any, camera: Any, blur: Any, photo: Any) -> tuple[Any, list[float], Any]:
+    """One step of training: what was rendered, the times (ms) between its stages, and its images."""
     import torch
     from dgs.core.rasterizer import render
     from dgs.core.training.photometric import PhotometricLoss
@@ -145,7 +147,7 @@ def _one_iteration(row: Row, optimizer: Any, camera: Any, blur: Any, photo: Any)
     marks.append(now())
     optimizer.step(rates)
     marks.append(now())
-    return view, marks
+    return view, marks, (blurred, loss, gradient, image_gradient)
 
 
 def compile_seconds(_: Row) -> Row:
