@@ -188,8 +188,14 @@ def extreme_small_formats(site: Site) -> float:
 def damaged_checkpoints(site: Site) -> float:
     """A run that was killed while it wrote; a bit that fell over."""
     path, fingerprint = site.folder / "checkpoint.npz", {"photos": ["a", "b"]}
-    arrays = {"value.means": np.arange(300, dtype=np.float32), "pull": np.full(9, math.nan, np.float32)}
-    save_checkpoint(path, Checkpoint(arrays, fingerprint, 7, 1.5))
+    sides = {"means": (3,), "log_scales": (3,), "quaternions": (4,), "opacity_logits": (), "sh": (4, 3)}
+    arrays = {
+        f"{kind}.{name}": np.random.default_rng(0).uniform(0.1, 1.0, (60, *side)).astype(np.float32)
+        for kind in ("value", "first", "second")
+        for name, side in sides.items()
+    }
+    arrays |= {name: np.ones(60, np.float32) for name in ("pull", "views")}
+    save_checkpoint(path, Checkpoint(arrays, fingerprint, 7, 1.5, counters={"steps": 7}))
     content = path.read_bytes()
     again = load_checkpoint(path, fingerprint)
     same = all(np.array_equal(again.arrays[n], a, equal_nan=True) for n, a in arrays.items())

@@ -4,7 +4,7 @@ import json
 
 from dgs.command_line import run
 from dgs.studies.stability import case as case_module
-from dgs.studies.stability import table
+from dgs.studies.stability import registry, table
 from dgs.studies.stability.case import Case, measured, runs
 from dgs.studies.stability.registry import all_cases
 
@@ -33,7 +33,7 @@ def test_failures_are_seen(monkeypatch, capsys):
 
     kinds = {"nan": lambda place: float("nan"), "big": lambda place: 2.0, "raised": broken}
     bad = [Case(name, "scale", "", "holds", 1.0, "", measure) for name, measure in kinds.items()]
-    monkeypatch.setattr(case_module, "_CASES", bad)
+    monkeypatch.setattr(registry, "CASES", bad)
     assert run(["stress", "--only", "scale"]) == 2
     said = capsys.readouterr().out
     assert said.count("FAIL") == 3 and "RuntimeError: no way" in said
