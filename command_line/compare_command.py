@@ -7,7 +7,7 @@ from pathlib import Path
 
 from ..core.errors import DgsError
 from ..core.files import check_writable
-from ..core.outputs import check_output_folder
+from ..core.outputs import check_output_folder, claim_output_folder
 from ..studies.comparison.settings import CompareSettings
 from .arguments import add_machine, add_overwrite, add_progress, show_defaults
 from .progress_choice import Reporting
@@ -80,6 +80,7 @@ def compare_command(options: argparse.Namespace, progress: Reporting) -> int:
         device=options.device,
     )
     check_output_folder(settings.out, ("compare.json", "mismatch.json"), options.overwrite)
+    claim_output_folder(settings.out)
     check_writable(settings.out)
     if settings.mismatch:
         from ..studies.comparison.mismatch import study  # heavy: torch

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from ..core.outputs import check_output_folder
+from ..core.outputs import check_output_folder, claim_output_folder
 from .arguments import add_overwrite, add_progress, show_defaults
 from .progress_choice import Reporting
 
@@ -25,4 +25,5 @@ def synthesize_command(options: argparse.Namespace, progress: Reporting) -> int:
     from ..dgs_addon.laboratory.command import run  # heavy: numpy
 
     check_output_folder(options.out, ("manifest.json", "unfinished.json"), options.overwrite)
+    claim_output_folder(options.out)
     return int(run(options, progress) or 0)

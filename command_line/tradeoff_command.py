@@ -7,7 +7,7 @@ from pathlib import Path
 
 from ..core.errors import DgsError
 from ..core.files import check_writable
-from ..core.outputs import check_output_folder
+from ..core.outputs import check_output_folder, claim_output_folder
 from ..studies.tradeoff.settings import TradeoffSettings
 from .arguments import add_machine, add_overwrite, add_progress, show_defaults
 from .progress_choice import Reporting
@@ -78,6 +78,7 @@ def tradeoff_command(options: argparse.Namespace, progress: Reporting) -> int:
         device=options.device,
     )
     check_output_folder(settings.out, ("tradeoff.json",), options.overwrite)
+    claim_output_folder(settings.out)
     check_writable(settings.out)
     content = measure_tradeoff(settings, progress)
     out = settings.out

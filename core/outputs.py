@@ -50,26 +50,29 @@ def check_outputs(files: Iterable[Path], inputs: Iterable[Path] = (), overwrite:
 def check_output_folder(
     folder: Path, marks: Iterable[str], overwrite: bool = False, replaced: Iterable[str] | None = None
 ) -> None:
-    """Refuses a folder with content that this program did not write; marks any other as its own.
+    """Refuses a folder with content that this program did not write; changes nothing.
 
     Args:
-        folder: where many files will be written; made if missing.
+        folder: where many files will be written; need not be there.
         marks: names of files or folders that only this command leaves there.
         overwrite: the user allowed to replace the files of others.
         replaced: names that will be written, where all else in the folder is left alone; None: everything may be.
 
     Raises:
-        OutputError: it holds something else, or cannot be written to.
+        OutputError: it holds something else.
     """
-    make_folder(folder)
-    names = {path.name for path in folder.iterdir()}
+    names = {path.name for path in folder.iterdir()} if folder.is_dir() else set()
     seen = {name for name in names - JOB_FILES if not name.startswith(".")}
     if replaced is not None:
         seen &= set(replaced)
     if seen and not overwrite and LIST not in names and not names & set(marks):
         named = f", such as '{min(seen)}'"
         raise OutputError(f"The folder '{folder}' holds files that this program did not write{named}", _WAY_OUT)
-    _append(folder, "")
+
+
+def claim_output_folder(folder: Path) -> None:
+    """Marks a folder, made if missing, as one that this program writes into; raises OutputError."""
+    _append(make_folder(folder), "")
 
 
 def note_output(file: Path) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from ..files import check_writable
 from ..lock import working_on
 from ..machine import use_threads
+from ..outputs import claim_output_folder
 from ..progress import Progress
 from ..reconstruction import Reconstruction
 from ..run_settings import RunSettings
@@ -23,6 +24,7 @@ def only_cameras(run: RunSettings, progress: Progress) -> Reconstruction:
     """
     given, folder = given_spreads(run.medium.psf), TwinFolder(run.out)
     check_writable(run.out)
+    claim_output_folder(run.out)
     with working_on(run.out, "cameras", progress.note):
         search = search_for(run.training, use_threads(run.threads), False, run.resume)
         loaded = read_photos(run.photos, folder, progress)

@@ -11,6 +11,7 @@ from ..errors import DgsError
 from ..files import check_writable
 from ..lock import working_on
 from ..machine import Machine
+from ..outputs import claim_output_folder
 from ..photos.truth import TruthFolder
 from ..progress import Progress
 from ..report.summary import RunFacts, TimeFacts
@@ -73,6 +74,7 @@ def reconstruct(
         raise DgsError("Quality is judged on photos held out, and none are", "Use --holdout-every 8")
     truth = TruthFolder(run.truth) if run.truth is not None else None
     check_writable(run.out)
+    claim_output_folder(run.out)
     with working_on(run.out, "reconstruct", keeper.note):
         return _stages(run, given, truth, keeper, watch, timing_on)
 

@@ -3,7 +3,7 @@
 import pytest
 from dgs.command_line.main import run
 from dgs.core.errors import OutputError
-from dgs.core.outputs import check_output_folder, check_outputs, note_output
+from dgs.core.outputs import check_output_folder, check_outputs, claim_output_folder, note_output
 from dgs.core.run_settings import RUN_REPLACES
 from dgs.core.twin.folder import PARTS
 from PIL import Image
@@ -51,6 +51,7 @@ def test_a_folder_of_others_is_refused_and_an_empty_one_becomes_ours(tmp_path, f
     check_output_folder(tmp_path, ("a.png",))
     new = tmp_path / "new"
     check_output_folder(new, ())
+    claim_output_folder(new)
     (new / "row.json").write_text("{}")
     check_output_folder(new, ())
 
