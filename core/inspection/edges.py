@@ -1,4 +1,4 @@
-"""Widths of the straight, lonely edges in a picture.
+"""Widths of the straight, isolated edges in a picture.
 
 A step under a Gaussian blur is its error function, whose width is the blur's. Small round pieces around the crests of
 the slope are fitted with one such step each, bent a little, on an even slope (`edge_kernels`). A piece counts where the
@@ -110,7 +110,7 @@ def find_edges(
     photo: int = 0,
     most: int = SETTINGS.maximum_edges,
 ) -> Edges:
-    """Fits the straight, lonely edges of a blurred picture.
+    """Fits the straight, isolated edges of a blurred picture.
 
     Args:
         grey: [H, W], in the light that the blur acts on.

@@ -8,7 +8,7 @@ import time
 
 import pytest
 from dgs.core.errors import FolderInUse
-from dgs.core.lock import locked
+from dgs.core.lock import OWNER, locked
 
 
 def held_by_a_child(folder, seconds: float) -> int:
@@ -36,8 +36,9 @@ def test_the_lock_of_a_killed_process_is_taken_over(tmp_path):
     child = held_by_a_child(tmp_path, 30)
     os.kill(child, signal.SIGKILL)
     os.waitpid(child, 0)
+    assert str(child) in (tmp_path / OWNER).read_text("utf-8"), "it died with the lock"
     with locked(tmp_path, "reconstruct"):
-        pass
+        assert str(os.getpid()) in (tmp_path / OWNER).read_text("utf-8")
 
 
 def test_it_is_free_afterwards_also_after_an_error(tmp_path):
