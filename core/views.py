@@ -62,12 +62,20 @@ def distinct(views: Sequence[View]) -> int:
 
 @dataclass(frozen=True)
 class SparsePoints:
-    """Points that structure from motion (or a camera file) came with.
+    """Points that structure from motion (or a camera file) came with, or samples of the surfaces that photos show.
 
     Attributes:
         positions: [M, 3] float64, world units.
         colours: [M, 3] uint8, sRGB-encoded.
+        confidence: [M] float32 in (0, 1], where the points are dense samples of surfaces: how sure it is that a surface
+            is there. None where they are sparse: surfaces lie between them.
     """
 
     positions: NDArray[np.float64]
     colours: NDArray[np.uint8]
+    confidence: NDArray[np.float32] | None = None
+
+    def chosen(self, which: NDArray[np.bool_] | NDArray[np.int64]) -> SparsePoints:
+        """Some of the points, by a mask [M] or by their indices."""
+        sure = None if self.confidence is None else self.confidence[which]
+        return SparsePoints(self.positions[which], self.colours[which], sure)

@@ -12,12 +12,15 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..camera import Camera
 from ..conventions import rotation_from_quaternion
 from ..errors import FormatError, OutputError
+from ..files import replacing
 from ..lens import MODELS, Lens
 from ..names import inner_name
+from ..npy import read_npy
 from ..pose import Pose
 from ..views import SparsePoints
 from .spec import CameraFormatSpec
@@ -27,6 +30,8 @@ _FOLDERS = (".", "sparse/0", "sparse", "0", "cameras", "colmap/sparse/0")
 #: A model's files, any of which may be named in place of their folder.
 _FILES = ("cameras", "images", "points3D", "rigs", "frames")
 _SUFFIXES = (".bin", ".txt")
+#: Beside a model whose points are dense samples of surfaces: how sure each is, [M] in (0, 1] (`SparsePoints`).
+CONFIDENCE = "confidence.npy"
 #: Lens models by their number in binary files; None where `Lens` has no such model.
 _NUMBERS = (
     "SIMPLE_PINHOLE",
@@ -127,7 +132,23 @@ def read_colmap_points(path: Path) -> SparsePoints:
     if not finite.all():
         raise FormatError(f"{int((~finite).sum())} points in '{folder}' are not finite", "Export them again")
     values = values[np.argsort(values[:, 0], kind="stable")]  # by their number, in whichever order they were written
-    return SparsePoints(values[:, 1:4].copy(), values[:, 4:].astype(np.uint8))
+    return SparsePoints(values[:, 1:4].copy(), values[:, 4:].astype(np.uint8), _confidence(folder, len(values)))
+
+
+def _confidence(folder: Path, count: int) -> NDArray[np.float32] | None:
+    """What `write_lenses` left beside a model of dense points; None where it is not there, or not of these points."""
+    path = folder / CONFIDENCE
+    try:
+        with path.open("rb") as file:
+            values = read_npy(file, path.stat().st_size, "f")
+    except FileNotFoundError:
+        return None
+    except (OSError, ValueError) as error:
+        raise FormatError(
+            f"'{path}' is damaged ({error})", "Remove it: the points count as sparse ones then"
+        ) from error
+    fits = values.shape == (count,) and bool(((values > 0) & (values <= 1)).all())
+    return values.astype(np.float32) if fits else None
 
 
 def write_model(path: Path, cameras: Mapping[str, Camera], points: SparsePoints, binary: bool = True) -> None:
@@ -144,7 +165,8 @@ def write_lenses(
     Args:
         path: folder, created if missing.
         lenses, poses: by image name; equal lenses are shared.
-        points: written without tracks (the photos' observations are not kept).
+        points: written without tracks (the photos' observations are not kept); of dense ones the confidence stands in
+            a file of ours beside the model.
         binary: .bin files, else .txt.
 
     Raises:
@@ -175,7 +197,12 @@ def write_lenses(
         model.add_point3D(position, pycolmap.Track(), colour)
     try:
         path.mkdir(parents=True, exist_ok=True)
+        # First: points that are replaced never stand beside a confidence of others.
+        (path / CONFIDENCE).unlink(missing_ok=True)
         (model.write_binary if binary else model.write_text)(str(path))
+        if points.confidence is not None:
+            with replacing(path / CONFIDENCE) as temporary:
+                np.save(temporary, points.confidence.astype(np.float32), allow_pickle=False)
     except (OSError, RuntimeError) as error:
         raise OutputError(
             f"The camera model cannot be written into '{path}' ({error})", "Free space or choose another folder"

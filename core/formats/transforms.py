@@ -18,6 +18,9 @@ from ..json_shape import check_shape, number, text
 from ..lens import Lens
 from ..names import inner_name
 from ..pose import Pose
+from ..reconstruction import no_points
+from ..views import SparsePoints
+from .point_clouds import read_ply_points
 from .spec import CameraFormatSpec
 
 _EXPORT = "Export it again, or give a COLMAP model"
@@ -60,6 +63,31 @@ def read_transforms(
         except (KeyError, TypeError, ValueError) as error:
             raise FormatError(f"'{path}' has a damaged frame ({type(error).__name__}: {error})", _EXPORT) from error
     return lenses, poses
+
+
+def read_transforms_points(path: Path) -> SparsePoints:
+    """The points of the PLY that `ply_file_path` names (nerfstudio, BlenderNeRF), in the world of the poses.
+
+    Args:
+        path: as for `read_transforms`.
+
+    Returns:
+        None at all where no PLY is named, or the one that is named is not there.
+
+    Raises:
+        FormatError: the PLY is damaged.
+    """
+    if path.is_dir():
+        path = path / "transforms.json"
+    try:
+        content = read_json(path)
+        named = content.get("ply_file_path") if isinstance(content, dict) else None
+        file = path.parent / inner_name(named) if isinstance(named, str) and named else None
+    except (OSError, ValueError):
+        file = None  # what is wrong with the file itself, reading the cameras says
+    if file is None or not file.is_file():
+        return no_points()
+    return read_ply_points(file)
 
 
 def _lens(values: dict[str, Any], size: tuple[int, int] | None) -> Lens:
@@ -142,5 +170,10 @@ def _find(path: Path) -> Path | None:
 
 
 TRANSFORMS = CameraFormatSpec(
-    name="transforms.json", label="transforms.json", suffixes=(".json",), find=_find, read=read_transforms
+    name="transforms.json",
+    label="transforms.json",
+    suffixes=(".json",),
+    find=_find,
+    read=read_transforms,
+    read_points=read_transforms_points,
 )

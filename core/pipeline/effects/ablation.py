@@ -236,7 +236,7 @@ def _fewer(points: SparsePoints) -> SparsePoints:
     if len(points.positions) <= SETTINGS.points:
         return points
     kept = np.linspace(0, len(points.positions) - 1, SETTINGS.points).round().astype(int)
-    return SparsePoints(points.positions[kept], points.colours[kept])
+    return points.chosen(kept)
 
 
 def _counted(view: View) -> NDArray[np.bool_] | None:

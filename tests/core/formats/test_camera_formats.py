@@ -9,6 +9,7 @@ import pytest
 from dgs.core import conventions
 from dgs.core.camera import Camera
 from dgs.core.errors import CameraError, FormatError
+from dgs.core.formats.cameras import read_cameras
 from dgs.core.formats.colmap import read_model, write_lenses, write_model
 from dgs.core.formats.transforms import read_transforms, write_transforms
 from dgs.core.lens import MODELS, Lens
@@ -18,6 +19,7 @@ from dgs.core.sfm.given import load_cameras
 from dgs.core.views import SparsePoints
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from plyfile import PlyData, PlyElement
 from scipy.spatial.transform import Rotation
 
 ROTATION = Rotation.from_rotvec([0.4, -0.2, 1.0]).as_matrix()
@@ -169,3 +171,31 @@ def test_turned_world_keeps_the_picture() -> None:
     seen = rotation @ conventions.turn_world(point) + translation
     np.testing.assert_allclose(seen, ROTATION @ point + [1.0, 0, 5])
     np.testing.assert_allclose(conventions.turn_world(np.array([0.0, -1.0, 0.0])), [0, 0, 1])  # up is z
+
+
+@pytest.mark.parametrize("text", [True, False])
+def test_points_that_transforms_name(tmp_path: Path, text: bool) -> None:
+    """nerfstudio's and BlenderNeRF's ply_file_path: beside the JSON, in the world of the poses."""
+    frame = {"file_path": "a.png", "transform_matrix": np.eye(4).tolist()}
+    content = {"w": 80, "h": 60, "fl_x": 70.0, "ply_file_path": "points/cloud.ply", "frames": [frame]}
+    (tmp_path / "transforms.json").write_text(json.dumps(content))
+    assert len(read_cameras(tmp_path).points().positions) == 0  # the file is not there
+    rows = np.array(
+        [(1.0, 2, 3, 9, 8, 7), (-4.0, 5, 0.5, 255, 0, 1)],
+        [(n, "f4") for n in "xyz"] + [(n, "u1") for n in ("red", "green", "blue")],
+    )
+    (tmp_path / "points").mkdir()
+    PlyData([PlyElement.describe(rows, "vertex")], text=text).write(str(tmp_path / "points" / "cloud.ply"))
+    points = read_cameras(tmp_path).points()
+    np.testing.assert_array_equal(points.positions, [[1, 2, 3], [-4, 5, 0.5]])
+    np.testing.assert_array_equal(points.colours, [[9, 8, 7], [255, 0, 1]])
+    bare = np.array([(np.nan, 2.0, 3.0), (1.0, 2.0, 3.0)], [(n, "f4") for n in "xyz"])
+    PlyData([PlyElement.describe(bare, "vertex")], text=text).write(str(tmp_path / "points" / "cloud.ply"))
+    with pytest.raises(FormatError, match="1 points in"):
+        read_cameras(tmp_path).points()
+    (tmp_path / "points" / "cloud.ply").write_bytes(b"ply\nnothing")
+    with pytest.raises(FormatError, match="cannot be read"):
+        read_cameras(tmp_path).points()
+    # A path that leads out of the folder is looked for inside it.
+    (tmp_path / "transforms.json").write_text(json.dumps(content | {"ply_file_path": "../../cloud.ply"}))
+    assert len(read_cameras(tmp_path).points().positions) == 0

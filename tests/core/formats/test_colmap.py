@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from dgs.core.errors import FormatError
-from dgs.core.formats.colmap import read_colmap_cameras, read_colmap_points, read_model, write_lenses
+from dgs.core.formats.colmap import CONFIDENCE, read_colmap_cameras, read_colmap_points, read_model, write_lenses
 from dgs.core.lens import MODELS, Lens
 from dgs.core.pose import Pose
 from dgs.core.reconstruction import no_points
@@ -66,3 +66,26 @@ def test_a_cut_off_model_is_explained(tmp_path: Path) -> None:
     file.write_bytes(file.read_bytes()[:150])
     with pytest.raises(FormatError, match="damaged"):
         read_colmap_cameras(tmp_path)
+
+
+@pytest.mark.parametrize("binary", [True, False])
+def test_confidence_of_dense_points_survives(tmp_path: Path, binary: bool) -> None:
+    generator = np.random.default_rng(7)
+    lens, pose = Lens("PINHOLE", 64, 48, (50.0, 50.0, 32.0, 24.0)), Pose(np.eye(3), np.zeros(3))
+    positions, colours = generator.normal(size=(30, 3)), generator.integers(0, 256, (30, 3)).astype(np.uint8)
+    sure = generator.uniform(0.01, 1, 30).astype(np.float32)
+    write_lenses(tmp_path, {"a": lens}, {"a": pose}, SparsePoints(positions, colours, sure), binary=binary)
+    read = read_colmap_points(tmp_path)
+    np.testing.assert_array_equal(read.confidence, sure)
+    np.testing.assert_allclose(read.positions, positions, atol=1e-9)
+    chosen = read.chosen(np.array([3, 1]))
+    np.testing.assert_array_equal(chosen.confidence, sure[[3, 1]])
+    np.testing.assert_array_equal(chosen.colours, colours[[3, 1]])
+    # Another program may have put other points there; they are taken as sparse ones.
+    np.save(tmp_path / CONFIDENCE, sure[:-1])
+    assert read_colmap_points(tmp_path).confidence is None
+    (tmp_path / CONFIDENCE).write_bytes(b"nothing of the kind")
+    with pytest.raises(FormatError, match="confidence"):
+        read_colmap_points(tmp_path)
+    write_lenses(tmp_path, {"a": lens}, {"a": pose}, SparsePoints(positions, colours), binary=binary)
+    assert read_colmap_points(tmp_path).confidence is None and not (tmp_path / CONFIDENCE).exists()
