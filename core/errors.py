@@ -71,6 +71,10 @@ class OutputError(DgsError):
     """The result cannot be written (full disk, no permission)."""
 
 
+class ForeignFiles(OutputError):
+    """Files of others stand where something would be written; a user may allow to replace them."""
+
+
 class FolderInUse(OutputError):
     """Another process works on the same folder."""
 

@@ -9,6 +9,7 @@ import errno
 import json
 import math
 import os
+import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, is_dataclass
@@ -128,8 +129,11 @@ def read_json(path: Path, largest: int = LARGEST_JSON) -> Any:
 
     Raises:
         OSError: it cannot be read.
-        ValueError: it is larger than `largest` bytes, no JSON, or what `parse_json` refuses.
+        ValueError: it is no file (a pipe would be waited for), larger than `largest` bytes, no JSON, or what
+            `parse_json` refuses.
     """
+    if stat.S_IFMT(path.stat().st_mode) not in (stat.S_IFREG, stat.S_IFDIR):  # (opening a folder says it better)
+        raise ValueError("no file that ends")
     with path.open("rb") as file:
         data = file.read(largest + 1)
     if len(data) > largest:

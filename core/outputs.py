@@ -11,7 +11,7 @@ import os
 from collections.abc import Iterable
 from pathlib import Path
 
-from .errors import OutputError
+from .errors import ForeignFiles, OutputError
 from .files import make_folder, output_error
 
 #: The list's name in each folder that something was written to.
@@ -30,7 +30,7 @@ def check_outputs(files: Iterable[Path], inputs: Iterable[Path] = (), overwrite:
         overwrite: the user allowed to replace the files of others.
 
     Raises:
-        OutputError: one of them is an input, a folder, or somebody else's.
+        ForeignFiles: one of them is somebody else's. OutputError: one is an input, or a folder.
     """
     read = {path.resolve() for path in inputs}
     there = [file for file in files if os.path.lexists(file)]
@@ -42,7 +42,7 @@ def check_outputs(files: Iterable[Path], inputs: Iterable[Path] = (), overwrite:
     others = [] if overwrite else [file for file in there if not _is_ours(file)]
     if others:
         more = f" (and {len(others) - 1} more files)" if len(others) > 1 else ""
-        raise OutputError(
+        raise ForeignFiles(
             f"'{others[0]}'{more} is there already and was not written by this program, or changed since", _WAY_OUT
         )
 
@@ -59,7 +59,7 @@ def check_output_folder(
         replaced: names that will be written, where all else in the folder is left alone; None: everything may be.
 
     Raises:
-        OutputError: it holds something else.
+        ForeignFiles: it holds something else.
     """
     names = {path.name for path in folder.iterdir()} if folder.is_dir() else set()
     seen = {name for name in names - JOB_FILES if not name.startswith(".")}
@@ -67,7 +67,12 @@ def check_output_folder(
         seen &= set(replaced)
     if seen and not overwrite and LIST not in names and not names & set(marks):
         named = f", such as '{min(seen)}'"
-        raise OutputError(f"The folder '{folder}' holds files that this program did not write{named}", _WAY_OUT)
+        raise ForeignFiles(f"The folder '{folder}' holds files that this program did not write{named}", _WAY_OUT)
+
+
+def asks_to_overwrite(line: str) -> bool:
+    """Whether a command ended with this line because of the files of others, so that --overwrite would help."""
+    return line.rstrip(". ").endswith(_WAY_OUT)
 
 
 def claim_output_folder(folder: Path) -> None:

@@ -2,12 +2,23 @@
 
 from __future__ import annotations
 
+import textwrap
 from typing import Any
 
 import bpy
 
 #: Name of the sidebar's tab.
 TAB = "Descatter"
+#: Width of a character in px at a scale of 1, and characters that a line has at least.
+_CHARACTER, _SHORTEST = 6.2, 20
+#: Characters of one text that are shown: a file of somebody's may hold more than a window can draw.
+_SHOWN = 600
+
+
+def wrapped(text: str, width: float) -> list[str]:
+    """The lines of a text that is `width` px wide at a scale of 1: labels do not wrap."""
+    shown = text if len(text) <= _SHOWN else f"{text[:_SHOWN]}..."
+    return textwrap.wrap(shown, max(_SHORTEST, int(width / _CHARACTER))) or [""]
 
 
 def redraw() -> None:

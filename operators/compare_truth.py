@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+from dataclasses import replace
 from typing import Any
 
 import bpy
 
 from ..core.errors import DgsError
-from ..dgs_addon.job.request import Request, with_truth
+from ..dgs_addon.job.request import Request, resumed_request
 from ..dgs_addon.job.steps import results
-from ..dgs_addon.paths import absolute
+from ..dgs_addon.paths import absolute, out_folder
 from .start_job import start_job, why_no_job
 
 
@@ -41,13 +41,10 @@ class DGS_OT_compare_truth(bpy.types.Operator):
         """The engine takes up the finished run and scores it anew; nothing is optimized again."""
 
         def make() -> Request:
-            record, truth = results(context.scene).record, absolute(context.scene.dgs.truth)
-            if record is None or truth is None:
+            settings = context.scene.dgs
+            record, truth, out = results(context.scene).record, absolute(settings.truth), out_folder(settings)
+            if record is None or truth is None or out is None:
                 raise DgsError("There is no finished run", "Press Optimize (step 4)")
-            out = Path(record.arguments[record.arguments.index("--out") + 1])
-            arguments = with_truth(record.arguments, truth)
-            return Request(
-                "reconstruct", Path(record.photos), out, arguments, record.count, record.selection, resume=True
-            )
+            return resumed_request(replace(record, options={**record.options, "truth": str(truth)}), out)
 
         return start_job(self, context, make)

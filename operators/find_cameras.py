@@ -7,14 +7,15 @@ from typing import Any
 import bpy
 
 from ..dgs_addon.job.request import request_of
-from .start_job import start_job, why_no_job
+from .start_job import Replacing, start_job, why_no_job
 
 
-class DGS_OT_find_cameras(bpy.types.Operator):
+class DGS_OT_find_cameras(Replacing, bpy.types.Operator):
     """Find out where each photo was taken (structure from motion). Optimize does this too, if need be"""
 
     bl_idname = "dgs.find_cameras"
     bl_label = "Find Cameras"
+    kind = "cameras"
 
     @classmethod
     def poll(cls, context: Any) -> bool:

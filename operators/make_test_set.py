@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import bpy
 
 from ..dgs_addon.job import runner
 from ..dgs_addon.job.test_set import test_set_request
-from .start_job import start_job
+from ..dgs_addon.paths import absolute
+from .start_job import Replacing, start_job
 
 
-class DGS_OT_make_test_set(bpy.types.Operator):
+class DGS_OT_make_test_set(Replacing, bpy.types.Operator):
     """Render photos of a known object with Cycles, blurred by the medium of step 3, and sharp ones to compare with"""
 
     bl_idname = "dgs.make_test_set"
     bl_label = "Make Test Set"
+    kind = "synthesize"
 
     @classmethod
     def poll(cls, context: Any) -> bool:
@@ -28,6 +31,10 @@ class DGS_OT_make_test_set(bpy.types.Operator):
             reason = ""
         cls.poll_message_set(reason)
         return not reason
+
+    def folder(self, context: Any) -> Path | None:
+        """The test set's own."""
+        return absolute(context.scene.dgs.test_set)
 
     def execute(self, context: Any) -> set[str]:
         """Starts another Blender, which renders; the set becomes the photos of step 1 when it is there."""

@@ -9,14 +9,15 @@ import bpy
 
 from ..dgs_addon.job.request import Request, request_of
 from ..dgs_addon.job.steps import cameras_found
-from .start_job import start_job, why_no_job
+from .start_job import Replacing, start_job, why_no_job
 
 
-class DGS_OT_optimize(bpy.types.Operator):
+class DGS_OT_optimize(Replacing, bpy.types.Operator):
     """Fit sharp Gaussians that explain the photos, seen through the medium. Finds the cameras first if need be"""
 
     bl_idname = "dgs.optimize"
     bl_label = "Optimize"
+    kind = "reconstruct"
 
     @classmethod
     def poll(cls, context: Any) -> bool:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import bpy
 
+from ..core.errors import DgsError
 from ..dgs_addon.engine.interpreter import why_not
 from ..dgs_addon.job import runner
-from ..dgs_addon.job.request import Kind, Request
+from ..dgs_addon.job.request import Request, resumed_request
 from ..dgs_addon.paths import out_folder
 from .start_job import start_job
 
@@ -26,28 +26,22 @@ class DGS_OT_resume_job(bpy.types.Operator):
         out = out_folder(context.scene.dgs)
         if runner.running():
             reason = "A job is running"
-        elif out is None or runner.resumable(out) is None:
+        elif out is None:
             reason = "There is no unfinished job"
         else:
-            reason = why_not()
+            record, fault = runner.unfinished(out)
+            reason = fault or ("There is no unfinished job" if record is None else why_not())
         cls.poll_message_set(reason)
         return not reason
 
     def execute(self, context: Any) -> set[str]:
-        """Starts the engine as it was started before."""
-        out = out_folder(context.scene.dgs)
-        assert out is not None
-        record = runner.resumable(out)
-        assert record is not None
-        kind: Kind = "cameras" if record.kind == "cameras" else "reconstruct"
-        # Cameras alone have no checkpoint: they are sought again.
-        request = Request(
-            kind,
-            Path(record.photos),
-            out,
-            record.arguments,
-            record.count,
-            record.selection,
-            resume=kind == "reconstruct",
-        )
-        return start_job(self, context, lambda: request)
+        """Starts the engine with what the job's record holds; it writes to the scene's results' folder."""
+
+        def make() -> Request:
+            out = out_folder(context.scene.dgs)
+            record = runner.resumable(out) if out is not None else None
+            if out is None or record is None:
+                raise DgsError("There is no unfinished job", "Press Optimize (step 4)")
+            return resumed_request(record, out)
+
+        return start_job(self, context, make)

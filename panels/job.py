@@ -7,14 +7,19 @@ from typing import Any
 
 from bpy.app.translations import pgettext_iface as iface_
 
+from ..core.outputs import asks_to_overwrite
 from ..dgs_addon.job import pictures, runner
 from ..dgs_addon.job.state import JobState, duration_text
-from ..dgs_addon.paths import out_folder
+from ..dgs_addon.paths import absolute, out_folder
 from .layout import figures, sentence
 from .thumbnails import photo_icon
 
 #: Notes of the engine that are shown; the log has all.
 _NOTES = 2
+#: Characters of a path that are shown: its end.
+_PATH = 60
+#: The buttons whose jobs write into folders that may hold files of others.
+_STARTED_BY = {"cameras": "dgs.find_cameras", "synthesize": "dgs.make_test_set"}
 _PHASES = {"paused": "Paused", "cancelling": "Stopping: what is done will be kept"}
 #: Width of Blender's unit of layout in px, at a scale of 1.
 _UNIT = 20
@@ -98,7 +103,11 @@ def _ended(layout: Any, context: Any, job: runner.Job) -> None:
         sentence(box, context, job.state.error, "ERROR")
     else:
         sentence(box, context, "Cancelled; what was done is kept", "INFO")
-    if _unfinished_set(job):
+    if asks_to_overwrite(job.state.error):
+        box.operator(
+            _STARTED_BY.get(job.request.kind, "dgs.optimize"), text="Replace", icon="FILE_REFRESH"
+        ).replace = True
+    elif _unfinished_set(job):
         box.operator("dgs.make_test_set", text="Resume", icon="PLAY")
     else:
         _ways_out(box)
@@ -107,7 +116,9 @@ def _ended(layout: Any, context: Any, job: runner.Job) -> None:
 def _before(layout: Any, context: Any) -> None:
     """What a Blender before this one left behind."""
     out = out_folder(context.scene.dgs)
-    record = runner.resumable(out) if out is not None else None
+    record, fault = runner.unfinished(out) if out is not None else (None, "")
+    if fault:
+        sentence(layout.box(), context, fault, "ERROR")
     if record is None:
         return
     box = layout.box()
@@ -117,6 +128,8 @@ def _before(layout: Any, context: Any) -> None:
         sentence(box, context, record.error, "ERROR")
     else:
         sentence(box, context, "The last job was cancelled; what was done is kept", "INFO")
+    if Path(record.photos) != absolute(context.scene.dgs.photos):  # the job's own are resumed, not those of step 1
+        figures(box, "Its photos: {path}", "FILE_FOLDER", path=record.photos[-_PATH:])
     _ways_out(box)
 
 

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import textwrap
 from typing import Any
 
 import bpy
 from bpy.app.translations import pgettext_iface as iface_
 
-from ..dgs_addon.window import TAB
+from ..dgs_addon.window import TAB, wrapped
 
-#: Width of a character and of the panel's borders in px, at a scale of 1.
-_CHARACTER, _BORDER = 6.2, 62
+#: Width of the panel's borders in px, at a scale of 1.
+_BORDER = 62
 
 
 class Sidebar:
@@ -32,10 +31,9 @@ def sentence(layout: Any, context: Any, text: str, icon: str = "NONE") -> None:
     """A text, in the user's language, over as many lines as the sidebar's width needs: labels do not wrap."""
     text = iface_(text)
     scale = context.preferences.system.ui_scale
-    width = max(20, int((context.region.width / scale - _BORDER) / _CHARACTER))
     column = layout.column(align=True)
     column.scale_y = 0.8
-    for number, line in enumerate(textwrap.wrap(text, width) or [""]):
+    for number, line in enumerate(wrapped(text, context.region.width / scale - _BORDER)):
         mark = icon if number == 0 else "BLANK1" if icon != "NONE" else "NONE"
         column.label(text=line, icon=mark, translate=False)
 

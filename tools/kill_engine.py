@@ -111,12 +111,10 @@ def _kill(job: Any, out: Path, after: float, optimized: float) -> Kill:
 def _resumed(out: Path) -> Any:
     """What the panel's Resume asks for; None if nothing can be resumed."""
     from dgs.dgs_addon.job import runner
-    from dgs.dgs_addon.job.request import Request
+    from dgs.dgs_addon.job.request import resumed_request
 
     record = runner.resumable(out)
-    if record is None:
-        return None
-    return Request("reconstruct", Path(record.photos), out, record.arguments, record.count, resume=True)
+    return None if record is None else resumed_request(record, out)
 
 
 HEAD = "kill  after    stage     step   lost     Blender alive"

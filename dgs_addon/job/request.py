@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from hashlib import sha256
 from pathlib import Path
 from typing import Any, Literal
 
@@ -12,8 +13,10 @@ from ...core.errors import DgsError
 from ...core.files import make_folder, write_text
 from ..engine.process import RUN
 from ..paths import absolute, chosen_photos, out_folder, pictures_folder
-from ..photos import PhotoFolder
+from ..photos import PhotoFolder, photo_folder
 from ..scene.scene_cameras import write_scene_cameras
+from .options import RESUMABLE, Options, job_arguments
+from .record import Record
 
 Kind = Literal["cameras", "reconstruct", "synthesize", "update"]
 
@@ -35,6 +38,8 @@ class Request:
         program: what runs the arguments, where it is not the engine's Python.
         twin: folder of the twin that is updated; its own record and log stay as they are.
         reuse_cameras: whether the cameras in `out` belong to these photos; a new run takes them over.
+        options: what `arguments` were made from, where the job can be resumed.
+        overwrite: whether the user allowed to replace what this program did not write.
     """
 
     kind: Kind
@@ -45,6 +50,8 @@ class Request:
     selection: str = ""
     resume: bool = False
     reuse_cameras: bool = False
+    options: Options = field(default_factory=dict)
+    overwrite: bool = False
     program: tuple[str, ...] = ()
     twin: Path | None = None
 
@@ -56,7 +63,8 @@ class Request:
     def command(self, python: Path) -> list[str]:
         """The whole command line."""
         program = self.program or (str(python), str(RUN))
-        return [*program, *self.arguments, *(["--resume"] if self.resume or self.reuse_cameras else [])]
+        resumed = ["--resume"] if self.resume or self.reuse_cameras else []
+        return [*program, *self.arguments, *resumed, *(["--overwrite"] if self.overwrite else [])]
 
 
 def request_of(kind: Kind, scene: Any) -> Request:
@@ -71,15 +79,41 @@ def request_of(kind: Kind, scene: Any) -> Request:
         raise DgsError("No photos are chosen", "Choose their folder in step 1")
     if found.problem:
         raise DgsError(found.problem, "Choose others in step 1")
-    source = photos if not settings.selection else _list(found, out)
-    arguments = [kind, str(source), "--out", str(out), *_medium(settings), *_images(settings)]
+    options = {**_medium(settings), **_images(settings)}
     if found.movie is not None:
-        arguments += ["--frames", str(settings.frames)]
+        options["frames"] = settings.frames
     if kind == "reconstruct":
-        arguments += [*_cameras(scene, out), *_effort(settings), "--snapshots"]
-    arguments += ["--device", settings.device, *_number("--threads", settings.threads)]
-    arguments += ["--progress", "json", "--control"]
-    return Request(kind, photos, out, arguments, len(found.files), settings.selection)
+        options |= {**_cameras(scene, out), **_effort(settings), "snapshots": True}
+    options |= {"device": settings.device, **_positive(settings, "threads")}
+    return _run_request(kind, photos, out, options, found, settings.selection)
+
+
+def resumed_request(record: Record, out: Path) -> Request:
+    """A job that goes on where it stopped.
+
+    Args:
+        record: of the job; its photos and options count.
+        out: the results' folder that the user chose; whatever the record says, this is where the job writes.
+
+    Raises:
+        DgsError: the photos are not there any more, or this job cannot be resumed.
+    """
+    if record.kind not in RESUMABLE:
+        raise DgsError(f"A job of the kind '{record.kind}' cannot be resumed", "Start it again")
+    kind: Kind = "cameras" if record.kind == "cameras" else "reconstruct"
+    photos = Path(record.photos)
+    found = photo_folder(photos, record.selection)
+    if found.problem:
+        raise DgsError(f"The job's photos in '{photos}' cannot be used: {found.problem}", "Choose others in step 1")
+    request = _run_request(kind, photos, out, record.options, found, record.selection)
+    # Cameras alone have no checkpoint: they are sought again.
+    return replace(request, count=record.count, resume=kind == "reconstruct")
+
+
+def _run_request(kind: Kind, photos: Path, out: Path, options: Options, found: PhotoFolder, selection: str) -> Request:
+    source = photos if not selection else _list(found, out)
+    arguments = job_arguments(kind, source, out, options)
+    return Request(kind, photos, out, arguments, len(found.files), selection, options=options)
 
 
 def update_request(settings: Any, photos: Sequence[Path]) -> Request:
@@ -103,19 +137,11 @@ def update_request(settings: Any, photos: Sequence[Path]) -> Request:
 
 
 def _list(found: PhotoFolder, out: Path) -> Path:
-    """OUT/photos.txt with the chosen photos, for the engine."""
-    path = make_folder(out) / "photos.txt"
-    write_text(path, "".join(f"{file}\n" for file in found.files))
+    """The chosen photos, for the engine: a list named by its content, so that a twin's list stays what it was."""
+    text = "".join(f"{file}\n" for file in found.files)
+    path = make_folder(out) / f"chosen_{sha256(text.encode()).hexdigest()[:12]}.txt"
+    write_text(path, text)
     return path
-
-
-def with_truth(arguments: list[str], truth: Path) -> list[str]:
-    """The arguments of a run, with these sharp photos to be scored against."""
-    kept = list(arguments)
-    if "--truth" in kept:
-        place = kept.index("--truth")
-        del kept[place : place + 2]
-    return [*kept, "--truth", str(truth)]
 
 
 def psf_argument(settings: Any) -> str:
@@ -136,40 +162,48 @@ def psf_argument(settings: Any) -> str:
     return str(settings.medium)  # none, or estimated from the photos
 
 
-def _medium(settings: Any) -> list[str]:
-    return ["--psf", psf_argument(settings), "--blur-space", settings.blur_space]
+def _medium(settings: Any) -> Options:
+    return {"psf": psf_argument(settings), "blur_space": settings.blur_space}
 
 
-def _images(settings: Any) -> list[str]:
-    masks = absolute(settings.masks)
-    return [*(["--masks", str(masks)] if masks else []), *_number("--max-size", settings.max_size)]
+def _images(settings: Any) -> Options:
+    return {**_path(settings, "masks"), **_positive(settings, "max_size")}
 
 
-def _cameras(scene: Any, out: Path) -> list[str]:
+def _cameras(scene: Any, out: Path) -> Options:
     settings = scene.dgs
     if settings.cameras == "model":
         model = absolute(settings.model)
         if model is None or not model.exists():
             raise DgsError("The camera model is not there", "Choose it in step 2")
-        return ["--cameras", str(model)]
+        return {"cameras": str(model)}
     if settings.cameras == "scene":
-        return ["--cameras", str(write_scene_cameras(scene, pictures_folder(settings), out, settings.selection))]
-    return []
+        return {"cameras": str(write_scene_cameras(scene, pictures_folder(settings), out, settings.selection))}
+    return {}
 
 
-def _effort(settings: Any) -> list[str]:
-    arguments = ["--preset", settings.preset, "--holdout-every", str(settings.holdout_every)]
-    arguments += ["--seed", str(settings.seed), *_number("--max-gaussians", settings.max_gaussians)]
+def _effort(settings: Any) -> Options:
+    options: Options = {"preset": settings.preset, "holdout_every": settings.holdout_every, "seed": settings.seed}
+    options |= _positive(settings, "max_gaussians")
     if settings.effects != "none":
-        arguments += ["--effects", settings.effects]
+        options["effects"] = settings.effects
     if settings.refine_cameras:
-        arguments.append("--refine-cameras")
+        options["refine_cameras"] = True
     if settings.time_limit > 0:
-        arguments += ["--time-limit", f"{settings.time_limit * 60:.1f}s"]
+        options["time_limit"] = round(settings.time_limit * 60, 1)
     if settings.sh_degree != "preset":
-        arguments += ["--sh-degree", settings.sh_degree]
-    truth = absolute(settings.truth)
-    return [*arguments, *(["--truth", str(truth)] if truth else [])]
+        options["sh_degree"] = int(settings.sh_degree)
+    return {**options, **_path(settings, "truth")}
+
+
+def _positive(settings: Any, name: str) -> Options:
+    value: int = getattr(settings, name)
+    return {name: value} if value > 0 else {}
+
+
+def _path(settings: Any, name: str) -> Options:
+    path = absolute(getattr(settings, name))
+    return {name: str(path)} if path else {}
 
 
 def _number(name: str, value: int) -> list[str]:

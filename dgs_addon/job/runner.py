@@ -23,6 +23,7 @@ from ..scene.software import SOFTWARE_SPLATS, drawn_by_software
 from ..window import Pace, redraw
 from . import pictures
 from .job import Job
+from .options import RESUMABLE
 from .record import LOG, Record, read_record
 from .request import Request
 from .results import add_results, prepared, show_live
@@ -74,7 +75,7 @@ def start(request: Request, python: Path, scene: Any) -> Job:
     live = scene.dgs.live and not bpy.app.background
     snapshots = SnapshotReader(request.out, live, SOFTWARE_SPLATS if drawn_by_software() else MAXIMUM_LIVE_SPLATS)
     record = Record(
-        request.kind, str(request.photos), request.count, list(request.arguments), selection=request.selection
+        request.kind, str(request.photos), request.count, dict(request.options), selection=request.selection
     )
     record.save(request.out)
 
@@ -92,17 +93,27 @@ def start(request: Request, python: Path, scene: Any) -> Job:
     return _job
 
 
-def resumable(out: Path) -> Record | None:
-    """The record of a job in `out` that ended before its time; None if there is none, or it is damaged."""
+def unfinished(out: Path) -> tuple[Record | None, str]:
+    """The record of a job in `out` that ended before its time, or what is wrong with the record that is there.
+
+    Returns:
+        (record, ''), (None, '') where there is no such job, or (None, why its file cannot be used).
+    """
     if _job is not None and _job.state.alive:
-        return None
+        return None, ""
     try:
         record = read_record(out)
-    except DgsError:
-        return None
-    if record is None or not (record.interrupted or record.phase in ("cancelled", "failed")):
-        return None
-    return record
+    except DgsError as error:
+        return None, str(error)
+    if record is None or record.kind not in RESUMABLE:
+        return None, ""
+    ended_early = record.interrupted or record.phase in ("cancelled", "failed")
+    return (record if ended_early else None), ""
+
+
+def resumable(out: Path) -> Record | None:
+    """The record of a job in `out` that ended before its time; None if there is none, or it cannot be used."""
+    return unfinished(out)[0]
 
 
 def cancel() -> None:

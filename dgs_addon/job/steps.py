@@ -52,21 +52,16 @@ def cameras_found(scene: Any) -> bool:
     held = results(scene)
     if settings.cameras != "photos" or not held.cameras or held.record is None:
         return False
-    photos, arguments = absolute(settings.photos), held.record.arguments
-    size = _value(arguments, "--max-size") or "0"
+    photos, options = absolute(settings.photos), held.record.options
     return (
-        "--cameras" not in arguments
+        "cameras" not in options
         and photos is not None
         and held.record.photos == str(photos)
         and held.record.selection == settings.selection
         and held.record.count == len(photo_folder(photos, settings.selection).files)
-        and _value(arguments, "--frames") in (None, str(settings.frames))
-        and int(size) == settings.max_size
+        and options.get("frames", settings.frames) == settings.frames
+        and options.get("max_size", 0) == settings.max_size
     )
-
-
-def _value(arguments: list[str], name: str) -> str | None:
-    return arguments[arguments.index(name) + 1] if name in arguments else None
 
 
 def _read(out: Path) -> ResultsFolder:

@@ -10,6 +10,7 @@ from typing import Any
 import bpy
 
 from ...core.errors import DgsError
+from ...core.twin.folder import TwinFolder
 from ..engine.interpreter import find_python, why_not
 from ..paths import absolute, out_folder
 from ..photos import SUFFIXES
@@ -119,12 +120,15 @@ def waiting(scene: Any) -> Path | None:
 
 def twins_photos(out: Path, photos: Path | None) -> set[str]:
     """Names of the photos that the twin in `out` was made from."""
-    listed = out / "photos.txt"
+    listed = out / "photos.txt"  # an update's; before the first, the run's own list, or its folder
     try:
-        if listed.is_file():
-            return {Path(line).name for line in listed.read_text("utf-8").splitlines() if line.strip()}
-        if photos is not None and photos.is_dir():
-            return {path.name for path in photos.iterdir()}
-    except OSError:
+        if not listed.is_file():
+            listed = Path(TwinFolder(out).report()["settings"]["run"]["photos"])
+        if listed.suffix.lower() == ".txt" and listed.is_file():
+            return {Path(line).name for line in listed.read_text("utf-8", "replace").splitlines() if line.strip()}
+    except (DgsError, OSError):
         pass
-    return set()
+    try:
+        return {path.name for path in photos.iterdir()} if photos is not None and photos.is_dir() else set()
+    except OSError:
+        return set()

@@ -11,8 +11,9 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 import dgs  # noqa: E402
-from dgs.dgs_addon.job.request import with_truth  # noqa: E402
+from dgs.dgs_addon.job.record import Record  # noqa: E402
 from dgs.dgs_addon.job.steps import results  # noqa: E402
+from dgs.operators import compare_truth  # noqa: E402
 
 
 @pytest.fixture
@@ -44,9 +45,22 @@ def test_buttons_say_what_is_missing(settings: object, tmp_path: Path) -> None:
     refused("compare_truth", "There is no finished run yet")
 
 
-def test_another_truth_takes_the_place_of_the_first() -> None:
-    arguments = with_truth(["reconstruct", "photos", "--truth", "old", "--seed", "1"], Path("new"))
-    assert arguments == ["reconstruct", "photos", "--seed", "1", "--truth", "new"]
+def test_another_truth_takes_the_place_of_the_first(settings: object, tmp_path: Path) -> None:
+    photos, out = tmp_path / "photos", tmp_path / "photos-twin"
+    photos.mkdir()
+    for name in "abc":
+        (photos / f"{name}.png").write_bytes(b"\x89PNG" + bytes(12) + bytes((0, 0, 0, 8, 0, 0, 0, 8)))
+    settings.photos, settings.truth = str(photos), str(photos)
+    Record("reconstruct", str(photos), 3, {"seed": 1, "truth": "/old"}, phase="done").save(out)
+    asked = []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(
+            compare_truth, "start_job", lambda _operator, _context, make: asked.append(make()) or {"FINISHED"}
+        )
+        assert bpy.ops.dgs.compare_truth() == {"FINISHED"}
+    arguments = asked[0].arguments
+    assert arguments.count("--truth") == 1 and arguments[arguments.index("--truth") + 1] == str(photos)
+    assert arguments[:6] == ["reconstruct", str(photos), "--out", str(out), "--seed", "1"] and asked[0].resume
 
 
 @pytest.mark.timeout(300)

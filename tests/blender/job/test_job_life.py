@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import signal
-import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -21,7 +20,7 @@ import dgs  # noqa: E402
 from dgs.core.formats.ply import read_ply  # noqa: E402
 from dgs.dgs_addon.job import runner  # noqa: E402
 from dgs.dgs_addon.job.record import read_record  # noqa: E402
-from dgs.dgs_addon.job.request import Request, request_of  # noqa: E402
+from dgs.dgs_addon.job.request import request_of, resumed_request  # noqa: E402
 from dgs.dgs_addon.job.results import FOLDER, SCORE, SETTINGS  # noqa: E402
 from dgs.dgs_addon.questions import exact  # noqa: E402
 from dgs.dgs_addon.scene.twin import is_twin  # noqa: E402
@@ -134,11 +133,7 @@ def test_cancel_keeps_what_was_done_and_resume_ends_it(scene: object, tmp_path: 
     assert runner.resumable(tmp_path / "out").phase == "cancelled"
     assert bpy.ops.dgs.resume_job.poll()
     record = read_record(tmp_path / "out")
-    again = runner.start(
-        Request("reconstruct", Path(record.photos), tmp_path / "out", record.arguments, resume=True),
-        Path(sys.executable),
-        scene,
-    )
+    again = runner.start(resumed_request(record, tmp_path / "out"), Path(sys.executable), scene)
     until(lambda: again.state.marks)
     assert again.state.marks[0].step >= done
     runner.cancel()
@@ -165,43 +160,6 @@ def test_another_file_lets_the_job_go_on_and_gets_nothing_of_it(scene: object, t
     # The file that asked can still have it.
     bpy.context.scene.dgs.out = str(tmp_path / "out")
     assert bpy.ops.dgs.add_results() == {"FINISHED"}
-
-
-_ORPHAN = """
-import sys, run_dgs; run_dgs.mount_package()
-import bpy, dgs, os
-from pathlib import Path
-dgs.register()
-from dgs.dgs_addon.job import runner
-from dgs.dgs_addon.job.request import Request
-photos, out, *arguments = sys.argv[1:]
-job = runner.start(Request("reconstruct", Path(photos), Path(out), arguments), Path(sys.executable), bpy.context.scene)
-while not job.state.marks:
-    runner.wait(0.05)
-print(job.worker.pid, flush=True)
-os.kill(os.getpid(), 9)
-"""
-
-
-def test_the_engine_dies_with_its_blender_and_the_next_one_can_resume(scene: object, tmp_path: Path) -> None:
-    request = request_of("reconstruct", scene)
-    out = tmp_path / "out"
-    done = subprocess.run(
-        [sys.executable, "-c", _ORPHAN, str(request.photos), str(out), *request.arguments],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-    )
-    assert done.returncode == -signal.SIGKILL, done.stderr
-    pid = int(done.stdout.split()[-1])
-    end = time.monotonic() + 10
-    while Path(f"/proc/{pid}").exists() and time.monotonic() < end:
-        time.sleep(0.05)
-    record = runner.resumable(out)
-    assert record is not None and record.interrupted and record.pid == pid
-    assert bpy.ops.dgs.resume_job() == {"FINISHED"}
 
 
 def test_what_the_engine_refuses_is_said(scene: object, photo_set: Path, tmp_path: Path) -> None:

@@ -70,9 +70,12 @@ def test_endings_are_explained(status: int, said: str, cancelled: bool, phase: s
 
 def test_records_survive_and_tell_interruption(tmp_path: Path) -> None:
     assert read_record(tmp_path) is None
-    Record("reconstruct", "photos", 3, ["a"], pid=os.getpid()).save(tmp_path)
+    Record("reconstruct", "/photos", 3, {"seed": 1}, pid=os.getpid()).save(tmp_path)
     assert not read_record(tmp_path).interrupted
-    Record("reconstruct", "photos", 3, ["a"], pid=None).save(tmp_path)
+    began = os.stat(f"/proc/{os.getpid()}").st_mtime
+    os.utime(tmp_path / NAME, (began - 3600, began - 3600))  # the number belongs to another process by now
+    assert read_record(tmp_path).interrupted
+    Record("reconstruct", "/photos", 3, {"seed": 1}, pid=None).save(tmp_path)
     assert read_record(tmp_path).interrupted
     (tmp_path / NAME).write_text("{", "utf-8")
     with pytest.raises(FormatError, match="damaged"):
