@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..core.files import check_writable, write_json
-from ..core.outputs import check_outputs, note_output
+from ..core.outputs import check_outputs, placing_outputs
 from .arguments import add_machine, add_masks, add_overwrite, add_progress, show_defaults
 from .progress_choice import Reporting
 
@@ -79,11 +79,10 @@ def inspect_command(options: argparse.Namespace, progress: Reporting) -> int:
     }
     pictures: list[str] = []
     if options.out is not None:
-        pictures = [str(path) for path in draw_inspection(options.out, photos, found)]
-        content["pictures"] = pictures
-        write_json(options.out / "inspection.json", content)
-        for file in (options.out / "inspection.json", *map(Path, pictures)):
-            note_output(file)
+        with placing_outputs(options.out, "inspect", progress.note) as folder:
+            pictures = [str(options.out / path.name) for path in draw_inspection(folder, photos, found)]
+            content["pictures"] = pictures
+            write_json(folder / "inspection.json", content)
     if options.json:
         print(json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False), flush=True)
         return 0

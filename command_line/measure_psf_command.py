@@ -6,7 +6,7 @@ import argparse
 import json
 from pathlib import Path
 
-from ..core.outputs import check_outputs, note_output
+from ..core.outputs import check_outputs, placing_outputs
 from .arguments import add_overwrite, add_progress, show_defaults
 from .progress_choice import Reporting
 
@@ -43,10 +43,9 @@ def measure_psf_command(options: argparse.Namespace, progress: Reporting) -> int
     check_outputs([options.out, picture], [options.photo], options.overwrite)
     progress.stage("measure")
     measured = measure_psf(options.photo, options.kind, not options.srgb)
-    write_kernel(options.out, measured)
-    draw_psf(picture, measured, options.photo.name)
-    note_output(options.out)
-    note_output(picture)
+    with placing_outputs(options.out.parent, "measure-psf", progress.note) as folder:
+        write_kernel(folder / options.out.name, measured)
+        draw_psf(folder / picture.name, measured, options.photo.name)
     for note in measured.notes:
         progress.note(note)
     edge = f"an edge, {measured.slant:.1f} degrees slanted" if measured.slant is not None else ""

@@ -8,7 +8,7 @@ from pathlib import Path
 from ..core.devices import choose_device
 from ..core.errors import Cancelled
 from ..core.files import check_writable
-from ..core.outputs import check_outputs, note_output
+from ..core.outputs import check_outputs, placing_outputs
 from .arguments import CAMERAS, SPLATS, add_machine, add_overwrite, add_progress, show_defaults
 from .progress_choice import Reporting
 
@@ -64,11 +64,15 @@ def render_command(options: argparse.Namespace, progress: Reporting) -> int:
     read = [options.twin, options.cameras, *([model.place] if model.place.is_file() else model.place.glob("*"))]
     check_outputs([options.out / file for file in files.values()], read, options.overwrite)
     progress.stage("render", len(files))
-    for index, (name, file) in enumerate(files.items()):
-        if progress.cancelled():
-            raise Cancelled(f"Stopped after {index} of {len(files)} pictures; they are in '{options.out}'")
-        write_png(options.out / file, to_pixels(viewer.degraded(lenses[name], poses[name], medium, name)))
-        note_output(options.out / file)
-        progress.advance(index + 1)
+    done = 0
+    with placing_outputs(options.out, "render", progress.note) as folder:
+        for name, file in files.items():
+            if progress.cancelled():
+                break
+            write_png(folder / file, to_pixels(viewer.degraded(lenses[name], poses[name], medium, name)))
+            done += 1
+            progress.advance(done)
+    if done < len(files):
+        raise Cancelled(f"Stopped after {done} of {len(files)} pictures; they are in '{options.out}'")
     progress.finished({"pictures": len(files), "folder": str(options.out)})
     return 0

@@ -6,7 +6,7 @@ import json
 import os
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from filelock import FileLock, Timeout
@@ -22,18 +22,19 @@ OWNER = ".lock-owner.json"
 
 
 @contextmanager
-def locked(folder: Path, task: str) -> Iterator[None]:
+def locked(folder: Path, task: str, wait: float = 0.0) -> Iterator[None]:
     """Nobody else works on `folder` until the block ends; the lock of a process that died is taken over.
 
     Args:
         folder: made if it is not there.
         task: what this process does with it, for the message that others get.
+        wait: seconds for another process to end its work.
 
     Raises:
         FolderInUse: another process works on it. OutputError: the lock cannot be written.
     """
     make_folder(folder)
-    lock = FileLock(folder / LOCK, timeout=0)
+    lock = FileLock(folder / LOCK, timeout=wait)
     try:
         lock.acquire()
     except Timeout as error:
@@ -43,7 +44,8 @@ def locked(folder: Path, task: str) -> Iterator[None]:
     except OSError as error:
         raise output_error(folder / LOCK, error) from error
     try:
-        _sign(folder, task)
+        with suppress(OSError):  # (a full disk must not keep anybody from bringing an earlier state back)
+            _sign(folder, task)
         yield
     finally:
         (folder / OWNER).unlink(missing_ok=True)
@@ -51,20 +53,18 @@ def locked(folder: Path, task: str) -> Iterator[None]:
 
 
 @contextmanager
-def working_on(folder: Path, task: str, note: Callable[[str], None]) -> Iterator[None]:
+def working_on(folder: Path, task: str, note: Callable[[str], None], wait: float = 0.0) -> Iterator[None]:
     """`locked`, after what a process that died left behind was undone or completed; `note` gets what was done."""
-    with locked(folder, task):
+    with locked(folder, task, wait):
         if done := recover(folder):
             note(done)
         yield
 
 
 def _sign(folder: Path, task: str) -> None:
+    """Says who works here; raises OSError."""
     facts = {"process": os.getpid(), "task": task, "since": time.strftime("%Y-%m-%d %H:%M:%S")}
-    try:
-        (folder / OWNER).write_text(json.dumps(facts), "utf-8")
-    except OSError as error:
-        raise output_error(folder, error) from error
+    (folder / OWNER).write_text(json.dumps(facts), "utf-8")
 
 
 def _owner(folder: Path) -> str:

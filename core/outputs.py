@@ -8,16 +8,21 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from .errors import ForeignFiles, OutputError
-from .files import make_folder, output_error
+from .files import make_folder, output_error, replacing
+from .lock import working_on
+from .transaction import changing
 
 #: The list's name in each folder that something was written to.
 LIST = ".dgs-written"
 #: What the add-on writes into a job's folder before the engine starts (`dgs_addon/job/record.py`).
 JOB_FILES = frozenset({"job.json", "job.log"})
+#: Seconds that a command waits for another one that is just placing files in the same folder.
+OTHERS_WAIT = 10.0
 _WAY_OUT = "Give another --out, or allow it with --overwrite"
 
 
@@ -80,17 +85,66 @@ def claim_output_folder(folder: Path) -> None:
     _append(make_folder(folder), "")
 
 
+@contextmanager
+def placing_output(file: Path) -> Iterator[Path]:
+    """A temporary path to write to; it takes the place of `file`, which the folder's list then names as this program's.
+
+    The list comes first: a run that is cut off in between may be asked for again, and replaces the file.
+
+    Raises:
+        OutputError: no room, or no permission; `file` is as it was.
+    """
+    with replacing(file) as temporary:
+        yield temporary
+        _append(file.parent, _line(temporary, file.name))
+
+
+@contextmanager
+def placing_outputs(folder: Path, task: str, note: Callable[[str], None]) -> Iterator[Path]:
+    """A folder to write files into; all of them come to stand in `folder` and in its list, or none.
+
+    Args:
+        folder: made if missing; nobody else works on it meanwhile.
+        task, note: as for `working_on`.
+
+    Raises:
+        FolderInUse: another process works on it. OutputError: no room, or no permission; `folder` is as it was.
+    """
+    with working_on(folder, task, note, OTHERS_WAIT), changing(folder) as change:
+        yield change.content
+        written = sorted(file.relative_to(change.content) for file in change.content.rglob("*") if file.is_file())
+        for inside in sorted({file.parent for file in written}):
+            lines = (_line(change.content / file, file.name) for file in written if file.parent == inside)
+            listed, text = _listed(folder / inside), "".join(lines)
+            change.new((inside / LIST).as_posix()).write_bytes(listed + text.encode("utf-8"))
+        for file in written:
+            change.new(file.as_posix())
+
+
 def note_output(file: Path) -> None:
     """Keeps in the folder's list that this program wrote a file; raises OutputError."""
-    _append(file.parent, f"{_digest(file)}  {file.name}\n")
+    _append(file.parent, _line(file, file.name))
+
+
+def _line(file: Path, name: str) -> str:
+    return f"{_digest(file)}  {name}\n"
 
 
 def _append(folder: Path, text: str) -> None:
     try:
+        broken = len(_listed(folder)) - (folder / LIST).stat().st_size if (folder / LIST).is_file() else 0
         with (folder / LIST).open("a", encoding="utf-8") as file:
-            file.write(text)
+            file.write("\n" * broken + text)
     except OSError as error:
         raise output_error(folder / LIST, error) from error
+
+
+def _listed(folder: Path) -> bytes:
+    """The list so far, whose last line is ended where a run was cut off in it."""
+    if not (folder / LIST).is_file():
+        return b""
+    listed = (folder / LIST).read_bytes()
+    return listed if not listed or listed.endswith(b"\n") else listed + b"\n"
 
 
 def _is_ours(file: Path) -> bool:

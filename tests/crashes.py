@@ -1,15 +1,21 @@
 """Kills or starves a piece of code at each of its file operations, one after the other.
 
 Python calls an audit hook before every file is opened for writing, renamed, removed or made. A forked child counts
-these calls inside one folder; at the chosen one it dies by signal 9, or the operation fails for want of room.
+these calls inside one folder; at the chosen one it dies by signal 9, or the operation fails for want of room. Where
+tools/file_faults.c was loaded before the C library (tools/crash_test.py does that), it counts instead: every write and
+fsync, too, and what native code does.
+
+What a kill cannot show is what a power cut would lose; `unsynced` finds renames of files that were not on the disk yet.
 """
 
 from __future__ import annotations
 
+import ctypes
 import errno
 import os
 import signal
 import sys
+import tempfile
 import traceback
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -42,7 +48,7 @@ def crashes(work: Callable[[], object], folder: Path, fault: Fault, refusal: typ
     """
     at = 1
     while True:
-        status = _child(work, folder, fault, refusal, at)
+        status = status_of(lambda: (arm(folder, fault, at), work()), refusal)  # noqa: B023  (it is over by then)
         if status == DONE:
             return
         expected = -signal.SIGKILL if fault == "kill" else REFUSED
@@ -51,22 +57,16 @@ def crashes(work: Callable[[], object], folder: Path, fault: Fault, refusal: typ
         at += 1
 
 
-def _child(work: Callable[[], object], folder: Path, fault: Fault, refusal: type[BaseException], at: int) -> int:
-    process = os.fork()
-    if process == 0:
-        status = TRACEBACK
-        try:
-            sys.addaudithook(_Hook(folder, fault, at))
-            work()
-            status = DONE
-        except refusal:
-            status = REFUSED
-        except BaseException:  # noqa: BLE001  (the child must end here, whatever happened)
-            traceback.print_exc()
-        finally:
-            os._exit(status)
-    _, code = os.waitpid(process, 0)
-    return os.waitstatus_to_exitcode(code)
+#: Whether tools/file_faults.c stands before the C library in this process.
+NATIVE = hasattr(ctypes.CDLL(None), "faults_arm")
+
+
+def arm(folder: Path, fault: Fault, at: int) -> None:
+    """From now on this process fails at the `at`-th change of `folder`; there is no way back."""
+    if NATIVE:
+        ctypes.CDLL(None).faults_arm(os.fsencode(folder), 2 if fault == "kill" else 3, ctypes.c_long(at))
+    else:
+        sys.addaudithook(_Hook(folder, fault, at))
 
 
 class _Hook:
@@ -86,8 +86,124 @@ class _Hook:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     def _counts(self, event: str, arguments: tuple[Any, ...]) -> bool:
-        path = arguments[0]
-        if isinstance(path, int) or path is None or not os.fsdecode(path).startswith(self.folder):
+        if not any(_within(path, self.folder) for path in arguments[: 2 if event in ("os.rename", "os.link") else 1]):
             return False
         writes = os.O_WRONLY | os.O_RDWR | os.O_CREAT
         return event != "open" or bool(int(arguments[2] or 0) & writes)
+
+
+def _within(path: object, folder: str) -> bool:
+    """Whether a call's path lies in the folder; names beside an open folder (`dir_fd`) are those of shutil.rmtree."""
+    if not isinstance(path, (str, bytes, os.PathLike)):
+        return False
+    return os.path.abspath(os.fsdecode(path)).startswith(folder)
+
+
+class SmallDisk:
+    """A real disk, in memory, over a folder that is there and empty; seen and kept by this process and its children.
+
+    Args:
+        folder: where it stands (run this in a child: it stays until the process ends).
+
+    Raises:
+        OSError: this user may not mount one.
+    """
+
+    #: Flags of mount(2) and unshare(2).
+    _NEW_MOUNTS, _NEW_USERS, _PRIVATE, _REMOUNT = 0x20000, 0x10000000, (1 << 18) + (1 << 14), 32
+    _AMPLE = 1 << 26
+
+    def __init__(self, folder: Path) -> None:
+        self._folder, self._libc = folder, ctypes.CDLL(None, use_errno=True)
+        if self._libc.unshare(self._NEW_MOUNTS) and self._libc.unshare(self._NEW_USERS | self._NEW_MOUNTS):
+            raise OSError(ctypes.get_errno(), "unshare")
+        self._libc.mount(b"none", b"/", None, self._PRIVATE, None)
+        self._mount(0, self._AMPLE)
+
+    def leave_room(self, size: int) -> None:
+        """So many bytes more than what lies on it."""
+        disk = os.statvfs(self._folder)
+        self._mount(self._REMOUNT, max((disk.f_blocks - disk.f_bfree) * disk.f_bsize + size, 1))  # (0: no limit)
+
+    def enlarge(self) -> None:
+        """There is room for everything."""
+        self._mount(self._REMOUNT, self._AMPLE)
+
+    def _mount(self, flags: int, size: int) -> None:
+        if self._libc.mount(b"tmpfs", os.fsencode(self._folder), b"tmpfs", flags, f"size={size}".encode()):
+            raise OSError(ctypes.get_errno(), os.strerror(ctypes.get_errno()), str(self._folder))
+
+
+def status_of(work: Callable[[], object], refusal: type[BaseException] = OSError) -> int:
+    """Status of a forked child that runs `work`: DONE, REFUSED, TRACEBACK, or the negative signal that ended it."""
+    process = os.fork()
+    if process == 0:
+        status = TRACEBACK
+        try:
+            work()
+            status = DONE
+        except refusal:
+            status = REFUSED
+        except BaseException:  # noqa: BLE001  (the child must end here, whatever happened)
+            traceback.print_exc()
+        finally:
+            os._exit(status)
+    return os.waitstatus_to_exitcode(os.waitpid(process, 0)[1])
+
+
+def can_mount() -> bool:
+    """Whether this user may mount a small disk."""
+    with tempfile.TemporaryDirectory() as folder:
+        return status_of(lambda: SmallDisk(Path(folder))) == DONE
+
+
+def unsynced(work: Callable[[], object], folder: Path) -> list[str]:
+    """What a power cut could lose though `work` relies on it, in this process (run it in a child: hooks stay).
+
+    Before a file or folder gets another name, its whole content must have been synced since it was last written; when
+    `work` has ended, so must every folder in which names changed.
+
+    Returns:
+        a sentence for each fault.
+    """
+    watch = _Durability(str(folder))
+    usual = os.fsync
+    os.fsync = watch.synced_by(usual)  # (the real call is made)
+    try:
+        sys.addaudithook(watch)
+        work()
+    finally:
+        os.fsync, watch.folder = usual, "\0"
+    return watch.faults + [f"'{name}' changed its names and was not synced" for name in sorted(watch.changed)]
+
+
+class _Durability:
+    def __init__(self, folder: str) -> None:
+        self.folder, self.faults = folder, list[str]()
+        self.changed: set[str] = set()
+        self._synced: dict[str, tuple[int, int]] = {}
+
+    def synced_by(self, usual: Callable[[int], None]) -> Callable[[int], None]:
+        def fsync(handle: int) -> None:
+            usual(handle)
+            path = os.readlink(f"/proc/self/fd/{handle}")
+            self._synced[path] = _version(path)
+            self.changed.discard(path)
+
+        return fsync
+
+    def __call__(self, event: str, arguments: tuple[Any, ...]) -> None:
+        if event != "os.rename" or not _within(arguments[1], self.folder):
+            return
+        old, new = (os.path.abspath(os.fsdecode(path)) for path in arguments[:2])
+        for path in (old, *(os.path.join(at, name) for at, _, files in os.walk(old) for name in files)):
+            known = self._synced.get(path)
+            if not os.path.isdir(path) and known != _version(path):
+                self.faults.append(f"'{path}' becomes '{new}' before its content is on the disk")
+            self._synced[new + path[len(old) :]] = _version(path)
+        self.changed |= {os.path.dirname(new)}
+
+
+def _version(path: str) -> tuple[int, int]:
+    status = os.stat(path)
+    return status.st_ino, status.st_mtime_ns

@@ -195,6 +195,7 @@ def write_lenses(
         model.add_image_with_trivial_frame(image, pycolmap.Rigid3d(rotation, np.asarray(pose.translation, float)))
     for position, colour in zip(points.positions, points.colours, strict=True):
         model.add_point3D(position, pycolmap.Track(), colour)
+    way_out = "Free some space on that disk or choose another folder"
     try:
         path.mkdir(parents=True, exist_ok=True)
         # First: points that are replaced never stand beside a confidence of others.
@@ -203,10 +204,24 @@ def write_lenses(
         if points.confidence is not None:
             with replacing(path / CONFIDENCE) as temporary:
                 np.save(temporary, points.confidence.astype(np.float32), allow_pickle=False)
-    except (OSError, RuntimeError) as error:
-        raise OutputError(
-            f"The camera model cannot be written into '{path}' ({error})", "Free space or choose another folder"
-        ) from error
+        cut_off = binary and _cut_off(path, {name: lenses[name] for name in poses}, len(points.positions))
+    except (OSError, RuntimeError, ValueError) as error:  # (pycolmap's own for a full disk is a ValueError)
+        raise OutputError(f"The camera model cannot be written into '{path}' ({error})", way_out) from error
+    if cut_off:
+        raise OutputError(f"'{path / cut_off}' could not be written whole", way_out)
+
+
+def _cut_off(folder: Path, lenses: Mapping[str, Lens], points: int) -> str | None:
+    """Which of a binary model's files is shorter than it must be: pycolmap does not notice that a disk is full."""
+    shared = set(lenses.values())
+    sizes = {
+        "cameras.bin": sum(24 + 8 * len(lens.params) for lens in shared),
+        "images.bin": sum(73 + len(name.encode("utf-8")) for name in lenses),
+        "points3D.bin": 51 * points,
+        "rigs.bin": 16 * len(shared),
+        "frames.bin": 84 * len(lenses),
+    }
+    return next((name for name, size in sizes.items() if (folder / name).stat().st_size < 8 + size), None)
 
 
 def _binary_points(data: bytes) -> list[tuple[float, ...]]:

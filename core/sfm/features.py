@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
@@ -12,7 +13,7 @@ from zipfile import BadZipFile
 import numpy as np
 from numpy.typing import NDArray
 
-from ..files import parse_json
+from ..files import parse_json, write_bytes
 from ..json_shape import check_shape, text
 from ..npy import read_npz
 from ..numbers import BY_DEFINITION, number
@@ -80,17 +81,23 @@ def read_features(database: Path, most: int | None = None) -> dict[str, Features
 
 
 def save_features(path: Path, found: Mapping[str, Features], recipe: Recipe) -> None:
-    """Writes an .npz file without pickles: everything in one row, with how many belong to each photo."""
+    """Writes an .npz file without pickles: everything in one row, with how many belong to each photo.
+
+    Raises:
+        OutputError: it cannot be written.
+    """
     names = sorted(found)
     positions = [found[name].positions for name in names]
+    archive = io.BytesIO()
     np.savez(
-        path,
+        archive,
         names=np.array(json.dumps(names)),
         recipe=np.array(json.dumps(asdict(recipe))),
         counts=np.array([len(one) for one in positions], np.int64),
         places=np.concatenate(positions or [np.zeros((0, 2), np.float32)]),
         descriptors=np.concatenate([found[name].descriptors for name in names] or [np.zeros((0, 128), np.uint8)]),
     )
+    write_bytes(path, archive.getvalue())
 
 
 def _text(array: NDArray[Any]) -> Any:

@@ -6,6 +6,7 @@ random is drawn from generators seeded by (seed, purpose, step), so no generator
 
 from __future__ import annotations
 
+import io
 import json
 import zipfile
 from dataclasses import dataclass, field
@@ -79,8 +80,10 @@ def save_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
         "counters": checkpoint.counters,
     }
     text = np.frombuffer(json.dumps(facts).encode("utf-8"), np.uint8)
-    with replacing(path) as temporary, open(temporary, "wb") as file:
-        np.savez(file, __facts__=text, **checkpoint.arrays)
+    archive = io.BytesIO()  # (an archive that is cut off by a full disk complains once more when it is collected)
+    np.savez(archive, __facts__=text, **checkpoint.arrays)
+    with replacing(path) as temporary:
+        temporary.write_bytes(archive.getbuffer())
 
 
 def load_checkpoint(path: Path, fingerprint: dict[str, Any]) -> Checkpoint:

@@ -3,9 +3,19 @@
 import pytest
 from dgs.command_line.main import run
 from dgs.core.errors import OutputError
-from dgs.core.outputs import check_output_folder, check_outputs, claim_output_folder, note_output
+from dgs.core.lock import working_on
+from dgs.core.outputs import (
+    LIST,
+    check_output_folder,
+    check_outputs,
+    claim_output_folder,
+    note_output,
+    placing_output,
+    placing_outputs,
+)
 from dgs.core.run_settings import RUN_REPLACES
 from dgs.core.twin.folder import PARTS
+from dgs.tests.crashes import crashes
 from PIL import Image
 
 
@@ -54,6 +64,54 @@ def test_a_folder_of_others_is_refused_and_an_empty_one_becomes_ours(tmp_path, f
     claim_output_folder(new)
     (new / "row.json").write_text("{}")
     check_output_folder(new, ())
+
+
+def render(folder, content):
+    """Three pictures, one of them in a folder of its own."""
+    with placing_outputs(folder, "render", print) as made:
+        (made / "inner").mkdir()
+        for name in ("a.png", "b.png", "inner/c.png"):
+            (made / name).write_text(content)
+
+
+@pytest.mark.parametrize("fault", ["kill", "full"])
+def test_several_files_are_placed_and_listed_together_or_not_at_all(memory_path, fault):
+    folder, outcomes = memory_path / "out", []
+    render(folder, "old")
+    for _ in crashes(lambda: render(folder, "new"), folder, fault, OutputError):
+        with working_on(folder, "look", print):
+            pass
+        files = [folder / name for name in ("a.png", "b.png", "inner/c.png")]
+        (content,) = {file.read_text() for file in files}
+        outcomes.append(content)
+        check_outputs(files)
+        render(folder, "old")
+    assert set(outcomes) == {"old", "new"} if fault == "kill" else "old" in outcomes
+
+
+@pytest.mark.parametrize("fault", ["kill", "full"])
+def test_a_file_that_was_cut_off_while_it_was_placed_may_be_replaced(memory_path, fault):
+    file = memory_path / "twin.blend"
+
+    def write(content):
+        with placing_output(file) as temporary:
+            temporary.write_text(content)
+
+    write("old")
+    for _ in crashes(lambda: write("new"), memory_path, fault, OutputError):
+        assert file.read_text() in ("old", "new")
+        check_outputs([file])
+        write("old")
+
+
+def test_a_line_of_the_list_that_was_cut_off_spoils_no_other(file):
+    note_output(file)
+    with (file.parent / LIST).open("a") as listed:
+        listed.write("0123abc")
+    file.write_bytes(b"next")
+    note_output(file)
+    check_outputs([file])
+    assert (file.parent / LIST).read_text().count("\n") == 3
 
 
 def said(capsys, *words):

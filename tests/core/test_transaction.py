@@ -45,36 +45,36 @@ AFTER = {
 }
 
 
-def test_a_change_happens_whole(tmp_path):
-    begin(tmp_path / "t")
-    change(tmp_path / "t")
-    assert state(tmp_path / "t") == AFTER
-    assert recover(tmp_path / "t") is None
+def test_a_change_happens_whole(memory_path):
+    begin(memory_path / "t")
+    change(memory_path / "t")
+    assert state(memory_path / "t") == AFTER
+    assert recover(memory_path / "t") is None
 
 
-def test_an_error_inside_leaves_everything_as_it_was(tmp_path):
-    before = begin(tmp_path / "t")
-    with pytest.raises(ZeroDivisionError), changing(tmp_path / "t") as new:
+def test_an_error_inside_leaves_everything_as_it_was(memory_path):
+    before = begin(memory_path / "t")
+    with pytest.raises(ZeroDivisionError), changing(memory_path / "t") as new:
         new.new("twin.ply").write_text("half")
         raise ZeroDivisionError
-    assert state(tmp_path / "t") == before
+    assert state(memory_path / "t") == before
 
 
-def test_an_announced_file_that_was_not_written_is_refused(tmp_path):
-    before = begin(tmp_path / "t")
-    with pytest.raises(OutputError, match="not written"), changing(tmp_path / "t") as new:
+def test_an_announced_file_that_was_not_written_is_refused(memory_path):
+    before = begin(memory_path / "t")
+    with pytest.raises(OutputError, match="not written"), changing(memory_path / "t") as new:
         new.new("twin.ply")
-    assert state(tmp_path / "t") == before
+    assert state(memory_path / "t") == before
 
 
 @pytest.mark.parametrize("name", ["../a", "/a", "a/../../b", "", "c:\\a", "a\\b"])
-def test_names_stay_inside(tmp_path, name):
-    with pytest.raises(ValueError, match="inside"), changing(tmp_path) as new:
+def test_names_stay_inside(memory_path, name):
+    with pytest.raises(ValueError, match="inside"), changing(memory_path) as new:
         new.new(name)
 
 
-def test_killed_at_every_file_operation_it_is_as_before_or_as_after(tmp_path):
-    folder, outcomes = tmp_path / "t", []
+def test_killed_at_every_file_operation_it_is_as_before_or_as_after(memory_path):
+    folder, outcomes = memory_path / "t", []
     before = begin(folder)
     for _ in crashes(lambda: change(folder), folder, "kill", OutputError):
         recover(folder)
@@ -88,11 +88,11 @@ def test_killed_at_every_file_operation_it_is_as_before_or_as_after(tmp_path):
     assert outcomes.count(True) > 8
 
 
-def test_killed_again_while_it_recovers(tmp_path):
-    folder, count = tmp_path / "t", 0
+def test_killed_again_while_it_recovers(memory_path):
+    folder, count = memory_path / "t", 0
     before = begin(folder)
     for first in crashes(lambda: change(folder), folder, "kill", OutputError):
-        kept = tmp_path / "kept"
+        kept = memory_path / "kept"
         shutil.rmtree(kept, ignore_errors=True)
         shutil.copytree(folder, kept)
         for _ in crashes(lambda: recover(folder), folder, "kill", OutputError):
@@ -105,8 +105,8 @@ def test_killed_again_while_it_recovers(tmp_path):
     assert count > 50
 
 
-def test_a_full_disk_at_every_file_operation(tmp_path):
-    folder = tmp_path / "t"
+def test_a_full_disk_at_every_file_operation(memory_path):
+    folder = memory_path / "t"
     before = begin(folder)
     for _ in crashes(lambda: change(folder), folder, "full", OutputError):
         recover(folder)
@@ -114,9 +114,9 @@ def test_a_full_disk_at_every_file_operation(tmp_path):
         begin(folder)
 
 
-def test_a_damaged_list_is_explained(tmp_path):
-    begin(tmp_path)
-    (tmp_path / ".change-commit" / "new").mkdir(parents=True)
-    (tmp_path / ".change-commit" / "list.json").write_text('{"format": 1, "place": ["../x"], "remove": []}')
+def test_a_damaged_list_is_explained(memory_path):
+    begin(memory_path)
+    (memory_path / ".change-commit" / "new").mkdir(parents=True)
+    (memory_path / ".change-commit" / "list.json").write_text('{"format": 1, "place": ["../x"], "remove": []}')
     with pytest.raises(OutputError, match="unfinished change"):
-        recover(tmp_path)
+        recover(memory_path)

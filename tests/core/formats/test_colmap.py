@@ -4,12 +4,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from dgs.core.errors import FormatError
+from dgs.core.errors import FormatError, OutputError
 from dgs.core.formats.colmap import CONFIDENCE, read_colmap_cameras, read_colmap_points, read_model, write_lenses
 from dgs.core.lens import MODELS, Lens
 from dgs.core.pose import Pose
 from dgs.core.reconstruction import no_points
 from dgs.core.views import SparsePoints
+from dgs.tests.crashes import DONE, REFUSED, SmallDisk, can_mount, status_of
 
 pytest.importorskip("pycolmap")
 
@@ -89,3 +90,20 @@ def test_confidence_of_dense_points_survives(tmp_path: Path, binary: bool) -> No
         read_colmap_points(tmp_path)
     write_lenses(tmp_path, {"a": lens}, {"a": pose}, SparsePoints(positions, colours), binary=binary)
     assert read_colmap_points(tmp_path).confidence is None and not (tmp_path / CONFIDENCE).exists()
+
+
+@pytest.mark.skipif(not can_mount(), reason="this user may mount no disk")
+def test_a_full_disk_is_noticed_wherever_it_fills_up(tmp_path: Path) -> None:
+    """pycolmap goes on as if it had written everything."""
+    lens, count = Lens("PINHOLE", 64, 48, (72.0, 72.0, 32.0, 24.0)), 200
+    poses = {f"{name}.png": Pose(np.eye(3), np.array([name, 0.0, 0.0])) for name in range(count)}
+    points = SparsePoints(np.ones((count, 3)), np.full((count, 3), 9, np.uint8))
+
+    def on_a_disk_of(pages: int) -> None:
+        disk = SmallDisk(tmp_path)
+        disk.leave_room(pages * 4096)
+        write_lenses(tmp_path, dict.fromkeys(poses, lens), poses, points)
+
+    found = [status_of(lambda p=pages: on_a_disk_of(p), OutputError) for pages in range(1, 15)]  # type: ignore[misc]
+    assert set(found) == {DONE, REFUSED} and found == sorted(found, reverse=True)
+    assert found.count(REFUSED) > 8

@@ -19,15 +19,15 @@ def cloud(value):
 
 
 @pytest.fixture
-def folder(tmp_path):
+def folder(memory_path):
     """A twin with every part that belongs to its state."""
-    made = TwinFolder(tmp_path)
+    made = TwinFolder(memory_path)
     for part in PARTS:
         if part.folder:
-            (tmp_path / part.name).mkdir()
-            (tmp_path / part.name / "one.txt").write_text("before")
+            (memory_path / part.name).mkdir()
+            (memory_path / part.name / "one.txt").write_text("before")
         else:
-            (tmp_path / part.name).write_text("before")
+            (memory_path / part.name).write_text("before")
     made.save_twin(cloud(1.0))
     return made
 

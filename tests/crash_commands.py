@@ -1,0 +1,336 @@
+"""Every command that changes files, on a tiny set, from a known folder to a known folder; see `tests.crashes`.
+
+Photos of 64 x 48 px, 200 Gaussians, a dozen steps: a whole reconstruction takes less than a second in a process that
+was forked from one that has everything loaded. Files that hold times or memory are compared without those.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+import io
+import json
+import os
+import re
+import shutil
+import signal
+import traceback
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from dgs.command_line import run
+from dgs.core import compiled
+from dgs.core.cloud import GaussianCloud
+from dgs.core.errors import DgsError
+from dgs.core.formats.colmap import write_model
+from dgs.core.formats.gaussians import read_gaussians, write_gaussians
+from dgs.core.lock import working_on
+from dgs.core.pipeline import snapshots
+from dgs.core.training import run as training_run
+from dgs.core.training import settings as training_settings
+from dgs.core.training.trainer import Trainer
+from dgs.core.training.warmup import compile_kernels
+from dgs.core.views import SparsePoints
+from dgs.tests.command_line.scene import scene_cameras, scene_gaussians
+from dgs.tests.core.calibration.calibration_photos import photo, point_light
+from PIL import Image
+
+WIDTH, HEIGHT, STEPS = 64, 48, 24
+#: Fields of JSON that differ from run to run: times, memory, and what a resumed run says of itself.
+UNLIKE = {"seconds", "machine", "memory", "peak_memory_mb", "predicted", "notes", "stopped", "time"}
+#: Parts of the page that hold times: numbers, and charts over time.
+FIGURES = re.compile(r"<svg.*?</svg>|[0-9][0-9.,]*|<li>Going on from.*?</li>", re.DOTALL)
+
+#: What a scene's file begins and ends with (its content holds addresses of the memory, and is never the same twice).
+ZSTANDARD = (b"\x28\xb5\x2f\xfd", b"\xb1\xea\x92\x8f")
+
+State = dict[str, str]
+
+
+@dataclass(frozen=True)
+class Case:
+    """One command on one folder.
+
+    Attributes:
+        name: of the command and what it finds.
+        start: which of the prepared folders it works on.
+        words: of the command line; {data} and {folder} are put in.
+        work: instead of a command line, what is called with the data's and the folder's path.
+        again: words that finish what was cut off, where they are others.
+    """
+
+    name: str
+    start: str
+    words: tuple[str, ...] = ()
+    work: Callable[[Path, Path], None] | None = None
+    again: tuple[str, ...] = ()
+
+    def run(self, data: Path, folder: Path, again: bool = False) -> int:
+        """The command in this process; its exit status."""
+        if self.work is not None:
+            try:
+                self.work(data, folder)
+            except DgsError:
+                return DgsError.exit_code
+            return 0
+        words = self.again if again and self.again else self.words
+        return run([word.format(data=data, folder=folder) for word in words])
+
+
+_MADE = (
+    *("reconstruct", "{data}/photos", "--out", "{folder}", "--psf", "gaussian:1", "--cameras", "{data}/model"),
+    *("--preset", "draft", "--max-gaussians", "200", "--holdout-every", "4", "--sh-degree", "0", "--threads", "1"),
+    *("--progress", "none"),
+)
+_OTHER = ("reconstruct", "{data}/others", *_MADE[2:], "--seed", "1")
+_UPDATE = ("update", "{folder}", "{data}/new", "--cameras", "{data}/model", "--share", "0.5", "--threads", "1")
+_NEXT = ("next-view", "{folder}", "--samples", "2", "--number", "4", "--count", "2", "--threads", "1")
+_RENDER = (
+    "render",
+    "{data}/%s",
+    "--cameras",
+    "{data}/few",
+    "--out",
+    "{folder}",
+    "--threads",
+    "1",
+    "--progress",
+    "none",
+)
+_MEASURE = ("measure-psf", "{data}/%s", "--out", "{folder}/kernel.tif", "--kind", "point", "--progress", "none")
+
+
+def _exported(suffix: str, twin: str) -> Callable[[Path, Path], None]:
+    return lambda data, folder: write_gaussians(folder / f"twin{suffix}", read_gaussians(data / twin))
+
+
+CASES = (
+    Case("reconstruct into a new folder", "nothing", _MADE),
+    Case("reconstruct over a twin with an update", "updated", (*_OTHER, "--snapshots")),
+    Case("resume a stopped run", "stopped", (*_MADE, "--resume")),
+    Case("resume a killed run", "killed", (*_MADE, "--resume")),
+    Case("resume a killed run over a twin", "killed over", (*_OTHER, "--resume")),
+    Case("update", "made", (*_UPDATE, "--progress", "none")),
+    Case("rollback", "updated", ("update", "{folder}", "--rollback", "--progress", "none")),
+    Case("next-view", "made", (*_NEXT, "--progress", "none")),
+    Case("next-view again", "updated", (*_NEXT, "--progress", "none", "--candidates", "dome")),
+    Case("render over pictures", "pictures", tuple(word.replace("%s", "b.ply") for word in _RENDER)),
+    Case("measure-psf over a kernel", "kernel", tuple(word.replace("%s", "wide.png") for word in _MEASURE)),
+    Case("export PLY", "exported", work=_exported(".ply", "b.ply")),
+    Case("export glTF", "exported", work=_exported(".glb", "b.ply")),
+    Case("export SPZ", "exported", work=_exported(".spz", "b.ply")),
+    Case("export splat", "exported", work=_exported(".splat", "b.ply")),
+    Case("blend over a scene", "scene", ("blend", "{data}/b.ply", "--out", "{folder}/twin.blend")),
+)
+
+
+class Stage:
+    """The sets, and a folder for each state that a command starts from.
+
+    Args:
+        work: a folder of its own; what was prepared there before is used again.
+    """
+
+    def __init__(self, work: Path) -> None:
+        self.data, self.folder, self._kept = work / "data", work / "case", work / "kept"
+        if not (work / "prepared").is_file():
+            shutil.rmtree(work, ignore_errors=True)
+            _write_sets(self.data)
+        self._work = work
+
+    def prepare(self, names: set[str]) -> None:
+        """Makes the folders of these names, in children, with the commands themselves."""
+        makers = {
+            "nothing": self._nothing,
+            "made": lambda: self._run(_MADE),
+            "updated": self._updated,
+            "stopped": lambda: self._cut_off(_MADE, signal.SIGINT, 130),
+            "killed": lambda: self._cut_off(_MADE, signal.SIGKILL, -9),
+            "killed over": lambda: (self.put("updated"), self._cut_off(_OTHER, signal.SIGKILL, -9)),
+            "pictures": lambda: self._run([word.replace("%s", "a.ply") for word in _RENDER]),
+            "kernel": lambda: self._run([word.replace("%s", "narrow.png") for word in _MEASURE]),
+            "exported": self._exported,
+            "scene": lambda: self._run(("blend", "{data}/a.ply", "--out", "{folder}/twin.blend")),
+        }
+        for name, make in makers.items():
+            if name not in names or (self._kept / name).is_dir():
+                continue
+            if name == "killed over":
+                self.prepare({"updated"})
+            self._nothing()
+            make()
+            shutil.copytree(self.folder, self._kept / name) if self.folder.is_dir() else None
+        (self._work / "prepared").touch()
+
+    def put(self, name: str) -> None:
+        """The case's folder is as it was prepared."""
+        self._nothing()
+        if (self._kept / name).is_dir():
+            shutil.copytree(self._kept / name, self.folder)
+
+    def put_into(self, name: str) -> None:
+        """The same, where the folder is there and empty, and may not be removed: a disk is mounted there."""
+        if (self._kept / name).is_dir():
+            shutil.copytree(self._kept / name, self.folder, dirs_exist_ok=True)
+
+    def state(self, name: str) -> State:
+        """Of a prepared folder."""
+        return state(self._kept / name)
+
+    def _nothing(self) -> None:
+        shutil.rmtree(self.folder, ignore_errors=True)
+
+    def _run(self, words: Any) -> None:
+        case = Case("", "", tuple(words))
+        status, said = child(lambda: case.run(self.data, self.folder))
+        assert status == 0, f"{words}: {status} {said}"
+
+    def _updated(self) -> None:
+        self._run(_MADE)
+        self._run((*_UPDATE, "--progress", "none"))
+        self._run((*_NEXT, "--progress", "none"))
+
+    def _cut_off(self, words: tuple[str, ...], number: int, expected: int) -> None:
+        """Stopped or killed in the middle of its training."""
+
+        def interrupted() -> int:
+            usual = Trainer.advance
+
+            def advance(trainer: Trainer, *given: Any) -> float:
+                if trainer.step == 2 * STEPS // 3:
+                    os.kill(os.getpid(), number)
+                return usual(trainer, *given)
+
+            Trainer.advance = advance  # type: ignore[method-assign]
+            return Case("", "", words).run(self.data, self.folder)
+
+        status, said = child(interrupted)
+        assert status == expected, f"{words}: {status} {said}"
+
+    def _exported(self) -> None:
+        self.folder.mkdir()
+        for suffix in (".ply", ".glb", ".spz", ".splat"):
+            write_gaussians(self.folder / f"twin{suffix}", read_gaussians(self.data / "a.ply"))
+
+
+def child(work: Callable[[], int]) -> tuple[int, str]:
+    """Runs `work` in a forked child; its exit status (negative: the signal) and what it said on stderr."""
+    reads, writes = os.pipe()
+    process = os.fork()
+    if process == 0:
+        status = 99
+        try:
+            os.close(reads)
+            os.dup2(writes, 2)
+            os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+            status = work()
+        except BaseException:  # noqa: BLE001  (the child must end here, whatever happened)
+            traceback.print_exc()
+        finally:
+            os._exit(status)
+    os.close(writes)
+    with os.fdopen(reads, "r", errors="replace") as pipe:
+        said = pipe.read()
+    return os.waitstatus_to_exitcode(os.waitpid(process, 0)[1]), said
+
+
+def warm_up() -> None:
+    """Loads what a command needs, so that forked children begin at once; starts no thread that lives on.
+
+    A training has a dozen steps here, and keeps a checkpoint, the twin so far and a snapshot every few.
+    """
+    torch.set_num_threads(1)
+    compiled.set_threads(1)
+    object.__setattr__(training_settings.PRESETS, "draft_steps", STEPS)
+    object.__setattr__(training_run.RUN, "checkpoint_seconds", 0.03)
+    snapshots.INTERVAL = snapshots.TWIN_INTERVAL = 0.05  # type: ignore[misc]
+    compile_kernels(0)
+    for name in ("calibration.measure", "calibration.pictures", "pipeline.reconstruct", "pipeline.update"):
+        importlib.import_module(f"dgs.core.{name}")
+    for name in ("dgs.core.uncertainty.next_view", "matplotlib.figure", "matplotlib.font_manager", "pycolmap"):
+        importlib.import_module(name)
+
+
+def opened(folder: Path) -> tuple[State, list[str]]:
+    """The folder's state when a command has opened it, and what was said about it."""
+    said: list[str] = []
+    if folder.is_dir():
+        with working_on(folder, "look", said.append):
+            pass
+    return state(folder), said
+
+
+def state(folder: Path) -> State:
+    """A digest of every file that is not hidden, by name."""
+    return {name: hashlib.sha256(path.read_bytes()).hexdigest() for name, path in _files(folder)}
+
+
+def alike(folder: Path) -> State:
+    """The same without times and memory: two runs with one seed give the same."""
+    return {name: _digest(path) for name, path in _files(folder)}
+
+
+def _files(folder: Path) -> Iterator[tuple[str, Path]]:
+    for path in sorted(folder.rglob("*")):
+        name = path.relative_to(folder)
+        if path.is_file() and not any(part.startswith(".") for part in name.parts):
+            yield name.as_posix(), path
+
+
+def _digest(path: Path) -> str:
+    data = path.read_bytes()
+    if path.suffix == ".json":
+        data = json.dumps(_plain(json.loads(data)), sort_keys=True).encode()
+    elif path.suffix == ".html":
+        data = FIGURES.sub("", data.decode("utf-8")).encode()
+    elif path.suffix == ".npz":
+        arrays = dict(np.load(io.BytesIO(data)))
+        facts = json.loads(arrays.pop("__facts__").tobytes())
+        data = json.dumps(_plain(facts), sort_keys=True).encode() + b"".join(
+            name.encode() + arrays[name].tobytes() for name in sorted(arrays)
+        )
+    elif path.suffix == ".blend":
+        data = b"whole" if data[:4] == ZSTANDARD[0] and data[-4:] == ZSTANDARD[1] else data
+    return hashlib.sha256(data).hexdigest()
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {name: _plain(item) for name, item in value.items() if name not in UNLIKE}
+    return [_plain(item) for item in value] if isinstance(value, list) else value
+
+
+def _write_sets(data: Path) -> None:
+    """photos, new, others (a part of photos, brighter), cameras, two twins, two points of light."""
+    from dgs.core.rasterizer import render
+
+    cameras = [
+        replace(c, name=f"{i:02d}.png", width=WIDTH, height=HEIGHT, fx=72.0, fy=72.0, cx=32.0, cy=24.0)
+        for i, c in enumerate(scene_cameras())
+    ]
+    gaussians = scene_gaussians(500)
+    for index, camera in enumerate(cameras):
+        image = render(gaussians, camera).image.detach().clamp(0, 1)
+        pixels = (image * 255).round().byte().permute(1, 2, 0).numpy()
+        save(data / ("new" if index in (3, 5) else "photos") / camera.name, pixels)
+        if index < 6:
+            save(data / "others" / camera.name, np.minimum(pixels, 225) + 30)
+    points = SparsePoints(gaussians.means.double().numpy()[:100], np.full((100, 3), 128, np.uint8))
+    write_model(data / "model", {camera.name: camera for camera in cameras}, points)
+    write_model(data / "few", {camera.name: camera for camera in cameras[:3]}, points)
+    for seed, name in enumerate(("a.ply", "b.ply")):
+        random = np.random.default_rng(seed)
+        values = [random.normal(size=(80, *sides)).astype(np.float32) for sides in ((3,), (3,), (4,), (), (1, 3))]
+        write_gaussians(data / name, GaussianCloud(values[0], values[1] / 3 - 2, *values[2:]))
+    for name, sigma in (("narrow.png", 1.5), ("wide.png", 2.0)):
+        photo(data / name, point_light(41, (20.3, 19.8), sigma), bits=8)
+
+
+def save(path: Path, pixels: np.ndarray) -> None:
+    """Writes a picture, and its folder where that is missing."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    Image.fromarray(pixels.astype(np.uint8)).save(path)

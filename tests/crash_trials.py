@@ -1,0 +1,146 @@
+"""One command, cut off once: what the folder holds when it is opened afterwards, and what asking again makes of it."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+from dgs.core.errors import DgsError
+from dgs.tests.crash_commands import Case, Stage, State, alike, child, opened, state
+from dgs.tests.crashes import Fault, SmallDisk, arm
+
+#: What a trial found: the fault came too late; the state before or after; a mixture of both, or another promise broken.
+Found = Literal["done", "before", "after", "BROKEN"]
+#: Bytes that a disk in memory gives out at a time.
+PAGE = 4096
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What was found.
+
+    Attributes:
+        found: see `Found`; why: what is broken, by name.
+        again: whether the command was asked for again, and made the right state.
+    """
+
+    found: Found
+    why: str = ""
+    again: bool = False
+
+
+class Trials:
+    """Cuts one command off, again and again.
+
+    Args:
+        stage: the prepared folders; case: the command.
+    """
+
+    def __init__(self, stage: Stage, case: Case) -> None:
+        self._stage, self._case = stage, case
+        stage.prepare({case.start})
+        self.before = stage.state(case.start)
+        stage.put(case.start)
+        status, said = child(lambda: case.run(stage.data, stage.folder))
+        if status:
+            raise AssertionError(f"{case.name} ends with {status} where nothing fails: {said}")
+        self.after = alike(stage.folder)
+
+    def at(self, fault: Fault, at: int, again: bool) -> Outcome:
+        """The `at`-th change of the folder fails; `again`: then ask for the command again, if it was not done."""
+        stage, case = self._stage, self._case
+        stage.put(case.start)
+
+        def cut_off() -> int:
+            arm(stage.folder, fault, at)
+            return case.run(stage.data, stage.folder)
+
+        status, said = child(cut_off)
+        if fault == "kill" and status not in (0, -9) or fault == "full" and status not in (0, DgsError.exit_code):
+            return Outcome("BROKEN", f"ended with {status}: {_last(said)}")
+        return self._looked_at(status, said, again)
+
+    def on_disk_of(self, pages: int, again: bool) -> Outcome:
+        """The folder is a real disk with so much room more than what lies in it.
+
+        Raises:
+            OSError: this user may not mount one.
+        """
+        stage, case = self._stage, self._case
+        reads, writes = os.pipe()
+
+        def cut_off() -> int:
+            stage.put("nothing")
+            stage.folder.mkdir()
+            disk = SmallDisk(stage.folder)
+            stage.put_into(case.start)
+            disk.leave_room(pages * PAGE)
+            status, said = child(lambda: case.run(stage.data, stage.folder))
+            if status not in (0, DgsError.exit_code):
+                outcome = Outcome("BROKEN", f"ended with {status}: {_last(said)}")
+            else:
+                outcome = self._looked_at(status, said, again, disk.enlarge)
+            os.write(writes, json.dumps([outcome.found, outcome.why[:3000], outcome.again]).encode())
+            return 0
+
+        status, said = child(cut_off)
+        os.close(writes)
+        with os.fdopen(reads) as pipe:
+            answer = pipe.read()
+        if not answer:
+            raise OSError(f"No small disk could be mounted: {_last(said)}")
+        return Outcome(*json.loads(answer))
+
+    def killed_from_outside(self, work: Callable[[], None], again: bool) -> Outcome:
+        """`work` runs the command as a process of its own on the case's folder, and kills it."""
+        self._stage.put(self._case.start)
+        work()
+        return self._looked_at(1, "", again)
+
+    def _looked_at(self, status: int, said: str, again: bool, more_room: Callable[[], None] = lambda: None) -> Outcome:
+        folder = self._stage.folder
+        if "Traceback" in said or "A bug" in said:
+            return Outcome("BROKEN", _last(said))
+        try:
+            found, _ = opened(folder)
+        except DgsError as error:
+            return Outcome("BROKEN", f"it cannot be opened: {error}")
+        more_room()
+        same = found == self.before
+        if not same and alike(folder) != self.after:
+            return Outcome("BROKEN", mixed(found, alike(folder), self.before, self.after))
+        if same and status == 0 and self.before != state(folder):
+            return Outcome("BROKEN", "ended well and changed nothing")
+        if same and again:
+            return self._asked_again()
+        return Outcome("before" if same else "done" if status == 0 else "after")
+
+    def _asked_again(self) -> Outcome:
+        folder = self._stage.folder
+        status, said = child(lambda: self._case.run(self._stage.data, folder, again=True))
+        found = alike(folder)
+        if status or found != self.after:
+            differ = sorted(name for name in found | self.after if found.get(name) != self.after.get(name))
+            return Outcome("BROKEN", f"asked again: status {status}, other {differ}: {_last(said)}")
+        left = [p.name for p in folder.iterdir() if p.name.startswith((".change", ".run")) or p.name.endswith(".part")]
+        return Outcome("BROKEN", f"asked again: {left} are left") if left else Outcome("before", again=True)
+
+
+def mixed(found: State, likeness: State, before: State, after: State) -> str:
+    """Which files of a folder are old, new, neither or missing."""
+    kinds: dict[str, list[str]] = {"old": [], "new": [], "neither": [], "missing": []}
+    for name in sorted({*found, *before}):
+        if name not in found:
+            kinds["missing"].append(name)
+        elif name in before and found[name] == before[name]:
+            kinds["old"].append(name)
+        else:
+            kinds["new" if after.get(name) == likeness[name] else "neither"].append(name)
+    return "; ".join(f"{kind}: {', '.join(names)}" for kind, names in kinds.items() if names)
+
+
+def _last(said: str) -> str:
+    return " | ".join(said.strip().splitlines()[-3:])
