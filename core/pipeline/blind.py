@@ -40,6 +40,11 @@ class Spreads:
     own: Mapping[str, PointSpread | None] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
 
+    @staticmethod
+    def alike(psf: PointSpread | None) -> Spreads:
+        """The same for all photos."""
+        return Spreads(psf, notes=() if psf is None else psf.notes)
+
     @property
     def source(self) -> str:
         """The shared one as `parse_psf` reads it."""
@@ -56,8 +61,7 @@ def given_spreads(text: str) -> Spreads | None:
         return None
     if text.startswith(LISTED):
         return _listed(Path(text.removeprefix(LISTED)))
-    psf = parse_psf(text)
-    return Spreads(psf, notes=() if psf is None else psf.notes)
+    return Spreads.alike(parse_psf(text))
 
 
 def spreads_of(given: Spreads | None, photos: Sequence[Photo], settings: MediumSettings, some: bool = False) -> Spreads:

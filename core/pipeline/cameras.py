@@ -46,23 +46,23 @@ class CameraSearch:
     """How cameras are found.
 
     Attributes:
-        threads: of the child process that looks for them.
-        hurried: with half the observations.
+        settings: of structure from motion.
         resume: take those in the folder, if there are.
-        sh_degree: of the training: its kernels become ready meanwhile.
+        sh_degree: of the training: its kernels become ready meanwhile; None where nothing is to become ready.
     """
 
-    threads: int
-    hurried: bool
+    settings: SfmSettings
     resume: bool
-    sh_degree: int
+    sh_degree: int | None = None
 
 
 def search_for(request: TrainingRequest, threads: int, hurried: bool, resume: bool) -> CameraSearch:
     """How a run that trains so looks for its cameras: a draft is always in a hurry."""
     preset = TrainingSettings.preset(request.preset).sh_degree
     degree = preset if request.sh_degree is None else request.sh_degree
-    return CameraSearch(threads, hurried or request.preset == "draft", resume, degree)
+    usual = SfmSettings(threads=threads)
+    settings = usual.hurried() if hurried or request.preset == "draft" else usual
+    return CameraSearch(settings, resume, degree)
 
 
 def cameras_of(
@@ -83,11 +83,10 @@ def cameras_of(
         OutputError: they cannot be written.
     """
     resumed = search.resume and folder.camera_folder.is_dir()
-    features = folder.sfm_folder / FEATURES
     if not resumed:  # (of an earlier twin in this folder)
-        features.unlink(missing_ok=True)
+        (folder.sfm_folder / FEATURES).unlink(missing_ok=True)
     if given is not None:
-        found = FoundCameras(_given(given, photos, progress), "given", given)
+        found = FoundCameras(given_cameras(given, photos, progress), "given", given)
     elif resumed:
         found = FoundCameras(load_cameras(folder.camera_folder, photos), "sfm")
         progress.note("The cameras are those of the run that is resumed")
@@ -103,7 +102,15 @@ def cameras_of(
     return found
 
 
-def _given(path: Path, photos: list[Photo], progress: Progress) -> Reconstruction:
+def given_cameras(path: Path, photos: list[Photo], progress: Progress) -> Reconstruction:
+    """Cameras that the user has, moved to the origin where they lie too far from it.
+
+    Args:
+        path: COLMAP model folder or transforms.json.
+
+    Raises:
+        FormatError: unreadable, or not a camera file. CameraError: it has no camera for these photos.
+    """
     reconstruction, offset = near_origin(load_cameras(path, photos))
     if offset is not None:
         progress.note(
@@ -122,11 +129,12 @@ def _found(
     from ..training.warmup import compile_kernels  # heavy: numba
 
     kernel = None if medium.psf is None or medium.psf.is_identity else medium.psf.kernel()
-    usual = SfmSettings(threads=search.threads)
-    settings = usual.hurried() if search.hurried else usual
-    early = threading.Thread(target=compile_kernels, args=(search.sh_degree,))
-    early.start()
+    degrees = () if search.sh_degree is None else (search.sh_degree,)
+    early = threading.Thread(target=compile_kernels, args=degrees)
+    if degrees:
+        early.start()
     work = make_folder(folder.sfm_folder)
-    found = find_cameras(list(photos), kernel, settings, work, progress, work / FEATURES)
-    early.join()
+    found = find_cameras(list(photos), kernel, search.settings, work, progress, work / FEATURES)
+    if degrees:
+        early.join()
     return found

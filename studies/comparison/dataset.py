@@ -14,20 +14,24 @@ from ...core.camera import Camera
 from ...core.errors import DgsError, PhotoError
 from ...core.evaluation.lines import PaintedLine, read_lines
 from ...core.files import read_json, write_json
-from ...core.formats.colmap import write_lenses
 from ...core.imaging.kernel_samples import disc
 from ...core.imaging.medium import Medium
 from ...core.imaging.psf import PointSpread, point_spread_from_samples
 from ...core.imaging.psf_text import parse_psf
 from ...core.json_shape import check_shape, text
 from ...core.lens import MODELS, Lens
-from ...core.photos.load import Photo, load_photo, load_photos, photo_files
+from ...core.photos.load import Photo, load_photo, photo_files
 from ...core.photos.truth import TruthFolder
+from ...core.pipeline.blind import Spreads
+from ...core.pipeline.cameras import CameraSearch, cameras_of, given_cameras
+from ...core.pipeline.medium import medium_of
+from ...core.pipeline.photos import read_photos
 from ...core.progress import Progress
 from ...core.reconstruction import Reconstruction
-from ...core.sfm.find import find_cameras
+from ...core.run_settings import MediumSettings, PhotoSettings
 from ...core.sfm.given import load_cameras
 from ...core.sfm.settings import SfmSettings
+from ...core.twin.folder import TwinFolder
 from ...core.views import heldout_names
 from .settings import EVERY, CompareSettings
 
@@ -118,14 +122,14 @@ class Dataset:
 
 
 def load_dataset(settings: CompareSettings, threads: int, progress: Progress) -> Dataset:
-    """Reads a set, and finds its cameras if they are to be found (kept in `settings.out`/cameras).
+    """The stages photos, medium and cameras on a set; cameras that are found are kept in `settings.out`/cameras.
 
     Raises:
         PhotoError: no blurred or no sharp photos.
-        DgsError: the point spread function is not given.
+        DgsError: the point spread function is not given, or too few photos have a camera.
         CameraError: no trustworthy cameras.
     """
-    folder = settings.dataset
+    folder, kept = settings.dataset, TwinFolder(settings.out)
     names = [settings.photos] if settings.photos else list(_PHOTO_FOLDERS)
     source = next((folder / name for name in names if (folder / name).is_dir()), None)
     if source is None or not (folder / "sharp").is_dir():
@@ -133,15 +137,21 @@ def load_dataset(settings: CompareSettings, threads: int, progress: Progress) ->
             f"'{folder}' needs a folder of blurred photos ({' or '.join(names)}) and one named sharp",
             "Make a set with 'run_dgs.py synthesize', or name the folder with --photos",
         )
-    photos = load_photos(source, None, progress)
+    loaded = read_photos(PhotoSettings(source), kept, progress)
     truth = CroppedTruth(folder / "sharp")
-    photos = [photo for photo in photos if photo.name in truth]
-    psf, space = _medium_text(settings)
-    medium = Medium(point_spread(psf), space)
+    photos = [photo for photo in loaded.photos if photo.name in truth]
+    psf, blur = _medium_given(settings)
+    medium = medium_of(blur, Spreads.alike(point_spread(psf)), photos, progress).medium
     own = next((folder / name for name in _CAMERA_FOLDERS if (folder / name).is_dir()), None)
+    if settings.cameras == "found":
+        search = CameraSearch(SfmSettings(threads=threads), settings.resume)
+        cameras, _ = kept_cameras(kept, photos, medium, search, progress)
+    else:
+        cameras = given_cameras(_camera_file(settings, own), photos, progress)
     reference = None if own is None else load_cameras(own, photos)
-    cameras = _cameras(settings, photos, medium, reference, threads, progress)
     registered = [photo for photo in photos if photo.name in cameras.poses]
+    if len(registered) < 2:
+        raise DgsError(f"'{folder.name}' has too few photos to hold some out", "Give a set of 9 photos or more")
     rendered = (folder / "manifest.json").is_file()
     lines = read_lines(folder / "lines.json") if (folder / "lines.json").is_file() and reference else []
     return Dataset(
@@ -158,6 +168,24 @@ def load_dataset(settings: CompareSettings, threads: int, progress: Progress) ->
         depths=_depth_files(folder / "depth", registered),
         metres=rendered,
     )
+
+
+def kept_cameras(
+    folder: TwinFolder, photos: list[Photo], medium: Medium, search: CameraSearch, progress: Progress
+) -> tuple[Reconstruction, float]:
+    """Cameras found from the photos, as the folder keeps them: the same to the bit now and when a study is resumed.
+
+    Returns:
+        The cameras, and the seconds that finding them took.
+
+    Raises:
+        CameraError: no trustworthy cameras.
+    """
+    recorded = folder.camera_folder / "seconds.json"
+    if not (search.resume and recorded.is_file()):
+        found = cameras_of(None, photos, medium, replace(search, resume=False), folder, progress)
+        write_json(recorded, round(found.reconstruction.figures.seconds, 2))
+    return load_cameras(folder.camera_folder, photos), float(read_json(recorded))
 
 
 def point_spread(text: str) -> PointSpread | None:
@@ -181,7 +209,8 @@ def cropped_array(array: NDArray[Any], border: int) -> NDArray[Any]:
     return np.ascontiguousarray(array[border : height - border, border : width - border])
 
 
-def _medium_text(settings: CompareSettings) -> tuple[str, Any]:
+def _medium_given(settings: CompareSettings) -> tuple[str, MediumSettings]:
+    """What blurred the photos, and where the blur acts: asked for, or as the set says."""
     given: dict[str, Any] = {}
     file = settings.dataset / "psf.json"
     if file.is_file():
@@ -193,30 +222,15 @@ def _medium_text(settings: CompareSettings) -> tuple[str, Any]:
     psf = settings.psf or given.get("psf")
     if not psf:
         raise DgsError(f"Nobody says what blurred the photos of '{settings.dataset.name}'", "Give --psf gaussian:SIGMA")
-    return str(psf), settings.blur_space or given.get("blur_space", "srgb")
+    return str(psf), MediumSettings(str(psf), settings.blur_space or given.get("blur_space", "srgb"))
 
 
-def _cameras(
-    settings: CompareSettings,
-    photos: list[Photo],
-    medium: Medium,
-    reference: Reconstruction | None,
-    threads: int,
-    progress: Progress,
-) -> Reconstruction:
-    if settings.cameras == "known":
-        if reference is None:
-            raise DgsError(f"'{settings.dataset}' has no cameras of its own", "Use --cameras found")
-        return reference
-    if settings.cameras != "found":
-        return load_cameras(Path(settings.cameras), photos)
-    kept = settings.out / "cameras"
-    if not (settings.resume and kept.is_dir()):
-        kernel = None if medium.psf is None or medium.psf.is_identity else medium.psf.kernel()
-        found = find_cameras(photos, kernel, SfmSettings(threads=threads), settings.out / "sfm", progress)
-        write_lenses(kept, found.lenses, found.poses, found.points)
-        write_json(kept / "seconds.json", round(found.figures.seconds, 2))
-    return load_cameras(kept, photos)
+def _camera_file(settings: CompareSettings, own: Path | None) -> Path:
+    if settings.cameras != "known":
+        return Path(settings.cameras)
+    if own is None:
+        raise DgsError(f"'{settings.dataset}' has no cameras of its own", "Use --cameras found")
+    return own
 
 
 def _object_masks(folder: Path, photos: list[Photo]) -> dict[str, NDArray[np.bool_]]:

@@ -14,13 +14,14 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 from ...core.errors import Cancelled, DgsError
 from ...core.files import read_json, write_json
 from ...core.imaging.medium import Medium
 from ...core.photos.load import Photo
-from ...core.photos.undistort import undistorted_views
+from ...core.pipeline.fitted import split_views
 from ...core.progress import Progress
 from ...core.training.job import TrainingJob
 from ...core.training.run import Trained, train
@@ -103,22 +104,26 @@ class MethodRunner:
         self._made: tuple[str, list[Photo], float, str] = ("", [], 0.0, "")
         self._iterations: tuple[int, float] | None = None
 
+    @cached_property
+    def _fitted(self) -> set[str]:
+        """Names of the photos that every method trains on."""
+        data = self._data
+        views = split_views(data.photos, data.cameras, data.heldout, self._progress)
+        return {view.name for view in views.fitted}
+
     def trained(self, method: str, base: TrainingSettings) -> tuple[Trained, MethodInputs, dict[str, float]]:
         """A method's twin, what it was trained on, and seconds: of the deconvolution, and wall and CPU of the rest.
 
         Raises:
-            DgsError: there is no such method, or there are too few photos.
+            DgsError: there is no such method.
             Cancelled: the user stopped the training.
         """
-        ready = self.inputs(method, base)
+        ready, fitted = self.inputs(method, base), self._fitted
         wall, cpu = time.perf_counter(), time.process_time()
-        held = set(self._data.heldout)
-        views = [view for view in undistorted_views(ready.photos, self._data.cameras) if view.name not in held]
-        if not views:
-            raise DgsError(f"'{self._data.name}' has too few photos to hold some out", "Give a set of 9 photos or more")
-        trained = train(
-            TrainingJob(views, [], self._data.cameras.points, ready.medium, ready.settings), Quiet(self._progress)
-        )
+        data, quiet = self._data, Quiet(self._progress)
+        photos = [photo for photo in ready.photos if photo.name in fitted]
+        views = split_views(photos, data.cameras, (), quiet).fitted
+        trained = train(TrainingJob(views, [], data.cameras.points, ready.medium, ready.settings), quiet)
         if trained.steps < ready.settings.steps and self._progress.cancelled():
             raise Cancelled(f"Stopped while '{method}' was trained", "Go on with --resume")
         seconds = {"deconvolution": ready.seconds}
@@ -160,8 +165,7 @@ class MethodRunner:
         if self._made[0] == key:
             return self._made[1:]
         began = time.perf_counter()
-        held = set(self._data.heldout)
-        photos = [photo for photo in self._data.photos if photo.name not in held]
+        photos = [photo for photo in self._data.photos if photo.name in self._fitted]
         medium, estimate = self._data.medium, ""
         if medium.psf is None or medium.psf.is_identity:
             made = photos

@@ -7,7 +7,6 @@ import io
 import json
 import time
 from dataclasses import asdict, dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,27 +15,25 @@ from ...core.devices import choose_device
 from ...core.effort.clock import OthersLoad
 from ...core.errors import Cancelled, DgsError
 from ...core.evaluation.metrics import psnr
-from ...core.files import make_folder, read_json, write_json, write_text
-from ...core.formats.colmap import write_lenses
+from ...core.files import make_folder, write_json, write_text
 from ...core.gaussians import Gaussians
 from ...core.imaging.medium import Medium
 from ...core.machine import machine, use_threads
 from ...core.numbers import number
-from ...core.pipeline.cameras import FoundCameras
+from ...core.pipeline.cameras import CameraSearch, FoundCameras
 from ...core.pipeline.fitted import split_views
 from ...core.pipeline.refinement import RefinementJob, refine
 from ...core.pipeline.simulated import simulate
 from ...core.pipeline.views import Viewer, to_pixels
 from ...core.progress import Progress
-from ...core.sfm.find import find_cameras
-from ...core.sfm.given import load_cameras
 from ...core.sfm.settings import SfmSettings
 from ...core.training.job import TrainingJob
 from ...core.training.run import Trained, train
 from ...core.training.scale import scene_scale
 from ...core.training.settings import TrainingSettings
 from ...core.training.trainer import Trainer
-from ..comparison.dataset import Dataset, load_dataset
+from ...core.twin.folder import TwinFolder
+from ..comparison.dataset import Dataset, kept_cameras, load_dataset
 from ..comparison.measure import Measure
 from ..comparison.methods import Quiet
 from ..comparison.runs import read_row, run_key
@@ -94,8 +91,6 @@ def measure_tradeoff(settings: TradeoffSettings, progress: Progress) -> dict[str
     threads, device = use_threads(settings.threads), choose_device(settings.device)
     make_folder(settings.out)
     data = load_dataset(settings.comparison(), threads, progress)
-    if len(data.heldout) >= len(data.photos):
-        raise DgsError(f"'{data.name}' has too few photos to hold some out", "Give a set of 9 photos or more")
     base = replace(base_settings(settings.quick), threads=threads, device=device)
     rows = _rows(settings, data, base, progress)
     found, target = points(rows, settings.target)
@@ -265,21 +260,26 @@ class _Sets:
         if knob.cameras not in self._found:
             data, seconds = self._data, 0.0
             if self._settings.cameras == "found":
-                folder = self._settings.out / ("cameras" if knob.cameras == "usual" else f"cameras-{knob.cameras}")
-                if knob.cameras != "usual" and not (self._settings.resume and (folder / "seconds.json").is_file()):
-                    self._find(knob, folder)
-                if not (folder / "seconds.json").is_file():
-                    raise DgsError(
-                        f"It is not recorded how long the cameras in '{folder}' took", "Start without --resume"
-                    )
-                seconds = float(read_json(folder / "seconds.json"))
-                cameras = load_cameras(folder, data.photos)
-                photos = [photo for photo in data.photos if photo.name in cameras.poses]
-                data = replace(data, cameras=cameras, photos=photos)
+                data, seconds = self._searched(knob)
             elif knob.cameras == "unrefined":
                 raise DgsError("The cameras are given and were not refined here", "Use --cameras found")
             self._found[knob.cameras] = data, Measure(data, only_heldout=True), seconds
         return self._found[knob.cameras]
+
+    def _searched(self, knob: Knob) -> tuple[Dataset, float]:
+        """The set with cameras that are searched for as the knob says, and the seconds that this took.
+
+        Those that the set was loaded with count as searched for as usual.
+        """
+        usual = SfmSettings(threads=self._threads)
+        settings = {"hurried": usual.hurried(), "unrefined": usual.unrefined()}.get(knob.cameras, usual)
+        out = self._settings.out
+        folder = TwinFolder(out if knob.cameras == "usual" else out / f"cameras-{knob.cameras}")
+        search = CameraSearch(settings, resume=knob.cameras == "usual" or self._settings.resume)
+        data = self._data
+        cameras, seconds = kept_cameras(folder, data.photos, data.medium, search, self._progress)
+        photos = [photo for photo in data.photos if photo.name in cameras.poses]
+        return replace(data, cameras=cameras, photos=photos), seconds
 
     def _refined(self) -> tuple[Dataset, Measure, float]:
         """The usual cameras, moved by the loss; held-out photos judge whether they are kept."""
@@ -290,17 +290,6 @@ class _Sets:
         refined = refine(FoundCameras(data.cameras, "sfm"), job, Quiet(self._progress))
         moved = replace(data, cameras=refined.reconstruction)
         return moved, Measure(moved, only_heldout=True), seconds + time.perf_counter() - began
-
-    def _find(self, knob: Knob, folder: Path) -> None:
-        psf = self._data.medium.psf
-        kernel = None if psf is None or psf.is_identity else psf.kernel()
-        usual = SfmSettings(threads=self._threads)
-        wanted = usual.hurried()
-        if knob.cameras == "unrefined":
-            wanted = usual.unrefined()
-        found = find_cameras(self._data.photos, kernel, wanted, self._settings.out / "sfm", self._progress)
-        write_lenses(folder, found.lenses, found.poses, found.points)
-        write_json(folder / "seconds.json", round(found.figures.seconds, 2))
 
 
 def _unit(pixels: Any) -> Any:

@@ -100,6 +100,15 @@ def test_only_the_command_line_imports_studies(graph):
     assert users == {"studies", "command_line"}
 
 
+def test_studies_of_the_method_take_the_stages_that_a_run_takes(graph):
+    """A study that finds cameras or makes views in its own way would measure another program."""
+    parts = {"core.sfm.find", "core.photos.undistort", "core.photos.movie", "core.twin.refine_cameras"}
+    measured = [m for m in graph.edges if m.startswith(("studies.comparison", "studies.tradeoff", "core.effort"))]
+    assert {m: graph.edges[m] & parts for m in measured if graph.edges[m] & parts} == {}
+    of_pipeline = {o for m in measured for o in graph.edges[m] if o.startswith("core.pipeline.")}
+    assert {f"core.pipeline.{stage}" for stage in ("photos", "medium", "cameras", "simulated", "fitted")} <= of_pipeline
+
+
 def test_no_modules_import_each_other_in_a_circle(graph):
     assert graph.circles() == []
 

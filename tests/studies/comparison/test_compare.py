@@ -1,14 +1,21 @@
 """The whole comparison on a small rendered wall, from the command line."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from dgs.command_line import run
+from dgs.core.errors import TooFewPhotos
+from dgs.core.files import write_json
+from dgs.core.pipeline.cameras import CameraSearch
 from dgs.core.progress import Silent
-from dgs.studies.comparison.dataset import load_dataset
+from dgs.core.sfm.settings import SfmSettings
+from dgs.core.training.settings import TrainingSettings
+from dgs.core.twin.folder import TwinFolder
+from dgs.studies.comparison.dataset import kept_cameras, load_dataset
 from dgs.studies.comparison.measure import Measure
-from dgs.studies.comparison.methods import CHOSEN, LUCY_MEASURED, VARIATION, WIENER_MEASURED, methods
+from dgs.studies.comparison.methods import CHOSEN, LUCY_MEASURED, VARIATION, WIENER_MEASURED, MethodRunner, methods
 from dgs.studies.comparison.settings import CompareSettings
 from dgs.tests.studies.conftest import LINE_WIDTH, SIGMA
 
@@ -125,6 +132,38 @@ def test_a_cropped_set_sees_the_same_world(rendered_set, tmp_path):
     depth = small.depth(name)
     assert depth is not None and depth.shape == cut.shape[:2]
     assert small.cropped(2, lambda photo: photo).truth.border == 12
+
+
+def test_no_method_trains_on_a_copy_of_a_photo_that_is_held_out(rendered_set, tmp_path):
+    data = load_dataset(CompareSettings(rendered_set, tmp_path, cameras="known"), 1, Silent())
+    held, copy = data.heldout[0], f"z_{data.heldout[0]}"
+    first = next(photo for photo in data.photos if photo.name == held)
+    cameras = replace(
+        data.cameras,
+        poses={**data.cameras.poses, copy: data.cameras.poses[held]},
+        lenses={**data.cameras.lenses, copy: data.cameras.lenses[held]},
+    )
+    doubled = replace(data, photos=[*data.photos, replace(first, name=copy)], cameras=cameras)
+    assert doubled.heldout == data.heldout
+    base = replace(TrainingSettings(), steps=2, max_gaussians=200, threads=1)
+    for method in ("plain", "wiener 1e-4 v0"):
+        alone, both = (MethodRunner(each, Silent()).trained(method, base)[0] for each in (data, doubled))
+        assert np.array_equal(alone.gaussians.cloud().means, both.gaussians.cloud().means)
+
+
+def test_a_search_for_cameras_is_kept_with_its_time_and_read_back(rendered_set, tmp_path):
+    data = load_dataset(CompareSettings(rendered_set, tmp_path, cameras="known"), 1, Silent())
+    folder = TwinFolder(tmp_path / "out")
+    folder.save_cameras(data.cameras)
+    write_json(folder.camera_folder / "seconds.json", 12.5)
+    search = CameraSearch(SfmSettings(threads=1), resume=True)
+    cameras, seconds = kept_cameras(folder, data.photos, data.medium, search, Silent())
+    assert seconds == 12.5 and cameras.names == data.cameras.names
+    # Without --resume, or where nobody wrote down how long they took, they are searched for again.
+    for again in (replace(search, resume=False), search):
+        with pytest.raises(TooFewPhotos):
+            kept_cameras(folder, data.photos[:2], data.medium, again, Silent())
+        (folder.camera_folder / "seconds.json").unlink(missing_ok=True)
 
 
 def test_mismatch_has_every_case(rendered_set, tmp_path):
