@@ -33,7 +33,7 @@ from ...core.sfm.given import load_cameras
 from ...core.sfm.settings import SfmSettings
 from ...core.twin.folder import TwinFolder
 from ...core.views import heldout_names
-from .settings import EVERY, CompareSettings
+from .settings import EVERY, StudySettings
 
 _PHOTO_FOLDERS = ("photos", "blur5")
 _CAMERA_FOLDERS = ("cameras", "reference_cameras")
@@ -121,7 +121,7 @@ class Dataset:
         )
 
 
-def load_dataset(settings: CompareSettings, threads: int, progress: Progress) -> Dataset:
+def load_dataset(settings: StudySettings, threads: int, progress: Progress) -> Dataset:
     """The stages photos, medium and cameras on a set; cameras that are found are kept in `settings.out`/cameras.
 
     Raises:
@@ -209,7 +209,7 @@ def cropped_array(array: NDArray[Any], border: int) -> NDArray[Any]:
     return np.ascontiguousarray(array[border : height - border, border : width - border])
 
 
-def _medium_given(settings: CompareSettings) -> tuple[str, MediumSettings]:
+def _medium_given(settings: StudySettings) -> tuple[str, MediumSettings]:
     """What blurred the photos, and where the blur acts: asked for, or as the set says."""
     given: dict[str, Any] = {}
     file = settings.dataset / "psf.json"
@@ -225,7 +225,7 @@ def _medium_given(settings: CompareSettings) -> tuple[str, MediumSettings]:
     return str(psf), MediumSettings(str(psf), settings.blur_space or given.get("blur_space", "srgb"))
 
 
-def _camera_file(settings: CompareSettings, own: Path | None) -> Path:
+def _camera_file(settings: StudySettings, own: Path | None) -> Path:
     if settings.cameras != "known":
         return Path(settings.cameras)
     if own is None:

@@ -25,7 +25,7 @@ from .dataset import Dataset, load_dataset
 from .measure import Measure
 from .methods import CHOSEN, LUCY_MEASURED, MAIN, VARIATION, MethodRunner, searched
 from .pictures import write_pictures
-from .settings import CompareSettings
+from .settings import CompareSettings, StudySettings
 
 #: Cycles/px up to which the low-passed truths hold everything: what one view holds of the ball, and a goal beyond it.
 CUTOFFS = (0.11, 0.125)
@@ -188,7 +188,7 @@ def training_settings(settings: CompareSettings, data: Dataset, threads: int, de
     )
 
 
-def run_key(settings: CompareSettings, data: Dataset, base: TrainingSettings) -> str:
+def run_key(settings: StudySettings, data: Dataset, base: TrainingSettings) -> str:
     """Rows of other settings, another medium, other cameras or other photos are other rows."""
     content = hashlib.sha256()
     for name in data.cameras.names:

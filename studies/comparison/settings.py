@@ -1,10 +1,10 @@
-"""What a comparison is asked to do."""
+"""What a study on a set with a known truth is asked to do."""
 
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 from ...core.devices import BackendName
 
@@ -13,21 +13,19 @@ EVERY = 8
 
 
 @dataclass(frozen=True)
-class CompareSettings:
-    """One comparison.
+class StudySettings:
+    """What a comparison and a trade-off have in common.
 
     Attributes:
         dataset: folder with photos/ (or another name) and sharp/.
-        out: folder for rows, table and pictures.
+        out: folder for rows, tables and pictures.
         photos: name of the folder of blurred photos inside `dataset`; None: 'photos', else 'blur5'.
         psf: what blurred them; None for what the set's psf.json says.
         blur_space: where the blur acts; None for what psf.json says, else srgb.
         cameras: 'found' from the blurred photos, 'known' (the set's own), or a path.
-        seeds: trainings of each method.
-        steps, max_gaussians: None for the product's own.
-        only: names of methods; empty for all.
+        seeds: trainings of each method or knob.
+        only: names of methods or of groups of knobs; empty for all.
         quick: few and small: the machinery is proved, the figures say little.
-        mismatch: also what happens when the medium is not the one that was given.
         resume: keep the rows that are there.
         threads: None for all cores.
         device: 'auto', 'cpu' or 'cuda'.
@@ -40,18 +38,31 @@ class CompareSettings:
     blur_space: Literal["srgb", "linear"] | None = None
     cameras: str = "found"
     seeds: int = 3
-    steps: int | None = None
-    max_gaussians: int | None = None
     only: tuple[str, ...] = ()
     quick: bool = False
-    mismatch: bool = False
     resume: bool = False
     threads: int | None = None
     device: BackendName = "auto"
 
+    #: Fields that decide which rows there are, not what stands in one.
+    NOT_DECIDING: ClassVar[tuple[str, ...]] = ("dataset", "out", "seeds", "only", "resume", "threads")
+
     def deciding(self) -> dict[str, Any]:
         """What decides the figures of a row: rows of other settings differ in it."""
-        values = asdict(self)
-        for name in ("dataset", "out", "seeds", "only", "mismatch", "resume", "threads"):
-            values.pop(name)
-        return values
+        return {name: value for name, value in asdict(self).items() if name not in self.NOT_DECIDING}
+
+
+@dataclass(frozen=True)
+class CompareSettings(StudySettings):
+    """One comparison.
+
+    Attributes:
+        steps, max_gaussians: None for the product's own.
+        mismatch: also what happens when the medium is not the one that was given.
+    """
+
+    steps: int | None = None
+    max_gaussians: int | None = None
+    mismatch: bool = False
+
+    NOT_DECIDING: ClassVar[tuple[str, ...]] = (*StudySettings.NOT_DECIDING, "mismatch")

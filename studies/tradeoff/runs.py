@@ -90,7 +90,7 @@ def measure_tradeoff(settings: TradeoffSettings, progress: Progress) -> dict[str
         raise DgsError(f"There is no knob '{unknown[0]}'", f"Choose among {', '.join(GROUPS)}")
     threads, device = use_threads(settings.threads), choose_device(settings.device)
     make_folder(settings.out)
-    data = load_dataset(settings.comparison(), threads, progress)
+    data = load_dataset(settings, threads, progress)
     base = replace(base_settings(settings.quick), threads=threads, device=device)
     rows = _rows(settings, data, base, progress)
     found, target = points(rows, settings.target)
@@ -137,7 +137,7 @@ def _rows(
     for run, (knob, seed) in enumerate(todo, start=1):
         file = settings.out / "rows" / f"{knob.name}-{seed}.json"
         facts = {name: value for name, value in asdict(knob).items() if name != "changes"}
-        key = run_key(settings.comparison(), data, knob.settings(base)) + json.dumps(facts, sort_keys=True)
+        key = run_key(settings, data, knob.settings(base)) + json.dumps(facts, sort_keys=True)
         row = read_row(file, key) if settings.resume else None
         if row is None:
             if progress.cancelled():

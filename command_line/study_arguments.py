@@ -1,0 +1,106 @@
+"""What the commands that measure the method on a set with a known truth share: `compare` and `tradeoff`."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ..core.errors import DgsError
+from ..core.files import check_writable
+from ..core.outputs import check_output_folder, claim_output_folder
+from .arguments import add_machine, add_overwrite, add_progress, show_defaults
+
+
+@dataclass(frozen=True)
+class StudyWords:
+    """What `--help` says of one study.
+
+    Attributes:
+        results: what its folder holds.
+        found: what is to be said about cameras that are found.
+        trained: what is trained with every seed.
+        part: what `--only` names, in capitals; parts: how it is written.
+        quick: what `--quick` leaves.
+    """
+
+    results: str
+    found: str
+    trained: str
+    part: str
+    parts: str
+    quick: str
+
+
+def add_study(parser: argparse.ArgumentParser, words: StudyWords) -> None:
+    """The set, how its photos came about, and how much of the study is run."""
+    show_defaults(parser)
+    add = parser.add_argument
+    add(
+        "dataset",
+        type=Path,
+        metavar="DATASET",
+        help="folder with photos/ (or blur5/) and sharp/, such as 'synthesize' writes",
+    )
+    add("--out", type=Path, required=True, metavar="DIR", help=f"folder for {words.results}")
+    add("--photos", metavar="NAME", help="name of the folder of blurred photos inside DATASET")
+    add("--psf", metavar="PSF", help="what blurred the photos; what DATASET/psf.json says if not given")
+    add("--blur-space", choices=("srgb", "linear"), help="where the blur acts; what psf.json says if not given")
+    add(
+        "--cameras",
+        default="found",
+        metavar="WHICH",
+        help=f"'found' {words.found}, 'known' (the set's own), or a camera model",
+    )
+    add("--seeds", type=int, metavar="N", help=f"trainings of each {words.trained}; 3, or 1 with --quick, if not given")
+    add(
+        "--only",
+        action="append",
+        default=[],
+        metavar=words.part,
+        help=f"{words.parts}; may be repeated; all if not given",
+    )
+    add("--quick", action="store_true", help=f"few {words.quick} and short trainings: proves the machinery only")
+    add("--resume", action="store_true", help="keep the rows in DIR that belong to the same settings")
+    add_overwrite(parser)
+    add_machine(parser)
+    add_progress(parser)
+
+
+def asked_of_study(options: argparse.Namespace) -> dict[str, Any]:
+    """Values for the fields of `studies.comparison.settings.StudySettings`.
+
+    Raises:
+        DgsError: less than one seed.
+    """
+    seeds = options.seeds if options.seeds is not None else (1 if options.quick else 3)
+    check_counts({"seeds": seeds})
+    same = ("dataset", "out", "photos", "psf", "blur_space", "cameras", "quick", "resume", "threads", "device")
+    return {**{name: getattr(options, name) for name in same}, "seeds": seeds, "only": tuple(options.only)}
+
+
+def check_counts(given: dict[str, int | None]) -> None:
+    """Options that count something, by name; None where one was not given.
+
+    Raises:
+        DgsError: one is below 1.
+    """
+    for name, value in given.items():
+        if value is not None and value < 1:
+            raise DgsError(f"--{name} must be at least 1, not {value}", "Give another number")
+
+
+def begin_in(folder: Path, marks: Sequence[str], overwrite: bool) -> None:
+    """Makes sure that a study may write to its folder, and marks it as this program's.
+
+    Args:
+        marks: files that only such a study leaves.
+
+    Raises:
+        OutputError: it cannot be written, or holds files of others.
+    """
+    check_output_folder(folder, marks, overwrite)
+    claim_output_folder(folder)
+    check_writable(folder)
