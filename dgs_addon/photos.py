@@ -8,15 +8,14 @@ from __future__ import annotations
 
 import struct
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from bpy.app.translations import pgettext_rpt as rpt_
 
-#: As in `core.photos.load`, which cannot be imported here: it needs Pillow.
-SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp", ".bmp")
-#: As in `core.photos.movie`, for the same reason.
-MOVIES = (".mp4", ".mov", ".m4v", ".mkv", ".webm", ".avi", ".mpg", ".mpeg", ".mts", ".m2ts", ".ogv")
+from ..core.photos.kinds import HEIF, MOVIES, left_out, read_suffixes
+
 #: How a file of each kind begins.
 _SIGNATURES = {
     ".png": (b"\x89PNG",),
@@ -26,7 +25,10 @@ _SIGNATURES = {
     ".tiff": (b"II", b"MM"),
     ".webp": (b"RIFF",),
     ".bmp": (b"BM",),
+    **dict.fromkeys(HEIF, (b"ftyp",)),
 }
+#: Where the signature stands; at the beginning if it is not here.
+_PLACE = dict.fromkeys(HEIF, 4)
 #: Enough of a file for a signature; enough for a JPEG's size, which lies behind its metadata.
 _SIGNATURE, _METADATA = 32, 65_536
 
@@ -50,8 +52,25 @@ class PhotoFolder:
     movie: Path | None = None
 
 
+#: Whether the engine reads HEIC: asked of those who know where the engine is.
+_engine_reads_heif: list[Callable[[], bool]] = []
 #: The folder or movie that was read last, with the time of its last change.
 _cache: dict[tuple[Path, str], tuple[int, PhotoFolder]] = {}
+
+
+def ask_about_heif(engine_reads_heif: Callable[[], bool]) -> None:
+    """Whom to ask whether the engine reads HEIC; until then it does not."""
+    _engine_reads_heif[:] = [engine_reads_heif]
+    forget()
+
+
+def suffixes() -> frozenset[str]:
+    """Endings of the photos that the engine reads."""
+    return read_suffixes(_heif())
+
+
+def _heif() -> bool:
+    return any(ask() for ask in _engine_reads_heif)
 
 
 def is_movie(path: Path) -> bool:
@@ -96,30 +115,27 @@ def _look_at_movie(path: Path) -> PhotoFolder:
 
 
 def _look(folder: Path, selection: str) -> PhotoFolder:
-    wanted = set(selection.splitlines())
+    wanted, kinds = set(selection.splitlines()), suffixes()
     try:
-        files = tuple(
-            sorted(
-                p
-                for p in folder.iterdir()
-                if p.suffix.lower() in SUFFIXES and not p.name.startswith(".") and (not wanted or p.name in wanted)
-            )
-        )
+        there = sorted(p for p in folder.iterdir() if not p.name.startswith(".") and (not wanted or p.name in wanted))
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
         return PhotoFolder(problem=rpt_("This folder cannot be read: {reason}").format(reason=reason))
+    files = tuple(path for path in there if path.suffix.lower() in kinds)
+    unread = _unread([path.name for path in there])
     if len(files) < 3:
         words = (
             rpt_("No photos here; at least 3 are needed, 20 or more are better"),
             rpt_("Only 1 photo here; at least 3 are needed, 20 or more are better"),
             rpt_("Only 2 photos here; at least 3 are needed, 20 or more are better"),
         )
-        return PhotoFolder(files, problem=words[len(files)])
+        return PhotoFolder(files, problem=". ".join([words[len(files)], *unread[:1]]))
     heads = {path: _head(path) for path in files}
     sizes = Counter(size for ok, size in heads.values() if ok and size is not None)
     usual = sizes.most_common(1)[0][0] if sizes else None
     gone = sorted(wanted - {path.name for path in files})
     warnings = [rpt_("{name}: it is not there any more").format(name=name) for name in gone]
+    warnings += unread
     damaged = [path.name for path, (ok, _) in heads.items() if not ok]
     warnings += [rpt_("{name}: no photo inside, it will be left out").format(name=name) for name in damaged]
     warnings += [
@@ -130,6 +146,15 @@ def _look(folder: Path, selection: str) -> PhotoFolder:
     return PhotoFolder(files, usual, tuple(warnings))
 
 
+def _unread(names: list[str]) -> list[str]:
+    """A sentence for every picture of a kind that the engine does not read."""
+    words = rpt_("{name}: pictures of this kind are not read, it will be left out")
+    heif = rpt_("{name}: HEIC needs the package pillow-heif in the engine's Python, it will be left out")
+    return [
+        (heif if Path(name).suffix.lower() in HEIF else words).format(name=name) for name in left_out(names, _heif())
+    ]
+
+
 def _head(path: Path) -> tuple[bool, tuple[int, int] | None]:
     """Whether a file begins like a picture, and its size where that is cheap to learn."""
     suffix = path.suffix.lower()
@@ -138,7 +163,7 @@ def _head(path: Path) -> tuple[bool, tuple[int, int] | None]:
             data = stream.read(_METADATA if suffix in (".jpg", ".jpeg") else _SIGNATURE)
     except OSError:
         return False, None
-    if not data.startswith(_SIGNATURES[suffix]):
+    if not data[_PLACE.get(suffix, 0) :].startswith(_SIGNATURES[suffix]):
         return False, None
     if suffix == ".png" and len(data) >= 24:
         return True, struct.unpack(">II", data[16:24])

@@ -8,7 +8,7 @@ from typing import Any
 import bpy
 from bpy.app.translations import pgettext_rpt as rpt_
 
-from ..dgs_addon.photos import SUFFIXES, forget, is_movie, photo_folder
+from ..dgs_addon.photos import forget, is_movie, photo_folder, suffixes
 
 
 class DGS_OT_choose_photos(bpy.types.Operator):
@@ -39,7 +39,8 @@ class DGS_OT_choose_photos(bpy.types.Operator):
             return {"CANCELLED"}
         names = [file.name for file in self.files if file.name]
         movie = next((name for name in names if is_movie(folder / name)), None)
-        chosen = [name for name in names if Path(name).suffix.lower() in SUFFIXES]
+        kinds = suffixes()
+        chosen = [name for name in names if Path(name).suffix.lower() in kinds]
         place = folder if movie is None else folder / movie
         selection = "\n".join(sorted(chosen)) if movie is None and len(chosen) > 1 else ""
         forget()

@@ -7,7 +7,7 @@ from typing import Any
 import bpy
 
 from ..core.formats.gaussians import dropped_suffixes
-from ..dgs_addon.photos import MOVIES, SUFFIXES
+from ..core.photos.kinds import HEIF, MOVIES, SUFFIXES
 
 
 class _Drop(bpy.types.FileHandler):
@@ -23,7 +23,7 @@ class DGS_FH_photos(_Drop):
     bl_idname = "DGS_FH_photos"
     bl_label = "Descatter: Photos"
     bl_import_operator = "dgs.choose_photos"
-    bl_file_extensions = ";".join((*SUFFIXES, *MOVIES))
+    bl_file_extensions = ";".join(sorted(SUFFIXES | HEIF | MOVIES))  # whether HEIC can be read is said after the drop
 
 
 class DGS_FH_twin(_Drop):

@@ -9,6 +9,7 @@ import bpy
 from bpy_extras.io_utils import ImportHelper
 
 from ..core.errors import DgsError
+from ..core.photos.kinds import HEIF, SUFFIXES
 from ..dgs_addon.engine.interpreter import find_python, why_not
 from ..dgs_addon.paths import out_folder
 from ..dgs_addon.questions import inspection
@@ -22,7 +23,9 @@ class DGS_OT_measure_psf(bpy.types.Operator, ImportHelper):
     bl_idname = "dgs.measure_psf"
     bl_label = "Measure PSF from Photo"
 
-    filter_glob: bpy.props.StringProperty(default="*.png;*.jpg;*.jpeg;*.tif;*.tiff;*.webp;*.bmp", options={"HIDDEN"})
+    filter_glob: bpy.props.StringProperty(
+        default=";".join(f"*{suffix}" for suffix in sorted(SUFFIXES | HEIF)), options={"HIDDEN"}
+    )
 
     @classmethod
     def poll(cls, context: Any) -> bool:

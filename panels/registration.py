@@ -6,8 +6,10 @@ import bpy
 
 from .. import operators
 from ..dgs_addon.engine import install
+from ..dgs_addon.engine.interpreter import reads_heif
 from ..dgs_addon.job import pictures, runner, watching
 from ..dgs_addon.job.properties import DGS_PG_settings, register_properties, unregister_properties
+from ..dgs_addon.photos import ask_about_heif
 from ..dgs_addon.questions import estimate, exact, inspection
 from ..dgs_addon.translations import register_translations, unregister_translations
 from . import CLASSES, forget_thumbnails
@@ -26,6 +28,7 @@ def register() -> None:
         _registered.append(kind)
     register_properties()
     register_translations()
+    ask_about_heif(reads_heif)
     operators.add_menus()
     bpy.app.handlers.load_post.append(watching.go_on)
 

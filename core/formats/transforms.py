@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -12,8 +13,8 @@ import numpy as np
 
 from ..camera import Camera
 from ..conventions import from_opengl, to_opengl
-from ..errors import FormatError, OutputError
-from ..files import read_json
+from ..errors import FormatError
+from ..files import read_json, write_text
 from ..json_shape import check_shape, number, text
 from ..lens import Lens
 from ..names import inner_name
@@ -29,14 +30,14 @@ _EXPORT = "Export it again, or give a COLMAP model"
 def read_transforms(
     path: Path, sizes: Mapping[str, tuple[int, int]] | None = None
 ) -> tuple[dict[str, Lens], dict[str, Pose]]:
-    """Lenses and poses by file name (without folders), as the file names them.
+    """Lenses and poses by file name, as the file names them: without folders, but where two photos are called alike.
 
     Args:
         path: the JSON file, or a folder with a transforms.json.
         sizes: (width, height) by lower-case stem, for files that do not say the photos' size.
 
     Raises:
-        FormatError: the file is missing, no JSON, or lacks what it needs.
+        FormatError: the file is missing, no JSON, lacks what it needs, or names a photo twice.
     """
     if path.is_dir():
         path = path / "transforms.json"
@@ -51,18 +52,32 @@ def read_transforms(
         raise FormatError(f"'{path}' lists no frames", _EXPORT)
     lenses: dict[str, Lens] = {}
     poses: dict[str, Pose] = {}
-    for frame in frames:
+    for frame, name in zip(frames, _names(path, frames), strict=True):
         try:
-            check_shape(frame, {"file_path": text, "transform_matrix": [[number]]})
-            name = inner_name(frame["file_path"]).rsplit("/", 1)[-1]
             rotation, translation = from_opengl(np.array(frame["transform_matrix"], float))
             poses[name] = Pose(rotation, translation)
-            lenses[name] = _lens({**content, **frame}, (sizes or {}).get(name.rsplit(".", 1)[0].casefold()))
+            lenses[name] = _lens({**content, **frame}, (sizes or {}).get(_stem(name)))
         except FormatError as error:
             raise FormatError(f"'{path}', frame '{name}': {error.what}", error.way_out) from error
         except (KeyError, TypeError, ValueError) as error:
             raise FormatError(f"'{path}' has a damaged frame ({type(error).__name__}: {error})", _EXPORT) from error
     return lenses, poses
+
+
+def _names(path: Path, frames: list[Any]) -> list[str]:
+    """What each frame's photo is called: its last name, with its folders only where another has the same."""
+    try:
+        for frame in frames:
+            check_shape(frame, {"file_path": text, "transform_matrix": [[number]]})
+        inner = [inner_name(frame["file_path"]) for frame in frames]
+    except ValueError as error:
+        raise FormatError(f"'{path}' has a damaged frame ({error})", _EXPORT) from error
+    twice = next((name for name, count in Counter(inner).items() if count > 1), None)
+    if twice is not None:
+        raise FormatError(f"'{path}' has two frames of the photo '{twice}'", "Keep one of them")
+    last = [name.rsplit("/", 1)[-1] for name in inner]
+    count = Counter(last)
+    return [short if count[short] == 1 else name for short, name in zip(last, inner, strict=True)]
 
 
 def read_transforms_points(path: Path) -> SparsePoints:
@@ -88,6 +103,10 @@ def read_transforms_points(path: Path) -> SparsePoints:
     if file is None or not file.is_file():
         return no_points()
     return read_ply_points(file)
+
+
+def _stem(name: str) -> str:
+    return name.rsplit("/", 1)[-1].rsplit(".", 1)[0].casefold()
 
 
 def _lens(values: dict[str, Any], size: tuple[int, int] | None) -> Lens:
@@ -154,13 +173,7 @@ def write_transforms(path: Path, cameras: Mapping[str, Camera]) -> None:
         }
         for name, camera in sorted(cameras.items())
     ]
-    text = json.dumps({"camera_model": "PINHOLE", "frames": frames}, indent=1, ensure_ascii=False)
-    try:
-        path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise OutputError(
-            f"'{path}' cannot be written ({error.strerror})", "Free space or choose another folder"
-        ) from error
+    write_text(path, json.dumps({"camera_model": "PINHOLE", "frames": frames}, indent=1, ensure_ascii=False))
 
 
 def _find(path: Path) -> Path | None:

@@ -21,14 +21,10 @@ from ..errors import Cancelled, PhotoError
 from ..names import check_photo_name, shown
 from ..numbers import BY_DEFINITION, number
 from ..progress import Progress
+from .kinds import HEIF, HEIF_PACKAGE, left_out, read_suffixes
 from .listing import LIST, listed_files
 from .scale import resized, resized_mask, size_within
 
-SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp", ".bmp"})
-#: Read where the package pillow-heif is there.
-_HEIF = frozenset({".heic", ".heif"})
-#: Pictures of kinds that are not read; somebody may take them for photos.
-_UNREAD = frozenset({".gif", ".avif", ".jp2", ".dng", ".cr2", ".cr3", ".nef", ".arw", ".orf", ".raf", ".rw2", ".exr"})
 # What a photo of a large sensor has is no attack; what has twice as many px is refused all the same.
 warnings.filterwarnings("ignore", category=Image.DecompressionBombWarning)
 
@@ -113,7 +109,8 @@ def photo_files(source: Path) -> list[Path]:
         entries = sorted(source.iterdir(), key=lambda p: unicodedata.normalize("NFC", p.name))
     except OSError as error:
         raise PhotoError(f"The folder '{source}' cannot be read ({error.strerror})", "Check its permissions") from error
-    files = [p for p in entries if p.suffix.lower() in _read_suffixes() and not _hidden(p)]
+    suffixes = read_suffixes(_reads_heif())
+    files = [p for p in entries if p.suffix.lower() in suffixes and not _hidden(p)]
     if not files:
         others = _left_out(source)
         raise PhotoError(
@@ -125,8 +122,8 @@ def photo_files(source: Path) -> list[Path]:
     return files
 
 
-def _read_suffixes() -> frozenset[str]:
-    return SUFFIXES | _HEIF if importlib.util.find_spec("pillow_heif") else SUFFIXES
+def _reads_heif() -> bool:
+    return importlib.util.find_spec(HEIF_PACKAGE) is not None
 
 
 def _hidden(path: Path) -> bool:
@@ -137,10 +134,9 @@ def _left_out(source: Path) -> str:
     """Which pictures of a folder are of kinds that are not read: '3 files of kinds that are not read: a.gif, ...'."""
     if not source.is_dir():
         return ""
-    kinds = (_UNREAD | _HEIF) - _read_suffixes()
-    names = sorted(shown(path.name) for path in source.iterdir() if path.suffix.lower() in kinds and not _hidden(path))
+    names = [shown(name) for name in left_out([p.name for p in source.iterdir() if p.is_file()], _reads_heif())]
     listed = ", ".join(names[:3]) + (", ..." if len(names) > 3 else "")
-    heif = "; install pillow-heif for HEIC" if any(name.lower().endswith(tuple(_HEIF)) for name in names) else ""
+    heif = "; install pillow-heif for HEIC" if any(name.lower().endswith(tuple(HEIF)) for name in names) else ""
     return f"{len(names)} of kinds that are not read: {listed}{heif}" if names else ""
 
 
@@ -256,8 +252,8 @@ def _read(path: Path) -> _Decoded:
         from .png16 import read_png16  # heavy: numba; Pillow would cut 16 bits to 8
 
         return _from_array(read_png16(path))
-    if path.suffix.lower() in _HEIF:
-        importlib.import_module("pillow_heif").register_heif_opener()  # an extra package
+    if path.suffix.lower() in HEIF:
+        importlib.import_module(HEIF_PACKAGE).register_heif_opener()  # an extra package
     with Image.open(path) as opened:
         exif = opened.getexif()
         focal = exif.get_ifd(_EXIF_IFD).get(_FOCAL_35MM)

@@ -20,9 +20,8 @@ from ..errors import Cancelled, DeviceError, PhotoError
 from ..files import make_folder, read_json, replacing, write_json
 from ..numbers import number
 from ..progress import Progress
+from .kinds import MOVIES
 from .scale import size_within
-
-MOVIES = frozenset({".mp4", ".mov", ".m4v", ".mkv", ".webm", ".avi", ".mpg", ".mpeg", ".mts", ".m2ts", ".ogv"})
 
 #: From this height on, movies that do not say how their colours are coded use BT.709, else BT.601.
 _HIGH_DEFINITION = 720

@@ -11,6 +11,7 @@ from typing import Any
 import bpy
 
 from ...core.errors import DeviceError
+from ...core.photos.kinds import HEIF_PACKAGE
 from .folder import engine_folder, engine_python, is_installed
 
 #: Python to use before all others, for tests and for many machines set up alike.
@@ -47,6 +48,21 @@ def find_python() -> Path:
     if getattr(bpy.app, "module", False) and find_spec("torch") is not None:
         return Path(sys.executable)
     raise DeviceError("The engine is not installed", "Press Install Engine in the add-on's preferences")
+
+
+def reads_heif() -> bool:
+    """Whether the engine's Python has the package that reads HEIC; a Python of another layout has not.
+
+    Its library is looked at, not asked: that would take seconds.
+    """
+    try:
+        python = find_python()
+        if python == Path(sys.executable):
+            return find_spec(HEIF_PACKAGE) is not None
+        libraries = [*python.parent.parent.glob("lib/python3*/*-packages"), python.parent.parent / "Lib/site-packages"]
+        return any((library / HEIF_PACKAGE).is_dir() for library in libraries)
+    except (DeviceError, OSError):
+        return False
 
 
 def why_not() -> str:

@@ -47,7 +47,7 @@ class DGS_PG_settings(bpy.types.PropertyGroup):
         name="Photos",
         subtype="DIR_PATH",
         update=_read_photos,
-        description="Folder with the photos: PNG, JPEG, TIFF, WebP or BMP, at least three. Or a movie",
+        description="Folder with the photos: PNG, JPEG, TIFF, WebP, BMP or HEIC, at least three. Or a movie",
     )
     selection: bpy.props.StringProperty(
         name="Chosen Photos",

@@ -13,7 +13,7 @@ from ...core.errors import DgsError
 from ...core.twin.folder import TwinFolder
 from ..engine.interpreter import find_python, why_not
 from ..paths import absolute, out_folder
-from ..photos import SUFFIXES
+from ..photos import suffixes
 from . import runner
 from .request import update_request
 
@@ -41,9 +41,10 @@ class Watch:
 
     def _sizes(self) -> dict[str, tuple[int, int]]:
         now: dict[str, tuple[int, int]] = {}
+        kinds = suffixes()
         try:
             for path in self.folder.iterdir():
-                if path.suffix.lower() in SUFFIXES and not path.name.startswith(".") and path.name not in self.taken:
+                if path.suffix.lower() in kinds and not path.name.startswith(".") and path.name not in self.taken:
                     status = path.stat()
                     now[path.name] = (status.st_size, status.st_mtime_ns)
         except OSError:  # the folder is gone for a while, or a file of it

@@ -8,6 +8,7 @@ scene's render settings in Blender, so that the first camera sets it for all.
 from __future__ import annotations
 
 import unicodedata
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -15,9 +16,11 @@ import bpy
 
 from ...core.errors import FormatError
 from ...core.formats.cameras import read_cameras
+from ...core.photos.kinds import SUFFIXES
 from ..axes import place_camera
 
-_PHOTOS = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".exr")
+#: Pictures that Blender can show behind a camera.
+_PHOTOS = SUFFIXES | {".exr"}
 
 
 def add_cameras(path: Path, photos: Path | None, scene: Any) -> list[Any]:
@@ -25,7 +28,8 @@ def add_cameras(path: Path, photos: Path | None, scene: Any) -> list[Any]:
 
     Args:
         path: a file of cameras or a folder with one, of any format of `core.formats.cameras`.
-        photos: folder with the photos, matched by name without regard to case and ending; None for none.
+        photos: folder with the photos, matched by name without regard to case and ending; None for none. Where the
+            model has two photos of one name in two folders, each is looked for in its own.
         scene: `bpy` scene; gets the frame size of the first camera.
 
     Returns:
@@ -35,16 +39,18 @@ def add_cameras(path: Path, photos: Path | None, scene: Any) -> list[Any]:
         FormatError: no cameras there, or damaged ones.
     """
     cameras = read_cameras(path).pinholes()
-    pictures = _pictures(photos) if photos is not None else {}
+    pictures = _pictures(photos, sorted(cameras)) if photos is not None else {}
+    alike = Counter(map(_key, cameras))
     collection = bpy.data.collections.new("Cameras")
     scene.collection.children.link(collection)
     objects: list[Any] = []
     for name in sorted(cameras):
-        thing = bpy.data.objects.new(Path(name).stem, bpy.data.cameras.new(Path(name).stem))
+        label = Path(name).stem if alike[_key(name)] == 1 else str(Path(name).with_suffix(""))
+        thing = bpy.data.objects.new(label, bpy.data.cameras.new(label))
         collection.objects.link(thing)
         place_camera(thing, cameras[name], scene.render if not objects else None)
         thing["dgs_photo"] = name
-        picture = pictures.get(_key(name))
+        picture = pictures.get(name)
         if picture is not None:
             _show_behind(thing.data, picture)
         objects.append(thing)
@@ -73,11 +79,19 @@ def photo_behind(camera: Any) -> Path | None:
     return None
 
 
-def _pictures(folder: Path) -> dict[str, Path]:
+def _pictures(folder: Path, names: list[str]) -> dict[str, Path]:
+    """The pictures in a folder by the names of the cameras that took them."""
     try:
-        return {_key(file.name): file for file in sorted(folder.iterdir()) if file.suffix.lower() in _PHOTOS}
+        there = {_key(file.name): file for file in sorted(folder.iterdir()) if file.suffix.lower() in _PHOTOS}
     except OSError as error:
         raise FormatError(f"The photos in '{folder}' cannot be listed", "Choose another folder") from error
+    alike = Counter(map(_key, names))
+    found: dict[str, Path] = {}
+    for name in names:
+        picture = there.get(_key(name)) if alike[_key(name)] == 1 else folder / name
+        if picture is not None and picture.is_file() and picture.suffix.lower() in _PHOTOS:
+            found[name] = picture
+    return found
 
 
 def _key(name: str) -> str:

@@ -11,8 +11,9 @@ import numpy as np
 from ...core.errors import CameraError
 from ...core.files import make_folder
 from ...core.formats.transforms import write_transforms
+from ...core.photos.kinds import HEIF, SUFFIXES
 from ..axes import BlenderCamera, camera_to_engine
-from ..photos import SUFFIXES, photo_folder
+from ..photos import photo_folder
 
 #: Property of a camera object that names its photo; without it, the object's own name counts.
 PHOTO = "dgs_photo"
@@ -70,5 +71,5 @@ def _settings(thing: Any, render: Any) -> BlenderCamera:
 def _key(name: str) -> str:
     """Photos match cameras whatever the ending and the case."""
     path = Path(name.replace("\\", "/"))
-    stem = path.stem if path.suffix.lower() in SUFFIXES else path.name
+    stem = path.stem if path.suffix.lower() in SUFFIXES | HEIF else path.name
     return unicodedata.normalize("NFC", stem).casefold()

@@ -187,3 +187,32 @@ def test_the_log_becomes_a_text(tmp_path: Path) -> None:
 
 def test_a_chart_that_is_not_there_is_explained(tmp_path: Path) -> None:
     refused("show_tradeoff", "make one with", filepath=str(tmp_path))
+
+
+def test_heic_counts_where_the_engine_reads_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The panel and the engine agree, whether pillow-heif is in the engine's Python or not."""
+    engine = tmp_path / "venv"
+    (engine / "bin").mkdir(parents=True)
+    (engine / "lib" / "python3.11" / "site-packages").mkdir(parents=True)
+    (engine / "bin" / "python").write_text("", "utf-8")
+    monkeypatch.setenv("DGS_ENGINE_PYTHON", str(engine / "bin" / "python"))
+    photos = tmp_path / "photos"
+    photos.mkdir()
+    for name in "abc":
+        (photos / f"{name}.HEIC").write_bytes(b"\0\0\0\x18ftypheic" + bytes(20))
+    (photos / "d.gif").write_bytes(b"GIF89a")
+    settings = bpy.context.scene.dgs
+    settings.photos = str(photos)
+    assert "No photos here" in chosen_photos(settings).problem
+    assert "a.HEIC: HEIC needs the package pillow-heif" in chosen_photos(settings).problem
+    refused("choose_photos", "pillow-heif", directory=str(photos))
+    (engine / "lib" / "python3.11" / "site-packages" / "pillow_heif").mkdir()
+    forget()
+    found = chosen_photos(settings)
+    assert [path.name for path in found.files] == ["a.HEIC", "b.HEIC", "c.HEIC"] and not found.problem
+    assert found.warnings == ("d.gif: pictures of this kind are not read, it will be left out",)
+    assert choose(photos, "a.HEIC", "b.HEIC", "c.HEIC") == {"FINISHED"}
+    assert settings.selection == "a.HEIC\nb.HEIC\nc.HEIC"
+    (photos / "c.HEIC").write_bytes(b"no picture at all")
+    forget()
+    assert "c.HEIC: no photo inside, it will be left out" in chosen_photos(settings).warnings

@@ -70,3 +70,18 @@ def test_photos_stand_behind_their_cameras(tmp_path: Path) -> None:
 def test_a_folder_without_cameras_is_explained(tmp_path: Path) -> None:
     with pytest.raises(FormatError, match="holds no cameras"):
         add_cameras(tmp_path, None, bpy.context.scene)
+
+
+def test_photos_of_one_name_in_two_folders_stand_behind_their_own_cameras(tmp_path: Path) -> None:
+    first, second = list(_cameras().values())[:2]
+    write_transforms(tmp_path / "transforms.json", {"left/a.png": first, "right/a.png": second})
+    for side, colour in (("left", "red"), ("right", "blue"), (".", "green")):
+        (tmp_path / side).mkdir(exist_ok=True)
+        Image.new("RGB", (320, 200), colour).save(tmp_path / side / "a.png")
+    objects = add_cameras(tmp_path / "transforms.json", tmp_path, bpy.context.scene)
+    behind = [Path(thing.data.background_images[0].image.filepath) for thing in objects]
+    assert behind == [tmp_path / "left" / "a.png", tmp_path / "right" / "a.png"], "and not one photo behind both"
+    assert [thing.name for thing in objects] == ["left/a", "right/a"]
+    (tmp_path / "right" / "a.png").unlink()
+    objects = add_cameras(tmp_path / "transforms.json", tmp_path, bpy.context.scene)
+    assert not objects[1].data.background_images

@@ -26,6 +26,7 @@ WITHOUT_TORCH = (
     "progress",
     "formats.cameras",
     "formats.gaussians",
+    "photos.kinds",
     "colour",
 )
 

@@ -10,7 +10,7 @@ from dgs.core import conventions
 from dgs.core.camera import Camera
 from dgs.core.errors import CameraError, FormatError
 from dgs.core.formats.cameras import read_cameras
-from dgs.core.formats.colmap import read_model, write_lenses, write_model
+from dgs.core.formats.colmap import read_colmap_cameras, read_model, write_lenses, write_model
 from dgs.core.formats.transforms import read_transforms, write_transforms
 from dgs.core.lens import MODELS, Lens
 from dgs.core.photos.load import Photo
@@ -199,3 +199,40 @@ def test_points_that_transforms_name(tmp_path: Path, text: bool) -> None:
     # A path that leads out of the folder is looked for inside it.
     (tmp_path / "transforms.json").write_text(json.dumps(content | {"ply_file_path": "../../cloud.ply"}))
     assert len(read_cameras(tmp_path).points().positions) == 0
+
+
+def _two_folders(path: Path, second: str) -> None:
+    """A transforms.json of 'left/0.png' and a second frame, each with a pose of its own, and 'left/1.png'."""
+    matrices = [np.eye(4) for _ in range(3)]
+    for index, matrix in enumerate(matrices):
+        matrix[0, 3] = index
+    names = ("./left/0.png", second, "left/1.png")
+    frames = [{"file_path": n, "transform_matrix": m.tolist()} for n, m in zip(names, matrices, strict=True)]
+    path.write_text(json.dumps({"w": 8, "h": 6, "fl_x": 9.0, "frames": frames}), "utf-8")
+
+
+def test_photos_of_one_name_in_two_folders_stay_two(tmp_path: Path) -> None:
+    path = tmp_path / "transforms.json"
+    _two_folders(path, "right/0.png")
+    lenses, poses = read_transforms(path)
+    assert sorted(poses) == sorted(lenses) == ["1.png", "left/0.png", "right/0.png"]
+    assert [round(-poses[name].translation[0]) for name in ("left/0.png", "right/0.png", "1.png")] == [0, 1, 2]
+    photo = Photo("0.png", tmp_path / "0.png", np.zeros((6, 8, 3), np.uint8))
+    with pytest.raises(CameraError, match="Two cameras could belong to the same photo: 'left/0.png' and 'right/0.png'"):
+        load_cameras(path, [photo])
+    _two_folders(path, "left/0.png")
+    with pytest.raises(FormatError, match="two frames of the photo 'left/0.png'"):
+        read_transforms(path)
+
+
+def test_a_colmap_model_with_one_name_in_two_folders_is_as_clear(tmp_path: Path) -> None:
+    (tmp_path / "cameras.txt").write_text("1 PINHOLE 8 6 9 9 4 3\n")
+    images = "1 1 0 0 0 0 0 0 1 left/0.png\n\n2 1 0 0 0 1 0 0 1 {}\n\n"
+    (tmp_path / "images.txt").write_text(images.format("right/0.png"))
+    assert sorted(read_colmap_cameras(tmp_path)[1]) == ["left/0.png", "right/0.png"]
+    photo = Photo("0.png", tmp_path / "0.png", np.zeros((6, 8, 3), np.uint8))
+    with pytest.raises(CameraError, match="Two cameras could belong to the same photo"):
+        load_cameras(tmp_path, [photo])
+    (tmp_path / "images.txt").write_text(images.format("left/0.png"))
+    with pytest.raises(FormatError, match="two images 'left/0.png'"):
+        read_colmap_cameras(tmp_path)
