@@ -7,6 +7,7 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, Literal
 
+from .background import Background
 from .devices import BackendName
 
 PresetName = Literal["draft", "balanced", "fine"]
@@ -35,13 +36,18 @@ RUN_REPLACES = (
 
 @dataclass(frozen=True)
 class PhotoSettings:
-    """Which photos there are: see the fields of the same names in `ReconstructSettings`."""
+    """Which photos there are: see the fields of the same names in `ReconstructSettings`.
+
+    Attributes:
+        background: behind transparent photos; where light was blurred, they are put over it as light.
+    """
 
     photos: Path
     masks: Path | None = None
     frames: int = DEFAULT_FRAMES
     holdout_every: int = 8
     max_size: int | None = None
+    background: Background = Background()
 
 
 @dataclass(frozen=True)
@@ -176,9 +182,10 @@ class ReconstructSettings:
         """Each stage's own settings."""
         words = [word.strip() for word in self.effects.split(",")]
         motion_apart = "-motion" not in words and bool({"auto", "all", "motion"} & set(words))
+        background = Background(space="srgb" if self.psf == "none" else self.blur_space)
         return RunSettings(
             out=self.out,
-            photos=PhotoSettings(self.photos, self.masks, self.frames, self.holdout_every, self.max_size),
+            photos=PhotoSettings(self.photos, self.masks, self.frames, self.holdout_every, self.max_size, background),
             medium=MediumSettings(self.psf, self.blur_space, motion_apart),
             cameras=CameraSettings(self.cameras, self.refine_cameras, self.reference_cameras),
             effects=self.effects,

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from .background import Background, behind_shows, opacity
 from .camera import Camera
 
 
@@ -18,16 +19,20 @@ class View:
 
     Attributes:
         camera: pinhole camera; its width and height are the photo's.
-        photo: [H, W, 3] uint8 or uint16, sRGB-encoded.
+        photo: [H, W, 3] uint8 or uint16, sRGB-encoded; over `background` where it is transparent.
         mask: [H, W] bool, True where a pixel counts; None where all do.
         levels: largest value of the file that the photo came from (255, 65535): `photo` may be finer, where it
             was resampled; None for `photo`'s own.
+        alpha: [H, W] of the type of `photo`, 0 where it is empty; None where it is opaque everywhere.
+        background: what is behind what all photos of the set show; None if that is not known.
     """
 
     camera: Camera
     photo: NDArray[np.uint8] | NDArray[np.uint16] = field(repr=False)
     mask: NDArray[np.bool_] | None = field(default=None, repr=False)
     levels: int | None = None
+    alpha: NDArray[np.uint8] | NDArray[np.uint16] | None = field(default=None, repr=False)
+    background: Background | None = None
 
     @property
     def rounding(self) -> float:
@@ -43,6 +48,15 @@ class View:
         """The photo as [3, H, W] float32 in [0, 1], still sRGB-encoded."""
         full = np.float32(np.iinfo(self.photo.dtype).max)
         return np.ascontiguousarray(self.photo.transpose(2, 0, 1)).astype(np.float32) / full
+
+    def transparency(self) -> NDArray[np.float32] | None:
+        """[H, W] how far the photo is empty, 1 - alpha; None where it is opaque everywhere."""
+        return None if self.alpha is None else 1 - opacity(self.alpha)
+
+    @property
+    def background_shows(self) -> NDArray[np.bool_] | None:
+        """[H, W] px that show the background more than anything before it; None if there are none."""
+        return behind_shows(self.photo, self.alpha, self.background)
 
 
 def fingerprint(photo: NDArray[np.uint8] | NDArray[np.uint16]) -> int:

@@ -67,7 +67,7 @@ def read_light(path: Path, linear: bool = True) -> Light:
     Raises:
         PhotoError: the file cannot be read.
     """
-    photo = load_photo(path)
+    photo = load_photo(path, background=None)
     top = int(np.iinfo(photo.pixels.dtype).max)
     unit = photo.pixels.astype(np.float64) / top
     values = srgb_to_linear(unit) if linear else unit

@@ -38,6 +38,8 @@ def inspect(photos: PhotoSet) -> Evidence:
     for photo in photos.photos:
         top = int(np.iinfo(photo.pixels.dtype).max)
         clipped = (photo.pixels >= top - top // SETTINGS.levels).any(axis=2)
+        if photo.background_shows is not None:
+            clipped &= ~photo.background_shows
         masked = photo.mask is not None and photo.mask.any()
         shares.append(float(clipped[photo.mask].mean() if masked else clipped.mean()))
     value = float(np.mean(shares))

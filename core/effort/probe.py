@@ -89,7 +89,7 @@ def made_up(photos: Sequence[Photo]) -> tuple[list[View], SparsePoints]:
         focal = photo.focal_px or FOCAL * max(width, height)
         shift = np.array([APART * index, 0.0, 0.0])
         camera = Camera(photo.name, width, height, focal, focal, width / 2, height / 2, np.eye(3), shift)
-        views.append(View(camera, photo.pixels, photo.mask))
+        views.append(View(camera, photo.pixels, photo.mask, None, photo.alpha, photo.background))
     first = views[0].camera
     half = 0.75 * np.array([first.width, first.height]) / first.fx * DISTANCE
     x, y = (a.ravel() for a in np.meshgrid(np.linspace(-1, 1, POINTS), np.linspace(-1, 1, POINTS)))

@@ -87,6 +87,8 @@ class PhotoSet:
         out = []
         for photo in self.looked_at:
             white = (photo.pixels == np.iinfo(photo.pixels.dtype).max).any(axis=2)
+            if photo.background_shows is not None:
+                white &= ~photo.background_shows
             out.append(white if photo.mask is None else white | ~photo.mask)
         return out
 

@@ -7,8 +7,10 @@ import logging
 import os
 import unicodedata
 import warnings
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +19,7 @@ import tifffile
 from numpy.typing import NDArray
 from PIL import Image, ImageOps
 
+from ..background import Background, behind_shows, opacity
 from ..errors import Cancelled, PhotoError
 from ..names import check_photo_name, shown
 from ..numbers import BY_DEFINITION, number
@@ -36,7 +39,7 @@ class LoadSettings:
     decoders: int = number(
         4, "count", "photos that are decoded at a time; more would wait for the disk and fill memory"
     )
-    half: float = number(0.5, "share", "a pixel counts where the alpha or the mask is at least this", BY_DEFINITION)
+    half: float = number(0.5, "share", "a pixel counts where the mask is at least this", BY_DEFINITION)
     mask_aspect: float = number(0.02, "share", "by which a mask's width / height may differ from its photo's")
     smallest: int = number(16, "px", "shortest `max_size` that makes sense", BY_DEFINITION)
 
@@ -48,6 +51,9 @@ _FOCAL_35MM = 0xA405  # EXIF's tag FocalLengthIn35mmFilm
 #: Diagonal of the 36 x 24 mm frame that EXIF's FocalLengthIn35mmFilm refers to.
 _DIAGONAL_35MM = 43.27
 
+#: TIFF's kind of extra sample whose colours are multiplied by it.
+_ASSOCIATED_ALPHA = 1
+
 Pixels = NDArray[np.uint8] | NDArray[np.uint16]
 
 
@@ -58,13 +64,15 @@ class Photo:
     Attributes:
         name: file name, unique in its set, NFC-normalised.
         path: the file.
-        pixels: [H, W, 3] uint8 or uint16, sRGB-encoded; upright (EXIF rotation applied).
-        mask: [H, W] bool, True where a pixel counts; None where all do. A file's alpha below one
-            half does not count, and neither does black in the mask folder.
+        pixels: [H, W, 3] uint8 or uint16, sRGB-encoded; upright (EXIF rotation applied); over `background` where
+            the file is transparent.
+        mask: [H, W] bool, True where a pixel counts; None where all do. Black in the mask folder does not.
         scale: (x, y) size in memory / size in the file, (1, 1) unless `max_size` made it smaller.
         focal_px: focal length in px of `pixels` from EXIF, or None. A hint, never the truth.
         not_finite, clipped: px of a floating-point file that were NaN or infinite (they do not count), and
             those outside [0, 1] (they were cut).
+        alpha: [H, W] of the type of `pixels`, 0 where the photo is empty; None where it is opaque everywhere.
+        background: what is behind what all photos of the set show; None if that is not known.
     """
 
     name: str
@@ -75,21 +83,32 @@ class Photo:
     focal_px: float | None = None
     not_finite: int = 0
     clipped: int = 0
+    alpha: Pixels | None = field(default=None, repr=False)
+    background: Background | None = None
 
     @property
     def size(self) -> tuple[int, int]:
         """(width, height) in px."""
         return self.pixels.shape[1], self.pixels.shape[0]
 
+    def transparency(self) -> NDArray[np.float32] | None:
+        """[H, W] how far the photo is empty, 1 - alpha; None where it is opaque everywhere."""
+        return None if self.alpha is None else 1 - opacity(self.alpha)
+
+    @property
+    def background_shows(self) -> NDArray[np.bool_] | None:
+        """[H, W] px that show the background more than anything before it; None if there are none."""
+        return behind_shows(self.pixels, self.alpha, self.background)
+
 
 @dataclass
 class _Decoded:
-    """A file's picture, [H, W, 3] and alpha [H, W] in [0, 1] or None, and what was put right."""
+    """A file's picture, [H, W, 3] and alpha [H, W] of one type, which px are finite, and what was put right."""
 
     pixels: Pixels
-    alpha: NDArray[np.float32] | None = None
+    alpha: Pixels | None = None
     focal_35mm: float | None = None
-    not_finite: int = 0
+    finite: NDArray[np.bool_] | None = None
     clipped: int = 0
 
 
@@ -141,13 +160,18 @@ def _left_out(source: Path) -> str:
 
 
 def load_photos(
-    source: Path, max_size: int | None, progress: Progress, masks: Path | None = None, minimum: int = 2
+    source: Path,
+    max_size: int | None,
+    progress: Progress,
+    masks: Path | None = None,
+    minimum: int = 2,
+    background: Background = Background(),
 ) -> list[Photo]:
     """Reads every photo of a folder.
 
-    Grey becomes three equal channels; CMYK and palettes are converted; alpha becomes the mask and
-    the colours under it are kept as they are (8 or 16 bit stays 8 or 16 bit). Files that cannot be
-    read are named in a note and left out.
+    Grey becomes three equal channels; CMYK and palettes are converted; 8 or 16 bit stays 8 or 16 bit. Where a file is
+    transparent, the photo is empty, and its colours are put over the background. Files that cannot be read are named
+    in a note and left out.
 
     Args:
         source: folder of photos, or a list of them.
@@ -156,6 +180,7 @@ def load_photos(
         progress: hears of each photo; may cancel.
         masks: folder with one image per photo of the same stem; white counts, black does not.
         minimum: how many readable photos are enough to go on.
+        background: behind transparent photos.
 
     Returns:
         The photos, sorted by name.
@@ -172,7 +197,8 @@ def load_photos(
         progress.note(f"Pictures left out: {others}")
     mask_files = _masks(masks) if masks is not None else {}
     progress.stage("photos", len(files))
-    photos, failures = _read_all(files, max_size, masks is not None, mask_files, progress)
+    reader = partial(load_photo, max_size=max_size, background=background)
+    photos, failures = _read_all(files, reader, mask_files if masks is not None else None, progress)
     if masks is not None and not any(_stem(p.path) in mask_files for p in photos):
         raise PhotoError(f"No mask in '{masks}' has the name of a photo", "Give each mask its photo's name")
     for count, what in (
@@ -188,24 +214,24 @@ def load_photos(
             f"'{source}' holds {len(photos)} readable photo{'' if len(photos) == 1 else 's'}{named}",
             f"Add photos from other viewpoints; at least {minimum} are needed",
         )
-    return photos
+    return _behind_all(photos, background, progress)
 
 
 def _read_all(
-    files: list[Path], max_size: int | None, masked: bool, mask_files: dict[str, Path], progress: Progress
+    files: list[Path], reader: Callable[[Path], Photo], mask_files: dict[str, Path] | None, progress: Progress
 ) -> tuple[list[Photo], list[str]]:
     """The photos that can be read, with their masks, and the names of the others, each with a note."""
     photos: list[Photo] = []
     failures: list[str] = []
     pool = ThreadPoolExecutor(min(SETTINGS.decoders, os.cpu_count() or 1))
     try:
-        read = [pool.submit(load_photo, path, max_size) for path in files]
+        read = [pool.submit(reader, path) for path in files]
         for index, (path, one) in enumerate(zip(files, read, strict=True)):
             if progress.cancelled():
                 raise Cancelled("Stopped while reading photos")
             try:
                 photo = one.result()
-                if masked:
+                if mask_files is not None:
                     photo = _with_mask(photo, mask_files.get(_stem(path)), progress)
             except PhotoError as error:
                 failures.append(path.name)
@@ -218,8 +244,20 @@ def _read_all(
     return photos, failures
 
 
-def load_photo(path: Path, max_size: int | None = None) -> Photo:
+def _behind_all(photos: list[Photo], background: Background, progress: Progress) -> list[Photo]:
+    """The photos of a set; if any is transparent, the background is behind the opaque ones, too."""
+    transparent = sum(photo.alpha is not None for photo in photos)
+    if not transparent:
+        return photos
+    progress.note(f"Transparent px of {transparent} photos count as empty; they are shown over {background.name}")
+    return [replace(photo, background=background) for photo in photos]
+
+
+def load_photo(path: Path, max_size: int | None = None, background: Background | None = Background()) -> Photo:
     """Reads one photo; see `load_photos`.
+
+    Args:
+        background: behind a transparent photo; None for the colours as filed, whatever the alpha says.
 
     Raises:
         PhotoError: the file is unreadable, truncated or holds no picture.
@@ -231,17 +269,22 @@ def load_photo(path: Path, max_size: int | None = None) -> Photo:
     except Exception as error:  # decoders raise whatever they like; the file's name is what helps
         reason = str(error).strip().splitlines()[0][:120] if str(error).strip() else type(error).__name__
         raise PhotoError(f"'{path.name}' cannot be read as a photo ({reason})", "Replace or remove the file") from error
-    pixels, alpha, focal_35mm = read.pixels, read.alpha, read.focal_35mm
+    pixels, alpha, focal_35mm, mask = read.pixels, read.alpha, read.focal_35mm, read.finite
     height, width = pixels.shape[:2]
-    mask = None if alpha is None or bool((alpha >= SETTINGS.half).all()) else alpha >= SETTINGS.half
+    if alpha is None or background is None or bool((alpha == np.iinfo(alpha.dtype).max).all()):
+        alpha = background = None
+    else:  # before anything is averaged: what a file hides under alpha 0 must not bleed
+        pixels = background.under(pixels, alpha)
     new_width, new_height = size_within(width, height, max_size)
     if (new_width, new_height) != (width, height):
         pixels = resized(pixels, new_width, new_height)
+        alpha = None if alpha is None else resized(alpha, new_width, new_height)
         mask = None if mask is None else resized_mask(mask, new_width, new_height)
     focal = None if focal_35mm is None else focal_35mm / _DIAGONAL_35MM * float(np.hypot(new_width, new_height))
     name = unicodedata.normalize("NFC", path.name)
     scale = new_width / width, new_height / height
-    return Photo(name, path, pixels, mask, scale, focal, read.not_finite, read.clipped)
+    not_finite = 0 if read.finite is None else int((~read.finite).sum())
+    return Photo(name, path, pixels, mask, scale, focal, not_finite, read.clipped, alpha, background)
 
 
 def _read(path: Path) -> _Decoded:
@@ -265,7 +308,7 @@ def _read(path: Path) -> _Decoded:
         alpha = None
         if image.mode in {"RGBA", "LA", "PA", "RGBa", "La"} or "transparency" in image.info:
             rgba = image.convert("RGBA")
-            alpha = np.asarray(rgba.getchannel("A")).astype(np.float32) / np.float32(255)
+            alpha = np.asarray(rgba.getchannel("A")).copy()
             image = rgba
         return _Decoded(np.asarray(image.convert("RGB")).copy(), alpha, float(focal) if focal else None)
 
@@ -294,10 +337,21 @@ def _read_tiff(path: Path) -> _Decoded:
     if photometric == 0:  # white is zero
         array = np.iinfo(array.dtype).max - array if array.dtype.kind == "u" else 1.0 - array
     read = _from_array(array)
+    if read.alpha is not None and _ASSOCIATED_ALPHA in page.extrasamples:
+        read.pixels = _divided(read.pixels, read.alpha)
     turn = int(orientation.value) if orientation is not None else 1
     read.pixels = _upright(read.pixels, turn)
     read.alpha = None if read.alpha is None else _upright(read.alpha, turn)
+    read.finite = None if read.finite is None else _upright(read.finite, turn)
     return read
+
+
+def _divided(pixels: Pixels, alpha: Pixels) -> Pixels:
+    """Colours that a file holds multiplied by alpha, as they are without; black where it is empty."""
+    top = np.iinfo(pixels.dtype).max
+    straight = pixels * (np.float32(top) / np.maximum(alpha, 1)[:, :, None].astype(np.float32))
+    divided: NDArray[Any] = np.clip(straight + 0.5, 0, top).astype(pixels.dtype)
+    return divided
 
 
 def _upright(array: NDArray[Any], orientation: int) -> NDArray[Any]:
@@ -312,7 +366,7 @@ def _upright(array: NDArray[Any], orientation: int) -> NDArray[Any]:
 
 
 def _from_array(array: NDArray[Any]) -> _Decoded:
-    """Any [H, W] or [H, W, 1..4] array; px that are not finite get alpha 0."""
+    """Any [H, W] or [H, W, 1..4] array; px that are not finite are found."""
     if array.ndim == 2:
         array = array[:, :, None]
     if array.ndim != 3 or array.shape[2] not in (1, 2, 3, 4) or 0 in array.shape:
@@ -330,15 +384,13 @@ def _from_array(array: NDArray[Any]) -> _Decoded:
         raise PhotoError(f"Pixels of type {array.dtype} are not understood")
     alpha = None
     if array.shape[2] in (2, 4):
-        full = np.float32(np.iinfo(array.dtype).max)
-        alpha = array[:, :, -1].astype(np.float32) / full
+        alpha = np.ascontiguousarray(array[:, :, -1])
         array = array[:, :, :-1]
     if array.shape[2] == 1:
         array = np.repeat(array, 3, axis=2)
-    not_finite = 0 if finite is None else int((~finite).sum())
-    if finite is not None and not_finite:
-        alpha = finite.astype(np.float32) if alpha is None else np.where(finite, alpha, np.float32(0))
-    return _Decoded(np.ascontiguousarray(array), alpha, None, not_finite, clipped)
+    if finite is not None and bool(finite.all()):
+        finite = None
+    return _Decoded(np.ascontiguousarray(array), alpha, None, finite, clipped)
 
 
 def _stem(path: Path) -> str:
@@ -356,7 +408,7 @@ def _with_mask(photo: Photo, path: Path | None, progress: Progress) -> Photo:
     if path is None:
         progress.note(f"'{photo.name}' has no mask: all its pixels count")
         return photo
-    drawn = load_photo(path)
+    drawn = load_photo(path, background=None)
     width, height = photo.size
     given = drawn.size
     if abs(given[0] * height - given[1] * width) > SETTINGS.mask_aspect * given[0] * height:

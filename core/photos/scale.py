@@ -18,7 +18,9 @@ def size_within(width: int, height: int, max_size: int | None) -> tuple[int, int
 
 
 def resized(pixels: Pixels, width: int, height: int) -> Pixels:
-    """[H, W, 3] scaled by an antialiased Lanczos filter (a = 3); keeps its type."""
+    """[H, W, 3] or [H, W] scaled by an antialiased Lanczos filter (a = 3); keeps its type."""
+    if pixels.ndim == 2:
+        return _plane(pixels, width, height)
     full = np.iinfo(pixels.dtype).max
     if pixels.dtype == np.uint8:
         return np.asarray(Image.fromarray(pixels).resize((width, height), Image.Resampling.LANCZOS)).copy()
@@ -29,6 +31,12 @@ def resized(pixels: Pixels, width: int, height: int) -> Pixels:
         for c in range(pixels.shape[2])
     ]
     return np.clip(np.stack(planes, axis=2) + 0.5, 0, full).astype(np.uint16)
+
+
+def _plane(pixels: Pixels, width: int, height: int) -> Pixels:
+    if pixels.dtype == np.uint16:
+        return resized(pixels[:, :, None], width, height)[:, :, 0]
+    return np.asarray(Image.fromarray(pixels).resize((width, height), Image.Resampling.LANCZOS)).copy()
 
 
 def resized_mask(mask: NDArray[np.bool_], width: int, height: int) -> NDArray[np.bool_]:

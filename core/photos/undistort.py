@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import spline_filter1d
 
 from .. import compiled
+from ..background import Pixels, opacity
 from ..camera import Camera
 from ..lens import Lens
 from ..numbers import BY_DEFINITION, number
@@ -134,6 +135,13 @@ class Undistortion:
         kept = None if counts.all() else counts
         return rounded, kept
 
+    def alpha(self, alpha: Pixels) -> Pixels:
+        """Alpha [H, W] of the undistorted photo, of the type that `photo` gives."""
+        if self.passes_through:
+            return alpha
+        straight = resample(opacity(alpha)[:, :, None], self._sources)[:, :, 0]
+        return np.asarray(np.clip(straight * 65535.0 + 0.5, 0, 65535), np.uint16)
+
     def render(self, image: NDArray[np.float32], margin: int) -> NDArray[np.float32]:
         """A render of the pinhole, as the photo's lens would have seen it.
 
@@ -205,7 +213,9 @@ def undistorted_views(photos: list[Photo], cameras: Reconstruction) -> list[View
         way = shared[cameras.lenses[photo.name]]
         pixels, mask = way.photo(photo.pixels, photo.mask)
         levels = int(np.iinfo(photo.pixels.dtype).max)
-        return View(way.camera(photo.name, cameras.poses[photo.name]), pixels, mask, levels)
+        alpha = None if photo.alpha is None else way.alpha(photo.alpha)
+        camera = way.camera(photo.name, cameras.poses[photo.name])
+        return View(camera, pixels, mask, levels, alpha, photo.background)
 
     if all(way.passes_through for way in shared.values()):
         return [one(photo) for photo in seen]

@@ -40,6 +40,6 @@ def read_photos(settings: PhotoSettings, folder: TwinFolder, progress: Progress)
         PhotoError: nothing there that can be used. Cancelled: the user asked to stop.
     """
     source = photo_source(settings.photos, folder.path, settings.frames, progress)
-    photos = load_photos(source, settings.max_size, progress, settings.masks)
+    photos = load_photos(source, settings.max_size, progress, settings.masks, background=settings.background)
     held = heldout_names([photo.name for photo in photos], settings.holdout_every)
     return LoadedPhotos(source, photos, held, settings.holdout_every)

@@ -14,7 +14,9 @@ from numpy.typing import NDArray
 from ..errors import DgsError
 from ..evaluation.view_scores import NYQUIST_PERIOD, ViewScores
 from ..imaging.formation.chain import Formation
+from ..imaging.formation.effect import Shot
 from ..imaging.medium import Medium
+from ..lens import Lens
 from ..photos.load import Photo
 from ..photos.scale import resized
 from ..photos.truth import TruthFolder
@@ -23,6 +25,7 @@ from ..progress import Progress
 from ..reconstruction import Reconstruction
 from ..report.pictures import ViewPictures, spread
 from ..twin.folder import TwinFolder
+from .effects.corrected import over_filed
 from .effects.matched import matched_psnr
 from .timing import Timing
 from .views import Viewer, to_pixels
@@ -79,8 +82,9 @@ class ViewScorer:
             keep(twin)
         degraded = to_pixels(self.viewer.degraded(lens, pose, self.medium, photo.name, self.formation))
         scores = ViewScores(photo.name)
-        matched = matched_psnr(_planes(degraded), _planes(photo.pixels), photo.mask)
-        scores.add_photo(_unit(degraded), _unit(photo.pixels), photo.mask, matched)
+        filed = self._filed(photo, lens)
+        matched = matched_psnr(_planes(degraded), filed.transpose(2, 0, 1), photo.mask)
+        scores.add_photo(_unit(degraded), filed, photo.mask, matched)
         truth = self._true(photo.name, size)
         if truth is not None:
             mask = photo.mask if photo.scale == (1.0, 1.0) else None
@@ -97,6 +101,15 @@ class ViewScorer:
             scores={"degraded": scores.degraded, "sharp": scores.sharp},
         )
         return scores, pictures
+
+    def _filed(self, photo: Photo, lens: Lens) -> NDArray[np.float64]:
+        """[H, W, 3] the photo in [0, 1], as a render is that went through lens and sensor."""
+        if photo.alpha is None or not self.formation.sensor:
+            return _unit(photo.pixels)
+        planes = _planes(photo.pixels).astype(np.float32)
+        shot = Shot(photo.name, lens.height, lens.width, middle=(lens.cx, lens.cy))
+        shown = over_filed(planes, photo.transparency(), photo.background, self.formation, shot)
+        return np.ascontiguousarray(shown.transpose(1, 2, 0), np.float64)
 
     def _true(self, name: str, size: tuple[int, int]) -> Pixels | None:
         if self.truth is None:

@@ -124,7 +124,8 @@ def _new_photos(source: Path, twin: StoredTwin, folder: TwinFolder, progress: Pr
         )
     there = {fingerprint(photo.pixels) for photo in twin.photos}
     names = {photo.name.casefold() for photo in twin.photos}
-    loaded = load_photos(source, twin.settings.photos.max_size, progress, None, minimum=1)
+    wanted = twin.settings.photos
+    loaded = load_photos(source, wanted.max_size, progress, None, minimum=1, background=wanted.background)
     new = [photo for photo in loaded if fingerprint(photo.pixels) not in there]
     if not new:
         raise PhotoError(f"'{source}' holds no photo that the twin does not have", "Add new photos to it")

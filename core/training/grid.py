@@ -14,6 +14,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from ..background import Colour
 from ..camera import Camera
 from ..colour import linear_to_srgb, srgb_to_linear
 from ..imaging.medium import BlurSpace, Medium
@@ -93,7 +94,13 @@ def coarse_view(view: View, step: int, space: BlurSpace = "srgb") -> View:
     mask = None if view.mask is None else averaged(view.mask[None].astype(np.float32), step)[0] > GRID.valid_share
     levels = view.levels or int(np.iinfo(view.photo.dtype).max)
     camera, pixels = coarse_camera(view.camera, step), np.ascontiguousarray(photo.transpose(1, 2, 0))
-    return replace(view, camera=camera, photo=pixels, mask=mask, levels=levels)
+    empty = view.transparency()
+    alpha = None if empty is None else np.uint16(65535) - _sixteen_bit(averaged(empty[None], step)[0])
+    return replace(view, camera=camera, photo=pixels, mask=mask, levels=levels, alpha=alpha)
+
+
+def _sixteen_bit(share: NDArray[np.float32]) -> NDArray[np.uint16]:
+    return np.asarray(np.round(share * np.float32(65535)), np.uint16)
 
 
 @lru_cache(maxsize=1024)
@@ -119,10 +126,20 @@ class GridView:
         if view.mask is not None and not view.mask.all():
             share = averaged(view.mask[None].astype(np.float32), step)[0]
             self.valid = share > GRID.valid_share  # a grid pixel counts if all its photo pixels do
+        self._background, empty = view.background, view.transparency()
+        # Alpha is averaged as it is: the photo over its background is linear in it in the space it is put over it.
+        self._empty = None if empty is None else _sixteen_bit(averaged(empty[None], step)[0])
 
     def planes(self) -> NDArray[np.float32]:
         """The photo as [3, h, w] float32 in [0, 1], sRGB-encoded."""
         return self._photo.astype(np.float32) * np.float32(1 / 65535)
+
+    def over(self, colour: Colour) -> NDArray[np.float32]:
+        """`planes` with another sRGB colour in [0, 1] behind it; the same where the photo is opaque."""
+        planes = self.planes()
+        if self._empty is None or self._background is None:
+            return planes
+        return self._background.changed(planes, self._empty.astype(np.float32) * np.float32(1 / 65535), colour)
 
     def seen_by(self, camera: Camera) -> GridView:
         """The same photo, its camera (on the grid) elsewhere."""

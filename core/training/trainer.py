@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import torch
 
+from ..background import Background
 from ..colour import srgb_to_linear
 from ..devices import backend_on
 from ..errors import PsfError
@@ -133,7 +134,9 @@ class Trainer:
         )
         self.optimizer = Adam(gaussians.to(self.device))
         self.density = DensityControl(len(gaussians), self.device)
-        self.background = mean_colour(views).to(self.device)
+        self._known = background_of(views)
+        self.background = colour_behind(views).to(self.device)
+        self.transparent = any(view.alpha is not None for view in views)
         self.step = 0
         self.repairs: dict[str, int] = {}
         self.culled: dict[str, int] = {}
@@ -207,8 +210,12 @@ class Trainer:
     def backdrop(self) -> torch.Tensor:
         """[3] the colour behind the twin in this step: the photos' mean, shaken.
 
-        A fixed colour would be taken for part of the scene, which then stays translucent.
+        A fixed colour would be taken for part of the scene, which then stays translucent. Behind transparent photos it
+        is any colour: the same is put behind the photo, and only Gaussians of the photo's alpha explain all of them.
         """
+        if self.transparent:
+            any_colour = np.random.default_rng([self.settings.seed, 3, self.step]).uniform(0, 1, 3)
+            return torch.from_numpy(any_colour).to(self.background)
         shake = self.settings.backdrop * np.random.default_rng([self.settings.seed, 3, self.step]).uniform(-1, 1, 3)
         return self.background + torch.from_numpy(shake).to(self.background)
 
@@ -217,9 +224,11 @@ class Trainer:
         s = self.settings
         level = self.levels[0] if share < s.coarse_share else self.levels[-1]
         view = self.view_at(level, self.step)
-        exposed = self.model(level).expose(self.optimizer.gaussians, view, self.backdrop())
+        backdrop = self.backdrop()
+        exposed = self.model(level).expose(self.optimizer.gaussians, view, backdrop)
         valid = None if view.valid is None else torch.from_numpy(view.valid).to(self.device)
-        photo = torch.from_numpy(view.planes()).to(self.device)
+        red, green, blue = (float(value) for value in backdrop)
+        photo = torch.from_numpy(view.over((red, green, blue))).to(self.device)
         objective = self.objective(level, view)
         evaluate = objective.start_loss if objective.inverse is not None and share < s.start_share else objective.loss
         found = evaluate(exposed.reached, photo, valid)
@@ -283,6 +292,7 @@ class Trainer:
             "point spread": None if psf is None else np.round(psf.kernel(), 9).sum(axis=0).tolist(),
             "blur space": self.medium.blur_space,
             **({"own point spreads": self._own_spreads()} if self.medium.per_view else {}),
+            **({"background": asdict(self._known)} if self._known is not None else {}),
             **({"effects": {e.name: e.described() for e in self.formation.effects}} if self.formation else {}),
         }
 
@@ -339,6 +349,17 @@ def round_variance(views: Sequence[GridView]) -> float:
     if psf is None or own or psf.samples is not None or abs(psf.sigma_x - psf.sigma_y) > 1e-6 * psf.sigma_x:
         raise PsfError("Only a round Gaussian can widen the splats themselves", "Choose another blur evaluation")
     return float(psf.sigma_x**2)
+
+
+def background_of(views: Sequence[View]) -> Background | None:
+    """What is known to be behind what the photos show."""
+    return next((view.background for view in views if view.background is not None), None)
+
+
+def colour_behind(views: Sequence[View]) -> torch.Tensor:
+    """[3] float32 sRGB: what stands behind the twin: the photos' background, or where that is not known, their mean."""
+    known = background_of(views)
+    return mean_colour(views) if known is None else torch.tensor(known.colour)
 
 
 def mean_colour(views: Sequence[View]) -> torch.Tensor:

@@ -28,7 +28,7 @@ from ..run_settings import ReconstructSettings, RunSettings
 from ..sfm.given import load_cameras
 from ..training.grid import GridView, grid_step
 from ..training.scale import SceneScale, scene_scale
-from ..training.trainer import mean_colour
+from ..training.trainer import colour_behind
 from ..views import View, heldout_names
 from .folder import TwinFolder
 
@@ -145,7 +145,7 @@ class StoredTwin:
             self.held,
             self.gaussians,
             scale,
-            mean_colour(shown).to(torch.float32),
+            colour_behind(shown).to(torch.float32),
         )
 
 
@@ -170,7 +170,8 @@ def open_files(folder: Path, progress: Progress, photos: Path | None = None) -> 
     cloud = read_ply(kept.twin_file)
     psf = parse_psf(settings.medium.psf)
     source = photo_source(settings.photos.photos, folder, settings.photos.frames, progress)
-    loaded = load_photos(source, settings.photos.max_size, progress, settings.photos.masks)
+    backed = settings.photos.background
+    loaded = load_photos(source, settings.photos.max_size, progress, settings.photos.masks, background=backed)
     listed = {name: parse_psf(text) for name, text in (report.get("medium", {}).get("per_photo") or {}).items()}
     medium = Medium(psf, settings.medium.blur_space, listed).at_scales({p.name: p.scale[0] for p in loaded})
     noted = kept.update_log()

@@ -108,7 +108,8 @@ class Dataset:
         def smaller(photo: Photo) -> Photo:
             new = photos(photo)
             mask = None if new.mask is None else cropped_array(new.mask, border)
-            return replace(new, pixels=cropped_array(new.pixels, border), mask=mask)
+            alpha = None if new.alpha is None else cropped_array(new.alpha, border)
+            return replace(new, pixels=cropped_array(new.pixels, border), mask=mask, alpha=alpha)
 
         return replace(
             self,
@@ -238,7 +239,7 @@ def _object_masks(folder: Path, photos: list[Photo]) -> dict[str, NDArray[np.boo
         return {}
     files = {path.stem: path for path in photo_files(folder)}
     found = {photo.name: files[Path(photo.name).stem] for photo in photos if Path(photo.name).stem in files}
-    return {name: load_photo(path).pixels.max(axis=2) > 0 for name, path in found.items()}
+    return {name: load_photo(path, background=None).pixels.max(axis=2) > 0 for name, path in found.items()}
 
 
 def _depth_files(folder: Path, photos: list[Photo]) -> dict[str, Path]:

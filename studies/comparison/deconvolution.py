@@ -113,7 +113,7 @@ def lucy(
                     np.save(buffer, made, allow_pickle=False)
                     write_bytes(file, buffer.getvalue())
                 pixels = made
-            out.append(replace(photo, pixels=pixels))
+            out.append(replace(photo, pixels=pixels, alpha=None))  # over its background, as a picture
             progress.advance(done)
     return out
 
@@ -181,4 +181,4 @@ def _with(photo: Photo, sharp: torch.Tensor, medium: Medium) -> Photo:
     values = sharp.clamp(0, 1)
     encoded = linear_to_srgb(values) if medium.blur_space == "linear" else values
     pixels: NDArray[np.uint16] = np.round(encoded.numpy().transpose(1, 2, 0) * 65535).astype(np.uint16)
-    return replace(photo, pixels=np.ascontiguousarray(pixels))
+    return replace(photo, pixels=np.ascontiguousarray(pixels), alpha=None)  # over its background, as a picture

@@ -148,7 +148,7 @@ class MethodRunner:
         if kind == "plain":
             return MethodInputs(photos, Medium(None), plain)
         if kind == "oracle":
-            sharp = [replace(p, pixels=self._data.truth.pixels(p.name)) for p in photos]
+            sharp = [replace(p, pixels=self._data.truth.pixels(p.name), alpha=None) for p in photos]
             return MethodInputs(sharp, Medium(None), plain)
         try:
             varied = replace(base, variation_weight=float(values[1].removeprefix("v")))

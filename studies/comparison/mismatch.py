@@ -82,7 +82,7 @@ def degraded(data: Dataset, case: Mismatch, border: int) -> Dataset:
     def again(photo: Photo) -> Photo:
         sharp = data.truth.pixels(photo.name)
         pixels = degrade.photographed(sharp, case.kernel, case.noise, case.jpeg, (17, index[photo.name]))
-        return replace(photo, pixels=pixels)
+        return replace(photo, pixels=pixels, alpha=None)
 
     psf = f"gaussian:{case.given:g}"
     given = replace(data, medium=replace(data.medium, psf=point_spread(psf), blur_space="srgb"), psf=psf)

@@ -12,6 +12,7 @@ from scipy.special import stdtrit
 
 from ...effects.spec import Switch
 from ...imaging.formation.chain import Formation
+from ...imaging.formation.effect import Shot
 from ...imaging.medium import Medium
 from ...lens import Lens
 from ...numbers import BY_DEFINITION, number
@@ -24,7 +25,7 @@ from ...training.scale import scene_scale
 from ...training.settings import TrainingSettings
 from ...views import SparsePoints, View
 from ..views import Viewer
-from .corrected import corrected
+from .corrected import corrected, over_filed
 from .matched import matched_psnr
 
 Array = NDArray[np.float64]
@@ -194,7 +195,9 @@ class Ablation:
             c = view.camera
             lens = Lens("PINHOLE", c.width, c.height, (c.fx, c.fy, c.cx, c.cy))
             shown = viewer.degraded(lens, Pose(c.rotation, c.translation), medium, view.name, formation)
-            scores.append(matched_psnr(shown, view.planes(), view.mask))
+            shot = Shot(view.name, c.height, c.width, middle=(c.cx, c.cy))
+            photo = over_filed(view.planes(), view.transparency(), view.background, formation, shot)
+            scores.append(matched_psnr(shown, photo, view.mask))
         return scores
 
     def _finer(self, arm: Arm) -> Ablation:
@@ -228,7 +231,8 @@ def cropped(view: View, side: int) -> View:
     inside = (slice(top, top + height), slice(left, left + width))
     camera = replace(camera, width=width, height=height, cx=camera.cx - left, cy=camera.cy - top)
     mask = None if view.mask is None else np.ascontiguousarray(view.mask[inside])
-    return replace(view, camera=camera, photo=np.ascontiguousarray(view.photo[inside]), mask=mask)
+    alpha = None if view.alpha is None else np.ascontiguousarray(view.alpha[inside])
+    return replace(view, camera=camera, photo=np.ascontiguousarray(view.photo[inside]), mask=mask, alpha=alpha)
 
 
 def _fewer(points: SparsePoints) -> SparsePoints:
@@ -243,4 +247,6 @@ def _counted(view: View) -> NDArray[np.bool_] | None:
     """Px that count: those of the mask that are not clipped, whatever the arm."""
     top = int(np.iinfo(view.photo.dtype).max)
     clear = ~(view.photo >= top - top // (view.levels or top)).any(axis=2)
+    if view.background_shows is not None:
+        clear |= view.background_shows
     return clear if view.mask is None else clear & view.mask

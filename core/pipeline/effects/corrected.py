@@ -7,7 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 
+from ...background import Background
 from ...effects.spec import Switch
 from ...imaging.formation.chain import Formation
 from ...imaging.formation.effect import Shot
@@ -33,12 +35,43 @@ def _one(view: View, formation: Formation, masked: Sequence[Switch]) -> View:
     mask = np.ones(view.photo.shape[:2], bool) if view.mask is None else view.mask.copy()
     for effect in masked:
         assert effect.counts is not None
-        mask &= effect.counts(view.photo, levels)
+        counts = effect.counts(view.photo, levels)
+        mask &= counts if view.background_shows is None else counts | view.background_shows
     photo = view.photo
     if formation.sensor:
         camera = view.camera
         shot = Shot(view.name, camera.height, camera.width, middle=(camera.cx, camera.cy))
-        clear = formation.unfiled(torch.from_numpy(view.planes()), shot).numpy()
-        mask &= (clear <= 1.0).all(axis=0)
+        clear = _unfiled(view, formation, shot)
+        within = (clear <= 1.0).all(axis=0)
+        mask &= within if view.background_shows is None else within | view.background_shows
         photo = np.ascontiguousarray(np.round(clear.clip(0.0, 1.0) * 65535.0).astype(np.uint16).transpose(1, 2, 0))
+        if view.alpha is not None and view.alpha.dtype == np.uint8:
+            view = replace(view, alpha=view.alpha.astype(np.uint16) * np.uint16(257))
     return replace(view, photo=photo, mask=None if mask.all() else mask, levels=levels)
+
+
+def _unfiled(view: View, formation: Formation, shot: Shot) -> NDArray[np.float32]:
+    """[3, H, W] the photo with the sensor's effects undone; a background that was put behind it has never seen them."""
+    empty, background = view.transparency(), view.background
+    if empty is None or background is None:
+        return np.asarray(formation.unfiled(torch.from_numpy(view.planes()), shot).numpy(), np.float32)
+    straight = torch.from_numpy(background.straight(view.planes(), empty))
+    return background.blended(formation.unfiled(straight, shot).numpy(), empty)
+
+
+def over_filed(
+    photo: NDArray[np.float32],
+    empty: NDArray[np.float32] | None,
+    background: Background | None,
+    formation: Formation,
+    shot: Shot,
+) -> NDArray[np.float32]:
+    """A photo as it was filed, over the background as the camera would have filed it: what a filed render is.
+
+    Args:
+        photo: [3, H, W] sRGB, over `background`; empty: [H, W], 1 - alpha, or None.
+    """
+    if empty is None or background is None or not formation.sensor:
+        return photo
+    colour = torch.tensor(background.colour)[:, None, None].expand(3, *empty.shape)
+    return background.changed(photo, empty, formation.filed(colour, shot).numpy())

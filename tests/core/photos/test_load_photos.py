@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import tifffile
+from dgs.core.background import Background
 from dgs.core.errors import PhotoError
 from dgs.core.photos.load import load_photo, load_photos
 from dgs.core.progress import Silent
@@ -65,11 +66,11 @@ def test_lossless_files_come_back_bitwise(tmp_path: Path, suffix: str) -> None:
 def test_16_bit_png(tmp_path: Path, row_filter: int, channels: int) -> None:
     values = np.random.default_rng(1).integers(0, 65536, (9, 7, channels)).astype(np.uint16)
     png16(tmp_path / "a.png", values, row_filter)
-    photo = load_photo(tmp_path / "a.png")
-    assert photo.pixels.dtype == np.uint16
+    photo = load_photo(tmp_path / "a.png", background=None)
+    assert photo.pixels.dtype == np.uint16 and photo.alpha is None
     np.testing.assert_array_equal(photo.pixels, values[:, :, :3] if channels > 1 else np.repeat(values, 3, 2))
     if channels == 4:
-        np.testing.assert_array_equal(photo.mask, values[:, :, 3] >= 32768)
+        np.testing.assert_array_equal(load_photo(tmp_path / "a.png").alpha, values[:, :, 3])
 
 
 def test_16_bit_tiff_grey_and_rgba(tmp_path: Path) -> None:
@@ -78,13 +79,72 @@ def test_16_bit_tiff_grey_and_rgba(tmp_path: Path) -> None:
     np.testing.assert_array_equal(load_photo(tmp_path / "a.tif").pixels, np.repeat(values[:, :, None], 3, 2))
 
 
-def test_alpha_becomes_the_mask(tmp_path: Path) -> None:
+def test_a_transparent_photo_is_empty_there_and_shown_over_white(tmp_path: Path) -> None:
     rgba = np.concatenate([picture(), np.full((20, 30, 1), 255, np.uint8)], 2)
     rgba[:5, :, 3] = 0
     Image.fromarray(rgba).save(tmp_path / "a.png")
     photo = load_photo(tmp_path / "a.png")
-    np.testing.assert_array_equal(photo.pixels, picture())
-    assert photo.mask is not None and not photo.mask[:5].any() and photo.mask[5:].all()
+    np.testing.assert_array_equal(photo.pixels[5:], picture()[5:])
+    np.testing.assert_array_equal(photo.alpha, rgba[:, :, 3])
+    assert (photo.pixels[:5] == 255).all() and photo.mask is None and photo.background == Background()
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+def test_a_half_transparent_px_by_hand(tmp_path: Path, dtype: type) -> None:
+    """0.4 of the range at alpha 0.6 over white: 0.24 + 0.4 = 0.64; as light over black it is darker."""
+    top = int(np.iinfo(dtype).max)
+    rgba = np.full((8, 8, 4), round(0.4 * top), dtype)
+    rgba[:, :, 3] = round(0.6 * top)
+    tifffile.imwrite(tmp_path / "a.tif", rgba, photometric="rgb", extrasamples=["unassalpha"])
+    assert abs(load_photo(tmp_path / "a.tif").pixels / top - 0.64).max() <= 0.51 / top
+    black = Background((0.0, 0.0, 0.0), "linear")
+    # 0.4 decodes to 0.13287; 0.6 of it is 0.07972, which encodes to 0.31277.
+    assert abs(load_photo(tmp_path / "a.tif", background=black).pixels / top - 0.31277).max() <= 0.51 / top + 2e-5
+    assert (load_photo(tmp_path / "a.tif").alpha == rgba[0, 0, 3]).all()
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+def test_a_tiff_whose_colours_are_multiplied_by_alpha(tmp_path: Path, dtype: type) -> None:
+    top = int(np.iinfo(dtype).max)
+    rgba = np.full((8, 8, 4), round(0.24 * top), dtype)
+    rgba[:, :, 3] = round(0.6 * top)
+    tifffile.imwrite(tmp_path / "a.tif", rgba, photometric="rgb", extrasamples=["assocalpha"])
+    assert abs(load_photo(tmp_path / "a.tif").pixels / top - 0.64).max() <= 1.1 / top
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+def test_what_a_file_hides_under_alpha_0_makes_no_rim_when_it_is_shrunk(tmp_path: Path, dtype: type) -> None:
+    """A red disc, black where it is transparent: no px may be darker than red over white is."""
+    top = int(np.iinfo(dtype).max)
+    y, x = np.mgrid[:60, :60]
+    disc = (x - 29.3) ** 2 + (y - 30.1) ** 2 < 20**2
+    rgba = np.zeros((60, 60, 4), dtype)
+    rgba[disc] = [top, 0, 0, top]
+    tifffile.imwrite(tmp_path / "a.tif", rgba, photometric="rgb", extrasamples=["unassalpha"])
+    photo = load_photo(tmp_path / "a.tif", max_size=20)
+    assert photo.alpha is not None and photo.alpha.dtype == dtype and photo.alpha.shape == (20, 20)
+    assert photo.pixels[:, :, 0].min() >= top - 1
+    # Of red over white, green and blue are exactly what alpha leaves.
+    assert abs(photo.pixels[:, :, 1] / top - (1 - photo.alpha / top)).max() <= 1.01 / top
+
+
+def test_masks_still_mask_transparent_photos(tmp_path: Path) -> None:
+    (tmp_path / "masks").mkdir()
+    (tmp_path / "photos").mkdir()
+    rgba = np.concatenate([picture(), np.full((20, 30, 1), 255, np.uint8)], 2)
+    rgba[:5, :, 3] = 0
+    drawn = np.full((20, 30, 3), 255, np.uint8)
+    drawn[:, :10] = 0
+    for name in ("a", "b"):
+        Image.fromarray(rgba).save(tmp_path / "photos" / f"{name}.png")
+        Image.fromarray(drawn).save(tmp_path / "masks" / f"{name}.png")
+    Image.fromarray(picture()).save(tmp_path / "photos" / "c.png")
+    notes = Notes()
+    photos = load_photos(tmp_path / "photos", None, notes, masks=tmp_path / "masks")
+    assert photos[0].mask is not None and not photos[0].mask[:, :10].any() and photos[0].mask[:, 10:].all()
+    assert photos[0].alpha is not None and (photos[0].alpha[:5] == 0).all()
+    assert photos[2].alpha is None and photos[2].background == Background()  # one background behind all
+    assert any("of 2 photos count as empty; they are shown over white" in note for note in notes.notes)
 
 
 def test_cmyk_grey_and_palette_become_rgb(tmp_path: Path) -> None:
