@@ -141,8 +141,8 @@ MUTATIONS = (
         "files",
         "NaN px count",
         "core/photos/load.py",
-        "if finite is not None and not_finite:",
-        "if finite is not None and not_finite < 0:",
+        "if finite is not None and bool(finite.all()):",
+        "if finite is not None and bool(finite.any()):",
         "NaN and infinite",
     ),
 )
