@@ -6,7 +6,7 @@ SHELL := /bin/bash
 PY := .venv/bin/python
 export PYTHON
 
-.PHONY: help setup demo test same mutants stress lint constants format bench bench-sfm accuracy tradeoff paper extension window clean
+.PHONY: help setup demo test same mutants known-mutants stress lint constants format bench bench-sfm accuracy tradeoff paper extension window clean
 
 help:  ## This list
 	@grep -E '^[a-z-]+:.*## ' Makefile | sed -E 's/:.*## /\t/' | expand -t 14
@@ -23,7 +23,10 @@ test: setup  ## All tests, files side by side (less than 12 minutes on 2 cores);
 same: setup  ## The same twins, to the bit, as the commit in tools/same_reference.txt? ARGS="--against COMMIT"
 	@$(PY) tools/same.py $(ARGS)
 
-mutants: setup  ## Break a copy of the tree in known ways: the tests of hard cases must see each (minutes)
+mutants: setup  ## Mutation testing: break one small thing after the other, drawn at random (hours; ARGS="--seed x --only twin")
+	@nice $(PY) -m tools.mutation $(ARGS)
+
+known-mutants: setup  ## Break a copy of the tree in known ways: the tests named beside must see each (minutes)
 	@$(PY) -m tools.mutants $(ARGS)
 
 stress: setup  ## Every hard case on this machine; ARGS="--torture" or "--fuzz 100000"

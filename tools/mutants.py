@@ -1,4 +1,4 @@
-"""Proves that the tests of hard cases can fail: breaks a copy of the tree in known ways, and the tests must see each.
+"""Proves that tests can fail: breaks a copy of the tree in known ways, and the tests named beside must see each.
 
     python -m tools.mutants [--only WORD]
 
@@ -26,10 +26,11 @@ class Mutation:
     """One recorded way to break the engine.
 
     Attributes:
-        family: whose tests must see it.
+        family: of hard cases whose tests must see it, or a test file below tests/.
         what: in words.
         file, old, new: `old` occurs exactly once in `file`.
-        tests: pytest's -k among the family's tests.
+        tests: pytest's -k among those tests.
+        also: another (old, new) in the same file, for what only errs in two places.
     """
 
     family: str
@@ -38,6 +39,17 @@ class Mutation:
     old: str
     new: str
     tests: str
+    also: tuple[str, str] | None = None
+
+    @property
+    def target(self) -> str:
+        """The test file."""
+        return f"tests/{self.family}" if self.family.endswith(".py") else f"tests/hard_cases/test_{self.family}.py"
+
+    @property
+    def changes(self) -> tuple[tuple[str, str], ...]:
+        """All (old, new)."""
+        return ((self.old, self.new),) + ((self.also,) if self.also else ())
 
 
 MUTATIONS = (
@@ -145,6 +157,135 @@ MUTATIONS = (
         "if finite is not None and bool(finite.any()):",
         "NaN and infinite",
     ),
+    Mutation(
+        "core/rasterizer/test_harmonics.py",
+        "the fourteenth harmonic has the other sign, in every implementation",
+        "core/constants.py",
+        "    1.445305721320277,\n",
+        "    -1.445305721320277,\n",
+        "",
+    ),
+    Mutation(
+        "core/formats/test_small_splat_formats.py",
+        ".splat quaternions are x y z w, for reader and writer",
+        "core/formats/splat.py",
+        'quaternions=((values["rotation"].astype',
+        'quaternions=((values["rotation"][:, [3, 0, 1, 2]].astype',
+        "splat",
+        ("_byte(cloud.quaternions / length", "_byte(cloud.quaternions[:, [1, 2, 3, 0]] / length"),
+    ),
+    Mutation(
+        "core/formats/test_camera_formats.py",
+        "p1 and p2 of transforms.json change places",
+        "core/formats/transforms.py",
+        'Lens("OPENCV", width, height, (*head, k[0], k[1], k[4], k[5]))',
+        'Lens("OPENCV", width, height, (*head, k[0], k[1], k[5], k[4]))',
+        "distortion",
+    ),
+    Mutation(
+        "core/twin/test_folder.py",
+        "a rollback brings no cameras back",
+        "core/twin/folder.py",
+        "            for part in _state():\n                if (state / part.name).exists():",
+        "            for part in _state():\n                if (state / part.name).exists() and not part.folder:",
+        "state_comes_back or rollback",
+    ),
+    Mutation(
+        "core/twin/test_folder.py",
+        "a rollback leaves files that the state lacked",
+        "core/twin/folder.py",
+        "                    change.remove(part.name)\n            change.remove(f",
+        "                    pass\n            change.remove(f",
+        "gone_again",
+    ),
+    Mutation(
+        "core/twin/test_update.py",
+        "an update forgets Adam's first moments",
+        "core/pipeline/continued.py",
+        '            optimizer.first[name] = torch.from_numpy(state.arrays[f"first.{name}"].copy())\n',
+        "",
+        "moments",
+    ),
+    Mutation(
+        "core/training/test_checkpoints.py",
+        "a checkpoint is written in its place",
+        "core/training/checkpoint.py",
+        'with replacing(path) as temporary, open(temporary, "wb") as file:',
+        'with open(path, "wb") as file:',
+        "whole",
+    ),
+    Mutation(
+        "core/test_files.py",
+        "content is not synced before it takes its place",
+        "core/files.py",
+        "            os.fsync(file.fileno())\n",
+        "            pass\n",
+        "on_the_disk",
+    ),
+    Mutation(
+        "core/test_files.py",
+        "a rename is not synced",
+        "core/files.py",
+        "        sync_folder(path.parent)\n",
+        "",
+        "on_the_disk",
+    ),
+    Mutation(
+        "core/test_files.py",
+        "a change is decided before its files are synced",
+        "core/transaction.py",
+        "            _sync_tree(self._next / CONTENT)\n",
+        "",
+        "on_the_disk",
+    ),
+    Mutation(
+        "core/training/test_training_runs.py",
+        "the render ends at the photo's border",
+        "core/training/trainer.py",
+        "return Level(step, views, heldout, margin_for(reach), self._ratio(views, step), contrast)",
+        "return Level(step, views, heldout, 0, self._ratio(views, step), contrast)",
+        "beyond_the_border",
+    ),
+    Mutation(
+        "core/twin/test_pose_steps.py",
+        "the weak prior of a camera's step pushes it away",
+        "core/twin/pose_steps.py",
+        "np.linalg.inv(matrix + 1.0 / settings.prior**2 * np.eye(6))",
+        "np.linalg.inv(matrix - 1.0 / settings.prior**2 * np.eye(6))",
+        "mean_of_what",
+    ),
+    Mutation(
+        "core/twin/test_adjust.py",
+        "cameras and focal length are pushed away from where they were",
+        "core/twin/adjust.py",
+        "- self.prior * self.drift(state)\n        move",
+        "+ self.prior * self.drift(state)\n        move",
+        "",
+    ),
+    Mutation(
+        "core/twin/test_adjust.py",
+        "a prior of cameras and focal length that is a gain, not a cost",
+        "core/twin/adjust.py",
+        "sum(axis=1)).sum() + (self.prior",
+        "sum(axis=1)).sum() - (self.prior",
+        "",
+    ),
+    Mutation(
+        "core/twin/test_adjust.py",
+        "one camera before fixed points is pushed away from where it was",
+        "core/twin/adjust.py",
+        "- problem.prior[:6] * problem.drift(state)[:6]",
+        "+ problem.prior[:6] * problem.drift(state)[:6]",
+        "",
+    ),
+    Mutation(
+        "core/twin/test_adjust.py",
+        "the focal length is not held",
+        "core/twin/adjust.py",
+        "settings.focal_prior if focal else 1e-9",
+        "1e9 if focal else 1e-9",
+        "",
+    ),
 )
 
 
@@ -153,15 +294,22 @@ def copied(folder: Path) -> Path:
     listing = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, check=True).stdout.decode()
     for name in listing.split("\0"):
         source = ROOT / name
-        if name and source.is_file() and not name.startswith(("docs/", "benchmarks/")):
+        if name and source.is_file() and not name.startswith("docs/"):
             (folder / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy2(source, folder / name)
     return folder
 
 
-def tested(folder: Path, family: str, tests: str) -> int:
-    """pytest's exit status for a family's tests in a copy of the tree."""
-    command = [sys.executable, "-m", "pytest", f"tests/hard_cases/test_{family}.py", "-x", "-k", tests]
+def tested(folder: Path, mutation: Mutation) -> int:
+    """pytest's exit status for a mutation's tests in a copy of the tree."""
+    command = [
+        sys.executable,
+        "-m",
+        "pytest",
+        mutation.target,
+        "-x",
+        *(["-k", mutation.tests] if mutation.tests else []),
+    ]
     environment = {**os.environ, "OMP_WAIT_POLICY": "passive", "PYTHONDONTWRITEBYTECODE": "1"}
     return subprocess.run(command, cwd=folder, capture_output=True, env=environment, check=False).returncode
 
@@ -171,8 +319,9 @@ def misfit(mutation: Mutation, folder: Path = ROOT) -> str:
     path = folder / mutation.file
     if not path.is_file():
         return f"there is no {mutation.file}"
-    count = path.read_text("utf-8").count(mutation.old)
-    return "" if count == 1 else f"{mutation.file} holds the text {count} times"
+    source = path.read_text("utf-8")
+    wrong = [count for old, _ in mutation.changes if (count := source.count(old)) != 1]
+    return f"{mutation.file} holds the text {wrong[0]} times" if wrong else ""
 
 
 def judged(mutation: Mutation, folder: Path) -> str:
@@ -182,11 +331,14 @@ def judged(mutation: Mutation, folder: Path) -> str:
     if wrong:
         return f"DOES NOT APPLY: {wrong}"
     source = path.read_text("utf-8")
-    if tested(folder, mutation.family, mutation.tests) != 0:
+    if tested(folder, mutation) != 0:
         return "NO TEST: unbroken, the tests do not pass"
-    path.write_text(source.replace(mutation.old, mutation.new), "utf-8")
+    broken = source
+    for old, new in mutation.changes:
+        broken = broken.replace(old, new)
+    path.write_text(broken, "utf-8")
     try:
-        status = tested(folder, mutation.family, mutation.tests)
+        status = tested(folder, mutation)
     finally:
         path.write_text(source, "utf-8")
     return {0: "SURVIVED", 1: "caught"}.get(status, f"BROKEN: pytest ended with {status}")
@@ -201,12 +353,12 @@ def main() -> int:
     verdicts = []
     with tempfile.TemporaryDirectory(prefix="dgs-mutants-") as name:
         folder = copied(Path(name))
-        print(f"{'family':<11}{'mutation':<52}{'verdict'}")
+        print(f"{'tests':<42}{'mutation':<70}{'verdict'}")
         for mutation in chosen:
             began = time.perf_counter()
             verdicts.append(judged(mutation, folder))
             print(
-                f"{mutation.family:<11}{mutation.what:<52}{verdicts[-1]} ({time.perf_counter() - began:.0f} s)",
+                f"{mutation.family:<42}{mutation.what:<70}{verdicts[-1]} ({time.perf_counter() - began:.0f} s)",
                 flush=True,
             )
     missed = sum(verdict != "caught" for verdict in verdicts)

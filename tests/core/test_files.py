@@ -6,6 +6,7 @@ import os
 import pytest
 from dgs.core.errors import OutputError
 from dgs.core.files import check_writable, make_folder, replacing, write_json, write_text
+from dgs.core.transaction import COMMIT, NEXT, changing
 
 
 def test_writes_and_replaces(tmp_path):
@@ -54,3 +55,55 @@ def test_a_file_in_the_way_of_a_folder(tmp_path):
 def test_json_refuses_what_json_cannot_hold(tmp_path):
     with pytest.raises(ValueError, match="JSON"):
         write_json(tmp_path / "a.json", {"psnr": float("nan")})
+
+
+def synced(calls, monkeypatch):
+    """Notes, beside doing them, what is synced to the disk and what is renamed, in order."""
+    fsync, replace, rename = os.fsync, os.replace, os.rename
+
+    def note_sync(handle):
+        status = os.fstat(handle)
+        calls.append(("sync", os.readlink(f"/proc/self/fd/{handle}"), status.st_size))
+        fsync(handle)
+
+    def note(kind, act):
+        return lambda a, b: (calls.append((kind, os.fspath(a), os.fspath(b))), act(a, b))[1]
+
+    monkeypatch.setattr(os, "fsync", note_sync)
+    monkeypatch.setattr(os, "replace", note("rename", replace))
+    monkeypatch.setattr(os, "rename", note("rename", rename))
+
+
+@pytest.mark.skipif(not os.path.isdir("/proc/self/fd"), reason="needs Linux's /proc")
+def test_content_is_on_the_disk_before_it_takes_its_place_and_the_rename_afterwards(tmp_path, monkeypatch):
+    """A power cut in between leaves the old file or the new one, never a name without content."""
+    calls = []
+    synced(calls, monkeypatch)
+    write_text(tmp_path / "a.txt", "twelve bytes")
+    (first, temporary, size), (second, source, target), (third, folder, _) = calls
+    assert (first, second, third) == ("sync", "rename", "sync")
+    assert temporary == source and size == 12
+    assert (target, folder) == (str(tmp_path / "a.txt"), str(tmp_path))
+
+
+@pytest.mark.skipif(not os.path.isdir("/proc/self/fd"), reason="needs Linux's /proc")
+def test_a_change_of_a_folder_is_on_the_disk_before_it_is_decided(tmp_path, monkeypatch):
+    with changing(tmp_path) as change:
+        change.new("history/000").mkdir()
+        for name in ("twin.ply", "history/000/twin.ply"):
+            change.new(name).write_text("content")
+        calls = []
+        synced(calls, monkeypatch)
+    decided = next(i for i, (kind, _, to) in enumerate(calls) if kind == "rename" and str(to).endswith(COMMIT))
+    content = f"{tmp_path}/{NEXT}/new"
+    assert {path for kind, path, _ in calls[:decided] if kind == "sync"} >= {
+        content,
+        f"{content}/twin.ply",
+        f"{content}/history",
+        f"{content}/history/000",
+        f"{content}/history/000/twin.ply",
+    }
+    assert calls[decided + 1][:2] == ("sync", str(tmp_path)), "the decision itself lasts"
+    placed = [i for i, (kind, _, to) in enumerate(calls) if kind == "rename" and i > decided]
+    after = [path for kind, path, _ in calls[placed[-1] :] if kind == "sync"]
+    assert len(placed) == 2 and str(tmp_path) in after, "and that everything is in its place"

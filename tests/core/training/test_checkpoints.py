@@ -1,8 +1,11 @@
 """Checkpoints: what is written comes back, and what does not belong here is refused by name."""
 
+import resource
+import signal
+
 import numpy as np
 import pytest
-from dgs.core.errors import CheckpointError
+from dgs.core.errors import CheckpointError, OutputError
 from dgs.core.training.checkpoint import Checkpoint, load_checkpoint, save_checkpoint
 
 FINGERPRINT = {"settings": {"seed": 0, "steps": 10}, "photos": ["a.png", "b.png"], "blur space": "srgb"}
@@ -133,3 +136,21 @@ def test_an_array_that_declares_more_than_the_file_holds_takes_no_memory(tmp_pat
         archive.writestr("pull.npy", stream.getvalue())
     with pytest.raises(CheckpointError, match="declares the shape"):
         load_checkpoint(tmp_path / "a.npz", {})
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # of zipfile, which cannot end the file
+@pytest.mark.skipif(not hasattr(signal, "SIGXFSZ"), reason="needs POSIX's limit on a file's size")
+def test_a_checkpoint_that_could_not_be_written_whole_leaves_the_one_before(kept):
+    """The operating system stops the write in its middle, as a full disk does."""
+    later = Checkpoint(arrays(), FINGERPRINT, 8, 2.0, [], {"steps": 8})
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (kept.stat().st_size // 2, before[1]))
+    try:
+        with pytest.raises(OutputError, match=r"kept\.npz"):
+            save_checkpoint(kept, later)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert load_checkpoint(kept, FINGERPRINT).step == 7
+    assert [path.name for path in kept.parent.iterdir()] == ["kept.npz"]
+    save_checkpoint(kept, later)
+    assert load_checkpoint(kept, FINGERPRINT).step == 8

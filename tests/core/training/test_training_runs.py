@@ -174,3 +174,14 @@ def test_units_and_place_of_the_world_do_not_matter(scene, size, offset):
     assert float(difference.quantile(0.99)) < 2e-3 + spacing
     scales = there.gaussians.log_scales - np.log(size) - here.gaussians.log_scales
     assert float(scales.abs().quantile(0.99)) < 0.05
+
+
+def test_light_from_beyond_the_border_is_in_the_photo(scene):
+    """The true Gaussians explain a photo up to its border: the render reaches three sigma beyond it."""
+    trainer = Trainer(scene.views, [], scene.points, scene.medium, replace(SHORT, low_pass=0.3), start=scene.truth)
+    trainer.background = torch.zeros(3)  # as behind the photos
+    level = trainer.levels[-1]
+    assert level.margin == 6, "3 sigma of 2 px"
+    view = level.views[0]
+    off = np.abs(trainer.exposed(level, view).degraded.numpy() - view.planes())
+    assert off.max() < 0.6 / 255, "photos are rounded to 8 bits"

@@ -11,6 +11,7 @@ from dgs.core.imaging.operator import BlurOperator
 from dgs.core.rasterizer import render
 from dgs.core.twin.pose_steps import SETTINGS, photometric_step, twisted, units_of, without_gauge
 from dgs.tests.core.training.training_scenes import HEIGHT, WIDTH, blurred_scene, camera_at
+from scipy.spatial.transform import Rotation
 
 
 def predictor(scene):
@@ -86,3 +87,31 @@ def test_the_world_keeps_its_place_turn_and_size():
     assert left.scale == pytest.approx(1.0, abs=1e-9)
     np.testing.assert_allclose(left.rotation, np.eye(3), atol=1e-9)
     np.testing.assert_allclose(left.translation, 0.0, atol=1e-9)
+
+
+def flat_predictor(camera: Camera, slope: float, index: int):
+    """The photo gets lighter, all over, by `slope` for each px that the camera moves along one of its axes."""
+    units = units_of(camera)
+
+    def predict(moved: Camera) -> torch.Tensor:
+        turn = Rotation.from_matrix(moved.rotation @ camera.rotation.T)
+        shift = moved.translation - turn.as_matrix() @ camera.translation
+        twist = np.concatenate([shift, turn.as_rotvec()])
+        return torch.full((3, 8, 8), 0.5 + slope * float(twist[index] / units[index]), dtype=torch.float64)
+
+    return predict
+
+
+@pytest.mark.parametrize("index", range(6))
+def test_a_step_is_the_mean_of_what_the_photo_says_and_where_the_camera_was(index):
+    """One unknown: the photo says x = r / s, precision n s^2 / r^2; the prior says 0, precision 1 / prior^2."""
+    camera = camera_at(0.2, 0.1, "a", 8, 8)
+    slope, off, prior, n = 1e-3, 2e-3, 0.1, 3 * 8 * 8
+    photo = torch.full((3, 8, 8), 0.5 + off, dtype=torch.float64)
+    settings = replace(SETTINGS, prior=prior, longest=1e9)
+    step = photometric_step(camera, photo, None, flat_predictor(camera, slope, index), 0.0, settings)
+    photos = n * slope**2 / off**2
+    expected = np.zeros(6)
+    expected[index] = (off / slope) * photos / (photos + 1 / prior**2)
+    assert 0.2 < expected[index] / (off / slope) < 0.8, "both have a say"
+    np.testing.assert_allclose(step / units_of(camera), expected, atol=1e-6)

@@ -10,6 +10,7 @@ import dgs
 import numpy as np
 import pytest
 from dgs.core.errors import DgsError, PhotoError
+from dgs.core.pipeline.continued import ContinuedTraining, UpdateViews
 from dgs.core.pipeline.update import UpdateSettings, update
 from dgs.core.progress import Silent
 from dgs.core.twin.folder import TwinFolder
@@ -128,6 +129,20 @@ def test_a_wider_blur_is_a_change_of_the_medium(twin, made):
     again = open_twin(twin / "out", Silent())
     assert again.medium.psf_for(NEW[0]).sigma_x == pytest.approx(SIGMA * facts["medium"]["width"])
     assert again.medium.psf_for("phöto 01.png").sigma_x == pytest.approx(SIGMA)
+
+
+def test_training_goes_on_from_the_moments_it_had(made):
+    """Adam's means of gradients and of their squares, and its count of steps, are those of the checkpoint."""
+    twin = open_twin(made / "out", Silent())
+    training = ContinuedTraining(twin, UpdateViews(twin.kept, twin.kept[:1], twin.medium), 0.1, 0, 1)
+    optimizer = training.trainer.optimizer
+    with np.load(made / "out" / "checkpoint.npz") as kept:
+        for name in ("means", "log_scales", "quaternions", "opacity_logits", "sh"):
+            np.testing.assert_array_equal(optimizer.first[name], kept[f"first.{name}"])
+            np.testing.assert_array_equal(optimizer.second[name], kept[f"second.{name}"])
+            assert np.abs(kept[f"first.{name}"]).max() > 0
+        steps = json.loads(kept["__facts__"].tobytes())["counters"]["steps"]
+    assert optimizer.steps == steps > 0
 
 
 def test_what_is_no_twin_is_said(tmp_path):

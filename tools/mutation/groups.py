@@ -1,0 +1,59 @@
+"""What is mutated, how many mutants are drawn, and which tests stand beside it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from .tree import ROOT
+
+
+@dataclass(frozen=True)
+class Group:
+    """Files that a share is measured for.
+
+    Attributes:
+        name: of the group. package: it is counted with.
+        patterns: of its files, below core/.
+        count: mutants drawn.
+        tests: folders or files of the tests beside it.
+        left_out: names of files that are not mutated.
+    """
+
+    name: str
+    package: str
+    patterns: tuple[str, ...]
+    count: int
+    tests: tuple[str, ...]
+    left_out: tuple[str, ...] = ()
+    kernels: bool = False
+
+    def files(self) -> list[str]:
+        """Its files, relative to the root."""
+        found = {path for pattern in self.patterns for path in (ROOT / "core").glob(pattern)}
+        names = sorted(path.relative_to(ROOT).as_posix() for path in found if path.name not in self.left_out)
+        return [name for name in names if name.endswith("kernels.py") == self.kernels]
+
+
+def _package(name: str, plain: int, kernels: int, left_out: tuple[str, ...] = ()) -> list[Group]:
+    patterns, tests = (f"{name}/**/*.py",), (f"tests/core/{name}",)
+    groups = [Group(name, name, patterns, plain, tests, left_out)]
+    if kernels:
+        groups.append(Group(f"{name} kernels", name, patterns, kernels, tests, (), kernels=True))
+    return groups
+
+
+#: gsplat's calls need a graphics card, which this machine lacks.
+_NEEDS_CARD = ("cuda.py",)
+_STATE = ("transaction.py", "lock.py", "outputs.py")
+_STATE_TESTS = tuple(f"tests/core/test_{name}.py" for name in ("transaction", "lock", "outputs", "files"))
+_ALL = (
+    *_package("formats", 60, 0),
+    *_package("twin", 60, 0),
+    *_package("imaging", 50, 10),
+    *_package("training", 50, 10),
+    *_package("rasterizer", 42, 18, _NEEDS_CARD),
+    *_package("sfm", 54, 6),
+    Group("state", "state", _STATE, 40, _STATE_TESTS),
+)
+#: Kernels last: each is compiled anew.
+GROUPS = sorted(_ALL, key=lambda group: group.kernels)
