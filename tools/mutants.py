@@ -210,8 +210,8 @@ MUTATIONS = (
         "core/training/test_checkpoints.py",
         "a checkpoint is written in its place",
         "core/training/checkpoint.py",
-        'with replacing(path) as temporary, open(temporary, "wb") as file:',
-        'with open(path, "wb") as file:',
+        "    with replacing(path) as temporary:\n        temporary.write_bytes(archive.getbuffer())\n",
+        "    path.write_bytes(archive.getbuffer())\n",
         "whole",
     ),
     Mutation(

@@ -138,7 +138,6 @@ def test_an_array_that_declares_more_than_the_file_holds_takes_no_memory(tmp_pat
         load_checkpoint(tmp_path / "a.npz", {})
 
 
-@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # of zipfile, which cannot end the file
 @pytest.mark.skipif(not hasattr(signal, "SIGXFSZ"), reason="needs POSIX's limit on a file's size")
 def test_a_checkpoint_that_could_not_be_written_whole_leaves_the_one_before(kept):
     """The operating system stops the write in its middle, as a full disk does."""
