@@ -49,6 +49,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help="instead: N damaged files for every reader; no traceback, no abort, no hang (10000 take an hour)",
     )
+    add(
+        "--record",
+        type=Path,
+        metavar="FILE",
+        help="with --fuzz-files: keeps what came of each reader, and goes on from there when it is started again",
+    )
     add("--json", action="store_true", help="one JSON object instead of lines")
     add("--markdown", type=Path, metavar="FILE", help="also write the tables to this document")
     add("--list", action="store_true", help="name the cases, and run none")
@@ -109,11 +115,17 @@ def stress_command(options: argparse.Namespace, progress: Reporting) -> int:
 
 
 def _damaged_files(options: argparse.Namespace, progress: Reporting) -> int:
-    from .fuzz_files import fuzz_files  # heavy: torch
+    from .fuzz_files import FuzzFiles, check_document, fuzz_files, write_document  # heavy: torch
 
-    readers, faulty = fuzz_files(options.fuzz_files, options.only, lambda t: print(t, flush=True), progress.cancelled)
+    if options.markdown is not None:
+        check_document(options.markdown, options.overwrite)
+    asked = FuzzFiles(options.fuzz_files, options.only, options.record)
+    results = fuzz_files(asked, lambda text: print(text, flush=True), progress.cancelled)
     _look(progress)
-    print(f"{readers - faulty} of {readers} readers hold, {faulty} failed", flush=True)
+    if options.markdown is not None:
+        write_document(options.markdown, results, options.threads)
+    faulty = sum(one.faults > 0 for one in results)
+    print(f"{len(results) - faulty} of {len(results)} readers hold, {faulty} failed", flush=True)
     return 2 if faulty else 0
 
 

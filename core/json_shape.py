@@ -6,6 +6,8 @@ import math
 from collections.abc import Callable
 from typing import Any
 
+#: Characters of a path, and bytes of one file's name in it, that operating systems take.
+_LONGEST_PATH, _LONGEST_NAME = 4096, 255
 #: How a value must be: see `check_shape`.
 Shape = Any
 
@@ -20,9 +22,26 @@ def count(value: object) -> bool:
     return isinstance(value, int) and not isinstance(value, bool) and 0 <= value < 2**53
 
 
+def positive(value: object) -> bool:
+    """A whole number from 1, written as one."""
+    return count(value) and value != 0
+
+
+def truth(value: object) -> bool:
+    """True or false."""
+    return isinstance(value, bool)
+
+
+def any_text(value: object) -> bool:
+    """A text of any length, such as a file inside another one."""
+    return isinstance(value, str)
+
+
 def text(value: object) -> bool:
-    """A text that could be a path."""
-    return isinstance(value, str) and "\0" not in value
+    """A text that could be a path: longer ones are no file's, on any system."""
+    if not isinstance(value, str) or "\0" in value or len(value) > _LONGEST_PATH:
+        return False
+    return all(len(part.encode("utf-8", "replace")) <= _LONGEST_NAME for part in value.split("/"))
 
 
 def anything(_value: object) -> bool:

@@ -12,7 +12,8 @@ from pathlib import Path
 from filelock import FileLock, Timeout
 
 from .errors import FolderInUse
-from .files import make_folder, output_error
+from .files import make_folder, output_error, read_json
+from .json_shape import check_shape, count, text
 from .transaction import recover
 
 #: Held by the operating system for as long as the process lives, so that none is left behind by a kill.
@@ -69,7 +70,8 @@ def _sign(folder: Path, task: str) -> None:
 
 def _owner(folder: Path) -> str:
     try:
-        facts = json.loads((folder / OWNER).read_text("utf-8"))
-        return f": process {int(facts['process'])}, {facts['task']!s:.60}, since {facts['since']!s:.20}"
-    except (OSError, ValueError, KeyError, TypeError):  # just begun, or written by something else
+        facts = read_json(folder / OWNER)
+        check_shape(facts, {"process": count, "task": text, "since": text})
+        return f": process {facts['process']}, {facts['task']:.60}, since {facts['since']:.20}"
+    except (OSError, ValueError):  # just begun, or written by something else
         return ""

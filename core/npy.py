@@ -44,6 +44,16 @@ def read_npy(file: IO[bytes], size: int, kinds: str = "uifb") -> NDArray[Any]:
     return flat.reshape(shape[::-1]).T if by_columns else flat.reshape(shape)
 
 
+def load_npy(path: Path) -> NDArray[Any]:
+    """The array of a .npy file.
+
+    Raises:
+        OSError: it cannot be read. ValueError: see `read_npy`.
+    """
+    with path.open("rb") as file:
+        return read_npy(file, path.stat().st_size)
+
+
 def read_npz(path: Path) -> dict[str, NDArray[Any]]:
     """The arrays of an archive that `numpy.savez` wrote, stored as they are: none is larger than the file.
 

@@ -12,7 +12,6 @@ the disk. A file is never missing in between; a folder that is replaced is, for 
 
 from __future__ import annotations
 
-import json
 import os
 import shutil
 from collections.abc import Iterator
@@ -21,7 +20,8 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from .errors import OutputError
-from .files import make_folder, output_error, sync_folder, write_json
+from .files import make_folder, output_error, read_json, sync_folder, write_json
+from .json_shape import check_shape, count, text
 
 #: What is being written, and what is decided but not yet all in its place.
 NEXT, COMMIT = ".change-next", ".change-commit"
@@ -162,11 +162,12 @@ def _take_away(old: Path, outgoing: Path) -> None:
 
 def _read_list(path: Path) -> dict[str, Any]:
     try:
-        lists = json.loads(path.read_text("utf-8"))
+        lists = read_json(path)
+        check_shape(lists, {"format": count, "place": [text], "remove": [text]})
         if lists["format"] != FORMAT:
             raise ValueError(f"format {lists['format']}")
-        return {key: [_inside(str(name)) for name in lists[key]] for key in ("place", "remove")}
-    except (OSError, ValueError, KeyError, TypeError) as error:
+        return {key: [_inside(name) for name in lists[key]] for key in ("place", "remove")}
+    except (OSError, ValueError) as error:
         raise OutputError(
             f"'{path}', the list of an unfinished change, is damaged ({error})",
             f"Look into '{path.parent}': its '{CONTENT}' holds the new files, its '{OUTGOING}' the old ones",
@@ -176,7 +177,7 @@ def _read_list(path: Path) -> dict[str, Any]:
 def _inside(name: str) -> str:
     """A relative name that stays inside the folder."""
     pure = PurePosixPath(name)
-    if not name or pure.is_absolute() or ".." in pure.parts or "\\" in name or ":" in pure.parts[0]:
+    if not pure.parts or pure.is_absolute() or ".." in pure.parts or "\\" in name or ":" in pure.parts[0]:
         raise ValueError(f"'{name}' is no name inside a folder")
     return pure.as_posix()
 

@@ -13,6 +13,8 @@ from typing import Any
 from ..compiled import cache_base
 from ..errors import OutputError
 from ..files import read_json, write_json
+from ..json_shape import anything, check_shape, count, text, truth
+from ..json_shape import number as number_shape
 from ..numbers import number
 from ..photos.load import Photo
 
@@ -102,6 +104,31 @@ class PastRun:
         return self.disturbed is None or self.disturbed <= RECORDS.disturbed_share
 
 
+def _amount(value: object) -> bool:
+    """Number from 0."""
+    return number_shape(value) and value >= 0
+
+
+def _contrast(value: object) -> bool:
+    """Number above 0."""
+    return number_shape(value) and value > 0
+
+
+#: How a run stands in the file.
+_ROW = {
+    "work": {
+        **dict.fromkeys(("photos", "fitted", "scored", "steps", "gaussians"), count),
+        **dict.fromkeys(("files_megapixels", "megapixels"), _amount),
+        **dict.fromkeys(("search", "hurried", "compiled"), truth),
+    },
+    "seconds": {"*": _amount},
+    **dict.fromkeys(("train_predicted", "memory_mb", "disturbed"), (_amount,)),
+    **dict.fromkeys(("scene", "preset"), text),
+    "contrast": _contrast,
+    **dict.fromkeys(("psnr", "sharp_psnr"), (number_shape,)),
+}
+
+
 class Records:
     """The file of this machine's runs.
 
@@ -113,11 +140,11 @@ class Records:
     def __init__(self, machine: dict[str, Any], folder: Path | None = None) -> None:
         identity = json.dumps({k: machine.get(k) for k in ("processor", "cores", "threads", "device")}, sort_keys=True)
         name = hashlib.sha256(f"{ERA} {identity}".encode()).hexdigest()[:12]
-        self._path = (folder or cache_base()) / f"runs-{name}.json"
+        self.path = (folder or cache_base()) / f"runs-{name}.json"
         self._machine = json.loads(identity)
-        content = _read(self._path)
-        self.runs = [run for row in content.get("runs", []) if (run := _run(row)) is not None]
-        self.predictions: dict[str, Any] = dict(content.get("predictions", {}))
+        content = _read(self.path)
+        self.runs = [run for row in content["runs"] if (run := _run(row)) is not None]
+        self.predictions: dict[str, Any] = content["predictions"]
 
     def add(self, run: PastRun) -> None:
         """Keeps a run; a cache that cannot be written is no loss worth an error."""
@@ -133,21 +160,24 @@ class Records:
     def _save(self) -> None:
         runs = [asdict(run) for run in self.runs]
         with contextlib.suppress(OutputError):
-            write_json(self._path, {"machine": self._machine, "runs": runs, "predictions": self.predictions})
+            write_json(self.path, {"machine": self._machine, "runs": runs, "predictions": self.predictions})
 
 
 def _read(path: Path) -> dict[str, Any]:
     try:
         content = read_json(path)
+        check_shape(content, {"runs": [anything], "predictions": {"*": anything}})
     except (OSError, ValueError):  # none yet, or cut off
-        return {}
-    return content if isinstance(content, dict) else {}
+        return {"runs": [], "predictions": {}}
+    return dict(content)
 
 
 def _run(row: Any) -> PastRun | None:
-    """None for what another version wrote."""
+    """None for what another version wrote, or what was damaged."""
     try:
-        run = PastRun(**{**row, "work": Work(**row["work"])})
-    except (TypeError, KeyError):
+        check_shape(row, _ROW)
+    except ValueError:
         return None
-    return run if set(row) == {f.name for f in fields(PastRun)} else None
+    if set(row) != {f.name for f in fields(PastRun)} or set(row["work"]) != {f.name for f in fields(Work)}:
+        return None
+    return PastRun(**{**row, "work": Work(**row["work"])})

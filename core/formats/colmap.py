@@ -303,10 +303,9 @@ def _text_lenses(text: str) -> dict[int, Lens]:
 def _text_images(text: str) -> dict[str, tuple[int, Pose]]:
     # Two lines per image; the second, of observations, may be empty.
     lines = [line for line in text.splitlines() if not line.startswith("#")]
-    while lines and not lines[0].strip():
-        lines.pop(0)
+    first = next((index for index, line in enumerate(lines) if line.strip()), len(lines))
     images: dict[str, tuple[int, Pose]] = {}
-    for line in lines[::2]:
+    for line in lines[first::2]:
         if line.strip():
             _, *values = line.split(maxsplit=9)
             _add(images, values[8], int(values[7]), _pose(tuple(map(float, values[:7]))))

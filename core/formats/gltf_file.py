@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from ..errors import FormatError
 from ..files import parse_json
-from ..json_shape import anything, check_shape, count, number, text
+from ..json_shape import any_text, anything, check_shape, count, number, text
 from ..names import shown
 
 #: The file's first word ('glTF'), and the types of its chunks ('JSON', 'BIN').
@@ -40,7 +40,7 @@ _CONTENT = {
     "meshes?": [{"primitives?": [{"attributes?": {"*": count}, "extensions?": {"*": anything}}]}],
     "accessors?": [_ACCESSOR],
     "bufferViews?": [{"buffer": count, "byteOffset?": count, "byteStride?": count}],
-    "buffers?": [{"uri?": text}],
+    "buffers?": [{"uri?": any_text}],
 }
 
 

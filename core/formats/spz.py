@@ -16,6 +16,7 @@ import gzip
 import struct
 import zlib
 from pathlib import Path
+from typing import IO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +37,8 @@ _COLOUR = 0.15
 _FIRST_BUCKET, _OTHER_BUCKET = 8, 16
 #: Of a position; small worlds need more than the usual 12.
 _MOST_FRACTION_BITS = 20
+#: Bytes that are unpacked at a time.
+_PIECE = 2**20
 
 
 def read_spz(path: Path) -> GaussianCloud:
@@ -45,19 +48,21 @@ def read_spz(path: Path) -> GaussianCloud:
         FormatError: no such file, no SPZ of version 2 or 3, or one that was cut off.
     """
     try:
-        data = gzip.decompress(path.read_bytes())
+        with gzip.open(path) as file:
+            head = file.read(_HEADER.size)
+            if len(head) < _HEADER.size:
+                raise FormatError(f"'{path}' was cut off", "Export or download it again")
+            magic, version, count, degree, fraction, _, _ = _HEADER.unpack(head)
+            if magic != _MAGIC or version not in (2, 3) or degree > 3:
+                raise FormatError(f"'{path}' is no SPZ of version 2 or 3", "Export it again, as version 3")
+            rest = SH_COEFFICIENTS[degree] - 1
+            sizes = (9, 1, 3, 3, version + 1, 3 * rest)
+            data = _unpacked(file, count * sum(sizes))
     except (OSError, EOFError, zlib.error) as error:
         raise FormatError(f"'{path}' is no readable SPZ ({error})", "Export or download it again") from error
-    if len(data) < _HEADER.size:
-        raise FormatError(f"'{path}' was cut off", "Export or download it again")
-    magic, version, count, degree, fraction, _, _ = _HEADER.unpack_from(data)
-    if magic != _MAGIC or version not in (2, 3) or degree > 3:
-        raise FormatError(f"'{path}' is no SPZ of version 2 or 3", "Export it again, as version 3")
-    rest = SH_COEFFICIENTS[degree] - 1
-    sizes = (9, 1, 3, 3, version + 1, 3 * rest)
-    if len(data) < _HEADER.size + count * sum(sizes):
+    if len(data) < count * sum(sizes):
         raise FormatError(f"'{path}' holds fewer Gaussians than it declares", "Export or download it again")
-    parts, place = [], _HEADER.size
+    parts, place = [], 0
     for size in sizes:
         parts.append(np.frombuffer(data, np.uint8, count * size, place).reshape(count, size))
         place += count * size
@@ -74,6 +79,18 @@ def read_spz(path: Path) -> GaussianCloud:
         opacity_logits=np.log(opacity / (1.0 - opacity)).astype(np.float32),
         sh=sh,
     )
+
+
+def _unpacked(file: IO[bytes], size: int) -> bytes:
+    """So many bytes, or as many as there are: what a small file unpacks to may be huge, and more than it declares."""
+    data = bytearray()
+    while len(data) < size:
+        piece = file.read(min(_PIECE, size - len(data)))
+        if not piece:
+            break
+        data += piece
+    file.read(1)  # (at its end the checksum is compared)
+    return bytes(data)
 
 
 def write_spz(path: Path, cloud: GaussianCloud) -> None:

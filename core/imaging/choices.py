@@ -30,7 +30,7 @@ def choice(kernel: bytes, *circumstances: Any, names: list[str], measure: Callab
     key = " | ".join(str(part) for part in parts)
     if key not in _chosen:
         path = cache_base() / "evaluations.json"
-        known = _read(path)
+        known = read_choices(path)
         if known.get(key) not in names:
             known[key] = measure()
             _write(path, known)
@@ -48,7 +48,8 @@ def _processor() -> str:
     return platform.processor() or platform.machine()
 
 
-def _read(path: Path) -> dict[str, str]:
+def read_choices(path: Path) -> dict[str, str]:
+    """The choices kept in a file; none where it is missing or damaged."""
     try:
         known = read_json(path)
     except (OSError, ValueError):  # none yet, or cut off: measured again

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import PsfError
-from ..npy import read_npy
+from ..npy import load_npy
 
 #: Bytes of a block: the FITS standard's.
 _FITS_BLOCK = 2880
@@ -37,7 +37,7 @@ def read_kernel(path: Path) -> NDArray[np.float64]:
     if path.stat().st_size > _LARGEST_FILE:
         raise PsfError(f"The PSF file '{path}' is larger than 256 MiB", "Crop it around the point of light")
     readers = {
-        ".npy": _read_npy,
+        ".npy": load_npy,
         ".tif": _read_tiff,
         ".tiff": _read_tiff,
         ".png": _read_png,
@@ -72,11 +72,6 @@ def _single_channel(values: NDArray[np.float64], path: Path) -> NDArray[np.float
     if values.ndim != 2:
         raise PsfError(f"The PSF file '{path}' has shape {values.shape}", "Save one two-dimensional kernel")
     return values
-
-
-def _read_npy(path: Path) -> Any:
-    with path.open("rb") as file:
-        return read_npy(file, path.stat().st_size)
 
 
 def _read_tiff(path: Path) -> Any:

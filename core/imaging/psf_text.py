@@ -14,6 +14,8 @@ from .psf import PointSpread, point_spread_from_samples
 KERNEL_SUFFIXES = frozenset({".npy", ".tif", ".tiff", ".png", ".fits", ".fit", ".fts"})
 #: Standard deviation in px; the samples of a wider Gaussian would fill the memory, and leave nothing of a photo.
 _WIDEST = 1000.0
+#: Of a text: no shake of a hand needs more paths, and no file's path has more characters.
+_MOST_PATHS, _LONGEST = 8, 5000
 
 
 def parse_psf(text: str) -> PointSpread | None:
@@ -27,6 +29,8 @@ def parse_psf(text: str) -> PointSpread | None:
     Raises:
         PsfError: the text or the file makes no sense; it says why.
     """
+    if text.count("path:") > _MOST_PATHS or len(text) > _LONGEST:
+        raise PsfError(f"The PSF '{text[:60]}...' is too long", f"Give at most {_MOST_PATHS} paths")
     blur, mark, path_text = text.strip().rpartition("path:")
     if mark and (not blur or blur.endswith("+")):
         return moved(parse_psf(blur[:-1]) if blur else None, *parse_path(path_text))

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import unicodedata
 from pathlib import Path
 
 from ..errors import PhotoError
-from ..names import check_photo_name
+from ..names import check_photo_name, shown
 
 #: Ending of a list of photos.
 LIST = ".txt"
@@ -29,8 +30,8 @@ def listed_files(path: Path) -> list[Path]:
     for line in wanted:
         file = path.parent / line
         name = unicodedata.normalize("NFC", file.name)
-        if not file.is_file():
-            raise PhotoError(f"'{path.name}' names '{line}', which is not there", "Correct the list")
+        if not os.path.isfile(file):  # (a path's own method raises where the name is too long)
+            raise PhotoError(f"'{path.name}' names '{shown(line[:200])}', which is not there", "Correct the list")
         if name in files and files[name].resolve() != file.resolve():
             raise PhotoError(f"'{path.name}' names two photos '{name}'", "Give every photo its own name")
         check_photo_name(file)

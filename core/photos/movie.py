@@ -194,13 +194,13 @@ class _Reading:
             if not self._container.streams.video:
                 raise PhotoError(f"'{self._movie.name}' has no pictures, only sound", "Choose a movie")
             self._container.streams.video[0].thread_type = "AUTO"
-        except (self._av.FFmpegError, OSError) as error:
+        except (self._av.FFmpegError, OSError, ValueError) as error:
             raise self._explained(error) from error
         return self._container
 
     def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
         self._container.close()
-        if isinstance(error, (self._av.FFmpegError, OSError)):
+        if isinstance(error, (self._av.FFmpegError, OSError, ValueError)):
             raise self._explained(error) from error
 
     def _explained(self, error: BaseException) -> PhotoError:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -14,6 +15,7 @@ from scipy.ndimage import spline_filter1d
 from .. import compiled
 from ..background import Pixels, opacity
 from ..camera import Camera
+from ..errors import CameraError
 from ..lens import Lens
 from ..numbers import BY_DEFINITION, number
 from ..pose import Pose
@@ -34,6 +36,12 @@ class UndistortionSettings:
     )
     kept_px: int = number(
         2_000_000, "px", "maps of lenses with at most so many are kept from one call to the next (32 MB)", BY_DEFINITION
+    )
+    farthest: float = number(
+        4.0,
+        "longest sides",
+        "beyond the frame that the border may look: a fisheye of 170 degrees needs 3.4",
+        BY_DEFINITION,
     )
     folded: float = number(
         1e-4, "focal lengths", "where a lens does not map back to within this, its polynomial has folded over"
@@ -63,7 +71,11 @@ class Undistortion:
 
     @cached_property
     def overscan(self) -> int:
-        """Pixels beyond the pinhole's frame, on each side, that the photo's border looks at."""
+        """Pixels beyond the pinhole's frame, on each side, that the photo's border looks at.
+
+        Raises:
+            CameraError: no ray reaches the border, or from so far that no render could hold it.
+        """
         if self.passes_through:
             return 0
         lens = self.lens
@@ -78,7 +90,14 @@ class Undistortion:
         )
         ideal = lens.from_pixels(border) * [lens.fx, lens.fy] + [lens.cx, lens.cy]
         beyond = np.maximum(-ideal, ideal - [lens.width, lens.height])
-        return max(0, int(np.ceil(np.nanmax(beyond))))
+        reached = np.isfinite(beyond)
+        farthest = float(beyond[reached].max()) if reached.any() else math.inf
+        if farthest > SETTINGS.farthest * max(lens.width, lens.height):
+            raise CameraError(
+                f"The distortion of the lens '{lens.model}' with the parameters {lens.params} makes no sense",
+                "Export the cameras again, or let them be found from the photos",
+            )
+        return max(0, math.ceil(farthest))
 
     def camera(self, name: str, pose: Pose) -> Camera:
         """The pinhole camera of the undistorted photo."""

@@ -17,7 +17,7 @@ from ..cloud import GaussianCloud
 from ..errors import FormatError
 from ..files import make_folder, output_error, read_json, write_bytes, write_json, write_text
 from ..formats.ply import write_ply
-from ..json_shape import anything, check_shape, count, text
+from ..json_shape import anything, check_shape, count, positive, text
 from ..reconstruction import Reconstruction
 from ..transaction import FolderChange, changing, recover
 
@@ -88,6 +88,8 @@ _REPORT = {
     "medium?": {"per_photo?": ({"*": text},)},
     "effects?": [anything],
 }
+#: What is read of plan.json.
+_PLAN = {"gaussians": positive, "grid_step": (positive,)}
 #: What is read of twin.json.
 _UPDATE_LOG = {"held?": [text], "psf?": {"*": text}, "updates?": [{"*": anything}]}
 
@@ -144,9 +146,10 @@ class TwinFolder:
         """What `save_plan` kept; empty where there is none, or it is damaged."""
         try:
             content = read_json(self.path / "plan.json")
+            check_shape(content, _PLAN)
         except (OSError, ValueError):
             return {}
-        return content if isinstance(content, dict) else {}
+        return dict(content)
 
     def save_twin(self, cloud: GaussianCloud) -> None:
         """The Gaussians; raises OutputError."""

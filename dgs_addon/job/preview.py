@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.npy import load_npy
 from .state import Mark
 
 #: Size of the curves in px.
@@ -30,7 +31,7 @@ def read_preview(path: Path) -> NDArray[np.float32]:
     Raises:
         OSError, ValueError: it cannot be read, or holds no picture.
     """
-    pixels = np.load(path, allow_pickle=False)
+    pixels = load_npy(path)
     if pixels.ndim != 3 or pixels.shape[2] != 3 or pixels.dtype != np.uint8 or not pixels.size:
         raise ValueError(f"'{path}' holds no picture")
     whole = np.ones((*pixels.shape[:2], 4), np.float32)

@@ -7,7 +7,6 @@ we end: its standard input closes, and on Linux the kernel kills it with the thr
 from __future__ import annotations
 
 import contextlib
-import json
 import queue
 import subprocess
 import threading
@@ -16,6 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any
 
+from ...core.files import parse_json
 from ..engine.process import creation_flags, environment
 
 #: A log that grows beyond this is begun anew (bytes).
@@ -131,7 +131,7 @@ class Worker:
             self._on_start(process.pid)
 
     def _hear(self, line: str, log: IO[str]) -> None:
-        event = _event(line)
+        event = event_of(line)
         if event is None or event.get("event") != "advance":
             log.write(line)
             log.flush()
@@ -139,7 +139,7 @@ class Worker:
             return
         self.events.put(event)
         if self._after_event is not None:
-            extra = self._after_event()
+            extra = self._afterevent_of()
             if extra is not None:
                 self.events.put(Extra(extra))
 
@@ -157,12 +157,12 @@ def _write(stream: IO[str] | None, order: str) -> None:
         stream.flush()
 
 
-def _event(line: str) -> dict[str, Any] | None:
+def event_of(line: str) -> dict[str, Any] | None:
     """The object of a line, or None for text that is no event."""
     if not line.startswith("{"):
         return None
     try:
-        value = json.loads(line)
+        value = parse_json(line.encode("utf-8", "replace"))
     except ValueError:
         return None
     return value if isinstance(value, dict) else None

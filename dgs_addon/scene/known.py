@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ...core.constants import SH_C0
 from ...core.errors import FormatError
+from ...core.npy import load_npy
 from .twin import BASE, OWN_BASE
 
 #: Point attribute: 1 where the photos fix a splat's colour, 0 where it is guessed.
@@ -30,8 +31,8 @@ def add_known(twin: Any, path: Path) -> None:
     if not path.is_file():
         raise FormatError(f"There is no '{path}'", "Run next-view on the twin's folder first")
     try:
-        values = np.load(path, allow_pickle=False)
-    except (OSError, ValueError, EOFError) as error:
+        values = load_npy(path)
+    except (OSError, ValueError) as error:
         raise FormatError(f"'{path}' is damaged", "Run next-view again") from error
     if values.shape != (len(twin.data.vertices),):
         raise FormatError(f"'{path}' belongs to another state of the twin", "Run next-view again")

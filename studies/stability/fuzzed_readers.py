@@ -3,49 +3,40 @@
 from __future__ import annotations
 
 import base64
-import gzip
-import io
+import importlib.util
 import json
+import shutil
 import struct
 import zlib
-from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import tifffile
 from PIL import Image
 
-from ...core.camera import Camera
-from ...core.cloud import GaussianCloud
 from ...core.evaluation.lines import read_lines
-from ...core.formats.colmap import read_model, write_model
+from ...core.formats.cameras import read_cameras
+from ...core.formats.colmap import write_lenses
 from ...core.formats.gaussians import read_gaussians, write_gaussians
-from ...core.formats.transforms import read_transforms, write_transforms
+from ...core.formats.transforms import write_transforms
 from ...core.imaging.kernel_files import read_kernel
 from ...core.imaging.psf_text import parse_psf
-from ...core.photos.load import load_photo, load_photos, photo_files
+from ...core.lens import Lens
+from ...core.photos.load import Photo, load_photo, load_photos, photo_files
+from ...core.photos.movie import extract_frames
+from ...core.photos.undistort import Undistortion, undistorted_views
 from ...core.pipeline.blind import given_spreads
+from ...core.pose import Pose
 from ...core.progress import Silent
-from ...core.sfm.features import Features, load_features, save_features
-from ...core.sfm.settings import recipes
-from ...core.training.checkpoint import Checkpoint, load_checkpoint, save_checkpoint
-from ...core.twin.folder import TwinFolder
-from ...core.views import SparsePoints
-from .reader_fuzz import Damage, Reader, damaged
+from ...core.sfm.given import load_cameras
+from .damage import Damage, damaged, damaged_npy, inside_gzip, inside_png, png
+from .fuzzed_samples import cameras, cloud, points
+from .fuzzed_state import state_readers
+from .reader_fuzz import Reader
 
-
-def cloud(count: int = 40) -> GaussianCloud:
-    """Gaussians of degree 1."""
-    random = np.random.default_rng(0)
-    draw = lambda *shape: np.asarray(random.normal(size=shape), np.float32)  # noqa: E731
-    return GaussianCloud(draw(count, 3), draw(count, 3) - 3, draw(count, 4), draw(count), draw(count, 4, 3))
-
-
-def cameras() -> dict[str, Camera]:
-    """Two cameras."""
-    return {
-        name: Camera(name, 40, 30, 35.0, 35.0, 20.0, 15.0, np.eye(3), np.array([x, 0.0, 2.0]))
-        for name, x in (("a.png", 0.0), ("b.png", 1.0))
-    }
+#: EXIF's tags: of its own directory, of the focal length on 35 mm film, of the orientation.
+_EXIF, _FOCAL, _ORIENTATION = 0x8769, 0xA405, 0x0112
 
 
 def _splats(suffix: str, damage: Damage = damaged) -> Reader:
@@ -60,106 +51,123 @@ def _splats(suffix: str, damage: Damage = damaged) -> Reader:
     return Reader(suffix[1:], write, lambda place: read_gaussians(place / f"a{suffix}"), f"a{suffix}", damage)
 
 
+def _parts_of_glb(binary: bytes) -> tuple[Any, bytes]:
+    """The JSON of an asset, and its buffer."""
+    (length,) = struct.unpack_from("<I", binary, 12)
+    return json.loads(binary[20 : 20 + length]), binary[28 + length :]
+
+
 def _text_gltf(binary: bytes) -> bytes:
     """The same asset as JSON with its buffer in a data URI."""
-    (length,) = struct.unpack_from("<I", binary, 12)
-    content, data = json.loads(binary[20 : 20 + length]), binary[28 + length :]
+    content, data = _parts_of_glb(binary)
     content["buffers"][0]["uri"] = "data:application/octet-stream;base64," + base64.b64encode(data).decode("ascii")
     return json.dumps(content).encode("utf-8")
 
 
-def _inside_gzip(content: bytes, random: np.random.Generator) -> bytes:
-    if random.random() < 0.3:
-        return damaged(content, random)
-    return gzip.compress(damaged(gzip.decompress(content), random), 1)
+def _two_files(damaged_file: str) -> Reader:
+    """A .gltf with its buffer in a file beside it."""
 
+    def write(place: Path) -> None:
+        place.mkdir(exist_ok=True)
+        write_gaussians(place / "a.glb", cloud())
+        content, data = _parts_of_glb((place / "a.glb").read_bytes())
+        content["buffers"][0]["uri"] = "a%20b.bin"
+        (place / "a.gltf").write_text(json.dumps(content), "utf-8")
+        (place / "a b.bin").write_bytes(data)
 
-def _inside_npz(content: bytes, random: np.random.Generator) -> bytes:
-    if random.random() < 0.2:
-        return damaged(content, random)
-    with np.load(io.BytesIO(content)) as archive:
-        arrays = {name: archive[name] for name in archive.files}
-    names = sorted(name for name, array in arrays.items() if array.ndim)
-    name = names[int(random.integers(len(names)))]
-    if "__facts__" in arrays and random.random() < 0.4:
-        text = damaged(arrays["__facts__"].tobytes(), random)
-        arrays["__facts__"] = np.frombuffer(text, np.uint8)
-    else:
-        changed = _changed(arrays[name], int(random.integers(8)))
-        if changed is None:
-            del arrays[name]
-        else:
-            arrays[name] = changed
-    out = io.BytesIO()
-    np.savez(out, **arrays)
-    return out.getvalue()
-
-
-def _inside_png(content: bytes, random: np.random.Generator) -> bytes:
-    """One chunk is changed, its length and checksum fit: of pixels what is packed, or what it unpacks to."""
-    if random.random() < 0.2:
-        return damaged(content, random)
-    chunks, at = list[tuple[bytes, bytes]](), 8
-    while at + 12 <= len(content):
-        (length,) = struct.unpack_from(">I", content, at)
-        chunks.append((content[at + 4 : at + 8], content[at + 8 : at + 8 + length]))
-        at += 12 + length
-    chosen = int(random.integers(len(chunks)))
-    kind, data = chunks[chosen]
-    if kind == b"IDAT" and random.random() < 0.5:
-        data = zlib.compress(damaged(zlib.decompress(data), random))
-    else:
-        data = damaged(data, random)
-    chunks[chosen] = kind, data
-    return _png(chunks)
+    return Reader(f"gltf beside {damaged_file}", write, lambda p: read_gaussians(p / "a.gltf"), damaged_file, damaged)
 
 
 def _damage_of(suffix: str) -> Damage:
-    return _inside_png if suffix == ".png" else damaged
+    return {".png": inside_png, ".npy": damaged_npy}.get(suffix, damaged)
 
 
-def _png(chunks: Iterable[tuple[bytes, bytes]]) -> bytes:
-    packed = (struct.pack(">I", len(d)) + k + d + struct.pack(">I", zlib.crc32(k + d)) for k, d in chunks)
-    return b"\x89PNG\r\n\x1a\n" + b"".join(packed)
+def _photos_of_cameras() -> list[Photo]:
+    return [Photo(name, Path(name), np.zeros((30, 40, 3), np.uint8)) for name in cameras()]
 
 
-def _changed(array: np.ndarray, how: int) -> np.ndarray | None:
-    """Of another length, shape, kind or content; None to leave it out."""
-    flat = array.reshape(-1)
-    return (
-        None,
-        array[:-1],
-        array[:0],
-        array.astype(np.float64),
-        array.astype(np.int16),
-        np.repeat(array, 2, axis=0),
-        flat.reshape(1, -1),
-        np.full_like(array, 255 if array.dtype.kind == "u" else np.nan),
-    )[how]
+def _placed(path: Path) -> object:
+    """Cameras as a run takes them: for its photos, which are straightened."""
+    photos = _photos_of_cameras()
+    found = load_cameras(path, photos)
+    return undistorted_views([photo for photo in photos if photo.name in found.poses], found)
+
+
+def _straightened(path: Path) -> object:
+    """Cameras of a file without points, which a run would scatter: that takes most of the time."""
+    model = read_cameras(path, dict.fromkeys(("a", "b"), (40, 30)))
+    for lens in set(model.lenses.values()):
+        if lens.width * lens.height < 10_000:
+            Undistortion(lens).prepare()
+    return model.pinholes()
 
 
 def _colmap(file: str) -> Reader:
     def write(place: Path) -> None:
-        points = SparsePoints(np.random.default_rng(1).normal(size=(20, 3)), np.full((20, 3), 100, np.uint8))
-        write_model(place, cameras(), points, binary=file.endswith(".bin"))
+        lens = Lens("OPENCV", 40, 30, (35.0, 35.0, 20.0, 15.0, 0.01, 0.0, 0.0, 0.001))
+        poses = {name: Pose(c.rotation, c.translation) for name, c in cameras().items()}
+        write_lenses(place, dict.fromkeys(poses, lens), poses, points(), binary=file.endswith(".bin"))
 
-    return Reader(f"colmap {file}", write, read_model, file, damaged)
+    return Reader(f"colmap {file}", write, _placed, file, damaged)
 
 
 def _transforms() -> Reader:
     def write(place: Path) -> None:
         place.mkdir(exist_ok=True)
         write_transforms(place / "transforms.json", cameras())
+        content = json.loads((place / "transforms.json").read_text("utf-8"))
+        content |= {"camera_angle_x": 1.0, "aabb_scale": 4, "k1": 0.01, "k2": 0.0, "p1": 0.0, "p2": 0.001, "k3": 0.0}
+        content["frames"][1] |= {"k3": 0.001, "is_fisheye": False, "camera_angle_y": 0.9}
+        del content["frames"][1]["fl_y"]
+        (place / "transforms.json").write_text(json.dumps(content), "utf-8")
 
-    return Reader("transforms.json", write, read_transforms, "transforms.json", damaged)
+    return Reader("transforms.json", write, _straightened, "transforms.json", damaged)
+
+
+def _movie(suffix: str, codec: str) -> Reader:
+    name = f"movie{suffix}"
+
+    def write(place: Path) -> None:
+        av = importlib.import_module("av")  # an extra package
+        place.mkdir(exist_ok=True)
+        random = np.random.default_rng(4)
+        with av.open(str(place / name), "w") as container:
+            stream = container.add_stream(codec, rate=25)
+            stream.width, stream.height, stream.pix_fmt = 48, 32, "yuvj420p" if codec == "mjpeg" else "yuv420p"
+            frames = (random.integers(0, 255, (32, 48, 3), dtype=np.uint8) for _ in range(6))
+            encoded = [stream.encode(av.VideoFrame.from_ndarray(frame, format="rgb24")) for frame in frames]
+            for packet in [packet for packets in [*encoded, stream.encode()] for packet in packets]:
+                container.mux(packet)
+
+    def read(place: Path) -> object:
+        shutil.rmtree(place / "frames", ignore_errors=True)
+        return extract_frames(place / name, place / "frames", 3, Silent())
+
+    return Reader(f"movie {suffix}", write, read, name, damaged)
+
+
+def _frames() -> Reader:
+    """The list of the frames that were taken from a movie before."""
+    movie = _movie(".mp4", "mpeg4")
+
+    def write(place: Path) -> None:
+        movie.write(place)
+        extract_frames(place / "movie.mp4", place / "frames", 3, Silent())
+
+    return Reader(
+        "frames.json",
+        write,
+        lambda place: extract_frames(place / "movie.mp4", place / "frames", 3, Silent()),
+        "frames/frames.json",
+        damaged,
+        forgives=True,
+    )
 
 
 def _kernel(suffix: str) -> Reader:
     name = f"kernel{suffix}"
 
     def write(place: Path) -> None:
-        import tifffile  # late: only for this file
-
         place.mkdir(exist_ok=True)
         y, x = np.mgrid[-3:4, -3:4]
         values = np.exp(-0.5 * (x**2 + y**2) / 2.0).astype(np.float32)
@@ -194,46 +202,19 @@ def _photo(suffix: str) -> Reader:
     def write(place: Path) -> None:
         place.mkdir(exist_ok=True)
         random = np.random.default_rng(2)
-        Image.fromarray(random.integers(0, 255, (30, 40, 3), dtype=np.uint8)).save(place / name)
+        picture = Image.fromarray(random.integers(0, 255, (30, 40, 3), dtype=np.uint8))
+        exif = Image.Exif()
+        exif[_ORIENTATION] = 6
+        exif.get_ifd(_EXIF)[_FOCAL] = 28
+        if suffix == ".tif":
+            picture.convert("CMYK").save(place / name)
+        elif suffix == ".heic":
+            importlib.import_module("pillow_heif").register_heif_opener()
+            picture.save(place / name)
+        else:
+            picture.save(place / name, exif=exif.tobytes() if suffix != ".bmp" else b"")
 
     return Reader(f"photo {suffix}", write, lambda place: load_photo(place / name), name, _damage_of(suffix))
-
-
-def _checkpoint() -> Reader:
-    def write(place: Path) -> None:
-        place.mkdir(exist_ok=True)
-        c = cloud()
-        values = {"means": c.means, "log_scales": c.log_scales, "quaternions": c.quaternions}
-        values |= {"opacity_logits": c.opacity_logits, "sh": c.sh}
-        arrays = {f"{kind}.{name}": value for kind in ("value", "first") for name, value in values.items()}
-        arrays |= {f"second.{name}": np.square(value) for name, value in values.items()}
-        arrays |= {name: np.ones(len(c.means), np.float32) for name in ("pull", "views")}
-        state = Checkpoint(arrays, {"photos": ["a.png"]}, 7, 1.5, [{"step": 7.0, "loss": 0.1}], {"steps": 7})
-        save_checkpoint(place / "checkpoint.npz", state)
-
-    return Reader(
-        "checkpoint", write, lambda p: load_checkpoint(p / "checkpoint.npz", {}), "checkpoint.npz", _inside_npz
-    )
-
-
-def _report() -> Reader:
-    def write(place: Path) -> None:
-        place.mkdir(exist_ok=True)
-        write_gaussians(place / "twin.ply", cloud())
-        run = {"photos": "photos", "out": "twin", "psf": "gaussian:2", "blur_space": "srgb", "holdout_every": 8}
-        report = {"settings": {"run": run, "training": {"sh_degree": 1}}, "steps": 300, "medium": {"per_photo": None}}
-        (place / "report.json").write_text(json.dumps(report), "utf-8")
-
-    return Reader("report.json", write, lambda path: TwinFolder(path).report(), "report.json", damaged)
-
-
-def _facts() -> Reader:
-    def write(place: Path) -> None:
-        place.mkdir(exist_ok=True)
-        facts = {"held": ["a.png"], "psf": {"b.png": "gaussian:2"}, "updates": [{"photos": ["c.png"], "steps": 20}]}
-        (place / "twin.json").write_text(json.dumps(facts), "utf-8")
-
-    return Reader("twin.json", write, lambda path: TwinFolder(path).update_log(), "twin.json", damaged)
 
 
 def _spreads() -> Reader:
@@ -250,8 +231,6 @@ def _deep_photo(suffix: str) -> Reader:
     name = f"photo{suffix}"
 
     def write(place: Path) -> None:
-        import tifffile  # late: only for this file
-
         place.mkdir(exist_ok=True)
         values = np.random.default_rng(3).integers(0, 2**16, (30, 40, 3), dtype=np.uint16)
         if suffix == ".tif":
@@ -267,7 +246,7 @@ def _png16(values: np.ndarray) -> bytes:
     height, width, _ = values.shape
     rows = np.concatenate([np.zeros((height, 1), np.uint8), values.astype(">u2").view(np.uint8).reshape(height, -1)], 1)
     head = struct.pack(">IIBBBBB", width, height, 16, 2, 0, 0, 0)
-    return _png(((b"IHDR", head), (b"IDAT", zlib.compress(rows.tobytes())), (b"IEND", b"")))
+    return png(((b"IHDR", head), (b"IDAT", zlib.compress(rows.tobytes())), (b"IEND", b"")))
 
 
 def _masked() -> Reader:
@@ -280,7 +259,7 @@ def _masked() -> Reader:
     def read(place: Path) -> object:
         return load_photos(place / "photos", None, Silent(), place / "masks", minimum=1)
 
-    return Reader("mask", write, read, "masks/a.png", damaged)
+    return Reader("mask", write, read, "masks/a.png", inside_png, forgives=True)
 
 
 def _list() -> Reader:
@@ -302,32 +281,26 @@ def _lines() -> Reader:
     return Reader("lines.json", write, lambda place: read_lines(place / "lines.json"), "lines.json", damaged)
 
 
-def _features() -> Reader:
-    def write(place: Path) -> None:
-        place.mkdir(exist_ok=True)
-        one = Features(np.ones((5, 2), np.float32), np.ones((5, 128), np.uint8))
-        found = {"a.png": one, "b.png": one}
-        save_features(place / "features.npz", found, recipes(False)[0])
-
-    return Reader("features", write, lambda place: load_features(place / "features.npz"), "features.npz", _inside_npz)
-
-
 def readers() -> list[Reader]:
     """All of `core`."""
+    photos = [".png", ".jpg", ".tif", ".webp", ".bmp"]
+    if importlib.util.find_spec("pillow_heif"):
+        photos.append(".heic")
+    movies = [(".mp4", "mpeg4"), (".mkv", "ffv1"), (".avi", "mjpeg")] if importlib.util.find_spec("av") else []
     return [
         *(_splats(suffix) for suffix in (".ply", ".splat", ".gltf", ".glb")),
-        _splats(".spz", _inside_gzip),
+        _splats(".spz", inside_gzip),
+        *(_two_files(file) for file in ("a.gltf", "a b.bin")),
         *(_colmap(f"{name}{suffix}") for suffix in (".bin", ".txt") for name in ("cameras", "images", "points3D")),
         _transforms(),
         *(_kernel(suffix) for suffix in (".npy", ".tif", ".png", ".fits")),
-        *(_photo(suffix) for suffix in (".png", ".jpg", ".tif")),
+        *(_photo(suffix) for suffix in photos),
         *(_deep_photo(suffix) for suffix in (".png", ".tif")),
         _masked(),
+        *(_movie(*movie) for movie in movies),
+        *([_frames()] if movies else []),
         _list(),
         _spreads(),
         _lines(),
-        _features(),
-        _checkpoint(),
-        _report(),
-        _facts(),
+        *state_readers(),
     ]

@@ -1,8 +1,7 @@
 """Every reader on damaged files: a result or an explained error; never a traceback, an abort, a hang or a full memory.
 
-A reader gets a valid file that was changed at random: bytes flipped, cut off, inserted, numbers replaced by extreme
-ones, values of JSON by others of every type. It reads in a child process, so that an abort, a hang and the memory are
-seen from outside.
+A reader gets a valid file that was changed at random (`damage`). It reads in a child process, so that an abort, a hang
+and the memory are seen from outside.
 """
 
 from __future__ import annotations
@@ -10,45 +9,33 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-import re
 import resource
 import select
 import signal
 import struct
-import sys
 import time
 import traceback
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from ...core.errors import DgsError
+from ...core.files import write_json
+from .damage import Damage
 
 #: A reader that takes longer hangs (s).
 HANG_SECONDS = 10.0
 #: A reader may take so much memory beyond what the process has (bytes).
 MEMORY_BYTES = 2**30
 #: Files that one child reads; a child that dies costs the rest of its files a new child.
-FILES_A_CHILD = 100
-#: What numbers in a text are replaced by.
-NUMBERS = (b"nan", b"inf", b"-inf", b"-1", b"0", b"1e308", b"1e-320", b"99999999999999999999", b"2147483648", b"", b"x")
-#: What words of 4 bytes in a binary file are replaced by.
-WORDS = tuple(struct.pack("<I", value) for value in (0, 1, 0x7FFFFFFF, 0x80000000, 0xFFFFFFFF, 0x7F800000, 0x7FC00000))
-#: What values of a JSON file are replaced by.
-VALUES: tuple[Any, ...] = (
-    *(None, True, -1, 0, 10**400, 1e308, "", "x", "../../x", "\x00", "a\nb", "\ud800"),
-    *([], {}, [[[]]], [None] * 3, {"x": {}}),
-)
-_NUMBER = re.compile(rb"-?\d+(\.\d+)?([eE][-+]?\d+)?")
-_MARK = struct.Struct("<iB")
-_READ, _REFUSED, _TRACEBACK = 1, 2, 3
-
-
-Damage = Callable[[bytes, np.random.Generator], bytes]
+FILES_A_CHILD = 200
+_IN_MEMORY = Path("/dev/shm")
+#: Which file, what came of it, the seconds and the bytes that it took.
+_MARK = struct.Struct("<iBdQ")
+_READ, _REFUSED, _TRACEBACK, _MEMORY = 1, 2, 3, 4
 
 
 @dataclass(frozen=True)
@@ -61,6 +48,7 @@ class Reader:
         read: reads it; ends with a result or a `DgsError`.
         file: the name of the file that is damaged, below the path.
         damage: changes its content; formats with checksums are damaged inside them.
+        forgives: whether it takes whatever it finds, because what is damaged can be found or made again.
     """
 
     name: str
@@ -68,6 +56,7 @@ class Reader:
     read: Callable[[Path], object]
     file: str
     damage: Damage
+    forgives: bool = False
 
 
 @dataclass
@@ -78,9 +67,10 @@ class ReaderFuzz:
         reader: its name.
         files: how many were read.
         read, refused: with a result, with an explained error.
-        tracebacks, aborts, hangs: what must not be.
+        tracebacks, aborts, hangs, greedy: what must not be; greedy asked for more memory than there is.
         worst: the seeds and last words of the first few that must not be.
-        slowest: seconds.
+        slowest: seconds of one file, which is number `slowest_file`; seconds: of all, with making them.
+        largest: bytes that one file took, number `largest_file`, beyond what the process has.
     """
 
     reader: str
@@ -90,94 +80,35 @@ class ReaderFuzz:
     tracebacks: int = 0
     aborts: int = 0
     hangs: int = 0
+    greedy: int = 0
     worst: list[str] = field(default_factory=list)
     slowest: float = 0.0
+    slowest_file: int = 0
+    seconds: float = 0.0
+    largest: int = 0
+    largest_file: int = 0
 
     @property
     def faults(self) -> int:
         """Files that were not read as they should be."""
-        return self.tracebacks + self.aborts + self.hangs
+        return self.tracebacks + self.aborts + self.hangs + self.greedy
 
 
-def damaged(content: bytes, random: np.random.Generator) -> bytes:
-    """One random damage, or a few, to a file's content."""
-    if content[:1] in (b"{", b"[") and random.random() < 0.6:
-        with contextlib.suppress(ValueError):
-            return _damaged_json(json.loads(content), random)
-    for _ in range(int(random.choice([1, 1, 1, 2, 5]))):
-        content = _DAMAGES[int(random.integers(len(_DAMAGES)))](content, random)
-    return content
-
-
-def _flipped(content: bytes, random: np.random.Generator) -> bytes:
-    out = bytearray(content)
-    for at in random.integers(0, max(1, len(out)), int(random.choice([1, 2, 8, 64]))):
-        if out:
-            out[at % len(out)] ^= 1 << int(random.integers(8))
-    return bytes(out)
-
-
-def _cut(content: bytes, random: np.random.Generator) -> bytes:
-    return content[: int(random.integers(0, len(content) + 1))]
-
-
-def _removed(content: bytes, random: np.random.Generator) -> bytes:
-    at, length = int(random.integers(0, len(content) + 1)), int(random.choice([1, 2, 4, 50, 1000]))
-    return content[:at] + content[at + length :]
-
-
-def _inserted(content: bytes, random: np.random.Generator) -> bytes:
-    at, length = int(random.integers(0, len(content) + 1)), int(random.choice([1, 4, 50, 3000]))
-    extra = random.bytes(length) if random.random() < 0.5 else content[at : at + length] * 2
-    return content[:at] + extra + content[at:]
-
-
-def _number(content: bytes, random: np.random.Generator) -> bytes:
-    found = list(_NUMBER.finditer(content[:20000]))
-    if not found:
-        return _word(content, random)
-    hit = found[int(random.integers(len(found)))]
-    return content[: hit.start()] + NUMBERS[int(random.integers(len(NUMBERS)))] + content[hit.end() :]
-
-
-def _word(content: bytes, random: np.random.Generator) -> bytes:
-    # Headers decide most: half of the words are among the first hundred bytes.
-    end = min(len(content), 100) if random.random() < 0.5 else len(content)
-    at = int(random.integers(0, max(1, end)))
-    return content[:at] + WORDS[int(random.integers(len(WORDS)))] + content[at + 4 :]
-
-
-_DAMAGES = (_flipped, _cut, _removed, _inserted, _number, _word)
-
-
-def _damaged_json(value: Any, random: np.random.Generator) -> bytes:
-    if random.random() < 0.03:
-        depth = int(random.choice([200, 5000, 200000]))
-        return b"[" * depth + b"]" * depth
-    places: list[tuple[Any, Any]] = []
-
-    def collect(node: Any) -> None:
-        for key in node if isinstance(node, dict) else range(len(node)):
-            places.append((node, key))
-            if isinstance(node[key], (dict, list)):
-                collect(node[key])
-
-    if isinstance(value, (dict, list)):
-        collect(value)
-    if not places or random.random() < 0.02:
-        return json.dumps(VALUES[int(random.integers(len(VALUES)))]).encode("utf-8", "surrogatepass")
-    node, key = places[int(random.integers(len(places)))]
-    if isinstance(node, dict) and random.random() < 0.25:
-        del node[key]
-    else:
-        node[key] = VALUES[int(random.integers(len(VALUES)))]
-    return json.dumps(value).encode("utf-8", "surrogatepass")
+def in_memory() -> Path | None:
+    """Where files lie in memory, for `tempfile`; None where the system has no such place: a disk would be the brake."""
+    return _IN_MEMORY if _IN_MEMORY.is_dir() else None
 
 
 def fuzz_reader(
-    reader: Reader, files: int, folder: Path, seed: int = 0, cancelled: Callable[[], bool] = bool
+    reader: Reader,
+    files: int,
+    folder: Path,
+    seed: int = 0,
+    cancelled: Callable[[], bool] = bool,
+    result: ReaderFuzz | None = None,
+    kept: Callable[[ReaderFuzz], None] = lambda _: None,
 ) -> ReaderFuzz:
-    """Reads `files` damaged files with one reader.
+    """Reads damaged files with one reader, until there were `files`.
 
     Args:
         reader: which.
@@ -185,13 +116,20 @@ def fuzz_reader(
         folder: for the files; one at a time is there.
         seed: of the damages; file i of a seed is always the same.
         cancelled: whether to stop between two children.
+        result: of files that were read before, to go on from.
+        kept: gets the result after each child.
     """
     place = folder / "sample"
     reader.write(place)
-    original, result, index = (place / reader.file).read_bytes(), ReaderFuzz(reader.name), 0
-    while index < files and not cancelled():
-        index += _one_child(reader, place, original, seed, range(index, min(files, index + FILES_A_CHILD)), result)
-    result.files = index
+    original = (place / reader.file).read_bytes()
+    reader.read(place)  # what it loads and compiles is loaded once, and a valid file is no error
+    result = ReaderFuzz(reader.name) if result is None else result
+    while result.files < files and not cancelled():
+        began = time.perf_counter()
+        indices = range(result.files, min(files, result.files + FILES_A_CHILD))
+        result.files += _one_child(reader, place, original, seed, indices, result)
+        result.seconds += time.perf_counter() - began
+        kept(result)
     return result
 
 
@@ -221,19 +159,19 @@ def _one_child(reader: Reader, place: Path, original: bytes, seed: int, indices:
 
 def _watch(ready: int, place: Path, indices: range, result: ReaderFuzz) -> int:
     """Counts what the child reports until it is done, hangs or ends; how many files it reported."""
-    began = time.perf_counter()
     for done, index in enumerate(indices):
         readable, _, _ = select.select([ready], [], [], HANG_SECONDS)
         data = os.read(ready, _MARK.size) if readable else b""
         if len(data) < _MARK.size:
             return done
-        now = time.perf_counter()
-        result.slowest, began = max(result.slowest, now - began), now
-        verdict = _MARK.unpack(data)[1]
+        _, verdict, seconds, memory = _MARK.unpack(data)
+        result.slowest, result.slowest_file = max((result.slowest, result.slowest_file), (seconds, index))
+        result.largest, result.largest_file = max((result.largest, result.largest_file), (memory, index))
         result.read += verdict == _READ
         result.refused += verdict == _REFUSED
-        if verdict == _TRACEBACK:
-            result.tracebacks += 1
+        result.tracebacks += verdict == _TRACEBACK
+        result.greedy += verdict == _MEMORY
+        if verdict in (_TRACEBACK, _MEMORY):
             _note(result, f"{index}: {_last_words(place, index)}")
     return len(indices)
 
@@ -259,18 +197,32 @@ def _child(reader: Reader, place: Path, original: bytes, seed: int, indices: ran
         for index in indices:
             content = reader.damage(original, np.random.default_rng([seed, index]))
             (place / reader.file).write_bytes(content)
-            try:
-                reader.read(place)
-                verdict = _READ
-            except DgsError:
-                verdict = _REFUSED
-            except BaseException:  # noqa: BLE001  (whatever else comes out is what is looked for)
-                words = "".join(traceback.format_exception(*sys.exc_info()))
-                _words_file(place, index).write_text(words, "utf-8", "replace")
-                verdict = _TRACEBACK
-            os.write(report, _MARK.pack(index, verdict))
+            _forget_peak()
+            before, began = _memory("VmRSS"), time.perf_counter()
+            verdict = _verdict(reader, place, index)
+            seconds, memory = time.perf_counter() - began, max(0, _memory("VmHWM") - before)
+            os.write(report, _MARK.pack(index, verdict, seconds, memory))
     finally:
         os._exit(0)
+
+
+def _verdict(reader: Reader, place: Path, index: int) -> int:
+    """What comes of reading one file."""
+    try:
+        reader.read(place)
+        return _READ
+    except BaseException as error:  # noqa: BLE001  (whatever comes out besides what is explained is what is looked for)
+        explained, greedy = isinstance(error, DgsError), _for_memory(error)
+        if explained and not greedy:
+            return _REFUSED
+        _words_file(place, index).write_text("".join(traceback.format_exception(error)), "utf-8", "replace")
+        return _MEMORY if greedy else _TRACEBACK
+
+
+def _for_memory(error: BaseException) -> bool:
+    """Whether an error was explained only because the memory of this process is limited."""
+    cause = error.__cause__ or error.__context__
+    return isinstance(error, MemoryError) or (cause is not None and _for_memory(cause))
 
 
 def _limit() -> None:
@@ -284,10 +236,72 @@ def _limit() -> None:
     warnings.simplefilter("ignore")
 
 
+def _forget_peak() -> None:
+    """The process's peak memory counts from now on."""
+    with contextlib.suppress(OSError), open("/proc/self/clear_refs", "w", encoding="ascii") as file:
+        file.write("5")
+
+
+def _memory(kind: str) -> int:
+    """Bytes that this process has in memory (VmRSS), or had at most (VmHWM)."""
+    with open("/proc/self/status", encoding="ascii", errors="replace") as file:
+        for line in file:
+            if line.startswith(kind):
+                return int(line.split()[1]) * 1024
+    return 0
+
+
 def fuzz_line(result: ReaderFuzz) -> str:
     """One line of the table."""
-    faults = f"{result.tracebacks} tracebacks, {result.aborts} aborts, {result.hangs} hangs"
+    faults = f"{result.tracebacks} tracebacks, {result.aborts} aborts, {result.hangs} hangs, {result.greedy} greedy"
     return (
         f"{result.reader:<22}{result.files:>6} files: {result.read} read, {result.refused} refused; "
-        f"{faults if result.faults else 'fine'}; slowest {result.slowest:.2f} s"
+        f"{faults if result.faults else 'fine'}; slowest {result.slowest:.2f} s, largest {result.largest / 1e6:.0f} MB"
     )
+
+
+def markdown(results: list[ReaderFuzz], machine: str) -> str:
+    """All readers as a table."""
+    files, seconds = sum(one.files for one in results), sum(one.seconds for one in results)
+    faults = sum(one.faults for one in results)
+    return "\n".join(
+        [
+            f"{len(results)} readers, {files:,} files in {seconds:.0f} s on {machine}, one process at a time: "
+            f"{sum(one.read for one in results):,} were read, {sum(one.refused for one in results):,} refused with "
+            f"their reason, {faults} ended otherwise.",
+            "",
+            "| reader | files | read | refused | tracebacks | aborts | hangs | greedy | slowest, s | most memory, MB "
+            "| all, s |",
+            "|---|---|---|---|---|---|---|---|---|---|---|",
+            *(
+                f"| {r.reader} | {r.files} | {r.read} | {r.refused} | {r.tracebacks} | {r.aborts} | {r.hangs} | "
+                f"{r.greedy} | {r.slowest:.2f} | {r.largest / 1e6:.0f} | {r.seconds:.0f} |"
+                for r in results
+            ),
+            "",
+        ]
+    )
+
+
+class FuzzRecord:
+    """What came of readers so far, in a file, so that a long fuzz can be interrupted and goes on.
+
+    Args:
+        path: of the file; None keeps nothing.
+    """
+
+    def __init__(self, path: Path | None) -> None:
+        self._path = path
+        self.results: dict[str, ReaderFuzz] = {}
+        if path is not None and path.is_file():
+            try:
+                rows = json.loads(path.read_text("utf-8"))
+                self.results = {row["reader"]: ReaderFuzz(**row) for row in rows}
+            except (OSError, ValueError, KeyError, TypeError) as error:
+                raise DgsError(f"'{path}' is no record of a fuzz ({error})", "Delete it") from error
+
+    def keep(self, result: ReaderFuzz) -> None:
+        """Raises OutputError."""
+        self.results[result.reader] = result
+        if self._path is not None:
+            write_json(self._path, [asdict(one) for one in self.results.values()])

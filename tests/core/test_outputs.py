@@ -163,7 +163,7 @@ def test_render_keeps_photos(tmp_path, capsys):
     from dgs.core.camera import Camera
     from dgs.core.formats.gaussians import write_gaussians
     from dgs.core.formats.transforms import write_transforms
-    from dgs.studies.stability.fuzzed_readers import cloud
+    from dgs.studies.stability.fuzzed_samples import cloud
 
     write_gaussians(tmp_path / "twin.ply", cloud())
     camera = Camera("a.png", 20, 16, 20.0, 20.0, 10.0, 8.0, np.eye(3), np.array([0.0, 0.0, 5.0]))

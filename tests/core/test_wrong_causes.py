@@ -20,7 +20,7 @@ from dgs.core.reconstruction import no_points
 from dgs.core.sfm.given import load_cameras
 from dgs.core.twin.folder import TwinFolder
 from dgs.core.twin.opened import open_twin
-from dgs.studies.stability.fuzzed_readers import cameras, cloud
+from dgs.studies.stability.fuzzed_samples import cameras, cloud
 from PIL import Image
 
 
