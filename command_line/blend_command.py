@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from ..core.errors import OutputError
-from ..core.outputs import check_outputs, placing_output
+from ..core.outputs import check_outputs
 from .arguments import CAMERAS, SPLATS, add_overwrite
 from .progress_choice import Reporting
 
@@ -29,7 +29,6 @@ def blend_command(options: argparse.Namespace, progress: Reporting) -> int:
     if options.out.suffix.lower() != ".blend":
         raise OutputError(f"'{options.out.name}' is no name of a Blender scene", "Give a name that ends in .blend")
     check_outputs([options.out], [options.twin], options.overwrite)
-    with placing_output(options.out) as scene:
-        save_blend(options.twin, options.cameras, scene, options.photos)
+    save_blend(options.twin, options.cameras, options.out, options.photos)
     progress.finished({"blend": str(options.out)})
     return 0

@@ -14,12 +14,15 @@ import os
 import re
 import shutil
 import signal
+import subprocess
+import sys
 import traceback
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import dgs
 import numpy as np
 import torch
 from dgs.command_line import run
@@ -45,6 +48,12 @@ UNLIKE = {"seconds", "machine", "memory", "peak_memory_mb", "predicted", "notes"
 #: Parts of the page that hold times: numbers, and charts over time.
 FIGURES = re.compile(r"<svg.*?</svg>|[0-9][0-9.,]*|<li>Going on from.*?</li>", re.DOTALL)
 
+#: Parts of a folder that are no state of it: pictures of the training that runs or ran last, and features of photos
+#: by name, which are found again where they are missing.
+PASSING = ("snapshot", "sfm")
+#: There when a run was cut off that can be gone on with.
+BEGUN = ".run/.begun"
+RUN = str(Path(dgs.__path__[0]) / "run_dgs.py")
 #: What a scene's file begins and ends with (its content holds addresses of the memory, and is never the same twice).
 ZSTANDARD = (b"\x28\xb5\x2f\xfd", b"\xb1\xea\x92\x8f")
 
@@ -60,7 +69,8 @@ class Case:
         start: which of the prepared folders it works on.
         words: of the command line; {data} and {folder} are put in.
         work: instead of a command line, what is called with the data's and the folder's path.
-        again: words that finish what was cut off, where they are others.
+        again: words that finish what was cut off, where a run can be gone on with.
+        process: whether it runs as a user runs it, in a process of its own that was not prepared for this.
     """
 
     name: str
@@ -68,6 +78,7 @@ class Case:
     words: tuple[str, ...] = ()
     work: Callable[[Path, Path], None] | None = None
     again: tuple[str, ...] = ()
+    process: bool = False
 
     def run(self, data: Path, folder: Path, again: bool = False) -> int:
         """The command in this process; its exit status."""
@@ -77,8 +88,13 @@ class Case:
             except DgsError:
                 return DgsError.exit_code
             return 0
-        words = self.again if again and self.again else self.words
-        return run([word.format(data=data, folder=folder) for word in words])
+        words = self.command(data, folder, again)
+        return subprocess.run([sys.executable, RUN, *words], check=False).returncode if self.process else run(words)
+
+    def command(self, data: Path, folder: Path, again: bool = False) -> list[str]:
+        """Words of the command line."""
+        words = self.again if again and self.again and (folder / BEGUN).exists() else self.words
+        return [word.format(data=data, folder=folder) for word in words]
 
 
 _MADE = (
@@ -109,8 +125,8 @@ def _exported(suffix: str, twin: str) -> Callable[[Path, Path], None]:
 
 
 CASES = (
-    Case("reconstruct into a new folder", "nothing", _MADE),
-    Case("reconstruct over a twin with an update", "updated", (*_OTHER, "--snapshots")),
+    Case("reconstruct into a new folder", "nothing", _MADE, again=(*_MADE, "--resume")),
+    Case("reconstruct over a twin with an update", "updated", (*_OTHER, "--snapshots"), again=(*_OTHER, "--resume")),
     Case("resume a stopped run", "stopped", (*_MADE, "--resume")),
     Case("resume a killed run", "killed", (*_MADE, "--resume")),
     Case("resume a killed run over a twin", "killed over", (*_OTHER, "--resume")),
@@ -277,7 +293,8 @@ def alike(folder: Path) -> State:
 def _files(folder: Path) -> Iterator[tuple[str, Path]]:
     for path in sorted(folder.rglob("*")):
         name = path.relative_to(folder)
-        if path.is_file() and not any(part.startswith(".") for part in name.parts):
+        hidden = any(part.startswith(".") for part in name.parts) or name.parts[0] in PASSING
+        if path.is_file() and not hidden:
             yield name.as_posix(), path
 
 

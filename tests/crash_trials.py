@@ -14,6 +14,8 @@ from dgs.tests.crashes import Fault, SmallDisk, arm
 
 #: What a trial found: the fault came too late; the state before or after; a mixture of both, or another promise broken.
 Found = Literal["done", "before", "after", "BROKEN"]
+#: What nobody should find when a command has ended well.
+LEFT = (".change", ".run", ".probe")
 #: Bytes that a disk in memory gives out at a time.
 PAGE = 4096
 
@@ -94,11 +96,18 @@ class Trials:
             raise OSError(f"No small disk could be mounted: {_last(said)}")
         return Outcome(*json.loads(answer))
 
-    def killed_from_outside(self, work: Callable[[], None], again: bool) -> Outcome:
-        """`work` runs the command as a process of its own on the case's folder, and kills it."""
-        self._stage.put(self._case.start)
-        work()
-        return self._looked_at(1, "", again)
+    def killed_from_outside(self, kill: Callable[[list[str]], int], again: bool, anew: bool = True) -> Outcome:
+        """`kill` starts the words as a process of its own, kills it, and returns its status.
+
+        Args:
+            again: whether the command is asked for again afterwards.
+            anew: whether the folder is prepared first, or goes on as the last kill left it.
+        """
+        stage, case = self._stage, self._case
+        if anew:
+            stage.put(case.start)
+        status = kill(case.command(stage.data, stage.folder, again=not anew))
+        return self._looked_at(status, "", again)
 
     def _looked_at(self, status: int, said: str, again: bool, more_room: Callable[[], None] = lambda: None) -> Outcome:
         folder = self._stage.folder
@@ -125,7 +134,7 @@ class Trials:
         if status or found != self.after:
             differ = sorted(name for name in found | self.after if found.get(name) != self.after.get(name))
             return Outcome("BROKEN", f"asked again: status {status}, other {differ}: {_last(said)}")
-        left = [p.name for p in folder.iterdir() if p.name.startswith((".change", ".run")) or p.name.endswith(".part")]
+        left = [p.name for p in folder.iterdir() if p.name.startswith(LEFT) or p.name.endswith(".part")]
         return Outcome("BROKEN", f"asked again: {left} are left") if left else Outcome("before", again=True)
 
 

@@ -66,15 +66,20 @@ def update(settings: UpdateSettings, progress: Progress, waiting: Waiting | None
     Raises:
         PhotoError: no photo is new. CameraError: none could be placed. DgsError: see the stages.
     """
+    folder = TwinFolder(settings.twin)
+    folder.report()  # (nothing is written into a folder that is no twin)
     try:
-        return _updated(settings, progress, waiting)
+        with folder.changing() as change:
+            return _updated(settings, progress, waiting, folder, change)
     finally:
         if waiting is not None:
             waiting.end()
 
 
-def _updated(settings: UpdateSettings, progress: Progress, waiting: Waiting | None) -> dict[str, Any]:
-    began, folder = time.perf_counter(), TwinFolder(settings.twin)
+def _updated(
+    settings: UpdateSettings, progress: Progress, waiting: Waiting | None, folder: TwinFolder, change: TwinChange
+) -> dict[str, Any]:
+    began = time.perf_counter()
     threads, report = use_threads(settings.threads), folder.report()
     if any(effect.get("on") for effect in report.get("effects", []) if isinstance(effect, dict)):
         raise DgsError(
@@ -85,8 +90,11 @@ def _updated(settings: UpdateSettings, progress: Progress, waiting: Waiting | No
     early = threading.Thread(target=compile_kernels, args=(int(report["settings"]["training"].get("sh_degree", 1)),))
     early.start()
     files = open_files(folder.path, progress)
-    photos = _new_photos(settings.photos, files, folder, progress)
+    photos = _new_photos(settings.photos, files, folder, change, progress)
     twin, found = _placed(settings, files, photos, threads, progress, waiting)
+    for photo in photos:
+        if photo.name not in found.poses:
+            (change.new.new_photo_folder / photo.name).unlink()
     photos = [photo for photo in photos if photo.name in found.poses]
     new = undistorted_views(photos, found)
     early.join()
@@ -100,22 +108,23 @@ def _updated(settings: UpdateSettings, progress: Progress, waiting: Waiting | No
     training = ContinuedTraining(twin, views, settings.share, settings.seed, settings.threads)
     gaussians, after = training.run(progress)
     updated = UpdatedTwin(photos, found, gaussians, medium, training.trainer.state(0.0, []))
-    with folder.changing() as change:
-        facts = {
-            "photos": [photo.name for photo in photos],
-            "steps": training.trainer.step,
-            "gaussians": len(gaussians),
-            **_change_facts(changes, before, after),
-            "before": change.keep_state().name,
-            "seconds": {"register": round(registered - began, 3), "update": round(time.perf_counter() - registered, 3)},
-        }
-        save_updated(updated, twin, facts, folder, change)
-        draw_changes(change.new.change_folder, new, changes, twin.step)
+    facts = {
+        "photos": [photo.name for photo in photos],
+        "steps": training.trainer.step,
+        "gaussians": len(gaussians),
+        **_change_facts(changes, before, after),
+        "before": change.keep_state().name,
+        "seconds": {"register": round(registered - began, 3), "update": round(time.perf_counter() - registered, 3)},
+    }
+    save_updated(updated, twin, facts, folder, change)
+    draw_changes(change.new.change_folder, new, changes, twin.step)
     return facts
 
 
-def _new_photos(source: Path, twin: StoredTwin, folder: TwinFolder, progress: Progress) -> list[Photo]:
-    """Photos that the twin does not have yet, copied into its folder under names of their own."""
+def _new_photos(
+    source: Path, twin: StoredTwin, folder: TwinFolder, change: TwinChange, progress: Progress
+) -> list[Photo]:
+    """Photos that the twin does not have yet, which will lie in its folder under names of their own."""
     own = folder.new_photo_folder.resolve()
     if source.resolve() == own or own in source.resolve().parents:
         raise PhotoError(
@@ -135,7 +144,8 @@ def _new_photos(source: Path, twin: StoredTwin, folder: TwinFolder, progress: Pr
         while name.casefold() in names:
             name = f"new_{name}"
         names.add(name.casefold())
-        out.append(replace(photo, name=name, path=folder.save_new_photo(photo.path, name)))
+        change.new.save_new_photo(photo.path, name)
+        out.append(replace(photo, name=name, path=folder.new_photo_folder / name))
     return out
 
 

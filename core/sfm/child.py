@@ -60,10 +60,10 @@ class Waiting:
     """
 
     def __init__(self, where: Path, threads: int) -> None:
-        for left in where.glob("place-*"):  # by a process that was killed: no child works on a folder for so long
+        for left in where.glob(".place-*"):  # by a process that was killed: no child works on a folder for so long
             if time.time() - left.stat().st_mtime > PATIENCE:
                 shutil.rmtree(left, ignore_errors=True)
-        self.folder = Path(tempfile.mkdtemp(prefix="place-", dir=where))
+        self.folder = Path(tempfile.mkdtemp(prefix=".place-", dir=where))
         self.process = begin(self.folder, threads, "--wait")
 
     def go(self) -> None:

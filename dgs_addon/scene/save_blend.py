@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,11 @@ from ...core.camera import Camera
 from ...core.errors import DeviceError, OutputError
 from ...core.files import make_folder
 from ...core.formats.gaussians import read_gaussians
+from ...core.outputs import placing_output
 from ..axes import place_camera
+
+#: How a compressed .blend ends: number of frames, flags, mark; and the bytes before the table of frames.
+SEEK_END, SEEK_MARK, SEEK_HEAD = struct.Struct("<IB4s"), b"\xb1\xea\x92\x8f", 8
 
 
 def save_blend(twin_file: Path, cameras: Path | None, out: Path, photos: Path | None = None) -> None:
@@ -53,10 +58,29 @@ def save_blend(twin_file: Path, cameras: Path | None, out: Path, photos: Path | 
     scene.cycles.samples = 32
     scene.cycles.use_denoising = False  # splats have no noise to remove, and not every build has a denoiser
     bpy.context.view_layer.objects.active = twin
-    try:
-        bpy.ops.wm.save_as_mainfile(filepath=str(out.resolve()), compress=True)
-    except RuntimeError as error:
-        raise OutputError(f"'{out}' cannot be written ({error})", "Free space or choose another folder") from error
+    with placing_output(out) as whole:
+        try:
+            bpy.ops.wm.save_as_mainfile(filepath=str(whole.resolve()), compress=True)
+        except RuntimeError as error:
+            raise OutputError(f"'{out}' cannot be written ({error})", "Free space or choose another folder") from error
+        if not _is_whole(whole):
+            raise OutputError(f"'{out}' could not be written whole", "Free space or choose another folder")
+
+
+def _is_whole(scene: Path) -> bool:
+    """Whether a compressed .blend has all that its last lines say; Blender does not notice that a disk is full.
+
+    Format: zstd's "seekable format": a table of the sizes of all frames, their number, a byte, and a mark.
+    """
+    data = scene.read_bytes()
+    if len(data) < SEEK_END.size or not data.endswith(SEEK_MARK):
+        return False
+    count, flags, _ = SEEK_END.unpack(data[-SEEK_END.size :])
+    entry = 12 if flags & 0x80 else 8
+    table = count * entry + SEEK_END.size
+    sizes = data[len(data) - table : len(data) - SEEK_END.size]
+    frames = sum(int.from_bytes(sizes[at : at + 4], "little") for at in range(0, len(sizes), entry))
+    return len(data) == frames + SEEK_HEAD + table
 
 
 def _camera_before(twin: Any, scene: Any) -> None:

@@ -82,7 +82,7 @@ def test_new_photos_are_placed_by_the_twins_surface(
     for name, camera in found.cameras().items():
         off = np.linalg.norm(camera.centre - truth[name].centre) / 4.0 * FOCAL
         assert off < 1.0, (name, off)
-    assert not list((made / "out").glob("place-*")), "nothing is left behind"
+    assert not list((made / "out").glob(".place-*")), "nothing is left behind"
 
 
 def test_old_photos_are_looked_through_once(made: Path, twin: OpenedTwin, monkeypatch: pytest.MonkeyPatch) -> None:
