@@ -14,7 +14,9 @@ Shape = Any
 
 def number(value: object) -> bool:
     """A finite number."""
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+    if isinstance(value, int):
+        return not isinstance(value, bool) and abs(value) < 2**1000  # (a float holds it)
+    return isinstance(value, float) and math.isfinite(value)
 
 
 def count(value: object) -> bool:
@@ -42,6 +44,11 @@ def text(value: object) -> bool:
     if not isinstance(value, str) or "\0" in value or len(value) > _LONGEST_PATH:
         return False
     return all(len(part.encode("utf-8", "replace")) <= _LONGEST_NAME for part in value.split("/"))
+
+
+def boolean(value: object) -> bool:
+    """True or false."""
+    return isinstance(value, bool)
 
 
 def anything(_value: object) -> bool:

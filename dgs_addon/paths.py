@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Any
 
@@ -9,10 +10,22 @@ import bpy
 
 from .photos import PhotoFolder, is_movie, photo_folder
 
+#: Bytes of a name and of a path that every system takes, less what is appended to them.
+_LONGEST_NAME, _LONGEST_PATH = 240, 3500
+
 
 def absolute(text: str) -> Path | None:
-    """A path property's value; None if it is empty. '//' is the .blend's folder."""
-    return Path(bpy.path.abspath(text)).resolve() if text.strip() else None
+    """A path property's value; None if it is empty, or no file can be called so. '//' is the .blend's folder."""
+    if not text.strip():
+        return None
+    path = Path(bpy.path.abspath(text))
+    longest = max((len(os.fsencode(part)) for part in path.parts), default=0)
+    if longest > _LONGEST_NAME or len(os.fsencode(path)) > _LONGEST_PATH:
+        return None
+    try:
+        return path.resolve()
+    except (OSError, RuntimeError):  # links that lead to themselves
+        return path.absolute()
 
 
 def out_folder(settings: Any) -> Path | None:

@@ -27,7 +27,7 @@ class DGS_OT_show_known(bpy.types.Operator):
         cls.poll_message_set("Select a twin, and run next-view on its folder")
         if not is_twin(twin):
             return False
-        return OWN_BASE in twin.data.attributes or (FOLDER in twin and (Path(twin[FOLDER]) / "known.npy").is_file())
+        return OWN_BASE in twin.data.attributes or (Path(str(twin.get(FOLDER, ""))) / "known.npy").is_file()
 
     def execute(self, context: Any) -> set[str]:
         """Switches."""
@@ -36,7 +36,7 @@ class DGS_OT_show_known(bpy.types.Operator):
             show_known(twin, False)
             return {"FINISHED"}
         try:
-            add_known(twin, Path(twin[FOLDER]) / "known.npy")
+            add_known(twin, Path(str(twin[FOLDER])) / "known.npy")
         except DgsError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}

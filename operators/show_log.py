@@ -12,7 +12,7 @@ from ..dgs_addon.job.record import LOG
 from ..dgs_addon.paths import out_folder
 
 _NAME = "Descatter Log"
-#: Characters that are shown: the end of a long log.
+#: Bytes that are shown: the end of a long log.
 _SHOWN = 200_000
 
 
@@ -34,7 +34,9 @@ class DGS_OT_show_log(bpy.types.Operator):
         log = _log(context)
         assert log is not None
         try:
-            words = log.read_text("utf-8", "replace")[-_SHOWN:]
+            with log.open("rb") as file:
+                file.seek(max(0, log.stat().st_size - _SHOWN))
+                words = file.read(_SHOWN).decode("utf-8", "replace").replace("\0", "\ufffd")
         except OSError as error:
             words = rpt_("'{path}' cannot be read ({reason}).").format(path=log, reason=error.strerror)
             self.report({"ERROR"}, words)

@@ -13,6 +13,9 @@ from ..dgs_addon.scene.cameras import photo_behind
 from .job import draw_beside
 from .layout import Step, folded, ready, sentence, split
 
+#: Sizes of detail that are shown at most.
+_BANDS = 12
+
 
 class DGS_PT_validate(Step, bpy.types.Panel):
     """Look at it and measure it."""
@@ -33,9 +36,11 @@ class DGS_PT_validate(Step, bpy.types.Panel):
         draw_beside(layout, context, exact.IMAGE, photo_behind(context.scene.camera))
         layout.operator("dgs.render_twin", icon="RENDER_STILL")
         layout.operator("dgs.open_report", icon="URL")
-        report = results(context.scene).report
-        if report:
-            _draw_scores(layout, context, report)
+        held = results(context.scene)
+        if held.report:
+            _draw_scores(layout, held.report)
+        elif held.odd_report:
+            sentence(layout, context, "The report is of another version; run Optimize again", "INFO")
         else:
             sentence(layout, context, "Scores appear here after Optimize", "INFO")
         body = folded(layout, "validate", "Sharp Photos")
@@ -49,23 +54,19 @@ class DGS_PT_validate(Step, bpy.types.Panel):
             body.operator("dgs.make_test_set", icon="SCENE")
 
 
-def _draw_scores(layout: Any, context: Any, report: dict[str, Any]) -> None:
-    try:
-        held = report["heldout"]
-        lines = [
-            (
-                "Photos registered",
-                iface_("{part} of {all}").format(part=report["photos"]["registered"], all=report["photos"]["given"]),
-            ),
-            ("Gaussians", f"{report['gaussians']:,}"),
-            (iface_("Held-out photos ({count})").format(count=len(held["names"])), _decibel(held["degraded"]["psnr"])),
-            ("Sharp photos", _decibel(held["sharp"]["psnr"])),
-            *_detail(held.get("bands") or []),
-            ("Detail in the photos", f"{report['resolvable_period_px']:.1f} px"),
-        ]
-    except (KeyError, TypeError, ValueError):
-        sentence(layout, context, "The report is of another version; run Optimize again", "INFO")
-        return
+def _draw_scores(layout: Any, report: dict[str, Any]) -> None:
+    held = report["heldout"]
+    lines = [
+        (
+            "Photos registered",
+            iface_("{part} of {all}").format(part=report["photos"]["registered"], all=report["photos"]["given"]),
+        ),
+        ("Gaussians", f"{report['gaussians']:,}"),
+        (iface_("Held-out photos ({count})").format(count=len(held["names"])), _decibel(held["degraded"]["psnr"])),
+        ("Sharp photos", _decibel(held["sharp"]["psnr"])),
+        *_detail((held.get("bands") or [])[:_BANDS]),
+        ("Detail in the photos", f"{report['resolvable_period_px']:.1f} px"),
+    ]
     box = layout.box().column(align=True)
     for name, value in lines:
         if value:

@@ -45,4 +45,4 @@ def stamp(folder: Path, requirements: Path) -> Path:
 def is_installed() -> bool:
     """Whether the engine is there as this version of the add-on needs it."""
     folder = engine_folder()
-    return folder is not None and stamp(folder, REQUIREMENTS).is_file() and python_in(folder).exists()
+    return folder is not None and stamp(folder, REQUIREMENTS).is_file() and python_in(folder).is_file()

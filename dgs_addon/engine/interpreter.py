@@ -36,7 +36,7 @@ def find_python() -> Path:
     for text in (os.environ.get(VARIABLE, ""), chosen.python if chosen is not None else ""):
         if text.strip():
             path = Path(bpy.path.abspath(text))
-            if not path.is_file():
+            if not _is_file(path):
                 raise DeviceError(f"The engine's Python '{path}' is not there", "Correct it in the preferences")
             return path
     if engine_folder() is not None and is_installed():
@@ -48,6 +48,13 @@ def find_python() -> Path:
     if getattr(bpy.app, "module", False) and find_spec("torch") is not None:
         return Path(sys.executable)
     raise DeviceError("The engine is not installed", "Press Install Engine in the add-on's preferences")
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except OSError:  # no file can be called so
+        return False
 
 
 def reads_heif() -> bool:

@@ -7,6 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from ...core.files import parse_json
+from ...core.json_shape import Shape, check_shape
 from .errand import Errand, ErrandStep
 
 #: Seconds that an engine that was ended may take to go.
@@ -19,12 +21,14 @@ class Question:
 
     Attributes:
         key: that the answer must have.
+        shape: what else is read of it, see `core.json_shape`.
         subject: what was asked about; another subject makes the answer one of something else.
         answer: the JSON object that came back; {} if none did.
         error: what went wrong, in one line; '' if nothing did.
     """
 
     key: str
+    shape: Shape = field(default_factory=dict)
     errand: Errand | None = None
     subject: tuple[Any, ...] = ()
     answer: dict[str, Any] = field(default_factory=dict)
@@ -46,6 +50,10 @@ class Question:
         if self.errand is None or self.errand.running:
             return False
         self.answer, self.error = read_answer(self.errand.lines, self.errand.status or 0, self.key)
+        try:
+            check_shape(self.answer, self.shape if self.answer else {})
+        except ValueError as error:
+            self.answer, self.error = {}, f"The engine's answer is not understood: {error}"
         self.errand = None
         return True
 
@@ -78,7 +86,8 @@ def read_answer(lines: Sequence[str], status: int, key: str) -> tuple[dict[str, 
 def _object(text: str) -> dict[str, Any] | None:
     """The JSON object that `text` begins with, or None."""
     try:
-        found, _ = json.JSONDecoder().raw_decode(text)
-    except ValueError:
+        _, end = json.JSONDecoder().raw_decode(text)
+        found = parse_json(text[:end].encode("utf-8", "replace"))
+    except (ValueError, RecursionError):
         return None
     return found if isinstance(found, dict) else None

@@ -7,6 +7,7 @@ at the end.
 
 from __future__ import annotations
 
+import contextlib
 from pathlib import Path
 from typing import Any
 
@@ -96,7 +97,8 @@ def _refresh_images(job: Job) -> None:
         written = _time(path)
         if written is not None and written != _shown.image_written:
             _shown.image_written = written
-            _load(path, RENDER)
+            with contextlib.suppress(RuntimeError):  # it has just gone, or is no picture
+                _load(path, RENDER)
 
 
 def _wanted(name: str, job: Job, editors: list[Any]) -> bool:

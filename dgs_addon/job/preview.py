@@ -19,6 +19,8 @@ _BACKGROUND, _GRID = (0.11, 0.11, 0.12), (0.22, 0.22, 0.24)
 #: Thickness of a curve, and the border around both, in px.
 _THICK = 3
 _EDGE = 8
+#: No figure of a run is larger (dB, or the logarithm of a loss); differences of larger ones would be infinite.
+_HIGHEST = 1e6
 #: Blender draws icons as squares of this many px: above the twin, below the curves.
 SIDE = WIDTH
 #: (width, height) in px of the twin's part.
@@ -57,7 +59,7 @@ def draw_curves(marks: Sequence[Mark], total: int | None) -> NDArray[np.float32]
     for share in (0.25, 0.5, 0.75):
         picture[round(share * HEIGHT), :, :3] = _GRID
         picture[:, round(share * WIDTH), :3] = _GRID
-    end = max(total or 0, marks[-1].step if marks else 0, 1)
+    end = max(total or 0, *(mark.step for mark in marks), 1)
     losses = [(mark.step / end, np.log(max(mark.loss, 1e-9))) for mark in marks]
     accuracies = [(mark.step / end, mark.psnr) for mark in marks if mark.psnr is not None]
     _line(picture, losses, LOSS_COLOUR)
@@ -69,6 +71,7 @@ def _line(picture: NDArray[np.float32], points: Sequence[tuple[float, float]], c
     if len(points) < 2:
         return
     x, y = (np.array(values, np.float64) for values in zip(*points, strict=True))
+    y = np.clip(y, -_HIGHEST, _HIGHEST)
     low, high = float(y.min()), float(y.max())
     y = (y - low) / max(high - low, 1e-9)
     first, last = (round(_EDGE + share * (WIDTH - 1 - 2 * _EDGE)) for share in (x[0], x[-1]))

@@ -17,8 +17,9 @@ from ...core.errors import DgsError
 from ...core.files import read_json
 from ...core.formats.cameras import read_cameras
 from ...core.formats.ply import read_ply
-from ...core.json_shape import anything, check_shape
+from ...core.json_shape import anything, check_shape, text
 from ..axes import matrix_to_blender
+from ..paths import absolute
 from ..scene.cameras import add_cameras
 from ..scene.material import prepare_scene
 from ..scene.nodes import splat_nodes, splat_nodes_exist
@@ -65,7 +66,7 @@ def _pieces(out: Path, scene: Any, cloud: GaussianCloud | None) -> Iterator[None
     _provenance(twin, out)
     # The twin alone is worth having; the Cameras step says what is wrong with its cameras.
     with contextlib.suppress(DgsError):
-        add_cameras_of(out, Path(twin[PHOTOS]) if PHOTOS in twin else None, scene)
+        add_cameras_of(out, absolute(str(twin.get(PHOTOS, ""))), scene)
     prepare_scene(scene)
 
 
@@ -114,9 +115,9 @@ def _select(twin: Any, scene: Any) -> None:
 
 #: What is kept of a report with a twin in a scene.
 _PROVENANCE = {
-    "photos": {"folder": anything},
+    "photos": {"folder": text},
     "settings": anything,
-    "medium": {"psf": anything},
+    "medium": {"psf": text},
     "heldout": {"degraded": anything, "sharp": anything},
 }
 
@@ -130,9 +131,10 @@ def _provenance(twin: Any, out: Path) -> None:
         check_shape(report, _PROVENANCE)
     except ValueError:
         return
-    twin[PHOTOS] = str(report["photos"]["folder"])
-    twin[SETTINGS] = json.dumps(report["settings"])
-    twin["dgs_psf"] = str(report["medium"]["psf"])
+    twin[PHOTOS] = report["photos"]["folder"]
+    with contextlib.suppress(RecursionError):  # brackets in brackets, as no report has them
+        twin[SETTINGS] = json.dumps(report["settings"])
+    twin["dgs_psf"] = report["medium"]["psf"]
     twin[SCORE] = json.dumps({key: report["heldout"][key] for key in ("degraded", "sharp")})
 
 

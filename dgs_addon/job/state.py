@@ -7,6 +7,8 @@ import time
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+from ...core.json_shape import anything, check_shape, count, number, text
+
 Phase = Literal["running", "paused", "cancelling", "done", "cancelled", "failed"]
 
 #: Phases of a job that still works.
@@ -38,6 +40,21 @@ _CAUSES = {
 }
 #: What a job that ended by force leaves.
 _KEPT = "What was saved up to 30 s before is kept: press Resume to go on from there."
+#: What is read of each of the engine's events; figures that were not measured are null.
+_EVENTS = {
+    "stage": {"name": text, "total?": (count,)},
+    "advance": {
+        "stage": text,
+        "done": count,
+        "total?": (count,),
+        "seconds_left?": (number,),
+        "loss?": (number,),
+        "heldout_psnr?": (number,),
+    },
+    "note": {"text": text},
+    "done": {"result?": ({"registered?": text, "*": anything},)},
+    "error": {"text": text},
+}
 #: Exit status of a run that stopped because it was asked to, as of a shell's Ctrl-C.
 _CANCELLED = 130
 
@@ -98,22 +115,28 @@ class JobState:
         return (self.ended if self.ended is not None else time.monotonic()) - self.began
 
     def apply(self, event: dict[str, Any]) -> None:
-        """Takes in one event of the engine (see docs/report.md); unknown ones are of no concern."""
+        """Takes in one event of the engine (see docs/report.md); unknown and damaged ones are of no concern."""
         kind = event.get("event")
+        if not isinstance(kind, str) or kind not in _EVENTS:
+            return
+        try:
+            check_shape(event, _EVENTS[kind])
+        except ValueError:
+            return
         if kind == "stage":
-            self.stage, self.total = str(event.get("name", "")), event.get("total")
+            self.stage, self.total = event["name"], event.get("total")
             self.done, self.seconds_left = 0, None
         elif kind == "advance":
-            self.done, self.total = int(event.get("done") or 0), event.get("total")
+            self.done, self.total = event["done"], event.get("total")
             self.seconds_left = event.get("seconds_left")
-            if event.get("stage") == "train" and event.get("loss") is not None:
+            if event["stage"] == "train" and event.get("loss") is not None:
                 self.marks.append(Mark(self.done, float(event["loss"]), event.get("heldout_psnr")))
         elif kind == "note":
-            self.notes.append(str(event.get("text", "")))
+            self.notes.append(event["text"])
         elif kind == "done":
             self.result = dict(event.get("result") or {})
-        elif kind == "error":
-            self.error = str(event.get("text", ""))
+        else:
+            self.error = event["text"]
 
     def end(self, phase: Phase, error: str = "") -> None:
         """The process has ended."""

@@ -8,6 +8,7 @@ from typing import Any
 
 from ...core.errors import DgsError
 from ...core.files import read_json
+from ...core.json_shape import check_shape, count, number, text
 from ..paths import absolute, out_folder
 from ..photos import photo_folder
 from .record import Record, read_record
@@ -21,14 +22,29 @@ class ResultsFolder:
         record: of the last job, or None.
         cameras, twin: whether they are there.
         report: content of report.json, {} if there is none.
+        odd_report: whether there is one that is damaged or of another version.
     """
 
     record: Record | None = None
     cameras: bool = False
     twin: bool = False
     report: dict[str, Any] = field(default_factory=dict)
+    odd_report: bool = False
 
 
+_SCORE = {"psnr": (number,)}
+#: What the panel shows of report.json.
+_REPORT = {
+    "photos": {"registered": count, "given": count},
+    "gaussians": count,
+    "resolvable_period_px": number,
+    "heldout": {
+        "names": [text],
+        "degraded": _SCORE,
+        "sharp": _SCORE,
+        "bands?": ([{"finest": number, "coarsest": number, "correlation": (number,)}],),
+    },
+}
 _NOTHING = ResultsFolder()
 _cache: tuple[object, ResultsFolder] | None = None
 
@@ -69,13 +85,16 @@ def _read(out: Path) -> ResultsFolder:
         record = read_record(out)
     except DgsError:
         record = None
+    report, odd = {}, False
     try:
-        report = read_json(out / "report.json")
-    except (OSError, ValueError):
-        report = {}
-    if not isinstance(report, dict):
-        report = {}
-    return ResultsFolder(record, (out / "cameras").is_dir(), (out / "twin.ply").is_file(), report)
+        content = read_json(out / "report.json")
+        check_shape(content, _REPORT)
+        report = content
+    except OSError:
+        pass
+    except ValueError:
+        odd = True
+    return ResultsFolder(record, (out / "cameras").is_dir(), (out / "twin.ply").is_file(), report, odd)
 
 
 def _changed(path: Path) -> int | None:

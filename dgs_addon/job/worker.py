@@ -20,6 +20,8 @@ from ..engine.process import creation_flags, environment
 
 #: A log that grows beyond this is begun anew (bytes).
 _LARGEST_LOG = 4_000_000
+#: A line that is longer is read in pieces, none of which is an event.
+_LONGEST_LINE = 2**20
 
 
 @dataclass(frozen=True)
@@ -91,13 +93,14 @@ class Worker:
         return not self._thread.is_alive()
 
     def _run(self) -> None:
+        status = 2
         try:
             status = self._converse()
         except OSError as error:
             text = f"The engine cannot be started ({error}). Check its Python in the add-on's preferences."
             self.events.put({"event": "error", "text": text, "status": 2})
-            status = 2
-        self.events.put(Ended(status))
+        finally:
+            self.events.put(Ended(status))
 
     def _converse(self) -> int:
         with open(self._log, _log_mode(self._log), encoding="utf-8", errors="replace") as log:
@@ -116,7 +119,7 @@ class Worker:
             ) as process:
                 self._began(process)
                 assert process.stdout is not None
-                for line in process.stdout:
+                while line := process.stdout.readline(_LONGEST_LINE):
                     self._hear(line, log)
                 status = process.wait()
             log.write(f"(ended with status {status})\n")

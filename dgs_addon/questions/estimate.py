@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from ...core.json_shape import boolean, number
 from ..engine.process import RUN
 from ..engine.question import Question
 from ..job.state import duration_text
@@ -42,7 +43,9 @@ _SHARED = (
     "--threads",
 )
 
-question = Question("presets")
+_SPAN = {"value": number, "low": number, "high": number}
+_PRESET = {"seconds": {**_SPAN, "calibrated": boolean}, "memory_mb": {"value": number}, "psnr": (_SPAN,)}
+question = Question("presets", {"presets": dict.fromkeys(("draft", "balanced", "fine"), _PRESET)})
 
 
 def signature(settings: Any) -> tuple[Any, ...]:

@@ -63,15 +63,23 @@ class ExactView:
         """Ends the engine."""
         self._worker.kill()
         self._worker.join(5.0)
-        shutil.rmtree(self._folder, ignore_errors=True)
 
     def _end(self, status: int) -> None:
         self.ended = True
         self.error = ending(status, self._said, False)[1]
         if not self.error:
-            kept = self._folder.parent / f"{IMAGE}.png"
-            shutil.move(self._folder / "out" / _NAME, kept)
-            self.image = pictures.show(kept, IMAGE)
+            # Blender reads the image again when it likes: the file stays until there is another.
+            kept = self._folder / f"{IMAGE}.png"
+            try:
+                shutil.move(self._folder / "out" / _NAME, kept)
+                self.image = pictures.show(kept, IMAGE)
+            except (OSError, RuntimeError) as error:
+                self.error = f"The engine's picture cannot be read ({error}). Try it again."
+        if self.error:
+            self.forget()
+
+    def forget(self) -> None:
+        """Removes its files."""
         shutil.rmtree(self._folder, ignore_errors=True)
 
 
@@ -93,6 +101,8 @@ def start(twin: Any, scene: Any, python: Path, done: Callable[[ExactView], None]
     settings = scene.dgs
     psf = str(twin.get("dgs_psf", "none")) if settings.medium in ESTIMATED_FROM_PHOTOS else psf_argument(settings)
     blur = ["--psf", psf, "--blur-space", settings.blur_space]
+    if _view is not None:
+        _view.forget()
     folder = Path(tempfile.mkdtemp(prefix="descatter-", dir=bpy.app.tempdir or None))
     write_ply(folder / "twin.ply", read_twin(twin))
     write_transforms(folder / "transforms.json", {_NAME: camera_in(twin, scene)})
@@ -128,9 +138,11 @@ def start(twin: Any, scene: Any, python: Path, done: Callable[[ExactView], None]
 def stop() -> None:
     """Ends what runs, as when the add-on is switched off."""
     global _view
-    if _view is not None and not _view.ended:
-        _view.stop()
-        _view.ended = True
+    if _view is not None:
+        if not _view.ended:
+            _view.stop()
+            _view.ended = True
+        _view.forget()
     _view = None
 
 

@@ -5,11 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from ...core.json_shape import anything, boolean, number, text
 from ..engine.process import RUN
 from ..engine.question import Question
 
-effects = Question("effects")
-point_spread = Question("sigma")
+effects = Question(
+    "effects", {"effects": [{"name": text, "needed": boolean, "evidence": text, "estimate": {"value": anything}}]}
+)
+point_spread = Question("sigma", {"sigma": number, "sigma_uncertainty": number})
 
 
 def inspect_command(python: Path, photos: Path, out: Path, cameras: Path | None) -> list[str]:
