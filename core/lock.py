@@ -6,7 +6,7 @@ import json
 import os
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, suppress, suppress
 from pathlib import Path
 
 from filelock import FileLock, Timeout
@@ -49,7 +49,8 @@ def locked(folder: Path, task: str, wait: float = 0.0) -> Iterator[None]:
             _sign(folder, task)
         yield
     finally:
-        (folder / OWNER).unlink(missing_ok=True)
+        with suppress(OSError):  # nobody reads it once the lock is free
+            (folder / OWNER).unlink()
         lock.release()
 
 

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import time
 
 import pytest
-from dgs.core.errors import FolderInUse
-from dgs.core.lock import OWNER, locked
+from dgs.core.errors import FolderInUse, OutputError
+from dgs.core.lock import LOCK, OWNER, locked, working_on
+from dgs.core.transaction import NEXT
 
 
 def held_by_a_child(folder, seconds: float) -> int:
@@ -46,3 +48,44 @@ def test_it_is_free_afterwards_also_after_an_error(tmp_path):
         raise ZeroDivisionError
     with locked(tmp_path, "reconstruct"):
         pass
+
+
+def test_the_owner_is_gone_when_the_block_ends_and_may_be_gone_before(tmp_path):
+    with locked(tmp_path, "reconstruct"):
+        assert json.loads((tmp_path / OWNER).read_text("utf-8"))["task"] == "reconstruct"
+    assert not (tmp_path / OWNER).exists()
+    with locked(tmp_path, "reconstruct"):
+        (tmp_path / OWNER).unlink()
+    with locked(tmp_path, "reconstruct"):
+        pass
+
+
+@pytest.mark.parametrize("owner", ["", "{", "[]", "{}", '{"process": "x", "task": 1, "since": 2}', None])
+def test_an_owner_that_cannot_be_read_is_not_named(tmp_path, owner):
+    """It has only just begun to write, or something else wrote the file."""
+    child = held_by_a_child(tmp_path, 30)
+    (tmp_path / OWNER).unlink() if owner is None else (tmp_path / OWNER).write_text(owner)
+    with pytest.raises(FolderInUse) as caught, locked(tmp_path, "reconstruct"):
+        pass
+    assert caught.value.what == f"Another process works on '{tmp_path}'"
+    os.kill(child, signal.SIGKILL)
+    os.waitpid(child, 0)
+
+
+def test_a_lock_that_cannot_be_written_is_named(tmp_path):
+    (tmp_path / "a" / LOCK).mkdir(parents=True)
+    with pytest.raises(OutputError, match=r"a/\.lock"), locked(tmp_path / "a", "reconstruct"):
+        pass
+    (tmp_path / "b" / OWNER).mkdir(parents=True)
+    with pytest.raises(OutputError, match="b'"), locked(tmp_path / "b", "reconstruct"):
+        pass
+
+
+def test_what_was_left_behind_is_said_when_a_folder_is_worked_on(tmp_path):
+    notes = []
+    with working_on(tmp_path, "update", notes.append):
+        assert notes == []
+    (tmp_path / NEXT).mkdir()
+    with working_on(tmp_path, "update", notes.append):
+        assert not (tmp_path / NEXT).exists()
+    assert notes == [f"A change of '{tmp_path}' that had been cut off was undone"]

@@ -1,5 +1,7 @@
 """Outputs never replace inputs, nor what somebody else made."""
 
+import hashlib
+
 import pytest
 from dgs.command_line.main import run
 from dgs.core.errors import OutputError
@@ -197,3 +199,49 @@ def test_a_run_replaces_no_cameras_of_others(command, tmp_path, capsys):
 
 def test_what_a_run_replaces_is_what_it_leaves():
     assert tuple(part.name for part in PARTS if part.stage not in ("photos", "update")) == RUN_REPLACES
+
+
+def test_the_list_is_as_sha256sum_writes_it(file):
+    note_output(file)
+    claim_output_folder(file.parent)
+    lines = (file.parent / ".dgs-written").read_text("utf-8").splitlines()
+    assert lines == [f"{hashlib.sha256(b'mine').hexdigest()}  a.png"]
+
+
+def test_how_many_more_are_in_the_way_is_said(file):
+    others = [file, file.with_name("b.png"), file.with_name("c.png")]
+    for other in others[1:]:
+        other.write_bytes(b"theirs")
+    with pytest.raises(OutputError, match=r"a\.png' is there already"):
+        check_outputs(others[:1])
+    with pytest.raises(OutputError, match=r"\(and 2 more files\)"):
+        check_outputs(others)
+    note_output(file)
+    with pytest.raises(OutputError, match=r"b\.png' \(and 1 more files\)"):
+        check_outputs(others)
+
+
+def test_a_broken_link_is_somebody_elses(tmp_path):
+    (tmp_path / "link.png").symlink_to(tmp_path / "nowhere")
+    with pytest.raises(OutputError, match="there already"):
+        check_outputs([tmp_path / "link.png"])
+
+
+def test_only_what_will_be_replaced_stands_in_the_way(tmp_path, file):
+    check_output_folder(tmp_path, (), replaced=["b.png"])
+    with pytest.raises(OutputError, match=r"such as 'a\.png'"):
+        check_output_folder(tmp_path, (), replaced=["a.png", "b.png"])
+    check_output_folder(tmp_path, (), overwrite=True, replaced=["a.png"])
+    for name in ("job.json", "job.log", ".hidden"):
+        (tmp_path / "own").mkdir(exist_ok=True)
+        (tmp_path / "own" / name).write_text("")
+    check_output_folder(tmp_path / "own", ())
+    check_output_folder(tmp_path / "not there", ())
+
+
+def test_a_list_that_cannot_be_written_is_named(tmp_path, file):
+    (tmp_path / ".dgs-written").mkdir()
+    with pytest.raises(OutputError, match=r"\.dgs-written"):
+        note_output(file)
+    with pytest.raises(OutputError, match="there already"):
+        check_outputs([file])

@@ -120,3 +120,58 @@ def test_a_damaged_list_is_explained(memory_path):
     (memory_path / ".change-commit" / "list.json").write_text('{"format": 1, "place": ["../x"], "remove": []}')
     with pytest.raises(OutputError, match="unfinished change"):
         recover(memory_path)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "{",
+        "[]",
+        "{}",
+        '{"format": 2, "place": [], "remove": []}',
+        '{"format": 0, "place": [], "remove": []}',
+        '{"format": 1, "place": []}',
+        '{"format": 1, "place": 3, "remove": []}',
+    ],
+)
+def test_a_list_of_another_kind_is_explained(tmp_path, text):
+    before = begin(tmp_path)
+    (tmp_path / ".change-commit").mkdir()
+    (tmp_path / ".change-commit" / "list.json").write_text(text)
+    with pytest.raises(OutputError, match=r"list\.json"):
+        recover(tmp_path)
+    assert before.items() <= state(tmp_path).items()
+
+
+def test_what_is_recovered_is_said(tmp_path):
+    begin(tmp_path)
+    assert recover(tmp_path) is None
+    (tmp_path / ".change-next" / "new").mkdir(parents=True)
+    assert recover(tmp_path) == f"A change of '{tmp_path}' that had been cut off was undone"
+    (tmp_path / ".change-commit" / "new").mkdir(parents=True)
+    (tmp_path / ".change-commit" / "new" / "twin.ply").write_text("new")
+    (tmp_path / ".change-commit" / "list.json").write_text(
+        '{"format": 1, "place": ["twin.ply"], "remove": ["cameras"]}'
+    )
+    assert recover(tmp_path) == f"A change of '{tmp_path}' that had been cut off was completed"
+    assert (tmp_path / "twin.ply").read_text() == "new" and not (tmp_path / "cameras").exists()
+    (tmp_path / ".change-commit" / "old").mkdir(parents=True)
+    assert recover(tmp_path) is None, "only remains: everything was in its place"
+    assert not (tmp_path / ".change-commit").exists()
+
+
+def test_a_change_may_take_what_an_earlier_one_took_before(tmp_path):
+    """`remove` and a folder in the place of a file, and the other way round; twice the same name."""
+    begin(tmp_path)
+    with changing(tmp_path) as change:
+        change.new("cameras").write_text("a file now")
+        change.new("cameras").write_text("a file now")
+        change.new("twin.ply").mkdir()
+        change.remove("report.json")
+        change.remove("update.json")
+    assert (tmp_path / "cameras").read_text() == "a file now" and (tmp_path / "twin.ply").is_dir()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["cameras", "twin.ply"]
+    (tmp_path / "link").symlink_to(tmp_path / "nowhere")
+    with changing(tmp_path) as change:
+        change.remove("link")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["cameras", "twin.ply"]
