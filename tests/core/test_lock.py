@@ -77,8 +77,9 @@ def test_a_lock_that_cannot_be_written_is_named(tmp_path):
     with pytest.raises(OutputError, match=r"a/\.lock"), locked(tmp_path / "a", "reconstruct"):
         pass
     (tmp_path / "b" / OWNER).mkdir(parents=True)
-    with pytest.raises(OutputError, match="b'"), locked(tmp_path / "b", "reconstruct"):
-        pass
+    for _ in range(2):  # (who works there is only a kindness: nobody is kept out for want of it)
+        with locked(tmp_path / "b", "reconstruct"):
+            pass
 
 
 def test_what_was_left_behind_is_said_when_a_folder_is_worked_on(tmp_path):

@@ -137,3 +137,27 @@ def test_cameras_and_focal_length_are_those_of_another_solver() -> None:
         goal = twisted(b, expected[6 * i : 6 * i + 6])
         np.testing.assert_allclose(c.translation, goal.translation, atol=2e-3)
         np.testing.assert_allclose(c.rotation, goal.rotation, atol=2e-3)
+
+
+def test_weights_in_closed_form() -> None:
+    """Geman and McClure's, of errors in units of the typical one: 1.4826 times the median."""
+    points, c = scattered(5, 0), camera(0.0)
+    off = np.array([0.5, 1.0, 2.0, 3.0, 50.0])
+    error = np.array([1.0, 1.0, 2.0, 1.0, 1.0])
+    seen = Observations(np.zeros(5, int), np.arange(5), projected(c, points) + np.stack([off, 0 * off], 1), error)
+    settings = replace(SETTINGS, outlier=2.0, observations_per_fact=20.0)
+    state = _State(c.rotation[None], c.translation[None], points, 0.0)
+    found = _Problem([c], seen, False, settings).weights(state)
+    typical = 1.4826 * 1.0
+    far = off / error / (2.0 * typical)
+    np.testing.assert_allclose(found, 1 / ((1 + far**2) * error * typical) ** 2 / 20.0, rtol=1e-6)
+
+
+def test_a_zoom_that_is_fixed_does_not_move_and_what_is_left_is_a_median() -> None:
+    points, cameras = scattered(40, 0), [camera(0.0), camera(1.0), camera(2.0)]
+    exact = seen_by(cameras, points)
+    offset = np.zeros_like(exact.position)
+    offset[:, 0] = np.where(np.arange(len(offset)) % 4 == 0, 100.0, 0.0)
+    found, left = adjusted(cameras, points, replace(exact, position=exact.position + offset), False)
+    assert left < 0.5, "three quarters agree"
+    assert found[0].fx == pytest.approx(PX, rel=1e-9)
