@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,8 @@ from ..dgs_addon.paths import out_folder
 _NAME = "Descatter Log"
 #: Bytes that are shown: the end of a long log.
 _SHOWN = 200_000
+#: Characters of a line: Blender takes seconds for one of all of them.
+_LINE = 2_000
 
 
 class DGS_OT_show_log(bpy.types.Operator):
@@ -43,7 +46,7 @@ class DGS_OT_show_log(bpy.types.Operator):
             return {"CANCELLED"}
         text = bpy.data.texts.get(_NAME) or bpy.data.texts.new(_NAME)
         text.clear()
-        text.write(words)
+        text.write(re.sub(f"([^\n]{{{_LINE}}})(?=[^\n])", r"\1\n", words))
         if not bpy.app.background:
             _open(context, text)
         return {"FINISHED"}

