@@ -109,11 +109,18 @@ def _add_effort(effort: argparse._ArgumentGroup) -> None:
         "--loss", choices=("dgs", "paper"), default="dgs", help="'paper' keeps the paper's own loss, for comparison"
     )
     effort.add_argument("--seed", type=whole(0, 2**31 - 1), default=0, metavar="N", help="same seed, same twin (CPU)")
-    effort.add_argument("--resume", action="store_true", help="go on from the checkpoint in DIR")
+    effort.add_argument(
+        "--resume", action="store_true", help="go on with the run in DIR that was stopped, cut off or finished"
+    )
+    effort.add_argument(
+        "--keep-cameras",
+        action="store_true",
+        help="take the cameras in DIR that were found for these very photos, and train anew",
+    )
     effort.add_argument(
         "--snapshots",
         action="store_true",
-        help="now and then write the twin so far and a picture of it to DIR/snapshot",
+        help="now and then write the twin so far and a picture of it to DIR/.run/snapshot",
     )
 
 
@@ -125,7 +132,9 @@ def reconstruct_command(options: argparse.Namespace, progress: Reporting) -> int
     from ..core.pipeline.reconstruct import reconstruct  # heavy: torch
 
     if not options.resume:  # (what goes on there is its own)
-        check_output_folder(options.out, RUN_MARKS, options.overwrite, RUN_REPLACES)
+        read = options.photos.name if options.photos.parent.resolve() == options.out.resolve() else None
+        replaced = [name for name in RUN_REPLACES if name != read]  # (what is read stays)
+        check_output_folder(options.out, RUN_MARKS, options.overwrite, replaced)
     settings = ReconstructSettings(
         photos=options.photos,
         out=options.out,
@@ -146,6 +155,7 @@ def reconstruct_command(options: argparse.Namespace, progress: Reporting) -> int
         device=options.device,
         threads=options.threads,
         resume=options.resume,
+        keep_cameras=options.keep_cameras,
         refine_cameras=options.refine_cameras,
         reference_cameras=options.reference_cameras,
         snapshots=options.snapshots,

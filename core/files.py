@@ -6,6 +6,7 @@ A full disk, a lost network drive or Ctrl-C never leaves half a file in the plac
 from __future__ import annotations
 
 import errno
+import hashlib
 import json
 import math
 import os
@@ -87,14 +88,19 @@ def replacing(path: Path) -> Iterator[Path]:
     temporary = path.with_name(f".{path.stem}.{os.getpid()}.part{path.suffix}")
     try:
         yield temporary
-        with open(temporary, "rb+") as file:
-            os.fsync(file.fileno())
+        sync_file(temporary)
         os.replace(temporary, path)
         sync_folder(path.parent)
     except OSError as error:
         raise output_error(path, error) from error
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def sync_file(path: Path) -> None:
+    """A file's content is on the disk, not only in its cache; raises OSError."""
+    with open(path, "rb" if os.name == "posix" else "rb+") as file:  # (elsewhere only files that are open for writing)
+        os.fsync(file.fileno())
 
 
 def sync_folder(folder: Path) -> None:
@@ -164,6 +170,12 @@ def _integer(text: str) -> int:
     if not -LARGEST_INTEGER < value < LARGEST_INTEGER:
         raise ValueError(f"the number {text[:8]}... has {len(text)} digits")
     return value
+
+
+def file_digest(path: Path) -> str:
+    """SHA-256 of a file's bytes, in hexadecimal digits; raises OSError."""
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
 def plain(value: Any) -> Any:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import time
 from collections.abc import Callable, Iterator
@@ -12,14 +11,16 @@ from pathlib import Path
 from filelock import FileLock, Timeout
 
 from .errors import FolderInUse
-from .files import make_folder, output_error, read_json
+from .files import make_folder, output_error, read_json, write_json
 from .json_shape import check_shape, count, text
+from .names import shown
 from .transaction import recover
 
 #: Held by the operating system for as long as the process lives, so that none is left behind by a kill.
 LOCK = ".lock"
 #: Who holds it, to be read by others.
 OWNER = ".lock-owner.json"
+_OWNER = {"process": count, "task": text, "since": text}
 
 
 @contextmanager
@@ -66,13 +67,13 @@ def working_on(folder: Path, task: str, note: Callable[[str], None], wait: float
 def _sign(folder: Path, task: str) -> None:
     """Says who works here; raises OSError."""
     facts = {"process": os.getpid(), "task": task, "since": time.strftime("%Y-%m-%d %H:%M:%S")}
-    (folder / OWNER).write_text(json.dumps(facts), "utf-8")
+    write_json(folder / OWNER, facts)
 
 
 def _owner(folder: Path) -> str:
     try:
         facts = read_json(folder / OWNER)
-        check_shape(facts, {"process": count, "task": text, "since": text})
-        return f": process {facts['process']}, {facts['task']:.60}, since {facts['since']:.20}"
+        check_shape(facts, _OWNER)
+        return f": process {facts['process']}, {shown(facts['task']):.60}, since {shown(facts['since']):.20}"
     except (OSError, ValueError):  # just begun, or written by something else
         return ""

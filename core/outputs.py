@@ -6,14 +6,13 @@ the user's: it is replaced only where `--overwrite` allows it. What a command re
 
 from __future__ import annotations
 
-import hashlib
 import os
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from .errors import ForeignFiles, OutputError
-from .files import make_folder, output_error, replacing
+from .files import file_digest, make_folder, output_error, replacing
 from .lock import working_on
 from .transaction import changing
 
@@ -127,7 +126,7 @@ def note_output(file: Path) -> None:
 
 
 def _line(file: Path, name: str) -> str:
-    return f"{_digest(file)}  {name}\n"
+    return f"{file_digest(file)}  {name}\n"
 
 
 def _append(folder: Path, text: str) -> None:
@@ -150,11 +149,6 @@ def _listed(folder: Path) -> bytes:
 def _is_ours(file: Path) -> bool:
     try:
         lines = (file.parent / LIST).read_text("utf-8", "replace").splitlines()
-        return file.is_file() and f"{_digest(file)}  {file.name}" in lines
+        return file.is_file() and f"{file_digest(file)}  {file.name}" in lines
     except OSError:
         return False
-
-
-def _digest(file: Path) -> str:
-    with file.open("rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()

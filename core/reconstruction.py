@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -98,6 +99,16 @@ class Reconstruction:
             )
             for name, lens in self.lenses.items()
         }
+
+    def digest(self) -> str:
+        """SHA-256 of names, lenses, poses and points: the same for what was read from the same files."""
+        found = hashlib.sha256()
+        for name in self.names:
+            lens, pose = self.lenses[name], self.poses[name]
+            found.update(f"{name}\0{lens.model} {lens.width} {lens.height} {[float(p) for p in lens.params]}".encode())
+            found.update(np.asarray(pose.rotation, "<f8").tobytes() + np.asarray(pose.translation, "<f8").tobytes())
+        found.update(np.asarray(self.points.positions, "<f8").tobytes() + self.points.colours.tobytes())
+        return found.hexdigest()
 
 
 def no_points() -> SparsePoints:

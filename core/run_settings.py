@@ -17,8 +17,11 @@ _PATHS = ("photos", "out", "cameras", "truth", "masks", "reference_cameras")
 
 
 #: Names that only a run leaves in its folder, and those that it replaces there (of `core.twin.folder.PARTS`).
-RUN_MARKS = ("report.json", "checkpoint.npz", "photos.txt", "plan.json", "sfm", "job.json")
+RUN_MARKS = ("report.json", "checkpoint.npz", "plan.json", "sfm", "job.json")
 RUN_REPLACES = (
+    "frames",
+    "photos.txt",
+    "inputs.json",
     "cameras",
     "sfm",
     "plan.json",
@@ -28,6 +31,9 @@ RUN_REPLACES = (
     "renders",
     "report.json",
     "report.html",
+    "twin.json",
+    "update.json",
+    "changes",
     "known.npy",
     "next_views.json",
     "next_views",
@@ -91,7 +97,7 @@ class RunSettings:
     """One run by its stages; made by `ReconstructSettings.split`.
 
     Attributes:
-        out, resume, snapshots, time_limit: as in `ReconstructSettings`.
+        out, resume, keep_cameras, snapshots, time_limit: as in `ReconstructSettings`.
         effects: as `--effects` takes it; truth: folder of sharp photos, only for scoring.
         device, threads: as in `ReconstructSettings`.
         asked: every setting by its flat name, as report.json repeats it.
@@ -107,6 +113,7 @@ class RunSettings:
     device: BackendName
     threads: int | None
     resume: bool
+    keep_cameras: bool
     snapshots: bool
     time_limit: float | None
     asked: dict[str, Any]
@@ -134,10 +141,11 @@ class ReconstructSettings:
         max_gaussians, sh_degree: None for the preset's.
         seed, device, threads: threads None for all cores.
         resume: go on from the checkpoint in `out`.
+        keep_cameras: take the cameras that are in `out`, and train anew.
         effects: besides the blur: 'auto', 'none', 'all' or names (see `effects.decision.parse_effects`).
         refine_cameras: move the cameras by the loss before the training (`pipeline.refinement`).
         reference_cameras: true cameras, only for reporting errors.
-        snapshots: write the twin so far and a picture of it to `out`/snapshot while training.
+        snapshots: write the twin so far and a picture of it to `out`/.run/snapshot while training.
     """
 
     photos: Path
@@ -161,6 +169,7 @@ class ReconstructSettings:
     device: BackendName = "auto"
     threads: int | None = None
     resume: bool = False
+    keep_cameras: bool = False
     effects: str = "none"
     snapshots: bool = False
     refine_cameras: bool = False
@@ -196,6 +205,7 @@ class ReconstructSettings:
             device=self.device,
             threads=self.threads,
             resume=self.resume,
+            keep_cameras=self.keep_cameras,
             snapshots=self.snapshots,
             time_limit=self.time_limit,
             asked=self.plain(),

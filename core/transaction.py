@@ -17,10 +17,9 @@ import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
-from typing import Any
 
 from .errors import OutputError
-from .files import make_folder, output_error, read_json, sync_folder, write_json
+from .files import make_folder, output_error, read_json, sync_file, sync_folder, write_json
 from .json_shape import check_shape, count, text
 
 #: What is being written, and what is decided but not yet all in its place.
@@ -29,6 +28,8 @@ NEXT, COMMIT = ".change-next", ".change-commit"
 CONTENT, OUTGOING, LIST = "new", "old", "list.json"
 #: Raised whenever the list changes its meaning.
 FORMAT = 1
+#: What the list holds: names that are put in their place, and names that go.
+_LISTS = {"format": count, "place": [text], "remove": [text]}
 
 
 class FolderChange:
@@ -129,8 +130,10 @@ def recover(folder: Path) -> str | None:
 def _complete(folder: Path) -> None:
     """Puts everything of a decided change in its place; may be called again after any step of it."""
     commit = folder / COMMIT
-    if not (commit / LIST).is_file():  # everything was in its place: only the remains were left
-        shutil.rmtree(commit, ignore_errors=True)
+    if not (commit / LIST).is_file():
+        if any(path.is_file() for path in (commit / CONTENT).rglob("*")):
+            raise _damaged(commit / LIST, "it is gone")
+        shutil.rmtree(commit, ignore_errors=True)  # everything was in its place: only the remains were left
         return
     lists = _read_list(commit / LIST)
     try:
@@ -160,18 +163,22 @@ def _take_away(old: Path, outgoing: Path) -> None:
     os.rename(old, outgoing)
 
 
-def _read_list(path: Path) -> dict[str, Any]:
+def _read_list(path: Path) -> dict[str, list[str]]:
     try:
         lists = read_json(path)
-        check_shape(lists, {"format": count, "place": [text], "remove": [text]})
+        check_shape(lists, _LISTS)
         if lists["format"] != FORMAT:
             raise ValueError(f"format {lists['format']}")
         return {key: [_inside(name) for name in lists[key]] for key in ("place", "remove")}
     except (OSError, ValueError) as error:
-        raise OutputError(
-            f"'{path}', the list of an unfinished change, is damaged ({error})",
-            f"Look into '{path.parent}': its '{CONTENT}' holds the new files, its '{OUTGOING}' the old ones",
-        ) from error
+        raise _damaged(path, error) from error
+
+
+def _damaged(path: Path, why: object) -> OutputError:
+    return OutputError(
+        f"'{path}', the list of an unfinished change, is damaged ({why})",
+        f"Look into '{path.parent}': its '{CONTENT}' holds the new files, its '{OUTGOING}' the old ones",
+    )
 
 
 def _inside(name: str) -> str:
@@ -186,8 +193,7 @@ def _sync_tree(folder: Path) -> None:
     """Everything below is on the disk, not only in its cache."""
     for path in sorted(folder.rglob("*")):
         if path.is_file():
-            with open(path, "rb+") as file:
-                os.fsync(file.fileno())
+            sync_file(path)
         elif path.is_dir():
             sync_folder(path)
     sync_folder(folder)

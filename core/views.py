@@ -25,6 +25,7 @@ class View:
             was resampled; None for `photo`'s own.
         alpha: [H, W] of the type of `photo`, 0 where it is empty; None where it is opaque everywhere.
         background: what is behind what all photos of the set show; None if that is not known.
+        content: digests of the files that it came from (photo and mask); '' where it came from none.
     """
 
     camera: Camera
@@ -33,6 +34,7 @@ class View:
     levels: int | None = None
     alpha: NDArray[np.uint8] | NDArray[np.uint16] | None = field(default=None, repr=False)
     background: Background | None = None
+    content: str = ""
 
     @property
     def rounding(self) -> float:

@@ -30,9 +30,17 @@ def _why_no_twin(scene: Any) -> str:
 
 def _why_no_state(scene: Any) -> str:
     reason, out = _why_no_twin(scene), out_folder(scene.dgs)
-    if not reason and out is not None and not TwinFolder(out).states():
+    if not reason and out is not None and not TwinFolder(out).own_states():
         reason = "The twin has not been updated"
     return reason
+
+
+def _why_no_earlier(scene: Any) -> str:
+    """As `_why_no_state`; the twin of another run that stood in the folder before comes back, too."""
+    out = out_folder(scene.dgs)
+    if not runner.busy() and out is not None and TwinFolder(out).states():
+        return ""
+    return _why_no_state(scene) or "The twin has not been updated"
 
 
 class DGS_OT_update_twin(bpy.types.Operator):
@@ -70,23 +78,19 @@ class DGS_OT_update_twin(bpy.types.Operator):
         return start_job(self, context, make)
 
 
-class _Updated:
-    """For operators that need an earlier state of the twin."""
-
-    @classmethod
-    def poll(cls, context: Any) -> bool:
-        """There is one."""
-        reason = _why_no_state(context.scene)
-        cls.poll_message_set(reason)  # type: ignore[attr-defined]
-        return not reason
-
-
-class DGS_OT_rollback_twin(_Updated, bpy.types.Operator):
-    """Bring the twin back to what it was before the last update"""
+class DGS_OT_rollback_twin(bpy.types.Operator):
+    """Bring the twin back to what it was before the last update, or the twin that stood here before the last run"""
 
     bl_idname = "dgs.rollback_twin"
     bl_label = "Undo Update"
     bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        """There is an earlier state."""
+        reason = _why_no_earlier(context.scene)
+        cls.poll_message_set(reason)
+        return not reason
 
     def execute(self, context: Any) -> set[str]:
         """Files first, then what the scene shows of them."""
@@ -102,7 +106,7 @@ class DGS_OT_rollback_twin(_Updated, bpy.types.Operator):
         return {"FINISHED"}
 
 
-class DGS_OT_show_states(_Updated, bpy.types.Operator):
+class DGS_OT_show_states(bpy.types.Operator):
     """Put every state of the twin on the timeline: play it to see how the twin grew"""
 
     bl_idname = "dgs.show_states"
@@ -110,6 +114,13 @@ class DGS_OT_show_states(_Updated, bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     frames: bpy.props.IntProperty(name="Frames", min=1, soft_max=250, default=24, description="Length of each state")
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        """The twin has an earlier state."""
+        reason = _why_no_state(context.scene)
+        cls.poll_message_set(reason)
+        return not reason
 
     def execute(self, context: Any) -> set[str]:
         """Adds them; the twin itself is hidden, the last state is the same."""

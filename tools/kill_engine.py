@@ -93,6 +93,7 @@ def kill_jobs(photos: Path, out: Path, kills: int, seed: int) -> tuple[list[Kill
 
 
 def _kill(job: Any, out: Path, after: float, optimized: float) -> Kill:
+    from dgs.core.twin.begun import RUN
     from dgs.dgs_addon.job import runner
 
     while job.worker.pid is None:  # the process is only being made
@@ -101,7 +102,7 @@ def _kill(job: Any, out: Path, after: float, optimized: float) -> Kill:
     os.kill(job.worker.pid, signal.SIGKILL)
     now = time.time()
     runner.wait(10.0)
-    checkpoint = out / "checkpoint.npz"
+    checkpoint = out / RUN / "checkpoint.npz"
     kept = checkpoint.stat().st_mtime if checkpoint.is_file() else 0.0
     lost = min(optimized, max(0.0, now - kept))
     reported = job.state.phase == "failed" and "SIGKILL" in job.state.error

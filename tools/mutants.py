@@ -218,8 +218,8 @@ MUTATIONS = (
         "core/test_files.py",
         "content is not synced before it takes its place",
         "core/files.py",
-        "            os.fsync(file.fileno())\n",
-        "            pass\n",
+        "        os.fsync(file.fileno())\n",
+        "        pass\n",
         "on_the_disk",
     ),
     Mutation(

@@ -21,7 +21,8 @@ class RunDescription:
         preset, loss, max_gaussians, sh_degree: of the training.
         search: whether cameras are to be found.
         effects: whether any besides the blur may be simulated.
-        until: whether the training ends at a quality; resume: whether it goes on from a checkpoint.
+        until: whether the training ends at a quality; resume: whether it goes on from a checkpoint, or from
+            cameras that were found before.
         time_limit: seconds in all, or None.
     """
 
@@ -55,7 +56,7 @@ class RunDescription:
             search=run.cameras.given is None,
             effects=run.effects != "none",
             until=training.until is not None,
-            resume=run.resume,
+            resume=run.resume or run.keep_cameras,
             time_limit=run.time_limit,
         )
 

@@ -7,6 +7,8 @@ Format: COLMAP's documentation, "Output Format".
 
 from __future__ import annotations
 
+import os
+import shutil
 import struct
 from collections.abc import Mapping
 from pathlib import Path
@@ -17,7 +19,7 @@ from numpy.typing import NDArray
 from ..camera import Camera
 from ..conventions import rotation_from_quaternion
 from ..errors import FormatError, OutputError
-from ..files import replacing
+from ..files import sync_file, sync_folder
 from ..lens import MODELS, Lens
 from ..names import inner_name
 from ..npy import read_npy
@@ -162,6 +164,8 @@ def write_lenses(
 ) -> None:
     """Writes cameras with their distortion, and points, as every COLMAP reader takes them.
 
+    Each file is written beside and renamed.
+
     Args:
         path: folder, created if missing.
         lenses, poses: by image name; equal lenses are shared.
@@ -196,19 +200,25 @@ def write_lenses(
     for position, colour in zip(points.positions, points.colours, strict=True):
         model.add_point3D(position, pycolmap.Track(), colour)
     way_out = "Free some space on that disk or choose another folder"
+    beside = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         path.mkdir(parents=True, exist_ok=True)
+        beside.mkdir(exist_ok=True)
+        (model.write_binary if binary else model.write_text)(str(beside))
+        if points.confidence is not None:
+            np.save(beside / CONFIDENCE, points.confidence.astype(np.float32), allow_pickle=False)
+        if binary and (cut_off := _cut_off(beside, {name: lenses[name] for name in poses}, len(points.positions))):
+            raise OutputError(f"'{path / cut_off}' could not be written whole", way_out)
         # First: points that are replaced never stand beside a confidence of others.
         (path / CONFIDENCE).unlink(missing_ok=True)
-        (model.write_binary if binary else model.write_text)(str(path))
-        if points.confidence is not None:
-            with replacing(path / CONFIDENCE) as temporary:
-                np.save(temporary, points.confidence.astype(np.float32), allow_pickle=False)
-        cut_off = binary and _cut_off(path, {name: lenses[name] for name in poses}, len(points.positions))
+        for file in sorted(beside.iterdir(), key=lambda file: file.name == CONFIDENCE):
+            sync_file(file)
+            os.replace(file, path / file.name)
+        sync_folder(path)
     except (OSError, RuntimeError, ValueError) as error:  # (pycolmap's own for a full disk is a ValueError)
         raise OutputError(f"The camera model cannot be written into '{path}' ({error})", way_out) from error
-    if cut_off:
-        raise OutputError(f"'{path / cut_off}' could not be written whole", way_out)
+    finally:
+        shutil.rmtree(beside, ignore_errors=True)
 
 
 def _cut_off(folder: Path, lenses: Mapping[str, Lens], points: int) -> str | None:

@@ -21,6 +21,7 @@ from PIL import Image, ImageOps
 
 from ..background import Background, behind_shows, opacity
 from ..errors import Cancelled, PhotoError
+from ..files import file_digest
 from ..names import check_photo_name, shown
 from ..numbers import BY_DEFINITION, number
 from ..progress import Progress
@@ -73,6 +74,7 @@ class Photo:
             those outside [0, 1] (they were cut).
         alpha: [H, W] of the type of `pixels`, 0 where the photo is empty; None where it is opaque everywhere.
         background: what is behind what all photos of the set show; None if that is not known.
+        content: SHA-256 of the file, and behind a '+' that of its mask's file.
     """
 
     name: str
@@ -85,6 +87,7 @@ class Photo:
     clipped: int = 0
     alpha: Pixels | None = field(default=None, repr=False)
     background: Background | None = None
+    content: str = ""
 
     @property
     def size(self) -> tuple[int, int]:
@@ -263,7 +266,7 @@ def load_photo(path: Path, max_size: int | None = None, background: Background |
         PhotoError: the file is unreadable, truncated or holds no picture.
     """
     try:
-        read = _read(path)
+        read, content = _read(path), file_digest(path)
     except PhotoError:
         raise
     except Exception as error:  # decoders raise whatever they like; the file's name is what helps
@@ -284,7 +287,7 @@ def load_photo(path: Path, max_size: int | None = None, background: Background |
     name = unicodedata.normalize("NFC", path.name)
     scale = new_width / width, new_height / height
     not_finite = 0 if read.finite is None else int((~read.finite).sum())
-    return Photo(name, path, pixels, mask, scale, focal, not_finite, read.clipped, alpha, background)
+    return Photo(name, path, pixels, mask, scale, focal, not_finite, read.clipped, alpha, background, content)
 
 
 def _read(path: Path) -> _Decoded:
@@ -422,4 +425,4 @@ def _with_mask(photo: Photo, path: Path | None, progress: Progress) -> Photo:
         mask &= photo.mask
     if not mask.any():
         progress.note(f"The mask '{path.name}' leaves no pixel of '{photo.name}'")
-    return replace(photo, mask=mask)
+    return replace(photo, mask=mask, content=f"{photo.content}+{drawn.content}")

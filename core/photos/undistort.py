@@ -234,7 +234,7 @@ def undistorted_views(photos: list[Photo], cameras: Reconstruction) -> list[View
         levels = int(np.iinfo(photo.pixels.dtype).max)
         alpha = None if photo.alpha is None else way.alpha(photo.alpha)
         camera = way.camera(photo.name, cameras.poses[photo.name])
-        return View(camera, pixels, mask, levels, alpha, photo.background)
+        return View(camera, pixels, mask, levels, alpha, photo.background, photo.content)
 
     if all(way.passes_through for way in shared.values()):
         return [one(photo) for photo in seen]

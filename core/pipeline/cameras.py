@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -49,11 +49,13 @@ class CameraSearch:
         settings: of structure from motion.
         resume: take those in the folder, if there are.
         sh_degree: of the training: its kernels become ready meanwhile; None where nothing is to become ready.
+        refined: those in the folder were refined since: they count even where the user gave some.
     """
 
     settings: SfmSettings
     resume: bool
     sh_degree: int | None = None
+    refined: bool = False
 
 
 def search_for(request: TrainingRequest, threads: int, hurried: bool, resume: bool) -> CameraSearch:
@@ -66,7 +68,7 @@ def search_for(request: TrainingRequest, threads: int, hurried: bool, resume: bo
 
 
 def cameras_of(
-    given: Path | None,
+    given: FoundCameras | None,
     photos: list[Photo],
     medium: Medium,
     search: CameraSearch,
@@ -76,7 +78,7 @@ def cameras_of(
     """Cameras of the photos, kept in the folder.
 
     Args:
-        given: COLMAP model folder or transforms.json; None to find the cameras.
+        given: by the user; None to find the cameras.
 
     Raises:
         CameraError: no trustworthy cameras, or fewer than two.
@@ -86,7 +88,9 @@ def cameras_of(
     if not resumed:  # (of an earlier twin in this folder)
         (folder.sfm_folder / FEATURES).unlink(missing_ok=True)
     if given is not None:
-        found = FoundCameras(given_cameras(given, photos, progress), "given", given)
+        found = given
+        if resumed and search.refined:
+            found = replace(given, reconstruction=load_cameras(folder.camera_folder, photos))
     elif resumed:
         found = FoundCameras(load_cameras(folder.camera_folder, photos), "sfm")
         progress.note("The cameras are those of the run that is resumed")

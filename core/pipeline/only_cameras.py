@@ -6,9 +6,11 @@ from ..files import check_writable
 from ..lock import working_on
 from ..machine import use_threads
 from ..outputs import claim_output_folder
+from ..photos.movie import is_movie
 from ..progress import Progress
 from ..reconstruction import Reconstruction
 from ..run_settings import RunSettings
+from ..twin.begun import BegunRun
 from ..twin.folder import TwinFolder
 from .blind import given_spreads
 from .cameras import cameras_of, search_for
@@ -20,13 +22,16 @@ def only_cameras(run: RunSettings, progress: Progress) -> Reconstruction:
     """Finds the cameras and writes them to `run.out`/cameras.
 
     Raises:
-        DgsError: one of its subclasses; nothing was written then.
+        DgsError: one of its subclasses; what stands in the folder is as it was then.
     """
-    given, folder = given_spreads(run.medium.psf), TwinFolder(run.out)
+    given = given_spreads(run.medium.psf)
     check_writable(run.out)
     claim_output_folder(run.out)
     with working_on(run.out, "cameras", progress.note):
-        search = search_for(run.training, use_threads(run.threads), False, run.resume)
-        loaded = read_photos(run.photos, folder, progress)
-        medium = medium_of(run.medium, given, loaded.photos, progress).medium
-        return cameras_of(run.cameras.given, loaded.photos, medium, search, folder, progress).reconstruction
+        begun = BegunRun(TwinFolder(run.out), "anew", is_movie(run.photos.photos))
+        with begun.until_finished([run.photos.photos]):
+            search = search_for(run.training, use_threads(run.threads), False, False)
+            loaded = read_photos(run.photos, begun.folder, progress)
+            medium = medium_of(run.medium, given, loaded.photos, progress).medium
+            begun.check_photos(loaded.contents, None)
+            return cameras_of(None, loaded.photos, medium, search, begun.folder, progress).reconstruction

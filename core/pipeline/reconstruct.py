@@ -12,15 +12,17 @@ from ..files import check_writable
 from ..lock import working_on
 from ..machine import Machine
 from ..outputs import claim_output_folder
+from ..photos.movie import is_movie
 from ..photos.truth import TruthFolder
 from ..progress import Progress
 from ..report.summary import RunFacts, TimeFacts
 from ..run_settings import RunSettings
 from ..training.job import TrainingJob
 from ..training.scale import scene_scale
+from ..twin.begun import BegunRun, Start
 from ..twin.folder import TwinFolder
 from .blind import Spreads, given_spreads
-from .cameras import cameras_of, search_for
+from .cameras import FoundCameras, cameras_of, given_cameras, search_for
 from .effects.decision import parse_effects
 from .fitted import split_views
 from .medium import medium_of
@@ -54,9 +56,10 @@ def reconstruct(
 ) -> FinishedRun:
     """Photos in; twin.ply, cameras/, renders/, report.json and report.html out.
 
-    Cameras and twin are written as soon as they are there: whatever happens later, they are kept.
-    A cancelled training still saves the twin so far and reports it. With a time limit all is planned to be
-    there when it is over.
+    Cameras and twin are written to OUT/.run as soon as they are there: whatever happens later, they are kept. All
+    results take the place of what stood in the folder at once, at the end (`core.twin.begun`); a twin that stood there
+    goes to history/. A cancelled training still saves the twin so far and reports it. With a time limit all is
+    planned to be there when it is over.
 
     Args:
         run: from `ReconstructSettings.split`.
@@ -64,7 +67,7 @@ def reconstruct(
         timing_on: the run's time limit and the machine's memory of past runs.
 
     Raises:
-        DgsError: one of its subclasses; what was written before stays.
+        DgsError: one of its subclasses; the folder is as it was, and OUT/.run has what a resumption can use.
     """
     watch, keeper = Stopwatch(began), NoteKeeper(progress)
     # What can be wrong with the request is found out before any work.
@@ -76,7 +79,16 @@ def reconstruct(
     check_writable(run.out)
     claim_output_folder(run.out)
     with working_on(run.out, "reconstruct", keeper.note):
-        return _stages(run, given, truth, keeper, watch, timing_on)
+        start: Start = "resume" if run.resume else "cameras" if run.keep_cameras else "anew"
+        begun = BegunRun(TwinFolder(run.out), start, is_movie(run.photos.photos))
+        with begun.until_finished(_inputs(run)):
+            return _stages(run, given, truth, keeper, watch, timing_on, begun)
+
+
+def _inputs(run: RunSettings) -> list[Path]:
+    """Files and folders that the run reads."""
+    paths = (run.photos.photos, run.photos.masks, run.cameras.given, run.cameras.reference, run.truth)
+    return [path for path in paths if path is not None]
 
 
 def _stages(
@@ -86,22 +98,28 @@ def _stages(
     keeper: NoteKeeper,
     watch: Stopwatch,
     timing_on: MakeTiming,
+    begun: BegunRun,
 ) -> FinishedRun:
     """The row itself."""
-    folder = TwinFolder(run.out)
+    folder = begun.folder
     machine = Machine.ready(run.threads, run.device)
     timing = timing_on(machine, lambda: time.perf_counter() - watch.began - keeper.waited)
 
     loaded = read_photos(run.photos, folder, keeper)
     blur = medium_of(run.medium, given, loaded.photos, keeper)
     watch.lap("photos")
-    hurried = run.cameras.given is None and timing.hurry(loaded.photos)
-    search = search_for(run.training, machine.threads, hurried, run.resume)
-    cameras = cameras_of(run.cameras.given, loaded.photos, blur.medium, search, folder, keeper)
+    file = run.cameras.given
+    given_ones = None if file is None else FoundCameras(given_cameras(file, loaded.photos, keeper), "given", file)
+    begun.check_photos(loaded.contents, None if given_ones is None else given_ones.reconstruction.digest())
+    hurried = given_ones is None and timing.hurry(loaded.photos)
+    # What a checkpoint goes on from was trained with refined cameras already.
+    refined = run.cameras.refine and run.resume and folder.checkpoint.is_file()
+    search = search_for(run.training, machine.threads, hurried, run.resume or run.keep_cameras)
+    search = replace(search, refined=refined)
+    cameras = cameras_of(given_ones, loaded.photos, blur.medium, search, folder, keeper)
     photos = loaded.placed(cameras.reconstruction.poses)
     watch.lap("sfm")
-    # What a checkpoint goes on from was trained with refined cameras already.
-    if run.cameras.refine and not (run.resume and folder.checkpoint.is_file()):
+    if run.cameras.refine and not refined:
         usual = usual_settings(run.training, machine)
         job = RefinementJob(photos, loaded.held, blur.medium, usual, run.cameras.reference)
         cameras = refine(cameras, job, keeper)
@@ -134,8 +152,8 @@ def _stages(
         keeper.note(f"The time limit was passed by {over:.0f} s: the cameras alone took {watch.seconds['sfm']:.0f} s")
     watch.lap("save")
     facts = RunFacts(
-        asked={**run.asked, "photos": str(loaded.source), "psf": blur.spreads.source},
-        photos=photo_facts(loaded),
+        asked={**run.asked, "photos": str(begun.final(loaded.source)), "psf": blur.spreads.source},
+        photos=photo_facts(loaded.finally_in(begun)),
         cameras=camera_facts(cameras),
         medium=medium_facts(blur, effects, loaded),
         effects=effects.chosen.plain(),

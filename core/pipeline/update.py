@@ -238,6 +238,8 @@ def save_updated(
     new.save_cameras(replace(old, poses=poses, lenses=lenses))
     save_checkpoint(new.checkpoint, updated.state)
     new.save_photo_list([photo.path for photo in [*twin.photos, *updated.photos]])
+    if (inputs := folder.inputs()) is not None:
+        new.save_inputs({**inputs[0], **{photo.name: photo.content for photo in updated.photos}}, inputs[1])
     report = folder.report()
     report["settings"]["run"]["photos"] = str(folder.photo_list)
     report["gaussians"] = len(updated.gaussians)

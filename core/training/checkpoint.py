@@ -21,6 +21,7 @@ from ..errors import CheckpointError
 from ..files import parse_json, replacing
 from ..json_shape import anything, check_shape, count, number, text
 from ..npy import read_npz
+from .origin import CONTENTS, first_difference
 
 #: Raised whenever the content changes its meaning.
 FORMAT = 1
@@ -89,8 +90,11 @@ def save_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
 def load_checkpoint(path: Path, fingerprint: dict[str, Any]) -> Checkpoint:
     """Reads a checkpoint that belongs to this very run.
 
+    Args:
+        fingerprint: of this run; empty where any will do.
+
     Raises:
-        CheckpointError: the file is damaged, or belongs to other photos or settings.
+        CheckpointError: the file is damaged, or belongs to other photos, cameras or settings.
     """
     try:
         arrays = read_npz(path)
@@ -109,14 +113,28 @@ def load_checkpoint(path: Path, fingerprint: dict[str, Any]) -> Checkpoint:
         )
     fitting, history, counters = facts["fingerprint"], facts["history"], facts["counters"]
     checkpoint = Checkpoint(arrays, fitting, facts["step"], float(facts["seconds"]), history, counters)
-    wanted = json.loads(json.dumps(fingerprint))
-    differing = sorted(key for key in wanted if checkpoint.fingerprint.get(key) != wanted[key])
+    if fingerprint:
+        _check_fit(path, fitting, json.loads(json.dumps(fingerprint)))
+    return checkpoint
+
+
+def _check_fit(path: Path, kept: dict[str, Any], wanted: dict[str, Any]) -> None:
+    """Raises CheckpointError where a checkpoint's fingerprint is not this run's."""
+    begun = f"The checkpoint '{path}'"
+    compared = (kept.keys() | wanted.keys()) - {*CONTENTS, "cameras", "points"}
+    differing = sorted(key for key in compared if kept.get(key) != wanted.get(key))
     if differing:
         raise CheckpointError(
-            f"The checkpoint '{path}' belongs to a run with another {', '.join(differing)}",
+            f"{begun} belongs to a run with another {', '.join(differing)}",
             "Use the settings of that run, or start again without --resume",
         )
-    return checkpoint
+    if wanted.keys() - kept.keys():
+        raise CheckpointError(
+            f"{begun} is of an earlier version, which did not keep what the photos and cameras were",
+            "Start again without --resume",
+        )
+    if difference := first_difference(kept, wanted):
+        raise CheckpointError(f"{begun} {difference}", "Start again without --resume")
 
 
 def _check_arrays(arrays: dict[str, NDArray[Any]]) -> None:

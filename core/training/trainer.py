@@ -34,6 +34,7 @@ from .guards import GUARDS, drop_non_finite, out_of_range
 from .initial import first_gaussians
 from .objective import Objective
 from .optimizer import Adam
+from .origin import origin
 from .scale import SceneScale, scene_scale
 from .settings import TrainingSettings, smoothness, start_share, trust
 
@@ -140,6 +141,7 @@ class Trainer:
         self.step = 0
         self.repairs: dict[str, int] = {}
         self.culled: dict[str, int] = {}
+        self._origin: dict[str, Any] | None = None
 
     def _level(self, step: int) -> Level:
         def on_grid(view: View) -> GridView:
@@ -286,9 +288,12 @@ class Trainer:
         for free in ("threads", "time_limit", "device", "steps", "until", "min_steps"):
             settings.pop(free)
         psf = self.medium.psf
+        if self._origin is None:
+            self._origin = origin(self.views, self.heldout, self.points)
         return {
             "settings": settings,
             "photos": [v.name for v in self.views],
+            **self._origin,
             "point spread": None if psf is None else np.round(psf.kernel(), 9).sum(axis=0).tolist(),
             "blur space": self.medium.blur_space,
             **({"own point spreads": self._own_spreads()} if self.medium.per_view else {}),

@@ -6,8 +6,9 @@ stale are read off it. Blender's own Python reads this file too.
 
 from __future__ import annotations
 
+import os
 import shutil
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -33,6 +34,7 @@ class Part:
             back.
         stale: whether it speaks of the twin as it was, so that an update takes it away.
         folder: whether it is one.
+        lasting: whether it stays when another run's twin takes the twin's place.
     """
 
     name: str
@@ -40,12 +42,14 @@ class Part:
     state: bool = False
     stale: bool = False
     folder: bool = False
+    lasting: bool = False
 
 
 PARTS = (
     Part("frames", "photos", folder=True),
     Part("photos.txt", "photos", state=True),
-    Part("photos", "update", folder=True),  # new photos: only ever added
+    Part("inputs.json", "photos", state=True),
+    Part("photos", "update", folder=True, lasting=True),  # new photos: only ever added
     Part("cameras", "cameras", state=True, folder=True),
     Part("sfm", "cameras", folder=True),
     Part("plan.json", "training"),
@@ -58,12 +62,14 @@ PARTS = (
     Part("twin.json", "update", state=True),
     Part("update.json", "update", state=True),
     Part("changes", "update", folder=True),
-    Part("history", "update", folder=True),
+    Part("history", "update", folder=True, lasting=True),
     Part("known.npy", "next view", state=True, stale=True),
     Part("next_views.json", "next view", state=True, stale=True),
     Part("next_views", "next view", state=True, stale=True, folder=True),
 )
 
+#: The file of a kept state that is a whole twin, which another run replaced.
+FORMER = "former-twin.txt"
 #: What is read of report.json; a field that another version lacks may be missing.
 _REPORT = {
     "settings": {
@@ -90,6 +96,8 @@ _REPORT = {
 }
 #: What is read of plan.json.
 _PLAN = {"gaussians": positive, "grid_step": (positive,)}
+#: What inputs.json holds.
+_INPUTS = {"photos": {"*": text}, "cameras?": (text,)}
 #: What is read of twin.json.
 _UPDATE_LOG = {"held?": [text], "psf?": {"*": text}, "updates?": [{"*": anything}]}
 
@@ -119,6 +127,26 @@ class TwinFolder:
         # Not resolved: a linked photo would get another name, and lose its camera.
         write_text(self.photo_list, "\n".join(str(photo.absolute()) for photo in photos) + "\n")
 
+    def save_inputs(self, photos: Mapping[str, str], cameras: str | None) -> None:
+        """What `inputs` reads; raises OutputError."""
+        write_json(self.path / "inputs.json", {"photos": dict(photos), "cameras": cameras})
+
+    def inputs(self) -> tuple[dict[str, str], str | None] | None:
+        """Digests of the photos by name, and of the cameras that the user gave; None where none were kept.
+
+        Raises:
+            FormatError: the file is damaged.
+        """
+        path = self.path / "inputs.json"
+        if not path.is_file():
+            return None
+        try:
+            content = read_json(path)
+            check_shape(content, _INPUTS)
+        except (OSError, ValueError) as error:
+            raise FormatError(f"'{path}' is damaged ({error})", "Start again without --resume") from error
+        return content["photos"], content.get("cameras")
+
     def save_new_photo(self, source: Path, name: str) -> Path:
         """Copies a photo that an update takes in; returns where it lies now.
 
@@ -133,10 +161,12 @@ class TwinFolder:
         return target
 
     def save_cameras(self, found: Reconstruction) -> None:
-        """Cameras and points as a COLMAP model; raises OutputError."""
+        """Cameras and points as a COLMAP model, all its files or none; raises OutputError."""
         from ..formats.colmap import write_lenses  # late: not in Blender's Python
 
-        write_lenses(self.camera_folder, found.lenses, found.poses, found.points)
+        make_folder(self.path)
+        with changing(self.path) as change:
+            write_lenses(change.new("cameras"), found.lenses, found.poses, found.points)
 
     def save_plan(self, plan: Mapping[str, Any]) -> None:
         """What was planned for a time limit; raises OutputError."""
@@ -219,10 +249,21 @@ class TwinFolder:
             ) from error
         return dict(content)
 
+    @property
+    def is_twin(self) -> bool:
+        """Whether a run was finished here."""
+        return self.twin_file.is_file() and (self.path / "report.json").is_file()
+
     def states(self) -> list[Path]:
-        """Folders of the kept states, oldest first."""
+        """Folders of the kept states, oldest first; those of other runs' twins that stood here before, too."""
         kept = (self.path / "history").glob("[0-9][0-9][0-9]")
         return sorted(state for state in kept if (state / "twin.ply").is_file())
+
+    def own_states(self) -> list[Path]:
+        """Those of the present twin: what it was before each of its updates."""
+        states = self.states()
+        before = [index for index, state in enumerate(states) if (state / FORMER).is_file()]
+        return states[before[-1] + 1 :] if before else states
 
     @contextmanager
     def changing(self) -> Iterator[TwinChange]:
@@ -258,11 +299,12 @@ class TwinFolder:
         if not kept:
             raise FormatError(f"'{self.path}' has no earlier state", "There is nothing to roll back")
         state = kept[-1]
+        former = (state / FORMER).is_file()
         with self.changing() as change:
-            for part in _state():
+            for part in _of_twin() if former else _state():
                 if (state / part.name).exists():
-                    _copy(part, state, change.new.path)
-                elif not part.folder or part.stale:
+                    link_part(part, state, change.new.path)
+                elif former or not part.folder or part.stale:
                     change.remove(part.name)
             change.remove(f"history/{state.name}")
         return state
@@ -277,7 +319,7 @@ class TwinChange:
     """
 
     #: Folders that new files join; others are replaced whole.
-    GROWING = ("photos", "history", "renders", "snapshot")
+    GROWING = ("photos", "history", "snapshot")
 
     def __init__(self, folder: TwinFolder, change: FolderChange) -> None:
         self._folder, self._change = folder, change
@@ -286,10 +328,19 @@ class TwinChange:
 
     def keep_state(self) -> Path:
         """The present state will be in history/NNN as well; where that will be."""
+        return self._keep(_state(), copy_part)
+
+    def keep_former(self) -> Path:
+        """Another run's twin comes: all that the present one is will be in history/NNN only; where that will be."""
+        kept = self._keep(_of_twin(), link_part)
+        write_text(self.new.path / "history" / kept.name / FORMER, "The whole twin that another run replaced\n")
+        return kept
+
+    def _keep(self, parts: Sequence[Part], put: Callable[[Part, Path, Path], None]) -> Path:
         name = f"{max((int(state.name) for state in self._folder.states()), default=-1) + 1:03d}"
-        for part in _state():
+        for part in parts:
             if (self._folder.path / part.name).exists():
-                _copy(part, self._folder.path, make_folder(self.new.path / "history" / name))
+                put(part, self._folder.path, make_folder(self.new.path / "history" / name))
         return self._folder.path / "history" / name
 
     def remove(self, name: str) -> None:
@@ -304,13 +355,13 @@ class TwinChange:
 
     def place(self) -> None:
         """All that was saved will stand in the folder."""
-        for entry in sorted(self._change.content.iterdir()):
+        for entry in sorted(path for path in self._change.content.iterdir() if not path.name.startswith(".")):
             inside = sorted(entry.iterdir()) if entry.name in self.GROWING else [entry]
             for found in inside:
                 self._change.new(found.relative_to(self._change.content).as_posix())
 
 
-def _copy(part: Part, source: Path, target: Path) -> None:
+def copy_part(part: Part, source: Path, target: Path) -> None:
     """Copies one part from a folder into another; raises OSError."""
     if part.folder:
         shutil.copytree(source / part.name, target / part.name)
@@ -318,6 +369,26 @@ def _copy(part: Part, source: Path, target: Path) -> None:
         shutil.copy2(source / part.name, target / part.name)
 
 
+def link_part(part: Part, source: Path, target: Path) -> None:
+    """As `copy_part`, by links where the disk has them: whoever writes a part makes new files and renames them."""
+    if part.folder:
+        shutil.copytree(source / part.name, target / part.name, copy_function=_link)
+    else:
+        _link(source / part.name, target / part.name)
+
+
+def _link(source: str | Path, target: str | Path) -> None:
+    try:
+        os.link(os.path.realpath(source), target)
+    except OSError:  # a disk without links, or another one
+        shutil.copy2(source, target)
+
+
 def _state() -> list[Part]:
     """Files before folders."""
     return sorted((part for part in PARTS if part.state), key=lambda part: part.folder)
+
+
+def _of_twin() -> list[Part]:
+    """All that one run's twin is, files before folders."""
+    return sorted((part for part in PARTS if not part.lasting), key=lambda part: part.folder)

@@ -15,6 +15,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.twin.begun import RUN
 from .job import Job
 from .preview import HEIGHT, SIDE, draw_curves, fitted
 
@@ -35,7 +36,7 @@ class _Shown:
         self.job: object = None
         self.picture: object = None
         self.marks = 0
-        self.image_written: int | None = None
+        self.image_written: tuple[Path, int] | None = None
         self.image_marks = 0
         self.square = np.zeros((SIDE, SIDE, 4), np.float32)
 
@@ -92,11 +93,12 @@ def _refresh_images(job: Job) -> None:
     if _shown.image_marks != _shown.marks and _wanted(CURVES, job, editors):
         _shown.image_marks = _shown.marks
         _set_image(CURVES, _curves(job))
-    path = job.request.out / "snapshot" / "picture.png"
+    out = job.request.out
+    path = next((p for p in (out / RUN, out) if (p / "snapshot").is_dir()), out) / "snapshot" / "picture.png"
     if _shown.picture is not None and _wanted(RENDER, job, editors):
         written = _time(path)
-        if written is not None and written != _shown.image_written:
-            _shown.image_written = written
+        if written is not None and (path, written) != _shown.image_written:
+            _shown.image_written = path, written
             with contextlib.suppress(RuntimeError):  # it has just gone, or is no picture
                 _load(path, RENDER)
 

@@ -63,8 +63,8 @@ class Request:
     def command(self, python: Path) -> list[str]:
         """The whole command line."""
         program = self.program or (str(python), str(RUN))
-        resumed = ["--resume"] if self.resume or self.reuse_cameras else []
-        return [*program, *self.arguments, *resumed, *(["--overwrite"] if self.overwrite else [])]
+        begun = ["--resume"] if self.resume else ["--keep-cameras"] if self.reuse_cameras else []
+        return [*program, *self.arguments, *begun, *(["--overwrite"] if self.overwrite else [])]
 
 
 def request_of(kind: Kind, scene: Any) -> Request:

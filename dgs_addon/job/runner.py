@@ -70,8 +70,6 @@ def start(request: Request, python: Path, scene: Any) -> Job:
     if running():
         raise DgsError("A job is running already", "Wait for it or cancel it")
     make_folder(request.out)
-    if not request.resume:
-        _start_afresh(request)
     live = scene.dgs.live and not bpy.app.background
     snapshots = SnapshotReader(request.out, live, SOFTWARE_SPLATS if drawn_by_software() else MAXIMUM_LIVE_SPLATS)
     record = Record(
@@ -154,13 +152,6 @@ def stop() -> None:
         _job.worker.kill()
         _job.worker.join(5.0)
     _job = None
-
-
-def _start_afresh(request: Request) -> None:
-    """A new run must not go on from another's checkpoint."""
-    for name in ("checkpoint.npz", "snapshot/picture.png", "snapshot/preview.npy", "snapshot/twin.ply"):
-        if request.kind == "reconstruct":
-            (request.out / name).unlink(missing_ok=True)
 
 
 def _tick() -> float | None:

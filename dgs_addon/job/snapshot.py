@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ...core.cloud import GaussianCloud
 from ...core.errors import DgsError
 from ...core.formats.ply import read_ply
+from ...core.twin.begun import RUN
 from .preview import read_preview
 
 
@@ -39,8 +40,9 @@ class SnapshotReader:
 
     def __init__(self, out: Path, live: bool, most: int) -> None:
         self.live, self._most = live, most
-        self._final, self._preview = out / "twin.ply", out / "snapshot" / "preview.npy"
-        self._twins = [self._final, *([out / "snapshot" / "twin.ply"] if live else [])]
+        snapshot = out / RUN / "snapshot"
+        self._final, self._preview = out / "twin.ply", snapshot / "preview.npy"
+        self._twins = [self._final, *([snapshot / "twin.ply"] if live else [])]
         self._seen = {path: _time(path) for path in (*self._twins, self._preview)}
 
     def read_news(self) -> News | None:

@@ -23,6 +23,8 @@ STATE = "dgs_state"
 def add_states(out: Path, scene: Any, first: int = 1, frames: int = FRAMES) -> list[Any]:
     """Adds all kept states of a twin and the present one, with markers on the timeline, in place of those there.
 
+    Another run's twin that stood in the folder before is none of them.
+
     Args:
         out: folder of a twin; scene: `bpy` scene; first: frame of the oldest state; frames: that each is shown.
 
@@ -32,7 +34,7 @@ def add_states(out: Path, scene: Any, first: int = 1, frames: int = FRAMES) -> l
     Raises:
         FormatError: the twin has no earlier state, or one is damaged.
     """
-    kept = TwinFolder(out).states()
+    kept = TwinFolder(out).own_states()
     if not kept:
         raise FormatError(f"'{out.name}' has no earlier state", "Update the twin with new photos first")
     folders = [*kept, out]

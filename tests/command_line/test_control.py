@@ -58,7 +58,7 @@ def trained(steps):
 
 
 def test_cancel_keeps_the_twin_and_snapshots_are_whole(start, tmp_path):
-    picture = tmp_path / "out" / "snapshot" / "picture.png"
+    picture = tmp_path / "out" / ".run" / "snapshot" / "picture.png"
     until(start, lambda event: picture.exists())
     assert Image.open(picture).size == (WIDTH, HEIGHT)
     start.stdin.write("cancel\n")

@@ -198,7 +198,7 @@ def test_a_run_replaces_no_cameras_of_others(command, tmp_path, capsys):
 
 
 def test_what_a_run_replaces_is_what_it_leaves():
-    assert tuple(part.name for part in PARTS if part.stage not in ("photos", "update")) == RUN_REPLACES
+    assert tuple(part.name for part in PARTS if not part.lasting) == RUN_REPLACES
 
 
 def test_the_list_is_as_sha256sum_writes_it(file):

@@ -210,4 +210,5 @@ def test_switching_the_add_on_off_ends_the_job(scene: object) -> None:
 
 def test_cameras_of_these_photos_are_taken_over(scene: object, tmp_path: Path) -> None:
     request = replace(request_of("reconstruct", scene), reuse_cameras=True)
-    assert request.command(Path("python"))[-1] == "--resume"
+    assert request.command(Path("python"))[-1] == "--keep-cameras"
+    assert replace(request, resume=True).command(Path("python"))[-1] == "--resume"

@@ -10,6 +10,7 @@ import pytest
 pytest.importorskip("bpy")
 
 from dgs.core.cloud import GaussianCloud
+from dgs.core.twin.begun import RUN
 from dgs.dgs_addon.job.preview import ABOVE, read_preview
 from dgs.dgs_addon.job.snapshot import SnapshotReader, thinned
 from dgs.dgs_addon.window import Pace
@@ -50,8 +51,8 @@ def test_a_live_twin_has_few_splats_that_still_cover_it() -> None:
 
 
 def test_previews_are_read_upright_and_damaged_ones_are_no_news(tmp_path: Path) -> None:
-    folder = tmp_path / "snapshot"
-    folder.mkdir()
+    folder = tmp_path / RUN / "snapshot"
+    folder.mkdir(parents=True)
     reader = SnapshotReader(tmp_path, live=False, most=10)
     assert reader.read_news() is None
     pixels = np.zeros((90, 180, 3), np.uint8)
