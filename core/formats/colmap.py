@@ -200,7 +200,7 @@ def write_lenses(
     for position, colour in zip(points.positions, points.colours, strict=True):
         model.add_point3D(position, pycolmap.Track(), colour)
     way_out = "Free some space on that disk or choose another folder"
-    beside = path.with_name(f".{path.name}.{os.getpid()}.part")
+    beside = path / f".model.{os.getpid()}.part"  # (on the same disk)
     try:
         path.mkdir(parents=True, exist_ok=True)
         beside.mkdir(exist_ok=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from collections.abc import Iterable
 from pathlib import Path
 
 import pytest
@@ -10,7 +11,7 @@ from dgs.core.errors import CheckpointError, FormatError, OutputError
 from dgs.core.files import write_text
 from dgs.core.transaction import recover
 from dgs.core.twin.begun import CONTINUES, RUN, RUN_OLD, BegunRun
-from dgs.core.twin.folder import FORMER, PARTS, TwinFolder
+from dgs.core.twin.folder import FORMER, PARTS, Part, TwinFolder
 from dgs.tests.crashes import crashes
 
 PHOTOS = {"a.png": "0" * 64, "b.png": "1" * 64}
@@ -22,27 +23,30 @@ def seen(folder: Path) -> dict[str, str]:
     return {name: file.read_text("utf-8") for name, file in files.items() if not name.startswith(".")}
 
 
-def whole_twin(folder: Path) -> TwinFolder:
-    """A twin with every part, of run A."""
+def whole_twin(folder: Path, parts: Iterable[Part] = PARTS) -> TwinFolder:
+    """A twin of run A, with every part or with some."""
     shutil.rmtree(folder, ignore_errors=True)
-    for part in PARTS:
+    for part in parts:
         file = folder / part.name / "in" / "one" if part.folder else folder / part.name
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text(f"A {part.name}", "utf-8")
     return TwinFolder(folder)
 
 
-def written(begun: BegunRun, text: str = "B") -> None:
+WRITTEN = ("cameras/images.bin", "twin.ply", "report.json", "renders/b.png", "checkpoint.npz", "report.html")
+
+
+def written(begun: BegunRun, text: str = "B", count: int = 6) -> None:
     """What a short run writes, without any training."""
-    for name in ("cameras/images.bin", "twin.ply", "checkpoint.npz", "renders/b.png", "report.json", "report.html"):
+    for name in WRITTEN[:count]:
         write_text(begun.folder.path / name, f"{text} {name}")
 
 
-def run_b(folder: Path) -> None:
+def run_b(folder: Path, count: int = 6) -> None:
     """Run B into the folder, from its start to its end."""
     begun = BegunRun(TwinFolder(folder), "anew")
     begun.check_photos(PHOTOS, None)
-    written(begun)
+    written(begun, count=count)
     begun.finish()
 
 
@@ -75,20 +79,21 @@ def test_all_of_the_old_twin_goes_to_history_but_what_lasts(tmp_path):
 @pytest.mark.parametrize("fault", ["kill", "full"])
 def test_cut_off_anywhere_it_is_the_old_twin_or_the_new_one(memory_path, fault):
     folder = memory_path / "t"
-    before = seen(whole_twin(folder).path)
-    run_b(folder)
+    few = [part for part in PARTS if part.name in {"photos.txt", "cameras", "twin.ply", "report.json", "history"}]
+    before = seen(whole_twin(folder, few).path)
+    run_b(folder, 3)
     after, outcomes = seen(folder), []
-    whole_twin(folder)
-    for _ in crashes(lambda: run_b(folder), folder, fault, OutputError):
+    whole_twin(folder, few)
+    for _ in crashes(lambda: run_b(folder, 3), folder, fault, OutputError):
         recover(folder)
         found = seen(folder)
         assert found in (before, after)
         outcomes.append(found == after)
         if len(outcomes) % 5 == 0:  # whatever is left is in nobody's way
-            run_b(folder)
+            run_b(folder, 3)
             assert {name: text for name, text in seen(folder).items() if "/00" not in name}.items() <= after.items()
             assert not [path.name for path in folder.iterdir() if path.name.startswith(".")]
-        whole_twin(folder)
+        whole_twin(folder, few)
     assert outcomes == sorted(outcomes) and outcomes.count(False) > 20
 
 
