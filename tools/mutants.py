@@ -186,8 +186,8 @@ MUTATIONS = (
         "core/twin/test_folder.py",
         "a rollback brings no cameras back",
         "core/twin/folder.py",
-        "            for part in _state():\n                if (state / part.name).exists():",
-        "            for part in _state():\n                if (state / part.name).exists() and not part.folder:",
+        "                if (state / part.name).exists():",
+        "                if (state / part.name).exists() and not part.folder:",
         "state_comes_back or rollback",
     ),
     Mutation(
