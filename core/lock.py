@@ -10,7 +10,7 @@ from pathlib import Path
 
 from filelock import FileLock, Timeout
 
-from .errors import FolderInUse
+from .errors import FolderInUse, OutputError
 from .files import make_folder, output_error, read_json, write_json
 from .json_shape import check_shape, count, text
 from .names import shown
@@ -46,7 +46,7 @@ def locked(folder: Path, task: str, wait: float = 0.0) -> Iterator[None]:
     except OSError as error:
         raise output_error(folder / LOCK, error) from error
     try:
-        with suppress(OSError):  # (a full disk must not keep anybody from bringing an earlier state back)
+        with suppress(OutputError):  # (a full disk must not keep anybody from bringing an earlier state back)
             _sign(folder, task)
         yield
     finally:
@@ -65,7 +65,7 @@ def working_on(folder: Path, task: str, note: Callable[[str], None], wait: float
 
 
 def _sign(folder: Path, task: str) -> None:
-    """Says who works here; raises OSError."""
+    """Says who works here; raises OutputError."""
     facts = {"process": os.getpid(), "task": task, "since": time.strftime("%Y-%m-%d %H:%M:%S")}
     write_json(folder / OWNER, facts)
 
