@@ -28,7 +28,7 @@ from .table import Table
 from .tree import ROOT, copied, forked, preload
 
 #: Tests of the first and of the second line stop when they would take longer together (s, as traced).
-_FIRST, _SECOND = 40.0, 60.0
+_FIRST, _SECOND = 20.0, 60.0
 #: Longest trace of a folder of tests (s).
 _TRACE = 3000.0
 
