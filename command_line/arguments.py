@@ -128,6 +128,17 @@ def add_masks(parser: argparse.ArgumentParser | argparse._ArgumentGroup) -> None
     parser.add_argument("--masks", type=Path, metavar="DIR", help="images of the same names; black pixels do not count")
 
 
+def add_background(parser: argparse.ArgumentParser | argparse._ArgumentGroup) -> None:
+    """What is behind the object."""
+    parser.add_argument(
+        "--background",
+        default="auto",
+        metavar="COLOUR",
+        help="what is behind the object and counts as empty: a colour (white, black, '#rrggbb'), 'none', or 'auto': "
+        "white behind transparent photos, and a plain colour that all photos show",
+    )
+
+
 def add_max_size(parser: argparse.ArgumentParser | argparse._ArgumentGroup) -> None:
     """The size that photos are shrunk to."""
     parser.add_argument(

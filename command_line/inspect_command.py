@@ -48,12 +48,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def inspect_command(options: argparse.Namespace, progress: Reporting) -> int:
     """Prints a table (or JSON) of every effect, and writes pictures."""
+    from ..core.background import BackgroundRequest  # heavy: numpy
     from ..core.effects.inspect import inspect_photos  # heavy: torch
     from ..core.inspection.cameras import with_cameras  # heavy: torch
     from ..core.inspection.photo_set import PhotoSet  # heavy: torch
     from ..core.inspection.pictures import PICTURES, draw_inspection  # heavy: torch
     from ..core.machine import use_threads  # late: slows --help
     from ..core.photos.load import load_photos  # heavy: torch
+    from ..core.photos.uniform import before_background  # heavy: torch
 
     began = time.perf_counter()
     threads = use_threads(options.threads)
@@ -62,6 +64,7 @@ def inspect_command(options: argparse.Namespace, progress: Reporting) -> int:
         files = [options.out / name for name in ("inspection.json", *PICTURES)]
         check_outputs(files, overwrite=options.overwrite)
     loaded = load_photos(options.photos, None, progress, options.masks, minimum=1)
+    loaded = before_background(loaded, BackgroundRequest(), progress)
     photos = PhotoSet(loaded, why="cameras were not asked for" if options.without_cameras else "")
     seconds_cameras = 0.0
     if not options.without_cameras:

@@ -13,6 +13,7 @@ from ..core.outputs import check_output_folder
 from ..core.run_settings import RUN_MARKS, RUN_REPLACES, ReconstructSettings
 from .arguments import (
     CAMERAS,
+    add_background,
     add_machine,
     add_masks,
     add_max_size,
@@ -51,6 +52,7 @@ def _add_given(data: argparse._ArgumentGroup) -> None:
     )
     data.add_argument("--truth", type=Path, metavar="DIR", help="sharp photos of the same names, only for scoring")
     add_masks(data)
+    add_background(data)
     data.add_argument(
         "--holdout-every",
         type=whole(0),
@@ -143,6 +145,7 @@ def reconstruct_command(options: argparse.Namespace, progress: Reporting) -> int
         cameras=options.cameras,
         truth=options.truth,
         masks=options.masks,
+        background=options.background,
         holdout_every=options.holdout_every,
         frames=options.frames,
         max_size=options.max_size,

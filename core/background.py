@@ -15,6 +15,7 @@ it in sRGB values, as viewers of PNG files do it and as the splats of a twin are
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from typing import Literal
 
@@ -22,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .colour import linear_to_srgb, srgb_to_linear
+from .errors import PhotoError
 
 Pixels = NDArray[np.uint8] | NDArray[np.uint16]
 Planes = NDArray[np.float32]
@@ -40,10 +42,13 @@ class Background:
     Attributes:
         colour: sRGB in [0, 1].
         space: the values in which photos are put over it: 'linear' where a blur of light made their edges.
+        tolerance: by which px of opaque photos may differ from it (sRGB) and show nothing else; None where alpha says
+            what is empty, or nothing does.
     """
 
     colour: Colour = WHITE
     space: Literal["srgb", "linear"] = "srgb"
+    tolerance: float | None = None
 
     @property
     def name(self) -> str:
@@ -102,14 +107,48 @@ class Background:
         return values if self.space == "srgb" else np.asarray(linear_to_srgb(values), np.float32)
 
 
-def behind_shows(pixels: Pixels, alpha: Pixels | None, background: Background | None) -> NDArray[np.bool_] | None:
-    """[H, W] px of a photo that show its background more than anything before it; None if there are none.
+@dataclass(frozen=True)
+class BackgroundRequest:
+    """What is asked of the background of a set.
 
-    Their colour says nothing of the scene: white is no clipped highlight there.
+    Attributes:
+        colour: behind all photos; None for white behind transparent ones, and behind opaque ones what they show.
+        looked_for: whether opaque photos may show a plain background.
+        space: as of `Background`.
     """
-    if alpha is None or background is None:
-        return None
-    return alpha < np.iinfo(alpha.dtype).max / 2
+
+    colour: Colour | None = None
+    looked_for: bool = True
+    space: Literal["srgb", "linear"] = "srgb"
+
+    @property
+    def transparent(self) -> Background:
+        """What stands behind transparent photos."""
+        return Background(WHITE if self.colour is None else self.colour, self.space)
+
+
+def parse_background(text: str, space: Literal["srgb", "linear"] = "srgb") -> BackgroundRequest:
+    """'auto', 'none' or a colour, as `--background` takes it.
+
+    Raises:
+        PhotoError: none of them.
+    """
+    if text in ("auto", "none"):
+        return BackgroundRequest(None, text == "auto", space)
+    return BackgroundRequest(parse_colour(text), False, space)
+
+
+def parse_colour(text: str) -> Colour:
+    """'white', 'black' or '#rrggbb' as sRGB in [0, 1].
+
+    Raises:
+        PhotoError: neither.
+    """
+    written = {"white": "#ffffff", "black": "#000000"}.get(text.strip().lower(), text.strip())
+    if re.fullmatch(r"#[0-9a-fA-F]{6}", written) is None:
+        raise PhotoError(f"'{text}' is no colour", "Write white, black or such as '#80ff00'")
+    red, green, blue = (int(written[i : i + 2], 16) / 255 for i in (1, 3, 5))
+    return red, green, blue
 
 
 def opacity(alpha: Pixels) -> NDArray[np.float32]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, Literal
 
-from .background import Background
+from .background import BackgroundRequest, parse_background
 from .devices import BackendName
 
 PresetName = Literal["draft", "balanced", "fine"]
@@ -45,7 +45,7 @@ class PhotoSettings:
     """Which photos there are: see the fields of the same names in `ReconstructSettings`.
 
     Attributes:
-        background: behind transparent photos; where light was blurred, they are put over it as light.
+        background: `ReconstructSettings.background`; where light was blurred, photos are put over it as light.
     """
 
     photos: Path
@@ -53,7 +53,7 @@ class PhotoSettings:
     frames: int = DEFAULT_FRAMES
     holdout_every: int = 8
     max_size: int | None = None
-    background: Background = Background()
+    background: BackgroundRequest = BackgroundRequest()
 
 
 @dataclass(frozen=True)
@@ -131,6 +131,7 @@ class ReconstructSettings:
         cameras: COLMAP model folder or transforms.json; None to find them from the photos.
         truth: folder of sharp photos of the same names, only for scoring.
         masks: folder of images of the same names; black does not count.
+        background: what is behind the object: 'auto', 'none' or a colour (`core.background.parse_background`).
         frames: frames of a movie that are used at most.
         holdout_every: views 0, n, 2n ... by sorted name are kept out of the training; 0: none.
         max_size: longest side in px that photos are shrunk to, with cameras and PSF.
@@ -155,6 +156,7 @@ class ReconstructSettings:
     cameras: Path | None = None
     truth: Path | None = None
     masks: Path | None = None
+    background: str = "auto"
     frames: int = DEFAULT_FRAMES
     holdout_every: int = 8
     max_size: int | None = None
@@ -191,7 +193,7 @@ class ReconstructSettings:
         """Each stage's own settings."""
         words = [word.strip() for word in self.effects.split(",")]
         motion_apart = "-motion" not in words and bool({"auto", "all", "motion"} & set(words))
-        background = Background(space="srgb" if self.psf == "none" else self.blur_space)
+        background = parse_background(self.background, "srgb" if self.psf == "none" else self.blur_space)
         return RunSettings(
             out=self.out,
             photos=PhotoSettings(self.photos, self.masks, self.frames, self.holdout_every, self.max_size, background),

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from .background import Background, behind_shows, opacity
+from .background import Background, opacity
 from .camera import Camera
 
 
@@ -54,11 +54,6 @@ class View:
     def transparency(self) -> NDArray[np.float32] | None:
         """[H, W] how far the photo is empty, 1 - alpha; None where it is opaque everywhere."""
         return None if self.alpha is None else 1 - opacity(self.alpha)
-
-    @property
-    def background_shows(self) -> NDArray[np.bool_] | None:
-        """[H, W] px that show the background more than anything before it; None if there are none."""
-        return behind_shows(self.photo, self.alpha, self.background)
 
 
 def fingerprint(photo: NDArray[np.uint8] | NDArray[np.uint16]) -> int:

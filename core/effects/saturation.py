@@ -34,12 +34,15 @@ def inspect(photos: PhotoSet) -> Evidence:
     """Share of px with a channel within one step of the file's largest value."""
     import numpy as np  # late: the command line's help reads this file
 
+    from ..photos.empty import background_shows  # late: the command line's help reads this file
+
     shares = []
     for photo in photos.photos:
         top = int(np.iinfo(photo.pixels.dtype).max)
         clipped = (photo.pixels >= top - top // SETTINGS.levels).any(axis=2)
-        if photo.background_shows is not None:
-            clipped &= ~photo.background_shows
+        behind = background_shows(photo)
+        if behind is not None:
+            clipped &= ~behind
         masked = photo.mask is not None and photo.mask.any()
         shares.append(float(clipped[photo.mask].mean() if masked else clipped.mean()))
     value = float(np.mean(shares))

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ..colour import srgb_to_linear
 from ..numbers import number
+from ..photos.empty import background_shows
 from ..photos.load import Photo
 from ..reconstruction import Reconstruction
 from .local_blur import LocalBlur, Tiles, fit_local_blur
@@ -87,8 +88,9 @@ class PhotoSet:
         out = []
         for photo in self.looked_at:
             white = (photo.pixels == np.iinfo(photo.pixels.dtype).max).any(axis=2)
-            if photo.background_shows is not None:
-                white &= ~photo.background_shows
+            behind = background_shows(photo)
+            if behind is not None:
+                white &= ~behind
             out.append(white if photo.mask is None else white | ~photo.mask)
         return out
 

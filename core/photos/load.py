@@ -19,7 +19,7 @@ import tifffile
 from numpy.typing import NDArray
 from PIL import Image, ImageOps
 
-from ..background import Background, behind_shows, opacity
+from ..background import Background, opacity
 from ..errors import Cancelled, PhotoError
 from ..files import file_digest
 from ..names import check_photo_name, shown
@@ -97,11 +97,6 @@ class Photo:
     def transparency(self) -> NDArray[np.float32] | None:
         """[H, W] how far the photo is empty, 1 - alpha; None where it is opaque everywhere."""
         return None if self.alpha is None else 1 - opacity(self.alpha)
-
-    @property
-    def background_shows(self) -> NDArray[np.bool_] | None:
-        """[H, W] px that show the background more than anything before it; None if there are none."""
-        return behind_shows(self.pixels, self.alpha, self.background)
 
 
 @dataclass

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from ..photos.load import Photo, load_photos
 from ..photos.source import photo_source
+from ..photos.uniform import before_background
 from ..progress import Progress
 from ..run_settings import PhotoSettings
 from ..twin.begun import BegunRun
@@ -51,8 +52,11 @@ def read_photos(settings: PhotoSettings, folder: TwinFolder, progress: Progress)
         PhotoError: nothing there that can be used. Cancelled: the user asked to stop.
     """
     source = photo_source(settings.photos, folder.path, settings.frames, progress)
-    photos = load_photos(source, settings.max_size, progress, settings.masks, background=settings.background)
+    photos = load_photos(
+        source, settings.max_size, progress, settings.masks, background=settings.background.transparent
+    )
     if source.is_file():  # the list may say something else later, or be gone
         folder.save_photo_list([photo.path for photo in photos])
+    photos = before_background(photos, settings.background, progress)
     held = heldout_names([photo.name for photo in photos], settings.holdout_every)
     return LoadedPhotos(source, photos, held, settings.holdout_every)

@@ -50,7 +50,7 @@ def sample_photos(
     for index, file in enumerate(few):
         if progress.cancelled():
             raise Cancelled("Stopped while reading photos")
-        photos.append(load_photo(file, settings.max_size, settings.background))
+        photos.append(load_photo(file, settings.max_size, settings.background.transparent))
         progress.advance(index + 1)
     spreads = _spreads(given, photos, blur, progress)
     return SampledPhotos(files, photos, medium_with(spreads, blur, photos))

@@ -22,6 +22,7 @@ from ..imaging.medium import Medium
 from ..machine import use_threads
 from ..photos.load import Photo, load_photos
 from ..photos.undistort import undistorted_views
+from ..photos.uniform import like_the_others
 from ..progress import Progress
 from ..reconstruction import Reconstruction
 from ..report.known import drop_chapter
@@ -134,7 +135,8 @@ def _new_photos(
     there = {fingerprint(photo.pixels) for photo in twin.photos}
     names = {photo.name.casefold() for photo in twin.photos}
     wanted = twin.settings.photos
-    loaded = load_photos(source, wanted.max_size, progress, None, minimum=1, background=wanted.background)
+    loaded = load_photos(source, wanted.max_size, progress, None, minimum=1, background=wanted.background.transparent)
+    loaded = like_the_others(loaded, twin.photos)
     new = [photo for photo in loaded if fingerprint(photo.pixels) not in there]
     if not new:
         raise PhotoError(f"'{source}' holds no photo that the twin does not have", "Add new photos to it")

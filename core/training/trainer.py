@@ -214,10 +214,13 @@ class Trainer:
 
         A fixed colour would be taken for part of the scene, which then stays translucent. Behind transparent photos it
         is any colour: the same is put behind the photo, and only Gaussians of the photo's alpha explain all of them.
+        A plain background that opaque photos show is what it is.
         """
         if self.transparent:
             any_colour = np.random.default_rng([self.settings.seed, 3, self.step]).uniform(0, 1, 3)
             return torch.from_numpy(any_colour).to(self.background)
+        if self._known is not None:
+            return self.background
         shake = self.settings.backdrop * np.random.default_rng([self.settings.seed, 3, self.step]).uniform(-1, 1, 3)
         return self.background + torch.from_numpy(shake).to(self.background)
 
@@ -297,7 +300,7 @@ class Trainer:
             "point spread": None if psf is None else np.round(psf.kernel(), 9).sum(axis=0).tolist(),
             "blur space": self.medium.blur_space,
             **({"own point spreads": self._own_spreads()} if self.medium.per_view else {}),
-            **({"background": asdict(self._known)} if self._known is not None else {}),
+            **({"background": [*self._known.colour, self._known.space]} if self._known is not None else {}),
             **({"effects": {e.name: e.described() for e in self.formation.effects}} if self.formation else {}),
         }
 

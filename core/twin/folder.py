@@ -81,6 +81,7 @@ _REPORT = {
             "cameras?": (text,),
             "truth?": (text,),
             "masks?": (text,),
+            "background?": text,
             "frames?": count,
             "holdout_every?": count,
             "max_size?": (count,),

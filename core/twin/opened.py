@@ -21,6 +21,7 @@ from ..imaging.psf_text import parse_psf
 from ..photos.load import Photo, load_photos
 from ..photos.source import photo_source
 from ..photos.undistort import undistorted_views
+from ..photos.uniform import before_background
 from ..progress import Progress
 from ..rasterizer import RasterSettings
 from ..reconstruction import Reconstruction
@@ -170,8 +171,11 @@ def open_files(folder: Path, progress: Progress, photos: Path | None = None) -> 
     cloud = read_ply(kept.twin_file)
     psf = parse_psf(settings.medium.psf)
     source = photo_source(settings.photos.photos, folder, settings.photos.frames, progress)
-    backed = settings.photos.background
-    loaded = load_photos(source, settings.photos.max_size, progress, settings.photos.masks, background=backed)
+    asked = settings.photos.background
+    loaded = load_photos(
+        source, settings.photos.max_size, progress, settings.photos.masks, background=asked.transparent
+    )
+    loaded = before_background(loaded, asked, progress)
     listed = {name: parse_psf(text) for name, text in (report.get("medium", {}).get("per_photo") or {}).items()}
     medium = Medium(psf, settings.medium.blur_space, listed).at_scales({p.name: p.scale[0] for p in loaded})
     noted = kept.update_log()

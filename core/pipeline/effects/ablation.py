@@ -16,6 +16,7 @@ from ...imaging.formation.effect import Shot
 from ...imaging.medium import Medium
 from ...lens import Lens
 from ...numbers import BY_DEFINITION, number
+from ...photos.empty import background_shows
 from ...pose import Pose
 from ...progress import Silent
 from ...training.grid import coarse_view
@@ -247,6 +248,7 @@ def _counted(view: View) -> NDArray[np.bool_] | None:
     """Px that count: those of the mask that are not clipped, whatever the arm."""
     top = int(np.iinfo(view.photo.dtype).max)
     clear = ~(view.photo >= top - top // (view.levels or top)).any(axis=2)
-    if view.background_shows is not None:
-        clear |= view.background_shows
+    behind = background_shows(view)
+    if behind is not None:
+        clear |= behind
     return clear if view.mask is None else clear & view.mask

@@ -13,6 +13,7 @@ from ...background import Background
 from ...effects.spec import Switch
 from ...imaging.formation.chain import Formation
 from ...imaging.formation.effect import Shot
+from ...photos.empty import background_shows
 from ...views import View
 
 
@@ -33,17 +34,18 @@ def _one(view: View, formation: Formation, masked: Sequence[Switch]) -> View:
     top = int(np.iinfo(view.photo.dtype).max)
     levels = view.levels or top
     mask = np.ones(view.photo.shape[:2], bool) if view.mask is None else view.mask.copy()
+    shows = background_shows(view)
+    behind = np.zeros(mask.shape, bool) if shows is None else shows  # white is no clipped highlight there
     for effect in masked:
         assert effect.counts is not None
-        counts = effect.counts(view.photo, levels)
-        mask &= counts if view.background_shows is None else counts | view.background_shows
+        mask &= effect.counts(view.photo, levels) | behind
     photo = view.photo
     if formation.sensor:
         camera = view.camera
         shot = Shot(view.name, camera.height, camera.width, middle=(camera.cx, camera.cy))
         clear = _unfiled(view, formation, shot)
         within = (clear <= 1.0).all(axis=0)
-        mask &= within if view.background_shows is None else within | view.background_shows
+        mask &= within | behind
         photo = np.ascontiguousarray(np.round(clear.clip(0.0, 1.0) * 65535.0).astype(np.uint16).transpose(1, 2, 0))
         if view.alpha is not None and view.alpha.dtype == np.uint8:
             view = replace(view, alpha=view.alpha.astype(np.uint16) * np.uint16(257))

@@ -132,6 +132,6 @@ def test_the_backdrop_of_opaque_photos_is_as_it_was() -> None:
     np.testing.assert_array_equal(made.backdrop(), made.background + torch.from_numpy(shake).float())
     assert "background" not in made.fingerprint()
     other = Trainer(scene.views, [], scene.points, scene.medium, SETTINGS)
-    assert other.fingerprint()["background"] == {"colour": WHITE, "space": "srgb"}
+    assert other.fingerprint()["background"] == [1.0, 1.0, 1.0, "srgb"]
     drawn = torch.stack([other.backdrop() for other.step in range(60)])
     assert float(drawn.min()) < 0.05 and float(drawn.max()) > 0.95 and float(drawn.min()) >= 0.0
