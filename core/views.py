@@ -9,8 +9,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from .background import Background, opacity
+from .background import Background
 from .camera import Camera
+from .compositing import opacity
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import label
 
-from ..background import Background, Pixels
+from ..background import Background
+from ..compositing import Pixels
 from ..views import View
 from .load import Photo
 

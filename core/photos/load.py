@@ -19,7 +19,8 @@ import tifffile
 from numpy.typing import NDArray
 from PIL import Image, ImageOps
 
-from ..background import Background, opacity
+from ..background import Background
+from ..compositing import opacity, under
 from ..errors import Cancelled, PhotoError
 from ..files import file_digest
 from ..names import check_photo_name, shown
@@ -272,7 +273,7 @@ def load_photo(path: Path, max_size: int | None = None, background: Background |
     if alpha is None or background is None or bool((alpha == np.iinfo(alpha.dtype).max).all()):
         alpha = background = None
     else:  # before anything is averaged: what a file hides under alpha 0 must not bleed
-        pixels = background.under(pixels, alpha)
+        pixels = under(background, pixels, alpha)
     new_width, new_height = size_within(width, height, max_size)
     if (new_width, new_height) != (width, height):
         pixels = resized(pixels, new_width, new_height)

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import spline_filter1d
 
 from .. import compiled
-from ..background import Pixels, opacity
 from ..camera import Camera
+from ..compositing import Pixels, opacity
 from ..errors import CameraError
 from ..lens import Lens
 from ..numbers import BY_DEFINITION, number

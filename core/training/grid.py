@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from ..background import Colour
 from ..camera import Camera
 from ..colour import linear_to_srgb, srgb_to_linear
+from ..compositing import over_another
 from ..imaging.medium import BlurSpace, Medium
 from ..imaging.psf import PointSpread
 from ..numbers import BY_DEFINITION, number
@@ -139,7 +140,7 @@ class GridView:
         planes = self.planes()
         if self._empty is None or self._background is None:
             return planes
-        return self._background.changed(planes, self._empty.astype(np.float32) * np.float32(1 / 65535), colour)
+        return over_another(self._background, planes, self._empty.astype(np.float32) * np.float32(1 / 65535), colour)
 
     def seen_by(self, camera: Camera) -> GridView:
         """The same photo, its camera (on the grid) elsewhere."""

@@ -10,6 +10,7 @@ import torch
 from numpy.typing import NDArray
 
 from ...background import Background
+from ...compositing import blended, over_another, unblended
 from ...effects.spec import Switch
 from ...imaging.formation.chain import Formation
 from ...imaging.formation.effect import Shot
@@ -57,8 +58,8 @@ def _unfiled(view: View, formation: Formation, shot: Shot) -> NDArray[np.float32
     empty, background = view.transparency(), view.background
     if empty is None or background is None:
         return np.asarray(formation.unfiled(torch.from_numpy(view.planes()), shot).numpy(), np.float32)
-    straight = torch.from_numpy(background.straight(view.planes(), empty))
-    return background.blended(formation.unfiled(straight, shot).numpy(), empty)
+    straight = torch.from_numpy(unblended(background, view.planes(), empty))
+    return blended(background, formation.unfiled(straight, shot).numpy(), empty)
 
 
 def over_filed(
@@ -76,4 +77,4 @@ def over_filed(
     if empty is None or background is None or not formation.sensor:
         return photo
     colour = torch.tensor(background.colour)[:, None, None].expand(3, *empty.shape)
-    return background.changed(photo, empty, formation.filed(colour, shot).numpy())
+    return over_another(background, photo, empty, formation.filed(colour, shot).numpy())

@@ -9,6 +9,7 @@ import pytest
 import torch
 from dgs.core.background import WHITE, Background
 from dgs.core.camera import Camera
+from dgs.core.compositing import under
 from dgs.core.constants import SH_C0
 from dgs.core.gaussians import Gaussians
 from dgs.core.imaging.medium import Medium
@@ -35,7 +36,7 @@ def red_disc(dtype: type) -> View:
     straight, alpha = np.zeros((48, 48, 3), dtype), np.where(disc, top, 0).astype(dtype)
     straight[disc] = [top, 0, 0]
     background = Background()
-    return View(CAMERA, background.under(straight, alpha), alpha=alpha, background=background)
+    return View(CAMERA, under(background, straight, alpha), alpha=alpha, background=background)
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
@@ -80,7 +81,7 @@ def disc_scene(sigma: float) -> Scene:
         eight = np.round(straight * 255).astype(np.uint8).transpose(1, 2, 0).copy()
         filed = np.round(alpha * 255).astype(np.uint8)
         background = Background()
-        views.append(View(camera, background.under(eight, filed), alpha=filed, background=background))
+        views.append(View(camera, under(background, eight, filed), alpha=filed, background=background))
     chosen = np.random.default_rng(0).permutation(len(truth))[:200]
     points = truth.means.numpy()[chosen].astype(np.float64)
     colours = np.clip((truth.sh[chosen, 0].numpy() * SH_C0 + 0.5) * 255, 0, 255).astype(np.uint8)
