@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ..core.background import BackgroundRequest
 from ..core.files import check_writable, write_json
 from ..core.outputs import check_outputs, placing_outputs
 from .arguments import add_machine, add_masks, add_overwrite, add_progress, show_defaults
@@ -48,7 +49,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def inspect_command(options: argparse.Namespace, progress: Reporting) -> int:
     """Prints a table (or JSON) of every effect, and writes pictures."""
-    from ..core.background import BackgroundRequest  # heavy: numpy
     from ..core.effects.inspect import inspect_photos  # heavy: torch
     from ..core.inspection.cameras import with_cameras  # heavy: torch
     from ..core.inspection.photo_set import PhotoSet  # heavy: torch

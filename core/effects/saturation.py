@@ -34,13 +34,11 @@ def inspect(photos: PhotoSet) -> Evidence:
     """Share of px with a channel within one step of the file's largest value."""
     import numpy as np  # late: the command line's help reads this file
 
-    from ..photos.empty import background_shows  # late: the command line's help reads this file
-
     shares = []
     for photo in photos.photos:
         top = int(np.iinfo(photo.pixels.dtype).max)
         clipped = (photo.pixels >= top - top // SETTINGS.levels).any(axis=2)
-        behind = background_shows(photo)
+        behind = photos.behind(photo)
         if behind is not None:
             clipped &= ~behind
         masked = photo.mask is not None and photo.mask.any()

@@ -88,11 +88,15 @@ class PhotoSet:
         out = []
         for photo in self.looked_at:
             white = (photo.pixels == np.iinfo(photo.pixels.dtype).max).any(axis=2)
-            behind = background_shows(photo)
+            behind = self.behind(photo)
             if behind is not None:
                 white &= ~behind
             out.append(white if photo.mask is None else white | ~photo.mask)
         return out
+
+    def behind(self, photo: Photo) -> NDArray[np.bool_] | None:
+        """[H, W] px that show what is behind everything, however bright that is; None where the photo does not say."""
+        return background_shows(photo)
 
     @cached_property
     def rounding(self) -> float:
