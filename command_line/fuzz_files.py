@@ -91,8 +91,8 @@ def write_document(document: Path, results: list[ReaderFuzz], threads: int | Non
 def _job() -> Reader:
     def write(place: Path) -> None:
         place.mkdir(exist_ok=True)
-        arguments = ["reconstruct", "photos", "--out", "twin"]
-        Record("reconstruct", "photos", 12, arguments, "done", "a.png", 123, "", {"steps": 7}).save(place)
+        photos = str((place / "photos").absolute())
+        Record("reconstruct", photos, 12, {}, "done", "a.png", 123, "", {"steps": 7}).save(place)
 
     def read(place: Path) -> object:
         record = read_record(place)

@@ -6,10 +6,11 @@ import argparse
 import os
 import sys
 import traceback
+from pathlib import Path
 from typing import NoReturn
 
 from ..core.errors import Cancelled, DgsError
-from ..core.names import fault_of, shown
+from ..core.names import check_given, fault_of, shown
 from ..core.version import VERSION
 from .interruption import Interruption
 from .library_output import library_output_aside
@@ -98,6 +99,9 @@ def _reported(command: Command, options: argparse.Namespace) -> int:
 
 def _guarded(command: Command, options: argparse.Namespace, progress: Reporting) -> int:
     try:
+        for value in vars(options).values():
+            if isinstance(value, Path):
+                check_given(value)
         return command.handler()(options, progress)
     except DgsError as error:
         return _failed(progress, " ".join(str(error).split()), error.exit_code)
@@ -109,9 +113,18 @@ def _guarded(command: Command, options: argparse.Namespace, progress: Reporting)
         # Whoever read our output has gone; the interpreter must not try to flush it at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 2
+    except OSError as error:
+        if error.filename is None:
+            return _bug(progress, error)
+        reason = f"'{shown(error.filename)[:200]}': {(error.strerror or str(error)).lower()}"
+        return _failed(progress, f"{reason}. Check the path, its permissions and the disk.", DgsError.exit_code)
     except Exception as error:  # noqa: BLE001 (the last door: anything that comes here is our fault)
-        traceback.print_exc(file=sys.stderr)
-        return _failed(progress, f"A bug, please report it: {type(error).__name__}: {error}", BUG)
+        return _bug(progress, error)
+
+
+def _bug(progress: Reporting, error: Exception) -> int:
+    traceback.print_exception(error, file=sys.stderr)
+    return _failed(progress, f"A bug, please report it: {type(error).__name__}: {error}", BUG)
 
 
 def _failed(progress: Reporting, line: str, status: int) -> int:

@@ -140,6 +140,8 @@ def read_json(path: Path, largest: int = LARGEST_JSON) -> Any:
     """
     if stat.S_IFMT(path.stat().st_mode) not in (stat.S_IFREG, stat.S_IFDIR):  # (opening a folder says it better)
         raise ValueError("no file that ends")
+    if path.exists() and not path.is_file() and not path.is_dir():
+        raise OSError(errno.EINVAL, "it is a device or a pipe, which may never end")
     with path.open("rb") as file:
         data = file.read(largest + 1)
     if len(data) > largest:

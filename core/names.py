@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import errno
+import stat
 import unicodedata
 from pathlib import Path
 
-from .errors import PhotoError
+from .errors import DgsError, PhotoError
 
 #: Bytes of a file's name that every file system takes.
 _LONGEST = 255
@@ -43,6 +45,25 @@ def check_photo_name(file: Path) -> None:
     fault = fault_of(str(file.absolute())) or ("holds a backslash" if "\\" in file.name else "")
     if fault:
         raise PhotoError(f"The name of the photo '{shown(file)}' {fault}", "Rename it")
+
+
+def check_given(path: Path) -> None:
+    """Refuses a path that a user gave where nothing but a file or a folder can be meant; it need not be there.
+
+    Raises:
+        DgsError: no file can have the name, its links lead in a circle, or it is a device or a pipe, which may never
+            end.
+    """
+    try:
+        mode = path.stat().st_mode
+    except OSError as error:
+        if error.errno == errno.ENAMETOOLONG:
+            raise DgsError(f"'{shown(path)[:60]}...' is longer than a file's name can be", "Give another") from error
+        if error.errno == errno.ELOOP:
+            raise DgsError(f"'{shown(path)}' is a link that leads to itself", "Give the file that is meant") from error
+        return
+    if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
+        raise DgsError(f"'{shown(path)}' is neither a file nor a folder", "Copy what it gives into a file")
 
 
 def inner_name(text: str) -> str:

@@ -1,0 +1,63 @@
+"""Requests that nobody means end with one line. `python -m tools.hostile` sends two thousand more."""
+
+import os
+
+import pytest
+from dgs.command_line import run
+from dgs.command_line.table import COMMANDS
+from dgs.core.errors import PsfError
+from dgs.core.imaging.psf_text import parse_psf
+from dgs.tools.hostile import NUMBERS, all_requests, make_files
+
+NAMES = [command.name for command in COMMANDS]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("hostile")
+    make_files(folder)
+    return folder
+
+
+def ends_with_a_line(arguments, capfd):
+    assert run(arguments) == 2, arguments
+    said = capfd.readouterr().err
+    assert said.count("\n") == 1 and 10 < len(said) < 1000 and "bug" not in said, said
+    return said
+
+
+def test_requests_are_made_for_every_command_and_number(folder):
+    made = [request.name for request in all_requests(folder)]
+    assert {name.split()[0] for name in made} == set(NAMES) and len(made) > 1000
+    for option in ("update --seed", "reconstruct --max-gaussians", "next-view --number", "stress --fuzz"):
+        assert sum(name.startswith(f"{option} number") for name in made) == len(NUMBERS)
+
+
+@pytest.mark.parametrize("kind", ["fifo", "loop", "device", "long name", "long path"])
+def test_paths_that_cannot_be_meant_are_refused_before_any_work(kind, folder, capfd):
+    """A pipe was waited for without end; a long name was called a bug."""
+    chosen = [r for r in all_requests(folder) if r.name.endswith(kind) and r.name.split()[0] != "blend"]
+    assert len(chosen) > 20
+    for request in chosen:
+        if not any(word in request.name for word in ("--psf", "--effects", "--candidates", "name.json")):
+            ends_with_a_line(request.arguments, capfd)
+
+
+def test_what_the_system_refuses_is_no_bug(folder, capfd, monkeypatch):
+    def refused(options, progress):
+        open("/proc/self/mem/x", "rb").close()
+
+    monkeypatch.setattr("dgs.command_line.doctor_command.doctor_command", refused)
+    assert "'/proc/self/mem/x': not a directory" in ends_with_a_line(["doctor"], capfd)
+
+
+def test_a_list_that_is_a_pipe_is_not_waited_for(tmp_path, capfd):
+    os.mkfifo(tmp_path / "psf.json")
+    base = ["reconstruct", str(tmp_path), "--out", str(tmp_path / "out"), "--psf", f"per-photo:{tmp_path / 'psf.json'}"]
+    ends_with_a_line(base, capfd)
+
+
+@pytest.mark.parametrize("text", ["gaussian:3" + "+path:2,0" * 2000, "gaussian:999+path:500,1", "x" * 10_000])
+def test_point_spreads_that_would_take_minutes(text):
+    with pytest.raises(PsfError):
+        parse_psf(text)
