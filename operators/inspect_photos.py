@@ -21,6 +21,12 @@ class DGS_OT_inspect_photos(bpy.types.Operator):
     bl_idname = "dgs.inspect_photos"
     bl_label = "Inspect Photos"
 
+    replace: bpy.props.BoolProperty(  # type: ignore[valid-type]
+        name="Replace",
+        options={"HIDDEN", "SKIP_SAVE"},
+        description="Replace files that this add-on did not write, or that were changed since",
+    )
+
     @classmethod
     def poll(cls, context: Any) -> bool:
         """There are photos and an engine, and neither a job nor another inspection runs."""
@@ -39,7 +45,7 @@ class DGS_OT_inspect_photos(bpy.types.Operator):
         found = out / "cameras"
         cameras = found if found.is_dir() else None
         try:
-            command = inspection.inspect_command(find_python(), photos, out / "inspection", cameras)
+            command = inspection.inspect_command(find_python(), photos, out / "inspection", cameras, self.replace)
         except DgsError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}

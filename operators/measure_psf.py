@@ -23,6 +23,12 @@ class DGS_OT_measure_psf(bpy.types.Operator, ImportHelper):
     bl_idname = "dgs.measure_psf"
     bl_label = "Measure PSF from Photo"
 
+    replace: bpy.props.BoolProperty(  # type: ignore[valid-type]
+        name="Replace",
+        options={"HIDDEN", "SKIP_SAVE"},
+        description="Replace files that this add-on did not write, or that were changed since",
+    )
+
     filter_glob: bpy.props.StringProperty(
         default=";".join(f"*{suffix}" for suffix in sorted(SUFFIXES | HEIF)), options={"HIDDEN"}
     )
@@ -41,7 +47,9 @@ class DGS_OT_measure_psf(bpy.types.Operator, ImportHelper):
         folder = out_folder(settings) or photo.parent
         kernel = folder / f"{photo.stem}_kernel.tif"
         try:
-            command = inspection.measure_command(find_python(), photo, kernel, settings.blur_space == "linear")
+            command = inspection.measure_command(
+                find_python(), photo, kernel, settings.blur_space == "linear", self.replace
+            )
         except DgsError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}

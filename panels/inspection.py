@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from ..core.outputs import asks_to_overwrite
+from ..dgs_addon.engine.question import Question
 from ..dgs_addon.questions import inspection
 from .layout import figures, sentence
 
@@ -17,9 +19,8 @@ def draw_inspection(layout: Any, context: Any) -> None:
         layout.label(text="Inspecting...", icon="TIME")
     if inspection.point_spread.running:
         layout.label(text="Measuring...", icon="TIME")
-    for question in (inspection.effects, inspection.point_spread):
-        if question.error:
-            sentence(layout, context, question.error, "ERROR")
+    _draw_error(layout, context, inspection.effects, "dgs.inspect_photos")
+    _draw_error(layout, context, inspection.point_spread, "dgs.measure_psf")
     measured = inspection.point_spread.answer
     if measured:
         values = {"sigma": f"{measured['sigma']:.2f}", "error": f"{measured['sigma_uncertainty']:.2f}"}
@@ -31,3 +32,19 @@ def draw_inspection(layout: Any, context: Any) -> None:
                 sentence(layout, context, line, "CHECKMARK")
         if lines and not any(needed for _, needed in lines):
             sentence(layout, context, "These photos show no effect that has to be modelled", "CHECKMARK")
+
+
+def _draw_error(layout: Any, context: Any, question: Question, button: str) -> None:
+    """What went wrong; where files of others would be replaced, the button that allows it."""
+    if not asks_to_overwrite(question.error):
+        if question.error:
+            sentence(layout, context, question.error, "ERROR")
+        return
+    box = layout.box()
+    sentence(box, context, question.error.partition(". ")[0], "ERROR")
+    row = box.row()
+    row.operator_context = "EXEC_DEFAULT"  # without the file browser: the photo is the same
+    pressed = row.operator(button, text="Replace", icon="FILE_REFRESH")
+    pressed.replace = True
+    if button == "dgs.measure_psf":
+        pressed.filepath = question.subject[0]

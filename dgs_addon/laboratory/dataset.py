@@ -11,6 +11,7 @@ manifest.json   all settings; `SynthesizeSettings.from_json(manifest["settings"]
 from __future__ import annotations
 
 import hashlib
+import re
 import tempfile
 from pathlib import Path
 from typing import Any
@@ -33,6 +34,9 @@ from .studio import Studio, source_digest
 
 #: Views whose depth gives the points of the camera model, and points taken from each.
 POINT_VIEWS, POINTS_PER_VIEW = 6, 1000
+
+#: Names of the files that a data set has one of for each view.
+_OURS = re.compile(r"view_\d{3,}\.(png|npy|png\.npy)")
 
 
 def _same(name: str) -> str:
@@ -340,5 +344,6 @@ def _forget_other_settings(out: Path, manifest: dict[str, Any]) -> None:
         stale.append("linear")
     for folder in stale:
         for path in sorted((out / folder).glob("view_*")):
-            path.unlink()
+            if _OURS.fullmatch(path.name):  # and not a file of the user's that is called view_of_the_lake.png
+                path.unlink()
     (out / "manifest.json").unlink(missing_ok=True)

@@ -15,17 +15,17 @@ effects = Question(
 point_spread = Question("sigma", {"sigma": number, "sigma_uncertainty": number})
 
 
-def inspect_command(python: Path, photos: Path, out: Path, cameras: Path | None) -> list[str]:
+def inspect_command(python: Path, photos: Path, out: Path, cameras: Path | None, overwrite: bool = False) -> list[str]:
     """The engine's command that inspects photos; without cameras it takes seconds."""
     given = ["--cameras", str(cameras)] if cameras is not None else ["--without-cameras"]
-    folder = ["--out", str(out)]
+    folder = ["--out", str(out), *(["--overwrite"] if overwrite else [])]
     return [str(python), str(RUN), "inspect", str(photos), *folder, *given, "--json", "--progress", "none"]
 
 
-def measure_command(python: Path, photo: Path, kernel: Path, linear: bool) -> list[str]:
+def measure_command(python: Path, photo: Path, kernel: Path, linear: bool, overwrite: bool = False) -> list[str]:
     """The engine's command that measures a point spread."""
     space = [] if linear else ["--srgb"]
-    out = ["--out", str(kernel)]
+    out = ["--out", str(kernel), *(["--overwrite"] if overwrite else [])]
     return [str(python), str(RUN), "measure-psf", str(photo), *out, *space, "--json", "--progress", "none"]
 
 

@@ -12,6 +12,7 @@ from PIL import Image
 bpy = pytest.importorskip("bpy")
 
 import dgs  # noqa: E402
+from dgs.core.outputs import asks_to_overwrite  # noqa: E402
 from dgs.tests.core.calibration import calibration_photos as photos  # noqa: E402
 
 
@@ -35,6 +36,14 @@ def test_a_photo_of_a_point_becomes_the_medium(tmp_path: Path) -> None:
     psf = parse_psf(f"file:{settings.psf_file}")
     assert psf is not None and np.sqrt(psf.covariance[0, 0]) == pytest.approx(3.0, rel=0.02)
     assert inspection.point_spread.answer["sigma"] == pytest.approx(3.0, rel=0.02)
+    kernel = Path(settings.psf_file)
+    kernel.write_bytes(b"the user's own by now")
+    with pytest.raises(RuntimeError, match="not written by this program"):
+        bpy.ops.dgs.measure_psf(filepath=str(photo))
+    assert asks_to_overwrite(inspection.point_spread.error), "the panel shows a button then"
+    assert kernel.read_bytes() == b"the user's own by now"
+    assert bpy.ops.dgs.measure_psf(filepath=str(photo), replace=True) == {"FINISHED"}
+    assert parse_psf(f"file:{kernel}") is not None
 
 
 def test_a_photo_of_nothing_says_so(tmp_path: Path) -> None:
