@@ -20,9 +20,6 @@ Floats = NDArray[np.float64]
 #: OpenGL/Blender camera axes in COLMAP camera axes, and back.
 AXES: Floats = np.diag([1.0, -1.0, -1.0])
 
-#: World with y down and z forward (as the first photo's camera sees it) -> z up, y forward.
-Y_DOWN_TO_Z_UP: Floats = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
-
 
 def to_opengl(rotation: Floats, translation: Floats) -> Floats:
     """COLMAP's world-to-camera -> [4, 4] camera-to-world with OpenGL's (= Blender's) camera axes."""
@@ -50,16 +47,6 @@ def from_opengl(matrix: Floats) -> tuple[Floats, Floats]:
     u, _, vt = np.linalg.svd(linear)
     rotation = (u @ vt @ AXES).T
     return rotation, -rotation @ matrix[:3, 3]
-
-
-def turn_world(points: Floats, turn: Floats = Y_DOWN_TO_Z_UP) -> Floats:
-    """[..., 3] points after the world was turned by the rotation `turn`."""
-    return points @ turn.T
-
-
-def turn_world_of_pose(rotation: Floats, translation: Floats, turn: Floats = Y_DOWN_TO_Z_UP) -> tuple[Floats, Floats]:
-    """The world-to-camera pose after the world was turned by the rotation `turn`."""
-    return rotation @ turn.T, translation
 
 
 def quaternion_from_rotation(rotation: Floats) -> Floats:

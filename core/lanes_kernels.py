@@ -272,10 +272,6 @@ class Buffer:
         """The single value at element `index + plane`."""
         return Lanes(self.builder, self.builder.load(self._pointer(index, plane, self.element), align=4))
 
-    def put_one(self, index: ir.Value, plane: int, value: Lanes) -> None:
-        """Stores a single value at element `index + plane`."""
-        self.builder.store(value.value, self._pointer(index, plane, self.element), align=4)
-
     def put_first(self, index: ir.Value, lanes: Lanes, count: int) -> None:
         """Stores the first `count` lanes (at least 8) from element `index` on."""
         builder, half = self.builder, ir.VectorType(FLOAT, 8)

@@ -112,10 +112,10 @@ def camera_to_blender(camera: Camera, sensor: float = 36.0) -> BlenderCamera:
     )
 
 
-def read_camera(camera_object: Any, render: Any, name: str) -> Camera:
-    """The engine's camera of a `bpy` camera object under the given `bpy` render settings."""
-    data, share = camera_object.data, render.resolution_percentage / 100
-    settings = BlenderCamera(
+def read_settings(camera_object: Any, render: Any) -> BlenderCamera:
+    """What decides the picture of a `bpy` camera object under the given `bpy` render settings, but for its size."""
+    data = camera_object.data
+    return BlenderCamera(
         matrix_world=np.array(camera_object.matrix_world.normalized(), dtype=np.float64),
         lens=data.lens,
         sensor_width=data.sensor_width,
@@ -126,7 +126,17 @@ def read_camera(camera_object: Any, render: Any, name: str) -> Camera:
         pixel_aspect_x=render.pixel_aspect_x,
         pixel_aspect_y=render.pixel_aspect_y,
     )
-    return camera_to_engine(settings, int(render.resolution_x * share), int(render.resolution_y * share), name)
+
+
+def render_size(render: Any) -> tuple[int, int]:
+    """Width and height (px) that `bpy` render settings make."""
+    share = render.resolution_percentage / 100
+    return int(render.resolution_x * share), int(render.resolution_y * share)
+
+
+def read_camera(camera_object: Any, render: Any, name: str) -> Camera:
+    """The engine's camera of a `bpy` camera object under the given `bpy` render settings."""
+    return camera_to_engine(read_settings(camera_object, render), *render_size(render), name)
 
 
 def place_camera(camera_object: Any, camera: Camera, render: Any | None = None) -> None:

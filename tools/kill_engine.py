@@ -21,7 +21,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-ROOT = Path(__file__).resolve().parent.parent
 #: Gaussians and photos are few, so that a job takes seconds and most kills hit the optimization.
 GAUSSIANS = 2000
 #: Share of the kills that wait for the optimization to begin; the others come while the engine still prepares.

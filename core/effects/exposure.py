@@ -47,7 +47,6 @@ class Exposure(Effect):
     name = "exposure"
     physics = "Shutter, aperture, sensitivity and white balance multiply the light of each photo by factors of its own."
     place = "sensor"
-    multiplications = 2
 
     def __init__(self, names: Sequence[str], log_gains: Tensor, offsets: Tensor | None = None) -> None:
         zero = log_gains.new_zeros(log_gains.shape)

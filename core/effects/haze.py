@@ -51,7 +51,6 @@ class Haze(Effect):
     physics = "The medium absorbs and scatters away a share of the light with every metre, and adds light of its own."
     place = "light"
     by_depth = True
-    multiplications = 6
 
     def __init__(self, attenuation: Tensor, veil: Tensor) -> None:
         super().__init__({"attenuation": attenuation, "veil": veil})

@@ -44,8 +44,6 @@ class Motion(Effect):
     name = "motion"
     physics = "A camera that moves while its shutter is open smears each photo along the path that it took."
     place = "kernel"
-    #: A line is not separable: the blur and its transpose go by transforms, 5 log2(800 x 533) each there and back.
-    multiplications = 190
 
     def __init__(self, names: Sequence[str], paths: Tensor) -> None:
         super().__init__({"paths": paths})

@@ -50,7 +50,6 @@ class Vignetting(Effect):
     name = "vignetting"
     physics = "Light that comes in aslant is cut off by the lens barrel and spread over more of the sensor (cos^4)."
     place = "sensor"
-    multiplications = 2
 
     def __init__(self, strength: Tensor) -> None:
         super().__init__({"strength": strength})

@@ -1,4 +1,4 @@
-"""Point spreads made of others: one blur after another, and a blur seen by a camera that moved."""
+"""The blur that a camera sees which moved while the shutter was open."""
 
 from __future__ import annotations
 
@@ -37,24 +37,6 @@ class PathSettings:
 
 
 PATH = PathSettings()
-
-
-def convolved(first: PointSpread | None, second: PointSpread | None) -> PointSpread | None:
-    """One blur after the other; covariances add up. The very same object where the other one does nothing."""
-    if second is None or second.is_identity:
-        return first
-    if first is None or first.is_identity:
-        return second
-    source, notes = f"{first.source}+{second.source}", (*first.notes, *second.notes)
-    if first.samples is not None or second.samples is not None:
-        samples = convolved_samples(first.kernel(), second.kernel()).clip(min=0.0)
-        return PointSpread("file", samples=trimmed(samples), source=source, notes=notes)
-    values, axes = np.linalg.eigh(first.covariance + second.covariance)
-    wide, narrow = math.sqrt(values[1]), math.sqrt(max(values[0], 0.0))
-    angle = math.degrees(math.atan2(axes[1, 1], axes[0, 1])) % 180.0
-    if wide - narrow < 1e-9 * wide:  # a round one has no direction, and stays separable
-        narrow, angle = wide, 0.0
-    return PointSpread(sigma_x=wide, sigma_y=narrow, angle=angle, source=source, notes=notes)
 
 
 def moved(psf: PointSpread | None, length: float, angle: float) -> PointSpread | None:

@@ -87,7 +87,6 @@ class MotionPathSettings:
     )
     law_share: float = number(0.01, "share", "of a length: what the law itself leaves uncertain", _DRAWN)
     law: float = number(0.05, "px", "the same, whatever the length", _DRAWN)
-    law_turn: float = number(0.5, "degrees", "the same of a direction", _DRAWN)
 
 
 SETTINGS = MotionPathSettings()
@@ -99,14 +98,13 @@ class MotionPath:
 
     Attributes:
         length, error: px, and one standard deviation; length 0 where the path is within its noise.
-        angle, angle_error: degrees from x towards y.
+        angle: degrees from x towards y.
         gain: how much better (natural log of the likelihood) the path explains the photo than none.
     """
 
     length: float = 0.0
     error: float = 0.0
     angle: float = 0.0
-    angle_error: float = 180.0
     gain: float = 0.0
 
 
@@ -263,9 +261,9 @@ class MotionPathFinder:
             length, angle, best = cells[0][at], cells[1][at], fine[at]
             step, turn = step**0.5, turn / 2
         gain = float(cost[0] - best)
-        sd, sa = self._errors(seen, noise, length, angle, own)
+        sd = self._error(seen, noise, length, angle, own)
         found = length if gain > SETTINGS.clear_gain and length > 2.0 * sd else 0.0
-        return MotionPath(float(found), sd, math.degrees(angle) % 180.0, sa, gain)
+        return MotionPath(float(found), sd, math.degrees(angle) % 180.0, gain)
 
     def _of(self, grey: NDArray[np.float32]) -> tuple[Array, float]:
         """[B] log power without what chance does to it, and the noise's power."""
@@ -313,8 +311,8 @@ class MotionPathFinder:
         # A bin that is in all photos' stripes keeps what was estimated of it.
         self.common = np.where(total > 0.1, (sharp * weight).sum(axis=0) / np.maximum(total, 1e-9), first)
 
-    def _errors(self, seen: Array, noise: float, length: float, angle: float, own: Array) -> tuple[float, float]:
-        """Standard deviations of length (px) and angle (degrees): the posterior's, on a grid as fine as that."""
+    def _error(self, seen: Array, noise: float, length: float, angle: float, own: Array) -> float:
+        """Standard deviation (px) of the length: the posterior's, on a grid of lengths and angles as fine as that."""
         wide, turned, sd, sa = 0.3 * length, math.radians(30.0), 0.0, 0.0
         for _ in range(4):
             cells = np.meshgrid(length + wide * np.linspace(-1, 1, 9), angle + turned * np.linspace(-1, 1, 9))
@@ -328,9 +326,7 @@ class MotionPathFinder:
             if not any(narrow):
                 break
             wide, turned = wide * (0.25 if narrow[0] else 1.0), turned * (0.25 if narrow[1] else 1.0)
-        return math.hypot(sd, SETTINGS.law_share * length, SETTINGS.law), math.hypot(
-            math.degrees(sa), SETTINGS.law_turn
-        )
+        return math.hypot(sd, SETTINGS.law_share * length, SETTINGS.law)
 
 
 def find_motion_paths(

@@ -50,7 +50,7 @@ class Photometry:
         vignette: [3] share of light lost where r = 1 (the corner).
         attenuation: [3] beta, per median depth.
         backscatter: [3] beta A, light per median depth.
-        *_draws: the same with a first axis of draws.
+        gains_draws, vignette_draws, attenuation_draws: the same with a first axis of draws.
         residual: [N, 3] what is left, relative to the point's mean; weight: [N, 3] in [0, 1].
         spread: robust standard deviation of the residuals.
     """
@@ -62,7 +62,6 @@ class Photometry:
     gains_draws: Array = field(repr=False)
     vignette_draws: Array = field(repr=False)
     attenuation_draws: Array = field(repr=False)
-    backscatter_draws: Array = field(repr=False)
     residual: Array = field(repr=False)
     weight: Array = field(repr=False)
     spread: float = 0.0
@@ -92,7 +91,6 @@ def fit_photometry(observations: PointObservations, seed: int = 0) -> Photometry
         gains_draws - gains_draws.mean(axis=1, keepdims=True),
         d[:, :, photos],
         d[:, :, photos + 1],
-        d[:, :, photos + 2],
         residual_all,
         weight_all,
         1.4826 * float(np.median(np.abs(residual_all))),

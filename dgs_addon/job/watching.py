@@ -114,11 +114,6 @@ def _tick() -> float | None:
     return SECONDS if watched else None
 
 
-def waiting(scene: Any) -> Path | None:
-    """The folder that is watched, for the panel."""
-    return absolute(scene.dgs.new_photos) if scene.dgs.watching else None
-
-
 def twins_photos(out: Path, photos: Path | None) -> set[str]:
     """Names of the photos that the twin in `out` was made from."""
     listed = out / "photos.txt"  # an update's; before the first, the run's own list, or its folder

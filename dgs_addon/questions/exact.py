@@ -11,6 +11,7 @@ import queue
 import shutil
 import tempfile
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,7 @@ import numpy as np
 from ...core.camera import Camera
 from ...core.formats.ply import write_ply
 from ...core.formats.transforms import write_transforms
-from ..axes import BlenderCamera, camera_to_engine, matrix_to_blender
+from ..axes import camera_to_engine, matrix_to_blender, read_settings, render_size
 from ..engine.process import RUN
 from ..job import pictures
 from ..job.request import ESTIMATED_FROM_PHOTOS, psf_argument
@@ -151,16 +152,5 @@ def camera_in(twin: Any, scene: Any) -> Camera:
     thing, render = scene.camera, scene.render
     relative = np.array(twin.matrix_world.inverted() @ thing.matrix_world, dtype=np.float64)
     relative[:3, :3] /= np.linalg.norm(relative[:3, :3], axis=0)  # a scaled twin leaves the camera its axes
-    share, data = render.resolution_percentage / 100, thing.data
-    settings = BlenderCamera(
-        matrix_world=matrix_to_blender(relative),
-        lens=data.lens,
-        sensor_width=data.sensor_width,
-        sensor_height=data.sensor_height,
-        sensor_fit=data.sensor_fit,
-        shift_x=data.shift_x,
-        shift_y=data.shift_y,
-        pixel_aspect_x=render.pixel_aspect_x,
-        pixel_aspect_y=render.pixel_aspect_y,
-    )
-    return camera_to_engine(settings, int(render.resolution_x * share), int(render.resolution_y * share), _NAME)
+    settings = replace(read_settings(thing, render), matrix_world=matrix_to_blender(relative))
+    return camera_to_engine(settings, *render_size(render), _NAME)

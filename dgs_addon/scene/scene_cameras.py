@@ -6,13 +6,11 @@ import unicodedata
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from ...core.errors import CameraError
 from ...core.files import make_folder
 from ...core.formats.transforms import write_transforms
 from ...core.photos.kinds import HEIF, SUFFIXES
-from ..axes import BlenderCamera, camera_to_engine
+from ..axes import camera_to_engine, read_settings
 from ..photos import photo_folder
 
 #: Property of a camera object that names its photo; without it, the object's own name counts.
@@ -42,7 +40,7 @@ def write_scene_cameras(scene: Any, photos: Path | None, out: Path, selection: s
     for thing in scene.objects:
         name = by_stem.get(_key(str(thing.get(PHOTO, thing.name)))) if thing.type == "CAMERA" else None
         if name is not None:
-            placed[name] = camera_to_engine(_settings(thing, scene.render), *size, name)
+            placed[name] = camera_to_engine(read_settings(thing, scene.render), *size, name)
     if len(placed) < 2:
         raise CameraError(
             f"{len(placed)} of {len(files)} photos have a camera of their name in this scene",
@@ -51,21 +49,6 @@ def write_scene_cameras(scene: Any, photos: Path | None, out: Path, selection: s
     path = make_folder(out / "scene_cameras") / "transforms.json"
     write_transforms(path, placed)
     return path
-
-
-def _settings(thing: Any, render: Any) -> BlenderCamera:
-    data = thing.data
-    return BlenderCamera(
-        matrix_world=np.array(thing.matrix_world.normalized(), dtype=np.float64),
-        lens=data.lens,
-        sensor_width=data.sensor_width,
-        sensor_height=data.sensor_height,
-        sensor_fit=data.sensor_fit,
-        shift_x=data.shift_x,
-        shift_y=data.shift_y,
-        pixel_aspect_x=render.pixel_aspect_x,
-        pixel_aspect_y=render.pixel_aspect_y,
-    )
 
 
 def _key(name: str) -> str:

@@ -11,7 +11,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor
 
 from ...core import compiled
@@ -202,15 +201,3 @@ def fuzz(
         compiled.set_threads(threads)
     fuzzer.found.seconds = time.perf_counter() - began
     return fuzzer.found
-
-
-def packed(values_: NDArray[np.float32], count: int, coefficients: int) -> Gaussians:
-    """Gaussians from one flat array of parameters [count, 11 + 3 coefficients], as a property-based test draws it."""
-    rows = torch.from_numpy(np.ascontiguousarray(values_.reshape(count, 11 + 3 * coefficients)))
-    return Gaussians(
-        rows[:, :3].contiguous(),
-        rows[:, 3:6].contiguous(),
-        rows[:, 6:10].contiguous(),
-        rows[:, 10].contiguous(),
-        rows[:, 11:].reshape(count, coefficients, 3).contiguous(),
-    )

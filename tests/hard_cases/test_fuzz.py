@@ -10,20 +10,34 @@ import torch
 from dgs.core.camera import Camera
 from dgs.core.constants import ALPHA_MINIMUM
 from dgs.core.errors import PsfError
+from dgs.core.gaussians import Gaussians
 from dgs.core.imaging.operator import BlurOperator
 from dgs.core.imaging.psf import PointSpread, point_spread_from_samples
 from dgs.core.imaging.psf_text import parse_psf
 from dgs.core.rasterizer import RasterSettings, render
 from dgs.core.training.photometric import PhotometricLoss, photometric_reference
-from dgs.studies.stability.fuzz import Fuzzer, fuzz, packed
+from dgs.studies.stability.fuzz import Fuzzer, fuzz
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from numpy.typing import NDArray
 
 QUICK = settings(max_examples=60, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 ANY = st.floats(width=32)
 FINITE = st.floats(width=32, allow_nan=False, allow_infinity=False)
 BACKENDS = ("reference", "cpu")
+
+
+def packed(flat: NDArray[np.float32], count: int, coefficients: int) -> Gaussians:
+    """Gaussians from one flat array of parameters [count, 11 + 3 coefficients], as a property-based test draws it."""
+    rows = torch.from_numpy(np.ascontiguousarray(flat.reshape(count, 11 + 3 * coefficients)))
+    return Gaussians(
+        rows[:, :3].contiguous(),
+        rows[:, 3:6].contiguous(),
+        rows[:, 6:10].contiguous(),
+        rows[:, 10].contiguous(),
+        rows[:, 11:].reshape(count, coefficients, 3).contiguous(),
+    )
 
 
 @st.composite

@@ -50,7 +50,6 @@ class Effect(ABC):
             margin), 'kernel' within it (changes a photo's point spread and leaves light alone), 'sensor' behind it
             (the photo's own px).
         by_depth: whether it needs the render's depth.
-        multiplications: per px and channel, forward and gradient together: its price in the loop.
         parameters: float32 tensors; gradients: of the loss, of the same shapes, added up by `gradient`.
     """
 
@@ -58,7 +57,6 @@ class Effect(ABC):
     physics: ClassVar[str]
     place: ClassVar[Literal["light", "kernel", "sensor"]]
     by_depth: ClassVar[bool] = False
-    multiplications: ClassVar[int]
 
     def __init__(self, parameters: dict[str, Tensor]) -> None:
         self.parameters = parameters

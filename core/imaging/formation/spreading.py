@@ -17,9 +17,6 @@ class SpreadingEffect(Effect):
     """An effect that blurs every px by a width of its own."""
 
     place = "light"
-    #: For widths up to 2 px: four Gaussians of 25 different taps along either axis, of three channels and the norm,
-    #: there and back, are 133; the levels' weights the rest.
-    multiplications = 150
 
     def __init__(self, parameters: dict[str, Tensor]) -> None:
         super().__init__(parameters)

@@ -31,7 +31,6 @@ class Dust(Effect):
     name = "dust"
     physics = "Grains on the front lens, far out of focus, cut off a share of all light."
     place = "sensor"
-    multiplications = 1
 
     def __init__(self, loss: Tensor) -> None:
         super().__init__({"loss": loss})

@@ -165,14 +165,6 @@ def test_axes_round_trip(vector: tuple[float, ...], shift: tuple[float, ...]) ->
     np.testing.assert_allclose(conventions.rotation_from_quaternion(quaternion), rotation, atol=1e-9)
 
 
-def test_turned_world_keeps_the_picture() -> None:
-    point = np.array([1.0, 2.0, 3.0])
-    rotation, translation = conventions.turn_world_of_pose(ROTATION, np.array([1.0, 0, 5]))
-    seen = rotation @ conventions.turn_world(point) + translation
-    np.testing.assert_allclose(seen, ROTATION @ point + [1.0, 0, 5])
-    np.testing.assert_allclose(conventions.turn_world(np.array([0.0, -1.0, 0.0])), [0, 0, 1])  # up is z
-
-
 @pytest.mark.parametrize("text", [True, False])
 def test_points_that_transforms_name(tmp_path: Path, text: bool) -> None:
     """nerfstudio's and BlenderNeRF's ply_file_path: beside the JSON, in the world of the poses."""

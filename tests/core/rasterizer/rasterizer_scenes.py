@@ -4,45 +4,21 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
 import torch
 from dgs.core.camera import Camera
-from dgs.core.constants import SH_COEFFICIENTS
 from dgs.core.gaussians import Gaussians
 from dgs.core.rasterizer import Rendered, render
+from dgs.studies.stability import scenes
 from torch import Tensor
 
-
-def make_camera(width: int = 61, height: int = 45, focal: float = 60.0) -> Camera:
-    """A camera that looks along z, a little turned, with an off-centre lens."""
-    angle = 0.1
-    rotation = np.array([[np.cos(angle), 0, np.sin(angle)], [0, 1, 0], [-np.sin(angle), 0, np.cos(angle)]])
-    return Camera(
-        "test.png",
-        width,
-        height,
-        focal,
-        focal * 1.03,
-        width / 2 + 0.7,
-        height / 2 - 0.4,
-        rotation,
-        np.array([0.05, -0.1, 0.2]),
-    )
+make_camera, joined = scenes.make_camera, scenes.joined
 
 
 def random_scene(
     count: int, degree: int = 1, seed: int = 0, dtype: torch.dtype = torch.float32, size: float = -2.3
 ) -> Gaussians:
-    """`count` Gaussians before the camera, opacities below the cap, some of them outside the frame."""
-    random = torch.Generator().manual_seed(seed)
-
-    def normal(*shape: int) -> Tensor:
-        return torch.randn(*shape, generator=random)
-
-    means = normal(count, 3) * torch.tensor([1.1, 0.8, 0.7]) + torch.tensor([0.0, 0.0, 3.5])
-    sh = normal(count, SH_COEFFICIENTS[degree], 3) * 0.3
-    scene = Gaussians(means, normal(count, 3) * 0.5 + size, normal(count, 4), (normal(count) * 1.5).clamp(max=3.0), sh)
-    return scene.to(dtype=dtype)
+    """As of the hard cases, in another precision."""
+    return scenes.random_scene(count, degree, seed, size).to(dtype=dtype)
 
 
 def single(position: tuple[float, float, float], scale: float | list[float], logit: float = 2.0) -> Gaussians:
@@ -55,11 +31,6 @@ def single(position: tuple[float, float, float], scale: float | list[float], log
         torch.tensor([logit]),
         torch.full((1, 1, 3), 0.8),
     )
-
-
-def joined(*parts: Gaussians) -> Gaussians:
-    """Several sets of Gaussians as one."""
-    return Gaussians(**{name: torch.cat([getattr(p, name) for p in parts]) for name, _ in parts[0].named()})
 
 
 def gradients(

@@ -77,10 +77,10 @@ def test_gradients_are_those_of_the_forward_pass(name):
 
 
 @pytest.mark.parametrize("name", list(SIMULATED))
-def test_every_effect_says_its_physics_and_price(name):
+def test_every_effect_says_its_physics(name):
     effect = made(name)
     assert effect.name == name and effect.physics.endswith(".") and len(effect.physics) > 40
-    assert effect.multiplications > 0 and effect.described()
+    assert effect.described()
     if effect.place == "sensor":
         light = picture()
         assert torch.allclose(effect.undone(effect.forward(light, shot()), shot()), light, atol=1e-12)
