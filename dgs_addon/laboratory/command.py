@@ -11,88 +11,74 @@ from .settings import PATH_NAMES, SCENES, SynthesizeSettings
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Adds everything that `SynthesizeSettings` holds, and where to write."""
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder to write the data set into")
     usual = SynthesizeSettings()
-    add = parser.add_argument
-    add("--out", type=Path, required=True, metavar="DIR", help="folder to write the data set into")
-    add(
-        "--scene",
-        default=usual.scene,
-        metavar="SCENE",
-        help=f"{', '.join(SCENES)}, or FILE.blend with its own lights and materials",
-    )
-    add(
-        "--mesh",
-        default=usual.mesh,
-        metavar="FILE",
-        help="an object instead of the ball: OBJ, PLY, STL, glTF, USD, FBX",
-    )
+    _add_scene(parser.add_argument_group("what is seen, and from where"), usual)
+    _add_render(parser.add_argument_group("how it is rendered"), usual)
+    _add_medium(parser.add_argument_group("the medium"), usual)
+    _add_lens_and_motion(parser.add_argument_group("lens and motion"), usual)
+    _add_sensor(parser.add_argument_group("sensor and files"), usual)
+    _add_truth(parser.add_argument_group("what is written besides"))
+
+
+def _add_scene(group: argparse._ArgumentGroup, usual: SynthesizeSettings) -> None:
+    add = group.add_argument
+    scenes = f"{', '.join(SCENES)}, or FILE.blend with its own lights and materials"
+    add("--scene", default=usual.scene, metavar="SCENE", help=scenes)
+    formats = "an object instead of the ball: OBJ, PLY, STL, glTF, USD, FBX"
+    add("--mesh", default=usual.mesh, metavar="FILE", help=formats)
     add("--path", choices=PATH_NAMES, default=usual.path, help="where the cameras stand; scene: the .blend's own")
     add("--views", type=int, default=usual.views, help="number of photos")
     add("--size", type=_size, default=(usual.width, usual.height), metavar="WxH", help="frame in pixels")
-    add("--psf", default=usual.psf, help="none, gaussian:SIGMA, gaussian:SX,SY,ANGLE, disk:RADIUS or file:PATH")
-    add("--blur-space", choices=("srgb", "linear"), default=usual.blur_space, help="where the blur acts")
-    add("--bits", type=int, choices=(8, 16), default=usual.bits, help="bits per channel")
-    add("--noise", type=float, default=usual.noise, help="standard deviation on encoded values in [0, 1]")
-    add("--overscan", type=int, default=usual.overscan, metavar="PX", help="rendered beyond each side")
+
+
+def _add_render(group: argparse._ArgumentGroup, usual: SynthesizeSettings) -> None:
+    add = group.add_argument
     add("--samples", type=int, default=usual.samples, help="Cycles' paths per pixel")
     add("--no-denoise", dest="denoise", action="store_false", help="leave the render as it is traced")
-    add("--seed", type=int, default=usual.seed)
-    add("--masks", action="store_true", help="also write where the ball is seen")
-    add("--depth", action="store_true", help="also write depth maps")
-    add("--normals", action="store_true", help="also write normal maps")
-    add(
-        "--exposure-drift",
-        type=float,
-        default=usual.exposure_drift,
-        metavar="STOPS",
-        help="largest change of exposure over the photos, up or down",
-    )
-    add(
-        "--aperture",
-        type=float,
-        default=usual.aperture,
-        metavar="N",
-        help="f-number of a rendered lens: depth of field; a pinhole if not given",
-    )
+    add("--overscan", type=int, default=usual.overscan, metavar="PX", help="rendered beyond each side")
+    add("--seed", type=int, default=usual.seed, help="of everything that is random")
+
+
+def _add_medium(group: argparse._ArgumentGroup, usual: SynthesizeSettings) -> None:
+    add = group.add_argument
+    add("--psf", default=usual.psf, help="none, gaussian:SIGMA, gaussian:SX,SY,ANGLE, disk:RADIUS or file:PATH")
+    add("--blur-space", choices=("srgb", "linear"), default=usual.blur_space, help="where the blur acts")
+    fog = "rendered fog: how often light is scattered per metre"
+    add("--fog", type=float, default=usual.fog, metavar="PER_METRE", help=fog)
+    towards = "-0.99 scatters back, 0 evenly, 0.99 on"
+    add("--fog-anisotropy", type=float, default=usual.fog_anisotropy, metavar="G", help=towards)
+
+
+def _add_lens_and_motion(group: argparse._ArgumentGroup, usual: SynthesizeSettings) -> None:
+    add = group.add_argument
+    stop = "f-number of a rendered lens: depth of field; a pinhole if not given"
+    add("--aperture", type=float, default=usual.aperture, metavar="N", help=stop)
     add("--focus", type=float, default=usual.focus, metavar="METRES", help="depth that is sharp; the object's middle")
-    add(
-        "--camera-motion",
-        type=float,
-        default=usual.camera_motion,
-        metavar="MM",
-        help="way of the camera along its path during each exposure",
-    )
-    add(
-        "--object-motion",
-        type=_motion,
-        default=usual.object_motion,
-        metavar="X,Y,Z",
-        help="way of the object in mm during each exposure, Blender's axes",
-    )
-    add(
-        "--fog",
-        type=float,
-        default=usual.fog,
-        metavar="PER_METRE",
-        help="rendered fog: how often light is scattered per metre",
-    )
-    add(
-        "--fog-anisotropy",
-        type=float,
-        default=usual.fog_anisotropy,
-        metavar="G",
-        help="-0.99 scatters back, 0 evenly, 0.99 on",
-    )
-    add(
-        "--full-well",
-        type=float,
-        default=usual.full_well,
-        metavar="ELECTRONS",
-        help="count photons: electrons that white is (shot noise)",
-    )
+    way = "way of the camera along its path during each exposure"
+    add("--camera-motion", type=float, default=usual.camera_motion, metavar="MM", help=way)
+    way = "way of the object in mm during each exposure, Blender's axes"
+    add("--object-motion", type=_motion, default=usual.object_motion, metavar="X,Y,Z", help=way)
+
+
+def _add_sensor(group: argparse._ArgumentGroup, usual: SynthesizeSettings) -> None:
+    add = group.add_argument
+    drift = "largest change of exposure over the photos, up or down"
+    add("--exposure-drift", type=float, default=usual.exposure_drift, metavar="STOPS", help=drift)
+    add("--noise", type=float, default=usual.noise, help="standard deviation on encoded values in [0, 1]")
+    white = "count photons: electrons that white is (shot noise)"
+    add("--full-well", type=float, default=usual.full_well, metavar="ELECTRONS", help=white)
     add("--read-noise", type=float, default=usual.read_noise, metavar="ELECTRONS", help="rms of reading the sensor")
+    add("--bits", type=int, choices=(8, 16), default=usual.bits, help="bits per channel")
     add("--jpeg", type=int, default=usual.jpeg, metavar="QUALITY", help="compress the photos, 1 to 100")
-    add("--keep-linear", action="store_true", help="keep float renders, to try other media without rendering")
+
+
+def _add_truth(group: argparse._ArgumentGroup) -> None:
+    add = group.add_argument
+    add("--masks", action="store_true", help="where the ball is seen")
+    add("--depth", action="store_true", help="depth maps")
+    add("--normals", action="store_true", help="normal maps")
+    add("--keep-linear", action="store_true", help="float renders, to try other media without rendering")
 
 
 def settings_of(args: argparse.Namespace) -> SynthesizeSettings:
