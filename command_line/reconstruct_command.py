@@ -189,4 +189,5 @@ def _result(settings: ReconstructSettings, report: dict[str, Any]) -> dict[str, 
         "psnr sharp": heldout["sharp"]["psnr"],
         "psnr photos": heldout["degraded"]["psnr"],
         "seconds": report["seconds"]["total"],
+        "verdict": " ".join([report["verdict"]["sentence"], *(f"{line}." for line in report["verdict"]["help"])]),
     }

@@ -38,6 +38,7 @@ class DGS_PT_validate(Step, bpy.types.Panel):
         layout.operator("dgs.open_report", icon="URL")
         held = results(context.scene)
         if held.report:
+            _draw_verdict(layout, context, held.report.get("verdict"))
             _draw_scores(layout, held.report)
         elif held.odd_report:
             sentence(layout, context, "The report is of another version; run Optimize again", "INFO")
@@ -52,6 +53,18 @@ class DGS_PT_validate(Step, bpy.types.Panel):
             for name in ("test_set", "test_views", "test_width"):
                 body.prop(context.scene.dgs, name)
             body.operator("dgs.make_test_set", icon="SCENE")
+
+
+#: What stands before the verdict.
+_VERDICT_ICONS = {"good": "CHECKMARK", "doubtful": "INFO", "poor": "ERROR"}
+
+
+def _draw_verdict(layout: Any, context: Any, verdict: dict[str, Any] | None) -> None:
+    """Whether the twin predicts photos that it has not seen, and what would help."""
+    if verdict is not None:  # (reports of earlier versions have none)
+        sentence(layout, context, verdict["sentence"], _VERDICT_ICONS.get(verdict["level"], "INFO"))
+        for line in verdict["help"]:
+            sentence(layout, context, f"{line}.", "BLANK1")
 
 
 def _draw_scores(layout: Any, report: dict[str, Any]) -> None:

@@ -17,13 +17,26 @@ Mask = NDArray[np.bool_]
 BANDS = ((40.0, 20.0), (20.0, 14.0), (14.0, 10.0), (10.0, 7.0), (7.0, 4.0))
 #: Border in px that `psnr_inside` leaves out: interpolation and missing light change scores there.
 BORDER = 30
+#: Names of the nine parts of a frame, row by row.
+PARTS = tuple(
+    f"in the {vertical}{horizontal}".replace("middle middle", "middle").rstrip()
+    for vertical in ("upper ", "middle ", "lower ")
+    for horizontal in ("left", "middle", "right")
+)
 #: Period in px of the finest detail that a grid of px holds.
 NYQUIST_PERIOD = 2.0
 
 
 @dataclass
 class ViewScores:
-    """Scores of one view; None where there is nothing to compare with."""
+    """Scores of one view; None where there is nothing to compare with.
+
+    Attributes:
+        degraded: through the medium against the photo; sharp: against the truth.
+        unexplained: squared error against the photo over the photo's variance: 0 for a perfect twin, 1 for one that
+            shows the photo's mean colours.
+        parts: [9] each part's share of the squared error (`PARTS`).
+    """
 
     name: str
     degraded: dict[str, float | None] | None = None
@@ -31,6 +44,8 @@ class ViewScores:
     low_passed: float | None = None
     bands: list[dict[str, float | None]] = field(default_factory=list)
     edge_sharpness: float | None = None
+    unexplained: float | None = None
+    parts: list[float] | None = None
 
     def add_photo(self, degraded: Image, photo: Image, mask: Mask | None, matched: float) -> None:
         """Compares the render through the medium with the photo, both [H, W, 3] in [0, 1].
@@ -43,6 +58,7 @@ class ViewScores:
             "ssim": rounded(ssim(degraded, photo, mask)),
             "psnr_matched": rounded(matched),
         }
+        self.unexplained, self.parts = _unexplained(degraded, photo, mask)
 
     def add_truth(self, sharp: Image, truth: Image, mask: Mask | None, cutoff: float | None) -> None:
         """Compares the sharp render with the sharp truth, both [H, W, 3] in [0, 1].
@@ -68,6 +84,21 @@ class ViewScores:
                 }
             )
         self.edge_sharpness = rounded(edge_sharpness(sharp, truth))
+
+
+def _unexplained(degraded: Image, photo: Image, mask: Mask | None) -> tuple[float | None, list[float] | None]:
+    """Share of the photo's variance (colours apart) that the render leaves, and the nine parts' shares of it."""
+    keep = np.ones(photo.shape[:2], bool) if mask is None else mask
+    squares = np.square(degraded - photo).sum(axis=2) * keep
+    variance = float(photo[keep].var(axis=0).sum()) if keep.any() else 0.0
+    if variance <= 0.0:
+        return None, None
+    rows = (np.arange(photo.shape[0]) * 3 // photo.shape[0])[:, None]
+    columns = (np.arange(photo.shape[1]) * 3 // photo.shape[1])[None, :]
+    sums = np.bincount((rows * 3 + columns).ravel(), squares.ravel(), minlength=9)
+    total = float(sums.sum())
+    share = total / float(keep.sum()) / variance
+    return round(share, 6), None if total == 0.0 else [round(float(v) / total, 4) for v in sums]
 
 
 def mean_of(values: Sequence[float | None]) -> float | None:

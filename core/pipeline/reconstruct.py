@@ -159,6 +159,7 @@ def _stages(
         effects=effects.chosen.plain(),
         trained=trained,
         scores=scored.scores,
+        fitted=scored.fitted,
         time=TimeFacts(watch.seconds, watch.total(), timing.predicted(loaded.photos)),
         machine=machine.facts,
         notes=keeper.notes,

@@ -36,6 +36,8 @@ Pixels = NDArray[np.uint8] | NDArray[np.uint16]
 NOISE_TO_CONTRAST = 1.0 / (255.0 * math.sqrt(12.0)) / 0.5
 #: Views that the page shows at most, and where none was held out: each is four pictures in one file.
 SHOWN, SHOWN_FITTED = 6, 3
+#: Fitted views that are scored at most, to compare unseen ones with.
+SCORED_FITTED = 6
 #: A truth whose proportions differ by more than this share is of another view.
 ASPECT_TOLERANCE = 0.02
 
@@ -80,11 +82,7 @@ class ViewScorer:
         twin = to_pixels(self.viewer.sharp(lens.resized(*size), pose, finer=1.0 / photo.scale[0]))
         if keep is not None:
             keep(twin)
-        degraded = to_pixels(self.viewer.degraded(lens, pose, self.medium, photo.name, self.formation))
-        scores = ViewScores(photo.name)
-        filed = self._filed(photo, lens)
-        matched = matched_psnr(_planes(degraded), filed.transpose(2, 0, 1), photo.mask)
-        scores.add_photo(_unit(degraded), filed, photo.mask, matched)
+        degraded, scores = self._against_photo(photo)
         truth = self._true(photo.name, size)
         if truth is not None:
             mask = photo.mask if photo.scale == (1.0, 1.0) else None
@@ -101,6 +99,20 @@ class ViewScorer:
             scores={"degraded": scores.degraded, "sharp": scores.sharp},
         )
         return scores, pictures
+
+    def fitted(self, photo: Photo) -> ViewScores:
+        """Scores of a view that was trained on, against its photo."""
+        return self._against_photo(photo)[1]
+
+    def _against_photo(self, photo: Photo) -> tuple[NDArray[np.uint8], ViewScores]:
+        """The view through the medium, [H, W, 3], and its scores against the photo."""
+        lens, pose = self.reconstruction.lenses[photo.name], self.reconstruction.poses[photo.name]
+        degraded = to_pixels(self.viewer.degraded(lens, pose, self.medium, photo.name, self.formation))
+        scores = ViewScores(photo.name)
+        filed = self._filed(photo, lens)
+        matched = matched_psnr(_planes(degraded), filed.transpose(2, 0, 1), photo.mask)
+        scores.add_photo(_unit(degraded), filed, photo.mask, matched)
+        return degraded, scores
 
     def _filed(self, photo: Photo, lens: Lens) -> NDArray[np.float64]:
         """[H, W, 3] the photo in [0, 1], as a render is that went through lens and sensor."""
@@ -136,10 +148,15 @@ class ViewScorer:
 
 @dataclass(frozen=True)
 class ScoredViews:
-    """What the report says of views: scores of the held-out ones, and pictures of some."""
+    """What the report says of views: scores of the held-out ones, and pictures of some.
+
+    Attributes:
+        fitted: scores of a few views that were trained on, against their photos.
+    """
 
     scores: list[ViewScores]
     pictures: list[ViewPictures]
+    fitted: list[ViewScores] = field(default_factory=list)
 
 
 def score_views(
@@ -168,7 +185,12 @@ def score_views(
     def one(name: str) -> tuple[ViewScores, ViewPictures] | None:
         return scorer.score(by_name[name], True, partial(keep, files[name])) if timing.another() else None
 
+    def fitted(name: str) -> ViewScores | None:
+        return scorer.fitted(by_name[name]) if timing.another() else None
+
     # Interpolation, transforms and files wait for one core at a time: whole views side by side do not.
+    others = sorted(set(by_name) - set(wanted))
+    compared = [others[i] for i in spread(len(others), min(SCORED_FITTED, len(wanted)))]
     with ThreadPoolExecutor(threads) as pool:
         for index, found in enumerate(pool.map(one, wanted)):
             if found is None:
@@ -177,9 +199,10 @@ def score_views(
             if index in shown:
                 pictures.append(found[1])
             scorer.progress.advance(index + 1)
+        seen = [row for row in pool.map(fitted, compared) if row is not None]
     if len(scores) < len(wanted):
         scorer.progress.note(f"{len(scores)} of {len(wanted)} held-out views were scored: there was no time for more")
-    return ScoredViews(scores, pictures)
+    return ScoredViews(scores, pictures, seen)
 
 
 def _unit(pixels: NDArray[np.uint8] | NDArray[np.uint16]) -> NDArray[np.float64]:

@@ -105,6 +105,14 @@ FIELDS = (
     Field("heldout.bands", "list", "per band of periods: finest, coarsest (px), gain, correlation, energy"),
     Field("heldout.edge_sharpness", "number", "slope at the truth's strongest edges / the truth's own", True),
     Field("heldout.views", "list", "per view: name, degraded {psnr, ssim}, sharp {psnr, ssim} or null"),
+    Field(
+        "verdict.level", "text", "'good', 'doubtful' or 'poor' prediction of unseen photos; 'unknown': none held out"
+    ),
+    Field("verdict.sentence", "text", "the same in words"),
+    Field("verdict.unseen", "number", "share of held-out photos' variance that the twin leaves unexplained", True),
+    Field("verdict.fitted", "number", "the same of a few photos that it was trained on", True),
+    Field("verdict.views", "list", "sentences about the worst held-out views"),
+    Field("verdict.help", "list", "what would make the twin better"),
     Field("resolvable_period_px", "number", "finest detail that one photo still holds, period in px; 2 without blur"),
     Field("settings", "object", "all settings that the run used"),
     Field("versions", "object", "program and library versions"),

@@ -18,6 +18,7 @@ from ..photos.load import Photo
 from ..reconstruction import Reconstruction
 from ..views import fingerprint
 from .schema import SCHEMA_VERSION
+from .verdict import verdict
 
 if TYPE_CHECKING:
     from ..training.run import Trained
@@ -94,7 +95,7 @@ class RunFacts:
     Attributes:
         asked: settings of the run by their flat names.
         effects: one row for each effect besides the blur; empty where nothing was asked.
-        scores: of the held-out views that were rendered.
+        scores: of the held-out views that were rendered; fitted: of a few that were trained on.
         machine: `Machine.facts`; notes: sentences that the run said.
     """
 
@@ -105,6 +106,7 @@ class RunFacts:
     effects: Sequence[Mapping[str, Any]]
     trained: Trained
     scores: Sequence[ViewScores]
+    fitted: Sequence[ViewScores]
     time: TimeFacts
     machine: Mapping[str, Any]
     notes: Sequence[str]
@@ -135,6 +137,7 @@ def summary(facts: RunFacts) -> dict[str, Any]:
         "predicted": time.predicted,
         "peak_memory_mb": peak_memory_mb(),
         "heldout": _heldout(facts),
+        "verdict": asdict(verdict(facts.scores, facts.fitted, facts.cameras.reconstruction, trained.history)),
         "resolvable_period_px": facts.medium.resolvable_period,
         "settings": {"run": facts.asked, "training": trained.settings},
         "versions": versions(),

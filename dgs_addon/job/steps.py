@@ -38,6 +38,7 @@ _REPORT = {
     "photos": {"registered": count, "given": count},
     "gaussians": count,
     "resolvable_period_px": number,
+    "verdict?": {"level": text, "sentence": text, "help": [text]},
     "heldout": {
         "names": [text],
         "degraded": _SCORE,

@@ -154,7 +154,7 @@ def test_jobs_of_the_version_before_are_understood(settings: Any, photo_set: Pat
     assert read_record(tmp_path / "out").options == request.options
 
 
-def test_every_option_is_one_that_the_command_line_knows(photo_set: Path, tmp_path: Path) -> None:
+def test_every_option_is_one_that_the_command_line_has(photo_set: Path, tmp_path: Path) -> None:
     from dgs.command_line.main import build_parser
 
     values: dict[str, Any] = {

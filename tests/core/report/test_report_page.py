@@ -97,6 +97,14 @@ REPORT = {
         "edge_sharpness": 0.8,
         "views": [],
     },
+    "verdict": {
+        "level": "doubtful",
+        "sentence": "The twin predicts only roughly photos that it has not seen.",
+        "unseen": 0.05,
+        "fitted": 0.02,
+        "views": ["a & b.jpg: 80 % explained, most of the error in the upper left"],
+        "help": ["Take photos between a.jpg and b.jpg"],
+    },
     "resolvable_period_px": 9.03,
     "settings": {"run": {"psf": "gaussian:5", "cameras": None}, "training": {"steps": 200, "sh_degree": 1}},
     "versions": {"dgs": "0.1.0"},
@@ -183,6 +191,9 @@ def test_the_page_says_what_a_user_must_know():
         "1 h 1 min",
         "A &lt;note&gt;",
         "photos &amp; &lt;b&gt;more",
+        "predicts only roughly photos",
+        "a &amp; b.jpg: 80 % explained",
+        "Take photos between",
     ):
         assert words in text, words
     assert "prefers-color-scheme: dark" in text
