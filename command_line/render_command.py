@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from ..core.background import BLACK, parse_colour
 from ..core.devices import choose_device
 from ..core.errors import Cancelled
 from ..core.files import check_writable
@@ -23,6 +24,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--out", type=Path, required=True, metavar="DIR", help="folder for NAME.png")
     add("--psf", default="none", metavar="PSF", help="also blur, as in 'reconstruct'")
     add("--blur-space", choices=("srgb", "linear"), default="srgb", help="where the blur acts")
+    add(
+        "--background",
+        default="black",
+        metavar="COLOUR",
+        help="behind the twin: white, black, '#rrggbb', or 'transparent' for PNGs with alpha",
+    )
     add_overwrite(parser)
     add_machine(parser)
     add_progress(parser)
@@ -37,6 +44,7 @@ def render_command(options: argparse.Namespace, progress: Reporting) -> int:
     from ..core.machine import use_threads  # late: slows --help
 
     psf = parse_psf(options.psf)
+    behind = None if options.background == "transparent" else parse_colour(options.background)
     cloud = read_gaussians(options.twin)
     fault = unusable(cloud)
     if fault:
@@ -59,7 +67,8 @@ def render_command(options: argparse.Namespace, progress: Reporting) -> int:
     points = SparsePoints(cloud.means.astype(np.float64), np.zeros(cloud.means.shape, np.uint8))
     names = sorted(poses)
     scale = scene_scale([Undistortion(lenses[name]).camera(name, poses[name]) for name in names], points)
-    viewer = Viewer(Gaussians.from_cloud(cloud), scale, choose_device(options.device))
+    viewer = Viewer(Gaussians.from_cloud(cloud), scale, choose_device(options.device), background=behind or BLACK)
+    draw = viewer.transparent if behind is None else viewer.degraded
     files = render_names(names)
     read = [options.twin, options.cameras, *([model.place] if model.place.is_file() else model.place.glob("*"))]
     check_outputs([options.out / file for file in files.values()], read, options.overwrite)
@@ -69,7 +78,7 @@ def render_command(options: argparse.Namespace, progress: Reporting) -> int:
         for name, file in files.items():
             if progress.cancelled():
                 break
-            write_png(folder / file, to_pixels(viewer.degraded(lenses[name], poses[name], medium, name)))
+            write_png(folder / file, to_pixels(draw(lenses[name], poses[name], medium, name)))
             done += 1
             progress.advance(done)
     if done < len(files):

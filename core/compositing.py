@@ -15,10 +15,12 @@ it in sRGB values, as viewers of PNG files do it and as the splats of a twin are
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 from numpy.typing import NDArray
 
-from .background import Background, Colour
+from .background import BLACK, WHITE, Background, Colour
 from .colour import linear_to_srgb, srgb_to_linear
 
 Pixels = NDArray[np.uint8] | NDArray[np.uint16]
@@ -71,6 +73,14 @@ def over_another(background: Background, planes: Planes, empty: Planes, colour: 
     new = _decoded(background, colour if isinstance(colour, np.ndarray) else _plane(colour))
     apart = new - _decoded(background, _plane(background.colour))
     return _encoded(background, _decoded(background, planes) + empty * apart)
+
+
+def transparent(over_black: Planes, over_white: Planes, space: Literal["srgb", "linear"]) -> Planes:
+    """[4, H, W] colours, not multiplied by alpha, and alpha of what was seen over black and over white ([3, H, W])."""
+    black, white = Background(BLACK, space), Background(WHITE, space)
+    apart = _decoded(white, over_white) - _decoded(black, over_black)
+    empty = np.asarray(apart.mean(axis=0).clip(0.0, 1.0), np.float32)
+    return np.concatenate([unblended(black, over_black, empty), 1 - empty[None]])
 
 
 def opacity(alpha: Pixels) -> Planes:

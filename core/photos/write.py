@@ -15,12 +15,12 @@ from ..files import write_bytes
 
 
 def write_png(path: Path, pixels: NDArray[np.uint8]) -> None:
-    """Writes [H, W, 3] uint8, whole or not at all; raises OutputError."""
+    """Writes [H, W, 3 or 4] uint8, whole or not at all; raises OutputError."""
     write_bytes(path, png_bytes(pixels))
 
 
 def png_bytes(pixels: NDArray[np.uint8]) -> bytes:
-    """[H, W, 3] uint8 as the content of a PNG file, as `write_png` writes it."""
+    """[H, W, 3 or 4] uint8 as the content of a PNG file, as `write_png` writes it."""
     stream = io.BytesIO()
     Image.fromarray(pixels).save(stream, "PNG", compress_level=4)
     return stream.getvalue()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import copy
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -9,7 +10,9 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from ..background import BLACK, WHITE, Colour
 from ..camera import Camera
+from ..compositing import transparent
 from ..constants import LOW_PASS_VARIANCE
 from ..forward import ForwardModel, margin_for, medium_of, sharp_view, space_of
 from ..frames import Frame
@@ -86,6 +89,16 @@ class Viewer:
             exposed = model.expose(self._gaussians, _Photo(name, camera, psf), behind, overscan)
         return undistortion.render(exposed.photo.cpu().numpy(), overscan)
 
+    def transparent(self, lens: Lens, pose: Pose, medium: Medium, name: str) -> NDArray[np.float32]:
+        """[4, H, W] sRGB, not multiplied by alpha, and alpha: as `degraded`, with nothing behind the twin."""
+        black, white = (self._over(colour).degraded(lens, pose, medium, name) for colour in (BLACK, WHITE))
+        return transparent(black, white, space_of(medium))
+
+    def _over(self, colour: Colour) -> Viewer:
+        other = copy(self)
+        other._background = torch.tensor(colour, device=self._background.device)
+        return other
+
 
 class _Photo(NamedTuple):
     """What `ForwardModel.expose` asks of a photo."""
@@ -96,7 +109,7 @@ class _Photo(NamedTuple):
 
 
 def to_pixels(planes: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """[3, H, W] in [0, 1] -> [H, W, 3] uint8, rounded."""
+    """[C, H, W] in [0, 1] -> [H, W, C] uint8, rounded."""
     values = np.round(np.clip(planes, 0.0, 1.0) * 255.0).astype(np.uint8)
     return np.ascontiguousarray(values.transpose(1, 2, 0))
 

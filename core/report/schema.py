@@ -35,6 +35,8 @@ FIELDS = (
     Field("photos.unregistered", "list", "names of the others"),
     Field("photos.size", "list", "width and height in px of the first photo as used", True),
     Field("photos.scale", "number", "size as used / size in the file; 1 unless --max-size shrank it"),
+    Field("photos.background", "text", "what stands behind the object: 'white', 'black' or '#rrggbb'", True),
+    Field("photos.transparent", "integer", "photos with alpha: what is transparent is empty"),
     Field("cameras.source", "text", "'sfm' (found from the photos) or 'given' (--cameras)"),
     Field("cameras.file", "text", "the given model", True),
     Field("cameras.focal_px", "number", "median focal length in px of the photos as used", True),

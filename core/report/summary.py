@@ -161,6 +161,8 @@ def _photos(facts: PhotoFacts, cameras: Reconstruction) -> dict[str, Any]:
         "unregistered": [name for name in names if name not in cameras.poses],
         "size": list(first.size),
         "scale": round(first.scale[0], 6),
+        "background": None if first.background is None else first.background.name,
+        "transparent": sum(photo.alpha is not None for photo in facts.photos),
     }
 
 

@@ -29,11 +29,22 @@ def simulated(report: Mapping[str, Any]) -> list[str]:
     )
     return [
         blur,
+        *_background(report["photos"]),
         *(_sentence(effect["name"]) for effect in report.get("effects", ()) if effect["on"]),
         "Perspective and lens distortion of each photo, with the light from just outside the frame.",
         gloss,
         "Opacity and occlusion of the Gaussians in depth order.",
     ]
+
+
+def _background(photos: Mapping[str, Any]) -> list[str]:
+    """What is behind the object, where that is known."""
+    colour = photos.get("background")
+    if colour is None:
+        return []
+    if photos.get("transparent"):
+        return [f"Empty space where the photos are transparent; photos and twin are shown and compared over {colour}."]
+    return [f"Empty space where the photos show the plain background; {colour} stands behind the twin."]
 
 
 def _sentence(name: str) -> str:

@@ -25,6 +25,8 @@ REPORT = {
         "unregistered": ["lost.jpg"],
         "size": [64, 48],
         "scale": 1.0,
+        "background": None,
+        "transparent": 0,
     },
     "cameras": {
         "source": "sfm",
