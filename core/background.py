@@ -12,6 +12,7 @@ Colour = tuple[float, float, float]
 
 #: Transparent photos are shown and scored over white, as the field does it.
 WHITE: Colour = (1.0, 1.0, 1.0)
+#: What renders have behind them if nobody says otherwise.
 BLACK: Colour = (0.0, 0.0, 0.0)
 
 
