@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import argparse
 import json
+import shutil
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..core.errors import DgsError, FormatError
-from ..core.files import replacing, write_json
 from .arguments import add_machine, add_progress, show_defaults
 from .progress_choice import Reporting
 
@@ -63,6 +63,7 @@ def _rank_and_write(options: argparse.Namespace, progress: Reporting) -> int:
 
     from ..core.machine import use_threads  # late: slows --help
     from ..core.report.known import add_chapter  # heavy: torch
+    from ..core.twin.folder import TwinFolder  # late: slows --help
     from ..core.twin.opened import open_twin  # heavy: torch
     from ..core.uncertainty.candidates import CAMERA_PATHS, candidates, candidates_from  # heavy: torch
     from ..core.uncertainty.next_view import NextViewSettings, rank  # heavy: torch
@@ -82,17 +83,7 @@ def _rank_and_write(options: argparse.Namespace, progress: Reporting) -> int:
     settings = NextViewSettings(options.count, options.samples, through_blur=not options.without_blur)
     ranking = rank(twin, offered, settings, progress)
     ranked = ranking.suggestions
-    drawn = draw_expected(options.twin / "next_views", ranking.views, ranking.error["contrast"])
     held = ranking.error["held_photos"]
-    add_chapter(
-        options.twin / "report.html",
-        drawn,
-        f"How wrong the twin is was measured on {held} photos that it was not trained on."
-        if held
-        else "No photo was held out to measure how wrong the twin is: usual values stand in.",
-    )
-    with replacing(options.twin / "known.npy") as temporary:
-        np.save(temporary, ranking.determined.numpy().astype(np.float32))
     content = {
         "twin": str(options.twin),
         "candidates": options.candidates,
@@ -101,8 +92,16 @@ def _rank_and_write(options: argparse.Namespace, progress: Reporting) -> int:
         "views": [suggestion.plain() for suggestion in ranked],
         "seconds": round(time.perf_counter() - began, 3),
     }
-    path = options.twin / "next_views.json"
-    write_json(path, content)
+    folder = TwinFolder(options.twin)
+    with folder.changing() as change:
+        drawn = draw_expected(change.new.next_view_folder, ranking.views, ranking.error["contrast"])
+        change.new.save_next_views(content, ranking.determined.numpy().astype(np.float32))
+        if folder.report_page.is_file():
+            shutil.copyfile(folder.report_page, change.new.report_page)
+            measured = f"How wrong the twin is was measured on {held} photos that it was not trained on."
+            usual = "No photo was held out to measure how wrong the twin is: usual values stand in."
+            add_chapter(change.new.report_page, drawn, measured if held else usual)
+    path = folder.next_view_list
     if options.json:
         print(json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False), flush=True)
         return 0

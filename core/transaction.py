@@ -146,7 +146,9 @@ def _complete(folder: Path) -> None:
                 os.replace(fresh, folder / name)
         for name in lists["remove"]:
             _take_away(folder / name, commit / OUTGOING / name)
-        sync_folder(folder)
+        for parent in sorted({(folder / name).parent for name in lists["place"]} | {folder}):
+            if parent.is_dir():
+                sync_folder(parent)
         (commit / LIST).unlink()  # from here on only remains are left
     except OSError as error:
         raise output_error(folder, error) from error

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import CameraError, DgsError, PhotoError
+from ..files import file_digest
 from ..gaussians import Gaussians
 from ..imaging.medium import Medium
 from ..machine import use_threads
@@ -143,12 +144,17 @@ def _new_photos(
     out = []
     for photo in new:
         name = photo.name
-        while name.casefold() in names:
+        while name.casefold() in names or _is_another(folder.new_photo_folder / name, photo):
             name = f"new_{name}"
         names.add(name.casefold())
         change.new.save_new_photo(photo.path, name)
         out.append(replace(photo, name=name, path=folder.new_photo_folder / name))
     return out
+
+
+def _is_another(file: Path, photo: Photo) -> bool:
+    """Whether a file of that name is there and shows something else: a kept state of the twin may have it."""
+    return file.exists() and file_digest(file) != photo.content
 
 
 def _placed(

@@ -6,6 +6,7 @@ stale are read off it. Blender's own Python reads this file too.
 
 from __future__ import annotations
 
+import io
 import os
 import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -13,6 +14,9 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from ..cloud import GaussianCloud
 from ..errors import FormatError
@@ -122,6 +126,8 @@ class TwinFolder:
         self.twin_file = path / "twin.ply"
         self.report_page = path / "report.html"
         self.change_folder = path / "changes"
+        self.next_view_folder = path / "next_views"
+        self.next_view_list = path / "next_views.json"
 
     def save_photo_list(self, photos: Sequence[Path]) -> None:
         """All photos of the twin, line by line; raises OutputError."""
@@ -254,6 +260,13 @@ class TwinFolder:
     def is_twin(self) -> bool:
         """Whether a run was finished here."""
         return self.twin_file.is_file() and (self.path / "report.json").is_file()
+
+    def save_next_views(self, ranking: Mapping[str, Any], known: NDArray[np.float32]) -> None:
+        """The ranking of next views, and how far photos fix each Gaussian's colour, [N]; raises OutputError."""
+        data = io.BytesIO()
+        np.save(data, known)
+        write_bytes(self.path / "known.npy", data.getvalue())
+        write_json(self.next_view_list, dict(ranking))
 
     def states(self) -> list[Path]:
         """Folders of the kept states, oldest first; those of other runs' twins that stood here before, too."""

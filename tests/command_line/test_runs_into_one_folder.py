@@ -9,10 +9,12 @@ import signal
 import struct
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import dgs
 import pytest
+from dgs.command_line import run
 from dgs.core.progress import Silent
 from dgs.core.twin.begun import BEGUN, RUN
 from dgs.core.twin.folder import TwinFolder
@@ -45,8 +47,8 @@ def execute(*words: object) -> subprocess.CompletedProcess[str]:
     )
 
 
-def killed(*words: object, after: int = 0) -> None:
-    """A command, killed (-9) in its training, after so many steps and a checkpoint."""
+def killed(*words: object, meanwhile: Callable[[int], None] | None = None) -> None:
+    """A command, killed (-9) in its training, when it has a checkpoint; `meanwhile` is called with its process id."""
     out = Path(str(words[words.index("--out") + 1]))
     child = subprocess.Popen(
         [sys.executable, "-c", HASTY, str(ROOT), *map(str, words), "--progress", "json"],
@@ -58,8 +60,10 @@ def killed(*words: object, after: int = 0) -> None:
     assert child.stdout is not None
     for line in child.stdout:
         event = json.loads(line)
-        trains = event["event"] == "advance" and event["stage"] == "train" and event["done"] > after
-        if trains and (out / RUN / "checkpoint.npz").is_file():
+        if event.get("stage") == "train" and (out / RUN / "checkpoint.npz").is_file():
+            if meanwhile is not None:
+                child.send_signal(signal.SIGSTOP)
+                meanwhile(child.pid)
             child.kill()
             break
     child.communicate(timeout=60)
@@ -135,10 +139,19 @@ def test_a_run_over_another_twin_leaves_nothing_of_it_and_keeps_it(made: Path, t
 
 @pytest.mark.skipif(os.name != "posix", reason="sends POSIX signals")
 def test_a_killed_run_leaves_the_twin_and_can_be_resumed_with_the_same_photos_only(
-    made: Path, twin: Path, tmp_path: Path
+    made: Path, twin: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     before = content(twin)
-    killed("reconstruct", made / "b", "--out", twin, *of_b(made))
+
+    def others(process: int) -> None:
+        """No other command works on the folder meanwhile."""
+        again = ["reconstruct", made / "b", "--out", twin, *of_b(made)]
+        back = ["update", twin, "--rollback"]
+        for command in (again, [*again, "--resume"], ["update", twin, made / "new"], back, ["next-view", twin]):
+            assert run([*map(str, command), "--progress", "none"]) == 2, command
+            assert f"process {process}, reconstruct" in capfd.readouterr().err, command
+
+    killed("reconstruct", made / "b", "--out", twin, *of_b(made), meanwhile=others)
     assert content(twin) == before and folders_of_photos(twin) == {"a", "photos"}
 
     shutil.copytree(made / "b", tmp_path / "b")

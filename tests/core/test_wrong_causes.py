@@ -148,7 +148,7 @@ def test_photos_that_the_twin_keeps_are_no_new_ones(tmp_path):
     folder = TwinFolder(tmp_path)
     folder_of(folder.new_photo_folder, "new.png")
     with pytest.raises(PhotoError, match="where the twin keeps its photos"):
-        _new_photos(folder.new_photo_folder, None, folder, Silent())
+        _new_photos(folder.new_photo_folder, None, folder, None, Silent())
 
 
 def test_a_twin_without_cameras_is_said_to_be_one(tmp_path):
