@@ -22,6 +22,11 @@ class ErrandStep:
     title: str
     action: Sequence[str] | Callable[[], None]
 
+    @property
+    def steered(self) -> bool:
+        """Whether the command obeys its standard input and ends with this process (`command_line.control`)."""
+        return not callable(self.action) and "--control" in self.action
+
 
 class Errand:
     """Runs steps in a thread until one fails or the user cancels.
@@ -86,7 +91,7 @@ class Errand:
         self.lines.append("$ " + " ".join(step.action))
         with subprocess.Popen(
             list(step.action),
-            stdin=subprocess.DEVNULL,
+            stdin=subprocess.PIPE if step.steered else subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
@@ -95,7 +100,8 @@ class Errand:
             env=environment(),
             creationflags=creation_flags(),
         ) as process:
-            give_way(process.pid)
+            if not step.steered:  # (it steps back by itself)
+                give_way(process.pid)
             with self._lock:
                 self._process = process
                 if self.cancelled:

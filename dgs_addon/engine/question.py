@@ -11,6 +11,8 @@ from ...core.files import parse_json
 from ...core.json_shape import Shape, check_shape
 from .errand import Errand, ErrandStep
 
+#: How a question is put: its answer is all that is printed, and nobody goes on with it when Blender ends.
+QUIETLY = ("--progress", "none", "--control")
 #: Seconds that an engine that was ended may take to go.
 _FAREWELL = 5.0
 

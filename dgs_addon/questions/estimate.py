@@ -8,7 +8,7 @@ from typing import Any
 
 from ...core.json_shape import boolean, number
 from ..engine.process import RUN
-from ..engine.question import Question
+from ..engine.question import QUIETLY, Question
 from ..job.state import duration_text
 
 #: Settings that a prediction depends on; another value makes it one of another job.
@@ -59,7 +59,7 @@ def estimate_command(python: Path, arguments: Sequence[str]) -> list[str]:
     for name, value in zip(arguments[2:], arguments[3:], strict=False):
         if name in _SHARED:
             kept += [name, value]
-    return [str(python), str(RUN), "estimate", arguments[1], *kept, "--json", "--progress", "none"]
+    return [str(python), str(RUN), "estimate", arguments[1], *kept, "--json", *QUIETLY]
 
 
 def sentences(answer: dict[str, Any], preset: str) -> list[tuple[str, dict[str, str]]]:

@@ -7,7 +7,7 @@ from typing import Any
 
 from ...core.json_shape import anything, boolean, number, text
 from ..engine.process import RUN
-from ..engine.question import Question
+from ..engine.question import QUIETLY, Question
 
 effects = Question(
     "effects", {"effects": [{"name": text, "needed": boolean, "evidence": text, "estimate": {"value": anything}}]}
@@ -19,14 +19,14 @@ def inspect_command(python: Path, photos: Path, out: Path, cameras: Path | None,
     """The engine's command that inspects photos; without cameras it takes seconds."""
     given = ["--cameras", str(cameras)] if cameras is not None else ["--without-cameras"]
     folder = ["--out", str(out), *(["--overwrite"] if overwrite else [])]
-    return [str(python), str(RUN), "inspect", str(photos), *folder, *given, "--json", "--progress", "none"]
+    return [str(python), str(RUN), "inspect", str(photos), *folder, *given, "--json", *QUIETLY]
 
 
 def measure_command(python: Path, photo: Path, kernel: Path, linear: bool, overwrite: bool = False) -> list[str]:
     """The engine's command that measures a point spread."""
     space = [] if linear else ["--srgb"]
     out = ["--out", str(kernel), *(["--overwrite"] if overwrite else [])]
-    return [str(python), str(RUN), "measure-psf", str(photo), *out, *space, "--json", "--progress", "none"]
+    return [str(python), str(RUN), "measure-psf", str(photo), *out, *space, "--json", *QUIETLY]
 
 
 def sentences(answer: dict[str, Any]) -> list[tuple[str, bool]]:

@@ -189,7 +189,7 @@ def test_a_damaged_file_of_the_folder_is_no_traceback(out: Path, name: str, capf
             pytest.fail(f"{name}, damage {number}: {type(error).__name__}: {error}\n{kept!r}")
         assert time.process_time() - began < FROZEN
         (out / name).write_bytes(content)
-        if name not in ("job.json", "photos.txt", "job.log"):
+        if name in ("twin.ply", "known.npy"):  # the twin in the scene is another by now
             pressed("add_results")
     console = capfd.readouterr()
     assert "Traceback" not in console.out + console.err

@@ -44,6 +44,20 @@ while job.state.alive:
     runner.wait(0.02)
     print(job.state.stage, len(job.state.marks), flush=True)
 """
+#: A Blender that has asked the engine a question.
+ASKING = """
+import sys, time, run_dgs; run_dgs.mount_package()
+import bpy, dgs
+from pathlib import Path
+from dgs.dgs_addon.questions import inspection
+photos, out = map(Path, sys.argv[1:])
+command = inspection.inspect_command(Path(sys.executable), photos / "photos", out, photos / "model")
+inspection.effects.ask((), "Inspecting", command)
+while inspection.effects.errand._process is None:
+    time.sleep(0.01)
+print("started", flush=True)
+time.sleep(60)
+"""
 #: What is waited for before the kill, and at most how many seconds after it the kill comes.
 MOMENTS = (("started", 1.0), ("train 1", 2.0))
 
@@ -76,11 +90,11 @@ def processes(mark: str) -> list[int]:
     return found
 
 
-def killed(folder: Path, out: Path, moment: str, delay: float) -> str:
+def killed(folder: Path, out: Path, moment: str, delay: float, script: str = BLENDER) -> str:
     """Starts a Blender, kills it at a moment, and returns the mark of all that it started."""
     mark = uuid.uuid4().hex
     blender = subprocess.Popen(
-        [sys.executable, "-c", BLENDER, str(folder), str(out)],
+        [sys.executable, "-c", script, str(folder), str(out)],
         cwd=ROOT,
         env={**os.environ, MARK: mark},
         stdout=subprocess.PIPE,
@@ -95,6 +109,14 @@ def killed(folder: Path, out: Path, moment: str, delay: float) -> str:
     return mark
 
 
+def orphans(mark: str, seconds: float = 10.0) -> list[int]:
+    """What still works so many seconds after its Blender has gone."""
+    end = time.monotonic() + seconds
+    while processes(mark) and time.monotonic() < end:
+        time.sleep(0.02)
+    return processes(mark)
+
+
 def files(out: Path) -> dict[Path, int]:
     return {path: path.stat().st_mtime_ns for path in out.rglob("*") if path.is_file()}
 
@@ -105,10 +127,7 @@ def test_nothing_goes_on_without_blender_and_the_next_one_resumes(scene: Any, tm
     out, moments = tmp_path / "out", random.Random(1)
     for moment, latest in MOMENTS:
         mark = killed(tmp_path, out, moment, moments.uniform(0.0, latest))
-        end = time.monotonic() + 10.0
-        while processes(mark) and time.monotonic() < end:
-            time.sleep(0.02)
-        assert not processes(mark), f"{moment}: an orphan works on"
+        assert not orphans(mark), f"{moment}: an orphan works on"
         there = files(out)
         time.sleep(0.3)
         assert files(out) == there, f"{moment}: somebody still writes"
@@ -120,3 +139,9 @@ def test_nothing_goes_on_without_blender_and_the_next_one_resumes(scene: Any, tm
     assert bpy.ops.dgs.resume_job() == {"FINISHED"}
     assert runner.current().state.phase == "done" and len(read_ply(out / "twin.ply")) > 0
     assert runner.resumable(out) is None
+
+
+def test_no_question_goes_on_without_the_blender_that_asked(tmp_path: Path) -> None:
+    write_scene(tmp_path)
+    assert not orphans(killed(tmp_path, tmp_path / "inspection", "started", 0.2, ASKING))
+    assert not (tmp_path / "inspection" / "inspection.json").exists()
