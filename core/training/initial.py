@@ -30,6 +30,9 @@ class InitialSettings:
     """Numbers of the first Gaussians."""
 
     opacity: float = number(0.5, "opacity", "of each; 3DGS starts at 0.1, but these lie on surfaces already")
+    faint: float = number(
+        0.05, "opacity", "of one on a sample of no confidence: it must be asked for by photos before it hides others"
+    )
     budget_share: float = number(
         0.8, "share of the budget", "that lifted px fill; the rest is left for the density control"
     )
@@ -114,8 +117,10 @@ def first_gaussians(
         count: the budget; about `INITIAL.budget_share` of it is used.
         margin: px beyond the frames that the twin should cover.
     """
-    positions, colours = points.positions, points.colours
     target = max(1, int(count * INITIAL.budget_share))
+    if points.confidence is not None:
+        return _on_samples(points, target, sh_degree, random)
+    positions, colours = points.positions, points.colours
     chosen = np.unique(np.linspace(0, len(cameras) - 1, min(INITIAL.lifted_views, len(cameras))).astype(int))
     share = max(1, target // len(chosen))
     all_positions, all_colours = [], []
@@ -139,6 +144,17 @@ def first_gaussians(
         keep = random.permutation(len(centres))[:count]
         centres, rgb = centres[keep], rgb[keep]
     return gaussians_at(centres, rgb, sh_degree)
+
+
+def _on_samples(points: SparsePoints, target: int, sh_degree: int, random: np.random.Generator) -> Gaussians:
+    """Gaussians on samples of surfaces, at most `target`: the surer a surface, the more opaque."""
+    assert points.confidence is not None
+    if len(points.positions) > target:
+        points = points.chosen(np.sort(random.permutation(len(points.positions))[:target]))
+    gaussians = gaussians_at(points.positions, points.colours.astype(np.float32) / 255.0, sh_degree)
+    sure = torch.from_numpy(np.asarray(points.confidence, np.float32))
+    gaussians.opacity_logits = torch.logit(INITIAL.faint + (INITIAL.opacity - INITIAL.faint) * sure)
+    return gaussians
 
 
 def gaussians_at(centres: Array, rgb: NDArray[np.float32], sh_degree: int) -> Gaussians:

@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 import torch
 from dgs.core.colour import linear_to_srgb, srgb_to_linear
+from dgs.core.constants import SH_C0
 from dgs.core.imaging.medium import Medium
 from dgs.core.imaging.psf import PointSpread
 from dgs.core.rasterizer import RasterSettings, render
 from dgs.core.training.footprint import widened
 from dgs.core.training.grid import averaged, coarse_camera, grid_step
-from dgs.core.training.initial import first_gaussians
+from dgs.core.training.initial import INITIAL, first_gaussians
 from dgs.core.training.specks import speck_gradient, speck_price
 from dgs.core.training.variation import SMOOTH, variation_gradient
 from dgs.core.views import SparsePoints
@@ -137,3 +138,28 @@ def test_specks_cost_and_lines_do_not():
     edge[:, 12:] = 0.9
     assert price(speck) > 1.0
     assert abs(price(line)) < 1e-6 and abs(price(edge)) < 1e-6
+
+
+def test_dense_samples_are_first_gaussians_themselves():
+    """No px is lifted: Gaussians stand where the samples are, the surer the more opaque, in the samples' colours."""
+    random = np.random.default_rng(3)
+    positions = random.uniform(-1, 1, (50, 3))
+    colours = random.integers(0, 256, (50, 3), dtype=np.uint8)
+    sure = np.linspace(0.02, 1.0, 50).astype(np.float32)
+    points = SparsePoints(positions, colours, sure)
+
+    def unasked(_):
+        raise AssertionError("photos are not asked")
+
+    found = first_gaussians([], unasked, points, 100, 0, random)
+    assert np.allclose(found.means.numpy(), positions, atol=1e-6)
+    assert np.allclose(found.sh[:, 0].numpy() * SH_C0 + 0.5, colours / 255.0, atol=1e-6)
+    opacity = torch.sigmoid(found.opacity_logits).numpy()
+    assert (np.diff(opacity) > 0).all() and abs(opacity[-1] - INITIAL.opacity) < 1e-6 and opacity[0] < 0.07
+
+
+def test_more_samples_than_the_budget_holds_are_thinned():
+    random = np.random.default_rng(3)
+    points = SparsePoints(random.uniform(-1, 1, (500, 3)), np.zeros((500, 3), np.uint8), np.ones(500, np.float32))
+    found = first_gaussians([], lambda _: np.zeros((3, 1, 1), np.float32), points, 100, 0, random)
+    assert len(found) == int(100 * INITIAL.budget_share)
