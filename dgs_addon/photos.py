@@ -1,5 +1,4 @@
-"""The chosen photos as the panel shows them: how many, which look unusable. A folder, some of its
-files, or a movie.
+"""The chosen photos (a folder, some of its files, or a movie) as the panel shows them: how many, which look unusable.
 
 Decoding is the engine's business; only the first bytes are read here, so that a panel may ask often.
 """
@@ -59,7 +58,7 @@ _cache: dict[tuple[Path, str], tuple[int, PhotoFolder]] = {}
 
 
 def ask_about_heif(engine_reads_heif: Callable[[], bool]) -> None:
-    """Whom to ask whether the engine reads HEIC; until then it does not."""
+    """Sets the function that says whether the engine reads HEIC; until then it counts as unable to."""
     _engine_reads_heif[:] = [engine_reads_heif]
     forget()
 
@@ -100,7 +99,7 @@ def photo_folder(folder: Path, selection: str = "") -> PhotoFolder:
 
 
 def forget() -> None:
-    """Looks anew next time."""
+    """Empties the cache, so that the next question reads the folder anew."""
     _cache.clear()
 
 

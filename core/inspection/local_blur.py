@@ -30,15 +30,23 @@ class LocalBlurSettings:
         "judgement of what shows in a twin; set once, before benchmarks/effects.py was run",
         "benchmarks/effects.py: 133 drawn sets of 12 scenes, all of one kind; no real photos",
     )
-    draws: int = number(100, "count", "draws of places, for the errors")
-    fewest_tiles: int = number(40, "count", "tiles at least")
-    least_range: float = number(0.1, "median depths", "between the tenths of the tiles' depths: flatter has no defocus")
-    least_error: float = number(0.1, "px", "of the defocus")
-    bins: int = number(10, "count", "bins of equally many tiles")
-    scene_variance: float = number(
-        0.15, "px^2", "by which scenes' own spectra differ from bin to bin", "drawn scenes", NOT_CHECKED
+    draws: int = number(100, "count", "random draws of tiles (bootstrap) that the errors are computed from")
+    fewest_tiles: int = number(40, "count", "tiles that a fit needs at least")
+    least_range: float = number(
+        0.1,
+        "median depths",
+        "between the first and the last tenth of the tiles' depths: a flatter scene shows no defocus",
     )
-    scene_share: float = number(0.15, "share", "of the variance, the same", "drawn scenes", NOT_CHECKED)
+    least_error: float = number(0.1, "px", "smallest error that is reported for the defocus")
+    bins: int = number(10, "count", "bins of equally many tiles; the fit goes through their medians")
+    scene_variance: float = number(
+        0.15,
+        "px^2",
+        "by which the blur seems to differ from bin to bin because what is seen differs",
+        "drawn scenes",
+        NOT_CHECKED,
+    )
+    scene_share: float = number(0.15, "share", "of the variance, for the same reason", "drawn scenes", NOT_CHECKED)
 
 
 SETTINGS = LocalBlurSettings()

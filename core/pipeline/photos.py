@@ -22,7 +22,8 @@ class LoadedPhotos:
 
     Attributes:
         source: folder or list that they came from; of a movie, the folder of its frames.
-        photos: sorted by name; held: names of those that no training sees; every: every how many-th.
+        photos: sorted by name; held: names of those that no training sees.
+        every: one photo in so many is held out; 0 for none.
     """
 
     source: Path

@@ -25,12 +25,13 @@ def comes_first(splats, left, right):  # type: ignore[no-untyped-def]
 
 @kernel
 def list_seen(status, tile_counts, seen, slot_starts, reasons):  # type: ignore[no-untyped-def]
-    """Who is seen, where everyone's gradient slots begin, and how many have which status.
+    """Which Gaussians are seen, where the gradient slots of each one begin, and how many have which status.
 
     Args:
+        status: [N] why each is culled, or that it is not; tile_counts: [N] tiles that each one meets.
         seen: [N] int32 output, the indices of those that meet a tile; returns how many they are.
         slot_starts: [N + 1] int64 output.
-        reasons: [statuses] int64 output.
+        reasons: [statuses] int64 output, how many Gaussians have each status.
     """
     count = total = 0
     reasons[:] = 0

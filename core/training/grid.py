@@ -1,8 +1,8 @@
 """The photos on the grid that the optimizer works on.
 
 A photo blurred by sigma 5 px holds nothing that a grid of half as many pixels could not: training
-there is three times faster for 0.05 dB. Photos are averaged over s x s pixels; what a render lacks
-of that is added to the point spread (`PointSpread.on_grid`).
+there is three times faster for 0.05 dB. Photos are averaged over s x s pixels. A render on that grid is not
+averaged, so that the averaging becomes part of its point spread (`PointSpread.on_grid`).
 """
 
 from __future__ import annotations
@@ -31,7 +31,8 @@ class GridSettings:
     sigmas_per_step: float = number(
         2.5,
         "standard deviations of the PSF",
-        "per grid px: 5 px are trained on a grid of 2, three times faster for 0.05 dB; wider blurs on coarser ones",
+        "per px of the grid: 5 px of blur are trained on a grid of 2 px, three times faster for 0.05 dB; wider blurs on"
+        " coarser ones",
         "a blur of 5 px, one set",
     )
     smallest_side: int = number(96, "px", "along the short side of a grid; with fewer there is no coarse stage either")
@@ -106,7 +107,7 @@ def _sixteen_bit(share: NDArray[np.float32]) -> NDArray[np.uint16]:
 
 @lru_cache(maxsize=1024)
 def _on_grid(psf: PointSpread, step: int) -> PointSpread:
-    """The same object for the same one: views that share a point spread share their objective."""
+    """Cached, so that views with the same point spread get the same object, and share their objective."""
     return psf.on_grid(step)
 
 

@@ -24,7 +24,9 @@ from ..views import SparsePoints
 class ScaleSettings:
     """Numbers of the scene's unit."""
 
-    points: int = number(2000, "count", "of the sparse points that the medians are taken of, where there are many more")
+    points: int = number(
+        2000, "count", "sparse points that the medians are taken of, where there are at least twice as many"
+    )
 
 
 SCALE = ScaleSettings()

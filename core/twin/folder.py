@@ -1,4 +1,4 @@
-"""What lies in a twin's folder, which stage makes it, and the one writer of it.
+"""What lies in a twin's folder, which stage makes it, and its writer.
 
 `PARTS` is the one list: what a run leaves, what an update changes, what its history keeps and what an update makes
 stale are read off it. Blender's own Python reads this file too.
@@ -108,7 +108,9 @@ _UPDATE_LOG = {"held?": [text], "psf?": {"*": text}, "updates?": [{"*": anything
 
 
 class TwinFolder:
-    """A twin's folder: names of its files, their readers, and the only code that writes them.
+    """A twin's folder: names of its files, their readers, and the code that writes them.
+
+    Two files are written by their stages, where this class says: the checkpoint and the cameras' features.
 
     Every file is written whole or not at all.
 

@@ -1,4 +1,4 @@
-"""Shows what new photos say has changed."""
+"""Pictures of an update: each new photo, how it differs from the twin, and which px changed."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ..photos.write import write_png
 from ..views import View
 from .changes import Changes
 
-#: Residual (sRGB) that is drawn in full colour.
+#: Residual (sRGB values in [0, 1]) that is drawn in full colour.
 FULL = 0.15
 
 

@@ -26,7 +26,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class PoseStepSettings:
-    """Of one step."""
+    """Numbers of one step of a camera."""
 
     difference: float = number(
         0.25,
@@ -34,7 +34,7 @@ class PoseStepSettings:
         "length of a difference that stands for a derivative: well inside a splat, well above float32's noise",
     )
     prior: float = number(
-        10.0, "px", "what a camera may be off before it is doubted: a weak prior at where it was; smaller: stiffer"
+        10.0, "px", "standard deviation of the prior, which holds a camera weakly where it was; smaller holds it more"
     )
     longest: float = number(3.0, "px", "a step is cut to this: beyond, the render says little about the way")
     huber: float = number(
