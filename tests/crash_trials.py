@@ -21,7 +21,7 @@ PAGE = 4096
 
 
 @dataclass(frozen=True)
-class Outcome:
+class FaultResult:
     """What was found.
 
     Attributes:
@@ -51,7 +51,7 @@ class Trials:
             raise AssertionError(f"{case.name} ends with {status} where nothing fails: {said}")
         self.after = alike(stage.folder)
 
-    def at(self, fault: Fault, at: int, again: bool) -> Outcome:
+    def at(self, fault: Fault, at: int, again: bool) -> FaultResult:
         """The `at`-th change of the folder fails; `again`: then ask for the command again, if it was not done."""
         stage, case = self._stage, self._case
         stage.put(case.start)
@@ -62,10 +62,10 @@ class Trials:
 
         status, said = child(cut_off)
         if fault == "kill" and status not in (0, -9) or fault == "full" and status not in (0, DgsError.exit_code):
-            return Outcome("BROKEN", f"ended with {status}: {_last(said)}")
+            return FaultResult("BROKEN", f"ended with {status}: {_last(said)}")
         return self._looked_at(status, said, again)
 
-    def on_disk_of(self, pages: int, again: bool) -> Outcome:
+    def on_disk_of(self, pages: int, again: bool) -> FaultResult:
         """The folder is a real disk with so much room more than what lies in it.
 
         Raises:
@@ -82,7 +82,7 @@ class Trials:
             disk.leave_room(pages * PAGE)
             status, said = child(lambda: case.run(stage.data, stage.folder))
             if status not in (0, DgsError.exit_code):
-                outcome = Outcome("BROKEN", f"ended with {status}: {_last(said)}")
+                outcome = FaultResult("BROKEN", f"ended with {status}: {_last(said)}")
             else:
                 outcome = self._looked_at(status, said, again, disk.enlarge)
             os.write(writes, json.dumps([outcome.found, outcome.why[:3000], outcome.again]).encode())
@@ -94,9 +94,9 @@ class Trials:
             answer = pipe.read()
         if not answer:
             raise OSError(f"No small disk could be mounted: {_last(said)}")
-        return Outcome(*json.loads(answer))
+        return FaultResult(*json.loads(answer))
 
-    def killed_from_outside(self, kill: Callable[[list[str]], int], again: bool, anew: bool = True) -> Outcome:
+    def killed_from_outside(self, kill: Callable[[list[str]], int], again: bool, anew: bool = True) -> FaultResult:
         """`kill` starts the words as a process of its own, kills it, and returns its status.
 
         Args:
@@ -109,33 +109,35 @@ class Trials:
         status = kill(case.command(stage.data, stage.folder, again=not anew))
         return self._looked_at(status, "", again)
 
-    def _looked_at(self, status: int, said: str, again: bool, more_room: Callable[[], None] = lambda: None) -> Outcome:
+    def _looked_at(
+        self, status: int, said: str, again: bool, more_room: Callable[[], None] = lambda: None
+    ) -> FaultResult:
         folder = self._stage.folder
         if "Traceback" in said or "A bug" in said:
-            return Outcome("BROKEN", _last(said))
+            return FaultResult("BROKEN", _last(said))
         try:
             found, _ = opened(folder)
         except DgsError as error:
-            return Outcome("BROKEN", f"it cannot be opened: {error}")
+            return FaultResult("BROKEN", f"it cannot be opened: {error}")
         more_room()
         same = found == self.before
         if not same and alike(folder) != self.after:
-            return Outcome("BROKEN", mixed(found, alike(folder), self.before, self.after))
+            return FaultResult("BROKEN", mixed(found, alike(folder), self.before, self.after))
         if same and status == 0 and self.before != state(folder):
-            return Outcome("BROKEN", "ended well and changed nothing")
+            return FaultResult("BROKEN", "ended well and changed nothing")
         if same and again:
             return self._asked_again()
-        return Outcome("before" if same else "done" if status == 0 else "after")
+        return FaultResult("before" if same else "done" if status == 0 else "after")
 
-    def _asked_again(self) -> Outcome:
+    def _asked_again(self) -> FaultResult:
         folder = self._stage.folder
         status, said = child(lambda: self._case.run(self._stage.data, folder, again=True))
         found = alike(folder)
         if status or found != self.after:
             differ = sorted(name for name in found | self.after if found.get(name) != self.after.get(name))
-            return Outcome("BROKEN", f"asked again: status {status}, other {differ}: {_last(said)}")
+            return FaultResult("BROKEN", f"asked again: status {status}, other {differ}: {_last(said)}")
         left = [p.name for p in folder.iterdir() if p.name.startswith(LEFT) or p.name.endswith(".part")]
-        return Outcome("BROKEN", f"asked again: {left} are left") if left else Outcome("before", again=True)
+        return FaultResult("BROKEN", f"asked again: {left} are left") if left else FaultResult("before", again=True)
 
 
 def mixed(found: State, likeness: State, before: State, after: State) -> str:

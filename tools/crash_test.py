@@ -37,7 +37,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from dgs.tests.crash_trials import Outcome, Trials
+    from dgs.tests.crash_trials import FaultResult, Trials
 
 ROOT = Path(__file__).resolve().parent.parent
 SOURCE, TABLE = ROOT / "tools" / "file_faults.c", ROOT / "docs" / "studies" / "crashes.csv"
@@ -74,7 +74,7 @@ class Journal:
         self.rows = [Row(**json.loads(line)) for line in lines]
         self._done = {(row.command, row.fault, row.at): row for row in self.rows}
 
-    def find(self, command: str, fault: str, at: int, look: Callable[[], Outcome]) -> Row:
+    def find(self, command: str, fault: str, at: int, look: Callable[[], FaultResult]) -> Row:
         """The row of a failure that was tried before; else it is tried now."""
         if (command, fault, at) not in self._done:
             found = look()
@@ -90,7 +90,7 @@ class Journal:
 
 def every_step(name: str, trials: Trials, journal: Journal, stride: int, disks: bool) -> None:
     """Kills and starves a command at its n-th change, for every n, until there is none; then small disks."""
-    ways: dict[str, Callable[[int], Outcome]] = {
+    ways: dict[str, Callable[[int], FaultResult]] = {
         "kill": lambda at: trials.at("kill", at, at % AGAIN == 0),
         "full": lambda at: trials.at("full", at, at % AGAIN == 0),
         "disk": lambda at: trials.on_disk_of(at, at % AGAIN == 0),
@@ -172,7 +172,7 @@ def kills(count: int, journal: Journal, work: Path) -> None:
         moment = "train" if trained else draw.choice(("place", "place", "any"))
         key = f"{name}{' (long)' if trained else ''}"
 
-        def look(case=case, key=key, moment=moment, draw=draw, number=number) -> Outcome:  # type: ignore[no-untyped-def]
+        def look(case=case, key=key, moment=moment, draw=draw, number=number) -> FaultResult:  # type: ignore[no-untyped-def]
             if key not in known:
                 began = time.monotonic()
                 known[key] = Trials(stage, case), time.monotonic() - began

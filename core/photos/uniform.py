@@ -43,7 +43,9 @@ class UniformSettings:
     photo_share: float = number(0.9, "share", "of the photos that must have the same plain border", _CHOSEN, _CHECKED)
     fewest_photos: int = number(3, "count", "photos that can prove a background: two may show the same wall")
     px_share: float = number(0.999, "share", "of the border's px that count as the background's: the others are noise")
-    most_noise: float = number(0.1, "sRGB", "standard deviation; with more, nothing can be told from anything")
+    most_noise: float = number(
+        0.1, "sRGB", "standard deviation; with more, object and background cannot be distinguished"
+    )
     frame_share: float = number(
         0.97, "share", "of its bounding box that what is left may fill: more is a picture in a frame, not an object"
     )

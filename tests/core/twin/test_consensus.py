@@ -54,7 +54,7 @@ def test_pictures_that_are_the_same_have_no_shift_and_the_least_error() -> None:
     flat = shifts_between(np.full_like(picture, 0.5), np.full_like(picture, 0.5))
     np.testing.assert_allclose(flat.error, 10.0, rtol=1e-6)  # sqrt(1e-7 / 1e-9)
     stripes = np.broadcast_to(0.5 + 0.2 * np.sin(np.arange(WIDTH) / 4.0), picture.shape)
-    assert np.median(shifts_between(stripes, stripes).error) > 5.0, "along the stripes nothing can be told"
+    assert np.median(shifts_between(stripes, stripes).error) > 5.0, "along the stripes no shift can be estimated"
 
 
 def camera() -> Camera:
