@@ -30,6 +30,8 @@ _SIGNATURES = {
 _PLACE = dict.fromkeys(HEIF, 4)
 #: Enough of a file for a signature; enough for a JPEG's size, which lies behind its metadata.
 _SIGNATURE, _METADATA = 32, 65_536
+#: Enough of a PNG for what stands before its pixels: a palette has 768 bytes.
+_PNG_TABLES = 2048
 
 
 @dataclass(frozen=True)
@@ -42,6 +44,7 @@ class PhotoFolder:
         warnings: a sentence for every photo that will be left out or is unlike the others.
         problem: why the folder cannot be used; '' if it can.
         movie: the movie that the photos are taken from, or None.
+        with_alpha: how many photos (PNG) have an alpha channel.
     """
 
     files: tuple[Path, ...] = ()
@@ -49,6 +52,7 @@ class PhotoFolder:
     warnings: tuple[str, ...] = field(default=())
     problem: str = ""
     movie: Path | None = None
+    with_alpha: int = 0
 
 
 #: Whether the engine reads HEIC: asked of those who know where the engine is.
@@ -142,7 +146,7 @@ def _look(folder: Path, selection: str) -> PhotoFolder:
         for path, (ok, size) in heads.items()
         if ok and size is not None and size not in (usual, usual[::-1] if usual else None)
     ]
-    return PhotoFolder(files, usual, tuple(warnings))
+    return PhotoFolder(files, usual, tuple(warnings), with_alpha=sum(_has_alpha(path) for path in files))
 
 
 def _unread(names: list[str]) -> list[str]:
@@ -169,6 +173,18 @@ def _head(path: Path) -> tuple[bool, tuple[int, int] | None]:
     if suffix in (".jpg", ".jpeg"):
         return True, _jpeg_size(data)
     return True, None
+
+
+def _has_alpha(path: Path) -> bool:
+    """Whether a PNG has an alpha channel, or a colour of its palette that is transparent."""
+    if path.suffix.lower() != ".png":
+        return False
+    try:
+        with open(path, "rb") as stream:
+            data = stream.read(_PNG_TABLES)
+    except OSError:
+        return False
+    return len(data) > 25 and (data[25] in (4, 6) or b"tRNS" in data.partition(b"IDAT")[0])
 
 
 def _jpeg_size(data: bytes) -> tuple[int, int] | None:

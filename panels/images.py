@@ -40,6 +40,8 @@ class DGS_PT_images(Step, bpy.types.Panel):
             sentence(layout, context, found.problem, "ERROR")
             return
         self._draw_found(layout, settings, found)
+        if found.with_alpha:
+            figures(layout, "{count} photos with alpha: empty where transparent", "IMAGE_ALPHA", count=found.with_alpha)
         for warning in found.warnings[:_WARNINGS]:
             sentence(layout, context, warning, "ERROR")
         if len(found.warnings) > _WARNINGS:
@@ -47,6 +49,7 @@ class DGS_PT_images(Step, bpy.types.Panel):
         body = folded(layout, "images", "More")
         if body is not None:
             body.prop(settings, "masks")
+            body.prop(settings, "background")
             body.prop(settings, "max_size")
             body.prop(settings, "out")
 

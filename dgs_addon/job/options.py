@@ -85,6 +85,7 @@ OPTIONS: dict[str, Option] = {
     "psf": Option("--psf", _point_spread, only=""),
     "blur_space": Option("--blur-space", _one_of("srgb", "linear"), only=""),
     "masks": Option("--masks", absolute_path, only=""),
+    "background": Option("--background", _one_of("auto", "none", "white", "black")),
     "max_size": Option("--max-size", _whole(1), int, only=""),
     "frames": Option("--frames", _whole(1), int, only=""),
     "cameras": Option("--cameras", absolute_path),

@@ -66,6 +66,16 @@ class DGS_PG_settings(bpy.types.PropertyGroup):
         subtype="DIR_PATH",
         description="Folder with a mask for each photo, of the same name; black pixels are left out",
     )
+    background: bpy.props.EnumProperty(
+        name="Background",
+        items=(
+            ("auto", "Automatic", "White behind transparent photos, or a plain colour that all photos show"),
+            ("none", "None", "Opaque photos show the scene up to their borders"),
+            ("white", "White", "White is behind the object, and nothing else"),
+            ("black", "Black", "Black is behind the object, and nothing else"),
+        ),
+        description="What is behind the object and counts as empty space",
+    )
     out: bpy.props.StringProperty(
         name="Results",
         subtype="DIR_PATH",

@@ -187,6 +187,8 @@ def _effort(settings: Any) -> Options:
     options |= _positive(settings, "max_gaussians")
     if settings.effects != "none":
         options["effects"] = settings.effects
+    if settings.background != "auto":
+        options["background"] = settings.background
     if settings.refine_cameras:
         options["refine_cameras"] = True
     if settings.time_limit > 0:

@@ -96,6 +96,23 @@ def test_photos_that_are_not_there_are_refused(tmp_path: Path) -> None:
     assert bpy.context.scene.dgs.photos == ""
 
 
+def test_photos_with_alpha_are_counted(tmp_path: Path) -> None:
+    def header(kind: int, more: bytes = b"") -> bytes:
+        return b"\x89PNG" + bytes(12) + struct.pack(">IIBB", 30, 20, 8, kind) + bytes(7) + more + b"IDAT" + bytes(40)
+
+    for name, content in (
+        ("a", header(6)),
+        ("b", header(4)),
+        ("c", header(2)),
+        ("d", header(3, b"PLTE" + bytes(768) + b"tRNS")),
+        ("e", header(3, b"PLTE" + bytes(768))),
+    ):
+        (tmp_path / f"{name}.png").write_bytes(content)
+    settings = bpy.context.scene.dgs
+    assert choose(tmp_path, "a.png") == {"FINISHED"}
+    assert chosen_photos(settings).with_alpha == 3
+
+
 def choose(folder: Path, *names: str) -> set[str]:
     return bpy.ops.dgs.choose_photos(directory=str(folder), files=[{"name": name} for name in names])
 
