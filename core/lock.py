@@ -8,13 +8,16 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from filelock import FileLock, Timeout
-
 from .errors import FolderInUse, OutputError
 from .files import make_folder, output_error, read_json, write_json
 from .json_shape import check_shape, count, text
 from .names import shown
 from .transaction import recover
+
+try:
+    from filelock import FileLock, Timeout
+except ModuleNotFoundError:  # in Blender's own Python
+    FileLock = None  # type: ignore[assignment,misc]
 
 #: Held by the operating system for as long as the process lives, so that none is left behind by a kill.
 LOCK = ".lock"
@@ -27,6 +30,8 @@ _OWNER = {"process": count, "task": text, "since": text}
 def locked(folder: Path, task: str, wait: float = 0.0) -> Iterator[None]:
     """Nobody else works on `folder` until the block ends; the lock of a process that died is taken over.
 
+    Blender's own Python has no filelock: what it writes itself, single files in one go, it writes without a lock.
+
     Args:
         folder: made if it is not there.
         task: what this process does with it, for the message that others get.
@@ -36,6 +41,9 @@ def locked(folder: Path, task: str, wait: float = 0.0) -> Iterator[None]:
         FolderInUse: another process works on it. OutputError: the lock cannot be written.
     """
     make_folder(folder)
+    if FileLock is None:
+        yield
+        return
     lock = FileLock(folder / LOCK, timeout=wait)
     try:
         lock.acquire()
