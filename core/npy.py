@@ -27,8 +27,8 @@ def read_npy(file: IO[bytes], size: int, kinds: str = "uifb") -> NDArray[Any]:
     header = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
     try:
         shape, by_columns, kind = header(file)
-    except (TokenError, RecursionError, MemoryError, TypeError) as error:  # numpy has Python's own parser read it
-        raise ValueError("its header is damaged") from error
+    except (TokenError, RecursionError, MemoryError, TypeError):  # numpy has Python's own parser read it
+        raise ValueError("its header is damaged") from None  # (that parser calls deep brackets a lack of memory)
     if kind.kind not in kinds:
         raise ValueError(f"it holds {kind}, not numbers")
     # (bool is a whole number to numpy's check, and its product is what overflows)

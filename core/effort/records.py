@@ -12,7 +12,7 @@ from typing import Any
 
 from ..compiled import cache_base
 from ..errors import OutputError
-from ..files import read_json, write_json
+from ..files import plain, read_json, write_json
 from ..json_shape import anything, check_shape, count, text, truth
 from ..json_shape import number as number_shape
 from ..numbers import number
@@ -160,7 +160,7 @@ class Records:
     def _save(self) -> None:
         runs = [asdict(run) for run in self.runs]
         with contextlib.suppress(OutputError):
-            write_json(self.path, {"machine": self._machine, "runs": runs, "predictions": self.predictions})
+            write_json(self.path, plain({"machine": self._machine, "runs": runs, "predictions": self.predictions}))
 
 
 def _read(path: Path) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import math
 from pathlib import Path
 from typing import Any
@@ -81,14 +82,16 @@ def _read_tiff(path: Path) -> Any:
         if not len(file.pages):
             raise ValueError("it holds no picture")
         page = file.pages[0]
-        _check_size(math.prod(page.shape) * 8)
+        _check_size(max(math.prod(page.shape), math.prod(getattr(page, "chunks", ()))) * 8)
         return page.asarray()
 
 
 def _read_png(path: Path) -> Any:
     from PIL import Image  # heavy: pictures only
 
-    with Image.open(path) as file:
+    with Image.open(
+        io.BytesIO(path.read_bytes())
+    ) as file:  # (a file would give memory for any length that it declares)
         if file.format != "PNG":
             raise PsfError(f"The PSF file '{path}' is {file.format}, not PNG", "Save it as PNG")
         _check_size(math.prod(file.size) * 4)

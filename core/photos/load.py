@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import importlib.util
+import io
 import logging
+import math
 import os
 import unicodedata
 import warnings
@@ -30,6 +32,8 @@ from .kinds import HEIF, HEIF_PACKAGE, left_out, read_suffixes
 from .listing import LIST, listed_files
 from .scale import resized, resized_mask, size_within
 
+#: Bytes of a picture that need not lie in its file, and how many times larger than its file a larger picture may be.
+_SMALL_PICTURE, _MOST_PACKED = 2**28, 100
 # What a photo of a large sensor has is no attack; what has twice as many px is refused all the same.
 warnings.filterwarnings("ignore", category=Image.DecompressionBombWarning)
 
@@ -296,7 +300,8 @@ def _read(path: Path) -> _Decoded:
         return _from_array(read_png16(path))
     if path.suffix.lower() in HEIF:
         importlib.import_module(HEIF_PACKAGE).register_heif_opener()  # an extra package
-    with Image.open(path) as opened:
+    # (of a file Pillow takes as much memory as a PNG chunk declares to be long)
+    with Image.open(io.BytesIO(path.read_bytes()) if path.suffix.lower() == ".png" else path) as opened:
         exif = opened.getexif()
         focal = exif.get_ifd(_EXIF_IFD).get(_FOCAL_35MM)
         opened.load()
@@ -330,6 +335,7 @@ def _read_tiff(path: Path) -> _Decoded:
                 opened.load()
                 upright = ImageOps.exif_transpose(opened) or opened
                 return _Decoded(np.asarray(upright.convert("RGB")).copy())
+        _check_declared(page, path)
         array = page.asarray()
         if int(page.planarconfig) == 2 and array.ndim == 3:
             array = array.transpose(1, 2, 0)
@@ -351,6 +357,13 @@ def _divided(pixels: Pixels, alpha: Pixels) -> Pixels:
     straight = pixels * (np.float32(top) / np.maximum(alpha, 1)[:, :, None].astype(np.float32))
     divided: NDArray[Any] = np.clip(straight + 0.5, 0, top).astype(pixels.dtype)
     return divided
+
+
+def _check_declared(page: tifffile.TiffPage, path: Path) -> None:
+    """Refuses a picture that would fill the memory though its file holds next to nothing of it."""
+    declared = max(math.prod(page.shape), math.prod(page.chunks)) * 2
+    if declared > max(_SMALL_PICTURE, _MOST_PACKED * path.stat().st_size):
+        raise PhotoError(f"'{path.name}' declares a picture of {declared // 2**20} MiB", "Replace or remove the file")
 
 
 def _upright(array: NDArray[Any], orientation: int) -> NDArray[Any]:

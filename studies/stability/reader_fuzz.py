@@ -221,7 +221,7 @@ def _verdict(reader: Reader, place: Path, index: int) -> int:
 
 def _for_memory(error: BaseException) -> bool:
     """Whether an error was explained only because the memory of this process is limited."""
-    cause = error.__cause__ or error.__context__
+    cause = error.__cause__ or (None if error.__suppress_context__ else error.__context__)
     return isinstance(error, MemoryError) or (cause is not None and _for_memory(cause))
 
 

@@ -12,7 +12,7 @@ from dgs.command_line.fuzz_files import all_readers
 from dgs.core.errors import DgsError, FormatError
 from dgs.studies.stability import reader_fuzz
 from dgs.studies.stability.damage import damaged
-from dgs.studies.stability.reader_fuzz import FuzzRecord, Reader, fuzz_line, fuzz_reader, in_memory
+from dgs.studies.stability.reader_fuzz import FuzzRecord, Reader, ReaderFuzz, fuzz_line, fuzz_reader, in_memory
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="needs fork")
 
@@ -89,3 +89,24 @@ def test_a_fuzz_goes_on_where_it_stopped(tmp_path):
     (tmp_path / "record.json").write_text("[1]")
     with pytest.raises(DgsError, match="no record"):
         FuzzRecord(tmp_path / "record.json")
+
+
+#: Files that were read in another way than they should: by reader, their numbers.
+FOUND = {
+    "kernel .npy": [883, 924],
+    "kernel .png": [1766],
+    "photo .tif": [1907],
+    "16-bit photo .tif": [711, 775, 1303, 1462],
+    "runs of a machine": [2170, 2491],
+}
+
+
+@pytest.mark.parametrize("name", FOUND)
+def test_files_that_were_found(name):
+    """They asked for up to 960 GiB, or left NaN where none can be written."""
+    (reader,) = [one for one in all_readers() if one.name == name]
+    for number in FOUND[name]:
+        with tempfile.TemporaryDirectory(dir=in_memory()) as folder:
+            before = ReaderFuzz(name, files=number)
+            found = fuzz_reader(reader, number + 1, Path(folder), result=before)
+        assert not found.faults, "\n".join(found.worst)
