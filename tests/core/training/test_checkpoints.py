@@ -5,8 +5,11 @@ import signal
 
 import numpy as np
 import pytest
+from dgs.core.camera import Camera
 from dgs.core.errors import CheckpointError, OutputError
 from dgs.core.training.checkpoint import Checkpoint, load_checkpoint, save_checkpoint
+from dgs.core.training.origin import origin
+from dgs.core.views import SparsePoints, View
 
 FINGERPRINT = {"settings": {"seed": 0, "steps": 10}, "photos": ["a.png", "b.png"], "blur space": "srgb"}
 
@@ -153,3 +156,65 @@ def test_a_checkpoint_that_could_not_be_written_whole_leaves_the_one_before(kept
     assert [path.name for path in kept.parent.iterdir()] == ["kept.npz"]
     save_checkpoint(kept, later)
     assert load_checkpoint(kept, FINGERPRINT).step == 8
+
+
+def seen(name, shade=0, at=0.0, content=""):
+    camera = Camera(name, 8, 6, 9.0, 9.0, 4.0, 3.0, np.eye(3), np.array([at, 0.0, 5.0]))
+    return View(camera, np.full((6, 8, 3), shade, np.uint8), content=content)
+
+
+def fingerprint(views, heldout=(), points=((0.0, 0.0, 0.0),)):
+    cloud = SparsePoints(np.array(points, float), np.zeros((len(points), 3), np.uint8))
+    return {**FINGERPRINT, **origin(views, heldout, cloud)}
+
+
+def kept_with(tmp_path, facts):
+    save_checkpoint(tmp_path / "kept.npz", Checkpoint(arrays(), facts, 7, 1.25, [], {"steps": 7}))
+    return tmp_path / "kept.npz"
+
+
+BEFORE = fingerprint([seen("a"), seen("b", content="1f")], [seen("c")])
+
+
+@pytest.mark.parametrize(
+    ("now", "said"),
+    [
+        (fingerprint([seen("a", shade=1), seen("b", content="1f")], [seen("c")]), "another photo 'a'"),
+        (fingerprint([seen("a"), seen("b", content="2f")], [seen("c")]), "another photo 'b'"),
+        (fingerprint([seen("a"), seen("b", content="1f")], [seen("c", shade=1)]), "another photo 'c'"),
+        (fingerprint([seen("a"), seen("b", at=0.001, content="1f")], [seen("c")]), "another camera of 'b'"),
+        (fingerprint([seen("a"), seen("b", content="1f")], [seen("c", at=1.0)]), "another camera of 'c'"),
+        (fingerprint([seen("a"), seen("b", content="1f")], [seen("c")], [(0.0, 0.0, 1e-9)]), "other points"),
+        ({**BEFORE, "effects": {"haze": 1}}, "another effects"),
+    ],
+)
+def test_a_checkpoint_of_other_photos_cameras_or_points_names_the_first(tmp_path, now, said):
+    """It went on, scored on the wrong photos or in another world."""
+    with pytest.raises(CheckpointError, match=said) as refused:
+        load_checkpoint(kept_with(tmp_path, BEFORE), now)
+    assert "without --resume" in str(refused.value)
+    with pytest.raises(CheckpointError, match=said):
+        load_checkpoint(kept_with(tmp_path, now), BEFORE)
+
+
+def test_cameras_that_were_rounded_by_a_file_are_the_same(tmp_path):
+    kept = kept_with(tmp_path, BEFORE)
+    assert load_checkpoint(kept, BEFORE).step == 7
+    rounded = fingerprint([seen("a", at=1e-7), seen("b", content="1f")], [seen("c")])
+    assert load_checkpoint(kept, rounded).step == 7
+    assert load_checkpoint(kept, {}).step == 7, "an update goes on from any"
+
+
+@pytest.mark.parametrize("kept", [FINGERPRINT, {**FINGERPRINT, "contents": {}}])
+def test_a_checkpoint_without_digests_is_refused(tmp_path, kept):
+    with pytest.raises(CheckpointError, match="earlier version"):
+        load_checkpoint(kept_with(tmp_path, kept), BEFORE)
+
+
+@pytest.mark.parametrize("junk", [7, [], {"a": "x"}, {"a": [1, 2]}, {"a": None}])
+def test_damaged_digests_end_in_words(tmp_path, junk):
+    for key in ("contents", "cameras", "points"):
+        try:
+            load_checkpoint(kept_with(tmp_path, {**BEFORE, key: junk}), BEFORE)
+        except CheckpointError:
+            continue
