@@ -142,7 +142,7 @@ class Worker:
             return
         self.events.put(event)
         if self._after_event is not None:
-            extra = self._afterevent_of()
+            extra = self._after_event()
             if extra is not None:
                 self.events.put(Extra(extra))
 
