@@ -99,7 +99,7 @@ def _traced(base: Path, target: str, watched: set[str], part: Path) -> int:
     return int(status)
 
 
-def judged(base: Path, mutant: dict[str, Any], selection: Selection) -> dict[str, Any]:
+def judged(base: Path, mutant: dict[str, Any], selection: Selection, wide: bool = False) -> dict[str, Any]:
     """Runs the tests on one mutant: which of them saw it, or that none did."""
     tree = base / "tree"
     path = tree / mutant["file"]
@@ -110,13 +110,13 @@ def judged(base: Path, mutant: dict[str, Any], selection: Selection) -> dict[str
     began = time.perf_counter()
     try:
         path.write_text(mutant["text"], "utf-8")
-        for line, tests, seconds in selection.lines(mutant, _FIRST, _SECOND):
+        for line, tests, seconds in selection.lines(mutant, _FIRST, _SECOND if wide else 0.0):
             if not tests:
                 continue
             tried += len(tests)
             limit = 25.0 + extra + 4.0 * seconds
             ended = forked(partial(_tested, tests), tree, base / "log", limit, cache)
-            if ended.status == 5:  # the tests are not collected: the mutant broke no test but the selection
+            if ended.status in (4, 5):  # the tests are not there: nothing was tried
                 raise SystemExit(f"no test was collected:\n{ended.output[-1000:]}")
             if ended.status != 0:
                 return {"outcome": "killed", "line": line, "by": _killer(ended.status, ended.output), "tests": tried,
@@ -150,6 +150,7 @@ def main() -> int:
     parser.add_argument("--scale", type=float, default=1.0, metavar="X", help="times as many mutants")
     parser.add_argument("--trace", action="store_true", help="copy the tree and trace its tests anew")
     parser.add_argument("--beside", action="store_true", help="trace only the tests beside the packages")
+    parser.add_argument("--wide", action="store_true", help="ask tests elsewhere, too")
     parser.add_argument("--again", action="store_true", help="run recorded survivors again")
     options = parser.parse_args()
     base = cache_base()
@@ -163,7 +164,7 @@ def main() -> int:
     for mutant in drawn(base, options.seed, groups, options.scale):
         if table.has(options.seed, mutant) and not (options.again and table.survived(options.seed, mutant)):
             continue
-        result = judged(base, mutant, selection)
+        result = judged(base, mutant, selection, options.wide)
         table.add(options.seed, mutant, result)
         said = f"{mutant['file']}:{mutant['line']} {mutant['operator']}  {result['by']}"
         print(f"{mutant['group']:<18}{result['outcome']:<9}{result['seconds']:5.1f} s  {said}", flush=True)

@@ -61,7 +61,8 @@ class Selection:
         if not near and not reaching:  # only children run it, or nothing does
             near = {test for test in self._seconds if test.startswith(beside)}
         yield (1, *self._within(near, first))
-        yield (2, *self._within(reaching - near, second))
+        if second:
+            yield (2, *self._within(reaching - near, second))
 
     def _within(self, tests: set[str], budget: float) -> tuple[list[str], float]:
         by_file: dict[str, list[str]] = defaultdict(list)

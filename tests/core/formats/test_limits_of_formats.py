@@ -147,12 +147,13 @@ def test_a_damaged_spz_rotation_is_finite(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("reach", "bits"), [(1e-3, 20), (7.9, 20), (8.1, 19), (5000.0, 10), (8e6, 0), (3e7, 0)])
 def test_spz_positions_are_as_fine_as_24_bits_allow(reach: float, bits: int, tmp_path: Path) -> None:
-    write_gaussians(tmp_path / "a.spz", cloud_of(means=[[reach, -reach, 0.0]]))
+    write_gaussians(tmp_path / "a.spz", cloud_of(means=[[reach, -reach, reach]]))
     data = gzip.decompress((tmp_path / "a.spz").read_bytes())
     assert data[13] == bits
     expected = min(reach, 2**23 - 1)
     np.testing.assert_allclose(read_spz(tmp_path / "a.spz").means[0, 0], expected, atol=0.5 / 2**bits, rtol=1e-6)
     np.testing.assert_allclose(read_spz(tmp_path / "a.spz").means[0, 1], -expected, atol=1.0 / 2**bits, rtol=1e-6)
+    np.testing.assert_allclose(read_spz(tmp_path / "a.spz").means[0, 2], expected, atol=1.0 / 2**bits, rtol=1e-6)
 
 
 def test_spz_harmonics_keep_five_bits_of_the_first_degree_and_four_of_the_others(tmp_path: Path) -> None:
@@ -172,6 +173,12 @@ def test_no_gaussians_at_all(tmp_path: Path) -> None:
     empty = GaussianCloud(*(np.zeros(s, np.float32) for s in ((0, 3), (0, 3), (0, 4), 0, (0, 4, 3))))
     write_gaussians(tmp_path / "a.spz", empty)
     assert read_gaussians(tmp_path / "a.spz").sh.shape == (0, 4, 3)
+
+
+@pytest.mark.parametrize("name", ["a.glb", "a.gltf", "a.spz", "a.splat", "a.ply"])
+def test_a_file_that_is_not_there_is_named(name: str, tmp_path: Path) -> None:
+    with pytest.raises(FormatError, match=name):
+        read_gaussians(tmp_path / name)
 
 
 # --- glTF --------------------------------------------------------------------------------------------------------

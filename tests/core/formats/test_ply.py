@@ -128,6 +128,14 @@ def test_odd_number_of_harmonics_is_refused(tmp_path):
         read_ply(tmp_path / "twin.ply")
 
 
+def test_harmonics_with_a_gap_are_refused(tmp_path):
+    """As many as a degree has, but not one after the other."""
+    write_ply(tmp_path / "twin.ply", some_cloud())
+    rewritten(tmp_path / "twin.ply", lambda f: {n.replace("f_rest_8", "f_rest_9"): v for n, v in f.items()})
+    with pytest.raises(FormatError, match="9 f_rest"):
+        read_ply(tmp_path / "twin.ply")
+
+
 def test_no_such_file_and_a_folder(tmp_path):
     for path in (tmp_path / "absent.ply", tmp_path):
         with pytest.raises(FormatError, match=path.name):
