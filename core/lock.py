@@ -16,7 +16,7 @@ from .transaction import recover
 
 try:
     from filelock import FileLock, Timeout
-except ModuleNotFoundError:  # in Blender's own Python
+except ModuleNotFoundError:  # in a Blender whose Python is used without the installed extension, which brings it
     FileLock = None  # type: ignore[assignment,misc]
 
 #: Held by the operating system for as long as the process lives, so that none is left behind by a kill.
@@ -30,7 +30,8 @@ _OWNER = {"process": count, "task": text, "since": text}
 def locked(folder: Path, task: str, wait: float = 0.0) -> Iterator[None]:
     """Nobody else works on `folder` until the block ends; the lock of a process that died is taken over.
 
-    Blender's own Python has no filelock: what it writes itself, single files in one go, it writes without a lock.
+    A Blender without the installed extension may have no filelock: what it writes itself, single files in one go, it
+    writes without a lock.
 
     Args:
         folder: made if it is not there.

@@ -27,7 +27,8 @@ assert name in bpy.context.preferences.addons, list(bpy.context.preferences.addo
 assert bpy.context.preferences.addons[name].preferences.python == "", "the add-on has no preferences"
 assert not bpy.app.online_access
 from pathlib import Path
-assert list(Path(sys.argv[3]).rglob("site-packages/plyfile.py")), "the bundled wheel was not installed"
+for bundled in ("plyfile.py", "filelock/__init__.py"):
+    assert list(Path(sys.argv[3]).rglob(f"site-packages/{bundled}")), f"the bundled {bundled} was not installed"
 assert bpy.ops.dgs.import_twin(filepath=sys.argv[2]) == {"FINISHED"}
 assert len(bpy.data.objects["twin"].data.vertices) == 9
 bpy.ops.preferences.addon_disable(module=name)
