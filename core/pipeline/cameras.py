@@ -21,6 +21,7 @@ from ..sfm.given import load_cameras
 from ..sfm.settings import SfmSettings
 from ..training.settings import TrainingSettings
 from ..twin.folder import TwinFolder
+from .surface import with_surface
 from .world import near_origin
 
 
@@ -50,12 +51,14 @@ class CameraSearch:
         resume: take those in the folder, if there are.
         sh_degree: of the training: its kernels become ready meanwhile; None where nothing is to become ready.
         refined: those in the folder were refined since: they count even where the user gave some.
+        held: names of photos that show no surface to a run that is scored on them.
     """
 
     settings: SfmSettings
     resume: bool
     sh_degree: int | None = None
     refined: bool = False
+    held: frozenset[str] = frozenset()
 
 
 def search_for(request: TrainingRequest, threads: int, hurried: bool, resume: bool) -> CameraSearch:
@@ -78,7 +81,7 @@ def cameras_of(
     """Cameras of the photos, kept in the folder.
 
     Args:
-        given: by the user; None to find the cameras.
+        given: by the user; None to find the cameras. Where they came without points, the photos give some.
 
     Raises:
         CameraError: no trustworthy cameras, or fewer than two.
@@ -91,6 +94,10 @@ def cameras_of(
         found = given
         if resumed and search.refined:
             found = replace(given, reconstruction=load_cameras(folder.camera_folder, photos))
+        elif given.reconstruction.figures.scattered:
+            seen, threads = [photo for photo in photos if photo.name not in search.held], search.settings.threads
+            known = with_surface(given.reconstruction, seen, medium, threads, folder, resumed, progress)
+            found = replace(given, reconstruction=known)
     elif resumed:
         found = FoundCameras(load_cameras(folder.camera_folder, photos), "sfm")
         progress.note("The cameras are those of the run that is resumed")
@@ -121,8 +128,6 @@ def given_cameras(path: Path, photos: list[Photo], progress: Progress) -> Recons
             "The cameras lie too far from their origin for files of float32: cameras and twin were moved; "
             f"add ({', '.join(f'{value:g}' for value in offset)}) to return to the world that was given"
         )
-    if reconstruction.figures.scattered:
-        progress.note("The cameras came without points: random ones stand where the cameras look")
     return reconstruction
 
 

@@ -115,7 +115,7 @@ def _stages(
     # What a checkpoint goes on from was trained with refined cameras already.
     refined = run.cameras.refine and run.resume and folder.checkpoint.is_file()
     search = search_for(run.training, machine.threads, hurried, run.resume or run.keep_cameras)
-    search = replace(search, refined=refined)
+    search = replace(search, refined=refined, held=frozenset(loaded.held))
     cameras = cameras_of(given_ones, loaded.photos, blur.medium, search, folder, keeper)
     photos = loaded.placed(cameras.reconstruction.poses)
     watch.lap("sfm")

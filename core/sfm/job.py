@@ -20,6 +20,10 @@ JOB_FILE = "job.json"
 REFERENCES = "references.json"
 #: Features of the reference photos, where they were kept, by the names in the plan.
 KEPT = "kept.npz"
+#: Of a job whose cameras are known: their lenses and poses by image name, and the pairs that are matched.
+KNOWN = "known.json"
+#: What the child leaves of such a job: points and who sees them.
+POINTS = "points.npz"
 #: What the parent writes last: the references' poses and depth.
 PLAN = "place.json"
 

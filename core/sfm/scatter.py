@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..camera import Camera
 from ..numbers import BY_DEFINITION, number
 from ..photos.load import Photo
 from ..reconstruction import Reconstruction
@@ -42,7 +41,7 @@ def scattered_points(
     """
     given = list(cameras.cameras().values())
     by_name = {photo.name: photo for photo in photos}
-    focus = _closest_point(given, settings)
+    focus = closest_point(np.array([c.centre for c in given]), np.array([c.rotation[2] for c in given]), settings)
     count = settings.count
     noise = np.random.default_rng(seed)
     positions, colours = np.empty((count, 3)), np.empty((count, 3), np.uint8)
@@ -60,15 +59,19 @@ def scattered_points(
     return SparsePoints(positions, colours)
 
 
-def _closest_point(cameras: list[Camera], settings: ScatteredPointSettings) -> NDArray[np.float64]:
-    """The point nearest to all optical axes, least squares; a spread ahead where they are parallel."""
-    centres = np.array([c.centre for c in cameras])
-    axes = np.array([c.rotation[2] for c in cameras])
+def closest_point(
+    centres: NDArray[np.float64], axes: NDArray[np.float64], settings: ScatteredPointSettings = SETTINGS
+) -> NDArray[np.float64]:
+    """The point nearest to all optical axes, least squares; a spread ahead where they are parallel.
+
+    Args:
+        centres, axes: [V, 3] positions of the cameras, and the directions in which they look.
+    """
     across = np.eye(3) - axes[:, :, None] * axes[:, None, :]
     matrix = across.sum(0)
     spread = float(np.sqrt(((centres - centres.mean(0)) ** 2).sum(1).mean())) or 1.0
     ahead = centres.mean(0) + settings.parallel_distance * spread * axes.mean(0)
     # A weak prior at a guess ahead decides what parallel axes leave open.
-    prior = settings.parallel_prior * len(cameras)
+    prior = settings.parallel_prior * len(centres)
     target = np.einsum("nij,nj->i", across, centres) + prior * ahead
     return np.linalg.solve(matrix + prior * np.eye(3), target)

@@ -18,6 +18,7 @@ STAGES = {
     "movie": "Choosing frames",
     "photos": "Reading photos",
     "cameras": "Finding cameras",
+    "surface": "Finding surfaces",
     "geometry": "Preparing surfaces",
     "compile": "Compiling",
     "train": "Optimizing",

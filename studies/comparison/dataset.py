@@ -149,6 +149,8 @@ def load_dataset(settings: StudySettings, threads: int, progress: Progress) -> D
         cameras, _ = kept_cameras(kept, photos, medium, search, progress)
     else:
         cameras = given_cameras(_camera_file(settings, own), photos, progress)
+        if cameras.figures.scattered:
+            progress.note("The cameras came without points: random ones stand where the cameras look")
     reference = None if own is None else load_cameras(own, photos)
     registered = [photo for photo in photos if photo.name in cameras.poses]
     if len(registered) < 2:

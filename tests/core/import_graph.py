@@ -16,7 +16,7 @@ FLOORS = (
     ("core.rasterizer", "core.imaging", "core.formats", "core.photos", "core.evaluation"),
     ("core.forward",),
     ("core.calibration", "core.sfm", "core.training"),
-    ("core.inspection", "core.backends"),
+    ("core.inspection", "core.backends", "core.surface"),
     ("core.effects",),
     ("core.report",),
     ("core.twin", "core.effort"),

@@ -1,0 +1,87 @@
+"""Depth maps checked by one another: a surface that only one view finds is none."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import compiled
+from ..numbers import number
+from .agreement_kernels import compare_with_maps
+from .stack import Floats, ViewStack
+from .sweep import DepthMap
+
+
+@dataclass(frozen=True)
+class AgreementSettings:
+    """Of the check of depth maps between views."""
+
+    same: float = number(0.01, "share of the depth", "within which two views see the same surface")
+    through: float = number(0.03, "share of the depth", "behind a point, from which on a view looks through it")
+    witnesses: int = number(2, "views", "that must see the same surface; one where few views are swept")
+    few: int = number(8, "views", "swept, below which one witness is enough")
+    conflicts: float = number(0.5, "share of the witnesses", "that may look through a point that is believed")
+
+
+SETTINGS = AgreementSettings()
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Points against depth maps: [N] views that see the same surface, views that see one behind, and depth ratio."""
+
+    agree: NDArray[np.int32]
+    conflict: NDArray[np.int32]
+    ratio: NDArray[np.float32]
+
+
+def compared(
+    positions: Floats,
+    own: NDArray[np.int32],
+    maps: Sequence[DepthMap],
+    views: ViewStack,
+    settings: AgreementSettings = SETTINGS,
+) -> Comparison:
+    """Compares points [N, 3] with all maps but each point's own ([N] indices into `maps`, or -1)."""
+    agree, conflict = np.zeros((2, len(positions)), np.int32)
+    ratio = np.ones(len(positions), np.float32)
+    if len(maps) and len(positions):
+        depths, of = np.stack([m.depth for m in maps]), np.array([m.view for m in maps], np.int32)
+        places = (views.projections, views.offsets, views.sizes)
+        limits = (settings.same, settings.through)
+        fixed = (np.ascontiguousarray(positions), own, depths, of, *places, *limits)
+        compiled.run(compare_with_maps, len(positions), *fixed, agree, conflict, ratio, grain=4096)
+    return Comparison(agree, conflict, ratio)
+
+
+def agreed(maps: Sequence[DepthMap], views: ViewStack, settings: AgreementSettings = SETTINGS) -> list[DepthMap]:
+    """The maps with only those px that enough others confirm, moved to the mean of what all of them see."""
+    lifted = [lifted_map(one, views) for one in maps]
+    if not lifted:
+        return []
+    own = np.concatenate([np.full(len(p), i, np.int32) for i, p in enumerate(lifted)])
+    found = compared(np.concatenate(lifted), own, maps, views, settings)
+    needed = settings.witnesses if len(maps) >= settings.few else 1
+    believed = (found.agree >= needed) & (found.conflict <= settings.conflicts * found.agree)
+    # Each further witness halves the doubt.
+    factor = np.where(believed, 1.0 - 0.5**found.agree, 0.0)
+    checked, at = [], 0
+    for one, points in zip(maps, lifted, strict=True):
+        part = slice(at, at + len(points))
+        at += len(points)
+        there = one.depth > 0
+        depth, confidence = np.zeros_like(one.depth), np.zeros_like(one.confidence)
+        depth[there] = one.depth[there] * found.ratio[part] * believed[part]
+        confidence[there] = one.confidence[there] * factor[part]
+        checked.append(DepthMap(one.view, depth, confidence))
+    return checked
+
+
+def lifted_map(one: DepthMap, views: ViewStack) -> Floats:
+    """[K, 3] the points of a map, row by row."""
+    rows, columns = np.nonzero(one.depth > 0)
+    pixels = np.stack([columns, rows], axis=1) + 0.5
+    return views.lifted(one.view, pixels, one.depth[rows, columns].astype(np.float64))

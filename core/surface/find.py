@@ -1,0 +1,148 @@
+"""From photos and known cameras to points on surfaces: the row of all steps."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import Cancelled
+from ..imaging.medium import Medium
+from ..numbers import number
+from ..photos.load import Photo
+from ..progress import Progress
+from ..reconstruction import Reconstruction
+from ..sfm.triangulate import Triangulated
+from ..views import SparsePoints
+from .agreement import agreed, lifted_map
+from .choice import chosen_references, neighbours_of
+from .depths import KnownScene, depth_bounds, found_features
+from .fill import filled_maps
+from .hull import Hull, carved_hull
+from .hull_points import hull_samples
+from .stack import ViewStack, stack_views
+from .sweep import DepthMap, swept
+from .union import Samples, evened
+
+
+@dataclass(frozen=True)
+class SurfaceSettings:
+    """Of what becomes of the steps' findings."""
+
+    trusted: float = number(0.2, "confidence", "that a sample which several views see has at least")
+    guessed: float = number(0.1, "confidence", "of a sample between trusted ones")
+    carved: float = number(0.05, "confidence", "of a sample on the visual hull: the surface is there or behind")
+    minimum_samples: int = number(500, "samples", "that several views must see before they count as surfaces")
+    minimum_features: int = number(50, "points", "that features must give before they stand for surfaces on their own")
+
+
+SETTINGS = SurfaceSettings()
+
+
+@dataclass(frozen=True)
+class FoundSurface:
+    """What was found.
+
+    Attributes:
+        points: dense with confidence; sparse ones where only features were found; None at all where nothing was.
+        words: where they come from, in a sentence; empty where there are none.
+        warnings: what the user should know of the cameras.
+    """
+
+    points: SparsePoints = field(repr=False)
+    words: str
+    warnings: tuple[str, ...] = ()
+
+
+def surface_points(
+    photos: Sequence[Photo],
+    cameras: Reconstruction,
+    medium: Medium,
+    work_dir: Path,
+    threads: int,
+    progress: Progress,
+    settings: SurfaceSettings = SETTINGS,
+) -> FoundSurface:
+    """A first surface from photos whose cameras are known.
+
+    Args:
+        photos: of any size; those without a camera are left out.
+        medium: the blur is undone before anything is compared.
+        work_dir: where the child process that triangulates may make a folder; threads: of that process.
+        progress: hears of each view; may cancel.
+
+    Raises:
+        Cancelled: the user asked to stop.
+    """
+    seen = [photo for photo in photos if photo.name in cameras.poses]
+    progress.stage("surface")
+    views = stack_views(seen, cameras, medium)
+    scene = KnownScene(seen, cameras, medium, views, carved_hull(views))
+    features, warning = found_features(scene, work_dir, threads, progress)
+    warnings = (warning,) if warning else ()
+    references = chosen_references(views)
+    maps = _maps(scene, references, features, progress)
+    checked = agreed(maps, views)
+    trusted = _samples(checked, views, settings.trusted)
+    if len(trusted) < settings.minimum_samples:
+        points, words = _without_maps(scene, features, settings)
+        return FoundSurface(points, words, warnings)
+    wanted = [_wanted(views, one.view) for one in maps]
+    parts = [trusted, _samples(filled_maps(checked, views, wanted, scene.hull), views, settings.guessed, even=True)]
+    if scene.hull is not None and scene.hull.bounded:
+        parts.append(hull_samples(scene.hull, views, checked, settings.carved))
+    points = evened(parts)
+    share = len(trusted) / max(1, sum(int(one.sum()) for one in wanted))
+    words = f"{len(points.positions)} points on surfaces: photos agree on the depth of {share:.0%} of what they show"
+    return FoundSurface(points, words, warnings)
+
+
+def _maps(
+    scene: KnownScene, references: Sequence[int], features: Triangulated | None, progress: Progress
+) -> list[DepthMap]:
+    """A map of each of the views in `references`."""
+    progress.stage("surface", len(references))
+    maps = []
+    for done, view in enumerate(references, start=1):
+        if progress.cancelled():
+            raise Cancelled("Stopped while looking for surfaces")
+        bounds = depth_bounds(view, scene, features)
+        others = neighbours_of(view, scene.views, *bounds)
+        maps.append(swept(view, scene.views, others, bounds, _wanted(scene.views, view), scene.hull))
+        progress.advance(done)
+    return maps
+
+
+def _wanted(views: ViewStack, view: int) -> NDArray[np.bool_]:
+    return views.counts[view] if views.empty is None else views.counts[view] & ~views.empty[view]
+
+
+def _without_maps(
+    scene: KnownScene, features: Triangulated | None, settings: SurfaceSettings
+) -> tuple[SparsePoints, str]:
+    """What is left where views do not agree on depths: the hull, or features, or nothing."""
+    hull: Hull | None = scene.hull
+    if hull is not None and hull.bounded:
+        points = evened([hull_samples(hull, scene.views, [], settings.carved)])
+        return points, f"{len(points.positions)} points on the hull of what the photos leave open: they show no depth"
+    if features is None or len(features.positions) < settings.minimum_features or features.contradicts:
+        return SparsePoints(np.zeros((0, 3)), np.zeros((0, 3), np.uint8)), ""
+    words = f"{len(features.positions)} features that were triangulated: the photos show no more"
+    return SparsePoints(features.positions, features.colours), words
+
+
+def _samples(maps: Sequence[DepthMap], views: ViewStack, least: float, even: bool = False) -> Samples:
+    """The px of maps as samples; their confidence from `least` to 1, or `least` for all."""
+    positions, colours, confidence, spacing = [], [], [], []
+    for one in maps:
+        there = one.depth > 0
+        positions.append(lifted_map(one, views))
+        colours.append(views.colours[one.view][: there.shape[0], : there.shape[1]][there])
+        own = one.confidence[there]
+        confidence.append(np.full_like(own, least) if even else least + (1 - least) * own)
+        spacing.append(one.depth[there].astype(np.float64) / views.focals[one.view])
+    joined = [np.concatenate(values) for values in (positions, colours, confidence, spacing)]
+    return Samples(joined[0], joined[1], joined[2], joined[3])

@@ -1,0 +1,155 @@
+"""Small pinhole views of all photos in one stack: what a first surface is sought on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import compiled
+from ..imaging.medium import Medium
+from ..numbers import number
+from ..photos.empty import background_shows
+from ..photos.load import Photo
+from ..photos.scale import resized, resized_mask, size_within
+from ..photos.undistort import undistorted_views
+from ..reconstruction import Reconstruction
+from ..sfm.sharpen import luma, wiener
+from ..views import View
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class StackSettings:
+    """Of the small views."""
+
+    longest_side: int = number(
+        256, "px", "of a small view: twice as many take eight times as long; the training finds what is finer"
+    )
+    noise_to_signal: float = number(
+        1.0e-3, "power ratio", "of the Wiener filter on small views; larger: less noise, less fine detail"
+    )
+
+
+SETTINGS = StackSettings()
+
+
+@dataclass(frozen=True)
+class ViewStack:
+    """All views, padded to one size.
+
+    Attributes:
+        names: [V] of the photos.
+        sizes: [V, 2] int32 width, height.
+        projections, offsets: [V, 3, 3], [V, 3] float64: (u z, v z, z) = projection @ world + offset.
+        rotations, centres: [V, 3, 3] world to camera, [V, 3] positions.
+        inverse: [V, 3, 3]: world direction of depth 1 = inverse @ (u, v, 1).
+        focals: [V] px.
+        grey: [V, H, W] float32, sharpened luma in about [0, 1].
+        colours: [V, H, W, 3] uint8.
+        counts: [V, H, W] bool, px that the photo shows and that count.
+        empty: [V, H, W] bool, px that show nothing but the background; None where no photo says so.
+    """
+
+    names: tuple[str, ...]
+    sizes: NDArray[np.int32]
+    projections: Floats
+    offsets: Floats
+    rotations: Floats
+    centres: Floats
+    inverse: Floats
+    focals: Floats
+    grey: NDArray[np.float32] = field(repr=False)
+    colours: NDArray[np.uint8] = field(repr=False)
+    counts: NDArray[np.bool_] = field(repr=False)
+    empty: NDArray[np.bool_] | None = field(default=None, repr=False)
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def depths(self, view: int, positions: Floats) -> tuple[Floats, Floats]:
+        """Px [K, 2] and depth [K] of the points that lie inside the frame."""
+        p = positions @ self.projections[view].T + self.offsets[view]
+        p = p[p[:, 2] > 0]
+        pixels = p[:, :2] / p[:, 2:]
+        inside = ((pixels >= 0) & (pixels < self.sizes[view])).all(axis=1)
+        return pixels[inside], p[inside, 2]
+
+    def lifted(self, view: int, pixels: Floats, depth: Floats) -> Floats:
+        """[K, 3] points at a depth [K] behind px [K, 2]."""
+        rays = np.concatenate([pixels, np.ones((len(pixels), 1))], axis=1) @ self.inverse[view].T
+        return np.asarray(rays * depth[:, None] + self.centres[view])
+
+
+def stack_views(
+    photos: Sequence[Photo], cameras: Reconstruction, medium: Medium, settings: StackSettings = SETTINGS
+) -> ViewStack:
+    """The photos that have a camera, small, straightened and sharpened, in their order."""
+    seen = [photo for photo in photos if photo.name in cameras.poses]
+    with ThreadPoolExecutor(compiled.threads()) as pool:
+        small = list(pool.map(lambda photo: _shrunk(photo, settings.longest_side), seen))
+    lenses = {p.name: cameras.lenses[p.name].resized(*p.size) for p in small}
+    views = undistorted_views(small, replace(cameras, lenses=lenses))
+    width, height = (max(getattr(v.camera, side) for v in views) for side in ("width", "height"))
+    count = len(views)
+    grey = np.zeros((count, height, width), np.float32)
+    colours = np.zeros((count, height, width, 3), np.uint8)
+    counts, empty = np.zeros((2, count, height, width), bool)
+
+    def fill(index: int) -> None:
+        view, photo = views[index], seen[index]
+        inside = (index, slice(0, view.camera.height), slice(0, view.camera.width))
+        grey[inside] = _sharpened(view, photo.size[0] / view.camera.width, medium, settings)
+        colours[inside] = view.photo if view.photo.dtype == np.uint8 else (view.photo >> 8).astype(np.uint8)
+        counts[inside] = True if view.mask is None else view.mask
+        nothing = background_shows(view)
+        if nothing is not None:
+            empty[inside] = nothing
+
+    with ThreadPoolExecutor(compiled.threads()) as pool:
+        list(pool.map(fill, range(count)))
+    return ViewStack(
+        tuple(view.name for view in views),
+        np.array([(v.camera.width, v.camera.height) for v in views], np.int32),
+        **_matrices(views),
+        grey=grey,
+        colours=colours,
+        counts=counts,
+        empty=empty if empty.any() else None,
+    )
+
+
+def _matrices(views: Sequence[View]) -> dict[str, Floats]:
+    lenses = np.array([[[c.fx, 0, c.cx], [0, c.fy, c.cy], [0, 0, 1]] for c in (v.camera for v in views)])
+    rotations = np.array([v.camera.rotation for v in views])
+    translations = np.array([v.camera.translation for v in views])
+    return {
+        "projections": lenses @ rotations,
+        "offsets": np.einsum("nij,nj->ni", lenses, translations),
+        "rotations": rotations,
+        "centres": np.array([v.camera.centre for v in views]),
+        "inverse": rotations.transpose(0, 2, 1) @ np.linalg.inv(lenses),
+        "focals": np.sqrt(lenses[:, 0, 0] * lenses[:, 1, 1]),
+    }
+
+
+def _shrunk(photo: Photo, longest: int) -> Photo:
+    width, height = size_within(*photo.size, longest)
+    if (width, height) == photo.size:
+        return photo
+    mask = None if photo.mask is None else resized_mask(photo.mask, width, height)
+    alpha = None if photo.alpha is None else resized(photo.alpha, width, height)
+    return replace(photo, pixels=resized(photo.pixels, width, height), mask=mask, alpha=alpha)
+
+
+def _sharpened(view: View, shrunk: float, medium: Medium, settings: StackSettings) -> NDArray[np.float32]:
+    grey = luma(view.photo)
+    psf = medium.psf_for(view.name)
+    if psf is None or psf.is_identity:
+        return grey
+    kernel = psf.on_grid(max(1.0, shrunk)).kernel()
+    return grey if kernel.size == 1 else wiener(grey, kernel, settings.noise_to_signal)

@@ -1,0 +1,98 @@
+"""Depth of a view's px by plane sweep (Collins 1996) over its neighbours, with how sure it is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import compiled
+from ..numbers import number
+from .hull import EMPTY, Hull
+from .hull_kernels import bar_planes
+from .stack import ViewStack
+from .sweep_kernels import BARRED, best_planes, plane_costs, window_statistics
+
+
+@dataclass(frozen=True)
+class SweepSettings:
+    """Of the planes, the windows, and of what is believed."""
+
+    planes: int = number(80, "count", "inverse depths, evenly spaced between the nearest and the farthest")
+    radius: int = number(2, "px", "windows of (2 radius + 1)^2 px are compared; larger: steadier, and blunter at edges")
+    texture: float = number(
+        0.012, "share of white", "standard deviation of a window below which it shows noise rather than texture"
+    )
+    apart: int = number(3, "planes", "between two minima that count as two")
+    largest_cost: float = number(0.4, "1 - correlation", "of the best plane, above which no view agrees")
+    sure_cost: float = number(0.1, "1 - correlation", "below which the agreement could not be better")
+    least_margin: float = number(
+        0.04, "correlation", "by which the best plane must beat every other minimum: repetitive texture has many"
+    )
+    sure_margin: float = number(0.3, "correlation", "of a minimum that nothing comes near")
+
+
+SETTINGS = SweepSettings()
+
+
+@dataclass(frozen=True)
+class DepthMap:
+    """What a sweep found of one view.
+
+    Attributes:
+        view: its index.
+        depth: [H, W] float32 along the axis, world units; 0 where nothing is believed.
+        confidence: [H, W] float32 in [0, 1].
+    """
+
+    view: int
+    depth: NDArray[np.float32] = field(repr=False)
+    confidence: NDArray[np.float32] = field(repr=False)
+
+
+def swept(
+    view: int,
+    views: ViewStack,
+    others: NDArray[np.int32],
+    bounds: tuple[float, float],
+    wanted: NDArray[np.bool_],
+    hull: Hull | None = None,
+    settings: SweepSettings = SETTINGS,
+) -> DepthMap:
+    """The depth of a view's px.
+
+    Args:
+        others: [N] indices of its neighbours.
+        bounds: depths between which surfaces are sought, world units.
+        wanted: [H, W] px that are asked.
+        hull: whose empty cells hold no surface.
+    """
+    shape = wanted.shape
+    nothing = DepthMap(view, np.zeros(shape, np.float32), np.zeros(shape, np.float32))
+    rows, columns = np.flatnonzero(wanted.any(1)), np.flatnonzero(wanted.any(0))
+    if len(others) == 0 or len(rows) == 0:
+        return nothing
+    grey = views.grey[view]
+    mean, scale = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
+    least = np.float32(settings.texture)
+    compiled.run(window_statistics, shape[0], grey, wanted, settings.radius, least, mean, scale, grain=8)
+    turns = np.einsum("nij,jk->nik", views.projections[others], views.inverse[view])
+    shifts = np.einsum("nij,j->ni", views.projections[others], views.centres[view]) + views.offsets[others]
+    planes = np.linspace(1.0 / bounds[1], 1.0 / bounds[0], settings.planes)
+    box = np.array([columns[0], rows[0], columns[-1] + 1, rows[-1] + 1], np.int64)
+    costs = np.full((settings.planes, *shape), 2.0, np.float32)
+    fixed = (grey, mean, scale, box, views.grey, views.counts, views.sizes, others, turns, shifts, planes)
+    compiled.run(plane_costs, settings.planes, *fixed, settings.radius, costs)
+    if hull is not None:
+        grid = (hull.states, hull.origin, hull.size, EMPTY, np.float32(BARRED))
+        rays = (box, views.inverse[view], views.centres[view], planes)
+        compiled.run(bar_planes, settings.planes, *rays, *grid, costs)
+    index, cost, margin = (np.zeros(shape, np.float32) for _ in range(3))
+    compiled.run(best_planes, shape[0], costs, scale, settings.apart, index, cost, margin, grain=8)
+    confidence = np.clip((settings.largest_cost - cost) / (settings.largest_cost - settings.sure_cost), 0, 1)
+    distinct = (margin - settings.least_margin) / (settings.sure_margin - settings.least_margin)
+    confidence *= np.clip(distinct, 0, 1) * (index >= 0)
+    inverse = planes[0] + index * (planes[1] - planes[0])
+    depth = np.where(confidence > 0, 1.0 / np.maximum(inverse, planes[0]), 0.0)
+    return DepthMap(view, depth.astype(np.float32), confidence.astype(np.float32))

@@ -1,0 +1,121 @@
+"""Many overlapping samples of surfaces, made one even set."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..numbers import number
+from ..views import SparsePoints
+from .stack import Floats
+
+#: Cells along each axis that a key has room for.
+_ROOM = 1 << 19
+
+
+@dataclass(frozen=True)
+class UnionSettings:
+    """Of the set of points."""
+
+    count: int = number(
+        60000, "count", "points at most: a training of 100,000 Gaussians begins with fewer than it ends"
+    )
+    finest: float = number(0.5, "px of a small view", "least side of a cell: finer than that nothing was measured")
+    coarsest: float = number(64.0, "px of a small view", "largest side of a cell")
+    near: float = number(2.0, "cells", "within which a better sample leaves no need for a worse one")
+    halvings: int = number(12, "count", "steps in which the side of a cell is found")
+
+
+SETTINGS = UnionSettings()
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Samples of surfaces.
+
+    Attributes:
+        positions: [N, 3] float64; colours: [N, 3] uint8; confidence: [N] float32 in (0, 1].
+        spacing: [N] float64, world units that a px of the view covers there.
+    """
+
+    positions: Floats
+    colours: NDArray[np.uint8]
+    confidence: NDArray[np.float32]
+    spacing: Floats
+
+    def __len__(self) -> int:
+        return len(self.positions)
+
+    def chosen(self, which: NDArray[np.bool_]) -> Samples:
+        """Some of them."""
+        return Samples(self.positions[which], self.colours[which], self.confidence[which], self.spacing[which])
+
+
+def joined(parts: Sequence[Samples]) -> Samples:
+    """All of them, in this order."""
+    fields = ("positions", "colours", "confidence", "spacing")
+    return Samples(*(np.concatenate([getattr(part, name) for part in parts]) for name in fields))
+
+
+def evened(parts: Sequence[Samples], settings: UnionSettings = SETTINGS) -> SparsePoints:
+    """One point for each cell that holds samples: their mean place, median colour and best confidence.
+
+    Args:
+        parts: the most trustworthy first; samples of later ones count only where none of earlier ones are near.
+
+    Returns:
+        At most about `settings.count` points, in an order of no meaning.
+
+    The cells are as large as they must be for `settings.count` points, and grow with the distance from which
+    the samples were seen (by powers of two), as a px does.
+    """
+    samples = joined(parts)
+    if len(samples) == 0:
+        return SparsePoints(np.zeros((0, 3)), np.zeros((0, 3), np.uint8), np.zeros(0, np.float32))
+    rank = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
+    low, high = settings.finest, settings.coarsest
+    kept = _kept(samples, rank, low, settings)
+    if len(np.unique(_keys(kept, low))) > settings.count:
+        for _ in range(settings.halvings):
+            middle = (low * high) ** 0.5
+            kept = _kept(samples, rank, middle, settings)
+            low, high = (middle, high) if len(np.unique(_keys(kept, middle))) > settings.count else (low, middle)
+        kept, low = _kept(samples, rank, high, settings), high
+    return _merged(kept, _keys(kept, low))
+
+
+def _kept(samples: Samples, rank: NDArray[np.int64], side: float, settings: UnionSettings) -> Samples:
+    """Without those that have a more trustworthy one in their (wider) cell."""
+    _, index = np.unique(_keys(samples, settings.near * side), return_inverse=True)
+    best = np.full(index.max() + 1, rank.max())
+    np.minimum.at(best, index, rank)
+    return samples.chosen(rank == best[index])
+
+
+def _keys(samples: Samples, side: float) -> NDArray[np.int64]:
+    level = np.floor(np.log2(np.maximum(samples.spacing, 1e-300)))
+    cell = np.floor((samples.positions - samples.positions.min(0)) / (side * 2.0**level)[:, None]).astype(np.int64)
+    cell = np.minimum(cell, _ROOM - 1)
+    levels = (level - level.min()).astype(np.int64) % 8
+    return np.asarray(((levels * _ROOM + cell[:, 0]) * _ROOM + cell[:, 1]) * _ROOM + cell[:, 2])
+
+
+def _merged(samples: Samples, keys: NDArray[np.int64]) -> SparsePoints:
+    _, index, counts = np.unique(keys, return_inverse=True, return_counts=True)
+    total = len(counts)
+    weight = samples.confidence.astype(np.float64)
+    whole = np.bincount(index, weight, total)
+    places = [np.bincount(index, weight * samples.positions[:, k], total) / whole for k in range(3)]
+    starts = np.concatenate([[0], np.cumsum(counts)[:-1]])
+    colours = np.empty((total, 3), np.uint8)
+    for k in range(3):
+        order = np.lexsort((samples.colours[:, k], index))
+        colours[:, k] = samples.colours[order[starts + counts // 2], k]
+    best = np.zeros(total, np.float32)
+    np.maximum.at(best, index, samples.confidence)
+    # In an order of no meaning: whoever takes the first thousand takes them from everywhere.
+    shuffled = np.random.default_rng(0).permutation(total)
+    return SparsePoints(np.stack(places, axis=1)[shuffled], colours[shuffled], best[shuffled])

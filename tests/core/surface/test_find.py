@@ -1,0 +1,114 @@
+"""From photos and known cameras to points, in a real child process; and what is said where cameras are wrong."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from dgs.core.errors import Cancelled
+from dgs.core.imaging.medium import Medium
+from dgs.core.photos.scale import resized
+from dgs.core.pose import Pose
+from dgs.core.progress import Silent
+from dgs.core.sfm.settings import SfmSettings
+from dgs.core.sfm.triangulate import triangulate
+from dgs.core.surface.depths import KnownScene, found_features
+from dgs.core.surface.find import surface_points
+from dgs.core.surface.stack import stack_views
+from dgs.tests.core.surface.scenes import BEHIND, RADIUS, arc, around, drawn
+
+
+class _Stopped(Silent):
+    def cancelled(self) -> bool:
+        return True
+
+
+@pytest.fixture(scope="module")
+def scene():
+    """Large enough for features."""
+    return drawn(arc(6), (240, 180), 250.0)
+
+
+def _off(positions: np.ndarray) -> np.ndarray:
+    """[N] distance of points from the nearer of ball and plane."""
+    return np.minimum(np.abs(np.linalg.norm(positions, axis=1) - RADIUS), np.abs(positions[:, 2] - BEHIND))
+
+
+def _pairs(scene):
+    names = [photo.name for photo in scene.photos]
+    return [(a, b) for i, a in enumerate(names) for b in names[i + 1 : i + 3]]
+
+
+def test_features_at_known_poses_lie_on_the_surfaces(scene, tmp_path):
+    found = triangulate(
+        scene.photos, scene.cameras, _pairs(scene), None, SfmSettings(threads=1), tmp_path / "work", Silent()
+    )
+    assert len(found.positions) > 100 and found.on_lines > 0.7 and not found.contradicts
+    assert found.reprojection_px < 1.0 and np.median(_off(found.positions)) < 0.02
+    assert set(found.names) == {photo.name for photo in scene.photos}
+    point, view = found.observations[0]
+    camera = scene.cameras.cameras()[found.names[view]]
+    p = camera.rotation @ found.positions[point] + camera.translation
+    assert p[2] > 0 and 0 < p[0] / p[2] * camera.fx + camera.cx < camera.width
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_cameras_of_other_photos_are_noticed(scene, tmp_path):
+    """Each photo gets the camera of the next one."""
+    names = sorted(scene.cameras.poses)
+    poses = {name: scene.cameras.poses[names[(i + 2) % len(names)]] for i, name in enumerate(names)}
+    turned = Pose(np.diag([-1.0, -1.0, 1.0]), np.zeros(3))
+    poses = {n: Pose(turned.rotation @ p.rotation, turned.rotation @ p.translation) for n, p in poses.items()}
+    wrong = replace(scene.cameras, poses=poses)
+    views = stack_views(scene.photos, wrong, Medium())
+    found, warning = found_features(KnownScene(scene.photos, wrong, Medium(), views, None), tmp_path, 1, Silent())
+    assert found is not None and found.contradicts and "may not be those of the photos" in warning
+
+
+def test_surfaces_in_front_of_a_wall(tmp_path):
+    """Every point has a confidence; those that are sure lie on ball or wall, and nothing floats before the cameras."""
+    scene = drawn(arc(6), (128, 96), 133.0)
+    found = surface_points(scene.photos, scene.cameras, Medium(), tmp_path, 1, Silent())
+    points = found.points
+    assert found.warnings == () and "points on surfaces" in found.words
+    assert len(points.positions) > 5000 and points.confidence is not None
+    assert (points.confidence > 0).all() and (points.confidence <= 1).all()
+    sure = points.confidence > 0.5
+    assert sure.mean() > 0.3 and (_off(points.positions[sure]) < 0.06).mean() > 0.95
+    assert (_off(points.positions) < 0.3).mean() > 0.95
+    assert points.positions[:, 2].min() > -1.3
+
+
+def test_an_object_seen_from_around(tmp_path):
+    """Transparent photos: no point where a photo shows that nothing is there."""
+    scene = drawn(around(20), plane=False)
+    found = surface_points(scene.photos, scene.cameras, Medium(), tmp_path, 1, Silent())
+    radius = np.linalg.norm(found.points.positions, axis=1)
+    assert len(radius) > 2000 and np.median(np.abs(radius - RADIUS)) < 0.03 and radius.max() < 1.25 * RADIUS
+    # All round: every octant has its share.
+    octant = (found.points.positions > 0) @ [1, 2, 4]
+    assert np.bincount(octant, minlength=8).min() > 0.05 * len(radius)
+
+
+def test_photos_that_show_nothing_give_no_points(tmp_path):
+    scene = drawn(arc(4), (48, 36), 50.0, ball=False, plain=True)
+    found = surface_points(scene.photos, scene.cameras, Medium(), tmp_path, 1, Silent())
+    assert len(found.points.positions) == 0 and found.words == ""
+
+
+def test_photos_of_several_sizes_and_without_a_camera(tmp_path):
+    scene = drawn(arc(7), (96, 72))
+    half = replace(scene.photos[3], pixels=resized(scene.photos[3].pixels, 48, 36))
+    photos = [*scene.photos[:3], half, *scene.photos[4:]]
+    lenses = dict(scene.cameras.lenses)
+    lenses[half.name] = lenses[half.name].resized(48, 36)
+    poses = {name: pose for name, pose in scene.cameras.poses.items() if name != photos[0].name}
+    cameras = replace(scene.cameras, lenses={n: lenses[n] for n in poses}, poses=poses)
+    points = surface_points(photos, cameras, Medium(), tmp_path, 1, Silent()).points
+    assert points.confidence is not None
+    assert (_off(points.positions[points.confidence > 0.5]) < 0.1).mean() > 0.9
+
+
+def test_whoever_cancels_is_heard(tmp_path):
+    scene = drawn(arc(3), (48, 36), 50.0)
+    with pytest.raises(Cancelled):
+        surface_points(scene.photos, scene.cameras, Medium(), tmp_path, 1, _Stopped())

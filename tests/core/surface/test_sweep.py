@@ -1,0 +1,157 @@
+"""Small views, neighbours, planes, agreement and guesses, on scenes whose depth is known."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from dgs.core.imaging.medium import Medium
+from dgs.core.imaging.psf_text import parse_psf
+from dgs.core.surface.agreement import agreed, compared, lifted_map
+from dgs.core.surface.choice import chosen_references, neighbours_of
+from dgs.core.surface.fill import filled_maps
+from dgs.core.surface.stack import StackSettings, stack_views
+from dgs.core.surface.sweep import DepthMap, swept
+from dgs.tests.core.surface.scenes import arc, around, drawn
+from scipy.ndimage import gaussian_filter
+
+NONE = Medium()
+BOUNDS = (3.0, 9.0)
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return drawn(arc(9))
+
+
+@pytest.fixture(scope="module")
+def views(scene):
+    return stack_views(scene.photos, scene.cameras, NONE)
+
+
+@pytest.fixture(scope="module")
+def maps(views):
+    found = []
+    for view in range(len(views)):
+        others = neighbours_of(view, views, *BOUNDS)
+        found.append(swept(view, views, others, BOUNDS, views.counts[view]))
+    return found
+
+
+def test_the_stack_projects_as_the_cameras_do(scene, views):
+    """Also where photos are made smaller: px centres, depth and the way back."""
+    small = stack_views(scene.photos, scene.cameras, NONE, StackSettings(longest_side=48))
+    positions = np.random.default_rng(0).uniform(-1, 1, (50, 3))
+    for stack, shrunk in ((views, 1.0), (small, 0.5)):
+        for index, camera in enumerate(scene.cameras.cameras().values()):
+            p = positions @ camera.rotation.T + camera.translation
+            pixels, depth = stack.depths(index, positions)
+            np.testing.assert_allclose(depth, p[:, 2])
+            np.testing.assert_allclose(pixels, shrunk * (p[:, :2] / p[:, 2:] * camera.fx + [camera.cx, camera.cy]))
+            np.testing.assert_allclose(stack.lifted(index, pixels, depth), positions, atol=1e-9)
+    assert small.grey.shape == (9, 36, 48) and views.empty is None and views.counts.all()
+    assert abs(float(small.grey.mean()) - float(views.grey.mean())) < 0.01
+
+
+def test_a_blur_is_undone_before_anything_is_compared(scene, views):
+    """In full: what is compared is nearer to the sharp photo than the blurred one is."""
+    blurred = [replace(p, pixels=gaussian_filter(p.pixels, (1.2, 1.2, 0)).astype(np.uint8)) for p in scene.photos[:2]]
+    through = stack_views(blurred, scene.cameras, Medium(parse_psf("gaussian:1.2")))
+    as_filed = stack_views(blurred, scene.cameras, NONE)
+    inside = (slice(None), slice(6, -6), slice(6, -6))
+    off = [np.abs(s.grey - views.grey[:2])[inside].mean() for s in (through, as_filed)]
+    assert off[0] < 0.5 * off[1]
+
+
+def test_references_are_spread_and_neighbours_see_the_same():
+    scene = drawn(around(24), (32, 24), 33.0)
+    views = stack_views(scene.photos, scene.cameras, NONE)
+    chosen = chosen_references(views, count=6)
+    assert len(set(chosen)) == 6 and chosen == sorted(chosen)
+    directions = views.centres / np.linalg.norm(views.centres, axis=1, keepdims=True)
+    nearest = np.sort(directions[chosen] @ directions[chosen].T, axis=1)[:, -2]
+    assert nearest.max() < np.cos(np.radians(35))  # 24 views stand 30 degrees apart
+    for view in chosen:
+        others = neighbours_of(view, views, 4.0, 6.0)
+        angles = np.degrees(np.arccos(directions[others] @ directions[view]))
+        assert view not in others and len(others) >= 2 and angles.max() < 50
+        limited = neighbours_of(view, views, 4.0, 6.0, among=np.isin(np.arange(24), others[1:]))
+        assert set(limited) <= set(others[1:])
+
+
+def test_planes_find_the_depth(scene, maps):
+    """Of what is believed, nearly all lies within one per cent, on ball and plane; most of the frame is believed."""
+    for one, truth in zip(maps, scene.depths, strict=True):
+        sure = one.confidence > 0.3
+        error = np.abs(one.depth / truth - 1)[sure]
+        assert sure.mean() > 0.4
+        assert (error < 0.01).mean() > 0.9 and np.median(error) < 0.002
+
+
+def test_exposure_changes_nothing(scene, views, maps):
+    dimmer = replace(views, grey=np.ascontiguousarray(views.grey * np.linspace(0.4, 1, 9)[:, None, None] + 0.1))
+    dimmer.grey.flags.writeable = False
+    dimmer = replace(dimmer, grey=dimmer.grey.astype(np.float32))
+    others = neighbours_of(6, views, *BOUNDS)
+    found = swept(6, dimmer, others, BOUNDS, views.counts[6])
+    both = (found.confidence > 0.3) & (maps[6].confidence > 0.3)
+    assert both.sum() > 0.9 * (maps[6].confidence > 0.3).sum()
+    assert np.abs(found.depth[both] / maps[6].depth[both] - 1).max() < 0.01
+
+
+def test_what_has_no_texture_or_nobody_else_sees_is_not_believed():
+    plain = drawn(arc(5), plain=True)
+    views = stack_views(plain.photos, plain.cameras, NONE)
+    others = neighbours_of(2, views, *BOUNDS)
+    found = swept(2, views, others, BOUNDS, views.counts[2])
+    wall = plain.depths[2] > 5.5
+    inside = np.zeros_like(wall)
+    inside[8:-8, 8:-8] = True
+    shrunk = wall & np.roll(wall, 6, 1) & np.roll(wall, -6, 1) & np.roll(wall, 6, 0) & np.roll(wall, -6, 0)
+    assert (found.depth[shrunk & inside] == 0).all()
+    assert not swept(2, views, others[:0], BOUNDS, views.counts[2]).depth.any()
+    assert not swept(2, views, others, BOUNDS, np.zeros_like(wall)).depth.any()
+
+
+def test_maps_confirm_one_another_and_shreds_are_dropped(scene, views, maps):
+    """A patch that one view alone sees in front of everything is gone, and true depths get closer to the truth."""
+    torn = [DepthMap(m.view, m.depth.copy(), m.confidence.copy()) for m in maps]
+    torn[4].depth[20:40, 30:60] = 3.5
+    torn[4].confidence[20:40, 30:60] = 1.0
+    checked = agreed(torn, views)
+    assert (checked[4].depth[22:38, 32:58] == 0).mean() > 0.99
+    for before, after, truth in zip(maps, checked, scene.depths, strict=True):
+        kept = (after.depth > 0) & (before.depth > 0)
+        kept[20:40, 30:60] = False
+        off = [np.median(np.abs(m.depth / truth - 1)[kept]) for m in (before, after)]
+        assert kept.mean() > 0.3 and off[1] < off[0]
+        assert (np.abs(after.depth / truth - 1)[kept] < 0.01).mean() > 0.95
+
+
+def test_points_are_seen_through_only_by_views_that_see_behind_them(scene, views):
+    truth = [DepthMap(i, d.astype(np.float32), np.ones_like(d, np.float32)) for i, d in enumerate(scene.depths)]
+    on = lifted_map(truth[0], views)[::50]
+    ahead = views.centres[0] + 0.8 * (on - views.centres[0])
+    behind = views.centres[0] + 1.2 * (on - views.centres[0])
+    none = np.full(len(on), -1, np.int32)
+    found = [compared(points, none, truth, views) for points in (on, ahead, behind)]
+    assert (found[0].agree >= 2).mean() > 0.9 and (found[0].conflict == 0).mean() > 0.9
+    assert (found[1].conflict >= 2).mean() > 0.9 and (found[2].conflict == 0).mean() > 0.9
+
+
+def test_gaps_are_bridged_on_surfaces_and_not_across_edges(scene, views):
+    truth = [DepthMap(i, d.astype(np.float32), np.ones_like(d, np.float32)) for i, d in enumerate(scene.depths)]
+    holed = [DepthMap(m.view, m.depth.copy(), m.confidence) for m in truth]
+    holed[4].depth[5:15, 5:20] = 0  # on the plane
+    edge = np.abs(np.diff(truth[4].depth, axis=1)).max(axis=1).argmax()
+    column = int(np.abs(np.diff(truth[4].depth[edge])).argmax())
+    holed[4].depth[edge - 1 : edge + 2, column - 4 : column + 5] = 0  # where ball and plane meet
+    wanted = [np.ones_like(m.depth, bool) for m in truth]
+    found = filled_maps(holed, views, wanted, None)
+    gap = found[4].depth[5:15, 5:20]
+    there = gap > 0
+    assert there.mean() > 0.2  # every second px of both directions
+    np.testing.assert_allclose(gap[there], truth[4].depth[5:15, 5:20][there], rtol=1e-4)
+    crossing = found[4].depth[edge, column - 4 : column + 5]
+    wrong = (crossing > 0) & (np.abs(crossing / truth[4].depth[edge, column - 4 : column + 5] - 1) > 0.1)
+    assert not wrong.any()
+    assert not any(m.depth.any() for k, m in enumerate(found) if k != 4)
