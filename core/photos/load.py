@@ -34,6 +34,10 @@ from .scale import resized, resized_mask, size_within
 
 #: Bytes of a picture that need not lie in its file, and how many times larger than its file a larger picture may be.
 _SMALL_PICTURE, _MOST_PACKED = 2**28, 100
+#: What deflate packs at most into a byte (zlib's technical details); a JPEG of nothing but one colour comes close.
+_MOST_DEFLATED = 1032
+#: Bytes that a PNG's px have in the file, by its colour type, at 8 bits: the PNG standard's channels.
+_PNG_CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}
 # What a photo of a large sensor has is no attack; what has twice as many px is refused all the same.
 warnings.filterwarnings("ignore", category=Image.DecompressionBombWarning)
 
@@ -269,6 +273,8 @@ def load_photo(path: Path, max_size: int | None = None, background: Background |
         read, content = _read(path), file_digest(path)
     except PhotoError:
         raise
+    except MemoryError as error:
+        raise PhotoError(f"'{path.name}' is too large for the memory", "Make it smaller, or free memory") from error
     except Exception as error:  # decoders raise whatever they like; the file's name is what helps
         reason = str(error).strip().splitlines()[0][:120] if str(error).strip() else type(error).__name__
         raise PhotoError(f"'{path.name}' cannot be read as a photo ({reason})", "Replace or remove the file") from error
@@ -302,10 +308,12 @@ def _read(path: Path) -> _Decoded:
         importlib.import_module(HEIF_PACKAGE).register_heif_opener()  # an extra package
     # (of a file Pillow takes as much memory as a PNG chunk declares to be long)
     with Image.open(io.BytesIO(path.read_bytes()) if path.suffix.lower() == ".png" else path) as opened:
+        _check_packed(opened, path)
         exif = opened.getexif()
         focal = exif.get_ifd(_EXIF_IFD).get(_FOCAL_35MM)
         opened.load()
-        image: Image.Image = ImageOps.exif_transpose(opened) or opened
+        image: Image.Image = opened
+        ImageOps.exif_transpose(image, in_place=True)  # (a large photo should lie in memory no more often than it must)
         if image.mode in {"I;16", "I;16B", "I;16L", "I", "F"}:
             grey = np.asarray(image)
             return _from_array(grey.astype(np.uint16) if grey.dtype.kind in "iu" else grey)
@@ -314,7 +322,20 @@ def _read(path: Path) -> _Decoded:
             rgba = image.convert("RGBA")
             alpha = np.asarray(rgba.getchannel("A")).copy()
             image = rgba
-        return _Decoded(np.asarray(image.convert("RGB")).copy(), alpha, float(focal) if focal else None)
+        image = image if image.mode == "RGB" else image.convert("RGB")
+        return _Decoded(np.asarray(image).copy(), alpha, float(focal) if focal else None)
+
+
+def _check_packed(opened: Image.Image, path: Path) -> None:
+    """Refuses a PNG or JPEG whose file cannot hold as many px as it declares: decoders fill the rest with black."""
+    declared = opened.width * opened.height * 3
+    if opened.format == "PNG":
+        with path.open("rb") as stream:
+            depth, kind = stream.read(26)[24:]
+        declared = opened.width * opened.height * depth * _PNG_CHANNELS.get(kind, 1) // 8
+    if opened.format in ("PNG", "JPEG") and declared > _MOST_DEFLATED * path.stat().st_size:
+        size = f"{opened.width} x {opened.height} px"
+        raise PhotoError(f"'{path.name}' declares {size}, which its file cannot hold", "Replace or remove the file")
 
 
 def _png_depth(path: Path) -> int:
@@ -330,12 +351,12 @@ def _read_tiff(path: Path) -> _Decoded:
         assert isinstance(page, tifffile.TiffPage)
         photometric = int(page.photometric)
         orientation = page.tags.get("Orientation")
+        _check_declared(page, path)
         if photometric not in (0, 1, 2):  # palette, CMYK, YCbCr, Lab: Pillow converts them
             with Image.open(path) as opened:
                 opened.load()
                 upright = ImageOps.exif_transpose(opened) or opened
                 return _Decoded(np.asarray(upright.convert("RGB")).copy())
-        _check_declared(page, path)
         array = page.asarray()
         if int(page.planarconfig) == 2 and array.ndim == 3:
             array = array.transpose(1, 2, 0)

@@ -95,6 +95,7 @@ def test_a_fuzz_goes_on_where_it_stopped(tmp_path):
 FOUND = {
     "kernel .npy": [883, 924],
     "kernel .png": [1766],
+    "photo .png": [4322],
     "photo .tif": [1907],
     "16-bit photo .tif": [711, 775, 1303, 1462],
     "runs of a machine": [2170, 2491],

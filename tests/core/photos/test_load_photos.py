@@ -190,6 +190,45 @@ def test_broken_files_are_named_and_left_out(tmp_path: Path) -> None:
         load_photos(tmp_path, None, Silent(), minimum=3)
 
 
+def declaring(content: bytes, mark: bytes, offset: int, size: bytes) -> bytes:
+    """A picture whose header says another size."""
+    at = content.index(mark) + offset
+    return content[:at] + size + content[at + len(size) :]
+
+
+def test_a_picture_that_its_file_cannot_hold(tmp_path: Path) -> None:
+    """The decoders would fill gigabytes with black."""
+    for name in ("a.png", "b.jpg"):
+        Image.new("RGB", (64, 48), (200, 10, 10)).save(tmp_path / name)
+    png, jpeg = ((tmp_path / name).read_bytes() for name in ("a.png", "b.jpg"))
+    chunk = b"IHDR" + struct.pack(">II", 9000, 9000) + png[24:29]
+    (tmp_path / "a.png").write_bytes(png[:12] + chunk + struct.pack(">I", zlib.crc32(chunk)) + png[33:])
+    (tmp_path / "b.jpg").write_bytes(declaring(jpeg, b"\xff\xc0", 5, struct.pack(">HH", 9000, 9000)))
+    for name in ("a.png", "b.jpg"):
+        with pytest.raises(PhotoError, match=f"'{name}' declares 9000 x 9000 px, which its file cannot hold"):
+            load_photo(tmp_path / name)
+
+
+def test_pictures_of_one_colour_are_packed_as_far_as_can_be_and_read(tmp_path: Path) -> None:
+    Image.new("1", (4000, 4000), 1).save(tmp_path / "a.png", optimize=True)
+    Image.new("L", (2000, 2000), 255).save(tmp_path / "b.png", compress_level=9)
+    Image.new("RGB", (4000, 2000), (9, 9, 9)).save(tmp_path / "c.jpg", optimize=True, progressive=True, quality=1)
+    assert (tmp_path / "c.jpg").stat().st_size < 4000 * 2000 * 3 / 400
+    for name, size in (("a.png", (4000, 4000)), ("b.png", (2000, 2000)), ("c.jpg", (4000, 2000))):
+        photo = load_photo(tmp_path / name)
+        assert photo.size == size and np.ptp(photo.pixels) == 0
+
+
+def test_a_lack_of_memory_is_called_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(path: Path) -> str:
+        raise MemoryError
+
+    Image.new("L", (8, 6)).save(tmp_path / "a.png")
+    monkeypatch.setattr("dgs.core.photos.load.file_digest", full)
+    with pytest.raises(PhotoError, match="'a.png' is too large for the memory"):
+        load_photo(tmp_path / "a.png")
+
+
 def test_missing_and_empty_folders(tmp_path: Path) -> None:
     with pytest.raises(PhotoError, match="no folder"):
         load_photos(tmp_path / "nowhere", None, Silent())
