@@ -8,7 +8,7 @@ import pytest
 from dgs.core.camera import Camera
 from dgs.core.errors import CheckpointError, OutputError
 from dgs.core.training.checkpoint import Checkpoint, load_checkpoint, save_checkpoint
-from dgs.core.training.origin import origin
+from dgs.core.training.origin import SAME_CAMERA, _same, origin
 from dgs.core.views import SparsePoints, View
 
 FINGERPRINT = {"settings": {"seed": 0, "steps": 10}, "photos": ["a.png", "b.png"], "blur space": "srgb"}
@@ -218,3 +218,15 @@ def test_damaged_digests_end_in_words(tmp_path, junk):
             load_checkpoint(kept_with(tmp_path, {**BEFORE, key: junk}), BEFORE)
         except CheckpointError:
             continue
+
+
+@pytest.mark.parametrize("index", range(19))
+def test_every_number_of_a_camera_counts(index):
+    """Frame and lens by the larger side, the rotation by one, the centre by the world's extent; either way."""
+    now = [80.0, 60.0, 70.0, 71.0, 40.0, 30.0, *np.eye(3).ravel(), 0.0, 0.0, -2.0, 2.0]
+    scale = 80.0 if index < 6 else 1.0 if index < 15 else 5.0
+    for share, same in ((0.9, True), (1.1, False), (-0.9, True), (-1.1, False)):
+        kept = list(now)
+        kept[index] += share * SAME_CAMERA * scale
+        assert _same(kept, now, 5.0) is same
+    assert not _same(now[:-1], now, 5.0) and not _same("x", now, 5.0) and not _same(None, now, 5.0)

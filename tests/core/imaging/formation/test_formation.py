@@ -186,3 +186,15 @@ def test_off_is_free(space, psf):
     with Operations() as on:
         photo_of(frame, medium, Formation([Vignetting(torch.tensor([0.2] * 3))]), here)
     assert len(on.names) > len(plain.names)  # the counter does count
+
+
+def test_effects_are_taken_where_they_act():
+    formation = Formation([made(name) for name in ("haze", "exposure", "vignetting")])
+    assert [effect.name for effect in formation.sensor] == [made("exposure").name, made("vignetting").name]
+
+
+def test_gradients_of_several_photos_add_up():
+    effect = made("vignetting")
+    for value in (2.0, 3.0, 0.5):
+        effect._add("amount", torch.tensor([value, -value]))
+    assert effect.gradients["amount"].tolist() == [5.5, -5.5]
