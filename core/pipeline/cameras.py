@@ -51,6 +51,7 @@ class CameraSearch:
         resume: take those in the folder, if there are.
         sh_degree: of the training: its kernels become ready meanwhile; None where nothing is to become ready.
         refined: those in the folder were refined since: they count even where the user gave some.
+        hurried: points of cameras that came without any are found in a hurry.
         held: names of photos that show no surface to a run that is scored on them.
     """
 
@@ -58,6 +59,7 @@ class CameraSearch:
     resume: bool
     sh_degree: int | None = None
     refined: bool = False
+    hurried: bool = False
     held: frozenset[str] = frozenset()
 
 
@@ -95,8 +97,8 @@ def cameras_of(
         if resumed and search.refined:
             found = replace(given, reconstruction=load_cameras(folder.camera_folder, photos))
         elif given.reconstruction.figures.scattered:
-            seen, threads = [photo for photo in photos if photo.name not in search.held], search.settings.threads
-            known = with_surface(given.reconstruction, seen, medium, threads, folder, resumed, progress)
+            seen = [photo for photo in photos if photo.name not in search.held]
+            known = with_surface(given.reconstruction, seen, medium, search.hurried, folder, resumed, progress)
             found = replace(given, reconstruction=known)
     elif resumed:
         found = FoundCameras(load_cameras(folder.camera_folder, photos), "sfm")

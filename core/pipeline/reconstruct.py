@@ -111,11 +111,12 @@ def _stages(
     file = run.cameras.given
     given_ones = None if file is None else FoundCameras(given_cameras(file, loaded.photos, keeper), "given", file)
     begun.check_photos(loaded.contents, None if given_ones is None else given_ones.reconstruction.digest())
-    hurried = given_ones is None and timing.hurry(loaded.photos)
+    known = given_ones is not None and not given_ones.reconstruction.figures.scattered
+    hurried = not known and timing.hurry(loaded.photos)
     # What a checkpoint goes on from was trained with refined cameras already.
     refined = run.cameras.refine and run.resume and folder.checkpoint.is_file()
     search = search_for(run.training, machine.threads, hurried, run.resume or run.keep_cameras)
-    search = replace(search, refined=refined, held=frozenset(loaded.held))
+    search = replace(search, refined=refined, hurried=hurried, held=frozenset(loaded.held))
     cameras = cameras_of(given_ones, loaded.photos, blur.medium, search, folder, keeper)
     photos = loaded.placed(cameras.reconstruction.poses)
     watch.lap("sfm")

@@ -7,13 +7,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from .. import compiled
 from ..imaging.medium import Medium
 from ..numbers import number
 from ..photos.load import Photo
 from ..progress import Progress
 from ..reconstruction import Reconstruction
 from ..sfm.given import load_cameras
-from ..surface.find import surface_points
+from ..surface.find import SurfaceSettings, surface_points
 from ..twin.folder import TwinFolder
 
 
@@ -31,7 +32,7 @@ def with_surface(
     given: Reconstruction,
     photos: Sequence[Photo],
     medium: Medium,
-    threads: int,
+    hurried: bool,
     folder: TwinFolder,
     resumed: bool,
     progress: Progress,
@@ -40,7 +41,7 @@ def with_surface(
 
     Args:
         given: cameras with random points.
-        photos: that may be looked at.
+        photos: that may be looked at; hurried: fewer of them.
         resumed: whether the folder's points are taken, if it has such.
 
     Raises:
@@ -51,7 +52,8 @@ def with_surface(
         progress.note("The points are those of the run that is resumed")
         random = bool((kept.confidence <= SETTINGS.confidence).all())
         return replace(given, points=kept, figures=replace(given.figures, scattered=random))
-    found = surface_points(photos, given, medium, folder.sfm_folder, threads, progress)
+    settings = SurfaceSettings(hurried=hurried)
+    found = surface_points(photos, given, medium, folder.sfm_folder, compiled.threads(), progress, settings)
     for warning in found.warnings:
         progress.note(warning)
     if len(found.points.positions) == 0:

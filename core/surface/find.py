@@ -25,13 +25,19 @@ from .hull import Hull, carved_hull
 from .hull_points import hull_samples
 from .stack import ViewStack, stack_views
 from .sweep import DepthMap, swept
-from .union import Samples, evened
+from .union import Samples, evened, joined
 
 
 @dataclass(frozen=True)
 class SurfaceSettings:
-    """Of what becomes of the steps' findings."""
+    """Of what becomes of the steps' findings.
 
+    Attributes:
+        hurried: fewer views are swept, and features are sought in these only.
+    """
+
+    hurried: bool = False
+    hurried_references: int = number(12, "views", "that are swept where time is short")
     trusted: float = number(0.2, "confidence", "that a sample which several views see has at least")
     guessed: float = number(0.1, "confidence", "of a sample between trusted ones")
     carved: float = number(0.05, "confidence", "of a sample on the visual hull: the surface is there or behind")
@@ -81,9 +87,10 @@ def surface_points(
     progress.stage("surface")
     views = stack_views(seen, cameras, medium)
     scene = KnownScene(seen, cameras, medium, views, carved_hull(views))
-    features, warning = found_features(scene, work_dir, threads, progress)
+    count = settings.hurried_references if settings.hurried else None
+    features, warning = found_features(scene, work_dir, threads, progress, count)
     warnings = (warning,) if warning else ()
-    references = chosen_references(views)
+    references = chosen_references(views, count=count)
     maps = _maps(scene, references, features, progress)
     checked = agreed(maps, views)
     trusted = _samples(checked, views, settings.trusted)
@@ -136,13 +143,12 @@ def _without_maps(
 
 def _samples(maps: Sequence[DepthMap], views: ViewStack, least: float, even: bool = False) -> Samples:
     """The px of maps as samples; their confidence from `least` to 1, or `least` for all."""
-    positions, colours, confidence, spacing = [], [], [], []
+    parts = []
     for one in maps:
         there = one.depth > 0
-        positions.append(lifted_map(one, views))
-        colours.append(views.colours[one.view][: there.shape[0], : there.shape[1]][there])
         own = one.confidence[there]
-        confidence.append(np.full_like(own, least) if even else least + (1 - least) * own)
-        spacing.append(one.depth[there].astype(np.float64) / views.focals[one.view])
-    joined = [np.concatenate(values) for values in (positions, colours, confidence, spacing)]
-    return Samples(joined[0], joined[1], joined[2], joined[3])
+        sure = np.full_like(own, least) if even else least + (1 - least) * own
+        colours = views.colours[one.view][: there.shape[0], : there.shape[1]][there]
+        spacing = one.depth[there].astype(np.float64) / views.focals[one.view]
+        parts.append(Samples(lifted_map(one, views), colours, sure.astype(np.float32), spacing))
+    return joined(parts)

@@ -12,9 +12,17 @@ from dgs.core.progress import Silent
 from dgs.core.sfm.settings import SfmSettings
 from dgs.core.sfm.triangulate import triangulate
 from dgs.core.surface.depths import KnownScene, found_features
-from dgs.core.surface.find import surface_points
+from dgs.core.surface.find import SurfaceSettings, surface_points
 from dgs.core.surface.stack import stack_views
 from dgs.tests.core.surface.scenes import BEHIND, RADIUS, arc, around, drawn
+
+
+class _Stages(Silent):
+    def __init__(self) -> None:
+        self.stages: list[tuple[str, int | None]] = []
+
+    def stage(self, name: str, total: int | None = None) -> None:
+        self.stages.append((name, total))
 
 
 class _Stopped(Silent):
@@ -87,6 +95,12 @@ def test_an_object_seen_from_around(tmp_path):
     # All round: every octant has its share.
     octant = (found.points.positions > 0) @ [1, 2, 4]
     assert np.bincount(octant, minlength=8).min() > 0.05 * len(radius)
+
+
+def test_in_a_hurry_fewer_views_are_swept(tmp_path):
+    scene, heard = drawn(around(16), (48, 36), 50.0, plane=False), _Stages()
+    found = surface_points(scene.photos, scene.cameras, Medium(), tmp_path, 1, heard, SurfaceSettings(hurried=True))
+    assert ("surface", 12) in heard.stages and len(found.points.positions) > 500
 
 
 def test_photos_that_show_nothing_give_no_points(tmp_path):
