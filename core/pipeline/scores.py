@@ -17,6 +17,7 @@ from ..imaging.formation.chain import Formation
 from ..imaging.formation.effect import Shot
 from ..imaging.medium import Medium
 from ..lens import Lens
+from ..photos.empty import background_shows
 from ..photos.load import Photo
 from ..photos.scale import resized
 from ..photos.truth import TruthFolder
@@ -110,7 +111,7 @@ class ViewScorer:
         degraded = to_pixels(self.viewer.degraded(lens, pose, self.medium, photo.name, self.formation))
         scores = ViewScores(photo.name)
         filed = self._filed(photo, lens)
-        matched = matched_psnr(_planes(degraded), filed.transpose(2, 0, 1), photo.mask)
+        matched = matched_psnr(_planes(degraded), filed.transpose(2, 0, 1), photo.mask, background_shows(photo))
         scores.add_photo(_unit(degraded), filed, photo.mask, matched)
         return degraded, scores
 

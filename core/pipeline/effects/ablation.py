@@ -198,7 +198,7 @@ class Ablation:
             shown = viewer.degraded(lens, Pose(c.rotation, c.translation), medium, view.name, formation)
             shot = Shot(view.name, c.height, c.width, middle=(c.cx, c.cy))
             photo = over_filed(view.planes(), view.transparency(), view.background, formation, shot)
-            scores.append(matched_psnr(shown, photo, view.mask))
+            scores.append(matched_psnr(shown, photo, view.mask, background_shows(view)))
         return scores
 
     def _finer(self, arm: Arm) -> Ablation:

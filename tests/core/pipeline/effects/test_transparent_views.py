@@ -7,12 +7,14 @@ import pytest
 import torch
 from dgs.core.background import Background
 from dgs.core.camera import Camera
+from dgs.core.colour import linear_to_srgb, srgb_to_linear
 from dgs.core.compositing import blended, under
 from dgs.core.effects.registry import effect_named
 from dgs.core.effects.vignetting import Vignetting
 from dgs.core.imaging.formation.chain import Formation
 from dgs.core.imaging.formation.effect import Shot
 from dgs.core.pipeline.effects.corrected import corrected, over_filed
+from dgs.core.pipeline.effects.matched import matched_psnr
 from dgs.core.views import View
 
 HEIGHT, WIDTH = 60, 80
@@ -52,6 +54,16 @@ def test_a_filed_photo_over_its_filed_background_is_the_filed_render() -> None:
     seen = over_filed(view.planes(), view.transparency(), background, DARKENED, SHOT)
     assert np.abs(seen - DARKENED.filed(torch.from_numpy(render), SHOT).numpy()).max() < 1e-3
     assert over_filed(view.planes(), None, None, DARKENED, SHOT) is not None
+
+
+def test_a_photos_own_gain_is_not_that_of_its_background() -> None:
+    (colours, alpha), background = straight_and_alpha(), Background()
+    photo = blended(background, colours, 1 - alpha)
+    brighter = np.asarray(linear_to_srgb(1.3 * srgb_to_linear(colours)), np.float32)
+    render = blended(background, brighter, 1 - alpha)
+    behind = alpha < 0.5
+    assert matched_psnr(render, photo, None, behind) > matched_psnr(render, photo) + 10
+    assert matched_psnr(render, photo, None, np.zeros_like(behind)) == matched_psnr(render, photo)
 
 
 def test_the_background_is_no_clipped_highlight() -> None:
