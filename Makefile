@@ -6,7 +6,7 @@ SHELL := /bin/bash
 PY := .venv/bin/python
 export PYTHON
 
-.PHONY: help setup demo test same mutants known-mutants stress lint constants format bench bench-sfm accuracy tradeoff paper extension window clean
+.PHONY: help setup demo test same mutants known-mutants stress crash-test lint constants format bench bench-sfm accuracy tradeoff paper extension window clean
 
 help:  ## This list
 	@grep -E '^[a-z-]+:.*## ' Makefile | sed -E 's/:.*## /\t/' | expand -t 14
@@ -31,6 +31,9 @@ known-mutants: setup  ## Break a copy of the tree in known ways: the tests named
 
 stress: setup  ## Every hard case on this machine; ARGS="--torture" or "--fuzz 100000"
 	@$(PY) run_dgs.py stress $(ARGS)
+
+crash-test: setup  ## Pull the plug at every step of every command (an hour, resumable); ARGS="--only rollback"
+	@$(PY) -m tools.crash_test $(ARGS)
 
 lint: setup  ## ruff and mypy
 	@tools/lint.sh

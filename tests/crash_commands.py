@@ -20,7 +20,7 @@ import traceback
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import dgs
 import numpy as np
@@ -44,10 +44,11 @@ from PIL import Image
 
 WIDTH, HEIGHT, STEPS = 64, 48, 24
 #: Fields of JSON that differ from run to run: times, memory, and what a resumed run says of itself.
-UNLIKE = {"seconds", "machine", "memory", "peak_memory_mb", "predicted", "notes", "stopped", "time"}
-#: Parts of the page that hold times: numbers, and charts over time.
-FIGURES = re.compile(r"<svg.*?</svg>|[0-9][0-9.,]*|<li>Going on from.*?</li>", re.DOTALL)
-
+UNLIKE = {"seconds", "machine", "memory", "peak_memory_mb", "predicted", "notes", "stopped", "time", "resume"}
+#: Parts of the page that hold such: numbers, charts over time, notes and settings.
+FIGURES = re.compile(
+    r"<svg.*?</svg>|[0-9][0-9.,]*|<h3[^>]*>Notes</h3>.*?</ul>|<details><summary>Settings.*?</details>|\s+", re.DOTALL
+)
 #: Parts of a folder that are no state of it: pictures of the training that runs or ran last, and features of photos
 #: by name, which are found again where they are missing.
 PASSING = ("snapshot", "sfm")
@@ -126,12 +127,18 @@ def _exported(suffix: str, twin: str) -> Callable[[Path, Path], None]:
 
 CASES = (
     Case("reconstruct into a new folder", "nothing", _MADE, again=(*_MADE, "--resume")),
-    Case("reconstruct over a twin with an update", "updated", (*_OTHER, "--snapshots"), again=(*_OTHER, "--resume")),
+    Case(
+        "reconstruct over a twin with an update",
+        "updated",
+        (*_OTHER, "--snapshots"),
+        again=(*_OTHER, "--snapshots", "--resume"),
+    ),
     Case("resume a stopped run", "stopped", (*_MADE, "--resume")),
     Case("resume a killed run", "killed", (*_MADE, "--resume")),
     Case("resume a killed run over a twin", "killed over", (*_OTHER, "--resume")),
     Case("update", "made", (*_UPDATE, "--progress", "none")),
     Case("rollback", "updated", ("update", "{folder}", "--rollback", "--progress", "none")),
+    Case("rollback to another run's twin", "replaced", ("update", "{folder}", "--rollback", "--progress", "none")),
     Case("next-view", "made", (*_NEXT, "--progress", "none")),
     Case("next-view again", "updated", (*_NEXT, "--progress", "none", "--candidates", "dome")),
     Case("render over pictures", "pictures", tuple(word.replace("%s", "b.ply") for word in _RENDER)),
@@ -164,6 +171,7 @@ class Stage:
             "nothing": self._nothing,
             "made": lambda: self._run(_MADE),
             "updated": self._updated,
+            "replaced": lambda: (self._run(_MADE), self._run(_OTHER)),
             "stopped": lambda: self._cut_off(_MADE, signal.SIGINT, 130),
             "killed": lambda: self._cut_off(_MADE, signal.SIGKILL, -9),
             "killed over": lambda: (self.put("updated"), self._cut_off(_OTHER, signal.SIGKILL, -9)),
@@ -238,20 +246,26 @@ def child(work: Callable[[], int]) -> tuple[int, str]:
     reads, writes = os.pipe()
     process = os.fork()
     if process == 0:
-        status = 99
-        try:
-            os.close(reads)
-            os.dup2(writes, 2)
-            os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-            status = work()
-        except BaseException:  # noqa: BLE001  (the child must end here, whatever happened)
-            traceback.print_exc()
-        finally:
-            os._exit(status)
+        os.close(reads)
+        run_and_exit(work, writes)
     os.close(writes)
     with os.fdopen(reads, "r", errors="replace") as pipe:
         said = pipe.read()
     return os.waitstatus_to_exitcode(os.waitpid(process, 0)[1]), said
+
+
+def run_and_exit(work: Callable[[], int], said: int) -> NoReturn:
+    """Ends this forked process with the status of `work`; 99: a traceback. `said`: where its stderr goes."""
+    status = 99
+    try:
+        os.dup2(said, 2)
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+        sys.stdout, sys.stderr = open(1, "w", closefd=False), open(2, "w", closefd=False)  # noqa: SIM115
+        status = work()
+    except BaseException:  # noqa: BLE001  (the process must end here, whatever happened)
+        traceback.print_exc()
+    finally:
+        os._exit(status)
 
 
 def warm_up() -> None:

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import json
 import os
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 from dgs.core.errors import DgsError
-from dgs.tests.crash_commands import Case, Stage, State, alike, child, opened, state
-from dgs.tests.crashes import Fault, SmallDisk, arm
+from dgs.core.training.trainer import Trainer
+from dgs.tests.crash_commands import Case, Stage, State, alike, child, opened, run_and_exit, state
+from dgs.tests.crashes import Fault, SmallDisk, arm, counted, unsynced
 
 #: What a trial found: the fault came too late; the state before or after; a mixture of both, or another promise broken.
 Found = Literal["done", "before", "after", "BROKEN"]
@@ -50,6 +52,24 @@ class Trials:
         if status:
             raise AssertionError(f"{case.name} ends with {status} where nothing fails: {said}")
         self.after = alike(stage.folder)
+
+    def steps(self) -> int:
+        """How many changes of the folder the command makes; those of training depend a little on the clock."""
+        self._stage.put(self._case.start)
+        return counted(lambda: self._case.run(self._stage.data, self._stage.folder), self._stage.folder)
+
+    def unsynced(self) -> str:
+        """What a power cut could lose; '' for nothing."""
+        stage, case = self._stage, self._case
+        stage.put(case.start)
+
+        def watched() -> int:
+            faults = unsynced(lambda: case.run(stage.data, stage.folder), stage.folder)
+            print("\n".join(faults), file=sys.stderr, end="", flush=True)
+            return int(bool(faults))
+
+        status, said = child(watched)
+        return said if status else ""
 
     def at(self, fault: Fault, at: int, again: bool) -> FaultResult:
         """The `at`-th change of the folder fails; `again`: then ask for the command again, if it was not done."""
@@ -96,18 +116,31 @@ class Trials:
             raise OSError(f"No small disk could be mounted: {_last(said)}")
         return FaultResult(*json.loads(answer))
 
-    def killed_from_outside(self, kill: Callable[[list[str]], int], again: bool, anew: bool = True) -> FaultResult:
-        """`kill` starts the words as a process of its own, kills it, and returns its status.
-
-        Args:
-            again: whether the command is asked for again afterwards.
-            anew: whether the folder is prepared first, or goes on as the last kill left it.
-        """
+    def killed_from_outside(self, kill: Callable[[list[str]], int], again: bool) -> FaultResult:
+        """`kill` starts the words as a process of its own, kills it, and returns its status."""
         stage, case = self._stage, self._case
-        if anew:
-            stage.put(case.start)
-        status = kill(case.command(stage.data, stage.folder, again=not anew))
-        return self._looked_at(status, "", again)
+        stage.put(case.start)
+        return self._looked_at(kill(case.command(stage.data, stage.folder)), "", again)
+
+    def killed_in_training(self, kill: Callable[[int, int], None], again: bool) -> FaultResult:
+        """`kill` gets a child's number, and a pipe that has a byte when it begins to train."""
+        stage, case = self._stage, self._case
+        stage.put(case.start)
+        reads, writes = os.pipe()
+        usual = Trainer.advance
+
+        def advance(trainer: Trainer, *given: Any) -> float:
+            os.write(writes, b"x")
+            return usual(trainer, *given)
+
+        process = os.fork()
+        if process == 0:
+            Trainer.advance = advance  # type: ignore[method-assign]
+            run_and_exit(lambda: case.run(stage.data, stage.folder), os.open(os.devnull, os.O_WRONLY))
+        os.close(writes)
+        kill(process, reads)
+        os.close(reads)
+        return self._looked_at(os.waitstatus_to_exitcode(os.waitpid(process, 0)[1]), "", again)
 
     def _looked_at(
         self, status: int, said: str, again: bool, more_room: Callable[[], None] = lambda: None

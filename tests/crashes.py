@@ -21,10 +21,14 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, Literal
 
+from dgs.core.transaction import COMMIT, OUTGOING
+
 #: Audit events that change a folder; of 'open' only writing ones.
 CHANGES = ("open", "os.rename", "os.remove", "os.rmdir", "os.mkdir", "os.link", "os.symlink", "os.truncate")
 #: What needs room on the disk.
 NEEDS_ROOM = ("open", "os.mkdir", "os.link", "os.symlink")
+#: No command makes so many changes.
+NEVER = 1 << 30
 #: Statuses of the child: done, ended with an error that was explained, and a traceback.
 DONE, REFUSED, TRACEBACK = 0, 3, 4
 
@@ -67,6 +71,26 @@ def arm(folder: Path, fault: Fault, at: int) -> None:
         ctypes.CDLL(None).faults_arm(os.fsencode(folder), 2 if fault == "kill" else 3, ctypes.c_long(at))
     else:
         sys.addaudithook(_Hook(folder, fault, at))
+
+
+def counted(work: Callable[[], object], folder: Path) -> int:
+    """How many changes of `folder` `work` makes, in a forked child in which none fails."""
+    reads, writes = os.pipe()
+
+    def count() -> None:
+        hook = _Hook(folder, "kill", NEVER)
+        if NATIVE:
+            arm(folder, "kill", NEVER)
+        else:
+            sys.addaudithook(hook)
+        work()
+        done = ctypes.CDLL(None).faults_count(0) if NATIVE else NEVER - hook.left
+        os.write(writes, str(done).encode())
+
+    assert status_of(count) == DONE
+    os.close(writes)
+    with os.fdopen(reads) as pipe:
+        return int(pipe.read())
 
 
 class _Hook:
@@ -161,7 +185,7 @@ def unsynced(work: Callable[[], object], folder: Path) -> list[str]:
     """What a power cut could lose though `work` relies on it, in this process (run it in a child: hooks stay).
 
     Before a file or folder gets another name, its whole content must have been synced since it was last written; when
-    `work` has ended, so must every folder in which names changed.
+    `work` has ended, so must every folder in which names changed. What is on its way out does not count.
 
     Returns:
         a sentence for each fault.
@@ -174,7 +198,8 @@ def unsynced(work: Callable[[], object], folder: Path) -> list[str]:
         work()
     finally:
         os.fsync, watch.folder = usual, "\0"
-    return watch.faults + [f"'{name}' changed its names and was not synced" for name in sorted(watch.changed)]
+    left = sorted(name for name in watch.changed if os.path.isdir(name))
+    return watch.faults + [f"'{name}' changed its names and was not synced" for name in left]
 
 
 class _Durability:
@@ -182,6 +207,8 @@ class _Durability:
         self.folder, self.faults = folder, list[str]()
         self.changed: set[str] = set()
         self._synced: dict[str, tuple[int, int]] = {}
+        found = (os.path.join(at, name) for at, _, names in os.walk(folder) for name in names)
+        self._from_before = {_version(path) for path in found}  # (links to these need no sync)
 
     def synced_by(self, usual: Callable[[int], None]) -> Callable[[int], None]:
         def fsync(handle: int) -> None:
@@ -196,11 +223,14 @@ class _Durability:
         if event != "os.rename" or not _within(arguments[1], self.folder):
             return
         old, new = (os.path.abspath(os.fsdecode(path)) for path in arguments[:2])
+        if f"/{COMMIT}/{OUTGOING}/" in new:
+            return  # (it goes)
         for path in (old, *(os.path.join(at, name) for at, _, files in os.walk(old) for name in files)):
             known = self._synced.get(path)
-            if not os.path.isdir(path) and known != _version(path):
+            version = _version(path)
+            if not os.path.isdir(path) and version not in (known, *self._from_before):
                 self.faults.append(f"'{path}' becomes '{new}' before its content is on the disk")
-            self._synced[new + path[len(old) :]] = _version(path)
+            self._synced[new + path[len(old) :]] = version
         self.changed |= {os.path.dirname(new)}
 
 

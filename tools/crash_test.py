@@ -6,13 +6,14 @@
 Three parts, on the tiny set of tests/crash_commands.py. *Injected failures*: a command runs in a forked process, and at
 its n-th call that changes files (open, write, fsync, rename, link, unlink, mkdir, ...; native code's calls, too) it is
 killed by signal 9, in the middle of the write if it is one; or that call and all later ones that need room fail with
-ENOSPC. Every n is tried. *Small disks*: the folder is a real disk with n pages of room, for every n. *Kills*: commands
-run as users run them and are killed from outside at random moments, half of them while they train, others while they
-put their files in place.
+ENOSPC. Every n is tried. *Small disks*: the folder is a real disk with n pages of room, for every n. *Kills* come
+from outside: forked runs at random moments of their training, and commands that are run as users run them, half of
+these while they put their files in place.
 
 After each, the folder is opened as the program opens it, and every file's digest is compared. Then a sample is asked
 for again (or resumed) and must end as a run that nothing disturbed. Status 0: nothing was lost or mixed. What was done
-is kept in the work folder: a campaign that was cut off goes on. The table gets a row for each command and fault.
+is kept in the work folder: a campaign that was cut off goes on, and several processes may share one. The table gets a
+row for each command and fault.
 """
 
 from __future__ import annotations
@@ -28,27 +29,26 @@ import signal
 import subprocess
 import sys
 import tempfile
-import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, replace
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from dgs.tests.crash_commands import Stage
     from dgs.tests.crash_trials import FaultResult, Trials
 
 ROOT = Path(__file__).resolve().parent.parent
 SOURCE, TABLE = ROOT / "tools" / "file_faults.c", ROOT / "docs" / "studies" / "crashes.csv"
 #: Every how many-th failure the command is asked for again.
-AGAIN = 5
+AGAIN = 7
 #: Kills that wait for the training to begin, as a share of all.
-TRAINING = 0.5
-#: Latest moment of a kill in training, in seconds after it began; and behind the first file that is put in place.
-LATEST, LATEST_PLACING = 30.0, 0.05
-#: Seconds after which a command that was started is given up.
-GIVEN_UP = 300.0
+TRAINING = 0.6
+#: Latest moment of a kill behind the first file that is put in place, in seconds.
+LATEST_PLACING = 0.05
 #: What the program writes first when it puts files in their place.
 PLACING = (".change-next", ".change-commit")
 
@@ -88,12 +88,13 @@ class Journal:
         return self._done[command, fault, at]
 
 
-def every_step(name: str, trials: Trials, journal: Journal, stride: int, disks: bool) -> None:
+def every_step(name: str, make: Callable[[], Trials], journal: Journal, stride: int, disks: bool) -> None:
     """Kills and starves a command at its n-th change, for every n, until there is none; then small disks."""
+    trials = cache(make)  # (not made where all of it was done before)
     ways: dict[str, Callable[[int], FaultResult]] = {
-        "kill": lambda at: trials.at("kill", at, at % AGAIN == 0),
-        "full": lambda at: trials.at("full", at, at % AGAIN == 0),
-        "disk": lambda at: trials.on_disk_of(at, at % AGAIN == 0),
+        "kill": lambda at: trials().at("kill", at, at % AGAIN == 0),
+        "full": lambda at: trials().at("full", at, at % AGAIN == 0),
+        "disk": lambda at: trials().on_disk_of(at, at % AGAIN == 0),
     }
     for fault, look in ways.items():
         if fault == "disk" and not disks:
@@ -107,45 +108,33 @@ def every_step(name: str, trials: Trials, journal: Journal, stride: int, disks: 
                 break
 
 
-def watched(process: subprocess.Popen[str], stage: str) -> threading.Event:
-    """Set when the command says that a stage begins, or ends before it."""
-    reached = threading.Event()
+def kill_a_training(trials: Trials, draw: random.Random, seconds: float, again: bool) -> FaultResult:
+    """Kills a forked process from outside at a random moment of its training, and of what follows it."""
 
-    def read() -> None:
-        assert process.stdout is not None
-        for line in process.stdout:
-            if f'"{stage}"' in line:
-                reached.set()
-        reached.set()
+    def kill(process: int, began: int) -> None:
+        os.read(began, 1)
+        time.sleep(draw.uniform(0.0, seconds))
+        os.kill(process, signal.SIGKILL)
 
-    threading.Thread(target=read, daemon=True).start()
-    return reached
+    return trials.killed_in_training(kill, again)
 
 
 def killer(moment: str, folder: Path, draw: random.Random, seconds: float) -> Callable[[list[str]], int]:
-    """What starts a command and kills it: 'train' after that began, 'place' while files are put in place, 'any'."""
+    """What starts a command as a user does, and kills it: 'placing' while files are put in place, else anywhere."""
 
     def kill(words: list[str]) -> int:
-        words = [word for word in words if not word.startswith("--progress") and word not in ("none", "json")]
-        progress = [] if words[0] == "blend" else ["--progress", "json"]
         process = subprocess.Popen(
-            [sys.executable, str(ROOT / "run_dgs.py"), *words, *progress],
-            stdout=subprocess.PIPE,
+            [sys.executable, str(ROOT / "run_dgs.py"), *words],
+            stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
-            text=True,
             env={name: value for name, value in os.environ.items() if name != "LD_PRELOAD"},
         )
-        began = watched(process, "train" if moment == "train" else "no stage")
-        if moment == "train":
-            began.wait(GIVEN_UP)
-            began_at, wait = time.monotonic(), draw.uniform(0.0, LATEST)
-        elif moment == "place":
+        began, wait = time.monotonic(), draw.uniform(0.0, seconds)
+        if moment == "placing":
             while process.poll() is None and not any((folder / name).exists() for name in PLACING):
                 time.sleep(0.0005)
-            began_at, wait = time.monotonic(), draw.uniform(0.0, LATEST_PLACING)
-        else:
-            began_at, wait = time.monotonic(), draw.uniform(0.0, seconds)
-        while process.poll() is None and time.monotonic() - began_at < wait:
+            began, wait = time.monotonic(), draw.uniform(0.0, LATEST_PLACING)
+        while process.poll() is None and time.monotonic() - began < wait:
             time.sleep(0.0005)
         process.send_signal(signal.SIGKILL)
         return process.wait()
@@ -153,40 +142,37 @@ def killer(moment: str, folder: Path, draw: random.Random, seconds: float) -> Ca
     return kill
 
 
-def kills(count: int, journal: Journal, work: Path) -> None:
-    """Kills real processes at random moments."""
-    from dgs.tests.crash_commands import CASES, Stage
+def kills(count: int, only: str, journal: Journal, stage: Stage) -> None:
+    """Kills processes at random moments from outside."""
+    from dgs.tests.crash_commands import CASES
     from dgs.tests.crash_trials import Trials
 
-    stage = Stage(work / "real")
-    cases = {case.name: replace(case, process=True) for case in CASES if case.work is None}
-    training = [name for name in cases if name.startswith("reconstruct")]
+    cases = {case.name: case for case in CASES if case.work is None}
+    training = [name for name in cases if name.startswith(("reconstruct", "resume"))]
     others = [name for name in cases if not name.startswith("resume")]
-    known: dict[str, tuple[Trials, float]] = {}
+    known: dict[tuple[str, bool], tuple[Trials, float]] = {}
     for number in range(count):
-        draw = random.Random(number)
-        trained = number < TRAINING * count
-        name = (training if trained else others)[number % len(training if trained else others)]
-        long = replace(cases[name], words=_longer(cases[name].words), again=_longer(cases[name].again))
-        case = long if trained else cases[name]
-        moment = "train" if trained else draw.choice(("place", "place", "any"))
-        key = f"{name}{' (long)' if trained else ''}"
+        draw, trained = random.Random(number), number < TRAINING * count
+        name = training[number % len(training)] if trained else others[number % len(others)]
+        moment = "training" if trained else draw.choice(("placing", "any moment"))
+        if only not in f"SIGKILL, {'training' if trained else 'others'}":
+            continue
 
-        def look(case=case, key=key, moment=moment, draw=draw, number=number) -> FaultResult:  # type: ignore[no-untyped-def]
-            if key not in known:
+        def look(name=name, trained=trained, moment=moment, draw=draw, number=number) -> FaultResult:  # type: ignore[no-untyped-def]
+            again = number % AGAIN == 0
+            if (name, trained) not in known:
                 began = time.monotonic()
-                known[key] = Trials(stage, case), time.monotonic() - began
-            trials, seconds = known[key]
-            kill = killer(moment, stage.folder, draw, seconds)
-            first = trials.killed_from_outside(kill, again=number % AGAIN == 0)
-            return replace(first, found="after") if first.found == "done" else first
+                known[name, trained] = (
+                    Trials(stage, replace(cases[name], process=not trained)),
+                    time.monotonic() - began,
+                )
+            trials, seconds = known[name, trained]
+            if trained:
+                return kill_a_training(trials, draw, 0.5 * seconds, again)
+            found = trials.killed_from_outside(killer(moment, stage.folder, draw, seconds), again)
+            return replace(found, found="after") if found.found == "done" else found
 
-        journal.find(key, f"SIGKILL, {moment}", number, look)
-
-
-def _longer(words: tuple[str, ...]) -> tuple[str, ...]:
-    """A training that takes long enough to keep checkpoints."""
-    return tuple({"draft": "fine", "200": "2000"}.get(word, word) for word in words)
+        journal.find(name, f"SIGKILL, {moment}", number, look)
 
 
 def summed(rows: list[Row]) -> Iterator[dict[str, object]]:
@@ -220,8 +206,9 @@ def with_faults(work: Path) -> None:
     compiler = shutil.which("cc")
     if hasattr(ctypes.CDLL(None), "faults_arm") or compiler is None:
         return
-    library = work / "file_faults.so"
-    subprocess.run([compiler, "-shared", "-fPIC", "-O1", "-o", str(library), str(SOURCE), "-ldl"], check=True)
+    library, made = work / "file_faults.so", work / f"{os.getpid()}.so"
+    subprocess.run([compiler, "-shared", "-fPIC", "-O1", "-o", str(made), str(SOURCE), "-ldl"], check=True)
+    made.rename(library)
     environment = {**os.environ, "LD_PRELOAD": str(library), "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
     os.execve(sys.executable, [sys.executable, "-m", "tools.crash_test", *sys.argv[1:]], environment)
 
@@ -229,7 +216,9 @@ def with_faults(work: Path) -> None:
 def main() -> int:
     """0 if nothing was lost or mixed."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--only", default="", metavar="WORD", help="commands whose name has this word; no kills")
+    parser.add_argument(
+        "--only", default="", metavar="WORD", help="of a command's name, or of 'SIGKILL, training' or 'SIGKILL, others'"
+    )
     parser.add_argument("--every", type=int, default=1, metavar="N", help="only every N-th step")
     parser.add_argument("--kills", type=int, default=64, metavar="N", help="real processes that are killed")
     parser.add_argument("--work", type=Path, help="folder that keeps what was done; in memory it is much quicker")
@@ -248,14 +237,15 @@ def main() -> int:
     from dgs.tests.crashes import can_mount
 
     warm_up()
-    stage, journal = Stage(work / "stage"), Journal(work / "journal.jsonl")
-    began, disks = time.monotonic(), can_mount()
-    for case in CASES:
-        if options.only in case.name:
-            every_step(case.name, Trials(stage, case), journal, options.every, disks)
-            print(f"{time.monotonic() - began:6.0f} s  {case.name}", flush=True)
-    if not options.only and options.kills:
-        kills(options.kills, journal, work)
+    journal, began, disks = Journal(work / "journal.jsonl"), time.monotonic(), can_mount()
+    with tempfile.TemporaryDirectory(prefix="stage-", dir=work) as folder:
+        stage = Stage(Path(folder) / "stage")
+        for case in CASES:
+            if options.only in case.name:
+                every_step(case.name, lambda case=case: Trials(stage, case), journal, options.every, disks)  # type: ignore[misc]
+                print(f"{time.monotonic() - began:6.0f} s  {case.name}", flush=True)
+        kills(options.kills, options.only, journal, stage)
+    journal = Journal(work / "journal.jsonl")
     rows = [row for row in journal.rows if row.found != "done"]
     write_table(options.table, journal.rows)
     faults = Counter(row.fault.partition(",")[0] for row in rows)
