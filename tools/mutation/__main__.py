@@ -1,10 +1,10 @@
 """Mutation testing: breaks one small thing of the engine at a time, and the tests must see it.
 
-    python -m tools.mutation --seed WORD [--only NAME] [--scale X] [--page]
+    python -m tools.mutation --seed WORD [--trace] [--only NAME] [--scale X] [--wide] [--page]
 
 A seeded sample of each package's mutants (`draw.py`) is run against the tests that reach the mutated statement: those
-beside the package first, then those anywhere else. Kernels are compiled anew for each. What was tried is kept in the
-cache folder and in docs/studies/mutation.csv, so that a run that was cut off goes on where it stopped. A survivor's
+beside the package, with `--wide` those anywhere else, too. Kernels are compiled anew for each. What was tried is kept
+in docs/studies/mutation.csv, so that a run that was cut off goes on where it stopped. A survivor's
 `verdict` in that table is written by hand and kept.
 """
 
@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import Any
 
 from .groups import GROUPS, Group
+from .page import write_tables
 from .reach import Reach
 from .selection import Selection
 from .table import Table
@@ -63,7 +64,8 @@ def drawn(base: Path, seed: str, groups: list[Group], scale: float) -> list[dict
         "seed": seed,
         "tree": str(base / "tree"),
         "groups": [
-            {"name": g.name, "package": g.package, "files": g.files(), "count": round(g.count * scale)} for g in groups
+            {"name": g.name, "package": g.package, "files": g.files(base / "tree"), "count": round(g.count * scale)}
+            for g in groups
         ],
     }
     command = [python, ROOT / "tools/mutation/draw.py"]
@@ -143,24 +145,26 @@ def _killer(status: int | None, output: str) -> str:
 
 
 def main() -> int:
-    """Runs the sample; 1 if a mutant survived whose verdict is missing."""
+    """Runs the sample; 1 if a survivor of it has no verdict yet."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--seed", default="1", metavar="WORD", help="which sample")
     parser.add_argument("--only", default="", metavar="NAME", help="groups whose name holds this")
     parser.add_argument("--scale", type=float, default=1.0, metavar="X", help="times as many mutants")
     parser.add_argument("--trace", action="store_true", help="copy the tree and trace its tests anew")
-    parser.add_argument("--beside", action="store_true", help="trace only the tests beside the packages")
+    parser.add_argument("--page", action="store_true", help="write docs/studies/mutation.md from the table, and end")
     parser.add_argument("--wide", action="store_true", help="ask tests elsewhere, too")
     parser.add_argument("--again", action="store_true", help="run recorded survivors again")
     options = parser.parse_args()
-    base = cache_base()
+    base, table = cache_base(), Table(ROOT / "docs/studies/mutation.csv")
+    if options.page:
+        write_tables(ROOT / "docs/studies/mutation.md", table.rows)
+        return 0
     prepare(base, options.trace)
     preload()
     groups = [g for g in GROUPS if options.only in g.name]
     selection = Selection(base / "tree")
-    targets = sorted({t for g in GROUPS for t in g.tests}) + ([] if options.beside else selection.elsewhere())
+    targets = sorted({t for g in GROUPS for t in g.tests}) + (selection.elsewhere() if options.wide else [])
     selection.learn(reached(base, targets, selection.watched()))
-    table = Table(base / "mutation.csv")
     for mutant in drawn(base, options.seed, groups, options.scale):
         if table.has(options.seed, mutant) and not (options.again and table.survived(options.seed, mutant)):
             continue
@@ -168,7 +172,8 @@ def main() -> int:
         table.add(options.seed, mutant, result)
         said = f"{mutant['file']}:{mutant['line']} {mutant['operator']}  {result['by']}"
         print(f"{mutant['group']:<18}{result['outcome']:<9}{result['seconds']:5.1f} s  {said}", flush=True)
-    return 0
+    own = [row for row in table.rows if row["sample"] == options.seed and row["outcome"] == "survived"]
+    return int(any(not row["verdict"] for row in own))
 
 
 if __name__ == "__main__":

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-
-from .tree import ROOT
+from pathlib import Path
 
 
 @dataclass(frozen=True)
@@ -27,10 +26,10 @@ class Group:
     left_out: tuple[str, ...] = ()
     kernels: bool = False
 
-    def files(self) -> list[str]:
-        """Its files, relative to the root."""
-        found = {path for pattern in self.patterns for path in (ROOT / "core").glob(pattern)}
-        names = sorted(path.relative_to(ROOT).as_posix() for path in found if path.name not in self.left_out)
+    def files(self, tree: Path) -> list[str]:
+        """Its files in a tree, relative to it."""
+        found = {path for pattern in self.patterns for path in (tree / "core").glob(pattern)}
+        names = sorted(path.relative_to(tree).as_posix() for path in found if path.name not in self.left_out)
         return [name for name in names if name.endswith("kernels.py") == self.kernels]
 
 

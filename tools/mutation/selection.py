@@ -33,7 +33,7 @@ class Selection:
         """Files whose lines a trace has to note: those that are mutated, and those that call their kernels."""
         kernels = {f for f in self._files if f.endswith("kernels.py")}
         callers = {f for f, names in self._imports.items() if set(names) & kernels}
-        return {f for group in GROUPS for f in group.files()} | callers
+        return {f for group in GROUPS for f in group.files(self._tree)} | callers
 
     def elsewhere(self) -> list[str]:
         """Folders of tests without Blender that stand beside none of the groups."""
