@@ -168,7 +168,7 @@ def kills(count: int, only: str, journal: Journal, stage: Stage) -> None:
                 )
             trials, seconds = known[name, trained]
             if trained:
-                return kill_a_training(trials, draw, 0.5 * seconds, again)
+                return kill_a_training(trials, draw, 0.3 * seconds, again)
             found = trials.killed_from_outside(killer(moment, stage.folder, draw, seconds), again)
             return replace(found, found="after") if found.found == "done" else found
 
