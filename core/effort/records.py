@@ -106,12 +106,12 @@ class PastRun:
 
 def _amount(value: object) -> bool:
     """Number from 0."""
-    return number_shape(value) and value >= 0
+    return isinstance(value, (int, float)) and number_shape(value) and value >= 0
 
 
 def _contrast(value: object) -> bool:
     """Number above 0."""
-    return number_shape(value) and value > 0
+    return isinstance(value, (int, float)) and number_shape(value) and value > 0
 
 
 #: How a run stands in the file.

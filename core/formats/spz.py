@@ -16,7 +16,7 @@ import gzip
 import struct
 import zlib
 from pathlib import Path
-from typing import IO
+from typing import IO, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,7 +57,7 @@ def read_spz(path: Path) -> GaussianCloud:
                 raise FormatError(f"'{path}' is no SPZ of version 2 or 3", "Export it again, as version 3")
             rest = SH_COEFFICIENTS[degree] - 1
             sizes = (9, 1, 3, 3, version + 1, 3 * rest)
-            data = _unpacked(file, count * sum(sizes))
+            data = _unpacked(cast("IO[bytes]", file), count * sum(sizes))
     except (OSError, EOFError, zlib.error) as error:
         raise FormatError(f"'{path}' is no readable SPZ ({error})", "Export or download it again") from error
     if len(data) < count * sum(sizes):
