@@ -21,27 +21,55 @@ from .choice import chosen_references, neighbours_of
 from .hull import Hull
 from .stack import Floats, ViewStack
 
+#: How the numbers of this file came about, and where the whole was looked at.
+FIRST_TRIED, LOOKED_AT = (
+    "the first value that was tried (lego, 91 photos)",
+    "a room rendered by Cycles, 63 photos: the whole only",
+)
+
 
 @dataclass(frozen=True)
 class DepthSettings:
     """Of features at known poses, and of the range of depths."""
 
     feature_photos: int = number(
-        50, "photos", "evenly chosen, in which features are sought: a few thousand true points show the depths"
+        50,
+        "photos",
+        "evenly chosen, in which features are sought: a few thousand true points show the depths",
+        FIRST_TRIED,
+        LOOKED_AT,
     )
     pair_distances: tuple[float, ...] = number(
-        (0.5, 1.0, 2.0), "guessed distances", "at which pairs of photos are looked for before any depth is known"
+        (0.5, 1.0, 2.0),
+        "guessed distances",
+        "at which pairs of photos are looked for before any depth is known",
+        FIRST_TRIED,
+        LOOKED_AT,
     )
-    nearest: float = number(0.7, "share", "of the nearest point's depth, where the planes begin")
-    farthest: float = number(1.6, "share", "of the farthest point's depth, where they end")
-    stray: float = number(2.0, "percent", "of the points at each end that do not count as nearest and farthest")
-    minimum_seen: int = number(20, "points", "that a view must see before its own depths count")
-    blind_nearest: float = number(0.3, "share", "of the guessed distance: begin, where nothing is found")
-    blind_farthest: float = number(3.0, "share", "of the guessed distance: end, where nothing is found")
+    nearest: float = number(
+        0.7, "share", "of the nearest point's depth, where the planes begin", FIRST_TRIED, LOOKED_AT
+    )
+    farthest: float = number(1.6, "share", "of the farthest point's depth, where they end", FIRST_TRIED, LOOKED_AT)
+    stray: float = number(
+        2.0, "percent", "of the points at each end that do not count as nearest and farthest", FIRST_TRIED, LOOKED_AT
+    )
+    minimum_seen: int = number(20, "points", "that a view must see before its own depths count", FIRST_TRIED, LOOKED_AT)
+    blind_nearest: float = number(
+        0.3, "share", "of the guessed distance: begin, where nothing is found", FIRST_TRIED, LOOKED_AT
+    )
+    blind_farthest: float = number(
+        3.0, "share", "of the guessed distance: end, where nothing is found", FIRST_TRIED, LOOKED_AT
+    )
     ahead: float = number(
-        0.3, "spread of the cameras", "by which the point where they look must lie before one that looks at it"
+        0.3,
+        "spread of the cameras",
+        "by which the point where they look must lie before one that looks at it",
+        FIRST_TRIED,
+        LOOKED_AT,
     )
-    closest: float = number(0.05, "share", "of the farthest depth at which the planes begin at the nearest")
+    closest: float = number(
+        0.05, "share", "of the farthest depth at which the planes begin at the nearest", FIRST_TRIED, LOOKED_AT
+    )
 
 
 SETTINGS = DepthSettings()
