@@ -15,6 +15,7 @@ from ..core.version import VERSION
 from .interruption import Interruption
 from .library_output import library_output_aside
 from .progress_choice import Reporting, choose_progress
+from .refusals import refusal
 from .table import COMMANDS, Command, command_of
 
 #: Exit status of a fault of ours, not the user's.
@@ -98,10 +99,10 @@ def _reported(command: Command, options: argparse.Namespace) -> int:
 
 
 def _guarded(command: Command, options: argparse.Namespace, progress: Reporting) -> int:
+    given = [value for value in vars(options).values() if isinstance(value, Path)]
     try:
-        for value in vars(options).values():
-            if isinstance(value, Path):
-                check_given(value)
+        for path in given:
+            check_given(path)
         return command.handler()(options, progress)
     except DgsError as error:
         return _failed(progress, " ".join(str(error).split()), error.exit_code)
@@ -114,10 +115,8 @@ def _guarded(command: Command, options: argparse.Namespace, progress: Reporting)
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 2
     except OSError as error:
-        if error.filename is None:
-            return _bug(progress, error)
-        reason = f"'{shown(error.filename)[:200]}': {(error.strerror or str(error)).lower()}"
-        return _failed(progress, f"{reason}. Check the path, its permissions and the disk.", DgsError.exit_code)
+        line = refusal(error, given)
+        return _failed(progress, line, DgsError.exit_code) if line else _bug(progress, error)
     except Exception as error:  # noqa: BLE001 (the last door: anything that comes here is our fault)
         return _bug(progress, error)
 

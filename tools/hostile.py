@@ -2,18 +2,22 @@
 
     .venv/bin/python -m tools.hostile             # all of them: a line for each that does not end as promised
     .venv/bin/python -m tools.hostile --only psf  # requests with this word
+    .venv/bin/python -m tools.hostile --patience 3 --minutes 30  # what can be sent in half an hour, evenly of all
 
-A request ends as promised with status 0, with 2 and one line that explains it, or with 130 soon after it was asked to
-stop (some requests are right and long); never with a traceback, "A bug", the process's end or a hang.
+What the requests need is loaded and compiled before the first is sent. A request ends as promised with status 0, with
+2 and one line that explains it, or with 130 soon after it was asked to stop (some are right and long); never with
+a traceback, "A bug", the process's end or a hang.
 What it wrote lies in its own folder, and nothing else has changed.
 """
 
 from __future__ import annotations
 
 import argparse
+import collections
 import contextlib
 import importlib
 import os
+import random
 import shutil
 import signal
 import sys
@@ -48,6 +52,8 @@ SUFFIXES: dict[object, str] = {"twin": ".ply", "photo": ".png", "out": ".tif", "
 SUFFIXES |= {("reconstruct", "photos"): ".mp4", ("blend", "out"): ".blend", ("inspect", "photos"): ".png"}
 #: Seconds until a request is asked to stop, and those that it then has.
 PATIENCE, ENDING = 15.0, 15.0
+#: Commands whose right request compiles kernels, and the seconds that each may take for it before the first request.
+COMPILING, COMPILATION = ("reconstruct", "render", "next-view", "inspect"), 300.0
 
 
 @dataclass(frozen=True)
@@ -61,7 +67,10 @@ class Request:
 def main() -> int:
     """Sends all requests; 1 if one does not end as promised."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--only", default="", metavar="WORD", help="requests whose name holds this word")
+    add = parser.add_argument
+    add("--only", default="", metavar="WORD", help="requests whose name holds this word")
+    add("--patience", type=float, default=PATIENCE, metavar="S", help="until a request is asked to stop; %(default)s")
+    add("--minutes", type=float, default=float("inf"), metavar="N", help="no request is sent after them")
     asked = parser.parse_args()
     from dgs.command_line import run  # late: the package is mounted first
 
@@ -72,30 +81,48 @@ def main() -> int:
         "dgs.core.calibration.pictures",
     ):
         importlib.import_module(heavy)  # once, for all requests
-    wrong, tried, began = 0, 0, time.perf_counter()
+    tried, wrong = collections.Counter[str](), collections.Counter[str]()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         make_files(folder)
-        for request in all_requests(folder):
-            if asked.only not in request.name:
-                continue
-            tried += 1
-            fault = fault_of_request(run, request, folder)
+        compile_kernels(run, folder)
+        requests = [one for one in all_requests(folder) if asked.only in one.name]
+        random.Random(0).shuffle(requests)  # (what can be sent in a given time is evenly of all)
+        began = time.perf_counter()
+        for request in requests:
+            if time.perf_counter() - began > 60 * asked.minutes:
+                break
+            tried[request.arguments[0]] += 1
+            fault = fault_of_request(run, request, folder, asked.patience)
             if fault:
-                wrong += 1
+                wrong[request.arguments[0]] += 1
                 print(f"{request.name}: {' '.join(request.arguments)[:300]!r}\n    {fault}", flush=True)
-    print(f"{tried - wrong} of {tried} requests ended as promised; {time.perf_counter() - began:.0f} s")
+    for command in sorted(tried):
+        print(f"{command}: {tried[command] - wrong[command]} of {tried[command]} ended as promised")
+    good, all_tried = tried.total() - wrong.total(), tried.total()
+    print(f"{good} of {all_tried} requests ended as promised; {len(requests) - all_tried} were not sent; ", end="")
+    print(f"{time.perf_counter() - began:.0f} s")
     return 1 if wrong else 0
 
 
-def fault_of_request(run: object, request: Request, folder: Path) -> str:
+def compile_kernels(run: object, folder: Path) -> None:
+    """Sends requests that are right, with time: what they compile is kept for all."""
+    for command in COMPILING:
+        arguments = [command, *valid(folder)[command]]
+        for extra in ([], ["--psf", "gaussian:2"]) if command in ("reconstruct", "render") else ([],):
+            fault = fault_of_request(run, Request(command, [*arguments, *extra]), folder, COMPILATION)
+            if fault:
+                print(f"{' '.join(arguments)}: {fault}", flush=True)
+
+
+def fault_of_request(run: object, request: Request, folder: Path, patience: float = PATIENCE) -> str:
     """How a request failed; '' if it ended as promised."""
     said = folder / "said.txt"
     shutil.rmtree(folder / "out", ignore_errors=True)
     process = os.fork()
     if process == 0:
         _child(run, request, said, folder)
-    status = _waited(process, PATIENCE)
+    status = _waited(process, patience)
     if status is None:
         os.killpg(process, signal.SIGINT)
         status = _waited(process, ENDING)

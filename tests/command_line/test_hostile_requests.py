@@ -1,9 +1,11 @@
 """Requests that nobody means end with one line. `python -m tools.hostile` sends two thousand more."""
 
 import os
+from pathlib import Path
 
 import pytest
-from dgs.command_line import run
+import torch
+from dgs.command_line import main, run
 from dgs.command_line.table import COMMANDS
 from dgs.core.errors import PsfError
 from dgs.core.imaging.psf_text import parse_psf
@@ -49,6 +51,33 @@ def test_what_the_system_refuses_is_no_bug(folder, capfd, monkeypatch):
 
     monkeypatch.setattr("dgs.command_line.doctor_command.doctor_command", refused)
     assert "'/proc/self/mem/x': not a directory" in ends_with_a_line(["doctor"], capfd)
+
+
+@pytest.mark.parametrize(
+    "file",
+    [
+        Path(main.__file__).parent / "gone.json",  # a part of this program
+        Path(main.__file__).parents[1] / "core" / "errors.py" / "x",
+        Path(torch.__file__).parent / "gone.so",
+        Path("/tmp/dgs-made-by-ourselves/gone.npz"),  # nobody but the program knows of it
+    ],
+)
+def test_a_file_that_only_the_program_can_miss_is_a_bug(file, capfd, monkeypatch):
+    def careless(options, progress):
+        open(file, "rb").close()
+
+    monkeypatch.setattr("dgs.command_line.doctor_command.doctor_command", careless)
+    assert run(["doctor"]) == 1
+    said = capfd.readouterr().err
+    assert "Traceback" in said and "careless" in said and "A bug, please report it" in said
+
+
+def test_what_a_user_gave_and_took_away_is_no_bug(tmp_path, capfd, monkeypatch):
+    def late(options, progress):
+        open(options.photos / "gone.png", "rb").close()
+
+    monkeypatch.setattr("dgs.command_line.inspect_command.inspect_command", late)
+    assert f"'{tmp_path}/gone.png': no such file" in ends_with_a_line(["inspect", str(tmp_path)], capfd)
 
 
 def test_a_list_that_is_a_pipe_is_not_waited_for(tmp_path, capfd):
