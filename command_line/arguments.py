@@ -16,6 +16,8 @@ from ..core.run_settings import DEFAULT_FRAMES
 #: so that `--help` answers at once. A file of no format is refused with the list.
 SPLATS = "file of Gaussians: a twin.ply, or any format that Blender's import of splats reads"
 CAMERAS = "cameras, such as the folder of a COLMAP model or a transforms.json"
+#: Of steps, splats, frames and files, where no option says otherwise: what is larger fits no memory and no lifetime.
+MOST = 10**9
 _SECONDS = {"": 1.0, "s": 1.0, "m": 60.0, "min": 60.0, "h": 3600.0}
 
 
@@ -42,7 +44,7 @@ def quality(text: str) -> float | Literal["plateau"]:
     return value
 
 
-def whole(low: int, high: float = math.inf) -> Callable[[str], int]:
+def whole(low: int, high: int = MOST) -> Callable[[str], int]:
     """An argument type: a whole number from `low` to `high`."""
 
     def parse(text: str) -> int:
@@ -51,7 +53,7 @@ def whole(low: int, high: float = math.inf) -> Callable[[str], int]:
         except ValueError:
             value = None
         if value is None or not low <= value <= high:
-            span = f"from {low} to {high}" if math.isfinite(high) else f"of at least {low}"
+            span = f"from {low} to {high}" if high < MOST else f"of at least {low}, and at most {MOST}"
             raise argparse.ArgumentTypeError(f"'{text}' is no whole number {span}")
         return value
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import argparse
 
 from ..studies.comparison.settings import CompareSettings
+from .arguments import whole
 from .progress_choice import Reporting
-from .study_arguments import StudyWords, add_study, asked_of_study, begin_in, check_counts
+from .study_arguments import StudyWords, add_study, asked_of_study, begin_in
 
 _WORDS = StudyWords(
     results="rows, table and pictures",
@@ -26,14 +27,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_study(parser, _WORDS)
     add = parser.add_argument
-    add("--steps", type=int, metavar="N", help="of each training; the product's own if not given")
-    add("--max-gaussians", type=int, metavar="N", help="of each twin; the product's own if not given")
+    add("--steps", type=whole(1), metavar="N", help="of each training; the product's own if not given")
+    add("--max-gaussians", type=whole(1), metavar="N", help="of each twin; the product's own if not given")
     add("--mismatch", action="store_true", help="instead: what happens when the medium is not the one that was given")
 
 
 def compare_command(options: argparse.Namespace, progress: Reporting) -> int:
     """Runs the comparison, or the mismatch study, and names the table."""
-    check_counts({"steps": options.steps, "max-gaussians": options.max_gaussians})
     settings = CompareSettings(
         **asked_of_study(options), steps=options.steps, max_gaussians=options.max_gaussians, mismatch=options.mismatch
     )

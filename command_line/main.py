@@ -15,7 +15,7 @@ from ..core.version import VERSION
 from .interruption import Interruption
 from .library_output import library_output_aside
 from .progress_choice import Reporting, choose_progress
-from .refusals import refusal
+from .refusals import denial, refusal
 from .table import COMMANDS, Command, command_of
 
 #: Exit status of a fault of ours, not the user's.
@@ -105,7 +105,7 @@ def _guarded(command: Command, options: argparse.Namespace, progress: Reporting)
             check_given(path)
         return command.handler()(options, progress)
     except DgsError as error:
-        return _failed(progress, " ".join(str(error).split()), error.exit_code)
+        return _failed(progress, denial(error) or " ".join(str(error).split()), error.exit_code)
     except KeyboardInterrupt:
         return _failed(progress, "Stopped at once; checkpoints and files written before are kept.", Cancelled.exit_code)
     except MemoryError:

@@ -6,6 +6,7 @@ import argparse
 import json
 from pathlib import Path
 
+from ..core.errors import OutputError
 from ..core.outputs import check_outputs, placing_outputs
 from .arguments import add_overwrite, add_progress, show_defaults
 from .progress_choice import Reporting
@@ -39,6 +40,8 @@ def measure_psf_command(options: argparse.Namespace, progress: Reporting) -> int
     from ..core.calibration.measured import mtf50  # heavy: torch
     from ..core.calibration.pictures import draw_psf  # heavy: torch
 
+    if options.out.is_dir():
+        raise OutputError(f"'{options.out}' is a folder", "Give --out the name of a file, such as kernel.tif")
     picture = options.out.with_name(f"{options.out.stem}_picture.png")
     check_outputs([options.out, picture], [options.photo], options.overwrite)
     progress.stage("measure")

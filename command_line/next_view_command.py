@@ -9,8 +9,8 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..core.errors import DgsError, FormatError
-from .arguments import add_machine, add_progress, show_defaults
+from ..core.errors import FormatError
+from .arguments import add_machine, add_progress, show_defaults, whole
 from .progress_choice import Reporting
 
 if TYPE_CHECKING:
@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 #: Lines of the table below the chosen views.
 OTHERS_SHOWN = 7
+#: Views, and samples of each, that are looked at at most: ten thousand take hours already.
+MOST_VIEWS = 10_000
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -38,9 +40,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="where the camera can go: rail | orbit | dome (around what the photos look at), or a file of cameras "
         "such as a transforms.json or a COLMAP folder",
     )
-    add("--number", type=int, default=24, metavar="N", help="candidates on a rail, orbit or dome")
-    add("--count", type=int, default=3, metavar="N", help="views to choose one after the other")
-    add("--samples", type=int, default=6, metavar="N", help="samples of what is left open; more are steadier")
+    add("--number", type=whole(1, MOST_VIEWS), default=24, metavar="N", help="candidates on a rail, orbit or dome")
+    add("--count", type=whole(1, MOST_VIEWS), default=3, metavar="N", help="views to choose one after the other")
+    samples = "samples of what is left open; more are steadier"
+    add("--samples", type=whole(1, MOST_VIEWS), default=6, metavar="N", help=samples)
     add("--photos", type=Path, metavar="DIR", help="where the twin's photos lie now, if they were moved")
     add("--without-blur", action="store_true", help="rank as if the medium were clear, for comparison")
     add("--json", action="store_true", help="print JSON instead of the table")
@@ -69,9 +72,6 @@ def _rank_and_write(options: argparse.Namespace, progress: Reporting) -> int:
     from ..core.uncertainty.next_view import NextViewSettings, rank  # heavy: torch
     from ..core.uncertainty.pictures import draw_expected  # heavy: torch
 
-    for name in ("number", "count", "samples"):
-        if getattr(options, name) < 1:
-            raise DgsError(f"--{name} is {getattr(options, name)}", f"Give --{name} a whole number of at least 1")
     began = time.perf_counter()
     use_threads(options.threads)
     twin = open_twin(options.twin, progress, options.photos)

@@ -8,6 +8,7 @@ import sysconfig
 from collections.abc import Iterable
 from pathlib import Path
 
+from ..core.errors import DgsError, OutputError
 from ..core.names import shown
 
 #: What a system refuses however right the program is: permissions, full or failing disks, names, folders for files.
@@ -45,5 +46,17 @@ def refusal(error: OSError, given: Iterable[Path]) -> str:
         return ""
     if error.errno not in _REFUSALS and not any(file.is_relative_to(path.absolute()) for path in given):
         return ""
-    reason = f"'{shown(name)[:200]}': {(error.strerror or str(error)).lower()}"
-    return f"{reason}. Check the path, its permissions and the disk."
+    return _line(error)
+
+
+def denial(error: DgsError) -> str:
+    """A line in the place of an error's own where a file was called damaged that may only not be read; '' elsewhere."""
+    cause = error.__cause__
+    if isinstance(error, OutputError) or not isinstance(cause, PermissionError):
+        return ""
+    return _line(cause) if isinstance(cause.filename, (str, bytes)) else ""
+
+
+def _line(error: OSError) -> str:
+    name = shown(os.fsdecode(error.filename))[:200]
+    return f"'{name}': {(error.strerror or str(error)).lower()}. Check the path, its permissions and the disk."

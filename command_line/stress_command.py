@@ -37,7 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add(
         "--fuzz",
-        type=int,
+        type=whole(0),
         metavar="N",
         default=None,
         help="random scenes of anything at all (100000 takes minutes); 500 with the table, if not given",

@@ -8,10 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ..core.errors import DgsError
 from ..core.files import check_writable
 from ..core.outputs import check_output_folder, claim_output_folder
-from .arguments import add_machine, add_overwrite, add_progress, show_defaults
+from .arguments import add_machine, add_overwrite, add_progress, show_defaults, whole
 
 
 @dataclass(frozen=True)
@@ -54,7 +53,12 @@ def add_study(parser: argparse.ArgumentParser, words: StudyWords) -> None:
         metavar="WHICH",
         help=f"'found' {words.found}, 'known' (the set's own), or a camera model",
     )
-    add("--seeds", type=int, metavar="N", help=f"trainings of each {words.trained}; 3, or 1 with --quick, if not given")
+    add(
+        "--seeds",
+        type=whole(1, 1000),
+        metavar="N",
+        help=f"trainings of each {words.trained}; 3, or 1 with --quick, if not given",
+    )
     add(
         "--only",
         action="append",
@@ -70,26 +74,10 @@ def add_study(parser: argparse.ArgumentParser, words: StudyWords) -> None:
 
 
 def asked_of_study(options: argparse.Namespace) -> dict[str, Any]:
-    """Values for the fields of `studies.comparison.settings.StudySettings`.
-
-    Raises:
-        DgsError: less than one seed.
-    """
+    """Values for the fields of `studies.comparison.settings.StudySettings`."""
     seeds = options.seeds if options.seeds is not None else (1 if options.quick else 3)
-    check_counts({"seeds": seeds})
     same = ("dataset", "out", "photos", "psf", "blur_space", "cameras", "quick", "resume", "threads", "device")
     return {**{name: getattr(options, name) for name in same}, "seeds": seeds, "only": tuple(options.only)}
-
-
-def check_counts(given: dict[str, int | None]) -> None:
-    """Options that count something, by name; None where one was not given.
-
-    Raises:
-        DgsError: one is below 1.
-    """
-    for name, value in given.items():
-        if value is not None and value < 1:
-            raise DgsError(f"--{name} must be at least 1, not {value}", "Give another number")
 
 
 def begin_in(folder: Path, marks: Sequence[str], overwrite: bool) -> None:

@@ -34,7 +34,18 @@ def cache_base() -> Path:
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "dgs"
 
 
+def _takes_files(folder: Path) -> bool:
+    """Whether files can be kept in a folder, which is made if missing: a home may be read-only, or not be there."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError:
+        return False
+    return os.access(folder, os.R_OK | os.W_OK | os.X_OK)
+
+
 os.environ.setdefault("NUMBA_CACHE_DIR", str(cache_folder()))
+#: numba refuses to keep compiled code where it cannot; each process then compiles for itself.
+_KEPT = _takes_files(Path(os.environ["NUMBA_CACHE_DIR"]))
 
 import numba  # noqa: E402  (reads NUMBA_CACHE_DIR when it is imported)
 
@@ -44,8 +55,8 @@ FAST_MATH = {"reassoc", "contract", "nsz", "arcp"}
 
 
 def kernel(function: Callable[..., Any]) -> Any:
-    """Compiles `function` without the GIL, cached on disk, with C's division."""
-    return numba.njit(nogil=True, cache=True, error_model="numpy", fastmath=FAST_MATH)(function)
+    """Compiles `function` without the GIL, cached on disk where that takes files, with C's division."""
+    return numba.njit(nogil=True, cache=_KEPT, error_model="numpy", fastmath=FAST_MATH)(function)
 
 
 def inlined(function: Callable[..., Any]) -> Any:

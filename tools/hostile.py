@@ -53,7 +53,7 @@ SUFFIXES |= {("reconstruct", "photos"): ".mp4", ("blend", "out"): ".blend", ("in
 #: Seconds until a request is asked to stop, and those that it then has.
 PATIENCE, ENDING = 15.0, 15.0
 #: Commands whose right request compiles kernels, and the seconds that each may take for it before the first request.
-COMPILING, COMPILATION = ("reconstruct", "render", "next-view", "inspect"), 300.0
+COMPILING, COMPILATION = ("reconstruct", "render", "next-view", "inspect", "estimate"), 300.0
 
 
 @dataclass(frozen=True)
@@ -191,6 +191,7 @@ def make_files(folder: Path) -> None:
     for index in range(2, 5):
         pixels = np.random.default_rng(index).integers(0, 255, (30, 40, 3), dtype=np.uint8)
         Image.fromarray(pixels).save(folder / "photos" / f"{index}.png")
+    shutil.copytree(folder / "photos", folder / "sharp")
     bad = folder / "bad"
     bad.mkdir()
     (bad / "empty").write_bytes(b"")
@@ -257,11 +258,11 @@ def valid(folder: Path) -> dict[str, list[str]]:
         "doctor": [],
         "stress": ["--only", "half a circle"],
         "blend": [ply, "--out", str(folder / "out" / "a.blend")],
-        "synthesize": ["ball", "--out", out],
-        "compare": [photos, "--out", out],
+        "synthesize": ["--views", "2", "--samples", "1", "--size", "16x16", "--out", out],
+        "compare": [str(folder), "--out", out, "--cameras", cameras, "--psf", "gaussian:1", "--quick"],
         "inspect": [photos],
         "estimate": [photos],
-        "tradeoff": [photos, "--out", out],
+        "tradeoff": [str(folder), "--out", out, "--cameras", cameras, "--psf", "gaussian:1", "--quick"],
         "measure-psf": [str(folder / "photos" / "a.png"), "--out", str(folder / "out" / "k.tif")],
         "next-view": [twin],
         "update": [twin, photos],

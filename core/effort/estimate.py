@@ -123,8 +123,11 @@ def table(found: dict[str, Any]) -> str:
 
 
 def kernels_compiled() -> bool:
-    """Whether the kernels lie compiled in the cache."""
-    return any(cache_folder().rglob("*.nbi"))
+    """Whether the kernels lie compiled in the cache, for whoever may read it."""
+    try:
+        return any(cache_folder().rglob("*.nbi"))
+    except OSError:
+        return False
 
 
 def _scaled(work: Work, photos: int) -> Work:

@@ -45,6 +45,13 @@ def test_paths_that_cannot_be_meant_are_refused_before_any_work(kind, folder, ca
             ends_with_a_line(request.arguments, capfd)
 
 
+@pytest.mark.parametrize("out", ["", ".", "..", "/"])
+def test_a_folder_where_a_kernel_would_be_written(out, folder, capfd):
+    """The empty name was a traceback."""
+    words = ["measure-psf", str(folder / "photos" / "a.png"), "--out", out]
+    assert "is a folder" in ends_with_a_line(words, capfd)
+
+
 def test_what_the_system_refuses_is_no_bug(folder, capfd, monkeypatch):
     def refused(options, progress):
         open("/proc/self/mem/x", "rb").close()
@@ -59,7 +66,7 @@ def test_what_the_system_refuses_is_no_bug(folder, capfd, monkeypatch):
         Path(main.__file__).parent / "gone.json",  # a part of this program
         Path(main.__file__).parents[1] / "core" / "errors.py" / "x",
         Path(torch.__file__).parent / "gone.so",
-        Path("/tmp/dgs-made-by-ourselves/gone.npz"),  # nobody but the program knows of it
+        Path("/tmp/dgs-made-by-ourselves/gone.npz"),  # only the program can expect it
     ],
 )
 def test_a_file_that_only_the_program_can_miss_is_a_bug(file, capfd, monkeypatch):
@@ -78,6 +85,24 @@ def test_what_a_user_gave_and_took_away_is_no_bug(tmp_path, capfd, monkeypatch):
 
     monkeypatch.setattr("dgs.command_line.inspect_command.inspect_command", late)
     assert f"'{tmp_path}/gone.png': no such file" in ends_with_a_line(["inspect", str(tmp_path)], capfd)
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        *(["next-view", "here", option, "9223372036854775808"] for option in ("--number", "--count", "--samples")),
+        *(["reconstruct", "here", "--out", "out", option, "9" * 19] for option in ("--frames", "--max-gaussians")),
+        *(["synthesize", "--out", "out", option, "inf"] for option in ("--exposure-drift", "--noise", "--full-well")),
+        *(["synthesize", "--out", "out", option, "9" * 400] for option in ("--overscan", "--views", "--seed", "--fog")),
+        ["compare", "here", "--out", "out", "--seeds", "9" * 19],
+    ],
+    ids=lambda words: words[0] + words[-2],
+)
+def test_numbers_that_no_memory_holds(words, folder, capfd):
+    """They ended in tracebacks, or began to work for ever."""
+    places = {"here": str(folder / "twin"), "out": str(folder / "out")}
+    said = ends_with_a_line([places.get(word, word) for word in words], capfd)
+    assert "at most" in said or "from 1 to" in said
 
 
 def test_a_list_that_is_a_pipe_is_not_waited_for(tmp_path, capfd):
