@@ -141,6 +141,27 @@ CLOSED = [
 ]
 
 
+def test_kernels_are_compiled_where_nothing_can_be_kept(tmp_path):
+    """A home that takes no files, as of a system's own users, was a traceback before any work."""
+    code = (
+        "import sys; sys.path.insert(0, '.'); import run_dgs; run_dgs.mount_package()\n"
+        "import numpy as np; from dgs.core.photos.png16_kernels import unfilter\n"
+        "rows = np.array([[1, 5, 0, 2, 0]], np.uint8); unfilter(rows, 2); print(rows.tolist())\n"
+    )
+    env = {**os.environ, "XDG_CACHE_HOME": "/proc/nowhere"}
+    env.pop("NUMBA_CACHE_DIR", None)
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=Path(dgs.__file__).parent,
+        env=env,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split() == "[[1, 5, 0, 7, 0]]".split()
+
+
 @pytest.mark.parametrize(("name", "closed"), CLOSED)
 def test_what_may_not_be_read_is_named(name, closed, folder):
     mode = stat.S_IMODE((folder / closed).stat().st_mode)

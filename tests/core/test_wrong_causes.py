@@ -1,5 +1,6 @@
 """What was accepted without a word, hung, or was said to have another cause than it had."""
 
+import struct
 import subprocess
 import sys
 from pathlib import Path
@@ -14,13 +15,16 @@ from dgs.core.formats.gaussians import unusable, write_gaussians
 from dgs.core.imaging.kernel_files import read_kernel
 from dgs.core.imaging.psf_text import parse_psf
 from dgs.core.photos.load import load_photos
+from dgs.core.pipeline.blind import given_spreads
 from dgs.core.pipeline.update import _new_photos
 from dgs.core.progress import Silent
 from dgs.core.reconstruction import no_points
 from dgs.core.sfm.given import load_cameras
 from dgs.core.twin.folder import TwinFolder
 from dgs.core.twin.opened import open_twin
+from dgs.studies.stability.damage import png
 from dgs.studies.stability.fuzzed_samples import cameras, cloud
+from dgs.studies.stability.fuzzed_state import write_twin
 from PIL import Image
 
 
@@ -72,6 +76,43 @@ def test_kernels_that_are_none(tmp_path, name):
         (tmp_path / name).write_bytes(b"II*\0\x08\0\0\0" if name == "k.tif" else b"\x89PNG\r\n\x1a\n")
     with pytest.raises(PsfError):
         read_kernel(tmp_path / name)
+
+
+def test_a_png_that_unpacks_to_gigabytes_is_no_kernel(tmp_path):
+    chunks = [(b"IHDR", struct.pack(">IIBBBBB", 60_000, 60_000, 8, 0, 0, 0, 0)), (b"IDAT", bytes(100)), (b"IEND", b"")]
+    (tmp_path / "k.png").write_bytes(png(chunks))
+    with pytest.raises(PsfError, match=r"k\.png' cannot be read: (it declares|Image size)"):
+        read_kernel(tmp_path / "k.png")
+
+
+DEEP = "[" * 100_000 + "]" * 100_000
+
+
+@pytest.mark.parametrize(
+    ("file", "text"),
+    [
+        *((name, text) for name in ("report.json", "twin.json") for text in (DEEP, "[1]", "3", '"x"', "null")),
+        ("report.json", '{"settings": {"run": {"psf": 7, "photos": [], "out": {}}}}'),
+        ("twin.json", '{"held": 3, "psf": [], "updates": {"x": 1}}'),
+        ("twin.json", '{"held": ["a.png"], "psf": {"b.png": 5}, "updates": [7]}'),
+    ],
+)
+def test_what_a_twin_keeps_is_checked_before_it_is_used(tmp_path, file, text, capsys):
+    """Wrong types and brackets in brackets were tracebacks, of both commands that open a twin."""
+    write_twin(tmp_path)
+    (tmp_path / "twin" / file).write_text(text)
+    for words in (["next-view", "TWIN"], ["update", "TWIN", "PHOTOS"]):
+        places = {"TWIN": str(tmp_path / "twin"), "PHOTOS": str(tmp_path / "photos")}
+        assert run([places.get(word, word) for word in words]) == 2
+        said = capsys.readouterr().err
+        assert "Traceback" not in said and "bug" not in said and f"{file}' is damaged" in said, said[-300:]
+
+
+@pytest.mark.parametrize("text", [DEEP, "[1]", "3", '{"*": 7}', '{"a.png": ["gaussian:2"]}'])
+def test_lists_of_point_spreads_that_are_none(tmp_path, text):
+    (tmp_path / "psf.json").write_text(text)
+    with pytest.raises(PsfError):
+        given_spreads(f"per-photo:{tmp_path / 'psf.json'}")
 
 
 def test_cameras_at_one_place_are_refused(tmp_path):
