@@ -7,11 +7,12 @@ and every item writes only its own slots, so the result does not depend on the n
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import os
 import threading
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -123,7 +124,9 @@ def run(function: Callable[..., Any], items: int, *arguments: Any, grain: int = 
                 return
             function(begin, min(begin + chunk, items), *arguments)
 
-    futures = [_workers(count).submit(work) for _ in range(count - 1)]
+    futures: list[Future[None]] = []
+    with contextlib.suppress(RuntimeError):  # no thread can be had, as when the interpreter ends: fewer do the work
+        futures.extend(_workers(count).submit(work) for _ in range(count - 1))
     work()  # the caller is one of the threads
     for future in futures:
         future.result()

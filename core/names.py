@@ -44,7 +44,8 @@ def check_photo_name(file: Path) -> None:
     """
     fault = fault_of(str(file.absolute())) or ("holds a backslash" if "\\" in file.name else "")
     if fault:
-        raise PhotoError(f"The name of the photo '{shown(file)}' {fault}", "Rename it")
+        named = file if fault_of(str(file)) or "\\" in file.name else file.absolute()
+        raise PhotoError(f"The name of the photo '{shown(named)}' {fault}", "Rename it, or its folder")
 
 
 def check_given(path: Path) -> None:

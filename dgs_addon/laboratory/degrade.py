@@ -19,6 +19,10 @@ from ...core.imaging.kernel_files import read_kernel
 _FORMS = "Write none, gaussian:SIGMA, gaussian:SX,SY,ANGLE, disk:RADIUS or file:PATH"
 
 
+#: px that a blur is wide at most; the samples of a wider one would fill the memory.
+WIDEST = 1000.0
+
+
 @dataclass(frozen=True)
 class Sensor:
     """What counts the light and stores it.
@@ -56,6 +60,8 @@ def kernel_of(psf: str) -> NDArray[np.float64]:
         numbers = []
     if any(not math.isfinite(value) for value in numbers) or any(value < 0 for value in numbers[:2]):
         numbers = []
+    if max(numbers[:2], default=0.0) > WIDEST:
+        raise PsfError(f"The point spread function '{psf[:60]}' is wider than any photo", f"Give at most {WIDEST:g} px")
     if kind == "gaussian" and len(numbers) in (1, 3):
         return _gaussian(numbers[0], numbers[1] if len(numbers) == 3 else numbers[0], (numbers[2:] or [0.0])[0])
     if kind == "disk" and len(numbers) == 1:

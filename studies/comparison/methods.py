@@ -137,7 +137,7 @@ class MethodRunner:
             Cancelled: the user stopped Richardson-Lucy.
         """
         photos, medium = self._data.photos, self._data.medium
-        kind, *values = method.split()
+        kind, *values = method.split() or [""]
         plain = replace(base, variation_weight=0.0)
         if kind not in _KINDS or len(values) != (2 if kind in ("wiener", "rl") else 0):
             raise DgsError(f"There is no method '{method}'", f"Choose among {', '.join(methods())}")

@@ -152,7 +152,7 @@ def nothing_counts(site: Site) -> float:
     photo, image = torch.full((3, 20, 30), math.nan), _noise(3, 20, 30)
     value, slope = PhotometricLoss(photo).value_and_gradient(image)
     exact = photometric_reference(image.double().requires_grad_(), photo.double())
-    return float(value != 0.0) + float(int((slope != 0).sum())) + float(float(exact) != 0.0)
+    return float(value != 0.0) + float(int((slope != 0).sum())) + float(float(exact.detach()) != 0.0)
 
 
 @case("loss", "variation and specks of flat images", "finite; 0 where nothing changes", 0.0, "a count of violations")

@@ -115,6 +115,21 @@ def test_lists_of_point_spreads_that_are_none(tmp_path, text):
         given_spreads(f"per-photo:{tmp_path / 'psf.json'}")
 
 
+def test_kernels_that_run_when_a_command_has_failed_say_nothing():
+    """What an update compiles beside its photos printed a traceback behind the line that said what was wrong."""
+    code = (
+        "import sys; sys.path.insert(0, '.'); import run_dgs; run_dgs.mount_package(); import threading, time\n"
+        "from dgs.core import compiled; compiled.set_threads(2); seen = []\n"
+        "def late():\n"
+        "    time.sleep(0.5); compiled.run(lambda begin, end: seen.extend(range(begin, end)), 100)\n"
+        "    print(sorted(seen) == list(range(100)))\n"
+        "threading.Thread(target=late).start()\n"
+    )
+    words = [sys.executable, "-c", code]
+    done = subprocess.run(words, capture_output=True, text=True, check=True, cwd=Path(dgs.__path__[0]))
+    assert done.stdout.strip() == "True" and done.stderr == ""
+
+
 def test_cameras_at_one_place_are_refused(tmp_path):
     photos = load_photos(folder_of(tmp_path / "photos", "a.png", "b.png"), None, Silent())
     pair = cameras()

@@ -71,13 +71,18 @@ def test_tilted_gaussian_has_the_covariance_it_says() -> None:
     assert np.allclose(measured, expected, atol=1e-4)
 
 
-@pytest.mark.parametrize("psf", ["gaussian", "gaussian:-1", "gaussian:nan", "gaussian:1,2", "cone:3", "disk:x", ""])
+@pytest.mark.parametrize(
+    "psf",
+    ["gaussian", "gaussian:-1", "gaussian:nan", "gaussian:1,2", "cone:3", "disk:x", "", "gaussian:1e9", "disk:1e300"],
+)
 def test_senseless_spreads_are_refused(psf: str) -> None:
     with pytest.raises(PsfError):
         degrade.kernel_of(psf)
 
 
-@pytest.mark.parametrize("wrong", [{"views": 0}, {"width": 2}, {"bits": 12}, {"path": "moon"}, {"noise": -0.1}])
+@pytest.mark.parametrize(
+    "wrong", [{"views": 0}, {"width": 2}, {"bits": 12}, {"path": "moon"}, {"noise": -0.1}, {"focus": np.inf}]
+)
 def test_senseless_settings_are_refused(wrong: dict) -> None:
     with pytest.raises(DgsError):
         SynthesizeSettings(**wrong)
