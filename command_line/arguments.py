@@ -17,7 +17,7 @@ from ..core.run_settings import DEFAULT_FRAMES
 SPLATS = "file of Gaussians: a twin.ply, or any format that Blender's import of splats reads"
 CAMERAS = "cameras, such as the folder of a COLMAP model or a transforms.json"
 #: Of steps, splats, frames and files, where no option says otherwise: what is larger fits no memory and no lifetime.
-MOST = 10**9
+LARGEST_COUNT = 10**9
 _SECONDS = {"": 1.0, "s": 1.0, "m": 60.0, "min": 60.0, "h": 3600.0}
 
 
@@ -44,7 +44,7 @@ def quality(text: str) -> float | Literal["plateau"]:
     return value
 
 
-def whole(low: int, high: int = MOST) -> Callable[[str], int]:
+def whole(low: int, high: int = LARGEST_COUNT) -> Callable[[str], int]:
     """An argument type: a whole number from `low` to `high`."""
 
     def parse(text: str) -> int:
@@ -53,7 +53,9 @@ def whole(low: int, high: int = MOST) -> Callable[[str], int]:
         except ValueError:
             value = None
         if value is None or not low <= value <= high:
-            span = f"from {low} to {high}" if high < MOST else f"of at least {low}, and at most {MOST}"
+            span = (
+                f"from {low} to {high}" if high < LARGEST_COUNT else f"of at least {low}, and at most {LARGEST_COUNT}"
+            )
             raise argparse.ArgumentTypeError(f"'{text}' is no whole number {span}")
         return value
 
