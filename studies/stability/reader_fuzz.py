@@ -16,7 +16,7 @@ import struct
 import time
 import traceback
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
@@ -193,13 +193,15 @@ def _last_words(place: Path, index: int) -> str:
 def _child(reader: Reader, place: Path, original: bytes, seed: int, indices: range, report: int) -> None:
     """Reads the files and reports each; never returns."""
     try:
-        _limit()
+        _silence()
         for index in indices:
             content = reader.damage(original, np.random.default_rng([seed, index]))
             (place / reader.file).write_bytes(content)
+            del content
             _forget_peak()
             before, began = _memory("VmRSS"), time.perf_counter()
-            verdict = _verdict(reader, place, index)
+            with _limited():  # (what makes a file may take more: some are a list of thousands of long texts)
+                verdict = _verdict(reader, place, index)
             seconds, memory = time.perf_counter() - began, max(0, _memory("VmHWM") - before)
             os.write(report, _MARK.pack(index, verdict, seconds, memory))
     finally:
@@ -225,11 +227,21 @@ def _for_memory(error: BaseException) -> bool:
     return isinstance(error, MemoryError) or (cause is not None and _for_memory(cause))
 
 
-def _limit() -> None:
-    """Limits the memory, and sends what is printed nowhere."""
+@contextlib.contextmanager
+def _limited() -> Iterator[None]:
+    """This process gets no more than `MEMORY_BYTES` beyond what it has."""
     with open("/proc/self/statm", encoding="ascii") as statm:
         now = int(statm.read().split()[0]) * resource.getpagesize()
-    resource.setrlimit(resource.RLIMIT_AS, (now + MEMORY_BYTES, now + MEMORY_BYTES))
+    usual, most = resource.getrlimit(resource.RLIMIT_AS)
+    resource.setrlimit(resource.RLIMIT_AS, (now + MEMORY_BYTES, most))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_AS, (usual, most))
+
+
+def _silence() -> None:
+    """Sends what is printed nowhere."""
     nothing = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nothing, 1)
     os.dup2(nothing, 2)

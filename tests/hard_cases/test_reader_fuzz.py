@@ -5,6 +5,7 @@ import signal
 import sys
 import tempfile
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -67,6 +68,14 @@ def test_what_a_reader_must_not_do_is_seen(read, kind, tmp_path, monkeypatch):
     monkeypatch.setattr(reader_fuzz, "HANG_SECONDS", 1.0 if kind == "hangs" else 10.0)
     found = fuzz_reader(unless_valid(read), 3, tmp_path)
     assert getattr(found, kind) == found.faults == 3 and found.worst
+
+
+def test_what_it_takes_to_make_a_file_is_not_the_readers(tmp_path, monkeypatch):
+    """A list of thousands of long texts, which did not fit into the memory of its reader, counted as an abort."""
+    monkeypatch.setattr(reader_fuzz, "MEMORY_BYTES", 2**26)
+    usual = reader_that(lambda data: len(data))
+    found = fuzz_reader(replace(usual, damage=lambda content, _: content + bytes(2**28)[:9]), 3, tmp_path)
+    assert (found.read, found.faults) == (3, 0)
 
 
 def test_memory_and_time_of_a_file_are_measured(tmp_path):
