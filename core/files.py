@@ -12,7 +12,7 @@ import math
 import os
 import stat
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, is_dataclass
 from pathlib import Path
 from typing import Any
@@ -71,7 +71,7 @@ def check_writable(folder: Path) -> None:
     except OSError as error:
         raise output_error(folder, error) from error
     finally:
-        probe.unlink(missing_ok=True)
+        _forget(probe)
 
 
 @contextmanager
@@ -94,7 +94,13 @@ def replacing(path: Path) -> Iterator[Path]:
     except OSError as error:
         raise output_error(path, error) from error
     finally:
-        temporary.unlink(missing_ok=True)
+        _forget(temporary)
+
+
+def _forget(file: Path) -> None:
+    """Removes a file that may not be there; a disk that is read-only refuses even that."""
+    with suppress(OSError):
+        file.unlink(missing_ok=True)
 
 
 def sync_file(path: Path) -> None:
@@ -140,8 +146,6 @@ def read_json(path: Path, largest: int = LARGEST_JSON) -> Any:
     """
     if stat.S_IFMT(path.stat().st_mode) not in (stat.S_IFREG, stat.S_IFDIR):  # (opening a folder says it better)
         raise ValueError("no file that ends")
-    if path.exists() and not path.is_file() and not path.is_dir():
-        raise OSError(errno.EINVAL, "it is a device or a pipe, which may never end")
     with path.open("rb") as file:
         data = file.read(largest + 1)
     if len(data) > largest:

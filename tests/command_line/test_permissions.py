@@ -180,3 +180,25 @@ def test_an_output_folder_that_may_not_be_written(name, folder):
     last = ends_with_a_line(status, said)
     assert "Cannot write" in last and "out" in last and "permission denied" in last, said
     assert not any((folder / "out").iterdir())
+
+
+def test_a_disk_that_is_read_only(folder):
+    """Removing what could not be written failed, too, and that was said instead."""
+    command = 'mount --bind "$1" "$1" && mount -o remount,ro,bind "$1" && exec "$2" -c "$3" "$1"'
+    code = (
+        "import sys; sys.path.insert(0, '.'); import run_dgs; run_dgs.mount_package()\n"
+        "from pathlib import Path; from dgs.core.files import check_writable, write_text; here = Path(sys.argv[1])\n"
+        "from dgs.core.errors import OutputError\n"
+        "for write in (lambda: check_writable(here), lambda: write_text(here / 'a.txt', 'x')):\n"
+        "    try: write()\n"
+        "    except OutputError as error: print(error)\n"
+    )
+    words = ["unshare", "--mount", "sh", "-c", command, "sh", str(folder), sys.executable, code]
+    try:
+        done = subprocess.run(words, cwd=Path(dgs.__file__).parent, capture_output=True, text=True, check=False)
+    except FileNotFoundError:
+        pytest.skip("there is no unshare")
+    if done.returncode and "Traceback" not in done.stderr:
+        pytest.skip("this user may not mount")
+    said = done.stdout.splitlines()
+    assert len(said) == 2 and all("The disk is read-only; choose another folder" in line for line in said), done.stderr
