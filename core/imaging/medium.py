@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import Literal
+
+import numpy as np
 
 from ..errors import PsfError
 from .psf import PointSpread
@@ -40,6 +42,12 @@ class Medium:
     def blurs(self) -> bool:
         """Whether any photo is blurred at all."""
         return any(p is not None and not p.is_identity for p in (self.psf, *self.per_view.values()))
+
+    def mean_sigma(self, names: Sequence[str]) -> float:
+        """Standard deviation (px) of the photos' blur, root mean square over photos and directions; 0 for none."""
+        spreads = [self.psf_for(name) for name in names]
+        variances = [0.0 if psf is None else float(np.trace(psf.covariance)) / 2.0 for psf in spreads]
+        return float(np.sqrt(np.mean(variances)))
 
     def on_grid(self, s: float, low_pass: float = 0.0) -> Medium:
         """The medium for photos area-averaged by `s`; see `PointSpread.on_grid`."""

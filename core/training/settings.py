@@ -100,6 +100,55 @@ def start_share(photos: int, settings: PhotoCountSettings = PHOTO_COUNT) -> floa
 
 
 @dataclass(frozen=True)
+class BlurWidthSettings:
+    """How the width of the blur changes how smooth a twin is kept."""
+
+    sigma_at_par: float = number(
+        5.0,
+        "px of the photo",
+        "standard deviation of the blur from which on low-pass and smoothness are as they are set: of finer detail"
+        " a photo says nothing. Below, their variance falls with the blur's",
+        "the ball and copr, blurred by 5 px",
+    )
+    sharp_low_pass: float = number(
+        0.3,
+        "px^2 of the photo",
+        "where nothing is blurred: what every viewer adds",
+        "3D Gaussian splatting (Kerbl et al. 2023)",
+        "held-out views of sharp photos, against 2.0: copr +0.16 dB, brighton 0.00, lego (400 px) +4.6; copr blurred by"
+        " 3 px, with 0.9 for 2.0: +0.05",
+    )
+    few_photos: int = number(
+        15,
+        "photos",
+        "sharp ones, with which the smoothness is as it is set; with more it falls with the square of their number, as"
+        " they show by themselves what is there",
+        "held-out views without any smoothness: brighton (15 photos) -0.27 dB, copr (33) +0.11",
+    )
+
+
+BLUR_WIDTH = BlurWidthSettings()
+
+
+def smoothed_for(
+    settings: TrainingSettings, sigma: float, photos: int, numbers: BlurWidthSettings = BLUR_WIDTH
+) -> TrainingSettings:
+    """The settings for so many photos with a blur of `sigma` px (standard deviation, mean over photos and directions).
+
+    Low-pass and variation keep a twin from inventing what a blur took away. Many sharp photos show it: there both would
+    only take detail away.
+    """
+    share = min(1.0, (sigma / numbers.sigma_at_par) ** 2)
+    if share == 1.0:
+        return settings
+    few = min(1.0, (numbers.few_photos / max(photos, 1)) ** 2)
+    low_pass = numbers.sharp_low_pass + share * (settings.low_pass - numbers.sharp_low_pass)
+    return replace(
+        settings, low_pass=low_pass, variation_weight=(share + (1 - share) * few) * settings.variation_weight
+    )
+
+
+@dataclass(frozen=True)
 class PresetSettings:
     """What the presets 'draft' and 'fine' change of the balanced one, `TrainingSettings`."""
 
@@ -134,7 +183,9 @@ class TrainingSettings:
             costs hardly more for being higher (`variation`).
         speck_weight: of the price of single specks (`specks`) where a blur is inverted, times the same `smoothness`.
         ssim_weight: of 1 - SSIM against the mean absolute error (3DGS: 0.2).
-        low_pass: variance added to every projected Gaussian, in px^2 of the PHOTO's grid.
+        low_pass: variance added to every projected Gaussian, in px^2 of the PHOTO's grid; as `variation_weight`, it is
+            meant for blurred photos (`smoothed_for`).
+        deconvolved_sigma: px, standard deviation of a blur that was undone on the photos before the training.
         backdrop: how far (in [0, 1]) the colour behind the twin is shaken from step to step; without
             it surfaces stay translucent.
         start_share: share of the run that fits photos whose blur was undone beforehand (`Objective.start_loss`), times
@@ -191,6 +242,7 @@ class TrainingSettings:
     low_pass: float = number(
         2.0, "px^2 of the photo", "keeps Gaussians from inventing detail between the px of a blurred photo"
     )
+    deconvolved_sigma: float = 0.0
     backdrop: float = number(
         0.25, "sRGB in [0, 1]", "how far the colour behind the twin is shaken; without it surfaces stay translucent"
     )

@@ -36,7 +36,7 @@ from .objective import Objective
 from .optimizer import Adam
 from .origin import origin
 from .scale import SceneScale, scene_scale
-from .settings import TrainingSettings, smoothness, start_share, trust
+from .settings import TrainingSettings, smoothed_for, smoothness, start_share, trust
 
 
 @dataclass(frozen=True)
@@ -102,6 +102,8 @@ class Trainer:
         start: Gaussians | None = None,
     ) -> None:
         self.distinct = distinct(views)  # copies average no noise away
+        sigma = max(settings.deconvolved_sigma, medium.mean_sigma([view.name for view in views]))
+        settings = smoothed_for(settings, sigma, self.distinct)
         settings = replace(
             settings,
             variation_weight=settings.variation_weight * smoothness(self.distinct),

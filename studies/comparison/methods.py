@@ -151,7 +151,9 @@ class MethodRunner:
             sharp = [replace(p, pixels=self._data.truth.pixels(p.name), alpha=None) for p in photos]
             return MethodInputs(sharp, Medium(None), plain)
         try:
-            varied = replace(base, variation_weight=float(values[1].removeprefix("v")))
+            blur = medium.mean_sigma([photo.name for photo in photos])
+            weight = float(values[1].removeprefix("v"))
+            varied = replace(base, variation_weight=weight, deconvolved_sigma=blur)
             if values[0] != "measured":
                 (int if kind == "rl" else float)(values[0])
         except ValueError as error:

@@ -26,7 +26,7 @@ from dgs.core.training.optimizer import Adam
 from dgs.core.training.photometric import FILL, PhotometricLoss, valid_pixels
 from dgs.core.training.scale import SceneScale, scene_scale
 from dgs.core.training.schedule import SCHEDULE, Schedule
-from dgs.core.training.settings import TrainingSettings
+from dgs.core.training.settings import TrainingSettings, smoothed_for
 from dgs.core.training.specks import speck_price
 from dgs.core.training.trainer import Trainer
 from dgs.core.training.variation import SMOOTH, variation_gradient
@@ -482,3 +482,23 @@ def test_gaussians_that_are_not_finite_are_left_out_of_the_twin(trainer: Trainer
 
 def test_a_camera_of_the_tiny_scene_is_where_it_is_said() -> None:
     assert np.allclose(camera_at(0.3, -0.2, "x").centre, [0.3, -0.2, -3.0])
+
+
+def test_smoothness_follows_the_blurs_width() -> None:
+    """A blur of five px and more leaves the settings alone; many sharp photos get little smoothing, few all of it."""
+    base = TrainingSettings(low_pass=2.0, variation_weight=0.6)
+    assert smoothed_for(base, 5.0, 40) is base and smoothed_for(base, 9.0, 3) is base
+    sharp = smoothed_for(base, 0.0, 30)
+    assert sharp.low_pass == 0.3 and sharp.variation_weight == pytest.approx(0.6 / 4)
+    assert smoothed_for(base, 0.0, 10).variation_weight == 0.6
+    between = smoothed_for(base, 2.5, 30)
+    assert between.low_pass == pytest.approx(0.3 + 1.7 / 4)
+    assert between.variation_weight == pytest.approx(0.6 * (0.25 + 0.75 / 4))
+
+
+def test_the_blurs_mean_width_counts_photos_and_directions_alike() -> None:
+    wide = PointSpread(sigma_x=3.0, sigma_y=4.0)
+    medium = Medium(wide, per_view={"sharp": None})
+    assert medium.mean_sigma(["a"]) == pytest.approx(12.5**0.5)
+    assert medium.mean_sigma(["a", "sharp"]) == pytest.approx(6.25**0.5)
+    assert Medium(None).mean_sigma(["a"]) == 0.0

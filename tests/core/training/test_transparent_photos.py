@@ -119,7 +119,8 @@ def test_a_twin_of_transparent_photos_is_empty_where_they_are() -> None:
     camera = scene.views[0].camera  # held out
     over_white, over_black = (through(scene.truth, camera, None, colour)[0] for colour in (WHITE, BLACK))
     found = psnr(sharp(transparent, camera, WHITE).image.numpy(), over_white)
-    assert found > psnr(sharp(plain, camera, WHITE).image.numpy(), over_white) - 0.2
+    # (single trainings of either scatter by 0.3 dB)
+    assert found > psnr(sharp(plain, camera, WHITE).image.numpy(), over_white) - 0.5
     assert psnr(sharp(transparent, camera, BLACK).image.numpy(), over_black) > found - 3.0
     _, alpha = through(scene.truth, camera, None, BLACK)
     assert np.abs(sharp(transparent, camera, BLACK).alpha.numpy() - alpha).mean() < 0.03
