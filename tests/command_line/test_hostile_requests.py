@@ -9,6 +9,7 @@ from dgs.command_line import main, run
 from dgs.command_line.table import COMMANDS
 from dgs.core.errors import PsfError
 from dgs.core.imaging.psf_text import parse_psf
+from dgs.studies.stability.fuzzed_state import write_twin
 from dgs.tools.hostile import NUMBERS, all_requests, make_files
 
 NAMES = [command.name for command in COMMANDS]
@@ -103,6 +104,20 @@ def test_numbers_that_no_memory_holds(words, folder, capfd):
     places = {"here": str(folder / "twin"), "out": str(folder / "out")}
     said = ends_with_a_line([places.get(word, word) for word in words], capfd)
     assert "at most" in said or "from 1 to" in said
+
+
+@pytest.mark.parametrize("name", ["reconstruct", "resume", "cameras", "inspect", "estimate", "update", "next-view"])
+def test_a_photo_whose_name_is_no_text_is_refused_by_every_command(name, tmp_path, capfd):
+    """It was a traceback after the whole training."""
+    write_twin(tmp_path)
+    photos, twin, out = (str(tmp_path / part) for part in ("photos", "twin", "out"))
+    (tmp_path / "photos" / os.fsdecode(b"b\xff.png")).write_bytes((tmp_path / "photos" / "b.png").read_bytes())
+    made = ["reconstruct", photos, "--out", out, "--cameras", f"{twin}/cameras", "--preset", "draft"]
+    words = {"reconstruct": made, "resume": [*made, "--resume"], "cameras": ["cameras", photos, "--out", out]}
+    words |= {"inspect": ["inspect", photos], "estimate": ["estimate", photos], "update": ["update", twin, photos]}
+    assert run(words.get(name, ["next-view", twin, "--photos", photos])) == 2
+    said = capfd.readouterr().err
+    assert "b\\udcff.png' is not UTF-8. Rename it" in said and "Traceback" not in said and "bug" not in said, said
 
 
 def test_a_list_that_is_a_pipe_is_not_waited_for(tmp_path, capfd):
