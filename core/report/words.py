@@ -29,7 +29,7 @@ def simulated(report: Mapping[str, Any]) -> list[str]:
     )
     return [
         blur,
-        *_background(report["photos"]),
+        *_background(report.get("photos", {})),
         *(_sentence(effect["name"]) for effect in report.get("effects", ()) if effect["on"]),
         "Perspective and lens distortion of each photo, with the light from just outside the frame.",
         gloss,

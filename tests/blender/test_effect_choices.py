@@ -25,8 +25,10 @@ settings = bpy.context.scene.dgs
 items = settings.bl_rna.properties["effects"].enum_items
 print(",".join(items.keys()), "|", items["dust"].name, "|", items["dust"].description)
 settings.effects = "dust"
+from pathlib import Path
+from dgs.dgs_addon.job.options import job_arguments
 from dgs.dgs_addon.job.request import _effort
-print(" ".join(_effort(settings)))
+print(" ".join(job_arguments("reconstruct", Path("/p"), Path("/o"), _effort(settings))))
 dgs.unregister()
 """
 

@@ -169,6 +169,7 @@ def test_every_option_is_one_that_the_command_line_has(photo_set: Path, tmp_path
         "seed": 3,
         "max_gaussians": 500,
         "effects": "auto",
+        "background": "white",
         "refine_cameras": True,
         "time_limit": 90.0,
         "sh_degree": 2,

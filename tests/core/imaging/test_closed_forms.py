@@ -13,7 +13,7 @@ import torch
 from dgs.core.errors import PsfError
 from dgs.core.frames import Frame
 from dgs.core.imaging import choices
-from dgs.core.imaging.composed import convolved, moved
+from dgs.core.imaging.composed import moved
 from dgs.core.imaging.contradiction import CONTRADICTION, Observed
 from dgs.core.imaging.evaluations import (
     REDUCED,
@@ -237,17 +237,6 @@ def test_the_ends_of_what_a_text_may_say(text: str, sigmas: tuple[float, float, 
 
 
 # --- composed ----------------------------------------------------------------------------------------------------
-
-
-def test_gaussians_one_after_the_other_turn_to_the_wider_side() -> None:
-    both = convolved(parse_psf("gaussian:3,1,0"), parse_psf("gaussian:2,1,90"))
-    assert both is not None
-    assert (both.sigma_x, both.sigma_y) == (pytest.approx(10**0.5), pytest.approx(5**0.5)) and both.angle == 0.0
-    both = convolved(parse_psf("gaussian:3,1,120"), parse_psf("gaussian:2,1,120"))
-    assert both is not None and both.angle == pytest.approx(120.0)
-    assert both.source == "gaussian:3,1,120+gaussian:2,1,120"
-    upright = convolved(parse_psf("gaussian:3,1,0"), parse_psf("gaussian:1,3,0"))
-    assert upright is not None and upright.sigma_x == upright.sigma_y and upright.angle == 0.0
 
 
 @pytest.mark.parametrize(("length", "angle"), [(10.0, 0.0), (10.0, 90.0), (7.0, 45.0), (512.0, 0.0)])

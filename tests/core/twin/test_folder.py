@@ -84,9 +84,9 @@ def test_damaged_files_are_explained_or_as_good_as_none(folder):
     with pytest.raises(FormatError, match="damaged"):
         folder.update_log()
     assert folder.plan() == {}
-    folder.save_plan({"gaussians": 5})
+    folder.save_plan({"gaussians": 5, "grid_step": None})
     folder.save_report({"settings": {"run": {"psf": "none", "photos": "photos", "out": "twin"}}})
-    assert folder.plan() == {"gaussians": 5} and folder.report()["settings"]["run"]["psf"] == "none"
+    assert folder.plan() == {"gaussians": 5, "grid_step": None} and folder.report()["settings"]["run"]["psf"] == "none"
     (folder.path / "twin.json").unlink()
     assert folder.update_log() == {}
     folder.twin_file.unlink()
