@@ -6,6 +6,7 @@ was forked from one that has everything loaded. Files that hold times or memory 
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import importlib
 import io
@@ -271,18 +272,41 @@ def run_and_exit(work: Callable[[], int], said: int) -> NoReturn:
 def warm_up() -> None:
     """Loads what a command needs, so that forked children begin at once; starts no thread that lives on.
 
-    A training has a dozen steps here, and keeps a checkpoint, the twin so far and a snapshot every few.
+    A training has a dozen steps here, and keeps a checkpoint, the twin so far and a snapshot every few. Whoever tests
+    other things in the same process puts that right again: `as_usual`.
     """
     torch.set_num_threads(1)
     compiled.set_threads(1)
-    object.__setattr__(training_settings.PRESETS, "draft_steps", STEPS)
-    object.__setattr__(training_run.RUN, "checkpoint_seconds", 0.03)
-    snapshots.INTERVAL = snapshots.TWIN_INTERVAL = 0.05  # type: ignore[misc]
+    _hasten(STEPS, 0.03, (0.05, 0.05))
     compile_kernels(0)
     for name in ("calibration.measure", "calibration.pictures", "pipeline.reconstruct", "pipeline.update"):
         importlib.import_module(f"dgs.core.{name}")
     for name in ("dgs.core.uncertainty.next_view", "matplotlib.figure", "matplotlib.font_manager", "pycolmap"):
         importlib.import_module(name)
+
+
+@contextlib.contextmanager
+def as_usual() -> Iterator[None]:
+    """Puts right at the end what `warm_up` changed in this process."""
+    before = (
+        training_settings.PRESETS.draft_steps,
+        training_run.RUN.checkpoint_seconds,
+        (snapshots.INTERVAL, snapshots.TWIN_INTERVAL),
+    )
+    threads = torch.get_num_threads(), compiled.threads()
+    try:
+        yield
+    finally:
+        _hasten(*before)
+        torch.set_num_threads(threads[0])
+        compiled.set_threads(threads[1])
+
+
+def _hasten(steps: int, checkpoints: float, snapshot: tuple[float, float]) -> None:
+    """Steps of a draft; seconds between checkpoints, and between snapshots and twins so far."""
+    object.__setattr__(training_settings.PRESETS, "draft_steps", steps)
+    object.__setattr__(training_run.RUN, "checkpoint_seconds", checkpoints)
+    snapshots.INTERVAL, snapshots.TWIN_INTERVAL = snapshot  # type: ignore[misc]
 
 
 def opened(folder: Path) -> tuple[State, list[str]]:

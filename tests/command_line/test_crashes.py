@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 from dgs.core import lock, transaction
 from dgs.core.transaction import CONTENT, FolderChange
-from dgs.tests.crash_commands import CASES, Case, Stage, warm_up
+from dgs.tests.crash_commands import CASES, Case, Stage, as_usual, warm_up
 from dgs.tests.crash_trials import Trials
 from dgs.tests.crashes import can_mount
 
@@ -26,11 +26,12 @@ QUICK = [case for case in CASES if not case.name.startswith(("blend", "next-view
 @pytest.fixture(scope="module")
 def stage(tmp_path_factory: pytest.TempPathFactory) -> Any:
     """Folders from which the commands start; in memory, where there is a disk in memory."""
-    warm_up()
     shared = Path("/dev/shm")
     work = (shared if os.access(shared, os.W_OK) else tmp_path_factory.mktemp("crashes")) / f"dgs-test-{os.getpid()}"
-    yield Stage(work)
-    shutil.rmtree(work, ignore_errors=True)
+    with as_usual():
+        warm_up()
+        yield Stage(work)
+        shutil.rmtree(work, ignore_errors=True)
 
 
 @pytest.mark.parametrize("case", QUICK, ids=lambda case: case.name)
