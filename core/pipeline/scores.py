@@ -39,6 +39,8 @@ NOISE_TO_CONTRAST = 1.0 / (255.0 * math.sqrt(12.0)) / 0.5
 SHOWN, SHOWN_FITTED = 6, 3
 #: Fitted views that are scored at most, to compare unseen ones with.
 SCORED_FITTED = 6
+#: Of these, scored however short the time is: without them nothing can be said of the twin.
+LEAST_FITTED = 2
 #: A truth whose proportions differ by more than this share is of another view.
 ASPECT_TOLERANCE = 0.02
 
@@ -187,7 +189,7 @@ def score_views(
         return scorer.score(by_name[name], True, partial(keep, files[name])) if timing.another() else None
 
     def fitted(name: str) -> ViewScores | None:
-        return scorer.fitted(by_name[name]) if timing.another() else None
+        return scorer.fitted(by_name[name]) if name in compared[:LEAST_FITTED] or timing.another() else None
 
     # Interpolation, transforms and files wait for one core at a time: whole views side by side do not.
     others = sorted(set(by_name) - set(wanted))

@@ -86,10 +86,11 @@ def verdict(
     judged = [score for score in unseen if score.unexplained is not None]
     known = [score.unexplained for score in fitted if score.unexplained is not None]
     if not judged or not known:
+        why = "No photo was held out" if not unseen else "No photo could be scored"
         return Verdict(
             "unknown",
-            "No photo was held out, so nothing says how well the twin predicts photos that it has not seen.",
-            help=("Hold photos out (--holdout-every 8)",) if not judged else (),
+            f"{why}, so nothing says how well the twin predicts photos that it has not seen.",
+            help=() if unseen else ("Hold photos out (--holdout-every 8)",),
         )
     share = float(np.mean([_left(score) for score in judged]))
     fitted_share = float(np.mean(known))

@@ -102,3 +102,8 @@ def test_what_else_would_help_is_said() -> None:
 def test_without_photos_held_out_nothing_is_claimed() -> None:
     found = verdict([], [], _ring(5.0), [])
     assert found.level == "unknown" and "--holdout-every" in found.help[0]
+
+
+def test_photos_that_could_not_be_scored_are_not_called_none() -> None:
+    found = verdict([_score("0.png", 0.03)], [], _ring(5.0), [])
+    assert found.level == "unknown" and "could be scored" in found.sentence and found.help == ()
