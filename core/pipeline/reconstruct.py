@@ -9,15 +9,18 @@ from typing import Any
 
 from ..errors import DgsError
 from ..files import check_writable
+from ..imaging.medium import Medium
 from ..lock import working_on
 from ..machine import Machine
 from ..outputs import claim_output_folder
 from ..photos.movie import is_movie
 from ..photos.truth import TruthFolder
 from ..progress import Progress
+from ..reconstruction import Reconstruction
 from ..report.summary import RunFacts, TimeFacts
 from ..run_settings import RunSettings
 from ..training.job import TrainingJob
+from ..training.run import Trained
 from ..training.scale import scene_scale
 from ..twin.begun import BegunRun, Start
 from ..twin.folder import TwinFolder
@@ -26,12 +29,12 @@ from .cameras import FoundCameras, cameras_of, given_cameras, search_for
 from .effects.decision import parse_effects
 from .fitted import split_views
 from .medium import medium_of
-from .photos import read_photos
+from .photos import LoadedPhotos, read_photos
 from .refinement import RefinementJob, refine
 from .report import camera_facts, medium_facts, photo_facts, write_report
 from .scores import ViewScorer, resolvable_period, score_views
 from .simulated import simulate
-from .timing import MakeTiming, NoteKeeper, Stopwatch, Untimed
+from .timing import MakeTiming, NoteKeeper, Stopwatch, Timing, Untimed
 from .training import fit_into_time, train_twin, training_settings, usual_settings
 from .views import Viewer
 
@@ -82,7 +85,20 @@ def reconstruct(
         start: Start = "resume" if run.resume else "cameras" if run.keep_cameras else "anew"
         begun = BegunRun(TwinFolder(run.out), start, is_movie(run.photos.photos))
         with begun.until_finished(_inputs(run)):
-            return _stages(run, given, truth, keeper, watch, timing_on, begun)
+            machine = Machine.ready(run.threads, run.device)
+            timing = timing_on(machine, lambda: time.perf_counter() - watch.began - keeper.waited)
+            return _stages(run, given, truth, _Course(begun, machine, timing, watch, keeper))
+
+
+@dataclass(frozen=True)
+class _Course:
+    """What all stages of one run share: its folder, the machine, its time, and whom it reports to."""
+
+    begun: BegunRun
+    machine: Machine
+    timing: Timing
+    watch: Stopwatch
+    keeper: NoteKeeper
 
 
 def _inputs(run: RunSettings) -> list[Path]:
@@ -91,41 +107,15 @@ def _inputs(run: RunSettings) -> list[Path]:
     return [path for path in paths if path is not None]
 
 
-def _stages(
-    run: RunSettings,
-    given: Spreads | None,
-    truth: TruthFolder | None,
-    keeper: NoteKeeper,
-    watch: Stopwatch,
-    timing_on: MakeTiming,
-    begun: BegunRun,
-) -> FinishedRun:
+def _stages(run: RunSettings, given: Spreads | None, truth: TruthFolder | None, course: _Course) -> FinishedRun:
     """The row itself."""
-    folder = begun.folder
-    machine = Machine.ready(run.threads, run.device)
-    timing = timing_on(machine, lambda: time.perf_counter() - watch.began - keeper.waited)
-
+    begun, machine, timing = course.begun, course.machine, course.timing
+    watch, keeper, folder = course.watch, course.keeper, course.begun.folder
     loaded = read_photos(run.photos, folder, keeper)
     blur = medium_of(run.medium, given, loaded.photos, keeper)
     watch.lap("photos")
-    file = run.cameras.given
-    given_ones = None if file is None else FoundCameras(given_cameras(file, loaded.photos, keeper), "given", file)
-    begun.check_photos(loaded.contents, None if given_ones is None else given_ones.reconstruction.digest())
-    known = given_ones is not None and not given_ones.reconstruction.figures.scattered
-    hurried = not known and timing.hurry(loaded.photos)
-    # What a checkpoint goes on from was trained with refined cameras already.
-    refined = run.cameras.refine and run.resume and folder.checkpoint.is_file()
-    search = search_for(run.training, machine.threads, hurried, run.resume or run.keep_cameras)
-    search = replace(search, refined=refined, hurried=hurried, held=frozenset(loaded.held))
-    cameras = cameras_of(given_ones, loaded.photos, blur.medium, search, folder, keeper)
+    cameras = _cameras(run, loaded, blur.medium, course)
     photos = loaded.placed(cameras.reconstruction.poses)
-    watch.lap("sfm")
-    if run.cameras.refine and not refined:
-        usual = usual_settings(run.training, machine)
-        job = RefinementJob(photos, loaded.held, blur.medium, usual, run.cameras.reference)
-        cameras = refine(cameras, job, keeper)
-        folder.save_cameras(cameras.reconstruction)
-        watch.lap("refine")
 
     views = split_views(photos, cameras.reconstruction, loaded.held, keeper)
     settings = training_settings(run.training, machine, timing.limited)
@@ -142,11 +132,8 @@ def _stages(
     watch.part("prepare", {name: round(float(trained.seconds[name]), 3) for name in ("compile", "train")})
 
     keeper.stage("save", len(loaded.held) + 2)
-    seen_by = list(cameras.reconstruction.cameras().values())
-    viewer = Viewer(
-        trained.gaussians, scene_scale(seen_by, points), machine.device, trained.low_pass, trained.background
-    )
     period = resolvable_period(effects.medium)
+    viewer = _viewer(trained, cameras.reconstruction, machine.device)
     scorer = ViewScorer(viewer, cameras.reconstruction, effects.medium, truth, period, keeper, formation)
     scored = score_views(scorer, photos, loaded.held, machine.threads, timing, folder)
     if over := timing.overrun():
@@ -169,3 +156,32 @@ def _stages(
     timing.keep(report, loaded.photos, len(effects.fitted), watch.total() - report["seconds"]["total"])
     keeper.advance(len(loaded.held) + 2)
     return FinishedRun(report, run.out, trained.stopped == "cancelled")
+
+
+def _cameras(run: RunSettings, loaded: LoadedPhotos, medium: Medium, course: _Course) -> FoundCameras:
+    """Given, those of the run that is resumed, or found; moved by the loss where that is asked for."""
+    machine, watch, keeper, folder = course.machine, course.watch, course.keeper, course.begun.folder
+    file = run.cameras.given
+    given = None if file is None else FoundCameras(given_cameras(file, loaded.photos, keeper), "given", file)
+    course.begun.check_photos(loaded.contents, None if given is None else given.reconstruction.digest())
+    with_points = given is not None and not given.reconstruction.figures.scattered
+    hurried = not with_points and course.timing.hurry(loaded.photos)
+    # What a checkpoint goes on from was trained with refined cameras already.
+    refined = run.cameras.refine and run.resume and folder.checkpoint.is_file()
+    search = search_for(run.training, machine.threads, hurried, run.resume or run.keep_cameras)
+    search = replace(search, refined=refined, hurried=hurried, held=frozenset(loaded.held))
+    cameras = cameras_of(given, loaded.photos, medium, search, folder, keeper)
+    watch.lap("sfm")
+    if run.cameras.refine and not refined:
+        photos = loaded.placed(cameras.reconstruction.poses)
+        usual = usual_settings(run.training, machine)
+        cameras = refine(cameras, RefinementJob(photos, loaded.held, medium, usual, run.cameras.reference), keeper)
+        folder.save_cameras(cameras.reconstruction)
+        watch.lap("refine")
+    return cameras
+
+
+def _viewer(trained: Trained, cameras: Reconstruction, device: str) -> Viewer:
+    """Of the twin, in the units that the cameras give the scene."""
+    scale = scene_scale(list(cameras.cameras().values()), cameras.points)
+    return Viewer(trained.gaussians, scale, device, trained.low_pass, trained.background)

@@ -21,6 +21,10 @@ from ..reconstruction import Reconstruction
 Level = Literal["good", "doubtful", "poor", "unknown"]
 
 
+#: What chose the numbers that no definition gives, and what they were checked on.
+_THOUGHT_OF, _LOOKED_AT = "thought of, on no data", "lego, a ball of 12 photos: whether what is said is so"
+
+
 @dataclass(frozen=True)
 class VerdictSettings:
     """When a twin is said to predict unseen photos."""
@@ -30,20 +34,36 @@ class VerdictSettings:
     )
     poor_ratio: float = number(4.0, "factor", "the same: 6 dB, twice the error", BY_DEFINITION)
     doubtful_share: float = number(
-        0.1, "of a photo's variance", "that stays unexplained: a tenth of what the photos show"
+        0.1, "of a photo's variance", "that stays unexplained: a tenth of what the photos show", _THOUGHT_OF, _LOOKED_AT
     )
-    poor_share: float = number(0.3, "of a photo's variance", "that stays unexplained: nearly a third")
+    poor_share: float = number(
+        0.3, "of a photo's variance", "that stays unexplained: nearly a third", _THOUGHT_OF, _LOOKED_AT
+    )
     small_share: float = number(
-        0.01, "of a photo's variance", "unexplained on unseen photos: so little is good whatever the ratio"
+        0.01,
+        "of a photo's variance",
+        "unexplained on unseen photos: so little is good whatever the ratio",
+        _THOUGHT_OF,
+        _LOOKED_AT,
     )
     bad_view: float = number(2.0, "factor", "squared error of a view over the mean: 3 dB below it", BY_DEFINITION)
     named_views: int = number(3, "count", "worst views that are named")
-    part_share: float = number(1 / 3, "of a view's squared error", "in one of nine parts, from which on it is named")
-    exposure_gain: float = number(1.0, "dB", "that matching each photo's brightness gains, from which on it is said")
-    wide_angle: float = number(
-        15.0, "degrees", "from an unseen view to the nearest fitted one, as the scene sees them: SIFT matches to 30"
+    part_share: float = number(
+        1 / 3, "of a view's squared error", "in one of nine parts, from which on it is named", _THOUGHT_OF, _LOOKED_AT
     )
-    still_rising: float = number(0.1, "dB", "that the last quarter of the training gained: more time helps")
+    exposure_gain: float = number(
+        1.0, "dB", "that matching each photo's brightness gains, from which on it is said", _THOUGHT_OF, _LOOKED_AT
+    )
+    wide_angle: float = number(
+        15.0,
+        "degrees",
+        "from an unseen view to the nearest fitted one, as the scene sees them: SIFT matches to 30",
+        _THOUGHT_OF,
+        _LOOKED_AT,
+    )
+    still_rising: float = number(
+        0.1, "dB", "that the last quarter of the training gained: more time helps", _THOUGHT_OF, _LOOKED_AT
+    )
 
 
 VERDICT = VerdictSettings()

@@ -22,15 +22,10 @@ from . import mapping
 from .attempts import DATABASE, SfmResult, widest_angle
 from .features import Features, matched, read_features
 from .job import KNOWN, POINTS, SfmJob
+from .provenance import FIRST_TRIED, LOOKED_AT
 from .settings import recipes
 
 Floats = NDArray[np.float64]
-
-#: How the numbers of this file came about, and where the whole was looked at.
-FIRST_TRIED, LOOKED_AT = (
-    "the first value that was tried (lego, 91 photos)",
-    "a room rendered by Cycles, 63 photos: the whole only",
-)
 
 
 @dataclass(frozen=True)

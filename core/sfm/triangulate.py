@@ -20,13 +20,8 @@ from ..progress import Progress
 from ..reconstruction import Reconstruction
 from .find import talk
 from .job import KNOWN, POINTS, write_job
+from .provenance import FIRST_TRIED, LOOKED_AT
 from .settings import SfmSettings
-
-#: How the numbers of this file came about, and where the whole was looked at.
-FIRST_TRIED, LOOKED_AT = (
-    "the first value that was tried (lego, 91 photos)",
-    "a room rendered by Cycles, 63 photos: the whole only",
-)
 
 
 @dataclass(frozen=True)

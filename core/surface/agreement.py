@@ -10,15 +10,10 @@ from numpy.typing import NDArray
 
 from .. import compiled
 from ..numbers import number
+from ..sfm.provenance import FIRST_TRIED, LOOKED_AT
 from .agreement_kernels import compare_with_maps
 from .stack import Floats, ViewStack
 from .sweep import DepthMap
-
-#: How the numbers of this file came about, and where the whole was looked at.
-FIRST_TRIED, LOOKED_AT = (
-    "the first value that was tried (lego, 91 photos)",
-    "a room rendered by Cycles, 63 photos: the whole only",
-)
 
 
 @dataclass(frozen=True)

@@ -8,16 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..numbers import number
+from ..sfm.provenance import FIRST_TRIED, LOOKED_AT
 from .stack import Floats, ViewStack
 
 #: Rows and columns of the grid of px by which the overlap of two views is judged.
 _GRID = 5
-
-#: How the numbers of this file came about, and where the whole was looked at.
-FIRST_TRIED, LOOKED_AT = (
-    "the first value that was tried (lego, 91 photos)",
-    "a room rendered by Cycles, 63 photos: the whole only",
-)
 
 
 @dataclass(frozen=True)

@@ -14,18 +14,13 @@ from ..numbers import number
 from ..photos.load import Photo
 from ..progress import Progress
 from ..reconstruction import Reconstruction
+from ..sfm.provenance import FIRST_TRIED, LOOKED_AT
 from ..sfm.scatter import closest_point
 from ..sfm.settings import SfmSettings
 from ..sfm.triangulate import Triangulated, triangulate
 from .choice import chosen_references, neighbours_of
 from .hull import Hull
 from .stack import Floats, ViewStack
-
-#: How the numbers of this file came about, and where the whole was looked at.
-FIRST_TRIED, LOOKED_AT = (
-    "the first value that was tried (lego, 91 photos)",
-    "a room rendered by Cycles, 63 photos: the whole only",
-)
 
 
 @dataclass(frozen=True)

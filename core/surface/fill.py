@@ -10,17 +10,12 @@ from numpy.typing import NDArray
 
 from .. import compiled
 from ..numbers import number
+from ..sfm.provenance import FIRST_TRIED, LOOKED_AT
 from .agreement import compared, lifted_map
 from .fill_kernels import between
 from .hull import EMPTY, Hull
 from .stack import ViewStack
 from .sweep import DepthMap
-
-#: How the numbers of this file came about, and where the whole was looked at.
-FIRST_TRIED, LOOKED_AT = (
-    "the first value that was tried (lego, 91 photos)",
-    "a room rendered by Cycles, 63 photos: the whole only",
-)
 
 
 @dataclass(frozen=True)

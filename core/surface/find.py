@@ -15,6 +15,7 @@ from ..numbers import number
 from ..photos.load import Photo
 from ..progress import Progress
 from ..reconstruction import Reconstruction
+from ..sfm.provenance import FIRST_TRIED, LOOKED_AT
 from ..sfm.triangulate import Triangulated
 from ..views import SparsePoints
 from .agreement import agreed, lifted_map
@@ -26,12 +27,6 @@ from .hull_points import hull_samples
 from .stack import ViewStack, stack_views
 from .sweep import DepthMap, swept
 from .union import Samples, evened, joined
-
-#: How the numbers of this file came about, and where the whole was looked at.
-FIRST_TRIED, LOOKED_AT = (
-    "the first value that was tried (lego, 91 photos)",
-    "a room rendered by Cycles, 63 photos: the whole only",
-)
 
 
 @dataclass(frozen=True)

@@ -10,18 +10,13 @@ from scipy.ndimage import binary_dilation, distance_transform_edt
 
 from .. import compiled
 from ..numbers import BY_DEFINITION, number
+from ..sfm.provenance import FIRST_TRIED, LOOKED_AT
 from ..sfm.scatter import closest_point
 from .hull_kernels import carve
 from .stack import Floats, ViewStack
 
 #: States of a cell: no statement, because too few photos look at it; seen to be empty; not seen to be.
 UNSEEN, EMPTY, FILLED = 0, 1, 2
-
-#: How the numbers of this file came about, and where the whole was looked at.
-FIRST_TRIED, LOOKED_AT = (
-    "the first value that was tried (lego, 91 photos)",
-    "a room rendered by Cycles, 63 photos: the whole only",
-)
 
 
 @dataclass(frozen=True)

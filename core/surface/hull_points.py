@@ -9,18 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..numbers import number
+from ..sfm.provenance import FIRST_TRIED, LOOKED_AT
 from .agreement import compared
 from .choice import chosen_references
 from .hull import Hull
 from .stack import Floats, ViewStack
 from .sweep import DepthMap
 from .union import Samples
-
-#: How the numbers of this file came about, and where the whole was looked at.
-FIRST_TRIED, LOOKED_AT = (
-    "the first value that was tried (lego, 91 photos)",
-    "a room rendered by Cycles, 63 photos: the whole only",
-)
 
 
 @dataclass(frozen=True)

@@ -17,16 +17,11 @@ from ..photos.load import Photo
 from ..photos.scale import resized, resized_mask, size_within
 from ..photos.undistort import undistorted_views
 from ..reconstruction import Reconstruction
+from ..sfm.provenance import FIRST_TRIED, LOOKED_AT
 from ..sfm.sharpen import luma, wiener
 from ..views import View
 
 Floats = NDArray[np.float64]
-
-#: How the numbers of this file came about, and where the whole was looked at.
-FIRST_TRIED, LOOKED_AT = (
-    "the first value that was tried (lego, 91 photos)",
-    "a room rendered by Cycles, 63 photos: the whole only",
-)
 
 
 @dataclass(frozen=True)

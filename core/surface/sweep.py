@@ -9,16 +9,11 @@ from numpy.typing import NDArray
 
 from .. import compiled
 from ..numbers import number
+from ..sfm.provenance import FIRST_TRIED, LOOKED_AT
 from .hull import EMPTY, Hull
 from .hull_kernels import bar_planes
 from .stack import ViewStack
 from .sweep_kernels import BARRED, best_planes, plane_costs, window_statistics
-
-#: How the numbers of this file came about, and where the whole was looked at.
-FIRST_TRIED, LOOKED_AT = (
-    "the first value that was tried (lego, 91 photos)",
-    "a room rendered by Cycles, 63 photos: the whole only",
-)
 
 
 @dataclass(frozen=True)

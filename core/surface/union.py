@@ -9,17 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..numbers import number
+from ..sfm.provenance import FIRST_TRIED, LOOKED_AT
 from ..views import SparsePoints
 from .stack import Floats
 
 #: Cells along each axis that a key has room for.
 _ROOM = 1 << 19
-
-#: How the numbers of this file came about, and where the whole was looked at.
-FIRST_TRIED, LOOKED_AT = (
-    "the first value that was tried (lego, 91 photos)",
-    "a room rendered by Cycles, 63 photos: the whole only",
-)
 
 
 @dataclass(frozen=True)

@@ -289,15 +289,7 @@ def test_paths_that_are_none_are_no_traceback(out: Path, text: str, monkeypatch:
         else:
             setattr(settings, name, text)
         draw()
-        for button in (
-            "optimize",
-            "find_cameras",
-            "resume_job",
-            "add_results",
-            "show_log",
-            "update_twin",
-            "make_test_set",
-        ):
+        for button in BUTTONS:
             pressed(button)
         if name in kept:
             setattr(settings, name, kept[name])
