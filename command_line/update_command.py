@@ -93,7 +93,7 @@ def update_command(options: argparse.Namespace, progress: Reporting) -> int:
 def _helper(options: argparse.Namespace) -> Waiting | None:
     """The process that will look for the new photos' cameras, where there are features to match them with."""
 
-    if options.cameras is not None or not (options.twin / "sfm" / "features.npz").is_file():
+    if options.cameras is not None or not TwinFolder(options.twin).features.is_file():
         return None
     try:
         return Waiting(options.twin, options.threads or os.cpu_count() or 1)

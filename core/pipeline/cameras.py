@@ -15,7 +15,6 @@ from ..photos.load import Photo
 from ..progress import Progress
 from ..reconstruction import Reconstruction
 from ..run_settings import TrainingRequest
-from ..sfm.features import FEATURES
 from ..sfm.find import find_cameras
 from ..sfm.given import load_cameras
 from ..sfm.settings import SfmSettings
@@ -91,7 +90,7 @@ def cameras_of(
     """
     resumed = search.resume and folder.camera_folder.is_dir()
     if not resumed:  # (of an earlier twin in this folder)
-        (folder.sfm_folder / FEATURES).unlink(missing_ok=True)
+        folder.features.unlink(missing_ok=True)
     if given is not None:
         found = given
         if resumed and search.refined:
@@ -145,7 +144,7 @@ def _found(
     if degrees:
         early.start()
     work = make_folder(folder.sfm_folder)
-    found = find_cameras(list(photos), kernel, search.settings, work, progress, work / FEATURES)
+    found = find_cameras(list(photos), kernel, search.settings, work, progress, folder.features)
     if degrees:
         early.join()
     return found

@@ -27,7 +27,7 @@ from ..photos.uniform import like_the_others
 from ..progress import Progress
 from ..reconstruction import Reconstruction
 from ..report.known import drop_chapter
-from ..sfm.child import Waiting
+from ..sfm.child import Waiting, drop_scratch
 from ..training.checkpoint import Checkpoint, save_checkpoint
 from ..training.warmup import compile_kernels
 from ..twin.changes import Changes, find_changes, shows_changed, wider
@@ -70,6 +70,7 @@ def update(settings: UpdateSettings, progress: Progress, waiting: Waiting | None
     """
     folder = TwinFolder(settings.twin)
     folder.report()  # (nothing is written into a folder that is no twin)
+    drop_scratch(folder.path, waiting)
     try:
         with folder.changing() as change:
             return _updated(settings, progress, waiting, folder, change)
@@ -93,7 +94,7 @@ def _updated(
     early.start()
     files = open_files(folder.path, progress)
     photos = _new_photos(settings.photos, files, folder, change, progress)
-    twin, found = _placed(settings, files, photos, threads, progress, waiting)
+    twin, found = _placed(settings, files, photos, change.new.features, threads, progress, waiting)
     for photo in photos:
         if photo.name not in found.poses:
             (change.new.new_photo_folder / photo.name).unlink()
@@ -161,15 +162,20 @@ def _placed(
     settings: UpdateSettings,
     files: StoredTwin,
     photos: list[Photo],
+    keep: Path,
     threads: int,
     progress: Progress,
     waiting: Waiting | None,
 ) -> tuple[OpenedTwin, Reconstruction]:
-    """The twin, and the new photos' cameras in its world; they are looked for while the twin gets ready."""
+    """The twin, and the new photos' cameras in its world; they are looked for while the twin gets ready.
+
+    Args:
+        keep: file for the features by which they are found.
+    """
     placing = Placing.begin(files, photos, threads, waiting) if settings.cameras is None else None
     try:
         twin = files.twin()
-        found, exact = register(twin, photos, settings.cameras, threads, progress, placing)
+        found, exact = register(twin, photos, settings.cameras, threads, progress, keep, placing)
     finally:
         if placing is not None:
             placing.end()

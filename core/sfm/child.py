@@ -11,6 +11,8 @@ import time
 from pathlib import Path
 
 WORKER = Path(__file__).with_name("worker.py")
+#: What the folder of a child that was started early is called, inside the twin's.
+SCRATCH = ".place-"
 #: A child that was started early begins when this file is in its folder.
 GO = "go"
 #: Seconds between two checks whether a file is there.
@@ -52,6 +54,13 @@ def wait_for(path: Path) -> None:
         time.sleep(CHECK_EVERY)
 
 
+def drop_scratch(where: Path, own: Waiting | None = None) -> None:
+    """Removes what processes that were killed left in a twin's folder; `own` stays. Call it with the folder's lock."""
+    for left in where.glob(f"{SCRATCH}*"):
+        if own is None or left != own.folder:
+            shutil.rmtree(left, ignore_errors=True)
+
+
 class Waiting:
     """A child that imports what it needs while its parent does the same, and then waits for its job.
 
@@ -60,10 +69,7 @@ class Waiting:
     """
 
     def __init__(self, where: Path, threads: int) -> None:
-        for left in where.glob(".place-*"):  # by a process that was killed: no child works on a folder for so long
-            if time.time() - left.stat().st_mtime > PATIENCE:
-                shutil.rmtree(left, ignore_errors=True)
-        self.folder = Path(tempfile.mkdtemp(prefix=".place-", dir=where))
+        self.folder = Path(tempfile.mkdtemp(prefix=SCRATCH, dir=where))
         self.process = begin(self.folder, threads, "--wait")
 
     def go(self) -> None:

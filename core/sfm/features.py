@@ -53,10 +53,17 @@ class Features:
     Attributes:
         positions: [N, 2] float32 px, pixel centres at +0.5, distortion included.
         descriptors: [N, 128] uint8, of length 512.
+        content: digest of the photo that shows them (`Photo.content`), by which a photo that is another under the same
+            name is told from it; empty where it is not known.
     """
 
     positions: NDArray[np.float32]
     descriptors: NDArray[np.uint8]
+    content: str = ""
+
+    def shown_by(self, content: str) -> bool:
+        """Whether they are those of the photo with this digest."""
+        return bool(content) and self.content == content
 
 
 def read_features(database: Path, most: int | None = None) -> dict[str, Features]:
@@ -92,6 +99,7 @@ def save_features(path: Path, found: Mapping[str, Features], recipe: Recipe) -> 
     np.savez(
         archive,
         names=np.array(json.dumps(names)),
+        contents=np.array(json.dumps([found[name].content for name in names])),
         recipe=np.array(json.dumps(asdict(recipe))),
         counts=np.array([len(one) for one in positions], np.int64),
         places=np.concatenate(positions or [np.zeros((0, 2), np.float32)]),
@@ -109,7 +117,8 @@ def load_features(path: Path) -> tuple[dict[str, Features], Recipe] | None:
     try:
         content = read_npz(path)
         names, recipe = _text(content["names"]), Recipe(**_text(content["recipe"]))
-        check_shape(names, [text])
+        contents = _text(content["contents"])
+        check_shape([names, contents], [[text]])
         counts, places, descriptions = content["counts"], content["places"], content["descriptors"]
         whole = int(counts.sum())
         if counts.dtype != np.int64 or (counts < 0).any() or counts.shape != (len(names),):
@@ -118,8 +127,8 @@ def load_features(path: Path) -> tuple[dict[str, Features], Recipe] | None:
             return None
         cuts = np.cumsum(counts)[:-1]
         positions, descriptors = np.split(places, cuts), np.split(descriptions, cuts)
-        pairs = zip(positions, descriptors, strict=True)
-        return {name: Features(*one) for name, one in zip(names, pairs, strict=True)}, recipe
+        every = zip(positions, descriptors, contents, strict=True)
+        return {name: Features(*one) for name, one in zip(names, every, strict=True)}, recipe
     except (OSError, ValueError, KeyError, TypeError, EOFError, BadZipFile, NotImplementedError):
         return None
 

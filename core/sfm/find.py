@@ -10,6 +10,8 @@ import subprocess
 import tempfile
 import threading
 import time
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import IO, Any
 
@@ -23,9 +25,9 @@ from ..photos.load import Photo
 from ..progress import Progress
 from ..reconstruction import Attempt, Figures, Reconstruction
 from .child import WORKER, begin
-from .features import FEATURES, load_features, save_features
+from .features import FEATURES, Features, load_features, save_features
 from .job import write_job
-from .settings import SfmSettings
+from .settings import Recipe, SfmSettings
 
 #: Three views are the least that check one another.
 MINIMUM_PHOTOS = 3
@@ -50,7 +52,7 @@ def find_cameras(
         settings: see `SfmSettings`.
         work_dir: where a scratch folder may be made; it is removed at the end.
         progress: hears of the stages; may cancel, which ends the child process.
-        keep: file for the photos' features (`core.sfm.features`), by the photos' names; None to drop them.
+        keep: file for the photos' features (`core.sfm.features`), by the photos' names and digests; None to drop them.
 
     Returns:
         Cameras of the photos that could be placed, and the log of what was tried.
@@ -87,7 +89,8 @@ def find_cameras(
             tuple(attempts),
         )
         if keep is not None:
-            keep_features(folder / "best" / FEATURES, keep, names)
+            by_name = {photo.name: photo for photo in photos}
+            keep_features(folder / "best" / FEATURES, keep, {image: by_name[name] for image, name in names.items()})
         missing = sorted(set(names.values()) - {names[n] for n in poses})
         if missing:
             listed = ", ".join(missing[:8]) + (", ..." if len(missing) > 8 else "")
@@ -101,15 +104,27 @@ def find_cameras(
             work_dir.rmdir()
 
 
-def keep_features(found: Path, keep: Path, names: dict[str, str]) -> None:
-    """Features that the child found, to where a twin has them, by the photos' own names; what is there stays."""
-    new, old = load_features(found), load_features(keep)
+def keep_features(
+    found: Path,
+    keep: Path,
+    photos: Mapping[str, Photo],
+    earlier: tuple[Mapping[str, Features], Recipe] | None = None,
+) -> None:
+    """Features that the child found, to where a twin has them, by the photos' own names and digests.
+
+    Args:
+        photos: by image name in the job.
+        earlier: features that stay beside them, if they were found by the same recipe.
+
+    Raises:
+        OutputError: they cannot be written.
+    """
+    new = load_features(found)
     if new is None:
         return
-    features = {names[image]: one for image, one in new[0].items()}
-    if old is not None and old[1] == new[1]:
-        features = {**old[0], **features}
-    keep.parent.mkdir(parents=True, exist_ok=True)
+    features = {photos[image].name: replace(one, content=photos[image].content) for image, one in new[0].items()}
+    if earlier is not None and earlier[1] == new[1]:
+        features = {**earlier[0], **features}
     save_features(keep, features, new[1])
 
 

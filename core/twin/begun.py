@@ -15,6 +15,7 @@ from typing import Literal
 
 from ..errors import CheckpointError
 from ..files import file_digest, make_folder, output_error, write_text
+from ..sfm.child import drop_scratch
 from ..transaction import recover
 from .folder import PARTS, TwinFolder, link_part
 
@@ -157,6 +158,7 @@ class BegunRun:
     def _tidy(self) -> None:
         """What a kill left of a beginning, or of a search for cameras."""
         self._bring_back()
+        drop_scratch(self._out.path)
         for name in (RUN_DROPPED, RUN_NEXT):
             shutil.rmtree(self._out.path / name, ignore_errors=True)
         if self._path.is_dir():

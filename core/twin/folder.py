@@ -124,6 +124,7 @@ class TwinFolder:
         self.new_photo_folder = path / "photos"
         self.camera_folder = path / "cameras"
         self.sfm_folder = path / "sfm"
+        self.features = self.sfm_folder / "features.npz"
         self.checkpoint = path / "checkpoint.npz"
         self.twin_file = path / "twin.ply"
         self.report_page = path / "report.html"
@@ -335,7 +336,7 @@ class TwinChange:
     """
 
     #: Folders that new files join; others are replaced whole.
-    GROWING = ("photos", "history", "snapshot")
+    GROWING = ("photos", "history", "snapshot", "sfm")
 
     def __init__(self, folder: TwinFolder, change: FolderChange) -> None:
         self._folder, self._change = folder, change

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import shutil
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -15,12 +15,16 @@ from ..pose import Pose
 from ..progress import Progress
 from ..reconstruction import Reconstruction
 from ..sfm.child import Waiting
-from ..sfm.features import FEATURES, load_features
+from ..sfm.features import FEATURES, Features, load_features, save_features
 from ..sfm.find import keep_features, talk
 from ..sfm.job import KEPT, PLAN, REFERENCES, write_job
-from ..sfm.settings import SfmSettings
+from ..sfm.settings import Recipe, SfmSettings
+from .folder import TwinFolder
 from .opened import OpenedTwin, StoredTwin
 from .surface import surface_depth
+
+#: By photo name, and how they were found.
+KeptFeatures = tuple[dict[str, Features], Recipe]
 
 
 @dataclass(frozen=True)
@@ -40,13 +44,15 @@ class Placing:
     """A search that has begun.
 
     Attributes:
-        photos: the new ones; names: photo name by image name in the job.
+        photos: the new ones; images: photo by image name in the job.
+        earlier: features of the twin's photos that were kept.
         references: old photo by the name that the child has for it.
         child: the process and its folder; settings: its own.
     """
 
     photos: list[Photo]
-    names: dict[str, str]
+    images: dict[str, Photo]
+    earlier: KeptFeatures | None
     references: dict[str, str]
     child: Waiting
     settings: SfmSettings
@@ -69,10 +75,9 @@ class Placing:
             None where it cannot be done: no features were kept, or the new photos have a lens of their own.
         """
         lens = shared_lens(twin.reconstruction)
-        features = twin.folder / "sfm" / FEATURES
-        held = load_features(features) if kept else None
+        earlier = _kept_features(twin)
         placed = [photo.name for photo in twin.photos if photo.name in twin.reconstruction.poses]
-        old = [name for name in placed if not kept or held is not None and name in held[0]]
+        old = [name for name in placed if not kept or earlier is not None and name in earlier[0]]
         if lens is None or not old or any(photo.size != (lens.width, lens.height) for photo in photos):
             return None
         old = [old[round(i)] for i in np.linspace(0, len(old) - 1, min(SETTINGS.photos, len(old)))]
@@ -80,18 +85,24 @@ class Placing:
         kernel = None if psf is None or psf.is_identity else psf.kernel()
         child = waiting or Waiting(twin.folder, threads)
         by_name = {photo.name: photo for photo in twin.photos}
-        along = [] if kept else [by_name[name] for name in old]
-        names = write_job([*along, *photos], kernel, settings, child.folder)
+        given = [*([] if kept else [by_name[name] for name in old]), *photos]
+        names = write_job(given, kernel, settings, child.folder)
         images = {photo: image for image, photo in names.items()}
         references = {name if kept else images[name]: name for name in old}
-        if kept:
-            shutil.copyfile(features, child.folder / KEPT)
+        if kept and earlier is not None:
+            save_features(child.folder / KEPT, {name: earlier[0][name] for name in old}, earlier[1])
         write_json(child.folder / REFERENCES, list(references))
         child.go()
-        return Placing(photos, names, references, child, settings)
+        of_job = {photo.name: photo for photo in given}
+        in_job = {image: of_job[name] for image, name in names.items()}
+        return Placing(photos, in_job, earlier, references, child, settings)
 
-    def poses(self, twin: OpenedTwin, progress: Progress) -> dict[str, Pose] | None:
-        """All new photos' poses in the twin's world, from where their matches lie on its surface; None if any lacks."""
+    def poses(self, twin: OpenedTwin, keep: Path, progress: Progress) -> dict[str, Pose] | None:
+        """All new photos' poses in the twin's world, from where their matches lie on its surface; None if any lacks.
+
+        Args:
+            keep: file for their features, beside those of the twin's photos.
+        """
         folder = self.child.folder
         by_name, rows = {view.name: view for view in twin.views}, {}
         shown = twin.on_grid([by_name[name] for name in self.references.values()], twin.step)
@@ -119,17 +130,27 @@ class Placing:
         _, done = talk(folder, len(self.photos), self.settings, progress, self.child.process)
         if len(done["poses"]) < len(self.photos):
             return None
-        keep_features(folder / FEATURES, twin.folder / "sfm" / FEATURES, self.names)
+        keep_features(folder / FEATURES, keep, self.images, self.earlier)
         poses = {}
         for image, pose in done["poses"].items():
             rotation = np.array(pose["rotation"], float)
             translation = np.array(pose["translation"], float) * twin.scale.size - rotation @ twin.scale.origin
-            poses[self.names[image]] = Pose(rotation, translation)
+            poses[self.images[image].name] = Pose(rotation, translation)
         return poses
 
     def end(self) -> None:
         """Ends the child and removes its folder."""
         self.child.end()
+
+
+def _kept_features(twin: StoredTwin | OpenedTwin) -> KeptFeatures | None:
+    """Features that were kept of the twin's photos as they are now: not of others that had their names."""
+    held = load_features(TwinFolder(twin.folder).features)
+    if held is None:
+        return None
+    found = {photo.name: held[0].get(photo.name) for photo in twin.photos}
+    contents = {photo.name: photo.content for photo in twin.photos}
+    return {name: one for name, one in found.items() if one is not None and one.shown_by(contents[name])}, held[1]
 
 
 def shared_lens(cameras: Reconstruction) -> Lens | None:

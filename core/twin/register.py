@@ -38,6 +38,7 @@ def register(
     cameras: Path | None,
     threads: int,
     progress: Progress,
+    keep: Path,
     placing: Placing | None = None,
 ) -> tuple[Reconstruction, bool]:
     """Cameras of new photos, and whether they are exact (else the twin itself, through the blur, should correct them).
@@ -46,19 +47,22 @@ def register(
     features lie on the twin's surface. Where one does not, structure from motion runs on the new photos and some of
     the old ones, and its world is aligned with the twin's by the old ones' cameras.
 
+    Args:
+        keep: file for the features of the twin's and the new photos; scratch is made beside it, and goes.
+
     Raises:
         CameraError: no new photo could be placed.
     """
     if cameras is not None:
         return load_cameras(cameras, photos), True
-    placed_at = against_twin(twin, photos, threads, progress, placing)
+    placed_at = against_twin(twin, photos, threads, progress, keep, placing)
     if placed_at is not None:
         return placed_at, True
     old = [photo for photo in twin.photos if photo.name in twin.reconstruction.poses]
     chosen = [old[round(i)] for i in np.linspace(0, len(old) - 1, min(SETTINGS.photos, len(old)))]
     psf = twin.medium.psf
     kernel = None if psf is None or psf.is_identity else psf.kernel()
-    found = find_cameras([*chosen, *photos], kernel, SfmSettings(threads=threads), twin.folder / "sfm", progress)
+    found = find_cameras([*chosen, *photos], kernel, SfmSettings(threads=threads), keep.parent, progress)
     before = {photo.name: twin.reconstruction.cameras()[photo.name] for photo in chosen}
     placed = found.cameras()
     both = {name: camera for name, camera in placed.items() if name in before}
@@ -85,7 +89,7 @@ def register(
 
 
 def against_twin(
-    twin: OpenedTwin, photos: list[Photo], threads: int, progress: Progress, placing: Placing | None = None
+    twin: OpenedTwin, photos: list[Photo], threads: int, progress: Progress, keep: Path, placing: Placing | None = None
 ) -> Reconstruction | None:
     """Cameras of new photos from their matches with old ones, whose features lie on the twin's surface.
 
@@ -93,6 +97,7 @@ def against_twin(
     did not find its place, is not what the twin shows there, or has a lens of its own.
 
     Args:
+        keep: file for the features of the twin's and the new photos.
         placing: a search that has begun; None to begin one.
     """
     lens = shared_lens(twin.reconstruction)
@@ -105,7 +110,7 @@ def against_twin(
         if search is None:
             continue
         try:
-            poses = search.poses(twin, progress)
+            poses = search.poses(twin, keep, progress)
         finally:
             search.end()
         if poses is None:

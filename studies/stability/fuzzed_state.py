@@ -55,7 +55,7 @@ def _checkpoint() -> Reader:
 def _features() -> Reader:
     def write(place: Path) -> None:
         place.mkdir(exist_ok=True)
-        one = Features(np.ones((5, 2), np.float32), np.ones((5, 128), np.uint8))
+        one = Features(np.ones((5, 2), np.float32), np.ones((5, 128), np.uint8), "a digest")
         save_features(place / "features.npz", {"a.png": one, "b.png": one}, recipes(False)[0])
 
     def read(place: Path) -> object:

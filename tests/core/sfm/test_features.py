@@ -9,21 +9,27 @@ from dgs.core.sfm.features import UNIT, Features, load_features, matched, save_f
 from dgs.core.sfm.settings import Recipe
 
 
-def some(seed: int, count: int) -> Features:
+def some(seed: int, count: int, content: str = "") -> Features:
     random = np.random.default_rng(seed)
     vectors = np.abs(random.normal(size=(count, 128)))
     vectors *= UNIT / np.linalg.norm(vectors, axis=1, keepdims=True)
-    return Features(random.uniform(0, 500, (count, 2)).astype(np.float32), vectors.round().astype(np.uint8))
+    return Features(random.uniform(0, 500, (count, 2)).astype(np.float32), vectors.round().astype(np.uint8), content)
 
 
 def test_what_is_written_is_read_again(tmp_path: Path) -> None:
-    wanted = {"ä b.png": some(0, 7), "none.png": some(1, 0), "c.png": some(2, 3)}
+    wanted = {"ä b.png": some(0, 7, "a digest"), "none.png": some(1, 0), "c.png": some(2, 3)}
     save_features(tmp_path / "features.npz", wanted, Recipe("r", "why", image_size=300))
     found = load_features(tmp_path / "features.npz")
     assert found is not None and found[1] == Recipe("r", "why", image_size=300) and set(found[0]) == set(wanted)
     for name, one in wanted.items():
         assert np.array_equal(found[0][name].positions, one.positions)
         assert np.array_equal(found[0][name].descriptors, one.descriptors)
+        assert found[0][name].content == one.content
+
+
+def test_features_are_those_of_one_photo_only() -> None:
+    assert some(0, 3, "a").shown_by("a") and not some(0, 3, "a").shown_by("b")
+    assert not some(0, 3).shown_by(""), "a digest that is not known is nobody's"
 
 
 def test_a_damaged_or_missing_file_is_none(tmp_path: Path) -> None:
