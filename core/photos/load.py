@@ -30,6 +30,7 @@ from ..numbers import BY_DEFINITION, number
 from ..progress import Progress
 from .kinds import HEIF, HEIF_PACKAGE, left_out, read_suffixes
 from .listing import LIST, listed_files
+from .png_whole import check_png
 from .scale import resized, resized_mask, size_within
 
 #: Bytes of a picture that need not lie in its file, and how many times larger than its file a larger picture may be.
@@ -300,6 +301,7 @@ def _read(path: Path) -> _Decoded:
     if path.suffix.lower() in {".tif", ".tiff"}:
         # Pillow has no 16-bit RGB; tifffile does, but reads no EXIF rotation of its own.
         return _read_tiff(path)
+    check_png(path)
     if path.suffix.lower() == ".png" and _png_depth(path) == 16:
         from .png16 import read_png16  # heavy: numba; Pillow would cut 16 bits to 8
 

@@ -21,11 +21,14 @@ from ..files import make_folder, read_json, replacing, write_json
 from ..numbers import number
 from ..progress import Progress
 from .kinds import MOVIES
+from .movie_tables import BOXED, check_tables
 from .scale import size_within
 
 #: From this height on, movies that do not say how their colours are coded use BT.709, else BT.601.
 _HIGH_DEFINITION = 720
 _LIST = "frames.json"
+#: Of a frame, at most: as many as the largest format that movies have (16K, 15360 x 8640). A decoder keeps several.
+_MOST_PIXELS = 2**27
 
 
 @dataclass(frozen=True)
@@ -190,20 +193,34 @@ class _Reading:
 
     def __enter__(self) -> Any:
         try:
+            if self._movie.suffix.lower() in BOXED:
+                check_tables(self._movie)
             self._container = self._av.open(str(self._movie))
             if not self._container.streams.video:
                 raise PhotoError(f"'{self._movie.name}' has no pictures, only sound", "Choose a movie")
-            self._container.streams.video[0].thread_type = "AUTO"
-        except (self._av.FFmpegError, OSError, ValueError) as error:
+            stream = self._container.streams.video[0]
+            stream.thread_type = "AUTO"
+            stream.codec_context.options = {
+                "max_pixels": str(_MOST_PIXELS)
+            }  # (of a frame inside, whatever is declared)
+            if stream.codec_context.width * stream.codec_context.height > _MOST_PIXELS:
+                size = f"{stream.codec_context.width} x {stream.codec_context.height} px"
+                raise PhotoError(f"'{self._movie.name}' declares frames of {size}", "Export it smaller")
+        except (self._av.FFmpegError, OSError, ValueError, MemoryError) as error:
             raise self._explained(error) from error
         return self._container
 
     def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
         self._container.close()
-        if isinstance(error, (self._av.FFmpegError, OSError, ValueError)):
+        if isinstance(error, (self._av.FFmpegError, OSError, ValueError, MemoryError)):
             raise self._explained(error) from error
 
     def _explained(self, error: BaseException) -> PhotoError:
+        if isinstance(error, MemoryError):
+            return PhotoError(
+                f"'{self._movie.name}' needs more memory than there is, or declares what no memory holds",
+                "Export it smaller, or copy it again",
+            )
         reason = str(error).strip().splitlines()[0][:120] if str(error).strip() else type(error).__name__
         return PhotoError(f"'{self._movie.name}' cannot be read as a movie ({reason})", "Export or copy it again")
 

@@ -272,3 +272,33 @@ def test_only_a_movie_is_turned_into_frames(tmp_path: Path) -> None:
     assert photo_source(tmp_path / "a folder.mp4", tmp_path / "out", 5, Silent()) == tmp_path / "a folder.mp4"
     with pytest.raises(PhotoError, match=r"gone\.mov"):
         photo_source(tmp_path / "gone.mov", tmp_path / "out", 5, Silent())
+
+
+@pytest.mark.parametrize("bits", [8, 16])
+def test_a_png_that_was_cut_off_is_refused_wherever(tmp_path: Path, bits: int) -> None:
+    path = tmp_path / "a.png"
+    if bits == 8:
+        Image.fromarray(picture()).save(path)
+    else:
+        png16(path, picture().astype(np.uint16) * 257, 1)
+    whole = path.read_bytes()
+    load_photo(path)
+    for size in (*range(len(whole) // 2, len(whole) // 2 + 3), *range(len(whole) - 30, len(whole))):
+        path.write_bytes(whole[:size])
+        with pytest.raises(PhotoError, match=r"'a\.png' is truncated"):
+            load_photo(path)
+    path.write_bytes(whole + b"what another program added")
+    load_photo(path)
+
+
+def test_px_of_a_png_that_are_not_those_that_were_written_are_refused(tmp_path: Path) -> None:
+    for name in ("a.png", "b.png", "c.png"):
+        Image.fromarray(picture()).save(tmp_path / name)
+    whole = bytearray((tmp_path / "b.png").read_bytes())
+    whole[whole.index(b"IEND") - 8] ^= 1  # (of the px' checksum)
+    (tmp_path / "b.png").write_bytes(whole)
+    heard = Notes()
+    assert [photo.name for photo in load_photos(tmp_path, None, heard)] == ["a.png", "c.png"]
+    assert any(
+        "Left out: 'b.png' is damaged (the checksum of its part 'IDAT' is wrong)" in note for note in heard.notes
+    )

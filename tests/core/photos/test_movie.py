@@ -10,6 +10,7 @@ import av
 import numpy as np
 import pytest
 from dgs.core.errors import Cancelled, PhotoError
+from dgs.core.photos import movie as module
 from dgs.core.photos.load import photo_files
 from dgs.core.photos.movie import extract_frames, is_movie, sharpness
 from dgs.core.progress import Silent
@@ -133,3 +134,24 @@ def test_sharpness_ignores_exposure_and_contrast() -> None:
     assert sharpness(sharp) > 2 * sharpness(soft)
     assert sharpness(0.3 * sharp + 40) == pytest.approx(sharpness(sharp), rel=1e-4)
     assert sharpness(np.full((9, 9), 7.0, np.float32)) == 0.0
+
+
+def test_a_table_that_declares_more_than_it_holds_is_refused(tmp_path: Path) -> None:
+    whole = write_movie(tmp_path / "whole.mp4", scene).read_bytes()
+    for kind, at in ((b"stts", 8), (b"stsc", 8), (b"stsz", 12), (b"stco", 8)):
+        damaged = bytearray(whole)
+        struct.pack_into(">I", damaged, whole.rindex(kind) + at, 0x61760000)
+        (tmp_path / "table.mp4").write_bytes(damaged)
+        with pytest.raises(PhotoError, match=f"table.mp4.*'{kind.decode()}' declares 16"):
+            extract_frames(tmp_path / "table.mp4", tmp_path / "f", 5, Silent())
+    nested = b"".join(struct.pack(">I4s", 8 * (20_000 - n), b"moov") for n in range(20_000))
+    (tmp_path / "nested.mp4").write_bytes(nested)
+    with pytest.raises(PhotoError, match=r"nested\.mp4"):
+        extract_frames(tmp_path / "nested.mp4", tmp_path / "f", 5, Silent())
+
+
+def test_frames_that_no_memory_holds_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    movie = write_movie(tmp_path / "large.mp4", scene)
+    monkeypatch.setattr(module, "_MOST_PIXELS", 1000)
+    with pytest.raises(PhotoError, match=r"large\.mp4' declares frames of 320 x 180 px"):
+        extract_frames(movie, tmp_path / "f", 5, Silent())
