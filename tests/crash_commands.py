@@ -41,18 +41,21 @@ from dgs.core.training.warmup import compile_kernels
 from dgs.core.views import SparsePoints
 from dgs.tests.command_line.scene import scene_cameras, scene_gaussians
 from dgs.tests.core.calibration.calibration_photos import photo, point_light
+from dgs.tests.core.sfm.test_find_cameras import cameras, photographed, texture
 from PIL import Image
+from scipy.ndimage import gaussian_filter
 
 WIDTH, HEIGHT, STEPS = 64, 48, 24
+#: Photos of a room's corner: as few as structure from motion takes, and one more.
+WALLS = 6
 #: Fields of JSON that differ from run to run: times, memory, and what a resumed run says of itself.
 UNLIKE = {"seconds", "machine", "memory", "peak_memory_mb", "predicted", "notes", "stopped", "time", "resume"}
 #: Parts of the page that hold such: numbers, charts over time, notes and settings.
 FIGURES = re.compile(
     r"<svg.*?</svg>|[0-9][0-9.,]*|<h3[^>]*>Notes</h3>.*?</ul>|<details><summary>Settings.*?</details>|\s+", re.DOTALL
 )
-#: Parts of a folder that are no state of it: pictures of the training that runs or ran last, and features of photos
-#: by name, which are found again where they are missing.
-PASSING = ("snapshot", "sfm")
+#: Part of a folder that is no state of it: pictures of the training that runs or ran last.
+PASSING = ("snapshot",)
 #: There when a run was cut off that can be gone on with.
 BEGUN = ".run/.begun"
 RUN = str(Path(dgs.__path__[0]) / "run_dgs.py")
@@ -73,6 +76,7 @@ class Case:
         work: instead of a command line, what is called with the data's and the folder's path.
         again: words that finish what was cut off, where a run can be gone on with.
         process: whether it runs as a user runs it, in a process of its own that was not prepared for this.
+        search: whether a child process looks for cameras meanwhile, by structure from motion.
     """
 
     name: str
@@ -81,6 +85,7 @@ class Case:
     work: Callable[[Path, Path], None] | None = None
     again: tuple[str, ...] = ()
     process: bool = False
+    search: bool = False
 
     def run(self, data: Path, folder: Path, again: bool = False) -> int:
         """The command in this process; its exit status."""
@@ -99,11 +104,17 @@ class Case:
         return [word.format(data=data, folder=folder) for word in words]
 
 
-_MADE = (
-    *("reconstruct", "{data}/photos", "--out", "{folder}", "--psf", "gaussian:1", "--cameras", "{data}/model"),
+_DRAFT = (
     *("--preset", "draft", "--max-gaussians", "200", "--holdout-every", "4", "--sh-degree", "0", "--threads", "1"),
     *("--progress", "none"),
 )
+_MADE = (
+    *("reconstruct", "{data}/photos", "--out", "{folder}", "--psf", "gaussian:1", "--cameras", "{data}/model"),
+    *_DRAFT,
+)
+_FOUND = ("reconstruct", "{data}/walls", "--out", "{folder}", "--psf", "gaussian:1", *_DRAFT)
+_CAMERAS = ("cameras", "{data}/walls", "--out", "{folder}", "--psf", "gaussian:1", "--threads", "1")
+_PLACED = ("update", "{folder}", "{data}/more walls", "--share", "0.5", "--threads", "1")
 _OTHER = ("reconstruct", "{data}/others", *_MADE[2:], "--seed", "1")
 _UPDATE = ("update", "{folder}", "{data}/new", "--cameras", "{data}/model", "--share", "0.5", "--threads", "1")
 _NEXT = ("next-view", "{folder}", "--samples", "2", "--number", "4", "--count", "2", "--threads", "1")
@@ -149,6 +160,10 @@ CASES = (
     Case("export SPZ", "exported", work=_exported(".spz", "b.ply")),
     Case("export splat", "exported", work=_exported(".splat", "b.ply")),
     Case("blend over a scene", "scene", ("blend", "{data}/b.ply", "--out", "{folder}/twin.blend")),
+    Case("cameras from photos", "nothing", (*_CAMERAS, "--progress", "none"), search=True),
+    Case("cameras from photos over a twin", "made", (*_CAMERAS, "--progress", "none"), search=True),
+    Case("reconstruct from photos alone", "nothing", _FOUND, again=(*_FOUND, "--resume"), search=True),
+    Case("update by photos alone", "found", (*_PLACED, "--progress", "none"), search=True),
 )
 
 
@@ -171,6 +186,7 @@ class Stage:
         makers = {
             "nothing": self._nothing,
             "made": lambda: self._run(_MADE),
+            "found": lambda: self._run(_FOUND),
             "updated": self._updated,
             "replaced": lambda: (self._run(_MADE), self._run(_OTHER)),
             "stopped": lambda: self._cut_off(_MADE, signal.SIGINT, 130),
@@ -344,7 +360,7 @@ def _digest(path: Path) -> str:
         data = FIGURES.sub("", data.decode("utf-8")).encode()
     elif path.suffix == ".npz":
         arrays = dict(np.load(io.BytesIO(data)))
-        facts = json.loads(arrays.pop("__facts__").tobytes())
+        facts = json.loads(arrays.pop("__facts__", np.frombuffer(b"{}", np.uint8)).tobytes())
         data = json.dumps(_plain(facts), sort_keys=True).encode() + b"".join(
             name.encode() + arrays[name].tobytes() for name in sorted(arrays)
         )
@@ -360,29 +376,39 @@ def _plain(value: Any) -> Any:
 
 
 def _write_sets(data: Path) -> None:
-    """photos, new, others (a part of photos, brighter), cameras, two twins, two points of light."""
+    """photos, new, others (a part of photos, brighter), walls, cameras, two twins, two points of light."""
     from dgs.core.rasterizer import render
 
-    cameras = [
+    around = [
         replace(c, name=f"{i:02d}.png", width=WIDTH, height=HEIGHT, fx=72.0, fy=72.0, cx=32.0, cy=24.0)
         for i, c in enumerate(scene_cameras())
     ]
     gaussians = scene_gaussians(500)
-    for index, camera in enumerate(cameras):
+    for index, camera in enumerate(around):
         image = render(gaussians, camera).image.detach().clamp(0, 1)
         pixels = (image * 255).round().byte().permute(1, 2, 0).numpy()
         save(data / ("new" if index in (3, 5) else "photos") / camera.name, pixels)
         if index < 6:
             save(data / "others" / camera.name, np.minimum(pixels, 225) + 30)
     points = SparsePoints(gaussians.means.double().numpy()[:100], np.full((100, 3), 128, np.uint8))
-    write_model(data / "model", {camera.name: camera for camera in cameras}, points)
-    write_model(data / "few", {camera.name: camera for camera in cameras[:3]}, points)
+    write_model(data / "model", {camera.name: camera for camera in around}, points)
+    write_model(data / "few", {camera.name: camera for camera in around[:3]}, points)
+    _write_walls(data)
     for seed, name in enumerate(("a.ply", "b.ply")):
         random = np.random.default_rng(seed)
         values = [random.normal(size=(80, *sides)).astype(np.float32) for sides in ((3,), (3,), (4,), (), (1, 3))]
         write_gaussians(data / name, GaussianCloud(values[0], values[1] / 3 - 2, *values[2:]))
     for name, sigma in (("narrow.png", 1.5), ("wide.png", 2.0)):
         photo(data / name, point_light(41, (20.3, 19.8), sigma), bits=8)
+
+
+def _write_walls(data: Path) -> None:
+    """Photos that show enough for structure from motion, in 'walls'; one beside them in 'more walls'."""
+    textures = [texture(1), texture(2)]
+    for index, camera in enumerate(cameras(WALLS).values()):
+        grey = gaussian_filter(photographed(camera, textures), 1.0)
+        pixels = np.repeat(np.clip(grey * 255 + 0.5, 0, 255)[:, :, None], 3, 2)
+        save(data / ("more walls" if index == 2 else "walls") / f"{index:02d}.png", pixels)
 
 
 def save(path: Path, pixels: np.ndarray) -> None:

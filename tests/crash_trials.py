@@ -4,20 +4,27 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import sys
+import tempfile
+import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, Literal
 
 from dgs.core.errors import DgsError
+from dgs.core.sfm.child import WORKER
 from dgs.core.training.trainer import Trainer
 from dgs.tests.crash_commands import Case, Stage, State, alike, child, opened, run_and_exit, state
-from dgs.tests.crashes import Fault, SmallDisk, arm, counted, unsynced
+from dgs.tests.crashes import Fault, SmallDisk, arm, arm_children, child_of, counted, is_alive, unsynced
 
 #: What a trial found: the fault came too late; the state before or after; a mixture of both, or another promise broken.
 Found = Literal["done", "before", "after", "BROKEN"]
 #: What nobody should find when a command has ended well.
-LEFT = (".change", ".run", ".probe")
+LEFT = (".change", ".run", ".probe", ".place")
+#: Seconds within which a child must end when its parent has been killed.
+ORPHANED = 2.0
 #: Bytes that a disk in memory gives out at a time.
 PAGE = 4096
 
@@ -48,9 +55,12 @@ class Trials:
         stage.prepare({case.start})
         self.before = stage.state(case.start)
         stage.put(case.start)
+        began = time.monotonic()
         status, said = child(lambda: case.run(stage.data, stage.folder))
         if status:
             raise AssertionError(f"{case.name} ends with {status} where nothing fails: {said}")
+        #: That it takes where nothing fails.
+        self.seconds = time.monotonic() - began
         self.after = alike(stage.folder)
 
     def steps(self) -> int:
@@ -84,6 +94,48 @@ class Trials:
         if fault == "kill" and status not in (0, -9) or fault == "full" and status not in (0, DgsError.exit_code):
             return FaultResult("BROKEN", f"ended with {status}: {_last(said)}")
         return self._looked_at(status, said, again)
+
+    def child_at(self, fault: Fault, at: int, again: bool) -> FaultResult:
+        """The child that looks for cameras fails at its `at`-th change of the folder; the command must say so."""
+        stage, case = self._stage, self._case
+        stage.put(case.start)
+
+        def cut_off() -> int:
+            arm_children(stage.folder, fault, at)
+            return case.run(stage.data, stage.folder)
+
+        status, said = child(cut_off)
+        if status not in (0, DgsError.exit_code):
+            return FaultResult("BROKEN", f"ended with {status}: {_last(said)}")
+        if fault == "kill" and status and "ended unexpectedly (signal SIGKILL" not in said:
+            return FaultResult("BROKEN", f"does not say what happened: {_last(said)}")
+        return self._looked_at(status, said, again)
+
+    def killed_in_search(self, wait: Callable[[], None], parent: bool, again: bool) -> FaultResult:
+        """Signal 9 while a child looks for cameras: to that child alone, or to its parent alone.
+
+        Args:
+            wait: from the child's beginning until the kill.
+        """
+        stage, case = self._stage, self._case
+        stage.put(case.start)
+        with tempfile.TemporaryFile() as said:
+            process = os.fork()
+            if process == 0:
+                run_and_exit(lambda: case.run(stage.data, stage.folder), said.fileno())
+            searching = child_of(process, WORKER.name)
+            wait()
+            if searching is not None:
+                with suppress(ProcessLookupError):  # it has done its work
+                    os.kill(process if parent else searching, signal.SIGKILL)
+            status = os.waitstatus_to_exitcode(os.waitpid(process, 0)[1])
+            said.seek(0)
+            words = said.read().decode("utf-8", "replace")
+        if parent and searching is not None and not _ends(searching):
+            return FaultResult("BROKEN", "the child lives on without its parent")
+        if not parent and status and "ended unexpectedly (signal SIGKILL" not in words:
+            return FaultResult("BROKEN", f"does not say what happened: status {status}: {_last(words)}")
+        return self._looked_at(status, words, again)
 
     def on_disk_of(self, pages: int, again: bool) -> FaultResult:
         """The folder is a real disk with so much room more than what lies in it.
@@ -171,6 +223,16 @@ class Trials:
             return FaultResult("BROKEN", f"asked again: status {status}, other {differ}: {_last(said)}")
         left = [p.name for p in folder.iterdir() if p.name.startswith(LEFT) or p.name.endswith(".part")]
         return FaultResult("BROKEN", f"asked again: {left} are left") if left else FaultResult("before", again=True)
+
+
+def _ends(process: int) -> bool:
+    """Whether a process ends soon."""
+    end = time.monotonic() + ORPHANED
+    while is_alive(process):
+        if time.monotonic() > end:
+            return False
+        time.sleep(0.01)
+    return True
 
 
 def mixed(found: State, likeness: State, before: State, after: State) -> str:

@@ -16,8 +16,10 @@ import os
 import signal
 import sys
 import tempfile
+import time
 import traceback
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, Literal
 
@@ -61,6 +63,8 @@ def crashes(work: Callable[[], object], folder: Path, fault: Fault, refusal: typ
         at += 1
 
 
+#: Modes of tools/file_faults.c.
+_HOW: dict[Fault, int] = {"kill": 2, "full": 3}
 #: Whether tools/file_faults.c stands before the C library in this process.
 NATIVE = hasattr(ctypes.CDLL(None), "faults_arm")
 
@@ -68,9 +72,37 @@ NATIVE = hasattr(ctypes.CDLL(None), "faults_arm")
 def arm(folder: Path, fault: Fault, at: int) -> None:
     """From now on this process fails at the `at`-th change of `folder`; there is no way back."""
     if NATIVE:
-        ctypes.CDLL(None).faults_arm(os.fsencode(folder), 2 if fault == "kill" else 3, ctypes.c_long(at))
+        ctypes.CDLL(None).faults_arm(os.fsencode(folder), _HOW[fault], ctypes.c_long(at))
     else:
         sys.addaudithook(_Hook(folder, fault, at))
+
+
+def arm_children(folder: Path, fault: Fault, at: int) -> None:
+    """Processes that this one starts from now on fail at their `at`-th change of `folder`; needs `NATIVE`."""
+    os.environ |= {"FAULTS_FOLDER": str(folder), "FAULTS_HOW": str(_HOW[fault]), "FAULTS_AT": str(at)}
+
+
+def child_of(process: int, word: str, seconds: float = 120.0) -> int | None:
+    """Waits for a process that another one started, whose command line holds a word; None if that one ends before."""
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        if not is_alive(process):
+            return None
+        for found in (int(name.name) for name in Path("/proc").iterdir() if name.name.isdigit()):
+            with suppress(OSError):
+                parent = Path(f"/proc/{found}/stat").read_text().rpartition(")")[2].split()[1]
+                if int(parent) == process and word in Path(f"/proc/{found}/cmdline").read_text():
+                    return found
+        time.sleep(0.005)
+    return None
+
+
+def is_alive(process: int) -> bool:
+    """Whether a process runs: one that has ended and is not waited for does not."""
+    try:
+        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] not in "ZX"
+    except OSError:
+        return False
 
 
 def counted(work: Callable[[], object], folder: Path) -> int:

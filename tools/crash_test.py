@@ -8,12 +8,13 @@ its n-th call that changes files (open, write, fsync, rename, link, unlink, mkdi
 killed by signal 9, in the middle of the write if it is one; or that call and all later ones that need room fail with
 ENOSPC. Every n is tried. *Small disks*: the folder is a real disk with n pages of room, for every n. *Kills* come
 from outside: forked runs at random moments of their training, and commands that are run as users run them, half of
-these while they put their files in place.
+these while they put their files in place. Where a child process looks for cameras by structure from motion, its own
+calls fail, too, and it alone or its parent alone is killed at random moments.
 
 After each, the folder is opened as the program opens it, and every file's digest is compared. Then a sample is asked
 for again (or resumed) and must end as a run that nothing disturbed. Status 0: nothing was lost or mixed. What was done
 is kept in the work folder: a campaign that was cut off goes on, and several processes may share one. The table gets a
-row for each command and fault.
+row for each command and fault beside those of earlier campaigns, docs/reliability.md their sums.
 """
 
 from __future__ import annotations
@@ -38,17 +39,37 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from dgs.tests.crash_commands import Stage
+    from dgs.tests.crash_commands import Case, Stage
     from dgs.tests.crash_trials import FaultResult, Trials
 
 ROOT = Path(__file__).resolve().parent.parent
 SOURCE, TABLE = ROOT / "tools" / "file_faults.c", ROOT / "docs" / "studies" / "crashes.csv"
+PAGE = ROOT / "docs" / "reliability.md"
 #: Every how many-th failure the command is asked for again.
 AGAIN = 7
 #: Kills that wait for the training to begin, as a share of all.
 TRAINING = 0.6
+#: Of a command whose child looks for cameras, every how many-th of the child's changes fails, and pages by which small
+#: disks grow: it writes ten times as much as all else.
+SEARCH_STEPS, SEARCH_PAGES = 10, 64
 #: Latest moment of a kill behind the first file that is put in place, in seconds.
 LATEST_PLACING = 0.05
+#: Rows of the page, and their faults in the journal.
+KINDS = {
+    "injected kills": ("kill",),
+    "injected full disks": ("full",),
+    "small disks": ("disk",),
+    "injected kills of the process that looks for cameras": ("kill, in the search",),
+    "injected full disks of that process": ("full, in the search",),
+    "real kills in training": ("SIGKILL, training",),
+    "real kills at other moments": ("SIGKILL, placing", "SIGKILL, any moment"),
+    "real kills of the process that looks for cameras": ("SIGKILL, child of the search",),
+    "real kills of its parent meanwhile": ("SIGKILL, parent in the search",),
+}
+#: Columns of that table.
+COLUMNS = ("failures", "as before", "as after", "lost or mixed")
+#: Part of a command's time in which its child looks for cameras.
+SEARCHING = 0.7
 #: What the program writes first when it puts files in their place.
 PLACING = (".change-next", ".change-commit")
 
@@ -88,14 +109,18 @@ class Journal:
         return self._done[command, fault, at]
 
 
-def every_step(name: str, make: Callable[[], Trials], journal: Journal, stride: int, disks: bool) -> None:
+def every_step(case: Case, make: Callable[[], Trials], journal: Journal, stride: int, disks: bool) -> None:
     """Kills and starves a command at its n-th change, for every n, until there is none; then small disks."""
-    trials = cache(make)  # (not made where all of it was done before)
+    trials, name = cache(make), case.name  # (not made where all of it was done before)
+    pages = SEARCH_PAGES if case.search else 1
     ways: dict[str, Callable[[int], FaultResult]] = {
         "kill": lambda at: trials().at("kill", at, at % AGAIN == 0),
         "full": lambda at: trials().at("full", at, at % AGAIN == 0),
-        "disk": lambda at: trials().on_disk_of(at, at % AGAIN == 0),
+        "disk": lambda at: trials().on_disk_of(at * pages, at % AGAIN == 0),
     }
+    if case.search:
+        ways["kill, in the search"] = lambda at: trials().child_at("kill", SEARCH_STEPS * at, at % AGAIN == 0)
+        ways["full, in the search"] = lambda at: trials().child_at("full", SEARCH_STEPS * at, at % AGAIN == 0)
     for fault, look in ways.items():
         if fault == "disk" and not disks:
             continue
@@ -147,7 +172,7 @@ def kills(count: int, only: str, journal: Journal, stage: Stage) -> None:
     from dgs.tests.crash_commands import CASES
     from dgs.tests.crash_trials import Trials
 
-    cases = {case.name: case for case in CASES if case.work is None}
+    cases = {case.name: case for case in CASES if case.work is None and not case.search}
     training = [name for name in cases if name.startswith(("reconstruct", "resume"))]
     others = [name for name in cases if not name.startswith("resume")]
     known: dict[tuple[str, bool], tuple[Trials, float]] = {}
@@ -175,6 +200,26 @@ def kills(count: int, only: str, journal: Journal, stage: Stage) -> None:
         journal.find(name, f"SIGKILL, {moment}", number, look)
 
 
+def searches(count: int, only: str, journal: Journal, stage: Stage) -> None:
+    """Kills a child that looks for cameras, or its parent, at random moments of the search."""
+    from dgs.tests.crash_commands import CASES
+    from dgs.tests.crash_trials import Trials
+
+    cases = [case for case in CASES if case.search]
+    trials = {case.name: cache(lambda case=case: Trials(stage, case)) for case in cases}
+    if only not in "SIGKILL, search":
+        return
+    for number in range(count):
+        draw, case, parent = random.Random(number), cases[number // 2 % len(cases)], bool(number % 2)
+
+        def look(case=case, parent=parent, draw=draw, number=number) -> FaultResult:  # type: ignore[no-untyped-def]
+            one = trials[case.name]()
+            seconds = draw.uniform(0.0, SEARCHING * one.seconds)
+            return one.killed_in_search(lambda: time.sleep(seconds), parent, number % AGAIN == 0)
+
+        journal.find(case.name, f"SIGKILL, {'parent in the' if parent else 'child of the'} search", number, look)
+
+
 def summed(rows: list[Row]) -> Iterator[dict[str, object]]:
     """A row of the table for each command and fault."""
     keys = list(dict.fromkeys((row.command, row.fault) for row in rows))
@@ -192,13 +237,48 @@ def summed(rows: list[Row]) -> Iterator[dict[str, object]]:
         }
 
 
-def write_table(path: Path, rows: list[Row]) -> None:
+def table_of(path: Path, rows: list[Row]) -> list[dict[str, object]]:
+    """The sums, and those of the file that are of other commands and faults."""
+    old: dict[tuple[object, object], dict[str, object]] = {}
+    if path.is_file():
+        with path.open(encoding="utf-8", newline="") as file:
+            for kept in csv.DictReader(file):
+                numbers = {name: int(value) for name, value in kept.items() if name not in ("command", "fault")}
+                old[kept["command"], kept["fault"]] = {**kept, **numbers}
+    return list({**old, **{(row["command"], row["fault"]): row for row in summed(rows)}}.values())
+
+
+def write_table(path: Path, table: list[dict[str, object]]) -> None:
     """The sums as CSV."""
-    table = list(summed(rows))
     with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.DictWriter(file, list(table[0]), lineterminator="\n")
         writer.writeheader()
         writer.writerows(table)
+
+
+def figures(table: list[dict[str, object]]) -> str:
+    """The sums of all commands, for docs/reliability.md."""
+    lines = ["| failure | tried | as before | as after | lost or mixed |", "|---|---|---|---|---|"]
+    for words, faults in KINDS.items():
+        sums = [summed_up([row for row in table if row["fault"] in faults], name) for name in COLUMNS]
+        lines.append(f"| {words} | {' | '.join(map(str, sums))} |")
+    again = summed_up(table, "asked again")
+    return "\n".join(lines) + (
+        f"\n\n{again} times the command was asked for again and ended in the right state. "
+        "By command: [studies/crashes.csv](studies/crashes.csv)."
+    )
+
+
+def summed_up(table: list[dict[str, object]], column: str) -> int:
+    """A column's sum."""
+    return sum(int(str(row[column])) for row in table)
+
+
+def write_page(path: Path, table: list[dict[str, object]]) -> None:
+    """Puts the figures in their place."""
+    before, first, rest = path.read_text("utf-8").partition("<!-- figures -->\n")
+    _, last, after = rest.partition("\n<!-- /figures -->")
+    path.write_text(before + first + figures(table) + last + after, "utf-8")
 
 
 def with_faults(work: Path) -> None:
@@ -217,10 +297,11 @@ def main() -> int:
     """0 if nothing was lost or mixed."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument(
-        "--only", default="", metavar="WORD", help="of a command's name, or of 'SIGKILL, training' or 'SIGKILL, others'"
+        "--only", default="", metavar="WORD", help="of a command's name, or 'training', 'others' or 'search' (kills)"
     )
     parser.add_argument("--every", type=int, default=1, metavar="N", help="only every N-th step")
     parser.add_argument("--kills", type=int, default=64, metavar="N", help="real processes that are killed")
+    parser.add_argument("--searches", type=int, default=48, metavar="N", help="searches for cameras that are killed")
     parser.add_argument("--work", type=Path, help="folder that keeps what was done; in memory it is much quicker")
     parser.add_argument("--table", type=Path, default=TABLE, help="CSV with the sums")
     options = parser.parse_args()
@@ -242,12 +323,16 @@ def main() -> int:
         stage = Stage(Path(folder) / "stage")
         for case in CASES:
             if options.only in case.name:
-                every_step(case.name, lambda case=case: Trials(stage, case), journal, options.every, disks)  # type: ignore[misc]
+                every_step(case, lambda case=case: Trials(stage, case), journal, options.every, disks)  # type: ignore[misc]
                 print(f"{time.monotonic() - began:6.0f} s  {case.name}", flush=True)
         kills(options.kills, options.only, journal, stage)
+        searches(options.searches, options.only, journal, stage)
     journal = Journal(work / "journal.jsonl")
     rows = [row for row in journal.rows if row.found != "done"]
-    write_table(options.table, journal.rows)
+    table = table_of(options.table, journal.rows)
+    write_table(options.table, table)
+    if options.table == TABLE:
+        write_page(PAGE, table)
     faults = Counter(row.fault.partition(",")[0] for row in rows)
     broken = sum(row.found == "BROKEN" for row in rows)
     print(

@@ -1,7 +1,8 @@
 /* Stands before the C library's calls that change files, and lets the n-th of them fail.
 
    Loaded with LD_PRELOAD by tools/crash_test.py, so that what native code writes counts, too. It acts once it was armed
-   with a folder: only paths below that folder count. A call that dies in a write has written half of it. */
+   with a folder: only paths below that folder count. A call that dies in a write has written half of it. A process that
+   is started with FAULTS_FOLDER, FAULTS_HOW and FAULTS_AT in its environment is armed from its beginning. */
 #define _GNU_SOURCE
 #include <dlfcn.h>
 #include <errno.h>
@@ -10,6 +11,7 @@
 #include <stdarg.h>
 #include <stdatomic.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 #include <sys/sendfile.h>
 #include <sys/stat.h>
@@ -31,6 +33,11 @@ void faults_arm(const char *path, int how, long at) {
     count = room = 0;
     target = at;
     mode = how;
+}
+
+__attribute__((constructor)) static void arm_early(void) {
+    const char *path = getenv("FAULTS_FOLDER"), *how = getenv("FAULTS_HOW"), *at = getenv("FAULTS_AT");
+    if (path && how && at) faults_arm(path, atoi(how), atol(at));
 }
 
 long faults_count(int needs_room) { return needs_room ? room : count; }

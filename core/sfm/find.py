@@ -105,10 +105,7 @@ def find_cameras(
 
 
 def keep_features(
-    found: Path,
-    keep: Path,
-    photos: Mapping[str, Photo],
-    earlier: tuple[Mapping[str, Features], Recipe] | None = None,
+    found: Path, keep: Path, photos: Mapping[str, Photo], earlier: tuple[Mapping[str, Features], Recipe] | None = None
 ) -> None:
     """Features that the child found, to where a twin has them, by the photos' own names and digests.
 
