@@ -63,7 +63,7 @@ def write_job(
     names: dict[str, str] = {}
     focals: dict[str, float] = {}
     files: dict[str, str] = {}
-    masked = False
+    masked = any(photo.mask is not None for photo in photos)
     for index, photo in enumerate(photos):
         key = (*photo.size, round(photo.focal_px or 0.0))
         lens = lenses.setdefault(key, str(len(lenses)))
@@ -73,11 +73,8 @@ def write_job(
         names[image] = photo.name
         files[image] = f"luma/{index:04d}.npy"
         np.save(folder / files[image], np.round(luma(photo.pixels) * 65535).astype(np.uint16), allow_pickle=False)
-        if photo.mask is not None:
-            masked = True
-            path = folder / "masks" / (image + ".png")  # COLMAP's naming
-            path.parent.mkdir(parents=True, exist_ok=True)
-            Image.fromarray(photo.mask.astype(np.uint8) * np.uint8(255)).save(path, compress_level=1)
+        if masked:  # all of them: COLMAP finds no feature in a photo whose mask is missing
+            _write_mask(photo, folder / "masks" / (image + ".png"))  # COLMAP's naming
     if kernel is not None:
         np.save(folder / "kernel.npy", kernel.astype(np.float64), allow_pickle=False)
     content = {
@@ -89,6 +86,12 @@ def write_job(
     }
     (folder / JOB_FILE).write_text(json.dumps(content), encoding="utf-8")
     return names
+
+
+def _write_mask(photo: Photo, path: Path) -> None:
+    mask = np.ones(photo.pixels.shape[:2], bool) if photo.mask is None else photo.mask
+    path.parent.mkdir(parents=True, exist_ok=True)
+    Image.fromarray(mask.astype(np.uint8) * np.uint8(255)).save(path, compress_level=1)
 
 
 def read_job(folder: Path) -> SfmJob:

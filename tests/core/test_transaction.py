@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from dgs.core.errors import OutputError
-from dgs.core.transaction import changing, recover
+from dgs.core.transaction import COMMIT, changing, recover
 from dgs.tests.crashes import crashes
 
 
@@ -175,3 +175,12 @@ def test_a_change_may_take_what_an_earlier_one_took_before(tmp_path):
     with changing(tmp_path) as change:
         change.remove("link")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["cameras", "twin.ply"]
+
+
+def test_remains_that_cannot_be_removed_are_no_error(tmp_path):
+    """A link in the place of the remains: shutil refuses to remove it, and everything was in its place."""
+    before = begin(tmp_path / "t")
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "t" / COMMIT).symlink_to(tmp_path / "elsewhere", target_is_directory=True)
+    assert recover(tmp_path / "t") is None and state(tmp_path / "t") == before
+    assert (tmp_path / "elsewhere").is_dir()

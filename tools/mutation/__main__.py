@@ -1,11 +1,12 @@
 """Mutation testing: breaks one small thing of the engine at a time, and the tests must see it.
 
-    python -m tools.mutation --seed WORD [--trace] [--only NAME] [--scale X] [--wide] [--page]
+    python -m tools.mutation --seed WORD [--trace] [--only NAME ...] [--scale X] [--seconds S] [--wide] [--page]
 
 A seeded sample of each package's mutants (`draw.py`) is run against the tests that reach the mutated statement: those
-beside the package, with `--wide` those anywhere else, too. Kernels are compiled anew for each. What was tried is kept
-in docs/studies/mutation.csv, so that a run that was cut off goes on where it stopped. A survivor's
-`verdict` in that table is written by hand and kept.
+beside the package, with `--wide` those anywhere else, too. The packages take turns, a sixth of each at a time, so that
+none is left out where the time ends. Kernels are compiled anew for each. What was tried is kept in
+docs/studies/mutation.csv, so that a run that was cut off goes on where it stopped. A survivor's `verdict` in that table
+is written by hand and kept; `--again --seconds 600` asks those that are not equivalent again, with all tests beside.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ import shutil
 import subprocess
 import sys
 import time
+from collections import Counter
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -28,8 +30,10 @@ from .selection import Selection
 from .table import Table
 from .tree import ROOT, copied, forked, preload
 
-#: Tests of the first and of the second line stop when they would take longer together (s, as traced).
-_FIRST, _SECOND = 20.0, 60.0
+#: Tests of the second line, those elsewhere, stop when they would take longer together (s, as traced).
+_SECOND = 60.0
+#: Turns in which a sample is tried.
+_ROUNDS = 6
 #: Longest trace of a folder of tests (s).
 _TRACE = 3000.0
 
@@ -101,18 +105,31 @@ def _traced(base: Path, target: str, watched: set[str], part: Path) -> int:
     return int(status)
 
 
-def judged(base: Path, mutant: dict[str, Any], selection: Selection, wide: bool = False) -> dict[str, Any]:
+def in_turns(mutants: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """A sample such that no group waits until another is done."""
+    counts = Counter(one["group"] for one in mutants)
+    place: Counter[str] = Counter()
+    turns = []
+    for one in mutants:
+        turns.append(place[one["group"]] * _ROUNDS // counts[one["group"]])
+        place[one["group"]] += 1
+    return [mutants[k] for k in sorted(range(len(mutants)), key=lambda k: turns[k])]
+
+
+def judged(
+    base: Path, mutant: dict[str, Any], selection: Selection, first: float, wide: bool = False
+) -> dict[str, Any]:
     """Runs the tests on one mutant: which of them saw it, or that none did."""
     tree = base / "tree"
     path = tree / mutant["file"]
     source = path.read_bytes()
     cache = selection.cache_for(mutant, base)
-    extra = 240.0 if mutant["file"].endswith("kernels.py") else 0.0
+    extra = 90.0 if mutant["file"].endswith("kernels.py") else 0.0
     tried = 0
     began = time.perf_counter()
     try:
         path.write_text(mutant["text"], "utf-8")
-        for line, tests, seconds in selection.lines(mutant, _FIRST, _SECOND if wide else 0.0):
+        for line, tests, seconds in selection.lines(mutant, first, _SECOND if wide else 0.0):
             if not tests:
                 continue
             tried += len(tests)
@@ -148,12 +165,13 @@ def main() -> int:
     """Runs the sample; 1 if a survivor of it has no verdict yet."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--seed", default="1", metavar="WORD", help="which sample")
-    parser.add_argument("--only", default="", metavar="NAME", help="groups whose name holds this")
+    parser.add_argument("--only", nargs="+", default=[""], metavar="NAME", help="groups whose name begins like one")
     parser.add_argument("--scale", type=float, default=1.0, metavar="X", help="times as many mutants")
     parser.add_argument("--trace", action="store_true", help="copy the tree and trace its tests anew")
     parser.add_argument("--page", action="store_true", help="write docs/studies/mutation.md from the table, and end")
     parser.add_argument("--wide", action="store_true", help="ask tests elsewhere, too")
-    parser.add_argument("--again", action="store_true", help="run recorded survivors again")
+    parser.add_argument("--again", action="store_true", help="run recorded survivors again that may not be equivalent")
+    parser.add_argument("--seconds", type=float, default=20.0, metavar="S", help="of tests per mutant, as traced")
     options = parser.parse_args()
     base, table = cache_base(), Table(ROOT / "docs/studies/mutation.csv")
     if options.page:
@@ -161,14 +179,14 @@ def main() -> int:
         return 0
     prepare(base, options.trace)
     preload()
-    groups = [g for g in GROUPS if options.only in g.name]
+    groups = [g for g in GROUPS if g.name.startswith(tuple(options.only))]
     selection = Selection(base / "tree")
     targets = sorted({t for g in GROUPS for t in g.tests}) + (selection.elsewhere() if options.wide else [])
     selection.learn(reached(base, targets, selection.watched()))
-    for mutant in drawn(base, options.seed, groups, options.scale):
-        if table.has(options.seed, mutant) and not (options.again and table.survived(options.seed, mutant)):
+    for mutant in in_turns(drawn(base, options.seed, groups, options.scale)):
+        if table.has(options.seed, mutant) != options.again or (options.again and not table.open(options.seed, mutant)):
             continue
-        result = judged(base, mutant, selection, options.wide)
+        result = judged(base, mutant, selection, options.seconds, options.wide)
         table.add(options.seed, mutant, result)
         said = f"{mutant['file']}:{mutant['line']} {mutant['operator']}  {result['by']}"
         print(f"{mutant['group']:<18}{result['outcome']:<9}{result['seconds']:5.1f} s  {said}", flush=True)

@@ -48,11 +48,11 @@ _STATE_TESTS = tuple(f"tests/core/test_{name}.py" for name in ("transaction", "l
 _ALL = (
     *_package("formats", 60, 0),
     *_package("twin", 60, 0),
-    *_package("imaging", 50, 10),
-    *_package("training", 50, 10),
-    *_package("rasterizer", 42, 18, _NEEDS_CARD),
+    *_package("imaging", 54, 6),
+    *_package("training", 54, 6),
+    *_package("rasterizer", 48, 12, _NEEDS_CARD),
     *_package("sfm", 54, 6),
-    Group("state", "state", _STATE, 40, _STATE_TESTS),
+    Group("state", "state", _STATE, 60, _STATE_TESTS),
 )
 #: Kernels last: each is compiled anew.
 GROUPS = sorted(_ALL, key=lambda group: group.kernels)

@@ -35,10 +35,10 @@ class Table:
         """Whether a mutant was tried."""
         return self._found(sample, mutant) is not None
 
-    def survived(self, sample: str, mutant: dict[str, Any]) -> bool:
-        """Whether it survived, when it was tried."""
+    def open(self, sample: str, mutant: dict[str, Any]) -> bool:
+        """Whether it survived, when it was tried, and is not known to be equivalent."""
         row = self._found(sample, mutant)
-        return row is not None and row["outcome"] == "survived"
+        return row is not None and row["outcome"] == "survived" and row["verdict"] != "equivalent"
 
     def add(self, sample: str, mutant: dict[str, Any], result: dict[str, Any]) -> None:
         """Adds a mutant and writes the file."""

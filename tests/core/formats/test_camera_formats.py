@@ -9,6 +9,7 @@ import pytest
 from dgs.core import conventions
 from dgs.core.camera import Camera
 from dgs.core.errors import CameraError, FormatError
+from dgs.core.formats import colmap
 from dgs.core.formats.cameras import read_cameras
 from dgs.core.formats.colmap import read_colmap_cameras, read_model, write_lenses, write_model
 from dgs.core.formats.transforms import read_transforms, write_transforms
@@ -228,3 +229,15 @@ def test_a_colmap_model_with_one_name_in_two_folders_is_as_clear(tmp_path: Path)
     (tmp_path / "images.txt").write_text(images.format("left/0.png"))
     with pytest.raises(FormatError, match="two images 'left/0.png'"):
         read_colmap_cameras(tmp_path)
+
+
+@pytest.mark.parametrize("name", ["cameras.bin", "images.bin", "points3D.bin", "rigs.bin", "frames.bin"])
+def test_a_file_that_lacks_a_byte_was_not_written_whole(tmp_path: Path, name: str) -> None:
+    """Of as short a model as can be: no observations, every file as small as its content allows."""
+    lenses = {f"{i}.png": lens("OPENCV") for i in range(3)}
+    poses = {n: Pose(np.eye(3), np.array([i, 0.0, 0.0])) for i, n in enumerate(lenses)}
+    write_lenses(tmp_path, lenses, poses, SparsePoints(np.zeros((4, 3)), np.zeros((4, 3), np.uint8)))
+    assert colmap._cut_off(tmp_path, lenses, 4) is None
+    content = (tmp_path / name).read_bytes()
+    (tmp_path / name).write_bytes(content[:-1])
+    assert colmap._cut_off(tmp_path, lenses, 4) == name, len(content)

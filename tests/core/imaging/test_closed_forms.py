@@ -9,10 +9,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import tifffile
 import torch
 from dgs.core.errors import PsfError
 from dgs.core.frames import Frame
-from dgs.core.imaging import choices
+from dgs.core.imaging import choices, kernel_files
 from dgs.core.imaging.composed import moved
 from dgs.core.imaging.contradiction import CONTRADICTION, Observed
 from dgs.core.imaging.evaluations import (
@@ -34,6 +35,7 @@ from dgs.core.imaging.psf import POINT_SPREAD, PointSpread, gaussian_taps, point
 from dgs.core.imaging.psf_text import parse_psf
 from dgs.core.imaging.spectral_bins import SpectralBins, frequency_plane, polar_index
 from dgs.core.imaging.spectrum import BINS, HIGHEST, NOISE, OPPONENT, NoiseToSignal, frequencies, radial_power
+from PIL import Image
 
 CPU = torch.device("cpu")
 
@@ -608,3 +610,23 @@ def test_reduced_is_two_narrower_blurs() -> None:
     a = torch.rand((2, 50, 60), generator=random, dtype=torch.float64)
     b = torch.rand((2, 40, 50), generator=random, dtype=torch.float64)
     assert float((reduced.apply(a) * b).sum()) == pytest.approx(float((a * reduced.adjoint(b)).sum()))
+
+
+@pytest.mark.parametrize(("name", "size"), [("k.png", 9 * 7 * 4), ("k.tif", 9 * 7 * 8)])
+def test_a_picture_is_refused_by_the_memory_that_it_takes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, size: int
+) -> None:
+    """Four bytes for each px of a PNG, eight for each of a TIFF file, whatever they hold."""
+    values, checked = np.arange(63, dtype=np.uint8).reshape(7, 9), []
+    if name == "k.png":
+        Image.fromarray(values).save(tmp_path / name)
+    else:
+        tifffile.imwrite(tmp_path / name, values)
+    usual = kernel_files._check_size
+    monkeypatch.setattr(kernel_files, "_check_size", lambda asked: checked.append(asked) or usual(asked))
+    np.testing.assert_array_equal(read_kernel(tmp_path / name), values)
+    assert checked == [size]
+    limit = kernel_files._LARGEST_FILE
+    usual(limit)
+    with pytest.raises(ValueError, match="256 MiB"):
+        usual(limit + 1)

@@ -52,3 +52,17 @@ def test_what_stood_behind_something_is_unseen() -> None:
     # Behind the board the old photo saw x from -0.6 to 0.6; in the new one that is where x - 0.9 = (u - 32) / 32.
     middle = unseen[28:36]
     assert middle[:, 14:20].all() and not unseen[2:7, 14:20].any()
+
+
+def test_what_is_unseen_is_decided_for_two_px_at_a_time() -> None:
+    """Every old photo's depth has to be rendered: half as many px each way; and no coarser, or thin things are lost."""
+    sizes = set()
+    for x in (0.9, 1.0, 1.1, 1.2):
+        new, old = at(x), at(0.0)
+        everything = np.ones((SIDE, SIDE), bool)
+        unseen = _unseen(wall(), [new], {new.name: everything}, [old], RasterSettings())[new.name]
+        assert unseen.any() and not unseen.all()
+        blocks = unseen.reshape(SIDE // 2, 2, SIDE // 2, 2)
+        assert (blocks == blocks[:, :1, :, :1]).all()
+        sizes.add(int(np.argmax(unseen[SIDE // 2])))
+    assert len(sizes) > 1 and np.gcd.reduce(list(sizes)) == 2

@@ -177,3 +177,17 @@ def test_a_place_where_the_twin_shows_something_else_is_not_believed(
 
     monkeypatch.setattr(placing, "talk", misled)
     assert module.against_twin(twin, photos, 2, Silent(), made / "features.npz") is None
+
+
+def test_a_search_that_has_begun_is_used(
+    made: Path, twin: OpenedTwin, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    photos = load_photos(made / "new", None, Silent(), None, minimum=1)
+    module.against_twin(twin, photos, 2, Silent(), made / "out" / "sfm" / FEATURES)  # keeps features
+    begun: list[dict[str, bool]] = []
+    usual = module.Placing.begin
+    monkeypatch.setattr(module.Placing, "begin", lambda *a, **k: begun.append(k) or usual(*a, **k))
+    early = module.Placing.begin(twin, photos, 2, kept=True)
+    assert early is not None
+    assert module.against_twin(twin, photos, 2, Silent(), tmp_path / "kept", early) is not None
+    assert begun == [{"kept": True}], "no second one"
