@@ -39,7 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_photos(parser)
     add_overwrite(parser)
     add_medium(parser)
-    parser.add_argument("--effects", default="none", metavar="EFFECTS", help=effects_help())
+    parser.add_argument("--effects", default="usual", metavar="EFFECTS", help=effects_help())
     _add_given(parser.add_argument_group("what is given"))
     _add_effort(parser.add_argument_group("effort"))
     add_machine(parser)
@@ -178,6 +178,7 @@ def reconstruct_command(options: argparse.Namespace, progress: Reporting) -> int
 
 def _result(settings: ReconstructSettings, report: dict[str, Any]) -> dict[str, object]:
     heldout, out = report["heldout"], settings.out
+    halves = heldout["degraded"]["psnr_halves"]
     return {
         "report": str(out / "report.html"),
         "figures": str(out / "report.json"),
@@ -188,6 +189,7 @@ def _result(settings: ReconstructSettings, report: dict[str, Any]) -> dict[str, 
         "registered": f"{report['photos']['registered']} of {report['photos']['given']}",
         "psnr sharp": heldout["sharp"]["psnr"],
         "psnr photos": heldout["degraded"]["psnr"],
+        **({"psnr photos, other half's exposure": halves} if halves is not None else {}),
         "seconds": report["seconds"]["total"],
         "verdict": " ".join([report["verdict"]["sentence"], *(f"{line}." for line in report["verdict"]["help"])]),
     }

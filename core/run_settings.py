@@ -143,7 +143,7 @@ class ReconstructSettings:
         seed, device, threads: threads None for all cores.
         resume: go on from the checkpoint in `out`.
         keep_cameras: take the cameras that are in `out`, and train anew.
-        effects: besides the blur: 'auto', 'none', 'all' or names (see `effects.decision.parse_effects`).
+        effects: besides the blur: 'usual', 'auto', 'none', 'all' or names (see `effects.decision.parse_effects`).
         refine_cameras: move the cameras by the loss before the training (`pipeline.refinement`).
         reference_cameras: true cameras, only for reporting errors.
         snapshots: write the twin so far and a picture of it to `out`/.run/snapshot while training.
@@ -172,7 +172,7 @@ class ReconstructSettings:
     threads: int | None = None
     resume: bool = False
     keep_cameras: bool = False
-    effects: str = "none"
+    effects: str = "usual"
     snapshots: bool = False
     refine_cameras: bool = False
     reference_cameras: Path | None = None

@@ -6,18 +6,20 @@ from zlib import crc32
 
 from .registry import all_effects, switches
 
-#: What the panel offers besides single effects: identifier, label, tooltip. Their numbers, 0 to 2, are in saved files.
+#: What the panel offers besides single effects: identifier, label, tooltip. Files keep their number, the place.
 _GROUPS = (
     ("none", "None", "Only the blur of the medium"),
     ("auto", "As the Photos Need", "Those that the photos show and a short training confirms; the report says why"),
     ("all", "All", "All whose size can be estimated from the photos, without a short training"),
+    ("usual", "Exposure If It Differs", "Each photo's exposure is learned where the same points show that it differs"),
 )
 
 
 def effects_help() -> str:
     """The help of `--effects`."""
     return (
-        "besides the blur: auto (what the photos call for and a short trial confirms) | none | all | names with "
+        "besides the blur: usual (each photo's exposure, where photos show that it differs) | auto (what the photos "
+        "call for and a short trial confirms) | none | all | names with "
         f"commas out of {', '.join(switches())} (auto,haze forces one on, auto,-haze off)"
     )
 

@@ -20,7 +20,7 @@ class RunDescription:
         psf, blur_space, max_size, holdout_every: as in `core.run_settings`.
         preset, loss, max_gaussians, sh_degree: of the training.
         search: whether cameras are to be found.
-        effects: whether any besides the blur may be simulated.
+        effects: whether any besides the blur may be simulated, but for what an ordinary run looks for.
         until: whether the training ends at a quality; resume: whether it goes on from a checkpoint, or from
             cameras that were found before.
         time_limit: seconds in all, or None.
@@ -54,7 +54,7 @@ class RunDescription:
             max_gaussians=training.max_gaussians,
             sh_degree=training.sh_degree,
             search=run.cameras.given is None,
-            effects=run.effects != "none",
+            effects=run.effects not in ("none", "usual"),
             until=training.until is not None,
             resume=run.resume or run.keep_cameras,
             time_limit=run.time_limit,

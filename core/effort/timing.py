@@ -88,6 +88,8 @@ class RunTiming:
         run, budget = self._run, self.budget
         if run.resume or report["status"] not in ("done", "time limit") or run.effects:
             return
+        if any(effect["on"] for effect in report["effects"]):
+            return
         held = report["heldout"]
         hurried = run.preset == "draft" or (budget is not None and budget.hurried)
         work = photo_work(photos, search=run.search, hurried=hurried, compiled=self._compiled).training(

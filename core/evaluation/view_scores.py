@@ -60,6 +60,15 @@ class ViewScores:
         }
         self.unexplained, self.parts = _unexplained(degraded, photo, mask)
 
+    def add_halves(self, exposed: Image, photo: Image, mask: Mask | None) -> None:
+        """Adds the PSNR of the render as each half of the photo would have exposed the other (`evaluation.halves`).
+
+        What is unexplained is judged by it, too: nothing says the exposure of a photo that no training saw.
+        """
+        assert self.degraded is not None
+        self.degraded["psnr_halves"] = rounded(psnr(exposed, photo, mask))
+        self.unexplained, self.parts = _unexplained(exposed, photo, mask)
+
     def add_truth(self, sharp: Image, truth: Image, mask: Mask | None, cutoff: float | None) -> None:
         """Compares the sharp render with the sharp truth, both [H, W, 3] in [0, 1].
 

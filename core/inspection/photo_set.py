@@ -49,12 +49,15 @@ class PhotoSet:
         photos: all of them.
         cameras: None where none were given or found; why: the reason then.
         linear: read spectra on linear light instead of sRGB values.
+        blur: standard deviation of the photos' blur, px, where it is known: points are then looked up without reading
+            any spectrum, as if nothing had moved.
     """
 
     photos: Sequence[Photo]
     cameras: Reconstruction | None = None
     why: str = ""
     linear: bool = False
+    blur: float | None = None
 
     @cached_property
     def looked_at(self) -> list[Photo]:
@@ -196,6 +199,8 @@ class PhotoSet:
         """Points in several photos; None without cameras or points."""
         if self.cameras is None:
             return None
+        if self.blur is not None:
+            return observe_points(self.photos, self.cameras, self.blur)
         moved = self.motion
         paths = self.motion_paths if moved is not None and moved.significant else {}
         own = {name: (path.length, path.angle) for name, path in paths.items() if path.length}

@@ -27,6 +27,7 @@ from ..twin.folder import TwinFolder
 from .blind import Spreads, given_spreads
 from .cameras import FoundCameras, cameras_of, given_cameras, search_for
 from .effects.decision import parse_effects
+from .effects.unseen import formation_of_all
 from .fitted import split_views
 from .medium import medium_of
 from .photos import LoadedPhotos, read_photos
@@ -122,8 +123,8 @@ def _stages(run: RunSettings, given: Spreads | None, truth: TruthFolder | None, 
     effects = simulate(run.effects, photos, cameras.reconstruction, views, blur.medium, settings, keeper)
     if run.effects != "none":
         watch.lap("effects")
-    points, formation = cameras.reconstruction.points, effects.chosen.formation
-    asked = TrainingJob(effects.fitted, effects.heldout, points, effects.medium, settings, formation)
+    points, chosen = cameras.reconstruction.points, effects.chosen
+    asked = TrainingJob(effects.fitted, effects.heldout, points, effects.medium, settings, chosen.formation)
     planned = fit_into_time(asked, photos, run.training.max_gaussians, run.resume, timing, folder)
     if planned.enough:
         keeper.note("The time limit is more than what makes these photos' twin better: the run ends before it")
@@ -133,8 +134,9 @@ def _stages(run: RunSettings, given: Spreads | None, truth: TruthFolder | None, 
 
     keeper.stage("save", len(loaded.held) + 2)
     period = resolvable_period(effects.medium)
+    seen = formation_of_all(trained.formation, views.names)
     viewer = _viewer(trained, cameras.reconstruction, machine.device)
-    scorer = ViewScorer(viewer, cameras.reconstruction, effects.medium, truth, period, keeper, formation)
+    scorer = ViewScorer(viewer, cameras.reconstruction, effects.medium, truth, period, keeper, seen)
     scored = score_views(scorer, photos, loaded.held, machine.threads, timing, folder)
     if over := timing.overrun():
         keeper.note(f"The time limit was passed by {over:.0f} s: the cameras alone took {watch.seconds['sfm']:.0f} s")
@@ -144,7 +146,7 @@ def _stages(run: RunSettings, given: Spreads | None, truth: TruthFolder | None, 
         photos=photo_facts(loaded.finally_in(begun)),
         cameras=camera_facts(cameras),
         medium=medium_facts(blur, effects, loaded),
-        effects=effects.chosen.plain(),
+        effects=chosen.with_learned(trained.formation).plain(),
         trained=trained,
         scores=scored.scores,
         fitted=scored.fitted,

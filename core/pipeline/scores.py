@@ -9,12 +9,15 @@ from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
 
 from ..errors import DgsError
+from ..evaluation.halves import exposed_by_halves
 from ..evaluation.view_scores import NYQUIST_PERIOD, ViewScores
 from ..imaging.formation.chain import Formation
 from ..imaging.formation.effect import Shot
+from ..imaging.formation.exposure import Exposure
 from ..imaging.medium import Medium
 from ..lens import Lens
 from ..photos.empty import background_shows
@@ -82,7 +85,8 @@ class ViewScorer:
         """Renders one view, sharp (handed to `keep`: [H, W, 3], as large as the photo's file) and degraded."""
         lens, pose = self.reconstruction.lenses[photo.name], self.reconstruction.poses[photo.name]
         size = round(photo.size[0] / photo.scale[0]), round(photo.size[1] / photo.scale[1])
-        twin = to_pixels(self.viewer.sharp(lens.resized(*size), pose, finer=1.0 / photo.scale[0]))
+        sharp = self.viewer.sharp(lens.resized(*size), pose, finer=1.0 / photo.scale[0])
+        twin = to_pixels(self._exposed(sharp, photo.name))
         if keep is not None:
             keep(twin)
         degraded, scores = self._against_photo(photo)
@@ -103,6 +107,13 @@ class ViewScorer:
         )
         return scores, pictures
 
+    def _exposed(self, sharp: NDArray[np.float32], name: str) -> NDArray[np.float32]:
+        """[3, H, W] as the camera exposed this photo, as far as that is known; the very same otherwise."""
+        exposure = Formation([effect for effect in self.formation.sensor if isinstance(effect, Exposure)])
+        if not exposure:
+            return sharp
+        return np.asarray(exposure.filed(torch.from_numpy(sharp), Shot(name, *sharp.shape[1:])).numpy())
+
     def fitted(self, photo: Photo) -> ViewScores:
         """Scores of a view that was trained on, against its photo."""
         return self._against_photo(photo)[1]
@@ -115,6 +126,11 @@ class ViewScorer:
         filed = self._filed(photo, lens)
         matched = matched_psnr(_planes(degraded), filed.transpose(2, 0, 1), photo.mask, background_shows(photo))
         scores.add_photo(_unit(degraded), filed, photo.mask, matched)
+        if Exposure.name in self.formation.names:
+            empty = photo.transparency()
+            present = None if empty is None else 1.0 - empty
+            halves = exposed_by_halves(_planes(degraded), filed.transpose(2, 0, 1), photo.mask, present)
+            scores.add_halves(halves.transpose(1, 2, 0), filed, photo.mask)
         return degraded, scores
 
     def _filed(self, photo: Photo, lens: Lens) -> NDArray[np.float64]:

@@ -50,5 +50,6 @@ def simulate(
         DgsError: an effect was forced on that these photos say nothing about. Cancelled: the user asked to stop.
     """
     chosen = choose_effects(asked, photos, cameras, views.fitted, medium, settings, progress)
+    chosen.forget_others([view.name for view in views.fitted])
     through = chosen.formation.through(medium, views.names)
     return SimulatedEffects(chosen, through, chosen.corrected(views.fitted), chosen.corrected(views.heldout))

@@ -19,6 +19,7 @@ import numpy as np
 from ..errors import CameraError, DgsError, PhotoError
 from ..files import file_digest
 from ..gaussians import Gaussians
+from ..imaging.formation.exposure import Exposure
 from ..imaging.medium import Medium
 from ..machine import use_threads
 from ..photos.load import Photo, load_photos
@@ -31,7 +32,9 @@ from ..sfm.child import Waiting, drop_scratch
 from ..training.checkpoint import Checkpoint, save_checkpoint
 from ..training.warmup import compile_kernels
 from ..twin.changes import Changes, find_changes, shows_changed, wider
+from ..twin.exposures import without_exposure
 from ..twin.folder import TwinChange, TwinFolder
+from ..twin.new_exposures import exposure_with
 from ..twin.opened import OpenedTwin, StoredTwin, open_files
 from ..twin.pictures import draw_changes
 from ..twin.placing import Placing
@@ -84,9 +87,10 @@ def _updated(
 ) -> dict[str, Any]:
     began = time.perf_counter()
     threads, report = use_threads(settings.threads), folder.report()
-    if any(effect.get("on") for effect in report.get("effects", []) if isinstance(effect, dict)):
+    on = [effect.get("name") for effect in report.get("effects", []) if isinstance(effect, dict) and effect.get("on")]
+    if set(on) - {Exposure.name}:
         raise DgsError(
-            f"'{folder.path}' was made with effects besides the blur, which updates do not know",
+            f"'{folder.path}' was made with effects besides blur and exposure, which updates do not know",
             "Reconstruct it from all photos instead",
         )
     # Kernels become ready while photos are read and placed.
@@ -101,6 +105,7 @@ def _updated(
     photos = [photo for photo in photos if photo.name in found.poses]
     new = undistorted_views(photos, found)
     early.join()
+    twin, new = _exposed_alike(twin, new)
     registered = time.perf_counter()
 
     progress.stage("changes", len(photos))
@@ -122,6 +127,17 @@ def _updated(
     save_updated(updated, twin, facts, folder, change)
     draw_changes(change.new.change_folder, new, changes, twin.step)
     return facts
+
+
+def _exposed_alike(twin: OpenedTwin, new: list[View]) -> tuple[OpenedTwin, list[View]]:
+    """The twin and new views with the exposures of all photos undone; the very same ones where it has learned none."""
+    if twin.exposure is None:
+        return twin, new
+    held = [view for view in twin.views if view.name not in twin.exposure.names]
+    read = exposure_with(twin, twin.exposure, [*held, *new])
+    late = {view.name: view for view in without_exposure(held, read)}
+    views = [late.get(view.name, view) for view in twin.views]
+    return replace(twin, views=views, exposure=read), without_exposure(new, read)
 
 
 def _new_photos(
@@ -257,6 +273,9 @@ def save_updated(
     report = folder.report()
     report["settings"]["run"]["photos"] = str(folder.photo_list)
     report["gaussians"] = len(updated.gaussians)
+    if twin.exposure is not None:
+        row = next(row for row in report["effects"] if row["name"] == Exposure.name and row["on"])
+        row["parameters"] = twin.exposure.described()
     new.save_report(report)
     spreads = {name: psf for name, psf in updated.medium.per_view.items() if name not in twin.medium.per_view}
     past = folder.update_log()

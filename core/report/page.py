@@ -78,6 +78,7 @@ def page(
         simulated=simulated(report),
         not_simulated=not_simulated(report),
         limits=limits(report),
+        exposures=exposures(report),
     )
 
 
@@ -128,7 +129,33 @@ def _charts(report: Mapping[str, Any], psf: PointSpread | None) -> list[dict[str
                 _transfer(psf, report["resolvable_period_px"]),
             )
         )
+    gains = exposures(report)
+    if gains:
+        charts.append(
+            (
+                "Exposure of each photo",
+                "Learned with the twin, against the photos' mean, in the order of names: red, green, blue.",
+                line_chart(
+                    "Exposure by photo",
+                    [
+                        (name, [(i + 1.0, math.log2(row[c])) for i, row in enumerate(gains.values())])
+                        for c, name in enumerate(("red", "green", "blue"))
+                    ],
+                    Axis("photo"),
+                    Axis("stops"),
+                    [Marker("mean", y=0.0)],
+                ),
+            )
+        )
     return [{"title": title, "text": text, "svg": svg} for title, text, svg in charts if svg]
+
+
+def exposures(report: Mapping[str, Any]) -> dict[str, list[float]]:
+    """Gains (red, green, blue) by photo, in the order of names; empty where none were learned."""
+    for effect in report.get("effects", ()):
+        if effect["name"] == "exposure" and effect["on"]:
+            return dict(sorted((effect["parameters"] or {}).items()))
+    return {}
 
 
 def _transfer(psf: PointSpread, period: float) -> Markup:

@@ -67,7 +67,7 @@ FIELDS = (
     Field(
         "effects",
         "list",
-        "per effect: name, on, why, evidence, gain_db, gain_error_db, seconds, parameters; empty without --effects",
+        "per effect: name, on, why, evidence, gain_db, gain_error_db, seconds, parameters; empty without any",
     ),
     Field("gaussians", "integer", "Gaussians in the twin", True),
     Field("steps", "integer", "optimization steps done", True),
@@ -95,6 +95,12 @@ FIELDS = (
     Field("heldout.degraded.psnr", "number", "twin through the medium against the photos, mean in dB", True),
     Field("heldout.degraded.ssim", "number", "the same, mean SSIM", True),
     Field("heldout.degraded.psnr_matched", "number", "PSNR with gains taken from each photo itself", True),
+    Field(
+        "heldout.degraded.psnr_halves",
+        "number",
+        "PSNR with gain and offset per channel from the other half of each photo; only where exposure is learned",
+        True,
+    ),
     Field("heldout.sharp.psnr", "number", "twin against the sharp truth, mean in dB", True),
     Field("heldout.sharp.ssim", "number", "the same, mean SSIM", True),
     Field("heldout.sharp.psnr_inside", "number", "the same without a 30 px border, mean in dB", True),

@@ -219,7 +219,7 @@ def _heldout(facts: RunFacts) -> dict[str, Any]:
         "unregistered": [name for name in facts.photos.held if name not in poses],
         "every": facts.photos.every,
         "in_sfm": facts.cameras.source == "sfm",
-        "degraded": {key: mean("degraded", key) for key in ("psnr", "ssim", "psnr_matched")},
+        "degraded": {key: mean("degraded", key) for key in ("psnr", "ssim", "psnr_matched", "psnr_halves")},
         "sharp": {key: mean("sharp", key) for key in ("psnr", "ssim", "psnr_inside")},
         "truth_low_passed_psnr": mean_of([score.low_passed for score in compared]),
         "bands": bands if compared else [],

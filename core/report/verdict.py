@@ -138,6 +138,8 @@ def _left(score: ViewScores) -> float:
 def _gain_of_exposure(score: ViewScores) -> float:
     """What a view's PSNR gains (dB) where its photo's own brightness is matched."""
     scores = score.degraded or {}
+    if scores.get("psnr_halves") is not None:  # it was learned
+        return 0.0
     matched, plain = scores.get("psnr_matched"), scores.get("psnr")
     return 0.0 if matched is None or plain is None else matched - plain
 

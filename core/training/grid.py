@@ -136,6 +136,12 @@ class GridView:
         """The photo as [3, h, w] float32 in [0, 1], sRGB-encoded."""
         return self._photo.astype(np.float32) * np.float32(1 / 65535)
 
+    def present(self) -> NDArray[np.float32] | None:
+        """[h, w] share of each px that shows the object; None where the photo is opaque."""
+        if self._empty is None or self._background is None:
+            return None
+        return np.float32(1) - self._empty.astype(np.float32) * np.float32(1 / 65535)
+
     def over(self, colour: Colour) -> NDArray[np.float32]:
         """`planes` with another sRGB colour in [0, 1] behind it; the same where the photo is opaque."""
         planes = self.planes()

@@ -14,6 +14,7 @@ import torch
 from .. import compiled
 from ..constants import LOW_PASS_VARIANCE
 from ..gaussians import Gaussians
+from ..imaging.formation.chain import Formation
 from ..imaging.spectrum import NoiseToSignal
 from ..numbers import BY_DEFINITION, number
 from ..progress import Progress
@@ -71,6 +72,7 @@ class Trained:
         steps: iterations done.
         stopped: 'done', 'time limit', 'quality', 'plateau' or 'cancelled'.
         settings: what was used.
+        formation: the effects, with what was learned of them.
     """
 
     gaussians: Gaussians
@@ -82,6 +84,7 @@ class Trained:
     steps: int
     stopped: str
     settings: TrainingSettings
+    formation: Formation = Formation()
 
 
 def train(
@@ -138,6 +141,7 @@ def train(
         steps=trainer.step,
         stopped=stopped,
         settings=replace(settings),
+        formation=trainer.learned(),
     )
 
 

@@ -14,12 +14,14 @@ import torch
 from ..background import Background
 from ..colour import srgb_to_linear
 from ..devices import backend_on
-from ..errors import PsfError
+from ..errors import CheckpointError, PsfError
+from ..evaluation.halves import exposed_by_halves
 from ..forward import Exposed, Exposure, ForwardModel, low_pass_on_grid, margin_for
 from ..forward.compare import mean_square, psnr_of
 from ..frames import Frame
 from ..gaussians import Gaussians
 from ..imaging.formation.chain import Formation
+from ..imaging.formation.exposure import Exposure as PhotoExposure
 from ..imaging.medium import Medium
 from ..imaging.spectrum import NoiseToSignal, noise_to_signal
 from ..numbers import number
@@ -28,6 +30,8 @@ from ..views import SparsePoints, View, distinct
 from .checkpoint import Checkpoint
 from .contrast import scene_contrast
 from .density import DensityControl
+from .exposures import SETTINGS as EXPOSURES
+from .exposures import Asked, LearnedExposures
 from .footprint import widened
 from .grid import GRID, GridView, grid_step
 from .guards import GUARDS, drop_non_finite, out_of_range
@@ -84,7 +88,8 @@ class Trainer:
         views: photos to fit; heldout: photos to watch only.
         points: what structure from motion found.
         formation: effects besides the point spread; those before the blur are simulated in every step, with depths in
-            the scene's unit. Those of the sensor are to be undone on the photos beforehand.
+            the scene's unit. Those of the sensor are to be undone on the photos beforehand; exposures are learned from
+            there on.
         start: Gaussians to begin with, world units; None for new ones on the points' depth.
 
     Raises:
@@ -111,6 +116,7 @@ class Trainer:
             start_share=settings.start_share * start_share(self.distinct),
         )
         self.settings, self.medium, self.formation = settings, medium, formation
+        self.exposures = learned_exposures(formation)
         name = "cpu" if settings.device == "auto" else settings.device
         backend_on(name)  # (before torch, whose message names devices of its own)
         self.device = torch.device(name)
@@ -238,8 +244,9 @@ class Trainer:
         photo = torch.from_numpy(view.over((red, green, blue))).to(self.device)
         objective = self.objective(level, view)
         evaluate = objective.start_loss if objective.inverse is not None and share < s.start_share else objective.loss
-        found = evaluate(exposed.reached, photo, valid)
-        exposed.backward(found.gradient)
+        asked = self._exposed_alike(view, exposed, photo, share)
+        found = evaluate(exposed.reached, photo if asked is None else asked.photo, valid)
+        exposed.backward(found.gradient if asked is None else found.gradient * asked.weight)
         for frame in exposed.frames:
             self.density.collect(frame.rendered.screen)
             for reason, count in frame.rendered.screen.culled.items():
@@ -258,17 +265,38 @@ class Trainer:
             self.density.act(self.optimizer, s.max_gaussians, np.random.default_rng([s.seed, 2, self.step]))
         return found.loss
 
+    def _exposed_alike(self, view: GridView, exposed: Exposed, photo: torch.Tensor, share: float) -> Asked | None:
+        """The photo without its exposure, from which that is learned; None where none is."""
+        if self.exposures is None:
+            return None
+        shown = exposed.degraded
+        present = view.present()
+        opaque = None if present is None else torch.from_numpy(present).to(self.device)
+        if share >= EXPOSURES.begin:
+            counts = None if view.valid is None else torch.from_numpy(view.valid).to(self.device)
+            if opaque is not None:  # what is behind the object has no exposure
+                counts = opaque == 1 if counts is None else counts & (opaque == 1)
+            self.exposures.learn(view.name, photo, shown, counts)
+        asked = self.exposures.asked(view.name, photo, shown)
+        if asked is None or opaque is None:
+            return asked
+        return Asked(photo + opaque * (asked.photo - photo), asked.weight)
+
     def heldout_psnr(self) -> float | None:
-        """PSNR (dB) of the degraded render against held-out photos, on the finest grid."""
+        """PSNR (dB) of the degraded render against held-out photos, on the finest grid.
+
+        Where photos have exposures of their own, those of held-out ones are taken from halves that do not judge.
+        """
         level = self.levels[-1]
         if not level.heldout:
             return None
-        return psnr_of(
-            [
-                mean_square(self.exposed(level, view).degraded.cpu().numpy() - view.planes(), view.valid)
-                for view in level.heldout
-            ]
-        )
+        errors = []
+        for view in level.heldout:
+            shown, photo = self.exposed(level, view).degraded.cpu().numpy(), view.planes()
+            if self.exposures is not None:
+                shown = exposed_by_halves(shown, photo, view.valid, view.present())
+            errors.append(mean_square(shown - photo, view.valid))
+        return psnr_of(errors)
 
     def result(self) -> Gaussians:
         """The twin so far: in the world of the cameras, as the usual viewers draw it."""
@@ -278,6 +306,13 @@ class Trainer:
             self.repairs["left out of the twin, non-finite"] = int((~finite).sum())
             world = Gaussians(**{name: t[finite] for name, t in world.named()})
         return widened(world, [v.camera for v in self.views], self.settings.low_pass)
+
+    def learned(self) -> Formation:
+        """The chain with what was learned of it."""
+        if self.exposures is None:
+            return self.formation
+        learned = self.exposures.exposure()
+        return Formation([learned if isinstance(e, PhotoExposure) else e for e in self.formation.effects])
 
     def counters(self) -> dict[str, int]:
         """What was added, removed, refused and repaired so far."""
@@ -321,6 +356,8 @@ class Trainer:
             arrays[f"value.{name}"] = tensor.detach().cpu().numpy()
             arrays[f"first.{name}"] = o.first[name].cpu().numpy()
             arrays[f"second.{name}"] = o.second[name].cpu().numpy()
+        if self.exposures is not None:
+            arrays |= self.exposures.state()
         counters = {
             "steps": o.steps,
             **{f"density.{k}": v for k, v in d.counts.items()},
@@ -344,6 +381,16 @@ class Trainer:
         self.density.gradients, self.density.views = take("pull"), take("views")
         self.density.counts = group("density.")
         self.step = checkpoint.step
+        if self.exposures is not None and not self.exposures.restore(checkpoint.arrays):
+            raise CheckpointError(
+                "The checkpoint does not hold the exposures of these photos", "Start again without --resume"
+            )
+
+
+def learned_exposures(formation: Formation) -> LearnedExposures | None:
+    """Of a chain with exposures; None where there are none."""
+    start = next((effect for effect in formation.effects if isinstance(effect, PhotoExposure)), None)
+    return None if start is None or not start.names else LearnedExposures(start)
 
 
 def round_variance(views: Sequence[GridView]) -> float:

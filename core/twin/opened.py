@@ -16,6 +16,7 @@ from ..formats.ply import read_ply
 from ..forward import Exposure, FixedMedium, ForwardModel, low_pass_on_grid, margin_for, shared_medium, space_of
 from ..frames import Frame
 from ..gaussians import Gaussians
+from ..imaging.formation.exposure import Exposure as PhotoExposure
 from ..imaging.medium import BlurSpace, Medium
 from ..imaging.psf_text import parse_psf
 from ..photos.load import Photo, load_photos
@@ -31,6 +32,7 @@ from ..training.grid import GridView, grid_step
 from ..training.scale import SceneScale, scene_scale
 from ..training.trainer import colour_behind
 from ..views import View, heldout_names
+from .exposures import learned_exposure, without_exposure
 from .folder import TwinFolder
 
 
@@ -48,6 +50,7 @@ class OpenedTwin:
         gaussians: in world units, drawn with the usual low-pass.
         scale: the scene's own units.
         background: [3] sRGB colour behind the twin.
+        exposure: of the photos that it was trained on, undone on their views; None where none was learned.
     """
 
     folder: Path
@@ -60,6 +63,7 @@ class OpenedTwin:
     gaussians: Gaussians
     scale: SceneScale
     background: Tensor
+    exposure: PhotoExposure | None = None
 
     @property
     def kept(self) -> list[View]:
@@ -129,11 +133,13 @@ class StoredTwin:
     medium: Medium
     held: list[str]
     gaussians: Gaussians
+    exposure: PhotoExposure | None = None
 
     def twin(self) -> OpenedTwin:
         """The twin; undistorting its photos takes most of the time."""
         placed = self.reconstruction.poses
-        views = undistorted_views([photo for photo in self.photos if photo.name in placed], self.reconstruction)
+        filed = undistorted_views([photo for photo in self.photos if photo.name in placed], self.reconstruction)
+        views = without_exposure(filed, self.exposure)
         scale = scene_scale([view.camera for view in views], self.reconstruction.points)
         shown = [view for view in views if view.name not in self.held] or views
         return OpenedTwin(
@@ -147,6 +153,7 @@ class StoredTwin:
             self.gaussians,
             scale,
             colour_behind(shown).to(torch.float32),
+            self.exposure,
         )
 
 
@@ -168,6 +175,7 @@ def open_files(folder: Path, progress: Progress, photos: Path | None = None) -> 
     kept = TwinFolder(folder)
     report = kept.report()
     settings = settings_of(kept, report, photos)
+    exposure = learned_exposure(report)
     cloud = read_ply(kept.twin_file)
     psf = parse_psf(settings.medium.psf)
     source = photo_source(settings.photos.photos, folder, settings.photos.frames, progress)
@@ -185,4 +193,4 @@ def open_files(folder: Path, progress: Progress, photos: Path | None = None) -> 
         raise FormatError(f"'{folder}' is no whole twin folder: it lacks cameras/", "Reconstruct the twin again")
     reconstruction = load_cameras(kept.camera_folder, loaded)
     held = noted.get("held") or heldout_names([photo.name for photo in loaded], settings.photos.holdout_every)
-    return StoredTwin(folder, settings, loaded, reconstruction, medium, held, Gaussians.from_cloud(cloud))
+    return StoredTwin(folder, settings, loaded, reconstruction, medium, held, Gaussians.from_cloud(cloud), exposure)

@@ -143,7 +143,7 @@ class DGS_PG_settings(bpy.types.PropertyGroup):
     effects: bpy.props.EnumProperty(
         name="Other Effects",
         items=effect_items(),
-        default="none",
+        default="usual",
         description="What is simulated besides the blur: what photos need, or one effect",
     )
     refine_cameras: bpy.props.BoolProperty(

@@ -185,7 +185,7 @@ def _cameras(scene: Any, out: Path) -> Options:
 def _effort(settings: Any) -> Options:
     options: Options = {"preset": settings.preset, "holdout_every": settings.holdout_every, "seed": settings.seed}
     options |= _positive(settings, "max_gaussians")
-    if settings.effects != "none":
+    if settings.effects != "usual":
         options["effects"] = settings.effects
     if settings.background != "auto":
         options["background"] = settings.background

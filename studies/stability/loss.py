@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import torch
 
+from ...core.colour import linear_to_srgb, srgb_to_linear
 from ...core.errors import NonFiniteParameter
+from ...core.forward.compare import mean_square
 from ...core.frames import Frame
+from ...core.imaging.formation.chain import Formation
+from ...core.imaging.formation.effect import Shot
+from ...core.imaging.formation.exposure import Exposure
 from ...core.imaging.kernel_samples import disc
 from ...core.imaging.medium import Medium
 from ...core.imaging.operator import BlurOperator
@@ -23,8 +29,9 @@ from ...core.training.photometric import PhotometricLoss, photometric_reference,
 from ...core.training.settings import TrainingSettings
 from ...core.training.specks import speck_gradient
 from ...core.training.variation import variation_gradient
+from ...core.views import View
 from .case import Site, case, explained, non_finite
-from .photographed import arc, corner_points, looking, misfit, photographs, trained_steps
+from .photographed import HEIGHT, WIDTH, arc, corner_points, looking, misfit, photographs, small_set, trained_steps
 from .scenes import random_scene
 
 LEVELS = (0.0, 1e-7, 0.3, 0.9999, 1.0, 1e4)
@@ -243,6 +250,39 @@ def wrong_medium(site: Site) -> float:
         bad = sum(non_finite(t) for _, t in trainer.optimizer.gaussians.named())
         worst = max(worst, math.inf if bad else misfit(trainer) / before)
     return worst
+
+
+@case(
+    "loss",
+    "a black and a white photo among exposures that differ",
+    "the others are explained as well as without the two, squared error over that",
+    1.25,
+    "1 dB: a white photo still says that nothing is quite dark",
+)
+def black_and_white_photos(site: Site) -> float:
+    """Six photos up to 1.2 stops apart, a black one (the lens cap) and a white one (the flash), none of them known."""
+    views, points, medium = small_set(8, sigma=0.0)
+    stops = (0.6, -0.3, 0.0, 0.0, 0.3, -0.6, 0.4, -0.4)
+    exposed = [_exposed(view, stop) for view, stop in zip(views, stops, strict=True)]
+    black, white = (replace(views[i], photo=np.full_like(views[i].photo, value)) for i, value in ((2, 0), (3, 255)))
+    others = [view for i, view in enumerate(exposed) if i not in (2, 3)]
+    errors = []
+    for photos in ([*others, black, white], others):
+        start = Exposure([view.name for view in photos], torch.zeros(len(photos), 3))
+        trainer = trained_steps(photos, points, medium, 30 * len(photos), formation=Formation([start]))
+        if any(non_finite(t) for _, t in trainer.optimizer.gaussians.named()):
+            return math.inf
+        level, learned = trainer.levels[-1], trainer.learned()
+        shown = [v for v in level.views if v.name in {view.name for view in others}]
+        filed = [learned.filed(trainer.exposed(level, v).degraded, Shot(v.name, HEIGHT, WIDTH)) for v in shown]
+        errors.append(np.mean([mean_square(f.numpy() - v.planes()) for f, v in zip(filed, shown, strict=True)]))
+    return float(errors[0] / errors[1])
+
+
+def _exposed(view: View, stops: float) -> View:
+    """The photo with its linear light times 2^stops."""
+    light = srgb_to_linear(view.photo / 255.0) * 2.0**stops
+    return replace(view, photo=np.round(linear_to_srgb(light).clip(0.0, 1.0) * 255).astype(np.uint8))
 
 
 @case("loss", "blur and loss in float32", "gradient through the medium equals float64, relative", 1e-3, "the target")

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import convolve, gaussian_filter, map_coordinates
 
 from ...core.camera import Camera
+from ...core.imaging.formation.chain import Formation
 from ...core.imaging.medium import Medium
 from ...core.imaging.psf import PointSpread
 from ...core.training.photometric import PhotometricLoss
@@ -132,10 +133,11 @@ def trained_steps(
     medium: Medium,
     steps: int,
     begin: Callable[[Trainer], None] | None = None,
+    formation: Formation = Formation(),
     **changes: Any,
 ) -> Trainer:
     """A trainer after `steps` iterations; `begin` may alter what it starts from."""
-    trainer = Trainer(views, [], points, medium, replace(SHORT, **{"steps": steps, **changes}))
+    trainer = Trainer(views, [], points, medium, replace(SHORT, **{"steps": steps, **changes}), formation)
     if begin is not None:
         begin(trainer)
     for step in range(steps):

@@ -4,18 +4,22 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+
+import numpy as np
 
 from ...effects.inspect import inspect_photos
-from ...effects.registry import built, switches
+from ...effects.registry import all_effects, built, switches
 from ...effects.spec import Switch
 from ...errors import Cancelled, DgsError
 from ...imaging.formation.chain import Formation
 from ...imaging.formation.effect import Effect
+from ...imaging.formation.exposure import Exposure
 from ...imaging.formation.spreading import SpreadingEffect
 from ...imaging.medium import Medium
 from ...inspection.evidence import Evidence
 from ...inspection.photo_set import PhotoSet
+from ...numbers import number
 from ...photos.load import Photo
 from ...progress import Progress
 from ...reconstruction import Reconstruction
@@ -26,6 +30,17 @@ from .ablation import Ablation, Arm
 from .confirmed import confirmed_by_points
 from .corrected import corrected
 from .decision import Decision, parse_effects
+
+
+@dataclass(frozen=True)
+class UsualSettings:
+    """How cheaply a run looks that asks for no effect."""
+
+    points: int = number(800, "count", "points of the cameras at most, evenly through their list")
+    sharp: float = number(0.3, "px", "standard deviation of the blur of photos that were given none")
+
+
+USUAL = UsualSettings()
 
 
 @dataclass
@@ -43,6 +58,18 @@ class Chosen:
     decisions: list[Decision] = field(default_factory=list)
     seen: list[Evidence] = field(default_factory=list)
     seconds: float = 0.0
+
+    def forget_others(self, names: Iterable[str]) -> None:
+        """Photos that no training sees have no exposure: theirs would be read from what is to judge the twin."""
+        known = frozenset(names)
+        effects = [e.for_photos(known) if isinstance(e, Exposure) else e for e in self.formation.effects]
+        self.formation = Formation(effects)
+
+    def with_learned(self, formation: Formation) -> Chosen:
+        """The same with what a training has learned of it."""
+        learned = {effect.name: dict(effect.described()) for effect in formation.effects}
+        decisions = [replace(d, parameters=learned[d.name]) if d.name in learned else d for d in self.decisions]
+        return replace(self, formation=formation, decisions=decisions)
 
     def corrected(self, views: Sequence[View]) -> list[View]:
         """What the twin is fitted to: views without the effects of lens and sensor, and without what is masked."""
@@ -72,6 +99,9 @@ def choose_effects(
         asked: as `--effects` takes it.
         views: those of the training.
 
+    Returns:
+        The very same as without any effect where none is asked for, or 'usual' finds nothing.
+
     Raises:
         DgsError: an effect was forced on that these photos say nothing about.
         Cancelled: the user asked to stop.
@@ -79,6 +109,8 @@ def choose_effects(
     mode, forced = parse_effects(asked)
     if mode == "none":
         return Chosen()
+    if mode == "usual":
+        return usual_effects(photos, cameras, views, medium, progress)
     began = time.perf_counter()
     there = switches()
     source = PhotoSet(list(photos), cameras)
@@ -111,6 +143,36 @@ def choose_effects(
     simulated = [d.name for d in chosen.decisions if d.on]
     progress.note(f"Effects besides the blur: {', '.join(simulated) or 'none'}")
     return chosen
+
+
+def usual_effects(
+    photos: Sequence[Photo], cameras: Reconstruction, views: Sequence[View], medium: Medium, progress: Progress
+) -> Chosen:
+    """What a run does that asks for nothing: exposures, where the same points show that they differ.
+
+    Only photos that are trained on are looked at, with few points, and no short training is made.
+    """
+    began = time.perf_counter()
+    names = {view.name for view in views}
+    points = cameras.points
+    every = max(1, -(-len(points.positions) // USUAL.points))
+    few = replace(cameras, points=points.chosen(np.arange(0, len(points.positions), every)))
+    blur = max(medium.mean_sigma(sorted(names)), USUAL.sharp)
+    source = PhotoSet([photo for photo in photos if photo.name in names], few, blur=blur)
+    name, switch = Exposure.name, switches()[Exposure.name]
+    found = {spec.name: spec.inspect(source) for spec in all_effects() if spec.name in switch.speakers}
+    effect = built(name, source) if any(evidence.needed for evidence in found.values()) else None
+    if effect is None:
+        return Chosen(seconds=time.perf_counter() - began)
+    why = "the photos show it"
+    decision = Decision(name, True, why, seconds=time.perf_counter() - began)
+    progress.note(
+        f"The photos' exposure differs, so each photo's own is learned (--effects none leaves it out): "
+        f"{next(e for e in found.values() if e.needed).evidence}"
+    )
+    simulated = {name: effect}
+    lines = [_with_evidence(decision, found, simulated)]
+    return Chosen(Formation([effect]), (), lines, [], time.perf_counter() - began)
 
 
 def proposed(found: Iterable[Evidence]) -> list[str]:

@@ -10,10 +10,12 @@ import torch
 from numpy.typing import NDArray
 
 from ...background import Background
-from ...compositing import blended, over_another, unblended
+from ...compositing import over_another
 from ...effects.spec import Switch
+from ...forward.unfiled import unfiled_planes
 from ...imaging.formation.chain import Formation
 from ...imaging.formation.effect import Shot
+from ...imaging.formation.exposure import Exposure
 from ...photos.empty import background_shows
 from ...views import View
 
@@ -23,7 +25,8 @@ def corrected(views: Sequence[View], formation: Formation, masked: Sequence[Swit
 
     Args:
         formation: its effects of the sensor are undone, in 16 bit. Px that become brighter than white, because
-            their photo was darker than the others, are masked.
+            their photo was darker than the others, are masked; where exposures are learned they are white, as the
+            training asks what may be clipped.
         masked: effects whose px do not count.
     """
     if not formation.sensor and not masked:
@@ -44,22 +47,14 @@ def _one(view: View, formation: Formation, masked: Sequence[Switch]) -> View:
     if formation.sensor:
         camera = view.camera
         shot = Shot(view.name, camera.height, camera.width, middle=(camera.cx, camera.cy))
-        clear = _unfiled(view, formation, shot)
-        within = (clear <= 1.0).all(axis=0)
+        clear = unfiled_planes(view, formation, shot)
+        learned = any(isinstance(effect, Exposure) for effect in formation.sensor)
+        within = np.ones_like(mask) if learned else (clear <= 1.0).all(axis=0)
         mask &= within | behind
         photo = np.ascontiguousarray(np.round(clear.clip(0.0, 1.0) * 65535.0).astype(np.uint16).transpose(1, 2, 0))
         if view.alpha is not None and view.alpha.dtype == np.uint8:
             view = replace(view, alpha=view.alpha.astype(np.uint16) * np.uint16(257))
     return replace(view, photo=photo, mask=None if mask.all() else mask, levels=levels)
-
-
-def _unfiled(view: View, formation: Formation, shot: Shot) -> NDArray[np.float32]:
-    """[3, H, W] the photo with the sensor's effects undone; a background that was put behind it has never seen them."""
-    empty, background = view.transparency(), view.background
-    if empty is None or background is None:
-        return np.asarray(formation.unfiled(torch.from_numpy(view.planes()), shot).numpy(), np.float32)
-    straight = torch.from_numpy(unblended(background, view.planes(), empty))
-    return blended(background, formation.unfiled(straight, shot).numpy(), empty)
 
 
 def over_filed(

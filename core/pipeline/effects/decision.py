@@ -48,7 +48,7 @@ class Decision:
 
 
 def parse_effects(text: str) -> tuple[str, tuple[str, ...]]:
-    """'auto', 'none', 'all', or names with commas -> (mode, forced names).
+    """'usual', 'auto', 'none', 'all', or names with commas -> (mode, forced names).
 
     `auto,haze` decides by the photos but has haze on; `auto,-exposure` has exposure off.
 
@@ -57,13 +57,13 @@ def parse_effects(text: str) -> tuple[str, tuple[str, ...]]:
     """
     there = switches()
     words = [word.strip() for word in text.split(",") if word.strip()]
-    mode = words[0] if words and words[0] in ("auto", "none", "all") else "named"
+    mode = words[0] if words and words[0] in ("usual", "auto", "none", "all") else "named"
     names = tuple(words[1:] if mode != "named" else words)
     unknown = [name for name in names if name.removeprefix("-") not in there]
-    if unknown or not words or (mode in ("none", "all") and names):
+    if unknown or not words or (mode in ("usual", "none", "all") and names):
         raise DgsError(
             f"--effects '{text}' makes no sense" + (f": there is no effect '{unknown[0]}'" if unknown else ""),
-            f"Write auto, none, all, or names out of {', '.join(there)} with commas (auto,haze forces one on, "
+            f"Write usual, auto, none, all, or names out of {', '.join(there)} with commas (auto,haze forces one on, "
             "auto,-haze off)",
         )
     return mode, names

@@ -115,6 +115,8 @@ def test_the_request_says_all_settings(settings: object, tmp_path: Path) -> None
     text = " ".join(request_of("reconstruct", bpy.context.scene).arguments)
     assert "--psf auto-each" in text and "--effects auto" in text and "--refine-cameras" in text
     settings.medium, settings.effects, settings.refine_cameras = "auto", "none", False
+    assert "--effects none" in " ".join(request_of("reconstruct", bpy.context.scene).arguments)
+    settings.effects = "usual"
 
 
 def test_missing_things_are_named(settings: object, tmp_path: Path) -> None:

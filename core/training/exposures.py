@@ -1,0 +1,207 @@
+"""Exposure of every photo, learned with the Gaussians: a gain and an offset for each channel, in linear light.
+
+The Gaussians are fitted to photos with their exposure undone, and the exposures to what the Gaussians show: every time
+a photo is visited, its gains g (natural log) and offsets o take a part of a Gauss-Newton step on
+
+    F(g, o) = n mean rho((y - c(exp(g) L + o)) / k) + (g / s_g)^2 / 2 + (o / s_o)^2 / 2,   rho(u) = sqrt(1 + u^2) - 1
+
+with L the linear light that the twin shows through the medium, c the sRGB curve, y the photo as it was filed, and the
+prior on 'no change' in the last two terms. Mean log gain and mean offset over the photos stay 0: what all share is the
+scene's. A px at the upper end of the file says only that the light was at least that, one at the lower end at most.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from ..colour import encoding_derivative, linear_to_srgb, srgb_to_linear
+from ..imaging.formation.exposure import Exposure
+from ..numbers import number
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class LearnedExposureSettings:
+    """Numbers of the exposures that are learned."""
+
+    prior_gain: float = number(0.5, "natural log", "standard deviation of a photo's gain: 0.7 stops")
+    prior_offset: float = number(
+        0.003, "linear light", "standard deviation of a photo's offset: stray light and black levels differ little"
+    )
+    knee: float = number(0.05, "sRGB", "residuals beyond count as their size, not its square")
+    independent: float = number(500.0, "px", "that a photo's px count as: neighbours err alike")
+    share: float = number(0.3, "of a step", "that is taken at each visit: the twin changes, too")
+    begin: float = number(0.05, "share of the run", "from which on exposures are learned: before, the twin is a fog")
+    largest_step: float = number(1.0, "natural log", "that a gain changes at a visit at most")
+    largest_gain: float = number(5.0, "natural log", "either way: seven stops; a black or white photo shows no gain")
+    usual_gain: float = number(
+        3.0, "prior standard deviations", "beyond which a photo's gain is no part of the mean over the photos"
+    )
+    white: float = number(0.985, "sRGB", "from which on a px may be clipped: 251 of 255, as photos are averaged")
+    black: float = number(0.004, "sRGB", "up to which a px may be: 1 of 255")
+    most_pixels: int = number(20_000, "px", "of a photo that are looked at in a visit, evenly over it")
+
+
+SETTINGS = LearnedExposureSettings()
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What a photo asks of the twin: `photo` [3, H, W] sRGB without its exposure, and `weight` [3, 1, 1] of it."""
+
+    photo: Tensor
+    weight: Tensor
+
+
+@dataclass(frozen=True)
+class Slope:
+    """Of F in one photo's gains and offsets: `value`, `gradient` [3, 2], and Gauss-Newton's `curvature` [3, 2, 2]."""
+
+    value: float
+    gradient: Array
+    curvature: Array
+
+
+class LearnedExposures:
+    """Exposures of the photos that are trained on.
+
+    Args:
+        start: what was undone on the photos beforehand, and where learning begins.
+
+    Attributes:
+        names: of the photos; values: [V, 3, 2] log gains and offsets.
+    """
+
+    def __init__(self, start: Exposure, settings: LearnedExposureSettings = SETTINGS) -> None:
+        self.names, self.settings = start.names, settings
+        gains, offsets = (start.parameters[name].detach().double().cpu().numpy() for name in ("log_gains", "offsets"))
+        self._start: Array = np.stack([gains, offsets], axis=2)
+        self.values: Array = self._start.copy()
+        self._index = {name: i for i, name in enumerate(start.names)}
+
+    def exposure(self) -> Exposure:
+        """As it is now."""
+        return Exposure(self.names, *(torch.from_numpy(self.values[..., i].astype(np.float32)) for i in (0, 1)))
+
+    def asked(self, name: str, photo: Tensor, shown: Tensor) -> Asked | None:
+        """The photo without its exposure, where it may be clipped no farther from the twin than that allows.
+
+        Args:
+            photo: [3, H, W] sRGB without the exposure that learning began with.
+            shown: [3, H, W] sRGB that the twin shows through the medium.
+
+        Returns:
+            None for a photo that is not among those that are learned.
+        """
+        index = self._index.get(name)
+        if index is None:
+            return None
+        filed, over, under = self._filed(index, photo)
+        gain, offset = self._now(index, photo)
+        light = (filed - offset) / gain
+        if bool(over.any()):
+            light[over] = torch.maximum(light[over], srgb_to_linear(shown[over]))
+        if bool(under.any()):
+            at_most = ((_linear(self.settings.black) - offset) / gain).clamp(min=0.0).expand_as(light)[under]
+            light[under] = torch.minimum(torch.maximum(light[under], srgb_to_linear(shown[under])), at_most)
+        # A darker photo shows the same change of the scene by a smaller one of its own: the curve's power of the gain.
+        return Asked(linear_to_srgb(light), gain.clamp(max=1.0) ** (1.0 / 2.4))
+
+    def learn(self, name: str, photo: Tensor, shown: Tensor, counts: Tensor | None) -> None:
+        """Takes a part of a step of one photo's gains and offsets; arguments as of `asked`.
+
+        Args:
+            counts: [H, W] bool, px that count; None for all.
+        """
+        index, s = self._index.get(name), self.settings
+        if index is None:
+            return
+        every = max(1, math.ceil(math.sqrt(photo.shape[1] * photo.shape[2] / s.most_pixels)))
+        thin = (slice(None), slice(every // 2, None, every), slice(every // 2, None, every))
+        counts = None if counts is None else counts[thin[1:]]
+        slope = self.slope(name, photo[thin].double(), shown[thin].double(), counts)
+        step = -s.share * np.linalg.solve(slope.curvature, slope.gradient[..., None])[..., 0]
+        step *= np.minimum(1.0, s.largest_step / np.maximum(np.abs(step[:, :1]), 1e-12))
+        if not np.isfinite(step).all():
+            return
+        self.values[index] += step
+        self.settle()
+
+    def settle(self) -> None:
+        """Mean log gain and mean offset 0 over the photos, gains within their bounds.
+
+        Photos far beyond the prior (a lens cap, a flash) have no say in what the mean exposure is.
+        """
+        bound, usual = self.settings.largest_gain, self.settings.usual_gain * self.settings.prior_gain
+        self.values[..., 0] = np.clip(self.values[..., 0], -bound, bound)
+        asked = np.abs(self.values[..., 0]).max(axis=1) < usual
+        self.values -= self.values[asked if asked.any() else slice(None)].mean(axis=0, keepdims=True)
+
+    def slope(self, name: str, photo: Tensor, shown: Tensor, counts: Tensor | None = None) -> Slope:
+        """F, its gradient, and Gauss-Newton's curvature at the values as they are."""
+        index, s = self._index[name], self.settings
+        filed, over, under = self._filed(index, photo)
+        gain, offset = self._now(index, photo)
+        gained = gain * srgb_to_linear(shown)
+        light = gained + offset
+        encoded = linear_to_srgb(light)
+        rest = encoded - linear_to_srgb(filed)
+        settled = (over & (rest > 0)) | (under & (rest < 0))
+        if counts is not None:
+            settled = settled | ~counts
+        rest = torch.where(settled, 0.0, rest) / s.knee
+        root = (1.0 + rest.square()).sqrt()
+        px = float(rest[0].numel() if counts is None else max(1, int(counts.sum())))
+        slope = torch.where(settled, 0.0, encoding_derivative(light, encoded) / s.knee)
+        by_gain = slope * gained
+        factor = s.independent / px
+        pairs = torch.stack([by_gain, slope])  # [2, 3, H, W]
+        gradient = factor * (pairs * (rest / root)).sum(dim=(2, 3)).T
+        curvature = factor * torch.einsum("achw,bchw->cab", pairs / root, pairs)
+        priors = np.array([s.prior_gain, s.prior_offset]) ** -2.0
+        now = self.values[index]
+        return Slope(
+            factor * float((root - 1.0).sum()) + float((priors * now**2).sum()) / 2.0,
+            gradient.cpu().numpy() + priors * now,
+            curvature.cpu().numpy() + np.diag(priors),
+        )
+
+    def state(self) -> dict[str, Array]:
+        """What a checkpoint keeps."""
+        return {"exposures": self.values.copy()}
+
+    def restore(self, arrays: Mapping[str, NDArray[Any]]) -> bool:
+        """Goes on from `state`; whether it is there, and of these photos."""
+        values = arrays.get("exposures")
+        if values is None or values.shape != self.values.shape or not np.isfinite(values).all():
+            return False
+        self.values = np.array(values, np.float64)
+        return True
+
+    def _now(self, index: int, like: Tensor) -> tuple[Tensor, Tensor]:
+        """[3, 1, 1] gain and offset of one photo."""
+        values = torch.from_numpy(self.values[index]).to(like)[:, :, None, None]
+        return values[:, 0].exp(), values[:, 1]
+
+    def _filed(self, index: int, photo: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """[3, H, W] linear light as it was filed, and where that may be clipped to white and to black."""
+        start = torch.from_numpy(self._start[index]).to(photo)[:, :, None, None]
+        gain, offset = start[:, 0].exp(), start[:, 1]
+        filed = gain * srgb_to_linear(photo) + offset
+        # Photos without their exposure end at 1, too, however bright that was filed.
+        most = (gain * 0.9999 + offset).clamp(max=_linear(self.settings.white))
+        return filed, filed >= most, filed <= _linear(self.settings.black)
+
+
+def _linear(encoded: float) -> float:
+    """Linear light of one sRGB value."""
+    return float(srgb_to_linear(np.array(encoded)))
