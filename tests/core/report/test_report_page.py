@@ -11,7 +11,7 @@ import pytest
 from dgs.core.camera import Camera
 from dgs.core.imaging.psf_text import parse_psf
 from dgs.core.report.charts import Axis, Marker, line_chart
-from dgs.core.report.page import page, write_page
+from dgs.core.report.page import exposures, page, write_page
 from dgs.core.report.pictures import ViewPictures, embedded, spread
 from dgs.core.report.schema import FIELDS, markdown_table, problems
 
@@ -276,6 +276,18 @@ def test_the_example_is_valid_and_damage_is_found():
     report = copy.deepcopy(REPORT)
     report["gaussians"] = "many"
     assert problems(report) == ["gaussians is str, not integer"]
+
+
+def test_learned_exposures_are_drawn_and_listed():
+    report = copy.deepcopy(REPORT)
+    assert "Exposure of each photo" not in page(report, pictures(), None, cameras())
+    exposure = report["effects"][1]
+    exposure.update(on=True, parameters={"b.png": [0.8, 0.8, 0.81], "a.png": [1.25, 1.25, 1.234]})
+    report["heldout"]["degraded"]["psnr_halves"] = 41.125
+    assert exposures(report) == {"a.png": [1.25, 1.25, 1.234], "b.png": [0.8, 0.8, 0.81]}
+    text = page(report, pictures(), None, cameras())
+    assert "Exposure of each photo" in text and "Exposure of all 2 photos" in text and "1.234" in text
+    assert "41.12 <small>dB" in text and "exposed as expected of them" in text
 
 
 def test_every_effect_has_its_line():

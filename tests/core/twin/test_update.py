@@ -9,10 +9,12 @@ from pathlib import Path
 import dgs
 import numpy as np
 import pytest
-from dgs.core.errors import DgsError, PhotoError
+from dgs.core.colour import linear_to_srgb, srgb_to_linear
+from dgs.core.errors import DgsError, FormatError, PhotoError
 from dgs.core.pipeline.continued import ContinuedTraining, UpdateViews
 from dgs.core.pipeline.update import UpdateSettings, update
 from dgs.core.progress import Silent
+from dgs.core.twin.exposures import learned_exposure
 from dgs.core.twin.folder import TwinFolder
 from dgs.core.twin.opened import open_twin
 from dgs.tests.command_line.scene import SIGMA, write_scene
@@ -152,3 +154,35 @@ def test_what_is_no_twin_is_said(tmp_path):
     (tmp_path / "report.json").write_text(json.dumps({"settings": {}}))
     with pytest.raises(DgsError, match="damaged"):
         open_twin(tmp_path, Silent())
+
+
+def with_exposures(out):
+    """Writes into a twin's report that its training learned exposures, and found none that differ."""
+    report = json.loads((out / "report.json").read_text())
+    gains = {view.name: [1.0, 1.0, 1.0] for view in open_twin(out, Silent()).kept}
+    report["effects"] = [{"name": "exposure", "on": True, "parameters": gains}]
+    (out / "report.json").write_text(json.dumps(report))
+
+
+def test_new_photos_of_another_exposure_are_taken_in_where_exposures_are_learned(twin, made):
+    out = twin / "out"
+    with_exposures(out)
+    for name in NEW:
+        light = srgb_to_linear(np.asarray(Image.open(twin / "new" / name).convert("RGB")) / 255.0) * 0.6
+        Image.fromarray(np.round(255 * linear_to_srgb(light)).astype(np.uint8)).save(twin / "new" / name)
+    facts = updated(twin, made)
+    assert facts["object"]["changed_share"] < 0.05 and facts["psnr_new"][1] > facts["psnr_new"][0]
+    assert facts["psnr_old"][1] > facts["psnr_old"][0] - 0.3
+    gains = TwinFolder(out).report()["effects"][0]["parameters"]
+    for name in NEW:
+        assert gains[name] == pytest.approx([0.6] * 3, abs=0.04)
+    again = open_twin(out, Silent())
+    assert set(NEW) <= set(again.exposure.names) and again.views[0].photo.dtype == np.uint16
+
+
+@pytest.mark.parametrize("gains", [{"a": [1.0, 1.0]}, {"a": [1.0, "b", 1.0]}, {"a": [1.0, 0.0, 1.0]}, [1.0], None])
+def test_damaged_exposures_are_refused_by_name(gains):
+    effect = {"name": "exposure", "on": True, "parameters": gains}
+    with pytest.raises(FormatError, match="exposures in report.json are damaged"):
+        learned_exposure({"effects": [effect]})
+    assert learned_exposure({"effects": [{**effect, "on": False}, "haze"]}) is None
