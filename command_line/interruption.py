@@ -1,21 +1,35 @@
 """Ctrl-C and SIGTERM: the first asks the work to stop at a safe point, the second stops it at once.
 
-A program that steers the command asks the same, and may let it wait (see `control`).
+Work that saves nothing is stopped by the first, soon: native code, such as the compiler of the kernels, does not let
+Python hear of a signal before it is done. A program that steers the command asks the same, and may let it wait (see
+`control`).
 """
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
 import threading
+import time
 from types import FrameType, TracebackType
 from typing import Self
 
+from ..core.errors import Cancelled
+
+#: Seconds that work which saves nothing has to end by itself when it was asked to stop.
+GRACE = 0.5
+
 
 class Interruption:
-    """While entered, signals set a flag that the work reads through `Progress.cancelled`."""
+    """While entered, signals set a flag that the work reads through `Progress.cancelled`.
 
-    def __init__(self) -> None:
+    Args:
+        saves: whether the work has anything to save when it is asked to stop; if not, it is stopped at once.
+    """
+
+    def __init__(self, saves: bool = True) -> None:
+        self._saves, self._said = saves, threading.Event()
         self._asked = threading.Event()
         self._free = threading.Event()
         self._free.set()
@@ -49,6 +63,8 @@ class Interruption:
         if threading.current_thread() is threading.main_thread():
             for number in (signal.SIGINT, signal.SIGTERM):
                 self._before[number] = signal.signal(number, self._receive)
+            if not self._saves:
+                self._watch()
         return self
 
     def __exit__(
@@ -59,8 +75,29 @@ class Interruption:
                 signal.signal(number, handler)  # type: ignore[arg-type]
         self._before.clear()
 
+    def said(self) -> None:
+        """The user was told that the work has stopped."""
+        self._said.set()
+
+    def _watch(self) -> None:
+        """Ends this process soon after the first signal, whatever its other threads do."""
+        heard, written = os.pipe()
+        os.set_blocking(written, False)
+        signal.set_wakeup_fd(written, warn_on_full_buffer=False)
+
+        def end() -> None:
+            while os.read(heard, 1)[0] not in (signal.SIGINT, signal.SIGTERM):
+                pass
+            time.sleep(GRACE)
+            if not self._said.is_set():
+                os.write(2, b"Stopped.\n")
+            os._exit(Cancelled.exit_code)
+
+        threading.Thread(target=end, daemon=True).start()
+
     def _receive(self, number: int, frame: FrameType | None) -> None:
-        if self._asked.is_set():
-            raise KeyboardInterrupt
+        stopped = self._asked.is_set() or not self._saves
         self.ask()
+        if stopped:
+            raise KeyboardInterrupt
         print("Stopping: what is finished will be saved (once more to stop at once).", file=sys.stderr, flush=True)

@@ -88,14 +88,16 @@ def run(arguments: list[str]) -> int:
 
 def _reported(command: Command, options: argparse.Namespace) -> int:
     """Runs a command with its progress shown, and stops it where the user or another program asks for it."""
-    interruption = Interruption()
+    interruption = Interruption(command.saves)
     progress = choose_progress(getattr(options, "progress", "none"), interruption)
     if getattr(options, "control", False):
         from .control import obey  # late: only where a program steers the command
 
         obey(interruption)
     with interruption, progress:
-        return _guarded(command, options, progress)
+        status = _guarded(command, options, progress)
+        interruption.said()
+        return status
 
 
 def _guarded(command: Command, options: argparse.Namespace, progress: Reporting) -> int:
@@ -107,7 +109,8 @@ def _guarded(command: Command, options: argparse.Namespace, progress: Reporting)
     except DgsError as error:
         return _failed(progress, denial(error) or " ".join(str(error).split()), error.exit_code)
     except KeyboardInterrupt:
-        return _failed(progress, "Stopped at once; checkpoints and files written before are kept.", Cancelled.exit_code)
+        kept = "Stopped at once; checkpoints and files written before are kept." if command.saves else "Stopped."
+        return _failed(progress, kept, Cancelled.exit_code)
     except MemoryError:
         return _failed(progress, "Out of memory. Use --max-size or --max-gaussians to make the work smaller.", 2)
     except BrokenPipeError:

@@ -28,11 +28,13 @@ class Command:
         help: its line in the list of commands.
         needs_engine: whether it needs torch and the rest of the engine's packages, which Blender's own Python lacks;
             if not, it needs Blender's module, whose own output is kept off the terminal.
+        saves: whether there is anything to save when it is asked to stop.
     """
 
     name: str
     help: str
     needs_engine: bool = True
+    saves: bool = True
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Adds the command's description and arguments; reads its file."""
@@ -62,7 +64,7 @@ COMMANDS = (
     Command("synthesize", "make a test set with Blender", needs_engine=False),
     Command("compare", "ways to a sharp twin, scored against the truth"),
     Command("inspect", "which effects the photos show"),
-    Command("estimate", "what a run would take and reach"),
+    Command("estimate", "what a run would take and reach", saves=False),
     Command("tradeoff", "what each knob costs in time and brings"),
     Command("measure-psf", "the point spread from a calibration photo"),
     Command("next-view", "which photo to take next"),
