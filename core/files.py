@@ -46,6 +46,17 @@ def output_error(path: Path, error: OSError) -> OutputError:
     )
 
 
+@contextmanager
+def explaining(folder: Path) -> Iterator[None]:
+    """Around what writes scratch files into a folder by other means than these: raises OutputError for OSError."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno is None:  # (numpy's, where a file took only a part of an array)
+            error = OSError(errno.ENOSPC, f"No room ({error})")
+        raise output_error(folder, error) from error
+
+
 def make_folder(path: Path) -> Path:
     """Makes a folder and its parents.
 

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from .. import errors
 from ..errors import CameraError, Cancelled, NativeCrash, TooFewPhotos
+from ..files import explaining
 from ..formats.colmap import read_model
 from ..photos.load import Photo
 from ..progress import Progress
@@ -60,6 +61,7 @@ def find_cameras(
     Raises:
         TooFewPhotos, NoOverlap, DegenerateMotion, CameraError: no trustworthy cameras.
         NativeCrash: the native library ended its process.
+        OutputError: no room for the scratch folder.
         Cancelled: the user asked to stop.
     """
     if len(photos) < MINIMUM_PHOTOS:
@@ -71,8 +73,9 @@ def find_cameras(
     started = time.perf_counter()
     progress.stage("cameras", len(photos))
     made = not work_dir.exists()
-    work_dir.mkdir(parents=True, exist_ok=True)
-    folder = Path(tempfile.mkdtemp(prefix="sfm-", dir=work_dir))
+    with explaining(work_dir):
+        work_dir.mkdir(parents=True, exist_ok=True)
+        folder = Path(tempfile.mkdtemp(prefix="sfm-", dir=work_dir))
     try:
         names = write_job(photos, kernel, settings, folder)
         attempts, done = talk(folder, len(photos), settings, progress)
@@ -133,7 +136,8 @@ def talk(
     Raises:
         CameraError: as of `find_cameras`. NativeCrash, Cancelled: likewise.
     """
-    child = child or begin(folder, settings.threads, worker=_WORKER)
+    with explaining(folder):
+        child = child or begin(folder, settings.threads, worker=_WORKER)
     try:
         attempts: list[Attempt] = []
         last: dict[str, Any] | None = None

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from ..files import explaining
 from ..photos.load import Photo
 from .settings import SfmSettings
 from .sharpen import luma
@@ -57,7 +58,17 @@ def write_job(
 
     Returns:
         Photo name per image name.
+
+    Raises:
+        OutputError: there is no room for it.
     """
+    with explaining(folder):
+        return _written(photos, kernel, settings, folder)
+
+
+def _written(
+    photos: list[Photo], kernel: NDArray[np.float64] | None, settings: SfmSettings, folder: Path
+) -> dict[str, str]:
     (folder / "luma").mkdir(parents=True, exist_ok=True)
     lenses: dict[tuple[int, int, int], str] = {}
     names: dict[str, str] = {}

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..files import parse_json
+from ..files import explaining, parse_json
 from ..npy import read_npz
 from ..numbers import number
 from ..photos.load import Photo
@@ -86,16 +86,19 @@ def triangulate(
 
     Raises:
         CameraError: the child took too long. NativeCrash: it ended unexpectedly. Cancelled: the user asked to stop.
+        OutputError: no room for the scratch folder.
     """
     made = not work_dir.exists()
-    work_dir.mkdir(parents=True, exist_ok=True)
-    folder = Path(tempfile.mkdtemp(prefix="sfm-", dir=work_dir))
+    with explaining(work_dir):
+        work_dir.mkdir(parents=True, exist_ok=True)
+        folder = Path(tempfile.mkdtemp(prefix="sfm-", dir=work_dir))
     try:
         names = write_job(list(photos), kernel, settings, folder)
         images = {name: image for image, name in names.items()}
         rows = {image: _row(cameras, name) for image, name in names.items()}
         chosen = [[images[a], images[b]] for a, b in pairs]
-        (folder / KNOWN).write_text(json.dumps({"cameras": rows, "pairs": chosen}), encoding="utf-8")
+        with explaining(folder):
+            (folder / KNOWN).write_text(json.dumps({"cameras": rows, "pairs": chosen}), encoding="utf-8")
         _, done = talk(folder, len(photos), settings, progress)
         content = read_npz(folder / POINTS)
         seen = parse_json(str(content["names"]).encode("utf-8"))

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..files import write_json
+from ..files import explaining, write_json
 from ..lens import Lens
 from ..numbers import number
 from ..photos.load import Photo
@@ -83,7 +83,8 @@ class Placing:
         old = [old[round(i)] for i in np.linspace(0, len(old) - 1, min(SETTINGS.photos, len(old)))]
         psf, settings = twin.medium.psf, SfmSettings(threads=threads)
         kernel = None if psf is None or psf.is_identity else psf.kernel()
-        child = waiting or Waiting(twin.folder, threads)
+        with explaining(twin.folder):
+            child = waiting or Waiting(twin.folder, threads)
         by_name = {photo.name: photo for photo in twin.photos}
         given = [*([] if kept else [by_name[name] for name in old]), *photos]
         names = write_job(given, kernel, settings, child.folder)
@@ -92,7 +93,8 @@ class Placing:
         if kept and earlier is not None:
             save_features(child.folder / KEPT, {name: earlier[0][name] for name in old}, earlier[1])
         write_json(child.folder / REFERENCES, list(references))
-        child.go()
+        with explaining(child.folder):
+            child.go()
         of_job = {photo.name: photo for photo in given}
         in_job = {image: of_job[name] for image, name in names.items()}
         return Placing(photos, in_job, earlier, references, child, settings)
@@ -110,7 +112,9 @@ class Placing:
         usual = twin.raster_settings()
         for index, (name, view) in enumerate(zip(self.references, shown, strict=True)):
             camera = view.camera
-            np.save(folder / f"depth{index}.npy", surface_depth(gaussians, camera, usual), allow_pickle=False)
+            depth = surface_depth(gaussians, camera, usual)
+            with explaining(folder):
+                np.save(folder / f"depth{index}.npy", depth, allow_pickle=False)
             rows[name] = {
                 "rotation": camera.rotation.tolist(),
                 "translation": camera.translation.tolist(),

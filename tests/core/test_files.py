@@ -5,7 +5,7 @@ import os
 
 import pytest
 from dgs.core.errors import OutputError
-from dgs.core.files import check_writable, make_folder, replacing, write_json, write_text
+from dgs.core.files import check_writable, explaining, make_folder, replacing, write_json, write_text
 from dgs.core.transaction import COMMIT, NEXT, changing
 
 
@@ -107,3 +107,12 @@ def test_a_change_of_a_folder_is_on_the_disk_before_it_is_decided(tmp_path, monk
     placed = [i for i, (kind, _, to) in enumerate(calls) if kind == "rename" and i > decided]
     after = [path for kind, path, _ in calls[placed[-1] :] if kind == "sync"]
     assert len(placed) == 2 and {str(tmp_path), f"{tmp_path}/history"} <= set(after), "and that all is in its place"
+
+
+def test_scratch_that_finds_no_room_is_explained(tmp_path):
+    with pytest.raises(OutputError, match=r"Cannot write '.*': no room \(120 requested and 60 written\)\. Free some"):
+        with explaining(tmp_path):
+            raise OSError("120 requested and 60 written")  # (as numpy says it, without a number)
+    with pytest.raises(OutputError, match="no space left"):
+        with explaining(tmp_path), open("/dev/full", "wb", buffering=0) as full:
+            full.write(b"x")
