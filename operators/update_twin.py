@@ -8,6 +8,7 @@ import bpy
 from bpy.app.translations import pgettext_rpt as rpt_
 
 from ..core.errors import DgsError
+from ..core.lock import working_on
 from ..core.twin.folder import TwinFolder
 from ..dgs_addon.engine.interpreter import why_not
 from ..dgs_addon.job import runner
@@ -97,7 +98,8 @@ class DGS_OT_rollback_twin(bpy.types.Operator):
         out = out_folder(context.scene.dgs)
         assert out is not None
         try:
-            TwinFolder(out).rollback()
+            with working_on(out, "Undo Update", lambda done: self.report({"INFO"}, done)):
+                TwinFolder(out).rollback()
             if twin_of(out, context.scene) is not None:
                 add_twin_of(out, context.scene)
         except DgsError as error:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -108,6 +109,27 @@ def test_the_twin_grows_and_is_taken_back(scene: Any) -> None:
     assert bpy.ops.dgs.rollback_twin() == {"FINISHED"}
     assert (out / "twin.ply").read_bytes() == before
     assert len(twin_of(out, scene).data.vertices) == count
+
+
+def test_a_twin_that_another_process_works_on_is_not_taken_back(scene: Any) -> None:
+    out = Path(scene.dgs.out)
+    TwinFolder(out).keep_state()
+    hold = (
+        "import sys; sys.path.insert(0, sys.argv[1])\nimport run_dgs\nrun_dgs.mount_package()\n"
+        "from pathlib import Path\nfrom dgs.core.lock import locked\n"
+        "with locked(Path(sys.argv[2]), 'update'):\n    print('held', flush=True)\n    sys.stdin.read()\n"
+    )
+    command = [sys.executable, "-c", hold, str(ROOT), str(out)]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as other:
+        assert other.stdout is not None and other.stdout.readline() == "held\n"
+        before = {path.name: path.read_bytes() for path in out.glob("*.*") if path.is_file()}
+        with pytest.raises(RuntimeError, match=rf"Another process works on .*: process {other.pid}, update"):
+            bpy.ops.dgs.rollback_twin()
+        assert {path.name: path.read_bytes() for path in out.glob("*.*") if path.is_file()} == before
+        assert len(TwinFolder(out).states()) == 1
+        assert other.stdin is not None
+        other.stdin.close()
+    assert bpy.ops.dgs.rollback_twin() == {"FINISHED"} and not TwinFolder(out).states()
 
 
 def test_a_watched_folder_starts_an_update(scene: Any) -> None:
