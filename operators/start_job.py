@@ -50,7 +50,11 @@ class Replacing:
             return self.execute(context)
         self.replace, self.asked_folder = True, str(out)  # if the question is answered with yes
         answer: set[str] = context.window_manager.invoke_props_dialog(
-            self, width=_WIDTH, title=iface_("Replace Files of Others?"), confirm_text=iface_("Replace")
+            self,
+            width=_WIDTH,
+            title=iface_("Replace Files of Others?"),
+            confirm_text=iface_("Replace"),
+            cancel_default=True,
         )
         return answer
 

@@ -24,6 +24,7 @@ from dgs.dgs_addon.job.watching import Watch, twins_photos  # noqa: E402
 from dgs.dgs_addon.scene.states import STATE, add_states  # noqa: E402
 
 ROOT = Path(dgs.__path__[0])
+from dgs.studies.stability.fuzzed_state import write_twin  # noqa: E402
 from dgs.tests.command_line.scene import SIGMA, write_scene  # noqa: E402
 
 NEW = ("phöto 03.png", "phöto 05.png")
@@ -111,8 +112,10 @@ def test_the_twin_grows_and_is_taken_back(scene: Any) -> None:
     assert len(twin_of(out, scene).data.vertices) == count
 
 
-def test_a_twin_that_another_process_works_on_is_not_taken_back(scene: Any) -> None:
-    out = Path(scene.dgs.out)
+def test_a_twin_that_another_process_works_on_is_not_taken_back(tmp_path: Path) -> None:
+    write_twin(tmp_path)
+    out = tmp_path / "twin"
+    bpy.context.scene.dgs.out = str(out)
     TwinFolder(out).keep_state()
     hold = (
         "import sys; sys.path.insert(0, sys.argv[1])\nimport run_dgs\nrun_dgs.mount_package()\n"
