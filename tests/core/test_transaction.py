@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from dgs.core.errors import OutputError
-from dgs.core.transaction import COMMIT, changing, recover
+from dgs.core.transaction import COMMIT, CONTENT, changing, recover
 from dgs.tests.crashes import crashes
 
 
@@ -184,3 +184,23 @@ def test_remains_that_cannot_be_removed_are_no_error(tmp_path):
     (tmp_path / "t" / COMMIT).symlink_to(tmp_path / "elsewhere", target_is_directory=True)
     assert recover(tmp_path / "t") is None and state(tmp_path / "t") == before
     assert (tmp_path / "elsewhere").is_dir()
+
+
+def test_a_change_whose_files_are_there_but_not_its_list_is_explained(tmp_path):
+    before = begin(tmp_path / "t")
+    (tmp_path / "t" / COMMIT / CONTENT).mkdir(parents=True)
+    (tmp_path / "t" / COMMIT / CONTENT / "twin.ply").write_text("new")
+    with pytest.raises(OutputError, match="it is gone") as error:
+        recover(tmp_path / "t")
+    assert COMMIT in str(error.value) and "the old ones" in error.value.way_out
+    assert {k: v for k, v in state(tmp_path / "t").items() if COMMIT not in k} == before
+
+
+def test_a_change_that_cannot_be_decided_leaves_the_folder_as_it_was(tmp_path):
+    """Something lies where the change would be put at once; the rename fails."""
+    before = begin(tmp_path / "t")
+    with pytest.raises(OutputError, match="t'"), changing(tmp_path / "t") as new:
+        new.new("twin.ply").write_text("new")
+        (tmp_path / "t" / COMMIT).mkdir()
+        (tmp_path / "t" / COMMIT / "other").write_text("not ours")
+    assert {k: v for k, v in state(tmp_path / "t").items() if COMMIT not in k} == before

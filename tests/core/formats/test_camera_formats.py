@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 
 import numpy as np
@@ -241,3 +242,29 @@ def test_a_file_that_lacks_a_byte_was_not_written_whole(tmp_path: Path, name: st
     content = (tmp_path / name).read_bytes()
     (tmp_path / name).write_bytes(content[:-1])
     assert colmap._cut_off(tmp_path, lenses, 4) == name, len(content)
+
+
+def test_what_a_killed_process_of_the_same_number_left_is_no_hindrance(tmp_path: Path) -> None:
+    (tmp_path / f".model.{os.getpid()}.part").mkdir()
+    write_model(tmp_path, cameras(), SparsePoints(np.zeros((1, 3)), np.zeros((1, 3), np.uint8)))
+    assert set(read_model(tmp_path)[1]) == set(cameras()) and not list(tmp_path.glob(".model*"))
+
+
+def test_a_model_is_on_the_disk_before_it_has_its_names(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    done: list[tuple[str, str]] = []
+    replace = os.replace
+    monkeypatch.setattr(colmap, "sync_file", lambda path: done.append(("synced", path.name)))
+    monkeypatch.setattr(colmap.os, "replace", lambda a, b: done.append(("named", Path(b).name)) or replace(a, b))
+    write_model(tmp_path, cameras(), SparsePoints(np.zeros((1, 3)), np.zeros((1, 3), np.uint8)))
+    names = sorted(path.name for path in tmp_path.iterdir())
+    assert len(names) >= 3 and sorted(done) == sorted((w, n) for n in names for w in ("synced", "named"))
+    assert all(done.index(("synced", name)) < done.index(("named", name)) for name in names)
+
+
+@pytest.mark.parametrize("name", ["cameras.bin", "images.txt", "notes.txt", "cameras.ply", "other"])
+def test_a_file_of_a_model_stands_for_its_folder(tmp_path: Path, name: str) -> None:
+    write_model(tmp_path, cameras(), SparsePoints(np.zeros((1, 3)), np.zeros((1, 3), np.uint8)))
+    if not (tmp_path / name).exists():
+        (tmp_path / name).write_text("x")
+    found = colmap.COLMAP.find(tmp_path / name)
+    assert found == (tmp_path if name in ("cameras.bin", "images.txt") else None)

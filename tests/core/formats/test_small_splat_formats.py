@@ -155,3 +155,27 @@ def test_splat_golden_bytes(tmp_path):
     assert again[:28] == record[:28]
     turned = np.array(list(again[28:]), float) - 128
     np.testing.assert_allclose(turned, np.array([115, 13, -26, 38]) / length, atol=0.5)
+
+
+def of(**changes):
+    """One Gaussian."""
+    usual = {
+        "means": np.zeros((1, 3)),
+        "log_scales": np.zeros((1, 3)),
+        "quaternions": np.array([[1.0, 0, 0, 0]]),
+        "opacity_logits": np.zeros(1),
+        "sh": np.zeros((1, 1, 3)),
+    }
+    return GaussianCloud(**{name: np.asarray(value, np.float32) for name, value in {**usual, **changes}.items()})
+
+
+def test_a_splat_without_a_size_has_the_least(tmp_path):
+    write_gaussians(tmp_path / "a.splat", of(log_scales=[[-200.0, 0.0, 0.0]]))  # exp(-200) is 0 in float32
+    np.testing.assert_allclose(read_gaussians(tmp_path / "a.splat").log_scales, [[np.log(1e-20), 0.0, 0.0]], rtol=1e-5)
+
+
+@pytest.mark.parametrize(("length", "turned"), [(1.1e-12, True), (0.9e-12, False), (0.0, False)])
+def test_a_rotation_of_no_length_is_none(tmp_path, length, turned):
+    write_gaussians(tmp_path / "a.spz", of(quaternions=[[0.0, length, 0.0, 0.0]]))
+    back = read_gaussians(tmp_path / "a.spz").quaternions
+    np.testing.assert_allclose(np.abs(back), [[0, 1, 0, 0] if turned else [1, 0, 0, 0]], atol=1e-3)

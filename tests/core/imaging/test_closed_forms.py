@@ -26,12 +26,12 @@ from dgs.core.imaging.evaluations import (
     folded,
     reduced_factors,
 )
-from dgs.core.imaging.fourier import FourierFilter, wiener_photo
+from dgs.core.imaging.fourier import FourierFilter, _extension, _taper, wiener_photo
 from dgs.core.imaging.kernel_files import read_kernel
 from dgs.core.imaging.kernel_samples import convolved_samples, disc, interpolation, moments, spreading, trimmed
 from dgs.core.imaging.medium import Medium
 from dgs.core.imaging.operator import BlurOperator, _rounded, shared_operator
-from dgs.core.imaging.psf import POINT_SPREAD, PointSpread, gaussian_taps, point_spread_from_samples
+from dgs.core.imaging.psf import POINT_SPREAD, PointSpread, _centred, gaussian_taps, point_spread_from_samples
 from dgs.core.imaging.psf_text import parse_psf
 from dgs.core.imaging.spectral_bins import SpectralBins, frequency_plane, polar_index
 from dgs.core.imaging.spectrum import BINS, HIGHEST, NOISE, OPPONENT, NoiseToSignal, frequencies, radial_power
@@ -630,3 +630,35 @@ def test_a_picture_is_refused_by_the_memory_that_it_takes(
     usual(limit)
     with pytest.raises(ValueError, match="256 MiB"):
         usual(limit + 1)
+
+
+def test_a_frame_fades_to_the_middle_of_the_periodic_grid() -> None:
+    """Ten px, two of them the frame's: the others by how far they are from it, either way round."""
+    far = np.array([3, 2, 1, 0, 0, 1, 2, 3, 4, 4])
+    np.testing.assert_allclose(_taper((10, 1), (3, 0), 2, 1)[:, 0], np.cos(np.pi / 2 * far / 4) ** 2, atol=1e-12)
+    wanted = np.cos(np.pi / 2 * np.array([0, 0, 0, 1, 2, 1]) / 1.5).clip(min=0) ** 2
+    np.testing.assert_allclose(_taper((1, 6), (0, 0), 1, 3)[0], wanted, atol=1e-12)
+
+
+def test_frames_are_extended_by_one_and_a_half_radii() -> None:
+    for psf in (PointSpread(sigma_x=2.0, sigma_y=5.0), PointSpread(sigma_x=4.0, sigma_y=1.0)):
+        assert _extension(psf) == tuple(math.ceil(1.5 * radius) for radius in psf.radius)
+
+
+def test_the_direction_of_the_axes_counts_among_those_that_are_asked() -> None:
+    """The blur is widest along x, to the very angle: one degree aside a pattern more would be resolved."""
+    psf = PointSpread(sigma_x=4.0, sigma_y=1.0)
+    frequency = np.linspace(0.0, 0.5, 513)[100]
+    noise = float(psf.mtf(np.array([frequency]), 0.0)[0]) * (1 + 1e-5)
+    assert psf.resolvable_period(noise) == pytest.approx(1 / np.linspace(0.0, 0.5, 513)[99], rel=1e-12)
+
+
+def test_a_point_whose_interpolation_undershoots_is_moved_linearly() -> None:
+    """Three quarters of a px: (3, 1) / 4 becomes (0.75, 2.5, 0.75) / 4; a cubic would fall below nothing."""
+    samples = np.zeros((7, 7))
+    samples[3, 2:4] = 0.75, 0.25
+    psf = _centred(samples, "test")[0]
+    row = psf[psf.shape[0] // 2]
+    middle = len(row) // 2
+    np.testing.assert_allclose(row[middle - 1 : middle + 2], [0.1875, 0.625, 0.1875], atol=1e-12)
+    assert psf.sum() == pytest.approx(1.0) and row[: middle - 1].max(initial=0.0) < 1e-12

@@ -76,6 +76,8 @@ def test_the_widest_angle_at_a_point() -> None:
     points = np.array([[0.0, 0.0, 4.0], [0.0, 0.0, 4.0], [0.0, 0.0, 40.0]])
     model = model_of(centres, points, seen_by=[(1, 2, 3), (1, 2), (1, 2)])
     assert widest_angle(model) == pytest.approx(45.0)  # of 90, 45, and 5.7
+    wide = model_of([(-8.0, 0.0, 0.0), (8.0, 0.0, 0.0)], points[:1])
+    assert widest_angle(wide) == pytest.approx(2 * np.degrees(np.arctan(2.0)))  # 127
     assert widest_angle(model_of(centres, np.zeros((0, 3)))) == 0.0
 
 

@@ -125,6 +125,16 @@ def test_a_pose_is_turned_in_and_says_what_fits() -> None:
     np.testing.assert_allclose(exact.translation, -np.array(NEW), atol=1e-6)
 
 
+def test_what_does_not_fit_has_no_say_in_the_end() -> None:
+    """A fifth of the points far off to one side: without them the pose is exact."""
+    points = scattered(40)
+    model, pixels = model_of(CENTRES, points), pixels_of(NEW, points)
+    pixels[::5] += [15.0, 9.0]
+    pose, good = _turned_in(rigid(np.array(NEW) + [0.01, -0.02, 0.01]), points, pixels, model.cameras[1], 4.0)
+    np.testing.assert_allclose(pose.translation, -np.array(NEW), atol=1e-6)
+    assert np.flatnonzero(~good).tolist() == list(range(0, 40, 5))
+
+
 def test_few_points_turn_nothing() -> None:
     points = scattered(12)
     model, start = model_of(CENTRES, points), rigid((0.0, 0.0, 0.0))

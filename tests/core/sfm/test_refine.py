@@ -106,8 +106,8 @@ def test_what_moves_farther_than_it_may_is_not_believed() -> None:
 
 @pytest.mark.parametrize(
     ("x", "y", "inside"),
-    [(22.1, 80, True), (21.9, 80, False), (177.9, 80, True), (178.1, 80, False)]
-    + [(100, 22.1, True), (100, 21.9, False), (100, 137.9, True), (100, 138.1, False)],
+    [(22.0, 80, True), (21.9, 80, False), (178.0, 80, True), (178.1, 80, False)]
+    + [(100, 22.0, True), (100, 21.9, False), (100, 138.0, True), (100, 138.1, False)],
 )
 def test_patches_of_the_reference_lie_inside(x: float, y: float, inside: bool) -> None:
     """18 px to the last sample, and 4 for what a sample needs around it."""

@@ -52,8 +52,10 @@ def test_a_kernel_off_its_centre_moves_the_photo_back() -> None:
     np.testing.assert_allclose(back[20:40, 25:55], noise[20:40, 25:55], atol=1e-3)
 
 
-def test_a_photo_of_one_value_stays_as_it_is() -> None:
-    flat = np.full((33, 47), 0.3, np.float32)
+@pytest.mark.parametrize("shape", [(33, 47), (5, 47), (33, 5), (5, 5)])
+def test_a_photo_of_one_value_stays_as_it_is(shape: tuple[int, int]) -> None:
+    """Also one that is narrower than the kernel."""
+    flat = np.full(shape, 0.3, np.float32)
     answer = wiener(flat, gaussian(3.0, 7))
     assert answer.shape == flat.shape and answer.dtype == np.float32
     np.testing.assert_allclose(answer, flat, atol=1e-6)

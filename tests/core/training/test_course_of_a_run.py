@@ -10,8 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from dgs.core.effects.vignetting import Vignetting
 from dgs.core.errors import PsfError
 from dgs.core.gaussians import Gaussians
+from dgs.core.imaging.formation.chain import Formation
 from dgs.core.imaging.medium import Medium
 from dgs.core.imaging.psf import PointSpread
 from dgs.core.training import run as run_module
@@ -171,6 +173,12 @@ def test_splats_that_nobody_sees_are_counted_at_every_step(scene: Scene) -> None
     for step in (1, 2, 3):
         trainer.advance(0.0)
         assert trainer.culled["behind"] == step
+
+
+def test_a_checkpoint_belongs_to_its_effects(scene: Scene) -> None:
+    darkened = Formation([Vignetting(torch.tensor([0.5] * 3))])
+    assert list(made(scene, formation=darkened).fingerprint()["effects"]) == [darkened.effects[0].name]
+    assert "effects" not in made(scene).fingerprint()
 
 
 @pytest.mark.parametrize("name", ["samples", "unequal", "own", "some"])
