@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import time
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,8 @@ from dgs.tests.crashes import can_mount
 #: Steps of each command that are killed; their places are spread over the command.
 KILLS = 3
 #: Those that say something of their own; Blender's scene has its test in tests/blender.
-QUICK = [case for case in CASES if not case.name.startswith(("blend", "next-view again", "resume a killed run"))]
+LONG = ("blend", "next-view again", "resume a killed run")
+QUICK = [case for case in CASES if not case.search and not case.name.startswith(LONG)]
 
 
 @pytest.fixture(scope="module")
@@ -48,6 +50,13 @@ def test_cut_off_anywhere_a_folder_is_as_before_or_as_after(stage: Stage, case: 
     assert not [outcome.why for outcome in found if outcome.found == "BROKEN"]
     assert "before" in {outcome.found for outcome in found}
     assert not trials.unsynced(), "something has its place before it is on the disk"
+
+
+def test_a_search_for_cameras_that_is_killed_leaves_nothing_and_is_said(stage: Stage) -> None:
+    trials = Trials(stage, case_of("cameras from photos"))
+    for parent in (False, True):
+        found = trials.killed_in_search(lambda: time.sleep(0.3 * trials.seconds), parent, again=parent)
+        assert found.found == "before", found.why
 
 
 def place_one_by_one(change: FolderChange) -> None:
