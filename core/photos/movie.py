@@ -199,6 +199,8 @@ class _Reading:
             if not self._container.streams.video:
                 raise PhotoError(f"'{self._movie.name}' has no pictures, only sound", "Choose a movie")
             stream = self._container.streams.video[0]
+            if stream.codec_context is None:
+                raise PhotoError(f"'{self._movie.name}' is coded in a way that is not known here", "Export it again")
             stream.thread_type = "AUTO"
             stream.codec_context.options = {
                 "max_pixels": str(_MOST_PIXELS)
