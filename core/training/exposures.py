@@ -29,6 +29,10 @@ from ..numbers import number
 Array = NDArray[np.float64]
 
 
+#: Largest of the levels that a photo's px are rounded to where its exposure is undone: a sensor's 14 bits.
+_LEVELS = 16383
+
+
 @dataclass(frozen=True)
 class LearnedExposureSettings:
     """Numbers of the exposures that are learned."""
@@ -105,16 +109,22 @@ class LearnedExposures:
         index = self._index.get(name)
         if index is None:
             return None
-        filed, over, under = self._filed(index, photo)
+        levels = torch.arange(_LEVELS + 1, device=photo.device, dtype=photo.dtype).expand(3, 1, -1) / _LEVELS
+        filed, over, under = self._filed(index, levels)
         gain, offset = self._now(index, photo)
-        light = (filed - offset) / gain
-        if bool(over.any()):
-            light[over] = torch.maximum(light[over], srgb_to_linear(shown[over]))
-        if bool(under.any()):
-            at_most = ((_linear(self.settings.black) - offset) / gain).clamp(min=0.0).expand_as(light)[under]
-            light[under] = torch.minimum(torch.maximum(light[under], srgb_to_linear(shown[under])), at_most)
+        table = linear_to_srgb((filed - offset) / gain)[:, 0]
+        # Curves are taken of levels, not of all px; they rise, so that what is clipped begins at one level.
+        at = (photo.clamp(0.0, 1.0) * _LEVELS).round_().to(torch.int64)
+        asked = torch.gather(table, 1, at.reshape(3, -1)).reshape(photo.shape)
+        white = at >= (~over).sum(dim=2, keepdim=True)
+        if bool(white.any()):
+            asked[white] = torch.maximum(asked[white], shown[white])
+        black = at < under.sum(dim=2, keepdim=True)
+        if bool(black.any()):
+            most = linear_to_srgb(((_linear(self.settings.black) - offset) / gain).clamp(min=0.0))
+            asked[black] = torch.minimum(torch.maximum(asked[black], shown[black]), most.expand_as(asked)[black])
         # A darker photo shows the same change of the scene by a smaller one of its own: the curve's power of the gain.
-        return Asked(linear_to_srgb(light), gain.clamp(max=1.0) ** (1.0 / 2.4))
+        return Asked(asked, gain.clamp(max=1.0) ** (1.0 / 2.4))
 
     def learn(self, name: str, photo: Tensor, shown: Tensor, counts: Tensor | None) -> None:
         """Takes a part of a step of one photo's gains and offsets; arguments as of `asked`.
