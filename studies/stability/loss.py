@@ -254,7 +254,7 @@ def wrong_medium(site: Site) -> float:
 
 @case(
     "loss",
-    "a black and a white photo among exposures that differ",
+    "a black and a white photo, exposures differ",
     "the others are explained as well as without the two, squared error over that",
     1.25,
     "1 dB: a white photo still says that nothing is quite dark",
