@@ -174,7 +174,7 @@ def test_a_splat_without_a_size_has_the_least(tmp_path):
     np.testing.assert_allclose(read_gaussians(tmp_path / "a.splat").log_scales, [[np.log(1e-20), 0.0, 0.0]], rtol=1e-5)
 
 
-@pytest.mark.parametrize(("length", "turned"), [(1.1e-12, True), (0.9e-12, False), (0.0, False)])
+@pytest.mark.parametrize(("length", "turned"), [(1.1e-12, True), (1e-12, False), (0.9e-12, False), (0.0, False)])
 def test_a_rotation_of_no_length_is_none(tmp_path, length, turned):
     write_gaussians(tmp_path / "a.spz", of(quaternions=[[0.0, length, 0.0, 0.0]]))
     back = read_gaussians(tmp_path / "a.spz").quaternions

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict, replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -166,6 +167,23 @@ def test_sharp_photos_have_two_recipes(tmp_path: Path, monkeypatch: pytest.Monke
     tries = Tries(monkeypatch, (None, FIVE), (None, FIVE))
     run(job(tmp_path, kernel=None), tries.say)
     assert [m["attempt"]["name"] for m in tries.said] == ["plain", "relaxed"]
+
+
+@pytest.mark.parametrize(("mapped", "joined"), [(20, True), (19, True), (18, False), (0, False)])
+def test_key_photos_of_which_too_many_are_not_mapped_are_no_short_way(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, mapped: int, joined: bool
+) -> None:
+    """One in twenty may be missing."""
+    model = SimpleNamespace(num_reg_images=lambda: mapped)
+    monkeypatch.setattr(attempts.keyframes, "read_matches", lambda database: None)
+    monkeypatch.setattr(attempts.keyframes, "choose_keyframes", lambda matches, least: [str(i) for i in range(20)])
+    monkeypatch.setattr(attempts.mapping, "map_incrementally", lambda *given: [model] if mapped else [])
+    monkeypatch.setattr(attempts, "pixel_exact", lambda found, *given: found)
+    monkeypatch.setattr(attempts.keyframes, "place_others", lambda found, *given: found)
+    for many, short in ((40, joined), (41, False)):
+        one = job(tmp_path, 40, many=many)
+        found = attempts._by_keyframes(one, RECIPE, tmp_path, tmp_path, tmp_path, {}, lambda: None)
+        assert found is (model if short else None)
 
 
 def test_large_sets_are_looked_at_less_closely(tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ import pytest
 from dgs.core.camera import Camera
 from dgs.core.files import write_json
 from dgs.core.progress import Silent
+from dgs.core.sfm import placing
 from dgs.core.sfm.features import FEATURES, load_features, save_features
 from dgs.core.sfm.find import talk
 from dgs.core.sfm.job import KEPT, PLAN, REFERENCES, read_job, write_job
@@ -119,7 +120,7 @@ def test_a_pose_needs_enough_matches_that_agree(count: int, wrong: int, found: b
         assert count - wrong <= pose["inliers"] <= count - wrong + 5
 
 
-def test_new_photos_are_placed_in_this_process(tmp_path: Path) -> None:
+def test_new_photos_are_placed_in_this_process(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """As the child does it: first with the references' photos, then with the features that were kept of them."""
     textures = [texture(1), texture(2)]
     truth = cameras(5)
@@ -145,7 +146,8 @@ def test_new_photos_are_placed_in_this_process(tmp_path: Path) -> None:
             }
         lens = {"model": "SIMPLE_PINHOLE", "width": WIDTH, "height": HEIGHT, "params": [FOCAL, WIDTH / 2, HEIGHT / 2]}
         write_json(folder / REFERENCES, list(references))
-        write_json(folder / PLAN, {"references": references, "lens": lens})
+        plan = {"references": references, "lens": lens}  # comes when it is waited for
+        monkeypatch.setattr(placing, "wait_for", lambda path, late=plan: write_json(path, late))
         if kept:
             features, recipe = load_features(tmp_path / "False" / FEATURES)
             save_features(folder / KEPT, {earlier[image]: one for image, one in features.items()}, recipe)

@@ -120,7 +120,7 @@ def test_a_point_whose_rays_cancel_has_no_normal_and_no_nan() -> None:
 
 def test_few_observations_are_all_kept() -> None:
     few = tracks([0, 0, 1, 1], [0, 1, 0, 1], 2)
-    assert longest(few, 2, 4) is few
+    assert longest(few, 2, 4) is few and longest(few, 2, 5) is few
 
 
 def test_the_longest_tracks_are_kept_and_every_view_gets_its_share() -> None:
