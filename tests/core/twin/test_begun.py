@@ -177,3 +177,15 @@ def test_what_a_run_reads_stays(tmp_path, read):
     begun.finish([tmp_path / read])
     name = read if read == "photos.txt" else "frames/in/one"
     assert seen(tmp_path)[name] == f"A {name.split('/')[0]}"
+
+
+def test_a_run_that_was_gone_on_with_and_left_at_once_can_be_gone_on_with(tmp_path):
+    """Before its photos were compared: what the first run found stays."""
+    begun = BegunRun(TwinFolder(tmp_path), "anew")
+    begun.check_photos(PHOTOS, None)
+    written(begun)
+    begun.leave()
+    kept = begun.folder.checkpoint.read_text("utf-8")
+    again = BegunRun(TwinFolder(tmp_path), "resume")
+    again.leave()
+    assert again.folder.checkpoint.read_text("utf-8") == kept and again.folder.camera_folder.is_dir()

@@ -9,7 +9,7 @@ import torch
 from dgs.core.camera import Camera
 from dgs.core.gaussians import Gaussians
 from dgs.core.rasterizer import RasterSettings
-from dgs.core.twin.changes import _unseen
+from dgs.core.twin.changes import _unseen, shows_changed
 
 SIDE, FOCAL, DEPTH = 64, 64.0, 2.0
 
@@ -66,3 +66,23 @@ def test_what_is_unseen_is_decided_for_two_px_at_a_time() -> None:
         assert (blocks == blocks[:, :1, :, :1]).all()
         sizes.add(int(np.argmax(unseen[SIDE // 2])))
     assert len(sizes) > 1 and np.gcd.reduce(list(sizes)) == 2
+
+
+def test_what_changed_reaches_two_thirds_of_the_blur_into_old_photos() -> None:
+    twin_wall = wall()
+    splats = twin_wall.means[:, :2].abs().max(dim=1).values < 0.2
+    shown = {}
+    for margin in (0.0, 3.0, 9.0):
+        twin = SimpleNamespace(
+            scale=SimpleNamespace(to_unit=lambda gaussians: gaussians),
+            gaussians=twin_wall,
+            raster_settings=RasterSettings,
+            margin=lambda step, px=margin: px * step,
+            step=1,
+        )
+        found = shows_changed(twin, splats, [at(0.0)])["0.0"]  # type: ignore[arg-type,list-item]
+        shown[margin] = np.flatnonzero(found[SIDE // 2])
+        assert shows_changed(twin, splats & False, [at(0.0)]) == {}  # type: ignore[arg-type,list-item]
+    assert shown[0.0].min() > 20 and shown[0.0].max() < 43  # 0.2 of 2 before 64 px is 6.4 px to each side
+    for margin, more in ((3.0, 1), (9.0, 5)):  # one px is the least; two, and six
+        assert shown[margin].min() == shown[0.0].min() - more and shown[margin].max() == shown[0.0].max() + more

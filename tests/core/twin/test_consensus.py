@@ -136,6 +136,8 @@ def test_what_a_photo_sees_of_points() -> None:
     np.testing.assert_allclose(error, 0.5)
     behind = np.concatenate([points, -2 * points.mean(axis=0, keepdims=True) - 50 * view.camera.rotation[2]])
     assert _seen(view, behind, shifts(), depth)[0].tolist() == [0, 1, 3, 5]  # type: ignore[arg-type]
+    near = (local / 8 - view.camera.translation) @ view.camera.rotation  # a quarter of a unit away
+    assert _seen(view, near, shifts(), depth / 8)[0].tolist() == [0, 1, 3, 5]  # type: ignore[arg-type]
     for wrong in (depth * 1.031, depth * 0.969):
         assert len(_seen(view, points, shifts(), wrong)[0]) == 0  # type: ignore[arg-type]
     for right in (depth * 1.029, depth * 0.971):
