@@ -662,3 +662,12 @@ def test_a_point_whose_interpolation_undershoots_is_moved_linearly() -> None:
     middle = len(row) // 2
     np.testing.assert_allclose(row[middle - 1 : middle + 2], [0.1875, 0.625, 0.1875], atol=1e-12)
     assert psf.sum() == pytest.approx(1.0) and row[: middle - 1].max(initial=0.0) < 1e-12
+
+
+def test_the_mean_width_of_a_medium() -> None:
+    """Root mean square over directions and photos; a photo without a blur counts with none; a blur lies along x, y."""
+    wide = PointSpread(sigma_x=6.0, sigma_y=2.0)
+    np.testing.assert_allclose(wide.covariance, [[36.0, 0.0], [0.0, 4.0]], atol=1e-12)
+    assert Medium(wide).mean_sigma(["a"]) == pytest.approx(math.sqrt(20.0))
+    assert Medium(wide, per_view={"b": None}).mean_sigma(["a", "b"]) == pytest.approx(math.sqrt(10.0))
+    assert Medium(None).mean_sigma(["a", "b"]) == 0.0
