@@ -11,6 +11,8 @@ Planes = NDArray[np.floating]
 
 #: sRGB values beyond which a px may be clipped, and says nothing of a gain.
 _BLACK, _WHITE = 0.01, 0.98
+#: Share of a px that must show the object.
+_OPAQUE = 0.95
 #: Px that a half must have to say something.
 _FEWEST = 50
 #: Rounds of reweighting, and the residual (linear light) from which on one counts as its size, not its square.
@@ -40,7 +42,7 @@ def exposed_by_halves(
     if mask is not None:
         usable = usable & mask
     if present is not None:
-        usable = usable & (present >= 1.0)
+        usable = usable & (present > _OPAQUE)
     out = shown.copy()
     halves = slice(0, middle), slice(middle, None)
     for mine, other in (halves, halves[::-1]):
@@ -60,11 +62,11 @@ def _line(x: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[float, float]
     weight = np.ones_like(x)
     gain, offset = 1.0, 0.0
     for _ in range(_ROUNDS):
-        mean_x, mean_y = np.average(x, weights=weight), np.average(y, weights=weight)
+        mean_x, mean_y = float((weight * x).sum() / weight.sum()), float((weight * y).sum() / weight.sum())
         spread = float((weight * (x - mean_x) ** 2).sum())
         if spread < 1e-6 * float(weight.sum()):
-            return float(mean_y / max(mean_x, 1e-6)), 0.0
+            return mean_y / max(mean_x, 1e-6), 0.0
         gain = float((weight * (x - mean_x) * (y - mean_y)).sum()) / spread
-        offset = float(mean_y - gain * mean_x)
+        offset = mean_y - gain * mean_x
         weight = 1.0 / np.sqrt(1.0 + ((y - gain * x - offset) / _KNEE) ** 2)
     return gain, offset

@@ -86,7 +86,7 @@ class ViewScorer:
         lens, pose = self.reconstruction.lenses[photo.name], self.reconstruction.poses[photo.name]
         size = round(photo.size[0] / photo.scale[0]), round(photo.size[1] / photo.scale[1])
         sharp = self.viewer.sharp(lens.resized(*size), pose, finer=1.0 / photo.scale[0])
-        twin = to_pixels(self._exposed(sharp, photo.name))
+        twin = to_pixels(self._exposed(sharp, photo))
         if keep is not None:
             keep(twin)
         degraded, scores = self._against_photo(photo)
@@ -107,12 +107,16 @@ class ViewScorer:
         )
         return scores, pictures
 
-    def _exposed(self, sharp: NDArray[np.float32], name: str) -> NDArray[np.float32]:
-        """[3, H, W] as the camera exposed this photo, as far as that is known; the very same otherwise."""
+    def _exposed(self, sharp: NDArray[np.float32], photo: Photo) -> NDArray[np.float32]:
+        """[3, H, W] as the camera exposed this photo, as far as that is known; the very same otherwise.
+
+        So it is before a known background, which no camera has exposed.
+        """
         exposure = Formation([effect for effect in self.formation.sensor if isinstance(effect, Exposure)])
-        if not exposure:
+        if not exposure or photo.background is not None:
             return sharp
-        return np.asarray(exposure.filed(torch.from_numpy(sharp), Shot(name, *sharp.shape[1:])).numpy())
+        shot = Shot(photo.name, sharp.shape[1], sharp.shape[2])
+        return np.asarray(exposure.filed(torch.from_numpy(sharp), shot).numpy())
 
     def fitted(self, photo: Photo) -> ViewScores:
         """Scores of a view that was trained on, against its photo."""

@@ -70,6 +70,7 @@ class LearnedExposureSettings:
     )
     white: float = number(0.985, "sRGB", "from which on a px may be clipped: 251 of 255, as photos are averaged")
     black: float = number(0.004, "sRGB", "up to which a px may be: 1 of 255")
+    opaque: float = number(0.95, "share", "of a px that shows the object, from which on it says something of a gain")
     most_pixels: int = number(20_000, "px", "of a photo that are looked at in a visit, evenly over it")
 
 
@@ -200,7 +201,7 @@ class LearnedExposures:
         return Slope(
             factor * float((root - 1.0).sum()) + float((priors * now**2).sum()) / 2.0,
             gradient.cpu().numpy() + priors * now,
-            curvature.cpu().numpy() + np.diag(priors),
+            np.asarray(curvature.cpu().numpy() + np.diag(priors), np.float64),
         )
 
     def state(self) -> dict[str, Array]:

@@ -275,7 +275,8 @@ class Trainer:
         if share >= EXPOSURES.begin:
             counts = None if view.valid is None else torch.from_numpy(view.valid).to(self.device)
             if opaque is not None:  # what is behind the object has no exposure
-                counts = opaque == 1 if counts is None else counts & (opaque == 1)
+                shows = opaque > EXPOSURES.opaque
+                counts = shows if counts is None else counts & shows
             self.exposures.learn(view.name, photo, shown, counts)
         asked = self.exposures.asked(view.name, photo, shown)
         if asked is None or opaque is None:

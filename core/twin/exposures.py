@@ -28,7 +28,7 @@ def learned_exposure(report: Mapping[str, Any]) -> Exposure | None:
     row = next((row for row in rows if row.get("name") == Exposure.name), None)
     if row is None:
         return None
-    gains = row.get("parameters")
+    gains: Any = row.get("parameters")
     try:
         check_shape(gains, {"*": [number]})
         if not all(len(g) == 3 and min(g) > 0 for g in gains.values()):

@@ -14,6 +14,8 @@ from .opened import OpenedTwin
 
 #: sRGB values between which px of photo and twin say what a gain is, and the fewest px that do.
 _DARKEST, _BRIGHTEST, _FEWEST = 0.05, 0.97, 100
+#: Share of a px that must show the object.
+_OPAQUE = 0.95
 
 
 def exposure_with(twin: OpenedTwin, exposure: Exposure, views: Sequence[View]) -> Exposure:
@@ -35,7 +37,7 @@ def exposure_with(twin: OpenedTwin, exposure: Exposure, views: Sequence[View]) -
         if on_grid.valid is not None:
             usable &= on_grid.valid
         if (present := on_grid.present()) is not None:
-            usable &= present >= 1.0
+            usable &= present > _OPAQUE
         if usable.sum() < _FEWEST:
             found.append(np.zeros(3))
             continue

@@ -133,10 +133,10 @@ def trained_steps(
     medium: Medium,
     steps: int,
     begin: Callable[[Trainer], None] | None = None,
-    formation: Formation = Formation(),
     **changes: Any,
 ) -> Trainer:
-    """A trainer after `steps` iterations; `begin` may alter what it starts from."""
+    """A trainer after `steps` iterations; `begin` may alter what it starts from, `formation` is among `changes`."""
+    formation = changes.pop("formation", Formation())
     trainer = Trainer(views, [], points, medium, replace(SHORT, **{"steps": steps, **changes}), formation)
     if begin is not None:
         begin(trainer)

@@ -9,9 +9,12 @@ import pytest
 import torch
 from dgs.core.background import WHITE, Background
 from dgs.core.camera import Camera
-from dgs.core.compositing import under
+from dgs.core.colour import linear_to_srgb, srgb_to_linear
+from dgs.core.compositing import unblended, under
 from dgs.core.constants import SH_C0
 from dgs.core.gaussians import Gaussians
+from dgs.core.imaging.formation.chain import Formation
+from dgs.core.imaging.formation.exposure import Exposure
 from dgs.core.imaging.medium import Medium
 from dgs.core.imaging.operator import BlurOperator
 from dgs.core.imaging.psf import PointSpread
@@ -137,3 +140,24 @@ def test_the_backdrop_of_opaque_photos_is_as_it_was() -> None:
     assert other.fingerprint()["background"] == [1.0, 1.0, 1.0, "srgb"]
     drawn = torch.stack([other.backdrop() for other.step in range(60)])
     assert float(drawn.min()) < 0.05 and float(drawn.max()) > 0.95 and float(drawn.min()) >= 0.0
+
+
+def test_exposures_are_those_of_the_object_and_not_of_what_is_behind_it() -> None:
+    scene = disc_scene(0.0)
+    gains = np.random.default_rng(2).uniform(-0.5, 0.5, COUNT)
+    gains -= gains.mean()
+    views = []
+    for view, gain in zip(scene.views, gains, strict=True):
+        straight = unblended(Background(), view.planes(), view.transparency())
+        filed = linear_to_srgb(srgb_to_linear(straight.astype(np.float64)) * np.exp(gain)).clip(0, 1)
+        eight = np.round(filed * 255).astype(np.uint8).transpose(1, 2, 0).copy()
+        views.append(replace(view, photo=under(Background(), eight, view.alpha)))
+    start = Exposure([view.name for view in views], torch.zeros(COUNT, 3))
+    trainer = Trainer(views, [], scene.points, scene.medium, replace(SHORT, steps=160), Formation([start]))
+    for step in range(160):
+        trainer.advance(step / 160)
+    (learned,) = trainer.learned().effects
+    assert np.std(learned.parameters["log_gains"].numpy() - gains[:, None]) < 0.06 < 0.2 < np.std(gains)
+    with torch.no_grad():
+        drawn = render(trainer.optimizer.gaussians, trainer.levels[-1].views[0].camera, backend="cpu")
+    assert float(drawn.alpha[..., :10, :10].mean()) < 0.2  # the corner is still empty
