@@ -189,7 +189,7 @@ def _result(settings: ReconstructSettings, report: dict[str, Any]) -> dict[str, 
         "registered": f"{report['photos']['registered']} of {report['photos']['given']}",
         "psnr sharp": heldout["sharp"]["psnr"],
         "psnr photos": heldout["degraded"]["psnr"],
-        **({"psnr photos, other half's exposure": halves} if halves is not None else {}),
+        **({"psnr halves": halves} if halves is not None else {}),
         "seconds": report["seconds"]["total"],
         "verdict": " ".join([report["verdict"]["sentence"], *(f"{line}." for line in report["verdict"]["help"])]),
     }
