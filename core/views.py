@@ -81,13 +81,15 @@ class SparsePoints:
         colours: [M, 3] uint8, sRGB-encoded.
         confidence: [M] float32 in (0, 1], where the points are dense samples of surfaces: how sure it is that a surface
             is there. None where they are sparse: surfaces lie between them.
+        samples: dense samples of the surfaces between sparse points, with a confidence, where those were looked for.
     """
 
     positions: NDArray[np.float64]
     colours: NDArray[np.uint8]
     confidence: NDArray[np.float32] | None = None
+    samples: SparsePoints | None = None
 
     def chosen(self, which: NDArray[np.bool_] | NDArray[np.int64]) -> SparsePoints:
-        """Some of the points, by a mask [M] or by their indices."""
+        """Some of the points, by a mask [M] or by their indices; without samples."""
         sure = None if self.confidence is None else self.confidence[which]
         return SparsePoints(self.positions[which], self.colours[which], sure)

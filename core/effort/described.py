@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from ..formats.cameras import brings_points
 from ..run_settings import RunSettings
 
 
@@ -19,7 +20,7 @@ class RunDescription:
     Attributes:
         psf, blur_space, max_size, holdout_every: as in `core.run_settings`.
         preset, loss, max_gaussians, sh_degree: of the training.
-        search: whether cameras are to be found.
+        search: whether cameras are to be found; points: whether they are, or come with points of their own.
         effects: whether any besides the blur may be simulated, but for what an ordinary run looks for.
         until: whether the training ends at a quality; resume: whether it goes on from a checkpoint, or from
             cameras that were found before.
@@ -35,6 +36,7 @@ class RunDescription:
     max_gaussians: int | None
     sh_degree: int | None
     search: bool
+    points: bool
     effects: bool
     until: bool
     resume: bool
@@ -43,7 +45,7 @@ class RunDescription:
     @staticmethod
     def of(run: RunSettings) -> RunDescription:
         """Read off a run's settings."""
-        training = run.training
+        training, given = run.training, run.cameras.given
         return RunDescription(
             psf=run.medium.psf,
             blur_space=run.medium.blur_space,
@@ -53,7 +55,8 @@ class RunDescription:
             loss=training.loss,
             max_gaussians=training.max_gaussians,
             sh_degree=training.sh_degree,
-            search=run.cameras.given is None,
+            search=given is None,
+            points=given is None or brings_points(given),
             effects=run.effects not in ("none", "usual"),
             until=training.until is not None,
             resume=run.resume or run.keep_cameras,
@@ -68,5 +71,6 @@ class RunDescription:
 
     def job_key(self, scene: str, preset: str) -> str:
         """Of one job: a prediction belongs to it alone."""
-        facts = [scene, preset, self.max_gaussians, self.sh_degree, self.holdout_every, self.search, self.loss]
+        size = (self.max_gaussians, self.sh_degree, self.holdout_every)
+        facts = [scene, preset, *size, self.search, self.points, self.loss]
         return hashlib.sha256(json.dumps(facts).encode()).hexdigest()[:12]

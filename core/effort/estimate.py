@@ -65,7 +65,8 @@ def estimate(sample: PhotoSample, run: RunDescription, machine: Machine, progres
     for name in PRESETS:
         preset = TrainingSettings.preset(name)
         count = run.max_gaussians or preset.max_gaussians
-        few = photo_work(sample.photos, search=run.search, hurried=name == "draft", compiled=compiled)
+        hurried = name == "draft"
+        few = photo_work(sample.photos, search=run.search, hurried=hurried, compiled=compiled, points=run.points)
         work = _scaled(few, len(sample.files)).training(fitted, held, preset.steps, count)
         train = speed.training(preset.steps, count)
         stages, seconds = stage_seconds(records.runs, work, train, slowdown(busy))

@@ -21,7 +21,7 @@ from .records import RECORDS, PastRun, Work
 
 T = TypeVar("T")
 
-STAGES = ("start", "photos", "sfm", "compile", "prepare", "train", "save", "page")
+STAGES = ("start", "photos", "sfm", "surface", "compile", "prepare", "train", "save", "page")
 #: Half-width in standard deviations of the interval that holds four of five draws of a normal distribution.
 EIGHTY = 1.2816
 #: A normal distribution's standard deviation over its median absolute deviation.
@@ -60,6 +60,21 @@ class Laws:
         "kernels are compiled on one core meanwhile: longer by this, at least so long",
         _TWO_CORES,
     )
+    surface_around: tuple[float, float, int] = number(
+        (0.2, 0.02, 32),
+        "s, s per view, views",
+        "a first surface around the cameras' points, in so many views at most",
+        "copr, banana and brighton on two busy cores: half of their processor seconds",
+        _CALIBRATED,
+    )
+    surface_whole: tuple[float, float, int] = number(
+        (1.0, 0.35, 32),
+        "s, s per view, views",
+        "a first surface where cameras come without points: features and planes in so many views at most",
+        "lego and copr on two busy cores: half of their processor seconds",
+        _CALIBRATED,
+    )
+    surface_shrinking: float = number(0.01, "s per megapixel", "making photos small for that", "copr", _CALIBRATED)
     compile: tuple[float, float, float] = number(
         (0.05, 0.6, 14.0),
         "s",
@@ -128,6 +143,13 @@ def _search(work: Work) -> float:
     return sought if work.compiled else max(sought * longer, least)
 
 
+def _surface(work: Work) -> float:
+    """Where a training begins: around known points, or, where cameras come without any, by features and all planes."""
+    laws = LAWS_OF_TWO_CORES
+    (fixed, each, views) = laws.surface_around if work.points else laws.surface_whole
+    return fixed + each * min(work.photos, views) + laws.surface_shrinking * work.photos * work.megapixels
+
+
 def _compile(work: Work) -> float:
     searching, cached, whole = LAWS_OF_TWO_CORES.compile
     return searching if work.search else cached if work.compiled else whole
@@ -152,6 +174,7 @@ LAWS: dict[str, Callable[[Work], float]] = {
     "start": lambda work: LAWS_OF_TWO_CORES.start,
     "photos": _photos,
     "sfm": _search,
+    "surface": _surface,
     "compile": _compile,
     "prepare": _prepare,
     "save": _save,
@@ -242,6 +265,8 @@ def _alike(stage: str, past: Work, work: Work) -> bool:
     """Whether a past run says something about a stage."""
     if stage == "sfm":
         return past.search == work.search and (past.photos >= MANY) == (work.photos >= MANY)
+    if stage == "surface":
+        return past.points == work.points
     return stage != "compile" or (past.compiled == work.compiled and past.search == work.search)
 
 

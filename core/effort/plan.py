@@ -18,6 +18,7 @@ from ..photos.load import Photo
 from ..training.grid import GRID, grid_step
 from ..training.job import PlannedTraining, TrainingJob
 from ..views import View
+from .described import RunDescription
 from .model import PREDICTIONS, slowdown, stage_seconds
 from .probe import PROBE, Speed, probe
 from .records import PastRun, Work, photo_work
@@ -116,6 +117,7 @@ class Budget:
         spent: seconds so far; those that the user let the work wait do not count.
         runs: of this machine, for what scoring and saving take.
         busy: share of the machine that others use.
+        run: what is to be done; None for a run that finds its cameras.
     """
 
     def __init__(
@@ -124,8 +126,10 @@ class Budget:
         spent: Callable[[], float],
         runs: Sequence[PastRun],
         busy: Callable[[], float | None] = lambda: None,
+        run: RunDescription | None = None,
     ) -> None:
         self.limit, self.spent, self._runs, self._busy = limit, spent, runs, busy
+        self._search, self._points = (True, True) if run is None else (run.search, run.points)
         self._page = 0.0
         self.plan: Plan | None = None
         self.hurried = False
@@ -144,8 +148,9 @@ class Budget:
         return over if over > max(PLANNING.allowed_seconds, PLANNING.allowed_share * self.limit) else 0.0
 
     def hurry(self, photos: Sequence[Photo]) -> bool:
-        """Whether the cameras must be found in a hurry."""
-        self.hurried = self._stages(_work(photos, len(photos), 0))["sfm"] > PLANNING.camera_share * self.limit
+        """Whether the cameras, or points for cameras that come without any, must be found in a hurry."""
+        stages = self._stages(self._work(photos, len(photos), 0))
+        self.hurried = stages["sfm"] + stages["surface"] > PLANNING.camera_share * self.limit
         return self.hurried
 
     def train(
@@ -222,7 +227,7 @@ class Budget:
         """Views to score, and seconds that this and the rest will take."""
 
         def seconds(scored: int) -> float:
-            stages = self._stages(_work(photos, fitted, scored))
+            stages = self._stages(self._work(photos, fitted, scored))
             self._page = stages["page"]
             return stages["save"] + stages["page"]
 
@@ -230,6 +235,11 @@ class Budget:
         while scored > PLANNING.scored and seconds(scored) - base > PLANNING.score_share * self.limit:
             scored -= 1
         return scored, seconds(scored)
+
+    def _work(self, photos: Sequence[Photo], fitted: int, scored: int) -> Work:
+        """Before anything is planned: 1000 steps."""
+        work = photo_work(photos, search=self._search, hurried=False, compiled=True, points=self._points)
+        return work.training(fitted, scored, 1000, PLANNING.gaussians)
 
     def _stages(self, work: Work) -> dict[str, float]:
         return stage_seconds(self._runs, work, 0.0, slowdown(self._busy()))[0]
@@ -240,12 +250,6 @@ def _neighbours(views: Sequence[View]) -> list[View]:
     count = PREDICTIONS.sampled
     middle = max(0, len(views) // 2 - count // 2)
     return list(views[middle : middle + count])
-
-
-def _work(photos: Sequence[Photo], fitted: int, scored: int) -> Work:
-    """Before anything is planned: 1000 steps."""
-    work = photo_work(photos, search=True, hurried=False, compiled=True)
-    return work.training(fitted, scored, 1000, PLANNING.gaussians)
 
 
 def _as_before(earlier: Mapping[str, Any], job: TrainingJob, fixed: int | None) -> tuple[TrainingJob, int | None]:

@@ -45,6 +45,8 @@ class Work:
         fitted, scored: photos trained on, and held-out views that are scored.
         steps, gaussians: of the training.
         search: whether cameras are to be found; hurried: in a hurry.
+        points: whether points come with the cameras, found or given; a first surface is sought around them, or from
+            nothing.
         compiled: whether the kernels lie compiled in the cache.
     """
 
@@ -58,18 +60,19 @@ class Work:
     search: bool
     hurried: bool
     compiled: bool
+    points: bool
 
     def training(self, fitted: int, scored: int, steps: int, gaussians: int) -> Work:
         """The same with another training."""
         return replace(self, fitted=fitted, scored=scored, steps=steps, gaussians=gaussians)
 
 
-def photo_work(photos: Sequence[Photo], *, search: bool, hurried: bool, compiled: bool) -> Work:
+def photo_work(photos: Sequence[Photo], *, search: bool, hurried: bool, compiled: bool, points: bool) -> Work:
     """What there is to do with these photos but for the training; see `Work`."""
     used = [photo.size[0] * photo.size[1] for photo in photos]
     files = [(w * h) / (p.scale[0] * p.scale[1]) for p, (w, h) in ((p, p.size) for p in photos)]
     mean = sum(used) / max(1, len(used)) / 1e6
-    return Work(len(photos), sum(files) / 1e6, mean, 0, 0, 0, 0, search, hurried, compiled)
+    return Work(len(photos), sum(files) / 1e6, mean, 0, 0, 0, 0, search, hurried, compiled, points)
 
 
 @dataclass(frozen=True)
@@ -119,7 +122,7 @@ _ROW = {
     "work": {
         **dict.fromkeys(("photos", "fitted", "scored", "steps", "gaussians"), count),
         **dict.fromkeys(("files_megapixels", "megapixels"), _amount),
-        **dict.fromkeys(("search", "hurried", "compiled"), truth),
+        **dict.fromkeys(("search", "hurried", "compiled", "points"), truth),
     },
     "seconds": {"*": _amount},
     **dict.fromkeys(("train_predicted", "memory_mb", "disturbed"), (_amount,)),

@@ -35,7 +35,7 @@ class RunTiming:
         self._others = OthersLoad()
         self.budget = None
         if run.time_limit is not None:
-            self.budget = Budget(run.time_limit, spent, self.records.runs, self._others.share)
+            self.budget = Budget(run.time_limit, spent, self.records.runs, self._others.share, run)
 
     @property
     def limited(self) -> bool:
@@ -92,9 +92,8 @@ class RunTiming:
             return
         held = report["heldout"]
         hurried = run.preset == "draft" or (budget is not None and budget.hurried)
-        work = photo_work(photos, search=run.search, hurried=hurried, compiled=self._compiled).training(
-            fitted, len(held["names"]), report["steps"], report["gaussians"]
-        )
+        todo = photo_work(photos, search=run.search, hurried=hurried, compiled=self._compiled, points=run.points)
+        work = todo.training(fitted, len(held["names"]), report["steps"], report["gaussians"])
         taken = {**report["seconds"], "page": page}
         seconds = {name: value for name, value in taken.items() if value is not None and name != "total"}
         self.records.add(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -81,6 +82,16 @@ def read_cameras(path: Path, sizes: Mapping[str, tuple[int, int]] | None = None)
     if not path.exists():
         raise FormatError(f"There are no cameras at '{path}': it does not exist", "Check the path of the cameras")
     raise FormatError(f"'{path}' holds no cameras", f"Give one of these: {camera_labels()}")
+
+
+def brings_points(path: Path) -> bool:
+    """Whether cameras at a path come with points; not where nothing there can be read: whoever reads it will say so."""
+    for spec in CAMERA_FORMATS:
+        with contextlib.suppress(FormatError):
+            place = spec.find(path)
+            if place is not None:
+                return spec.read_points is not None and len(spec.read_points(place).positions) > 0
+    return False
 
 
 def _pinhole(name: str, lens: Lens, pose: Pose) -> Camera:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -33,12 +34,14 @@ class FoundCameras:
         source: 'given' by the user, or 'sfm' where they were found from the photos.
         file: what the user gave, or None.
         refined: what moving them by the loss found, for report.json; None where it was not asked for.
+        surface_seconds: of the time that the cameras took, what points for those that came without any took.
     """
 
     reconstruction: Reconstruction
     source: str
     file: Path | None = None
     refined: Mapping[str, Any] | None = None
+    surface_seconds: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -97,8 +100,9 @@ def cameras_of(
             found = replace(given, reconstruction=load_cameras(folder.camera_folder, photos))
         elif given.reconstruction.figures.scattered:
             seen = [photo for photo in photos if photo.name not in search.held]
+            began = time.perf_counter()
             known = with_surface(given.reconstruction, seen, medium, search.hurried, folder, resumed, progress)
-            found = replace(given, reconstruction=known)
+            found = replace(given, reconstruction=known, surface_seconds=time.perf_counter() - began)
     elif resumed:
         found = FoundCameras(load_cameras(folder.camera_folder, photos), "sfm")
         progress.note("The cameras are those of the run that is resumed")

@@ -24,6 +24,7 @@ from ..training.run import Trained
 from ..training.scale import scene_scale
 from ..twin.begun import BegunRun, Start
 from ..twin.folder import TwinFolder
+from ..views import SparsePoints
 from .blind import Spreads, given_spreads
 from .cameras import FoundCameras, cameras_of, given_cameras, search_for
 from .effects.decision import parse_effects
@@ -35,6 +36,7 @@ from .refinement import RefinementJob, refine
 from .report import camera_facts, medium_facts, photo_facts, write_report
 from .scores import ViewScorer, resolvable_period, score_views
 from .simulated import simulate
+from .surface import with_samples
 from .timing import MakeTiming, NoteKeeper, Stopwatch, Timing, Untimed
 from .training import fit_into_time, train_twin, training_settings, usual_settings
 from .views import Viewer
@@ -117,13 +119,14 @@ def _stages(run: RunSettings, given: Spreads | None, truth: TruthFolder | None, 
     watch.lap("photos")
     cameras = _cameras(run, loaded, blur.medium, course)
     photos = loaded.placed(cameras.reconstruction.poses)
+    points = _first_points(run, loaded, cameras, blur.medium, course)
 
     views = split_views(photos, cameras.reconstruction, loaded.held, keeper)
     settings = training_settings(run.training, machine, timing.limited)
     effects = simulate(run.effects, photos, cameras.reconstruction, views, blur.medium, settings, keeper)
     if run.effects != "none":
         watch.lap("effects")
-    points, chosen = cameras.reconstruction.points, effects.chosen
+    chosen = effects.chosen
     asked = TrainingJob(effects.fitted, effects.heldout, points, effects.medium, settings, chosen.formation)
     planned = fit_into_time(asked, photos, run.training.max_gaussians, run.resume, timing, folder)
     if planned.enough:
@@ -174,6 +177,8 @@ def _cameras(run: RunSettings, loaded: LoadedPhotos, medium: Medium, course: _Co
     search = replace(search, refined=refined, hurried=hurried, held=frozenset(loaded.held))
     cameras = cameras_of(given, loaded.photos, medium, search, folder, keeper)
     watch.lap("sfm")
+    if cameras.surface_seconds:
+        watch.part("sfm", {"surface": round(cameras.surface_seconds, 3)})
     if run.cameras.refine and not refined:
         photos = loaded.placed(cameras.reconstruction.poses)
         usual = usual_settings(run.training, machine)
@@ -181,6 +186,20 @@ def _cameras(run: RunSettings, loaded: LoadedPhotos, medium: Medium, course: _Co
         folder.save_cameras(cameras.reconstruction)
         watch.lap("refine")
     return cameras
+
+
+def _first_points(
+    run: RunSettings, loaded: LoadedPhotos, cameras: FoundCameras, medium: Medium, course: _Course
+) -> SparsePoints:
+    """The cameras' points, with samples of surfaces between them for a training that begins."""
+    found = cameras.reconstruction
+    goes_on = run.resume and course.begun.folder.checkpoint.is_file()
+    if goes_on or found.points.confidence is not None:
+        return found.points
+    seen = [photo for photo in loaded.placed(found.poses) if photo.name not in loaded.held]
+    points = with_samples(found, seen, medium, course.keeper)
+    course.watch.lap("surface")
+    return points
 
 
 def _viewer(trained: Trained, cameras: Reconstruction, device: str) -> Viewer:

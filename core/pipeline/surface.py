@@ -1,4 +1,7 @@
-"""Points for cameras that were given without any: from the photos, from the run that is resumed, or random ones."""
+"""Surfaces that a training begins with: around the cameras' points; where cameras have none, those as well.
+
+Points for cameras that were given without any come from the photos, from the run that is resumed, or are random.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +18,9 @@ from ..progress import Progress
 from ..reconstruction import Reconstruction
 from ..sfm.given import load_cameras
 from ..surface.find import SurfaceSettings, surface_points
+from ..surface.seeded import seeded_surface
 from ..twin.folder import TwinFolder
+from ..views import SparsePoints
 
 
 @dataclass(frozen=True)
@@ -62,3 +67,17 @@ def with_surface(
         return replace(given, points=replace(given.points, confidence=faint))
     progress.note(f"The cameras came without points: {found.words}")
     return replace(given, points=found.points, figures=replace(given.figures, scattered=False))
+
+
+def with_samples(cameras: Reconstruction, photos: Sequence[Photo], medium: Medium, progress: Progress) -> SparsePoints:
+    """The cameras' points with samples of the surfaces between them, where the photos confirm such.
+
+    Args:
+        cameras: with sparse points; photos: that may be looked at.
+
+    Raises:
+        Cancelled: the user asked to stop.
+    """
+    points = cameras.points
+    found = seeded_surface(photos, cameras, medium, progress)
+    return points if found is None else replace(points, samples=found.samples)

@@ -74,6 +74,7 @@ FIELDS = (
     Field("seconds.start", "number", "from the start of the process to the first work, in s", True),
     Field("seconds.photos", "number", "reading and undistorting photos, in s", True),
     Field("seconds.sfm", "number", "finding (or reading) the cameras, in s", True),
+    Field("seconds.surface", "number", "looking for the surfaces that the training begins with, in s", True),
     Field("seconds.refine", "number", "moving the cameras by the loss, in s", True),
     Field("seconds.effects", "number", "looking for effects and trying them, in s; null with --effects none", True),
     Field("seconds.compile", "number", "compiling the kernels, in s; small when they were cached", True),

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from ..training.run import Trained
 
 #: Of report.json's seconds, in order; a stage that did not run has none.
-_STAGES = ("start", "photos", "sfm", "effects", "compile", "prepare", "train", "save")
+_STAGES = ("start", "photos", "sfm", "surface", "effects", "compile", "prepare", "train", "save")
 
 
 @dataclass(frozen=True)

@@ -65,12 +65,17 @@ def chosen_references(views: ViewStack, settings: ChoiceSettings = SETTINGS, cou
         count: how many; None for as many as are swept.
     """
     count = settings.references if count is None else count
-    if len(views) <= count:
-        return list(range(len(views)))
-    spread = float(np.sqrt(((views.centres - views.centres.mean(0)) ** 2).sum(1).mean())) or 1.0
-    where = np.concatenate([views.centres / spread, settings.turned * views.rotations[:, 2]], axis=1)
+    return spread_poses(views.centres, views.rotations[:, 2], count, settings)
+
+
+def spread_poses(centres: Floats, axes: Floats, count: int, settings: ChoiceSettings = SETTINGS) -> list[int]:
+    """As `chosen_references`, of cameras at `centres` [V, 3] that look along `axes` [V, 3]."""
+    if len(centres) <= count:
+        return list(range(len(centres)))
+    spread = float(np.sqrt(((centres - centres.mean(0)) ** 2).sum(1).mean())) or 1.0
+    where = np.concatenate([centres / spread, settings.turned * axes], axis=1)
     chosen = [0]
-    distance = np.full(len(views), np.inf)
+    distance = np.full(len(centres), np.inf)
     while len(chosen) < count:
         distance = np.minimum(distance, ((where - where[chosen[-1]]) ** 2).sum(1))
         chosen.append(int(distance.argmax()))

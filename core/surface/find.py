@@ -102,12 +102,12 @@ def surface_points(
     references = chosen_references(views, count=count)
     maps = _maps(scene, references, features, progress)
     checked = agreed(maps, views)
-    trusted = _samples(checked, views, settings.trusted)
+    trusted = samples_of(checked, views, settings.trusted)
     if len(trusted) < settings.minimum_samples:
         points, words = _without_maps(scene, features, settings)
         return FoundSurface(points, words, warnings)
-    wanted = [_wanted(views, one.view) for one in maps]
-    parts = [trusted, _samples(filled_maps(checked, views, wanted, scene.hull), views, settings.guessed, even=True)]
+    wanted = [wanted_pixels(views, one.view) for one in maps]
+    parts = [trusted, samples_of(filled_maps(checked, views, wanted, scene.hull), views, settings.guessed, even=True)]
     if scene.hull is not None and scene.hull.bounded:
         parts.append(hull_samples(scene.hull, views, checked, settings.carved))
     points = evened(parts)
@@ -127,12 +127,12 @@ def _maps(
             raise Cancelled("Stopped while looking for surfaces")
         bounds = depth_bounds(view, scene, features)
         others = neighbours_of(view, scene.views, *bounds)
-        maps.append(swept(view, scene.views, others, bounds, _wanted(scene.views, view), scene.hull))
+        maps.append(swept(view, scene.views, others, bounds, wanted_pixels(scene.views, view), scene.hull))
         progress.advance(done)
     return maps
 
 
-def _wanted(views: ViewStack, view: int) -> NDArray[np.bool_]:
+def wanted_pixels(views: ViewStack, view: int) -> NDArray[np.bool_]:
     return views.counts[view] if views.empty is None else views.counts[view] & ~views.empty[view]
 
 
@@ -150,7 +150,7 @@ def _without_maps(
     return SparsePoints(features.positions, features.colours), words
 
 
-def _samples(maps: Sequence[DepthMap], views: ViewStack, least: float, even: bool = False) -> Samples:
+def samples_of(maps: Sequence[DepthMap], views: ViewStack, least: float, even: bool = False) -> Samples:
     """The px of maps as samples; their confidence from `least` to 1, or `least` for all."""
     parts = []
     for one in maps:

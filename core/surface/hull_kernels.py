@@ -40,19 +40,22 @@ def carve(begin, end, cells, origin, size, slack, projections, offsets, focals, 
 
 
 @kernel
-def bar_planes(begin, end, box, inverse, centre, planes, grid, origin, size, empty, barred, costs):  # type: ignore[no-untyped-def]
+def bar_planes(  # type: ignore[no-untyped-def]
+    begin, end, box, inverse, centre, planes, around, grid, origin, size, empty, barred, costs
+):
     """Bars the planes at which a px' ray runs through empty cells, for a range of planes.
 
     Args:
         box: [4] x0, y0, x1, y1 of the px that are wanted.
-        inverse [3, 3], centre [3]: of the view, as in `ViewStack`; planes: [D] inverse depths.
+        inverse [3, 3], centre [3]: of the view, as in `ViewStack`; planes: [D] inverse depths, as multiples of
+            around: [H, W].
         grid: [I, J, K] uint8 states of cells of `size` from `origin`; empty: the state that bars.
         barred: the cost that is written into costs [D, H, W] float32.
     """
     for d in range(begin, end):
-        z = 1.0 / planes[d]
         for y in range(box[1], box[3]):
             for x in range(box[0], box[2]):
+                z = 1.0 / (planes[d] * around[y, x])
                 u, v = x + 0.5, y + 0.5
                 a = centre[0] + z * (inverse[0, 0] * u + inverse[0, 1] * v + inverse[0, 2])
                 b = centre[1] + z * (inverse[1, 0] * u + inverse[1, 1] * v + inverse[1, 2])

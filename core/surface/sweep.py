@@ -12,7 +12,7 @@ from ..numbers import number
 from ..sfm.provenance import FIRST_TRIED, LOOKED_AT
 from .hull import EMPTY, Hull
 from .hull_kernels import bar_planes
-from .stack import ViewStack
+from .stack import Floats, ViewStack
 from .sweep_kernels import BARRED, best_planes, plane_costs, window_statistics
 
 
@@ -72,11 +72,24 @@ class DepthMap:
     confidence: NDArray[np.float32] = field(repr=False)
 
 
+@dataclass(frozen=True)
+class Around:
+    """Depths that are nearly known: surfaces are sought in a band around them.
+
+    Attributes:
+        depth: [H, W] float64 world units, above 0.
+        band: share of the depth by which a surface may lie nearer or farther.
+    """
+
+    depth: Floats = field(repr=False)
+    band: float
+
+
 def swept(
     view: int,
     views: ViewStack,
     others: NDArray[np.int32],
-    bounds: tuple[float, float],
+    bounds: tuple[float, float] | Around,
     wanted: NDArray[np.bool_],
     hull: Hull | None = None,
     settings: SweepSettings = SETTINGS,
@@ -85,7 +98,8 @@ def swept(
 
     Args:
         others: [N] indices of its neighbours.
-        bounds: depths between which surfaces are sought, world units.
+        bounds: depths between which surfaces are sought, world units, on planes that face the view; or the depths
+            around which each px is asked.
         wanted: [H, W] px that are asked.
         hull: whose empty cells hold no surface.
     """
@@ -100,14 +114,16 @@ def swept(
     compiled.run(window_statistics, shape[0], grey, wanted, settings.radius, least, mean, scale, grain=8)
     turns = np.einsum("nij,jk->nik", views.projections[others], views.inverse[view])
     shifts = np.einsum("nij,j->ni", views.projections[others], views.centres[view]) + views.offsets[others]
-    planes = np.linspace(1.0 / bounds[1], 1.0 / bounds[0], settings.planes)
+    around = 1.0 / bounds.depth if isinstance(bounds, Around) else np.ones(shape)
+    nearest, farthest = (1 / (1 + bounds.band), 1 + bounds.band) if isinstance(bounds, Around) else bounds
+    planes = np.linspace(1.0 / farthest, 1.0 / nearest, settings.planes)
     box = np.array([columns[0], rows[0], columns[-1] + 1, rows[-1] + 1], np.int64)
     costs = np.full((settings.planes, *shape), 2.0, np.float32)
-    fixed = (grey, mean, scale, box, views.grey, views.counts, views.sizes, others, turns, shifts, planes)
+    fixed = (grey, mean, scale, box, views.grey, views.counts, views.sizes, others, turns, shifts, planes, around)
     compiled.run(plane_costs, settings.planes, *fixed, settings.radius, costs)
     if hull is not None:
         grid = (hull.states, hull.origin, hull.size, EMPTY, np.float32(BARRED))
-        rays = (box, views.inverse[view], views.centres[view], planes)
+        rays = (box, views.inverse[view], views.centres[view], planes, around)
         compiled.run(bar_planes, settings.planes, *rays, *grid, costs)
     index, cost, margin = (np.zeros(shape, np.float32) for _ in range(3))
     compiled.run(best_planes, shape[0], costs, scale, settings.apart, index, cost, margin, grain=8)
@@ -116,4 +132,6 @@ def swept(
     confidence *= np.clip(distinct, 0, 1) * (index >= 0)
     inverse = planes[0] + index * (planes[1] - planes[0])
     depth = np.where(confidence > 0, 1.0 / np.maximum(inverse, planes[0]), 0.0)
+    if isinstance(bounds, Around):
+        depth = depth * bounds.depth
     return DepthMap(view, depth.astype(np.float32), confidence.astype(np.float32))

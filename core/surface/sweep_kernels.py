@@ -43,7 +43,7 @@ def window_statistics(begin, end, grey, counts, radius, least, mean, scale):  # 
 
 @kernel
 def plane_costs(  # type: ignore[no-untyped-def]
-    begin, end, grey, mean, scale, box, images, counts, sizes, others, turns, shifts, planes, radius, costs
+    begin, end, grey, mean, scale, box, images, counts, sizes, others, turns, shifts, planes, around, radius, costs
 ):
     """1 - correlation of the window around every px with the windows of other views, for a range of planes.
 
@@ -53,7 +53,8 @@ def plane_costs(  # type: ignore[no-untyped-def]
         grey, mean, scale: [H, W] of the reference view; box: [4] x0, y0, x1, y1, the part that is wanted.
         images: [V, h, w] float32; counts: [V, h, w] bool; sizes: [V, 2]; others: [N] indices of views.
         turns [N, 3, 3], shifts [N, 3]: px of view n, times depth = turns @ (u, v, 1) + shifts * inverse depth.
-        planes: [D] inverse depths.
+        planes: [D] inverse depths, as multiples of around: [H, W] float64 of the reference view; ones for planes that
+            face it.
         costs: [D, H, W] float32 output; `UNSEEN` where too few views see the window.
     """
     x0, y0, x1, y1 = box[0], box[1], box[2], box[3]
@@ -78,15 +79,16 @@ def plane_costs(  # type: ignore[no-untyped-def]
             bx, by, bz = shift[0] * planes[d], shift[1] * planes[d], shift[2] * planes[d]
             for y in range(h):
                 v = y + top + 0.5
-                rx, ry, rz = turn[0, 1] * v + bx, turn[1, 1] * v + by, turn[2, 1] * v + bz
+                rx, ry, rz = turn[0, 1] * v, turn[1, 1] * v, turn[2, 1] * v
                 rx, ry, rz = rx + turn[0, 2], ry + turn[1, 2], rz + turn[2, 2]
                 for x in range(w):
                     u = x + left + 0.5
-                    z = np.float32(turn[2, 0] * u + rz)
+                    near = around[y + top, x + left]
+                    z = np.float32(turn[2, 0] * u + rz + bz * near)
                     # (px centres at +0.5 become whole numbers; behind the camera is outside of every frame)
                     inverse = np.float32(1.0) / z if z > 1e-12 else np.float32(-1e9)
-                    across[x] = np.float32(turn[0, 0] * u + rx) * inverse - np.float32(0.5)
-                    along[x] = np.float32(turn[1, 0] * u + ry) * inverse - np.float32(0.5)
+                    across[x] = np.float32(turn[0, 0] * u + rx + bx * near) * inverse - np.float32(0.5)
+                    along[x] = np.float32(turn[1, 0] * u + ry + by * near) * inverse - np.float32(0.5)
                 for x in range(w):
                     value[x] = 0.0
                     seen[x] = 0.0

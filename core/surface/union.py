@@ -81,10 +81,9 @@ def evened(parts: Sequence[Samples], settings: UnionSettings = SETTINGS) -> Spar
     The cells are as large as they must be for `settings.count` points, and grow with the distance from which
     the samples were seen (by powers of two), as a px does.
     """
-    samples = joined(parts)
+    samples, rank = _ranked(parts)
     if len(samples) == 0:
-        return SparsePoints(np.zeros((0, 3)), np.zeros((0, 3), np.uint8), np.zeros(0, np.float32))
-    rank = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
+        return _nothing()
     low, high = settings.finest, settings.coarsest
     kept = _kept(samples, rank, low, settings)
     if len(np.unique(_keys(kept, low))) > settings.count:
@@ -94,6 +93,24 @@ def evened(parts: Sequence[Samples], settings: UnionSettings = SETTINGS) -> Spar
             low, high = (middle, high) if len(np.unique(_keys(kept, middle))) > settings.count else (low, middle)
         kept, low = _kept(samples, rank, high, settings), high
     return _merged(kept, _keys(kept, low))
+
+
+def merged_in(parts: Sequence[Samples], side: float, settings: UnionSettings = SETTINGS) -> SparsePoints:
+    """As `evened`, in cells of a given side (px of a small view), however many points that are: much quicker."""
+    samples, rank = _ranked(parts)
+    if len(samples) == 0:
+        return _nothing()
+    kept = _kept(samples, rank, side, settings)
+    return _merged(kept, _keys(kept, side))
+
+
+def _ranked(parts: Sequence[Samples]) -> tuple[Samples, NDArray[np.int64]]:
+    """All samples, and the part that each is of."""
+    return joined(parts), np.repeat(np.arange(len(parts)), [len(part) for part in parts])
+
+
+def _nothing() -> SparsePoints:
+    return SparsePoints(np.zeros((0, 3)), np.zeros((0, 3), np.uint8), np.zeros(0, np.float32))
 
 
 def _kept(samples: Samples, rank: NDArray[np.int64], side: float, settings: UnionSettings) -> Samples:

@@ -40,6 +40,9 @@ class InitialSettings:
         16, "photos", "whose depth is interpolated, evenly chosen: more only repeat the same surface"
     )
     minimum_points: int = number(8, "count", "sparse points that an interpolation of a photo's depth needs")
+    least_shown: float = number(
+        0.05, "share", "of a photo that is taken to show something: px are drawn more densely, the less of it does"
+    )
     neighbours: int = number(
         3, "count", "whose mean squared distance is a Gaussian's spacing", "3D Gaussian splatting (Kerbl et al. 2023)"
     )
@@ -85,6 +88,14 @@ def lifted_points(
     pixels = np.stack([gx.ravel(), gy.ravel()], axis=1) + random.random((nx * ny, 2))
     pixels *= ((camera.width + 2 * margin) / nx, (camera.height + 2 * margin) / ny)
     pixels -= margin
+    z = depth_between(uv, depth, pixels)
+    x = (pixels - (camera.cx, camera.cy)) / (camera.fx, camera.fy) * z[:, None]
+    in_camera = np.concatenate([x, z[:, None]], axis=1)
+    return (in_camera - camera.translation) @ camera.rotation, pixels
+
+
+def depth_between(uv: Array, depth: Array, pixels: Array) -> Array:
+    """[K] depths of px [K, 2] between points of known depth [N] at [N, 2]; outside of all triangles the nearest's."""
     from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator  # late: a fifth of a second
 
     inverse = 1.0 / depth  # inverse depth is linear in the image on a plane
@@ -93,10 +104,7 @@ def lifted_points(
         between = LinearNDInterpolator(uv, inverse)(pixels)
     except QhullError:  # all points on one line of the image
         between = np.full(len(pixels), np.nan)
-    z = 1.0 / np.where(np.isfinite(between), between, nearest)
-    x = (pixels - (camera.cx, camera.cy)) / (camera.fx, camera.fy) * z[:, None]
-    in_camera = np.concatenate([x, z[:, None]], axis=1)
-    return (in_camera - camera.translation) @ camera.rotation, pixels
+    return np.asarray(1.0 / np.where(np.isfinite(between), between, nearest))
 
 
 def first_gaussians(
@@ -112,28 +120,34 @@ def first_gaussians(
 
     Args:
         cameras: the training views in unit coordinates.
-        planes: gives view i as [3, H, W] float32 sRGB (sharpened photos serve better).
-        points: the sparse points, in unit coordinates.
+        planes: gives view i as [3, H, W] float32 sRGB (sharpened photos serve better); NaN where it shows nothing, so
+            that nothing is lifted there.
+        points: the sparse points, in unit coordinates; with samples of the surfaces between them nothing is lifted.
         count: the budget; about `INITIAL.budget_share` of it is used.
         margin: px beyond the frames that the twin should cover.
     """
     target = max(1, int(count * INITIAL.budget_share))
-    if points.confidence is not None:
-        return _on_samples(points, target, sh_degree, random)
+    samples = points if points.confidence is not None else points.samples
+    if samples is not None:
+        return _on_samples(samples, target, sh_degree, random)
     positions, colours = points.positions, points.colours
     chosen = np.unique(np.linspace(0, len(cameras) - 1, min(INITIAL.lifted_views, len(cameras))).astype(int))
     share = max(1, target // len(chosen))
     all_positions, all_colours = [], []
     for index in chosen:
-        camera = cameras[index]
-        lifted, pixels = lifted_points(camera, positions, share, margin, random)
+        camera, image = cameras[index], planes(int(index))
+        shows = float(np.isfinite(image[0]).mean())
+        if shows == 0:
+            continue
+        lifted, pixels = lifted_points(camera, positions, int(share / max(shows, INITIAL.least_shown)), margin, random)
         if len(lifted) == 0:
             continue
-        image = planes(int(index))
         x = np.clip(pixels[:, 0].astype(int), 0, image.shape[2] - 1)
         y = np.clip(pixels[:, 1].astype(int), 0, image.shape[1] - 1)
-        all_positions.append(lifted)
-        all_colours.append(image[:, y, x].T)
+        seen = image[:, y, x].T
+        shown = np.isfinite(seen[:, 0])
+        all_positions.append(lifted[shown])
+        all_colours.append(seen[shown])
     if sum(len(p) for p in all_positions) < target // 2 or len(positions) > target:
         keep = random.permutation(len(positions))[:target]
         all_positions.append(positions[keep])

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 
 from ..background import Background
 from ..colour import srgb_to_linear
@@ -25,6 +26,7 @@ from ..imaging.formation.exposure import Exposure as PhotoExposure
 from ..imaging.medium import Medium
 from ..imaging.spectrum import NoiseToSignal, noise_to_signal
 from ..numbers import number
+from ..photos.empty import empty_pixels
 from ..rasterizer import RasterSettings
 from ..views import SparsePoints, View, distinct
 from .checkpoint import Checkpoint
@@ -58,6 +60,8 @@ class TrainerSettings:
 
 
 TRAINER = TrainerSettings()
+
+Planes = NDArray[np.float32]
 
 
 #: What the projection culls because it has to; what is merely not seen (outside, transparent) is no repair.
@@ -133,8 +137,8 @@ class Trainer:
             if start is not None
             else first_gaussians(
                 [v.camera for v in fine.views],
-                lambda i: fine.views[i].planes(),
-                replace(points, positions=self.scale.points_to_unit(points.positions)),
+                lambda i: without_empty(fine.views[i].planes(), views[i], step),
+                _in_unit(points, self.scale),
                 settings.max_gaussians,
                 settings.sh_degree,
                 np.random.default_rng([settings.seed, 0]),
@@ -407,6 +411,21 @@ def round_variance(views: Sequence[GridView]) -> float:
     if psf is None or own or psf.samples is not None or abs(psf.sigma_x - psf.sigma_y) > 1e-6 * psf.sigma_x:
         raise PsfError("Only a round Gaussian can widen the splats themselves", "Choose another blur evaluation")
     return float(psf.sigma_x**2)
+
+
+def _in_unit(points: SparsePoints, scale: SceneScale) -> SparsePoints:
+    samples = None if points.samples is None else _in_unit(points.samples, scale)
+    return replace(points, positions=scale.points_to_unit(points.positions), samples=samples)
+
+
+def without_empty(planes: Planes, view: View, step: int) -> Planes:
+    """A photo's planes [3, h, w] on a grid of `step` px, NaN where any px of the photo shows nothing."""
+    empty = empty_pixels(view)
+    if empty is None or not empty.any():
+        return planes
+    _, height, width = planes.shape
+    blocks = empty[: height * step, : width * step].reshape(height, step, width, step)
+    return np.where(blocks.any(axis=(1, 3)), np.float32(np.nan), planes)
 
 
 def background_of(views: Sequence[View]) -> Background | None:

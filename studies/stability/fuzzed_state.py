@@ -32,7 +32,7 @@ from .damage import damaged, inside_npz
 from .fuzzed_samples import cameras, cloud, points
 from .reader_fuzz import Reader
 
-_WORK = Work(2, 0.1, 0.1, 2, 0, 300, 1000, True, False, True)
+_WORK = Work(2, 0.1, 0.1, 2, 0, 300, 1000, True, False, True, True)
 
 
 def _checkpoint() -> Reader:

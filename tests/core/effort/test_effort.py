@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from dgs.core.effort import plan
+from dgs.core.effort.described import RunDescription
 from dgs.core.effort.model import LAWS, PREDICTIONS, accuracy, contrast, memory, slowdown, stage_seconds
 from dgs.core.effort.plan import PLANNING, Budget, gaussians_for, steps_within, useful_steps
 from dgs.core.effort.probe import Phase, Speed, made_up, probe
@@ -20,10 +21,11 @@ from dgs.core.imaging.formation.chain import Formation
 from dgs.core.imaging.medium import Medium
 from dgs.core.imaging.psf import PointSpread
 from dgs.core.photos.load import Photo
+from dgs.core.run_settings import ReconstructSettings
 from dgs.core.training.job import PlannedTraining, TrainingJob
 from dgs.core.training.settings import TrainingSettings
 
-WORK = Work(40, 16.0, 0.4, 35, 5, 1000, 40_000, True, False, True)
+WORK = Work(40, 16.0, 0.4, 35, 5, 1000, 40_000, True, False, True, True)
 MACHINE = {"processor": "one", "cores": 2, "threads": 2, "device": "cpu"}
 SPEED = Speed((Phase(0.12, 0.002, 1e-7), Phase(0.88, 0.01, 4e-7)), 4, 1.0)
 
@@ -33,6 +35,12 @@ def run_of(factor: float = 1.0, **changes) -> PastRun:
     seconds = {stage: factor * law(WORK) for stage, law in LAWS.items()} | {"train": factor * 20.0}
     plain = PastRun(WORK, seconds, 20.0, 1000.0, "scene", "balanced", 0.1, 30.0, None, 0.0)
     return replace(plain, **changes)
+
+
+def described(**changes) -> RunDescription:
+    """A usual run that finds its cameras."""
+    usual = RunDescription.of(ReconstructSettings(Path("p"), Path("o")).split())
+    return replace(usual, **changes)
 
 
 def photo(name: str, width: int = 96, height: int = 80, amplitude: float = 0.2) -> Photo:
@@ -83,6 +91,25 @@ def test_disturbed_runs_count_only_where_there_is_no_other():
     mixed = [run_of(1.0, disturbed=0.02), *[run_of(9.0, disturbed=0.8)] * 5]
     assert stage_seconds(mixed, WORK, 20.0)[0]["train"] == pytest.approx(20.0)
     assert stage_seconds(mixed[1:], WORK, 20.0)[0]["train"] == pytest.approx(180.0)
+
+
+def test_points_from_nothing_take_longer_than_surfaces_around_points():
+    around, whole = (
+        stage_seconds([], replace(WORK, search=False, points=p), 20.0)[0]["surface"] for p in (True, False)
+    )
+    assert 0 < around < 2 and whole > 8 * around
+    # Past runs of the one kind say nothing of the other.
+    slow = [run_of(3.0)] * 6
+    assert stage_seconds(slow, WORK, 20.0)[0]["surface"] == pytest.approx(3 * around)
+    assert stage_seconds(slow, replace(WORK, points=False), 20.0)[0]["surface"] == pytest.approx(whole)
+
+
+def test_points_from_nothing_are_hurried_where_time_is_short():
+    photos = [photo(f"{i}.png") for i in range(30)]
+    given = described(search=False, points=False)
+    assert Budget(20.0, lambda: 0.0, [], run=given).hurry(photos)
+    assert not Budget(200.0, lambda: 0.0, [], run=given).hurry(photos)
+    assert not Budget(20.0, lambda: 0.0, [], run=replace(given, points=True)).hurry(photos)
 
 
 def test_a_busy_machine_is_slower_but_the_probe_has_felt_that():

@@ -11,7 +11,7 @@ from dgs.core import conventions
 from dgs.core.camera import Camera
 from dgs.core.errors import CameraError, FormatError
 from dgs.core.formats import colmap
-from dgs.core.formats.cameras import read_cameras
+from dgs.core.formats.cameras import brings_points, read_cameras
 from dgs.core.formats.colmap import read_colmap_cameras, read_model, write_lenses, write_model
 from dgs.core.formats.transforms import read_transforms, write_transforms
 from dgs.core.lens import MODELS, Lens
@@ -53,6 +53,16 @@ def cameras() -> dict[str, Camera]:
 
 def photo(name: str, width: int = 640, height: int = 480) -> Photo:
     return Photo(name, Path(name), np.zeros((height, width, 3), np.uint8))
+
+
+def test_whether_cameras_bring_points(tmp_path: Path) -> None:
+    write_transforms(tmp_path / "transforms.json", cameras())
+    assert not brings_points(tmp_path / "transforms.json")
+    for name, count in (("some", 3), ("none", 0)):
+        write_model(tmp_path / name, cameras(), SparsePoints(np.zeros((count, 3)), np.zeros((count, 3), np.uint8)))
+        assert brings_points(tmp_path / name) == (count > 0)
+    (tmp_path / "torn.json").write_text("{", "utf-8")
+    assert not brings_points(tmp_path / "torn.json") and not brings_points(tmp_path / "nowhere")
 
 
 @pytest.mark.parametrize("model", MODELS)

@@ -48,7 +48,7 @@ def test_points_of_surfaces_are_kept_and_taken_again(scene, tmp_path: Path) -> N
     points = found.reconstruction.points
     assert found.source == "given" and not found.reconstruction.figures.scattered
     assert points.confidence is not None and len(points.positions) > 1000
-    assert "surface" in heard.stages
+    assert "surface" in heard.stages and found.surface_seconds > 0
     assert [note for note in heard.notes if "came without points" in note and "on surfaces" in note]
     assert (folder.camera_folder / CONFIDENCE).is_file() and list(folder.sfm_folder.glob("*")) == []
     # A run that is resumed looks at no photo again.
@@ -77,6 +77,8 @@ def test_given_points_stay_as_they_are(scene, tmp_path: Path) -> None:
     write_model(tmp_path / "model", scene.cameras.cameras(), given)
     heard = _Notes()
     folder = TwinFolder(tmp_path / "twin")
-    found = _run(tmp_path / "model", scene.photos, SEARCH, folder, heard).reconstruction
+    cameras = _run(tmp_path / "model", scene.photos, SEARCH, folder, heard)
+    found = cameras.reconstruction
+    assert cameras.surface_seconds == 0
     np.testing.assert_array_equal(found.points.positions, given.positions)
     assert found.points.confidence is None and heard.notes == [] and heard.stages == []

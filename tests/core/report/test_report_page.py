@@ -74,6 +74,7 @@ REPORT = {
         "start": None,
         "photos": 1.0,
         "sfm": 2.0,
+        "surface": 0.6,
         "refine": None,
         "effects": 9.1,
         "compile": None,

@@ -42,6 +42,25 @@ def red_disc(dtype: type) -> View:
     return View(CAMERA, under(background, straight, alpha), alpha=alpha, background=background)
 
 
+def test_empty_px_are_lifted_into_no_gaussian() -> None:
+    """Where alpha is 0, and where a plain background shows; the others are drawn more densely."""
+    x, y = (plane.ravel() for plane in np.meshgrid(np.linspace(-2, 2, 12), np.linspace(-2, 2, 12)))
+    points = SparsePoints(np.stack([x, y, np.full(144, 4.0)], axis=1), np.full((144, 3), 255, np.uint8))
+    transparent = red_disc(np.uint8)
+    plain = replace(transparent, alpha=None, background=Background(WHITE, tolerance=4.0 / 255))
+    for view in (transparent, plain):
+        made = Trainer([view], [], points, Medium(), replace(SHORT, max_gaussians=400)).result()
+        p = made.means.double().numpy()
+        column, row = (p[:, :2] / p[:, 2:] * 60.0 + 24.0).T
+        assert 150 < len(made) <= 400
+        assert ((column - 23.8) ** 2 + (row - 24.6) ** 2 < 16.5**2).all()
+    opaque = Trainer(
+        [replace(plain, background=None)], [], points, Medium(), replace(SHORT, max_gaussians=400)
+    ).result()
+    far = opaque.means[:, :2].abs().max(dim=1).values > 1.2
+    assert int(far.sum()) > 50, "of an opaque photo every px is"
+
+
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
 @pytest.mark.parametrize("space", ["srgb", "linear"])
 def test_no_rim_in_the_average(dtype: type, space: str) -> None:
