@@ -14,7 +14,8 @@ import torch
 from dgs.core.errors import PsfError
 from dgs.core.frames import Frame
 from dgs.core.imaging import choices, kernel_files
-from dgs.core.imaging.composed import moved
+from dgs.core.imaging import operator as operator_module
+from dgs.core.imaging.composed import _path, moved
 from dgs.core.imaging.contradiction import CONTRADICTION, Observed
 from dgs.core.imaging.evaluations import (
     REDUCED,
@@ -26,6 +27,7 @@ from dgs.core.imaging.evaluations import (
     folded,
     reduced_factors,
 )
+from dgs.core.imaging.formation.layered import LADDER, _tent, _variances, layer_gathered, layer_weighed
 from dgs.core.imaging.fourier import FourierFilter, _extension, _taper, wiener_photo
 from dgs.core.imaging.kernel_files import read_kernel
 from dgs.core.imaging.kernel_samples import convolved_samples, disc, interpolation, moments, spreading, trimmed
@@ -34,8 +36,20 @@ from dgs.core.imaging.operator import BlurOperator, _rounded, shared_operator
 from dgs.core.imaging.psf import POINT_SPREAD, PointSpread, _centred, gaussian_taps, point_spread_from_samples
 from dgs.core.imaging.psf_text import parse_psf
 from dgs.core.imaging.spectral_bins import SpectralBins, frequency_plane, polar_index
-from dgs.core.imaging.spectrum import BINS, HIGHEST, NOISE, OPPONENT, NoiseToSignal, frequencies, radial_power
+from dgs.core.imaging.spectrum import (
+    BINS,
+    HIGHEST,
+    NOISE,
+    OPPONENT,
+    NoiseToSignal,
+    _floor,
+    _passed,
+    _ratio,
+    frequencies,
+    radial_power,
+)
 from PIL import Image
+from scipy.fft import next_fast_len
 
 CPU = torch.device("cpu")
 
@@ -671,3 +685,170 @@ def test_the_mean_width_of_a_medium() -> None:
     assert Medium(wide).mean_sigma(["a"]) == pytest.approx(math.sqrt(20.0))
     assert Medium(wide, per_view={"b": None}).mean_sigma(["a", "b"]) == pytest.approx(math.sqrt(10.0))
     assert Medium(None).mean_sigma(["a", "b"]) == 0.0
+
+
+@pytest.mark.parametrize(("inside", "margin"), [(20, 3), (21, 0)])
+def test_the_coarse_grid_lies_evenly_about_the_middle(inside: int, margin: int) -> None:
+    """A mirrored frame has a mirrored blur, on the coarse grid, too."""
+    down, up, _ = reduced_factors(4.0, inside, margin)
+    np.testing.assert_allclose(down, down[::-1, ::-1], atol=1e-12)
+    np.testing.assert_allclose(up, up[::-1, ::-1], atol=1e-12)
+
+
+@pytest.mark.parametrize(("sigma_x", "sigma_y"), [(6.0, 1.0), (1.0, 6.0)])
+def test_each_side_of_a_frame_is_extended_by_its_own_radius(sigma_x: float, sigma_y: float) -> None:
+    """Once where zeros wrap around, on both sides where the frame is reflected, there by less than the frame itself."""
+    psf = PointSpread(sigma_x=sigma_x, sigma_y=sigma_y)
+    down, right = _extension(psf)
+    assert abs(down - right) > 10
+    fast = [next_fast_len(n, real=True) for n in (30 + down, 50 + right)]
+    assert FourierFilter(psf, (30, 50), 1e-3).size == tuple(fast)
+    reflected = FourierFilter(psf, (30, 50), 1e-3, beyond="reflect")
+    assert reflected.before == (min(down, 29), min(right, 49))
+    assert reflected.size == tuple(
+        next_fast_len(n + 2 * b, real=True) for n, b in zip((30, 50), reflected.before, strict=True)
+    )
+
+
+@pytest.mark.parametrize("shape", [(5, 60), (60, 5)])
+def test_a_narrow_frame_is_reflected_once_on_each_side(shape: tuple[int, int]) -> None:
+    """As far as it has px; beyond lies its mean, and all of it fades into that."""
+    psf = PointSpread(sigma_x=3.0, sigma_y=3.0)
+    made = FourierFilter(psf, shape, 1e-3, "wiener", "reflect", dtype=torch.float64)
+    frame = torch.rand((2, *shape), generator=torch.Generator().manual_seed(0), dtype=torch.float64)
+    mean = frame.numpy().mean(axis=(1, 2), keepdims=True)
+    after = [total - side - first for total, side, first in zip(made.size, shape, made.before, strict=True)]
+    sides = [(first, min(rest, side - 1)) for first, rest, side in zip(made.before, after, shape, strict=True)]
+    grown = np.pad(frame.numpy() - mean, ((0, 0), *sides), mode="reflect")
+    wanted = np.pad(grown, [(0, 0), *((0, t - n) for t, n in zip(made.size, grown.shape[1:], strict=True))])
+    window = _taper(made.size, made.before, *shape).numpy()
+    np.testing.assert_allclose(made._reflected(frame).numpy(), wanted * window + mean, atol=1e-12)
+    assert any(rest > side - 1 for rest, side in zip(after, shape, strict=True)), "one is longer than the frame"
+
+
+@pytest.mark.parametrize("length", [0.1, 0.3, 2.5, 12.0])
+def test_a_path_has_the_variance_of_its_line(length: float) -> None:
+    """The cubic keeps it to the last digit, however few points stand for the line."""
+    row = _path(length, 0.0, linear=False).sum(axis=0)
+    x = np.arange(len(row)) - len(row) // 2
+    assert row.sum() == pytest.approx(1.0, abs=1e-12) and row @ x == pytest.approx(0.0, abs=1e-12)
+    assert row @ x**2 == pytest.approx(length**2 / 12, abs=1e-10)
+
+
+def test_the_noise_is_read_where_a_blur_lets_nothing_pass() -> None:
+    """The median of four silent rings; of three, the least of those that are faint; beyond half a cycle none counts."""
+    f = frequencies()
+    spectrum = 1.0 + np.arange(BINS) % 7
+    rings = np.flatnonzero((f > 0.3) & (f <= 0.5))
+    passed = np.where(f > 0.5, 0.0, 1.0)
+    assert _floor(spectrum, passed, f) == 0.0
+    few, enough = passed.copy(), passed.copy()
+    few[rings[:3]], enough[rings[:4]] = NOISE.silent / 2, NOISE.silent / 2
+    few[rings[5]] = NOISE.faint / 2
+    assert _floor(spectrum, enough, f) == np.median(spectrum[rings[:4]])
+    assert _floor(spectrum, few, f) == spectrum[[*rings[:3], rings[5]]].min()
+    few[rings] = NOISE.faint
+    assert _floor(spectrum, few, f) == 0.0
+
+
+def test_where_nothing_but_noise_is_seen_the_scene_falls_with_the_square() -> None:
+    """From the first ring on, and no farther than the limits."""
+    f = frequencies()
+    power = np.full(BINS, 1e-4)
+    power[1] = 3e-4
+    n = _ratio(Observed(power, 1e-4, np.ones(BINS), f))
+    np.testing.assert_allclose(n[1:], np.clip(0.5 * (f[1:] / f[1]) ** 2, NOISE.least_ratio, NOISE.most_ratio))
+    assert n[0] == n[1] and n[-1] == NOISE.most_ratio
+    steep = _ratio(Observed((np.maximum(f, f[1]) / f[1]) ** -6.0 + 1e-6, 1e-6, np.ones(BINS), f))
+    assert steep[6] / steep[3] == pytest.approx(2**NOISE.steepest)
+
+
+def test_what_passes_is_the_mean_over_photos_and_directions() -> None:
+    f = frequencies()
+    wide = PointSpread(sigma_x=2.0, sigma_y=1.0)
+    one = np.mean([wide.mtf(f, a) ** 2 for a in range(0, 1800, 225) for a in [a / 10]], axis=0)
+    np.testing.assert_allclose(_passed([wide], f), one, rtol=1e-12)
+    np.testing.assert_allclose(_passed([wide, None, wide], f), (2 * one + 1) / 3, rtol=1e-12)
+    np.testing.assert_array_equal(_passed([None], f), 1.0)
+
+
+# --- which evaluation is taken -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("sigma", "taken", "wanted"),
+    [
+        (12.0, {"fourier": 4.0, "separable": 3.0, "reduced": 1.4}, "reduced"),
+        (12.0, {"fourier": 4.0, "separable": 3.0, "reduced": 1.6}, "separable"),
+        (12.0, {"fourier": 2.0, "separable": 3.0, "reduced": 1.4}, "fourier"),
+        (4.0, {"fourier": 4.0, "separable": 3.0, "reduced": 0.1}, "separable"),
+    ],
+)
+def test_the_quickest_exact_evaluation_is_taken_or_one_that_takes_half(
+    sigma: float, taken: dict[str, float], wanted: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The reduced resolution is not even offered for narrow blurs."""
+    offered: list[list[str]] = []
+    monkeypatch.setattr(operator_module, "_seconds", lambda evaluation, frame: taken.get(evaluation.name, 99.0))
+    monkeypatch.setattr(operator_module, "choice", lambda *_, names, measure: offered.append(names) or measure())
+    made = BlurOperator(PointSpread(sigma_x=sigma, sigma_y=sigma), 64, 72, 3)
+    assert made.evaluation == wanted and ("reduced" in offered[0]) == (sigma >= 10.0)
+
+
+def test_the_best_of_three_measurements_counts_and_the_first_call_does_not(monkeypatch: pytest.MonkeyPatch) -> None:
+    took, clock = iter([1.0, 3.0, 5.0, 4.0]), [0.0]
+    monkeypatch.setattr(operator_module.time, "perf_counter", lambda: clock[0])
+
+    class Slow:
+        name = "slow"
+
+        def apply(self, frame: torch.Tensor) -> torch.Tensor:
+            clock[0] += next(took)
+            return frame
+
+        adjoint = staticmethod(lambda frame: frame)
+
+    assert operator_module._seconds(Slow(), torch.zeros(3, 2, 2)) == 3.0  # type: ignore[arg-type]
+    assert next(took, None) is None
+
+
+# --- layers ------------------------------------------------------------------------------------------------------
+
+
+def test_tents_share_every_variance_between_two_neighbours() -> None:
+    variances = [0.0, 1.0, 4.0]
+    assert _tent(variances, 0) == (1.0, 0.0, 1.0, -1.0)
+    assert _tent(variances, 1) == (0.0, 1.0, 1.0 + 1 / 3, -1 / 3)
+    assert _tent(variances, 2) == (1.0 - 4 / 3, 1 / 3, 1.0, 0.0)
+    for v in (0.0, 0.3, 1.0, 2.5, 4.0):
+        weights = [
+            max(0.0, min(r0 + r1 * v, f0 + f1 * v)) for r0, r1, f0, f1 in (_tent(variances, k) for k in range(3))
+        ]
+        assert sum(weights) == pytest.approx(1.0) and np.dot(weights, variances) == pytest.approx(v)
+
+
+def test_rungs_reach_to_the_width_that_is_asked_for_and_one_at_least() -> None:
+    assert len(_variances(0.0)) == len(_variances(LADDER[0])) == 2 and _variances(0.0)[0] == 0.0
+    assert len(_variances(LADDER[2])) == 4 and len(_variances(LADDER[2] * 0.999)) == 3
+    taps = gaussian_taps(LADDER[1])
+    x = np.arange(len(taps)) - len(taps) // 2
+    assert _variances(LADDER[2])[2] == pytest.approx(float((taps * x**2).sum()))
+
+
+def test_gradients_of_a_layer_by_the_formula_of_its_tent() -> None:
+    """At the tent's top it falls already; at its foot it still has the slope of the side that it stands on."""
+    random = torch.Generator().manual_seed(0)
+    variance = torch.tensor([[0.0, 0.5, 1.0, 2.0, 4.0, 5.0]], dtype=torch.float64)
+    light = torch.rand((3, 1, 6), generator=random, dtype=torch.float64)
+    back = torch.rand((4, 1, 6), generator=random, dtype=torch.float64)
+    tent = _tent([0.0, 1.0, 4.0], 1)
+    gradient, in_variance = torch.ones_like(light), torch.ones_like(variance)
+    layer_gathered(back, light, variance, tent, (gradient, in_variance))
+    weight = torch.tensor([0.0, 0.5, 1.0, 2 / 3, 0.0, 0.0], dtype=torch.float64)
+    slope = torch.tensor([1.0, 1.0, -1 / 3, -1 / 3, -1 / 3, 0.0], dtype=torch.float64)
+    torch.testing.assert_close(gradient, 1 + weight * back[:3])
+    share = (back[:3] * light).sum(dim=0) - back[3]
+    sure = torch.tensor([0, 1, 2, 3, 5])
+    torch.testing.assert_close((in_variance - 1)[:, sure], (slope * share)[:, sure])
+    weighed = layer_weighed(light, variance, tent)
+    torch.testing.assert_close(weighed, torch.cat([weight * light, weight[None, None]]))

@@ -9,12 +9,16 @@ import numpy as np
 import pytest
 import torch
 from dgs.core.camera import Camera
-from dgs.core.colour import srgb_to_linear
+from dgs.core.colour import decoding_derivative, linear_to_srgb, srgb_to_linear
 from dgs.core.constants import LOG_SCALE_LIMIT, LOW_PASS_VARIANCE, SH_C0
 from dgs.core.errors import CameraError
+from dgs.core.frames import Frame
 from dgs.core.gaussians import Gaussians
+from dgs.core.imaging.fourier import FourierFilter
 from dgs.core.imaging.medium import Medium
+from dgs.core.imaging.operator import BlurOperator
 from dgs.core.imaging.psf import PointSpread
+from dgs.core.imaging.spectrum import BINS, NoiseToSignal
 from dgs.core.rasterizer import ScreenStatistics
 from dgs.core.training.contrast import MINIMUM_CONTRAST, scene_contrast
 from dgs.core.training.density import DENSITY, DensityControl, _copies
@@ -22,13 +26,15 @@ from dgs.core.training.footprint import pixel_sizes, widened
 from dgs.core.training.grid import GridView, averaged, coarse_camera, coarse_view, grid_step
 from dgs.core.training.guards import non_finite_rows, out_of_range
 from dgs.core.training.initial import INITIAL, first_gaussians, gaussians_at, lifted_points
+from dgs.core.training.job import PlannedTraining
+from dgs.core.training.objective import LossAndGradient, Objective
 from dgs.core.training.optimizer import Adam
 from dgs.core.training.photometric import FILL, PhotometricLoss, valid_pixels
-from dgs.core.training.scale import SceneScale, scene_scale
+from dgs.core.training.scale import SCALE, SceneScale, scene_scale
 from dgs.core.training.schedule import SCHEDULE, Schedule
 from dgs.core.training.settings import TrainingSettings, smoothed_for
-from dgs.core.training.specks import speck_price
-from dgs.core.training.trainer import Trainer
+from dgs.core.training.specks import speck_gradient, speck_price
+from dgs.core.training.trainer import Trainer, mean_colour
 from dgs.core.training.variation import SMOOTH, variation_gradient
 from dgs.core.views import SparsePoints, View
 from dgs.tests.core.training.training_scenes import SHORT, blurred_scene, camera_at
@@ -502,3 +508,179 @@ def test_the_blurs_mean_width_counts_photos_and_directions_alike() -> None:
     assert medium.mean_sigma(["a"]) == pytest.approx(12.5**0.5)
     assert medium.mean_sigma(["a", "sharp"]) == pytest.approx(6.25**0.5)
     assert Medium(None).mean_sigma(["a"]) == 0.0
+
+
+def test_of_many_points_every_so_manieth_says_the_unit() -> None:
+    """Twice as many as are asked for are all asked; one more, and it is every second one."""
+    most = SCALE.points
+    positions = np.zeros((2 * most + 1, 3))
+    positions[:, 2] = 1.0
+    positions[1::2, 2] = 3.0
+    colours = np.zeros((len(positions), 3), np.uint8)
+    assert scene_scale([straight(0.0)], SparsePoints(positions, colours)).size == 1.0
+    assert scene_scale([straight(0.0)], SparsePoints(positions[:-1], colours)).size == 2.0
+
+
+def test_moments_are_forgotten_of_the_rows_that_are_named() -> None:
+    optimizer = Adam(gaussians([[0.0, 0.0, 1.0]] * 3))
+    for moments in (optimizer.first, optimizer.second):
+        for tensor in moments.values():
+            tensor += 2.0
+    optimizer.forget("means", torch.tensor([True, False, True]))
+    for moments in (optimizer.first, optimizer.second):
+        assert moments["means"].tolist() == [[0.0] * 3, [2.0] * 3, [0.0] * 3]
+        assert all(float(tensor.min()) == 2.0 for name, tensor in moments.items() if name != "means")
+
+
+def test_depth_is_interpolated_in_sixteen_photos_spread_over_all() -> None:
+    x, y = (plane.ravel() for plane in np.meshgrid(np.linspace(-4, 4, 12), np.linspace(-4, 4, 12)))
+    points = SparsePoints(np.stack([x, y, np.full(144, 5.0)], axis=1), np.full((144, 3), 10, np.uint8))
+    asked: list[int] = []
+
+    def planes(index: int) -> np.ndarray:
+        asked.append(index)
+        return np.full((3, 30, 40), 0.5, np.float32)
+
+    made = first_gaussians([straight()] * 31, planes, points, 4000, 0, np.random.default_rng(0))
+    assert asked == list(range(0, 31, 2)) and 2600 < len(made) <= 3200
+    assert float((made.sh * SH_C0).abs().max()) < 1e-6, "no sparse point's own colour is among them"
+
+
+def test_photos_that_show_too_few_points_leave_the_points_themselves() -> None:
+    points = SparsePoints(np.array([[0.1 * i, 0.0, 5.0] for i in range(7)]), np.full((7, 3), 51, np.uint8))
+    made = first_gaussians([straight()], lambda i: np.zeros((3, 30, 40)), points, 100, 0, np.random.default_rng(0))
+    assert sorted(made.means[:, 0].tolist()) == pytest.approx([0.1 * i for i in range(7)])
+    assert made.sh[:, 0].numpy() * SH_C0 + 0.5 == pytest.approx(0.2, abs=1e-6)
+    few = first_gaussians([straight()], lambda i: np.zeros((3, 30, 40)), points, 5, 0, np.random.default_rng(0))
+    assert len(few) == 4, "four fifths of the budget"
+
+
+def test_the_mean_colour_of_photos() -> None:
+    """Of the px that count, of either depth; of a photo without any, of all px; of many photos every so manieth."""
+    eight, sixteen = np.full((4, 6, 3), 51, np.uint8), np.full((4, 6, 3), 65535, np.uint16)
+    eight[:, :3] = 255
+    mask = np.zeros((4, 6), bool)
+    camera = replace(straight(), width=6, height=4)
+    assert mean_colour([View(camera, eight)]).tolist() == pytest.approx([0.6] * 3)
+    assert mean_colour([View(camera, eight, mask)]).tolist() == pytest.approx([0.6] * 3)
+    half = mask.copy()
+    half[:, 3:] = True
+    assert mean_colour([View(camera, eight, half)]).tolist() == pytest.approx([0.2] * 3)
+    assert mean_colour([View(camera, eight), View(camera, sixteen)]).tolist() == pytest.approx([0.8] * 3)
+    black = View(camera, eight * 0)
+    assert mean_colour([View(camera, sixteen), black] * 12).tolist() == [1.0] * 3, "24: every second one"
+    assert mean_colour(([View(camera, sixteen), black] * 12)[:23]).tolist() == pytest.approx([12 / 23] * 3)
+
+
+def test_what_is_not_said_of_a_training() -> None:
+    said = TrainingSettings()
+    assert (said.seed, said.threads, said.min_steps, said.deconvolved_sigma) == (0, 0, 0, 0.0)
+    assert (said.grid_step, said.time_limit, said.until, said.noise_gain) == (None, None, None, None)
+    assert (said.device, said.blur_evaluation, said.loss) == ("auto", "auto", "dgs")
+    assert not PlannedTraining(said).enough and PlannedTraining(said).plan is None
+    draft, fine = TrainingSettings.preset("draft"), TrainingSettings.preset("fine")
+    assert draft.steps < said.steps < fine.steps and draft.max_gaussians < said.max_gaussians < fine.max_gaussians
+    assert TrainingSettings.preset("balanced") == said
+
+
+def test_a_checkpoint_belongs_to_its_settings_but_not_to_its_machine(trainer: Trainer) -> None:
+    kept = trainer.fingerprint()
+    free = {"threads", "time_limit", "device", "steps", "until", "min_steps"}
+    assert not free & kept["settings"].keys() and kept["settings"]["seed"] == trainer.settings.seed
+    assert kept["photos"] == [view.name for view in trainer.views] and kept["blur space"] == "srgb"
+    psf = trainer.medium.psf
+    assert psf is not None and sum(kept["point spread"]) == pytest.approx(1.0, abs=1e-7)
+    np.testing.assert_allclose(kept["point spread"], psf.kernel().sum(axis=0), atol=1e-7)
+    assert not {"own point spreads", "background", "effects"} & kept.keys()
+
+
+def test_phases_of_a_run_begin_at_their_shares(trainer: Trainer, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Photos without their blur until the start's share, the photos themselves from there on; coarse likewise."""
+    asked: list[str] = []
+    level = replace(trainer.levels[-1], objectives={})
+
+    class Asks:
+        inverse = object()
+        medium = trainer.objective(trainer.levels[-1], trainer.levels[-1].views[0]).medium
+
+        def __getattr__(self, name: str) -> object:
+            asked.append(name)
+            return lambda image, photo, valid: LossAndGradient(0.5, torch.zeros_like(image))
+
+    monkeypatch.setattr(trainer, "objective", lambda level, view: asked.append(f"step {level.step}") or Asks())
+    monkeypatch.setattr(trainer, "levels", [replace(level, step=2), replace(level, step=1)])
+    monkeypatch.setattr(trainer, "settings", replace(trainer.settings, coarse_share=0.25, start_share=0.5))
+    for share in (0.0, 0.24, 0.25, 0.49, 0.5, 0.9):
+        assert trainer.advance(share) == 0.5
+    assert [name for name in asked if name.endswith("loss")] == ["start_loss"] * 4 + ["loss"] * 2
+    steps = [name for name in asked if name.startswith("step")]
+    assert steps[: len(steps) // 3] == ["step 2"] * (len(steps) // 3)
+    assert set(steps[len(steps) // 3 :]) == {"step 1"}
+
+
+# --- the objective, written out ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("space", ["srgb", "linear"])
+@pytest.mark.parametrize("width", [0.25, 0.0])
+@pytest.mark.parametrize("base", [0.3, 0.0])
+def test_the_gradient_is_the_sum_of_what_is_written(space: str, width: float, base: float) -> None:
+    """base * (MAE and SSIM) through the blur + variation + specks - what the inverse says is missing, pseudo-Huber."""
+    random = torch.Generator().manual_seed(1)
+    psf, m, (height, wide) = PointSpread("gaussian", 1.5, 1.5), 3, (20, 26)
+    image = torch.rand((3, height + 2 * m, wide + 2 * m), generator=random) * 0.8 + 0.1
+    photo = torch.rand((3, height, wide), generator=random)
+    valid = torch.rand((height, wide), generator=random) > 0.2
+    photo[1, 4, 5] = math.nan
+    ratio = NoiseToSignal(np.full(BINS, 1e-3), np.full(BINS, 1e-2), 0.001)
+    s = TrainingSettings(base_weight=base, inverse_width=width)
+    made = Objective(psf, Frame(height, wide, m), space, s, CPU, ratio, 0.4)  # type: ignore[arg-type]
+    found = made.loss(image, photo, valid)
+
+    light = srgb_to_linear(image) if space == "linear" else image
+    blurred = BlurOperator(psf, height, wide, m, CPU).apply(light)
+    shown = linear_to_srgb(blurred) if space == "linear" else blurred
+    loss, upstream = PhotometricLoss(photo, valid, s.ssim_weight).value_and_gradient(shown)
+    n = photo.numel()
+    wanted = base * made.medium.gradient(upstream, image) if base else torch.zeros_like(image)
+    wanted = wanted + s.variation_weight / n * variation_gradient(image, s.variation_knee * 0.4)
+    wanted = wanted + s.speck_weight / n * speck_gradient(image)
+    rest = (srgb_to_linear(photo) if space == "linear" else photo) - blurred
+    rest = torch.where(rest.isfinite() & valid, rest, 0.0)
+    filters = [FourierFilter(psf, (height + 2 * m, wide + 2 * m), r, "wiener") for r in (1e-3, 1e-2)]
+    padded = torch.nn.functional.pad(rest, (m, m, m, m))
+    grey = padded.mean(dim=0, keepdim=True).expand(3, -1, -1)
+    missing = filters[0].apply(grey) + filters[1].apply(padded - grey)
+    if space == "linear":
+        missing = missing / decoding_derivative(image, light).clamp(min=0.1)
+    d = missing[:, m:-m, m:-m]
+    d = d / (d**2 + (width * 0.4) ** 2).sqrt() if width else d.sign()
+    wanted[:, m:-m, m:-m] -= s.inverse_weight / n * d * valid
+    far = (d.abs() > 1e-3) if not width else torch.ones_like(d, dtype=torch.bool)
+    torch.testing.assert_close(found.gradient[:, m:-m, m:-m][far], wanted[:, m:-m, m:-m][far], atol=2e-7, rtol=2e-3)
+    assert found.loss == pytest.approx(loss if base else float(rest.abs().mean()), rel=1e-4)
+
+
+@pytest.mark.parametrize("space", ["srgb", "linear"])
+def test_the_start_is_drawn_to_the_sharpened_photo(space: str) -> None:
+    random = torch.Generator().manual_seed(2)
+    psf, m, (height, wide) = PointSpread("gaussian", 1.5, 1.5), 3, (20, 26)
+    image = torch.rand((3, height + 2 * m, wide + 2 * m), generator=random) * 0.8 + 0.1
+    photo = torch.rand((3, height, wide), generator=random)
+    valid = torch.rand((height, wide), generator=random) > 0.2
+    ratio = NoiseToSignal(np.full(BINS, 1e-3), np.full(BINS, 1e-3), 0.001)
+    s = TrainingSettings()
+    made = Objective(psf, Frame(height, wide, m), space, s, CPU, ratio, 0.4)  # type: ignore[arg-type]
+    found = made.start_loss(image, photo, valid)
+    light = srgb_to_linear(photo) if space == "linear" else photo
+    light = torch.where(valid, light, light[:, valid].mean(dim=1)[:, None, None])
+    wide_light = torch.nn.functional.pad(light[None], (m, m, m, m), mode="replicate")[0]
+    rest = torch.nn.functional.pad(light - BlurOperator(psf, height, wide, m, CPU).apply(wide_light), (m, m, m, m))
+    inverse = FourierFilter(psf, (height + 2 * m, wide + 2 * m), 1e-3, "wiener")
+    sharp = light + inverse.apply(rest)[:, m:-m, m:-m]
+    sharp = linear_to_srgb(sharp.clamp(min=0.0)) if space == "linear" else sharp
+    loss, inner = PhotometricLoss(sharp, valid, s.ssim_weight).value_and_gradient(image[:, m:-m, m:-m].contiguous())
+    wanted = s.variation_weight / photo.numel() * variation_gradient(image, s.variation_knee * 0.4)
+    wanted[:, m:-m, m:-m] += inner
+    assert found.loss == pytest.approx(loss, rel=1e-4)
+    torch.testing.assert_close(found.gradient, wanted, atol=2e-6, rtol=2e-3)

@@ -16,6 +16,7 @@ from dgs.core.gaussians import Gaussians
 from dgs.core.imaging.formation.chain import Formation
 from dgs.core.imaging.medium import Medium
 from dgs.core.imaging.psf import PointSpread
+from dgs.core.imaging.spectrum import NoiseToSignal
 from dgs.core.training import run as run_module
 from dgs.core.training import trainer as trainer_module
 from dgs.core.training.specks import speck_gradient, speck_gradient_in_torch
@@ -216,3 +217,85 @@ def test_the_compiled_price_of_specks_is_the_specification_to_the_border() -> No
     image = torch.from_numpy(np.random.default_rng(1).uniform(0, 1, (3, 9, 11)).astype(np.float32))
     wanted = speck_gradient_in_torch(image.double())
     torch.testing.assert_close(speck_gradient(image).double(), wanted, atol=2e-4, rtol=1e-3)
+
+
+# --- a run's figures --------------------------------------------------------------------------------------------------
+
+
+def test_waiting_is_no_work(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = [100.0]
+    monkeypatch.setattr(run_module.time, "perf_counter", lambda: now[0])
+    clock = run_module._Clock()
+    now[0] += 5.0
+
+    def question() -> bool:
+        now[0] += 60.0
+        return True
+
+    assert clock.waited(question) is True and clock.spent() == 5.0
+    now[0] += 2.0
+    assert clock.waited(lambda: False) is False and clock.spent() == 7.0
+
+
+def test_the_best_state_is_the_first_of_equal_ones_and_clearly_better() -> None:
+    best = run_module._Best()
+    assert best.step == 0 and not best.better_than({"heldout_psnr": -1e9}) and not best.better_than({})
+
+    def trainer(step: int) -> Any:
+        return SimpleNamespace(step=step, optimizer=SimpleNamespace(gaussians=SimpleNamespace(detached=lambda: step)))
+
+    best.see(trainer(3), {"loss": 1.0})
+    assert best.step == 0
+    for step, psnr in ((5, 20.0), (6, 25.0), (7, 25.0), (8, 24.0)):
+        best.see(trainer(step), {"heldout_psnr": psnr})
+    assert (best.step, best.psnr, best.gaussians) == (6, 25.0, 6)
+    assert best.better_than({"heldout_psnr": 24.94}) and not best.better_than({"heldout_psnr": 24.96})
+    assert not best.better_than({})
+
+
+def test_a_row_of_the_history_says_what_it_is_of() -> None:
+    def trainer(psnr: float | None) -> Any:
+        return SimpleNamespace(step=7, optimizer=SimpleNamespace(gaussians=[0] * 5), heldout_psnr=lambda: psnr)
+
+    row = {"step": 7, "seconds": 1.235, "loss": 0.25, "gaussians": 5}
+    assert run_module._evaluation(trainer(None), 0.25, 1.23456) == row
+    assert run_module._evaluation(trainer(20.0), 0.25, 1.23456) == {**row, "heldout_psnr": 20.0}
+
+
+def test_a_contradicted_blur_is_worth_a_note() -> None:
+    table = np.ones(4)
+    heard = Listens()
+    run_module._warn_of_blur(None, heard)
+    run_module._warn_of_blur(NoiseToSignal(table, table, 0.0, excess=1.0), heard)
+    assert heard.notes == []
+    run_module._warn_of_blur(NoiseToSignal(table, table, 0.0, excess=9.0, widest=0.7), heard)
+    assert len(heard.notes) == 1 and "9 times" in heard.notes[0] and "70%" in heard.notes[0]
+
+
+def test_a_resumed_run_counts_what_was_before(monkeypatch: pytest.MonkeyPatch, tmp_path: Any) -> None:
+    """Its seconds, its history; checkpoints come every 25 s, and one at the end."""
+    course = Course(monkeypatch, steps=60)
+    saved: list[tuple[int, float]] = []
+    monkeypatch.setattr(run_module.time, "perf_counter", lambda: course.time)
+    monkeypatch.setattr(run_module, "save_checkpoint", lambda path, state: saved.append(state))
+    monkeypatch.setattr(Course, "state", lambda self, seconds, history: (self.step, seconds), raising=False)
+    monkeypatch.setattr(Course, "fingerprint", lambda self: {}, raising=False)
+    monkeypatch.setattr(Course, "restore", lambda self, state: setattr(self, "step", state.step), raising=False)
+    kept = SimpleNamespace(step=20, seconds=100.0, history=[{"step": 20}])
+    monkeypatch.setattr(run_module, "load_checkpoint", lambda path, fingerprint: kept)
+    made = run_module._Run(course, replace(SHORT, steps=60), course.heard, tmp_path / "none.npz")  # type: ignore[arg-type]
+    made.resume()
+    assert course.step == 0, "there is none"
+    (tmp_path / "some.npz").touch()
+    made.checkpoint = tmp_path / "some.npz"
+    made.resume()
+    assert course.step == 20 and course.heard.notes == ["Going on from step 20"] and made.history == [{"step": 20}]
+    assert made.iterate(None, None) == "done" and course.step == 60
+    # Of 16 evaluations over 60 steps five were due before; each of the other eleven takes five seconds.
+    assert len(course.evaluated) == 11 and made.seconds == 100.0 + 40.0 + 55.0
+    assert (
+        all(later[1] - earlier[1] > 25.0 for earlier, later in zip(saved, saved[1:], strict=False)) and len(saved) == 3
+    )
+    assert 125.0 < saved[0][1] <= 132.0
+    made.finished("done")
+    assert saved[3] == (60, 195.0) and len(made.history) == 12 and made.history[-1]["seconds"] == 190.0

@@ -10,7 +10,7 @@ from dgs.core.errors import CheckpointError
 from dgs.core.imaging.formation.chain import Formation
 from dgs.core.imaging.formation.exposure import Exposure
 from dgs.core.imaging.medium import Medium
-from dgs.core.training.exposures import SETTINGS, LearnedExposures
+from dgs.core.training.exposures import SETTINGS, LearnedExposures, Slope
 from dgs.core.training.trainer import Trainer
 from dgs.tests.core.training.training_scenes import SHORT, blurred_scene, same
 
@@ -149,3 +149,70 @@ def test_without_exposures_nothing_is_learned_or_kept(uneven):
     assert plain.exposures is None and "exposures" not in plain.state(0.0, []).arrays
     strangers = trained(views, scene, 10, Formation([Exposure((), torch.zeros(0, 3))]))
     assert same(plain.optimizer.gaussians, strangers.optimizer.gaussians)
+
+
+def test_of_a_large_photo_px_are_looked_at_evenly():
+    """200 x 300 px are three times 20,000: every second row and column, from the middle of each pair on."""
+    exposures, photo = LearnedExposures(Exposure(NAMES, torch.zeros(3, 3))), picture(1, 300)[:, :200].float()
+    shown, counts = picture(2, 300)[:, :200].float(), torch.rand((200, 300)) > 0.3
+    asked = []
+    usual = exposures.slope
+    exposures.slope = lambda *given: asked.append(given) or usual(*given)
+    exposures.learn("a.png", photo, shown, counts)
+    name, photo_px, shown_px, counting = asked[0]
+    assert name == "a.png" and photo_px.dtype == shown_px.dtype == torch.float64
+    assert torch.equal(photo_px, photo[:, 1::2, 1::2].double()) and torch.equal(shown_px, shown[:, 1::2, 1::2].double())
+    assert torch.equal(counting, counts[1::2, 1::2])
+    exposures.learn("a.png", photo[:, :100, :200], shown[:, :100, :200], None)
+    assert asked[1][1].shape == (3, 100, 200) and asked[1][3] is None, "20,000 px: all of them"
+
+
+def test_a_visit_takes_a_part_of_the_step_and_no_more_than_one_at_most():
+    def visited(gradient: list[float]) -> np.ndarray:
+        exposures = LearnedExposures(Exposure(NAMES, torch.zeros(3, 3)))
+        curvature = np.broadcast_to(np.diag([2.0, 4.0]), (3, 2, 2))
+        slope = Slope(0.0, np.broadcast_to(np.array(gradient), (3, 2)), curvature)
+        exposures.slope = lambda *given: slope
+        exposures.settle = lambda: None
+        exposures.learn("b.png", picture(1), picture(2), None)
+        assert not exposures.values[[0, 2]].any()
+        return exposures.values[1, 0]
+
+    assert visited([2.0, 1.0]) == pytest.approx([-0.3, -0.3 / 4])
+    assert visited([40.0, 1.0]) == pytest.approx([-1.0, -0.3 / 4 / 6]), "both by the same factor"
+    assert visited([-40.0, 0.0]) == pytest.approx([1.0, 0.0])
+    assert visited([np.nan, 0.0]) == pytest.approx([0.0, 0.0])
+
+
+def test_gains_stay_within_their_bounds_and_usual_ones_say_what_the_mean_is():
+    exposures = LearnedExposures(Exposure(NAMES, torch.zeros(3, 3)))
+    exposures.values[:, :, 0] = [[9.0, 0.0, 0.0], [0.3, 0.1, 0.2], [0.1, 0.1, -0.2]]
+    exposures.values[:, :, 1] = [[0.5] * 3, [0.2] * 3, [0.4] * 3]
+    exposures.settle()
+    np.testing.assert_allclose(exposures.values[0, :, 0], [4.8, -0.1, 0.0], atol=1e-12)  # 5 less the others' mean
+    np.testing.assert_allclose(exposures.values[1:, :, 0], [[0.1, 0.0, 0.2], [-0.1, 0.0, -0.2]], atol=1e-12)
+    np.testing.assert_allclose(exposures.values[:, 0, 1], [0.2, -0.1, 0.1], atol=1e-12)
+    exposures.values[..., 0] = np.array([-9.0, 4.0, 2.0])[:, None]
+    exposures.settle()
+    np.testing.assert_allclose(exposures.values[:, 0, 0], np.array([-5.0, 4.0, 2.0]) - 1 / 3, atol=1e-12)
+
+
+def test_a_fit_counts_no_px_whose_clipping_explains_it():
+    """White px that the twin shows brighter still, and black ones darker, are settled; the other way they are not."""
+    exposures = LearnedExposures(Exposure(NAMES, torch.zeros(3, 3)))
+    photo = torch.tensor([1.0, 0.0, 0.5], dtype=torch.float64).expand(3, 1, 3)
+    settled = torch.tensor([1.2, -0.1, 0.5], dtype=torch.float64).expand(3, 1, 3)
+    assert exposures.slope("a.png", photo, settled).value == pytest.approx(0.0, abs=1e-9)
+    off = torch.tensor([0.9, 0.1, 0.5], dtype=torch.float64).expand(3, 1, 3)
+    each = (1 + (0.1 / SETTINGS.knee) ** 2) ** 0.5 - 1
+    assert exposures.slope("a.png", photo, off).value == pytest.approx(SETTINGS.independent * 2 * each, rel=1e-6)
+
+
+def test_exposures_are_learned_from_their_share_of_the_run_on(uneven):
+    scene, views, _ = uneven
+    trainer = Trainer(views[:2], [], scene.points, Medium(), replace(SHORT, steps=40), without_knowledge(views[:2]))
+    seen = []
+    trainer.exposures.learn = lambda name, *given: seen.append(name)
+    for share in (0.0, 0.049, 0.05, 0.5):
+        trainer.advance(share)
+    assert len(seen) == 2

@@ -115,3 +115,36 @@ def test_a_step_is_the_mean_of_what_the_photo_says_and_where_the_camera_was(inde
     expected[index] = (off / slope) * photos / (photos + 1 / prior**2)
     assert 0.2 < expected[index] / (off / slope) < 0.8, "both have a say"
     np.testing.assert_allclose(step / units_of(camera), expected, atol=1e-6)
+
+
+def test_a_step_by_its_formula():
+    """A photo that is linear in the twist: one Huber-weighted ridge solution, in px; then cut to the longest."""
+    random = np.random.default_rng(0)
+    here = Camera("a", 12, 8, 10.0, 10.0, 6.0, 4.0, np.eye(3), np.zeros(3))
+    slopes, base = random.normal(0, 0.05, (6, 3, 8, 12)), random.uniform(0.3, 0.7, (3, 8, 12))
+    units = np.array([0.1, 0.1, 0.2, 0.1, 0.1, 2 / 12])
+
+    def predict(camera):
+        twist = np.concatenate([camera.translation, Rotation.from_matrix(camera.rotation).as_rotvec()])
+        return torch.from_numpy(base + np.tensordot(twist / units, slopes, 1))
+
+    def by_hand(rest, counts):
+        j, r = slopes.reshape(6, -1), rest.ravel()
+        limit = max(1.345 * 1.4826 * np.sort(np.abs(r))[(r.size - 1) // 2], 1e-4)
+        weight = np.minimum(limit / np.maximum(np.abs(r), 1e-12), 1.0) * counts.ravel()
+        noise = max((weight * r**2).sum() / max(weight.sum(), 1.0), 1e-8)
+        step = np.linalg.solve((j * weight) @ j.T / noise + np.eye(6) / 100, (j * weight) @ r / noise)
+        return step * min(1.0, 3.0 / np.abs(step).max()) * units
+
+    everywhere = np.ones((3, 8, 12))
+    for size in (0.01, 2.0):
+        rest = random.normal(0, 0.02, base.shape) + np.tensordot(size * np.arange(-2.0, 4.0), slopes, 1)
+        photo = torch.from_numpy(base + rest)
+        np.testing.assert_allclose(photometric_step(here, photo, None, predict), by_hand(rest, everywhere), rtol=1e-6)
+        valid = torch.from_numpy(random.uniform(size=(8, 12)) > 0.3)
+        masked = np.where(valid.numpy(), rest, 0.0)
+        np.testing.assert_allclose(
+            photometric_step(here, photo, valid, predict), by_hand(masked, everywhere * valid.numpy()), rtol=1e-6
+        )
+    assert np.abs(photometric_step(here, photo, None, predict) / units).max() == pytest.approx(3.0)
+    np.testing.assert_allclose(photometric_step(here, torch.from_numpy(base), None, predict), 0.0, atol=1e-12)
