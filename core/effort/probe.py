@@ -16,6 +16,7 @@ import numpy as np
 from ..camera import Camera
 from ..numbers import number
 from ..photos.load import Photo
+from ..training.contribution import asking
 from ..training.job import TrainingJob
 from ..training.run import RUN
 from ..training.settings import start_share
@@ -68,16 +69,19 @@ class Speed:
         phases: parts of a run in order.
         watched: held-out photos that are evaluated during a run.
         seconds: that the probe itself took.
+        fitted: photos that a run is trained on, and asks what they need.
     """
 
     phases: tuple[Phase, ...]
     watched: int
     seconds: float
+    fitted: int = 0
 
     def training(self, steps: int, gaussians: int) -> float:
-        """Seconds of a run's iterations and held-out evaluations."""
+        """Seconds of a run's iterations, held-out evaluations, and questions what the photos need."""
         mean = PROBE.mean_share * gaussians
         step = sum(phase.share * phase.seconds(mean) for phase in self.phases)
+        steps = steps + round(asking(steps, self.fitted))
         return steps * step + RUN.evaluations * self.watched * PROBE.evaluation * self.phases[-1].seconds(mean)
 
 
@@ -130,7 +134,7 @@ def probe(
     for length, middle in _parts(trainer):
         each = max(0.0, (tables[1][middle] - tables[0][middle]) / max(1, many - few))
         phases.append(Phase(length, max(PROBE.fastest, tables[0][middle] - each * few), each))
-    return Speed(tuple(phases), min(heldout, TRAINER.watched_views), time.perf_counter() - began)
+    return Speed(tuple(phases), min(heldout, TRAINER.watched_views), time.perf_counter() - began, fitted)
 
 
 def _parts(trainer: Trainer) -> list[tuple[float, float]]:

@@ -66,6 +66,11 @@ class DensityControl:
         self.gradients += screen.mean_gradient.norm(dim=1).to(self.gradients.device)
         self.views += (screen.radius > 0).to(self.views.device, self.views.dtype)
 
+    def keep(self, optimizer: Adam, rows: Tensor) -> None:
+        """Goes on with the Gaussians at indices `rows` [K], and with what is known of them."""
+        optimizer.keep_and_append(rows, Gaussians(**{n: t[:0] for n, t in optimizer.gaussians.detached().named()}))
+        self.gradients, self.views = self.gradients[rows], self.views[rows]
+
     def act(self, optimizer: Adam, target: int, random: np.random.Generator) -> None:
         """Prunes, then clones and splits up to `target` Gaussians."""
         g = optimizer.gaussians.detached()

@@ -198,7 +198,9 @@ class _Run:
             if ending is not None:
                 stopped = ending
                 break
-            self._loss = trainer.advance(min(schedule.share(trainer.step, spent), 1.0 - 1e-9))
+            share = min(schedule.share(trainer.step, spent), 1.0 - 1e-9)
+            self._loss = trainer.advance(share)
+            trainer.ask_photos(share)
             self._report(schedule, clock, limited=limit is not None)
             if watch is not None:
                 watch(trainer)

@@ -31,6 +31,7 @@ from ..rasterizer import RasterSettings
 from ..views import SparsePoints, View, distinct
 from .checkpoint import Checkpoint
 from .contrast import scene_contrast
+from .contribution import contributions, due, needed, photos_asked
 from .density import DensityControl
 from .exposures import SETTINGS as EXPOSURES
 from .exposures import Asked, LearnedExposures
@@ -153,6 +154,7 @@ class Trainer:
         self.step = 0
         self.repairs: dict[str, int] = {}
         self.culled: dict[str, int] = {}
+        self.asked = {"photos": 0, "unneeded": 0}  # how often all photos were asked, and what went since none needed it
         self._origin: dict[str, Any] | None = None
 
     def _level(self, step: int) -> Level:
@@ -287,6 +289,31 @@ class Trainer:
             return asked
         return Asked(photo + opaque * (asked.photo - photo), asked.weight)
 
+    def ask_photos(self, share: float) -> None:
+        """Asks all photos what they see of each Gaussian, where a share in [0, 1] of the run makes it due, and goes on
+        without those that none of them needs."""
+        if self.asked["photos"] >= due(share, self.settings.steps, len(self.views)):
+            return
+        level = self.levels[0]
+        # What lies beyond a photo's border is blurred into it, and counts.
+        count = photos_asked(self.settings.steps, len(level.views))
+        chosen = [level.views[i * len(level.views) // count] for i in range(count)]
+        photos = [(view.camera.with_margin(level.margin), self._counting(view, level.margin)) for view in chosen]
+        settings = replace(self.raster_settings(level), depth=False)
+        rows = torch.nonzero(needed(contributions(self.optimizer.gaussians, photos, settings)))[:, 0]
+        before = len(self.optimizer.gaussians)
+        if 0 < len(rows) < before:
+            self.density.keep(self.optimizer, rows)
+            self.asked["unneeded"] += before - len(rows)
+        self.asked["photos"] += 1
+
+    def _counting(self, view: GridView, margin: int) -> torch.Tensor | None:
+        """[H + 2m, W + 2m] float32: 1 for the px that count in a photo; None for all of them."""
+        if view.valid is None:
+            return None
+        counting = np.pad(view.valid, margin, constant_values=True)
+        return torch.from_numpy(counting.astype(np.float32)).to(self.device)
+
     def heldout_psnr(self) -> float | None:
         """PSNR (dB) of the degraded render against held-out photos, on the finest grid.
 
@@ -325,7 +352,7 @@ class Trainer:
         refused = {"refused, non-finite gradients": sum(names.values()), **names}
         culled = {f"culled, {_CULLED[reason]}": self.culled.get(reason, 0) for reason in _CULLED}
         always = {"dropped, non-finite Gaussians": 0, "clamped scales, most at once": 0, **self.repairs}
-        return {**self.density.counts, **refused, **always, **culled}
+        return {**self.density.counts, "unneeded": self.asked["unneeded"], **refused, **always, **culled}
 
     def fingerprint(self) -> dict[str, Any]:
         """What a checkpoint must share with this run to be continued by it."""
@@ -367,6 +394,7 @@ class Trainer:
             "steps": o.steps,
             **{f"density.{k}": v for k, v in d.counts.items()},
             **{f"refused.{k}": v for k, v in o.refused.items()},
+            **{f"asked.{k}": v for k, v in self.asked.items()},
             **{f"culled.{k}": v for k, v in self.culled.items()},
             **{f"repair.{k}": v for k, v in self.repairs.items()},
         }
@@ -382,6 +410,7 @@ class Trainer:
         group = lambda p: {k[len(p) :]: v for k, v in checkpoint.counters.items() if k.startswith(p)}  # noqa: E731
         self.optimizer.steps = checkpoint.counters["steps"]
         self.optimizer.refused, self.repairs, self.culled = group("refused."), group("repair."), group("culled.")
+        self.asked = {**self.asked, **group("asked.")}
         self.density = DensityControl(len(self.optimizer.gaussians), self.device)
         self.density.gradients, self.density.views = take("pull"), take("views")
         self.density.counts = group("density.")

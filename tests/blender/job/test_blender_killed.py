@@ -121,6 +121,18 @@ def files(out: Path) -> dict[Path, int]:
     return {path: path.stat().st_mtime_ns for path in out.rglob("*") if path.is_file()}
 
 
+def interrupted_record(out: Path, seconds: float = 10.0) -> Record | None:
+    """The record, as soon as it says that its job was interrupted: a process whose memory is gone may be a while in
+    its exit on a busy machine."""
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        record = read_record(out)
+        if record is not None and record.interrupted:
+            return record
+        time.sleep(0.02)
+    return None
+
+
 @pytest.mark.timeout(600)
 def test_nothing_goes_on_without_blender_and_the_next_one_resumes(scene: Any, tmp_path: Path) -> None:
     write_scene(tmp_path)
@@ -131,8 +143,8 @@ def test_nothing_goes_on_without_blender_and_the_next_one_resumes(scene: Any, tm
         there = files(out)
         time.sleep(0.3)
         assert files(out) == there, f"{moment}: somebody still writes"
-        record = read_record(out)
-        assert record is not None and record.interrupted, moment
+        record = interrupted_record(out)
+        assert record is not None, moment
         assert runner.resumable(out) == record
         assert not list(out.glob("twin.ply")) or len(read_ply(out / "twin.ply"))
     scene.dgs.out = str(out)  # the next Blender has only the folder
