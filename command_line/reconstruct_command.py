@@ -77,7 +77,10 @@ def _add_given(data: argparse._ArgumentGroup) -> None:
 
 def _add_effort(effort: argparse._ArgumentGroup) -> None:
     effort.add_argument(
-        "--preset", choices=("draft", "balanced", "fine"), default="balanced", help="how much time to spend"
+        "--preset",
+        choices=("draft", "balanced", "fine", "best"),
+        default="balanced",
+        help="how much time to spend; best ends when held-out photos gain no more",
     )
     effort.add_argument(
         "--time-limit",

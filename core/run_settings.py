@@ -10,7 +10,7 @@ from typing import Any, Literal
 from .background import BackgroundRequest, parse_background
 from .devices import BackendName
 
-PresetName = Literal["draft", "balanced", "fine"]
+PresetName = Literal["draft", "balanced", "fine", "best"]
 #: Frames of a movie if nobody says how many: dense enough around an object, and a minute of cameras at most.
 DEFAULT_FRAMES = 60
 _PATHS = ("photos", "out", "cameras", "truth", "masks", "reference_cameras")

@@ -23,7 +23,7 @@ from .model import accuracy, contrast, memory, slowdown, stage_seconds
 from .probe import Speed, made_up, probe
 from .records import RECORDS, Records, Work, photo_work
 
-PRESETS: tuple[PresetName, ...] = ("draft", "balanced", "fine")
+PRESETS: tuple[PresetName, ...] = ("draft", "balanced", "fine", "best")
 
 
 @dataclass(frozen=True)
@@ -118,6 +118,7 @@ def table(found: dict[str, Any]) -> str:
         lines.append(
             "'not calibrated': accuracy is predicted after runs of this preset on 4 other scenes, or on this one."
         )
+    lines.append("'best' takes so long at most: it ends as soon as held-out photos gain no more.")
     if found["busy"] is not None and found["busy"] > RECORDS.disturbed_share:
         lines.append(f"Other programs keep {100 * found['busy']:.0f} % of the machine busy: it may take much longer.")
     return "\n".join(lines)

@@ -37,8 +37,13 @@ class PlanSettings:
     )
     fewest_gaussians: int = number(5_000, "Gaussians", "that a twin has at least, however short the time")
     most_gaussians: int = number(150_000, "Gaussians", "beyond which more have not been tried by plans")
-    useful_steps: int = number(3000, "steps", "more have brought nothing", _HELPED)
-    useful_visits: int = number(60, "steps per photo", "of large sets: more have brought nothing", _HELPED)
+    useful_steps: int = number(
+        3000, "steps", "beyond these a run ends as soon as held-out photos gain no more: on some sets they do", _HELPED
+    )
+    useful_visits: int = number(60, "steps per photo", "the same of large sets", _HELPED)
+    longest_steps: int = number(
+        30_000, "steps", "are planned at most, however long the time", "3D Gaussian splatting (Kerbl et al. 2023)"
+    )
     probing: float = number(0.01, "share", "of what is left, for each of the four to six parts of a probe")
     coarse_steps: int = number(150, "steps", "with fewer, a grid of half the resolution buys more than it loses")
     camera_share: float = number(0.35, "share", "of the time: cameras that would take more are found in a hurry")
@@ -68,7 +73,7 @@ class Plan:
         save_seconds: kept for scoring, saving and the report.
         scored: held-out views that are scored.
         step_seconds: expected for one step.
-        enough: the time is more than what makes a twin better; the run ends before.
+        enough: the time is more than the longest training takes; the run ends before.
     """
 
     limit: float
@@ -94,8 +99,13 @@ def gaussians_for(steps: float) -> int:
 
 
 def useful_steps(photos: int) -> int:
-    """More steps than these have not made a twin better."""
+    """More steps than these make a twin better on some sets only: there held-out photos decide."""
     return max(PLANNING.useful_steps, PLANNING.useful_visits * photos)
+
+
+def longest_steps(photos: int) -> int:
+    """More steps than these are not planned."""
+    return max(PLANNING.longest_steps, useful_steps(photos))
 
 
 def steps_within(speed: Speed, seconds: float, fixed: int | None = None) -> tuple[int, int]:
@@ -180,11 +190,14 @@ class Budget:
             speed, steps, count = self._probed(replace(job, settings=settings), saving, fixed)
         self.speed = speed
         mine = self._training_time(saving)
-        useful = max(useful_steps(len(job.views)), settings.min_steps)
-        enough = steps > useful and settings.until is None  # who asks for a quality may go on for it
+        by_evidence = settings.until is None and steps > max(useful_steps(len(job.views)), settings.min_steps)
+        longest = max(longest_steps(len(job.views)), settings.min_steps)
+        enough = settings.until is None and steps > longest  # who asks for a quality may go on for it
         if enough:
-            steps, count = useful, fixed or gaussians_for(useful)
+            steps, count = longest, fixed or gaussians_for(longest)
             mine = min(mine, speed.training(steps, count))
+        if by_evidence and settings.min_steps == 0:
+            settings = replace(settings, until="plateau")
         self.plan = Plan(
             limit=self.limit,
             hurried=self.hurried,

@@ -130,7 +130,7 @@ def _stages(run: RunSettings, given: Spreads | None, truth: TruthFolder | None, 
     asked = TrainingJob(effects.fitted, effects.heldout, points, effects.medium, settings, chosen.formation)
     planned = fit_into_time(asked, photos, run.training.max_gaussians, run.resume, timing, folder)
     if planned.enough:
-        keeper.note("The time limit is more than what makes these photos' twin better: the run ends before it")
+        keeper.note("The time limit is more than the longest training of these photos takes: the run ends before it")
     trained = train_twin(replace(asked, settings=planned.settings), run.resume, run.snapshots, folder, keeper)
     watch.lap("prepare")
     watch.part("prepare", {name: round(float(trained.seconds[name]), 3) for name in ("compile", "train")})

@@ -34,9 +34,10 @@ def training_settings(request: TrainingRequest, machine: Machine, limited: bool)
         limited: whether a time limit will say how many steps there are.
     """
     changes: Mapping[str, Any] = {"max_gaussians": request.max_gaussians, "sh_degree": request.sh_degree}
+    usual = usual_settings(request, machine)
     settings = replace(
-        usual_settings(request, machine),
-        until=request.until,
+        usual,
+        until=usual.until if request.until is None else request.until,
         min_steps=request.min_steps,
         **{name: value for name, value in changes.items() if value is not None},
     )

@@ -219,7 +219,7 @@ def _help(
         advice.append(f"{differ}: lock it while photographing, or use --effects auto")
     rows = [row["heldout_psnr"] for row in history if "heldout_psnr" in row]
     if len(rows) > 3 and rows[-1] - rows[-1 - len(rows) // 4] > settings.still_rising:
-        advice.append("The training was still getting better: give it more time (--preset fine, --time-limit)")
+        advice.append("The training was still getting better: give it more time (--preset best, --time-limit)")
     if fitted > settings.doubtful_share:
         advice.append(
             "Mask what moved between the photos (--masks), and check the cameras and the blur that were given"

@@ -37,7 +37,7 @@ class PlannedTraining:
     Attributes:
         settings: of the training.
         plan: to be kept in the twin's folder, so that a resumed run goes on with it; None where nothing was planned.
-        enough: there is more time than makes a twin better.
+        enough: there is more time than the longest training takes.
     """
 
     settings: TrainingSettings

@@ -8,7 +8,7 @@ from typing import Literal
 from ..numbers import number
 
 LossName = Literal["dgs", "paper"]
-PresetName = Literal["draft", "balanced", "fine"]
+PresetName = Literal["draft", "balanced", "fine", "best"]
 
 
 #: Where the step sizes come from.
@@ -150,12 +150,16 @@ def smoothed_for(
 
 @dataclass(frozen=True)
 class PresetSettings:
-    """What the presets 'draft' and 'fine' change of the balanced one, `TrainingSettings`."""
+    """What the other presets change of the balanced one, `TrainingSettings`."""
 
     draft_steps: int = number(300, "steps", "of a draft: photos to report in about half the balanced preset's time")
     draft_gaussians: int = number(25_000, "count", "a draft's budget: what so few steps can bring into shape")
     fine_steps: int = number(2000, "steps", "of the fine preset; 4000 were no better")
     fine_gaussians: int = number(56_000, "count", "the fine preset's budget: it grows with the root of the steps")
+    best_steps: int = number(
+        12_000, "steps", "of the best preset at most: it ends as soon as held-out photos gain no more"
+    )
+    best_gaussians: int = number(139_000, "count", "the best preset's budget: it grows with the root of the steps")
 
 
 PRESETS = PresetSettings()
@@ -274,4 +278,5 @@ class TrainingSettings:
             "draft": replace(base, steps=PRESETS.draft_steps, max_gaussians=PRESETS.draft_gaussians),
             "balanced": base,
             "fine": replace(base, steps=PRESETS.fine_steps, max_gaussians=PRESETS.fine_gaussians),
+            "best": replace(base, steps=PRESETS.best_steps, max_gaussians=PRESETS.best_gaussians, until="plateau"),
         }[name]

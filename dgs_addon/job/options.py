@@ -89,7 +89,7 @@ OPTIONS: dict[str, Option] = {
     "max_size": Option("--max-size", _whole(1), int, only=""),
     "frames": Option("--frames", _whole(1), int, only=""),
     "cameras": Option("--cameras", absolute_path),
-    "preset": Option("--preset", _one_of("draft", "balanced", "fine")),
+    "preset": Option("--preset", _one_of("draft", "balanced", "fine", "best")),
     "holdout_every": Option("--holdout-every", _whole(0), int),
     "seed": Option("--seed", _whole(0), int),
     "max_gaussians": Option("--max-gaussians", _whole(1), int),

@@ -45,7 +45,7 @@ _SHARED = (
 
 _SPAN = {"value": number, "low": number, "high": number}
 _PRESET = {"seconds": {**_SPAN, "calibrated": boolean}, "memory_mb": {"value": number}, "psnr": (_SPAN,)}
-question = Question("presets", {"presets": dict.fromkeys(("draft", "balanced", "fine"), _PRESET)})
+question = Question("presets", {"presets": dict.fromkeys(("draft", "balanced", "fine", "best"), _PRESET)})
 
 
 def signature(settings: Any) -> tuple[Any, ...]:

@@ -64,12 +64,13 @@ def reconstructed(asked: ReconstructSettings, began: float | None = None) -> Fin
 
 
 def test_time_that_helps_nobody_is_not_used(scene, tmp_path, monkeypatch):
-    monkeypatch.setattr(plan, "PLANNING", replace(plan.PLANNING, useful_steps=40, useful_visits=1))
+    few = replace(plan.PLANNING, useful_steps=30, useful_visits=1, longest_steps=40)
+    monkeypatch.setattr(plan, "PLANNING", few)
     began = time.perf_counter()
     report = reconstructed(settings(scene, tmp_path, time_limit=300.0), began).report
     assert time.perf_counter() - began < 60.0
     assert report["predicted"]["enough"] is True
-    assert any("more than what makes" in note for note in report["notes"])
+    assert any("more than the longest training" in note for note in report["notes"])
 
 
 def test_the_time_is_kept_and_all_of_it_is_used(scene, tmp_path, monkeypatch):
@@ -108,7 +109,7 @@ def test_an_estimate_is_compared_with_what_it_took(scene, tmp_path, capsys, own_
     ]
     assert run([*words, "--json"]) == 0
     answer = json.loads(capsys.readouterr().out)
-    assert set(answer["presets"]) == {"draft", "balanced", "fine"} and answer["photos"] == 9
+    assert set(answer["presets"]) == {"draft", "balanced", "fine", "best"} and answer["photos"] == 9
     draft, fine = answer["presets"]["draft"], answer["presets"]["fine"]
     assert 0 < draft["seconds"]["low"] < draft["seconds"]["value"] < fine["seconds"]["value"]
     assert draft["psnr"] is None and not draft["seconds"]["calibrated"]

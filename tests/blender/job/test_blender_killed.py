@@ -20,7 +20,7 @@ bpy = pytest.importorskip("bpy")
 import dgs  # noqa: E402
 from dgs.core.formats.ply import read_ply  # noqa: E402
 from dgs.dgs_addon.job import runner  # noqa: E402
-from dgs.dgs_addon.job.record import read_record  # noqa: E402
+from dgs.dgs_addon.job.record import Record, read_record  # noqa: E402
 from dgs.tests.command_line.scene import SIGMA, write_scene  # noqa: E402
 
 ROOT = Path(dgs.__path__[0])

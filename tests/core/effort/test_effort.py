@@ -14,7 +14,7 @@ import pytest
 from dgs.core.effort import plan
 from dgs.core.effort.described import RunDescription
 from dgs.core.effort.model import LAWS, PREDICTIONS, accuracy, contrast, memory, slowdown, stage_seconds
-from dgs.core.effort.plan import PLANNING, Budget, gaussians_for, steps_within, useful_steps
+from dgs.core.effort.plan import PLANNING, Budget, gaussians_for, longest_steps, steps_within, useful_steps
 from dgs.core.effort.probe import Phase, Speed, made_up, probe
 from dgs.core.effort.records import RECORDS, PastRun, Records, Work
 from dgs.core.imaging.formation.chain import Formation
@@ -147,7 +147,7 @@ def test_contrast_is_that_of_the_photos():
 
 
 def test_gaussians_grow_as_the_presets_do():
-    for name in ("balanced", "fine"):
+    for name in ("balanced", "fine", "best"):
         preset = TrainingSettings.preset(name)
         assert gaussians_for(preset.steps) == pytest.approx(preset.max_gaussians, rel=0.02)
 
@@ -189,16 +189,23 @@ def planned(limit: float, spent: float = 0.0, held: int = 9, **changes) -> tuple
     return budget, found.settings
 
 
-def test_more_steps_than_help_are_not_planned():
+def test_no_more_than_the_longest_training_is_planned():
     budget, settings = planned(3000.0)
     assert budget.plan is not None and settings.time_limit is not None
-    assert budget.plan.enough and budget.plan.steps == settings.steps == useful_steps(4) == PLANNING.useful_steps
-    assert settings.time_limit < 1500.0
-    asked = PLANNING.useful_steps + 500
+    assert budget.plan.enough and budget.plan.steps == settings.steps == longest_steps(4) == PLANNING.longest_steps
+    assert settings.time_limit < 2900.0
+    asked = PLANNING.longest_steps + 500
     assert planned(3000.0, min_steps=asked)[1].steps == asked, "steps that are asked for are done"
     budget, settings = planned(3000.0, until=30.0)
-    assert budget.plan is not None and not budget.plan.enough and settings.steps > PLANNING.useful_steps
-    assert useful_steps(100) == 100 * PLANNING.useful_visits, "many photos want more"
+    assert budget.plan is not None and not budget.plan.enough and settings.steps > PLANNING.longest_steps
+    assert longest_steps(1000) == useful_steps(1000) == 1000 * PLANNING.useful_visits, "many photos want more"
+
+
+def test_held_out_photos_end_what_goes_beyond_the_useful(monkeypatch: pytest.MonkeyPatch):
+    assert planned(3000.0)[1].until == "plateau"
+    assert planned(3000.0, until=30.0)[1].until == 30.0, "who asks for a quality gets it"
+    monkeypatch.setattr(plan, "PLANNING", replace(PLANNING, useful_steps=10**6, longest_steps=10**7))
+    assert planned(60.0)[1].until is None
 
 
 def test_what_is_left_goes_to_the_training(monkeypatch: pytest.MonkeyPatch):
