@@ -31,9 +31,23 @@ class ScheduleSettings:
     cooling: float = number(
         0.15, "share of the work done", "over which a run that has reached its plateau lowers its step sizes"
     )
+    harmonics_until: float = number(
+        0.3,
+        "share of the run",
+        "over which colours learn to change with the direction, degree by degree from 1 to the highest: shapes come"
+        " first, and steps are quicker",
+        "the order is that of 3D Gaussian splatting (Kerbl et al. 2023); the share is a first choice",
+    )
 
 
 SCHEDULE = ScheduleSettings()
+
+
+def harmonics_degree(share: float, highest: int) -> int:
+    """Degree of the harmonics at a share in [0, 1] of the run."""
+    if highest <= 1 or share >= SCHEDULE.harmonics_until:
+        return highest
+    return 1 + int(share / SCHEDULE.harmonics_until * (highest - 1))
 
 
 class Schedule:

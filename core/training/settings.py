@@ -278,5 +278,7 @@ class TrainingSettings:
             "draft": replace(base, steps=PRESETS.draft_steps, max_gaussians=PRESETS.draft_gaussians),
             "balanced": base,
             "fine": replace(base, steps=PRESETS.fine_steps, max_gaussians=PRESETS.fine_gaussians),
-            "best": replace(base, steps=PRESETS.best_steps, max_gaussians=PRESETS.best_gaussians, until="plateau"),
+            "best": replace(
+                base, steps=PRESETS.best_steps, max_gaussians=PRESETS.best_gaussians, sh_degree=3, until="plateau"
+            ),
         }[name]

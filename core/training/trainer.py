@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from ..background import Background
 from ..colour import srgb_to_linear
+from ..constants import SH_COEFFICIENTS
 from ..devices import backend_on
 from ..errors import CheckpointError, PsfError
 from ..evaluation.halves import exposed_by_halves
@@ -43,6 +44,7 @@ from .objective import Objective
 from .optimizer import Adam
 from .origin import origin
 from .scale import SceneScale, scene_scale
+from .schedule import harmonics_degree
 from .settings import TrainingSettings, smoothed_for, smoothness, start_share, trust
 
 
@@ -223,6 +225,14 @@ class Trainer:
         order = np.random.default_rng([self.settings.seed, 1, step // n]).permutation(n)
         return level.views[order[step % n]]
 
+    def _shown(self, share: float) -> Gaussians:
+        """The Gaussians with as many harmonics as the run has come to; gradients flow to the optimizer's own."""
+        gaussians, highest = self.optimizer.gaussians, self.settings.sh_degree
+        degree = harmonics_degree(share, highest)
+        if degree == highest:
+            return gaussians
+        return replace(gaussians, sh=gaussians.sh[:, : SH_COEFFICIENTS[degree]])
+
     def backdrop(self) -> torch.Tensor:
         """[3] the colour behind the twin in this step: the photos' mean, shaken.
 
@@ -244,7 +254,7 @@ class Trainer:
         level = self.levels[0] if share < s.coarse_share else self.levels[-1]
         view = self.view_at(level, self.step)
         backdrop = self.backdrop()
-        exposed = self.model(level).expose(self.optimizer.gaussians, view, backdrop)
+        exposed = self.model(level).expose(self._shown(share), view, backdrop)
         valid = None if view.valid is None else torch.from_numpy(view.valid).to(self.device)
         red, green, blue = (float(value) for value in backdrop)
         photo = torch.from_numpy(view.over((red, green, blue))).to(self.device)

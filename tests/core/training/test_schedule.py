@@ -9,8 +9,9 @@ import pytest
 from dgs.core.progress import Silent
 from dgs.core.training.job import TrainingJob
 from dgs.core.training.run import Trained, train
-from dgs.core.training.schedule import SCHEDULE, Schedule
+from dgs.core.training.schedule import SCHEDULE, Schedule, harmonics_degree
 from dgs.core.training.settings import TrainingSettings
+from dgs.core.training.trainer import Trainer
 from dgs.tests.core.training.training_scenes import SHORT, Scene, blurred_scene, same
 
 SETTINGS = TrainingSettings(steps=100)
@@ -47,6 +48,26 @@ def ends(schedule: Schedule, seconds_per_step: float, most: int = 100_000) -> tu
             return step, ending, shares
         shares.append(schedule.share(step, spent))
     raise AssertionError("it never ends")
+
+
+def test_harmonics_grow_degree_by_degree():
+    shares = [i / 1000 for i in range(1000)]
+    for highest in (0, 1):
+        assert {harmonics_degree(share, highest) for share in shares} == {highest}, "as ever"
+    for highest in (2, 3):
+        degrees = [harmonics_degree(share, highest) for share in shares]
+        assert degrees == sorted(degrees) and set(degrees) == set(range(1, highest + 1))
+        assert degrees[int(1000 * SCHEDULE.harmonics_until)] == highest
+
+
+def test_harmonics_that_are_not_due_stay_nothing(scene: Scene):
+    settings = replace(SHORT, sh_degree=3, coarse_share=0.0)
+    trainer = Trainer(scene.views, [], scene.points, scene.medium, settings)
+    for share, learned in ((0.0, 4), (0.6 * SCHEDULE.harmonics_until, 9), (SCHEDULE.harmonics_until, 16)):
+        trainer.advance(share)
+        sh = trainer.optimizer.gaussians.sh.detach()
+        assert (sh[:, :learned] != 0).any(dim=2).any(dim=0).all(), "what is due is learned"
+        assert (sh[:, learned:] == 0).all()
 
 
 def test_steps_are_the_plan_without_a_limit():
