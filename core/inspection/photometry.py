@@ -35,6 +35,7 @@ class PhotometrySettings:
     prior_haze: float = number(1.0, "1 / median depth", "the same of the attenuation; the backscatter's is half of it")
     outlier: float = number(4.7, "robust sigmas", "residuals beyond do not count", "Tukey's usual 95 % efficiency")
     first_scale: float = number(0.05, "relative", "scatter that the fit begins with")
+    least_light: float = number(1e-4, "linear light", "whose logarithm is taken: darker is noise")
     least_scale: float = number(0.003, "relative", "scatter at least, so that no perfect fit divides by zero")
 
 
@@ -95,6 +96,33 @@ def fit_photometry(observations: PointObservations, seed: int = 0) -> Photometry
         weight_all,
         1.4826 * float(np.median(np.abs(residual_all))),
     )
+
+
+def explained_by_gains(observations: PointObservations, gains: Array) -> float:
+    """Share of what differs between photos of the same points that gains alone explain; negative where they add to it.
+
+    An exposure moves all points of a photo alike. Gloss, shadows and points that hide each other move each its own way,
+    and move the photos' means along with them.
+
+    Args:
+        gains: [V, 3] natural log of each photo's gain.
+
+    Returns:
+        Of the variance of the light's logarithm about each point's own mean, by its median: at most 1.
+    """
+    light = np.log(np.maximum(observations.light, SETTINGS.least_light))
+    before, after = (
+        _about_own_mean(values, observations.point) for values in (light, light - gains[observations.photo])
+    )
+    spread = float(np.median(np.abs(before)))
+    return 1.0 - (float(np.median(np.abs(after))) / spread) ** 2 if spread > 0 else 0.0
+
+
+def _about_own_mean(values: Array, point: NDArray[np.int64]) -> Array:
+    """[N, 3] less the mean of each point's own values."""
+    count = np.maximum(np.bincount(point), 1)
+    mean = np.stack([np.bincount(point, values[:, channel]) / count for channel in range(values.shape[1])], axis=1)
+    return np.asarray(values - mean[point])
 
 
 def _fit(

@@ -40,7 +40,12 @@ class ContributionSettings:
         0.5, "steps", "that asking one photo takes: it is rendered on the coarse grid, forwards and backwards"
     )
     last: float = number(
-        0.9, "share of the run", "at which the photos are asked for the last time; the rest closes what gaps are left"
+        0.55,
+        "share of the run",
+        "at which the photos are asked for the last time: after it, density control still fills the room, and the rest"
+        " closes what gaps are left",
+        "lego at 400 px: 0.9 32.62 dB (worst view 29.16), 0.55 32.69 (29.34)",
+        "copr blurred by 5 px: not asked 28.54 dB (23.9), 0.9 28.56 (24.0), 0.55 28.76 (25.0)",
     )
 
 
