@@ -76,7 +76,7 @@ class Interruption:
         self._before.clear()
 
     def said(self) -> None:
-        """The user was told that the work has stopped."""
+        """The user has read that the work has stopped."""
         self._said.set()
 
     def _watch(self) -> None:

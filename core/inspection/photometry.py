@@ -36,6 +36,7 @@ class PhotometrySettings:
     outlier: float = number(4.7, "robust sigmas", "residuals beyond do not count", "Tukey's usual 95 % efficiency")
     first_scale: float = number(0.05, "relative", "scatter that the fit begins with")
     least_light: float = number(1e-4, "linear light", "whose logarithm is taken: darker is noise")
+    fewest_of_photo: int = number(5, "observations", "of a photo that say anything of its gain alone")
     least_scale: float = number(0.003, "relative", "scatter at least, so that no perfect fit divides by zero")
 
 
@@ -98,24 +99,41 @@ def fit_photometry(observations: PointObservations, seed: int = 0) -> Photometry
     )
 
 
-def explained_by_gains(observations: PointObservations, gains: Array) -> float:
-    """Share of what differs between photos of the same points that gains alone explain; negative where they add to it.
+def explained_elsewhere(observations: PointObservations) -> float:
+    """Share of what differs between photos of the same points that gains explain which other regions of space gave.
 
-    An exposure moves all points of a photo alike. Gloss, shadows and points that hide each other move each its own way,
-    and move the photos' means along with them.
-
-    Args:
-        gains: [V, 3] natural log of each photo's gain.
+    An exposure moves all points of a photo alike, wherever they are. Gloss, shadows and points that hide each other
+    move those of one region, and the photo's mean along with them: elsewhere such gains explain nothing.
 
     Returns:
-        Of the variance of the light's logarithm about each point's own mean, by its median: at most 1.
+        Of the variance of the light's logarithm about each point's own mean, by its median; the mean of both halves of
+        the regions explained by the other. At most 1, negative where gains add to what differs.
     """
     light = np.log(np.maximum(observations.light, SETTINGS.least_light))
-    before, after = (
-        _about_own_mean(values, observations.point) for values in (light, light - gains[observations.photo])
-    )
-    spread = float(np.median(np.abs(before)))
-    return 1.0 - (float(np.median(np.abs(after))) / spread) ** 2 if spread > 0 else 0.0
+    even = observations.block % 2 == 0
+    before = np.abs(_about_own_mean(light, observations.point))
+    shares = []
+    for giving, judged in ((even, ~even), (~even, even)):
+        if not giving.any() or not judged.any():
+            continue
+        gains = _gains_alone(light, observations, giving)
+        after = np.abs(_about_own_mean(light - gains[observations.photo], observations.point))
+        spread = float(np.median(before[judged]))
+        shares.append(1.0 - (float(np.median(after[judged])) / spread) ** 2 if spread > 0 else 0.0)
+    return float(np.mean(shares)) if shares else 0.0
+
+
+def _gains_alone(light: Array, observations: PointObservations, chosen: NDArray[np.bool_]) -> Array:
+    """[V, 3] natural log of each photo's gain by the chosen observations, medians of what is left taken in turns."""
+    gains = np.zeros((len(observations.names), light.shape[1]))
+    for _ in range(SETTINGS.rounds):
+        rest = _about_own_mean(light - gains[observations.photo], observations.point)
+        for photo in range(len(gains)):
+            mine = chosen & (observations.photo == photo)
+            if mine.sum() >= SETTINGS.fewest_of_photo:
+                gains[photo] += np.median(rest[mine], axis=0)
+        gains -= gains.mean(axis=0)
+    return gains
 
 
 def _about_own_mean(values: Array, point: NDArray[np.int64]) -> Array:

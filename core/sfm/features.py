@@ -54,7 +54,7 @@ class Features:
         positions: [N, 2] float32 px, pixel centres at +0.5, distortion included.
         descriptors: [N, 128] uint8, of length 512.
         content: digest of the photo that shows them (`Photo.content`), by which a photo that is another under the same
-            name is told from it; empty where it is not known.
+            name follows from it; empty where it is not known.
     """
 
     positions: NDArray[np.float32]

@@ -92,7 +92,7 @@ def test_what_was_left_behind_is_said_when_a_folder_is_worked_on(tmp_path):
     assert notes == [f"A change of '{tmp_path}' that had been cut off was undone"]
 
 
-def test_nobody_waits_who_was_not_told_to(tmp_path):
+def test_nobody_waits_unasked(tmp_path):
     child = held_by_a_child(tmp_path, 30)
     for wait, least, most in ((None, 0.0, 0.5), (0.7, 0.7, 5.0)):
         began = time.perf_counter()

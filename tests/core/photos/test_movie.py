@@ -150,7 +150,7 @@ def test_a_table_that_declares_more_than_it_holds_is_refused(tmp_path: Path) -> 
         extract_frames(tmp_path / "nested.mp4", tmp_path / "f", 5, Silent())
 
 
-def test_a_way_of_coding_that_nobody_knows_is_named(tmp_path: Path) -> None:
+def test_an_unknown_way_of_coding_is_named(tmp_path: Path) -> None:
     whole = write_movie(tmp_path / "whole.mp4", scene).read_bytes()
     at = whole.index(b"stsd") + 16
     (tmp_path / "odd.mp4").write_bytes((whole[:at] + b"qqqq" + whole[at + 4 :]).replace(b"esds", b"none"))

@@ -97,7 +97,7 @@ def test_the_last_question_comes_before_the_end_and_none_comes_twice() -> None:
         assert np.diff([0.0, *times]).max() < CONTRIBUTION.last / len(times) + 2 / steps
 
 
-def test_the_density_control_goes_on_with_what_it_knows_of_the_others() -> None:
+def test_the_density_control_keeps_what_it_has_gathered_of_the_others() -> None:
     optimizer = Adam(discs([1.5, 2.0, 2.5], 0.7))
     optimizer.first["means"][:, 0] = torch.arange(3.0)
     density = DensityControl(3, torch.device("cpu"))
