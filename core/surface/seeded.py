@@ -39,12 +39,12 @@ class SeededSettings:
     """Of the surface around known points."""
 
     longest_side: int = number(
-        128, "px", "of a small view: 192 took twice as long for nothing that lasts through a draft", _CHOSEN, _CHECKED
+        128, "px", "of a small view: 192, of half as many views, took longer and was no better", _CHOSEN, _CHECKED
     )
     photos: int = number(
         96, "photos", "that are looked at, evenly chosen: making them small takes longer than the rest"
     )
-    references: int = number(32, "views", "that are swept: 16 were 0.3 dB worse in the room", _CHOSEN, _CHECKED)
+    references: int = number(32, "views", "that are swept: 16 were 0.4 dB worse in the room", _CHOSEN, _CHECKED)
     neighbours: int = number(2, "views", "that each is compared with; the better one decides", _CHOSEN, _CHECKED)
     planes: int = number(16, "count", "depths that are tried around each guess", _CHOSEN, _CHECKED)
     band: float = number(
