@@ -176,7 +176,7 @@ def write_lenses(
     Raises:
         OutputError: the folder cannot be written.
     """
-    import pycolmap  # heavy; and Blender's Python lacks it
+    from ..colmap_library import pycolmap  # heavy; and Blender's Python lacks it
 
     model = pycolmap.Reconstruction()
     shared: dict[Lens, int] = {}

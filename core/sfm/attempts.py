@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pycolmap
 from numpy.typing import NDArray
 
+from ..colmap_library import pycolmap
 from ..numbers import BY_DEFINITION, number
 from ..reconstruction import Attempt
 from . import keyframes, mapping

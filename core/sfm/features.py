@@ -72,7 +72,7 @@ def read_features(database: Path, most: int | None = None) -> dict[str, Features
     Args:
         most: of each image; None for as many as are kept.
     """
-    import pycolmap  # late: ends the process where its native code fails, so only the child loads it
+    from ..colmap_library import pycolmap  # late: ends the process where it fails, so only the child loads it
 
     most = SETTINGS.kept_per_photo if most is None else most
 

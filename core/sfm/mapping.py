@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pycolmap
 from numpy.typing import NDArray
 from PIL import Image
 
+from ..colmap_library import pycolmap
 from ..numbers import BY_DEFINITION, number
 from .job import SfmJob
 from .pairs import choose_pairs

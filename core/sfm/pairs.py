@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import pycolmap
 from numpy.typing import NDArray
 
+from ..colmap_library import pycolmap
 from ..numbers import BY_DEFINITION, number
 from .features import UNIT
 from .settings import SfmSettings

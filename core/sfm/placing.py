@@ -14,9 +14,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import pycolmap
 from numpy.typing import NDArray
 
+from ..colmap_library import pycolmap
 from ..numbers import number
 from . import mapping
 from .attempts import SfmResult, lighter

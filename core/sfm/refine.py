@@ -14,10 +14,10 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import pycolmap
 from numpy.typing import NDArray
 
 from .. import compiled
+from ..colmap_library import pycolmap
 from ..numbers import number
 from .refine_kernels import align
 from .settings import RefineSettings

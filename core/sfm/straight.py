@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import pycolmap
 
+from ..colmap_library import pycolmap
 from ..numbers import number
 from .settings import RefineSettings
 
