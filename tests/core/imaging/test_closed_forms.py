@@ -852,3 +852,9 @@ def test_gradients_of_a_layer_by_the_formula_of_its_tent() -> None:
     torch.testing.assert_close((in_variance - 1)[:, sure], (slope * share)[:, sure])
     weighed = layer_weighed(light, variance, tent)
     torch.testing.assert_close(weighed, torch.cat([weight * light, weight[None, None]]))
+
+
+def test_a_symmetric_kernel_has_a_real_transfer_function_of_half_the_memory() -> None:
+    frame, kernel = Frame(12, 14, 2), PointSpread(sigma_x=1.5, sigma_y=1.0).kernel()
+    assert Fourier(kernel, frame, torch.float32, CPU).transfer.dtype == torch.float32
+    assert Fourier(np.array([[0.2, 0.3, 0.5]]), frame, torch.float32, CPU).transfer.dtype == torch.complex64

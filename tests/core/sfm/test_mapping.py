@@ -9,6 +9,7 @@ import numpy as np
 import pycolmap
 import pytest
 from dgs.core.photos.load import Photo
+from dgs.core.sfm import mapping
 from dgs.core.sfm.features import Features, matched, read_features
 from dgs.core.sfm.job import SfmJob, read_job, write_job
 from dgs.core.sfm.keyframes import read_matches
@@ -237,6 +238,14 @@ def test_one_focal_length_for_all() -> None:
     angles = (0.3, 0.35, 0.4)
     mixed = [homography(a, (0, 0, 0), 400.0) for a in angles] + [homography(0.5, (0, 0, 0), 1200.0)]
     assert _turned(np.array(mixed), CENTRES.repeat(4, axis=0), 400.0) == 3
+
+
+@pytest.mark.parametrize(("focal", "exact"), [(160.0, True), (1600.0, True), (150.0, False), (1700.0, False)])
+def test_lenses_from_four_tenths_of_a_photo_to_four_are_tried(
+    focal: float, exact: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(mapping, "SETTINGS", replace(mapping.SETTINGS, still=1e-9))
+    assert _turned(homography(0.3, (0, 0, 0), focal)[None], CENTRES, 400.0) == exact
 
 
 def test_no_homographies_say_nothing() -> None:

@@ -144,7 +144,7 @@ def test_pictures_without_detail_are_not_aligned() -> None:
 
 
 def test_the_axes_of_a_plane_lie_across_its_normal() -> None:
-    normals = np.array([[0.0, 0.0, -1.0], [0.6, 0.0, 0.8], [1.0, 0.0, 0.0], [0.48, 0.6, -0.64]])
+    normals = np.array([[0.0, 0.0, -1.0], [0.6, 0.0, 0.8], [1.0, 0.0, 0.0], [0.48, 0.6, -0.64], [0.6, -0.8, 0.0]])
     axes = _plane_axes(normals)
     for normal, (first, second) in zip(normals, axes.transpose(0, 2, 1), strict=True):
         assert np.linalg.norm(first) == pytest.approx(1.0) and np.linalg.norm(second) == pytest.approx(1.0)

@@ -40,3 +40,11 @@ def test_only_what_is_called_for(true: float, straight: bool) -> None:
     if not straight:
         assert after is before and abs(lens.params[3] - true) < 0.05
     assert lens.params[0] == pytest.approx(3000.0, rel=5e-3)
+
+
+def test_errors_that_a_model_remembers_do_not_decide() -> None:
+    before = model(0.0, 0.02)
+    for point in before.points3D.values():
+        point.error = 0.0
+    (lens,) = with_straight_lenses(before, RefineSettings()).cameras.values()
+    assert lens.params[3] == 0.0

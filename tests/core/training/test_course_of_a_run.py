@@ -299,3 +299,7 @@ def test_a_resumed_run_counts_what_was_before(monkeypatch: pytest.MonkeyPatch, t
     assert 125.0 < saved[0][1] <= 132.0
     made.finished("done")
     assert saved[3] == (60, 195.0) and len(made.history) == 12 and made.history[-1]["seconds"] == 190.0
+
+
+def test_what_never_happened_is_counted_as_none(scene: Scene) -> None:
+    assert set(made(scene).counters().values()) == {0}

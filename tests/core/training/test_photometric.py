@@ -93,6 +93,7 @@ def test_nothing_valid():
     image, photo = pair(12, 12)
     value, gradient = PhotometricLoss(photo, torch.zeros(12, 12)).value_and_gradient(image)
     assert value == 0.0 and (gradient == 0).all()
+    assert float(photometric_reference(image, photo, torch.zeros(12, 12))) == 0.0
 
 
 def test_autograd_wrapper_scales_the_gradient():
