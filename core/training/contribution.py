@@ -17,9 +17,10 @@ from torch import Tensor
 
 from ..camera import Camera
 from ..constants import SH_C0
+from ..forward import sharp_view
 from ..gaussians import Gaussians
 from ..numbers import number
-from ..rasterizer import RasterSettings, render, with_gradient
+from ..rasterizer import RasterSettings, with_gradient
 
 
 @dataclass(frozen=True)
@@ -69,7 +70,7 @@ def contributions(
     plain = gaussians.detached()
     plain.sh = colours
     for camera, weight in photos:
-        image = render(plain, camera, settings=settings).image
+        image = sharp_view(plain, camera, settings).image
         upstream = torch.zeros_like(image)
         upstream[0] = 1.0 if weight is None else weight
         with_gradient(image, upstream).backward()  # type: ignore[no-untyped-call]

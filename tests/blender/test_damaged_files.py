@@ -241,7 +241,7 @@ ANSWERS: dict[str, tuple[Question, dict[str, Any], Callable[[dict[str, Any]], ob
         estimate.question,
         {
             "presets": dict.fromkeys(
-                ("draft", "balanced", "fine"),
+                ("draft", "balanced", "fine", "best"),
                 {
                     "seconds": {"value": 9.0, "low": 5.0, "high": 20.0, "calibrated": False},
                     "memory_mb": {"value": 900.0},

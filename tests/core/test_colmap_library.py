@@ -19,10 +19,10 @@ os.kill(os.getpid(), signal.SIGTERM)
 time.sleep(5)
 print("it went on")
 """
-OWN = "signal.signal(signal.SIGTERM, lambda number, frame: (print('asked to stop'), sys.exit(7)))"
+HANDLER = "signal.signal(signal.SIGTERM, lambda number, frame: (print('asked to stop'), sys.exit(7)))"
 
 
-@pytest.mark.parametrize(("before", "status", "said"), [(OWN, 7, "asked to stop\n"), ("", -signal.SIGTERM, "")])
+@pytest.mark.parametrize(("before", "status", "said"), [(HANDLER, 7, "asked to stop\n"), ("", -signal.SIGTERM, "")])
 def test_sigterm_is_what_it_was(before: str, status: int, said: str) -> None:
     done = subprocess.run(
         [sys.executable, "-c", CODE.format(before=before)],

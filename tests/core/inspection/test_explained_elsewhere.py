@@ -8,7 +8,7 @@ from dgs.core.inspection.observations import PointObservations
 from dgs.core.inspection.photometry import explained_elsewhere
 from scipy.stats import norm
 
-POINTS, PHOTOS, BLOCKS = 200, 30, 8
+POINTS, PHOTOS, BLOCKS = 200, 30, 50
 
 
 def explained(gain: float, gloss: float, noise: float = 0.02, blocks: int = BLOCKS) -> float:

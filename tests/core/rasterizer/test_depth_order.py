@@ -1,4 +1,4 @@
-"""The order of splats from near to far, as the kernel's own source says it, in Python: that knows where arrays end."""
+"""The order of splats from near to far, as the kernel's own source says it, in Python, where arrays have ends."""
 
 from __future__ import annotations
 

@@ -63,6 +63,9 @@ class Course:
     def waited(self, question: Any) -> bool:
         return bool(question())
 
+    def ask_photos(self, share: float) -> None:
+        """Takes no time here."""
+
     def advance(self, share: float) -> float:
         assert 0.0 <= share < 1.0
         self.step += 1
