@@ -34,6 +34,7 @@ class Interruption:
         self._free = threading.Event()
         self._free.set()
         self._before: dict[int, object] = {}
+        self._woken: tuple[int, int] | None = None  # whom signals woke before, and the pipe that they write to now
 
     @property
     def asked(self) -> bool:
@@ -74,6 +75,10 @@ class Interruption:
             if handler is not None:  # None: one that was not set from Python (Blender's own)
                 signal.signal(number, handler)  # type: ignore[arg-type]
         self._before.clear()
+        if self._woken is not None:
+            signal.set_wakeup_fd(self._woken[0])
+            os.close(self._woken[1])  # nobody watches work that has ended
+            self._woken = None
 
     def said(self) -> None:
         """The user has read that the work has stopped."""
@@ -83,11 +88,14 @@ class Interruption:
         """Ends this process soon after the first signal, whatever its other threads do."""
         heard, written = os.pipe()
         os.set_blocking(written, False)
-        signal.set_wakeup_fd(written, warn_on_full_buffer=False)
+        self._woken = signal.set_wakeup_fd(written, warn_on_full_buffer=False), written
 
         def end() -> None:
-            while os.read(heard, 1)[0] not in (signal.SIGINT, signal.SIGTERM):
+            while (received := os.read(heard, 1)) and received[0] not in (signal.SIGINT, signal.SIGTERM):
                 pass
+            if not received:
+                os.close(heard)
+                return
             time.sleep(GRACE)
             if not self._said.is_set():
                 os.write(2, b"Stopped.\n")

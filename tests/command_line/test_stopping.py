@@ -15,6 +15,28 @@ from dgs.tests.command_line.scene import write_scene
 ROOT = Path(dgs.__file__).parent
 
 
+AFTERWARDS = """
+import os, signal, time
+import run_dgs; run_dgs.mount_package()
+from dgs.command_line.interruption import GRACE, Interruption
+with Interruption(saves=False):
+    pass
+try:
+    os.kill(os.getpid(), signal.SIGINT)
+    time.sleep(60)
+except KeyboardInterrupt:
+    time.sleep(4 * GRACE)
+    print("the program's own again")
+"""
+
+
+def test_work_that_has_ended_is_not_watched():
+    done = subprocess.run(
+        [sys.executable, "-c", AFTERWARDS], cwd=ROOT, capture_output=True, text=True, timeout=60, check=False
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (0, "the program's own again\n", "")
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_estimate_ends_soon_though_its_kernels_compile(tmp_path, number):
     write_scene(tmp_path)
