@@ -107,5 +107,6 @@ class Interruption:
         stopped = self._asked.is_set() or not self._saves
         self.ask()
         if stopped:
+            sys.unraisablehook = lambda _: None  # what is interrupted while it is taken down has nothing to say
             raise KeyboardInterrupt
         print("Stopping: what is finished will be saved (once more to stop at once).", file=sys.stderr, flush=True)
