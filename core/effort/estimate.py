@@ -58,7 +58,11 @@ def estimate(sample: PhotoSample, run: RunDescription, machine: Machine, progres
     fitted = max(1, len(sample.files) - held)
     progress.stage("probe", None)
     others = OthersLoad()
-    speed = _probed(sample, run, machine, fitted, held)
+    speeds: dict[int, Speed] = {}
+    for name in PRESETS:  # degrees of the harmonics differ, and with them what an iteration takes
+        degree = _degree(run, name)
+        if degree not in speeds:
+            speeds[degree] = _probed(sample, run, machine, (fitted, held), degree)
     busy = others.share()
     own, scene = contrast(sample.photos), run.scene_key(sample.files)
     out: dict[str, Any] = {}
@@ -68,7 +72,7 @@ def estimate(sample: PhotoSample, run: RunDescription, machine: Machine, progres
         hurried = name == "draft"
         few = photo_work(sample.photos, search=run.search, hurried=hurried, compiled=compiled, points=run.points)
         work = _scaled(few, len(sample.files)).training(fitted, held, preset.steps, count)
-        train = speed.training(preset.steps, count)
+        train = speeds[_degree(run, name)].training(preset.steps, count)
         stages, seconds = stage_seconds(records.runs, work, train, slowdown(busy))
         expected = accuracy(records.runs, name, scene, own)
         out[name] = {
@@ -87,18 +91,22 @@ def estimate(sample: PhotoSample, run: RunDescription, machine: Machine, progres
         "busy": None if busy is None else round(busy, 2),
         "runs": sum(past.clean for past in records.runs),
         "scenes": len({past.scene for past in records.runs}),
-        "probe_seconds": round(speed.seconds, 2),
+        "probe_seconds": round(sum(speed.seconds for speed in speeds.values()), 2),
         "machine": machine.facts,
         "presets": out,
     }
 
 
-def _probed(sample: PhotoSample, run: RunDescription, machine: Machine, fitted: int, held: int) -> Speed:
+def _degree(run: RunDescription, name: PresetName) -> int:
+    """Of the harmonics of a run with a preset."""
+    return TrainingSettings.preset(name).sh_degree if run.sh_degree is None else run.sh_degree
+
+
+def _probed(sample: PhotoSample, run: RunDescription, machine: Machine, photos: tuple[int, int], degree: int) -> Speed:
+    """What iterations cost; `photos`: that are fitted and held out."""
     views, points = made_up(sample.photos)
-    settings = TrainingSettings(loss=run.loss, device=machine.device, threads=machine.threads)
-    if run.sh_degree is not None:
-        settings = replace(settings, sh_degree=run.sh_degree)
-    return probe(TrainingJob(views, [], points, sample.medium, settings, Formation()), fitted, held)
+    settings = TrainingSettings(loss=run.loss, device=machine.device, threads=machine.threads, sh_degree=degree)
+    return probe(TrainingJob(views, [], points, sample.medium, settings, Formation()), *photos)
 
 
 def table(found: dict[str, Any]) -> str:

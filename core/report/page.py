@@ -20,6 +20,9 @@ from .words import limits, not_simulated, simulated
 
 _FOLDER = Path(__file__).parent
 
+#: Title, text, and SVG (empty where there is nothing to draw).
+_Chart = tuple[str, str, str]
+
 
 def write_page(
     path: Path,
@@ -87,7 +90,7 @@ def _charts(report: Mapping[str, Any], psf: PointSpread | None) -> list[dict[str
     time = Axis("training time in s", low=0.0)
     loss = [(row["seconds"], row["loss"]) for row in history if row.get("loss") is not None]
     accuracy = [(row["seconds"], row["heldout_psnr"]) for row in history if row.get("heldout_psnr") is not None]
-    charts = [
+    charts: list[_Chart] = [
         (
             "Loss",
             "What the optimizer lowers, on the photos it trains on.",
@@ -99,28 +102,7 @@ def _charts(report: Mapping[str, Any], psf: PointSpread | None) -> list[dict[str
             line_chart("Accuracy over time", [("held-out PSNR", accuracy)], time, Axis("PSNR in dB")),
         ),
     ]
-    bands = [band for band in report["heldout"]["bands"] if band["gain"] is not None]
-    if bands:
-
-        def centre(band: Mapping[str, float]) -> float:
-            return math.sqrt(band["finest"] * band["coarsest"])
-
-        charts.append(
-            (
-                "Detail that came back",
-                "Against the sharp truth: gain 1 is all of it, correlation 1 is nothing invented.",
-                line_chart(
-                    "Gain and correlation by period",
-                    [
-                        ("gain", [(centre(b), b["gain"]) for b in bands]),
-                        ("correlation", [(centre(b), b["correlation"]) for b in bands if b["correlation"] is not None]),
-                    ],
-                    Axis("period in px (fine on the left)", logarithmic=True),
-                    Axis("share", low=0.0, high=1.1),
-                    [Marker("one photo's limit", x=report["resolvable_period_px"])],
-                ),
-            )
-        )
+    charts += _detail_chart(report)
     if psf is not None and not psf.is_identity:
         charts.append(
             (
@@ -129,25 +111,50 @@ def _charts(report: Mapping[str, Any], psf: PointSpread | None) -> list[dict[str
                 _transfer(psf, report["resolvable_period_px"]),
             )
         )
-    gains = exposures(report)
-    if gains:
-        charts.append(
-            (
-                "Exposure of each photo",
-                "Learned with the twin, against the photos' mean, in the order of names: red, green, blue.",
-                line_chart(
-                    "Exposure by photo",
-                    [
-                        (name, [(i + 1.0, math.log2(row[c])) for i, row in enumerate(gains.values())])
-                        for c, name in enumerate(("red", "green", "blue"))
-                    ],
-                    Axis("photo"),
-                    Axis("stops"),
-                    [Marker("mean", y=0.0)],
-                ),
-            )
-        )
+    charts += _exposure_chart(report)
     return [{"title": title, "text": text, "svg": svg} for title, text, svg in charts if svg]
+
+
+def _detail_chart(report: Mapping[str, Any]) -> list[_Chart]:
+    """Gain and correlation against the sharp truth; none without one."""
+    bands = [band for band in report["heldout"]["bands"] if band["gain"] is not None]
+    if not bands:
+        return []
+
+    def centre(band: Mapping[str, float]) -> float:
+        return math.sqrt(band["finest"] * band["coarsest"])
+
+    drawn = line_chart(
+        "Gain and correlation by period",
+        [
+            ("gain", [(centre(b), b["gain"]) for b in bands]),
+            ("correlation", [(centre(b), b["correlation"]) for b in bands if b["correlation"] is not None]),
+        ],
+        Axis("period in px (fine on the left)", logarithmic=True),
+        Axis("share", low=0.0, high=1.1),
+        [Marker("one photo's limit", x=report["resolvable_period_px"])],
+    )
+    text = "Against the sharp truth: gain 1 is all of it, correlation 1 is nothing invented."
+    return [("Detail that came back", text, drawn)]
+
+
+def _exposure_chart(report: Mapping[str, Any]) -> list[_Chart]:
+    """Gains of the photos; none where none were learned."""
+    gains = exposures(report)
+    if not gains:
+        return []
+    drawn = line_chart(
+        "Exposure by photo",
+        [
+            (name, [(i + 1.0, math.log2(row[c])) for i, row in enumerate(gains.values())])
+            for c, name in enumerate(("red", "green", "blue"))
+        ],
+        Axis("photo"),
+        Axis("stops"),
+        [Marker("mean", y=0.0)],
+    )
+    text = "Learned with the twin, against the photos' mean, in the order of names: red, green, blue."
+    return [("Exposure of each photo", text, drawn)]
 
 
 def exposures(report: Mapping[str, Any]) -> dict[str, list[float]]:

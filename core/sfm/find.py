@@ -10,7 +10,7 @@ import subprocess
 import tempfile
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import IO, Any
@@ -79,32 +79,39 @@ def find_cameras(
     try:
         names = write_job(photos, kernel, settings, folder)
         attempts, done = talk(folder, len(photos), settings, progress)
-        chosen = Attempt(**done)
-        lenses, poses, points = read_model(folder / "best")
-        figures = Figures(
-            "sfm",
-            len(photos),
-            chosen.registered,
-            chosen.focal_px,
-            chosen.reprojection_px,
-            chosen.angle_deg,
-            time.perf_counter() - started,
-            tuple(attempts),
-        )
         if keep is not None:
             by_name = {photo.name: photo for photo in photos}
             keep_features(folder / "best" / FEATURES, keep, {image: by_name[name] for image, name in names.items()})
-        missing = sorted(set(names.values()) - {names[n] for n in poses})
-        if missing:
-            listed = ", ".join(missing[:8]) + (", ..." if len(missing) > 8 else "")
-            progress.note(f"{len(missing)} of {len(photos)} photos could not be placed: {listed}")
-        return Reconstruction(
-            {names[n]: p for n, p in poses.items()}, {names[n]: v for n, v in lenses.items()}, points, figures
-        )
+        found = _found(folder / "best", names, attempts, Attempt(**done), time.perf_counter() - started)
     finally:
         shutil.rmtree(folder, ignore_errors=True)
         if made and not any(work_dir.iterdir()):
             work_dir.rmdir()
+    missing = sorted(set(names.values()) - set(found.poses))
+    if missing:
+        listed = ", ".join(missing[:8]) + (", ..." if len(missing) > 8 else "")
+        progress.note(f"{len(missing)} of {len(photos)} photos could not be placed: {listed}")
+    return found
+
+
+def _found(
+    model: Path, names: Mapping[str, str], attempts: Sequence[Attempt], chosen: Attempt, seconds: float
+) -> Reconstruction:
+    """The child's model, with the photos' own names (by those of its images) and what was tried."""
+    lenses, poses, points = read_model(model)
+    figures = Figures(
+        "sfm",
+        len(names),
+        chosen.registered,
+        chosen.focal_px,
+        chosen.reprojection_px,
+        chosen.angle_deg,
+        seconds,
+        tuple(attempts),
+    )
+    return Reconstruction(
+        {names[n]: p for n, p in poses.items()}, {names[n]: v for n, v in lenses.items()}, points, figures
+    )
 
 
 def keep_features(
