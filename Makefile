@@ -6,7 +6,7 @@ SHELL := /bin/bash
 PY := .venv/bin/python
 export PYTHON
 
-.PHONY: help setup demo test same mutants known-mutants stress crash-test lint constants format bench bench-sfm accuracy tradeoff paper extension window clean
+.PHONY: help setup demo test same mutants known-mutants stress crash-test lint constants format bench bench-sfm accuracy tradeoff paper benchmark extension window clean
 
 help:  ## This list
 	@grep -E '^[a-z-]+:.*## ' Makefile | sed -E 's/:.*## /\t/' | expand -t 14
@@ -59,6 +59,9 @@ tradeoff: setup  ## What each knob costs in time and brings (hours, resumable); 
 
 paper: setup  ## Repeat the paper's experiment (hours, resumable; ARGS="--quick": minutes) and write docs/paper.md
 	@$(PY) -m studies.paper $(ARGS)
+
+benchmark: setup  ## Run the product on scenes of many kinds (hours, resumable; ARGS="--quick": minutes) and write docs/benchmark.md
+	@$(PY) -m studies.benchmark $(ARGS)
 
 extension: setup  ## Build the Blender extension into dist/
 	@$(PY) -m tools.extension

@@ -15,12 +15,13 @@ from .shape import ball_pose, shape_for
 from .surface import ball_surface
 
 
-def build(seed: int, width: int) -> None:
-    """Empties Blender's file and builds the scene in it, in metres, for frames of `width` px."""
+def build(seed: int, width: int, alone: bool = False) -> None:
+    """Empties Blender's file and builds the scene in it, in metres, for frames of `width` px; alone: no table."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
     _add_ball(scene, seed, width)
-    table.build(scene, seed)
+    if not alone:
+        table.build(scene, seed)
     add_lights(scene)
     add_camera(scene)
 

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from ...core.progress import Progress
-from .settings import PATH_NAMES, SCENES, SynthesizeSettings
+from .settings import BACKGROUNDS, PATH_NAMES, SCENES, SynthesizeSettings
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -28,6 +28,8 @@ def _add_scene(group: argparse._ArgumentGroup, usual: SynthesizeSettings) -> Non
     formats = "an object instead of the ball: OBJ, PLY, STL, glTF, USD, FBX"
     add("--mesh", default=usual.mesh, metavar="FILE", help=formats)
     add("--path", choices=PATH_NAMES, default=usual.path, help="where the cameras stand; scene: the .blend's own")
+    behind = "nothing behind the object: photos with alpha, or white; the table is left out"
+    add("--background", choices=BACKGROUNDS, default=usual.background, help=behind)
     add("--views", type=int, default=usual.views, help="number of photos")
     add("--size", type=_size, default=(usual.width, usual.height), metavar="WxH", help="frame in pixels")
 
@@ -112,6 +114,7 @@ def settings_of(args: argparse.Namespace) -> SynthesizeSettings:
         full_well=args.full_well,
         read_noise=args.read_noise,
         jpeg=args.jpeg,
+        background=args.background,
     )
 
 

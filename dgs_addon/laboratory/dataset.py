@@ -119,8 +119,7 @@ def _photos(
                     linear = _frame(settings, camera, index, studio, Path(scratch))
                 if settings.keep_linear and not kept.is_file():
                     files.write_array(kept, linear)
-                sharp = degrade.encode(degrade.blur(linear.astype(np.float64), np.ones((1, 1)), settings.overscan))
-                files.write_png(done[0], degrade.quantise(sharp, settings.bits))
+                files.write_png(done[0], _sharp(settings, linear))
                 if not apart:
                     files.write_png(done[1], _photo(settings, linear, kernel, index))
             progress.advance(index + 1)
@@ -163,12 +162,28 @@ def _frame(
     return linear
 
 
+def _sharp(settings: SynthesizeSettings, linear: NDArray[np.float32]) -> NDArray[np.uint8] | NDArray[np.uint16]:
+    """The picture that a perfect camera takes in clear air."""
+    return degrade.photograph(
+        _before_background(settings, linear),
+        np.ones((1, 1)),
+        degrade.Sensor(settings.bits),
+        blur_space="linear",
+        margin=settings.overscan,
+        seed=(settings.seed, 0),
+    )
+
+
+def _before_background(settings: SynthesizeSettings, linear: NDArray[np.float32]) -> NDArray[np.float32]:
+    return degrade.over_white(linear) if settings.background == "white" else linear
+
+
 def _photo(
     settings: SynthesizeSettings, linear: NDArray[np.float32], kernel: NDArray[np.float64], index: int
 ) -> NDArray[np.uint8] | NDArray[np.uint16]:
     gains = degrade.exposures(settings.views, settings.exposure_drift, settings.seed)
     photo = degrade.photograph(
-        linear,
+        _before_background(settings, linear),
         kernel,
         degrade.Sensor(settings.bits, settings.noise, settings.full_well, settings.read_noise),
         blur_space=settings.blur_space,

@@ -21,6 +21,8 @@ _FORMS = "Write none, gaussian:SIGMA, gaussian:SX,SY,ANGLE, disk:RADIUS or file:
 
 #: px that a blur is wide at most; the samples of a wider one would fill the memory.
 WIDEST = 1000.0
+#: Half of what a file of 16 bits can tell from none.
+_LEAST_ALPHA = 0.5 / 65535.0
 
 
 @dataclass(frozen=True)
@@ -109,10 +111,12 @@ def photograph(
     seed: tuple[int, int],
     gain: float = 1.0,
 ) -> NDArray[np.uint8] | NDArray[np.uint16]:
-    """The photo through the medium: [H, W, 3] sRGB-encoded.
+    """The photo through the medium: [H, W, 3] sRGB-encoded; [H, W, 4] with alpha, colours not multiplied by it.
+
+    A photo with alpha put over a colour is the photo of the object before that colour: in the values that are blurred.
 
     Args:
-        linear: [H + 2 margin, W + 2 margin, 3] linear light, not clipped.
+        linear: [H + 2 margin, W + 2 margin, 3] linear light, not clipped; [..., 4] with alpha, multiplied by it.
         kernel: point spread function, [K, L].
         sensor: what counts the light and stores it.
         blur_space: 'linear' blurs light before the sensor clips it; 'srgb' blurs what a sharp
@@ -121,8 +125,12 @@ def photograph(
         seed: of the noise: the data set's and the view's number.
         gain: exposure of this photo, a factor on light.
     """
-    light = linear.astype(np.float64) * gain
-    if blur_space == "linear":
+    light = linear[..., :3].astype(np.float64) * gain
+    alpha = linear[..., 3:].astype(np.float64)
+    through = _straight(light, alpha, kernel, blur_space, margin) if alpha.size else None
+    if through is not None:
+        encoded, alpha = through
+    elif blur_space == "linear":
         encoded = encode(blur(light, kernel, margin))
     else:
         encoded = blur(encode(light), kernel, margin)
@@ -132,7 +140,25 @@ def photograph(
         encoded = encode((electrons + generator.normal(0.0, sensor.read_noise, electrons.shape)) / sensor.full_well)
     if sensor.noise > 0:
         encoded = encoded + np.random.default_rng(seed).normal(0.0, sensor.noise, encoded.shape)
-    return quantise(encoded, sensor.bits)
+    return quantise(encoded if through is None else np.concatenate([encoded, alpha], axis=-1), sensor.bits)
+
+
+def over_white(linear: NDArray[np.float32]) -> NDArray[np.float32]:
+    """[H, W, 3] the object before a white wall, in linear light. linear: [H, W, 4], multiplied by alpha."""
+    return linear[..., :3] + (1 - linear[..., 3:])
+
+
+def _straight(
+    light: NDArray[np.float64], alpha: NDArray[np.float64], kernel: NDArray[np.float64], blur_space: str, margin: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Blurred colours (encoded, not multiplied by alpha), and their alpha."""
+    inside = np.clip(alpha, 0.0, 1.0)
+    if blur_space != "linear":
+        light = encode(light / np.maximum(inside, _LEAST_ALPHA)) * inside
+    blurred = np.clip(blur(np.concatenate([light, inside], axis=-1), kernel, margin), 0.0, None)
+    around = np.clip(blurred[..., 3:], 0.0, 1.0)
+    straight = blurred[..., :3] / np.maximum(around, _LEAST_ALPHA)
+    return encode(straight) if blur_space == "linear" else straight, around
 
 
 def exposures(views: int, stops: float, seed: int) -> NDArray[np.float64]:

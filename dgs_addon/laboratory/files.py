@@ -18,7 +18,7 @@ from ...core.views import SparsePoints
 
 
 def write_png(path: Path, pixels: NDArray[np.uint8] | NDArray[np.uint16]) -> None:
-    """Writes [H, W, 3] or [H, W] integers of 8 or 16 bits (Pillow has no 16-bit colour)."""
+    """Writes [H, W, 3], [H, W, 4] (with alpha) or [H, W] integers of 8 or 16 bits (Pillow has no 16-bit colour)."""
     height, width = pixels.shape[:2]
     channels = pixels.shape[2] if pixels.ndim == 3 else 1
     depth = pixels.dtype.itemsize
@@ -27,7 +27,7 @@ def write_png(path: Path, pixels: NDArray[np.uint8] | NDArray[np.uint16]) -> Non
     filtered = rows.copy()
     filtered[:, step:] -= rows[:, :-step]  # PNG's filter 1: each byte minus its left neighbour
     lines = np.concatenate([np.ones((height, 1), np.uint8), filtered], axis=1)
-    header = struct.pack(">IIBBBBB", width, height, 8 * depth, 2 if channels == 3 else 0, 0, 0, 0)
+    header = struct.pack(">IIBBBBB", width, height, 8 * depth, {1: 0, 3: 2, 4: 6}[channels], 0, 0, 0)
     chunks = ((b"IHDR", header), (b"sRGB", b"\0"), (b"IDAT", zlib.compress(lines.tobytes(), 6)), (b"IEND", b""))
     write_bytes(path, b"\x89PNG\r\n\x1a\n" + b"".join(_chunk(kind, data) for kind, data in chunks))
 
@@ -65,12 +65,12 @@ def _chunk(kind: bytes, data: bytes) -> bytes:
 
 
 def read_png(path: Path) -> NDArray[np.uint8]:
-    """Reads a picture that `write_png` wrote in colour, as [H, W, 3] uint8 (the high byte of 16)."""
+    """Reads a picture that `write_png` wrote in colour, as [H, W, 3] uint8 (the high byte of 16), without its alpha."""
     data = path.read_bytes()
-    width, height, bits = struct.unpack(">IIB", data[16:25])
+    width, height, bits, kind = struct.unpack(">IIBB", data[16:26])
     start = data.index(b"IDAT")
     (length,) = struct.unpack(">I", data[start - 4 : start])
-    step = 3 * bits // 8
+    step = (4 if kind == 6 else 3) * bits // 8
     lines = np.frombuffer(zlib.decompress(data[start + 4 : start + 4 + length]), np.uint8)
     pixels = lines.reshape(height, 1 + width * step)[:, 1:].reshape(height, width, step)
-    return np.cumsum(pixels, axis=1, dtype=np.uint8)[:, :, :: bits // 8]
+    return np.cumsum(pixels, axis=1, dtype=np.uint8)[:, :, :: bits // 8][:, :, :3]

@@ -12,7 +12,7 @@ from .lines import Line
 Colour = tuple[float, float, float]
 
 
-class _Graph:
+class Graph:
     """Shorthand for building one material's node tree."""
 
     def __init__(self, name: str) -> None:
@@ -78,12 +78,12 @@ class _Graph:
 
 def plain(name: str, colour: Colour, roughness: float = 0.6) -> Any:
     """One colour (linear Rec. 709)."""
-    return _Graph(name).finish(colour, roughness, 0.3)
+    return Graph(name).finish(colour, roughness, 0.3)
 
 
 def leather(lines: Sequence[Line]) -> Any:
     """Pebbled leather with painted lines; reads the attributes 'relief' and 'tint' of the mesh."""
-    graph = _Graph("leather")
+    graph = Graph("leather")
     tint = graph.ramp(
         graph.attribute("tint"), [(0.0, (0.13, 0.035, 0.012)), (0.5, (0.30, 0.095, 0.030)), (1.0, (0.46, 0.18, 0.065))]
     )
@@ -97,7 +97,7 @@ def leather(lines: Sequence[Line]) -> Any:
     return graph.finish(colour, 0.55, 0.25)
 
 
-def _on_line(graph: _Graph, line: Line, axes: Any) -> Any:
+def _on_line(graph: Graph, line: Line, axes: Any) -> Any:
     x, y, z = axes
     if line.kind == "ring":
         return graph.math("COMPARE", x, line.position, line.width / 2)
@@ -110,7 +110,7 @@ def _on_line(graph: _Graph, line: Line, axes: Any) -> Any:
 
 def table_top() -> Any:
     """A terrazzo of chips of every size, from 60 mm to 1 mm, that repeats nowhere."""
-    graph = _Graph("table")
+    graph = Graph("table")
     place = graph.node("ShaderNodeTexCoord").outputs["Object"]
     clouds = _noise(graph, place, scale=6.0, detail=7.0, roughness=0.62)
     colour = graph.ramp(
@@ -148,7 +148,7 @@ def table_top() -> Any:
     return graph.finish(colour, 0.7, 0.2)
 
 
-def _noise(graph: _Graph, place: Any, scale: float, detail: float, roughness: float) -> Any:
+def _noise(graph: Graph, place: Any, scale: float, detail: float, roughness: float) -> Any:
     # In two dimensions a sample costs a third of what it costs in three.
     noise = graph.node("ShaderNodeTexNoise", noise_dimensions="2D")
     graph.put(noise.inputs["Vector"], place)
@@ -160,7 +160,7 @@ def _noise(graph: _Graph, place: Any, scale: float, detail: float, roughness: fl
 
 def depth_and_index() -> Any:
     """Emits (depth along the camera's axis, object index, 0): one sample is exact."""
-    graph = _Graph("depth and index")
+    graph = Graph("depth and index")
     # Else every one of a million triangles becomes a lamp, which takes ten seconds to sort.
     graph.material.cycles.emission_sampling = "NONE"
     combine = graph.node("ShaderNodeCombineXYZ")
@@ -175,7 +175,7 @@ def depth_and_index() -> Any:
 
 def normals() -> Any:
     """Emits (n + 1) / 2, n being the unit normal in Blender's world, turned to the camera."""
-    graph = _Graph("normals")
+    graph = Graph("normals")
     graph.material.cycles.emission_sampling = "NONE"
     scale = graph.node("ShaderNodeVectorMath", operation="MULTIPLY_ADD")
     graph.put(scale.inputs[0], graph.node("ShaderNodeNewGeometry").outputs["Normal"])
@@ -189,7 +189,7 @@ def normals() -> Any:
 
 def from_vertices(attribute: str) -> Any:
     """Shows the colours that a mesh stores at its vertices."""
-    graph = _Graph(f"colours {attribute}")
+    graph = Graph(f"colours {attribute}")
     surface = graph.node("ShaderNodeBsdfPrincipled")
     graph.put(surface.inputs["Base Color"], graph.node("ShaderNodeVertexColor", layer_name=attribute).outputs["Color"])
     surface.inputs["Roughness"].default_value = 0.6

@@ -35,8 +35,10 @@ EXTENSIONS = tuple(_READERS)
 _CLAY = (0.46, 0.36, 0.28)
 
 
-def build(path: Path, seed: int) -> None:
+def build(path: Path, seed: int, alone: bool = False) -> None:
     """Empties Blender's file and puts the object of `path` on the table: z = 0 below it, upright as it came.
+
+    alone: the table is left out.
 
     Raises:
         FormatError: Blender reads no mesh from it.
@@ -50,7 +52,8 @@ def build(path: Path, seed: int) -> None:
         if not any(slot.material for slot in item.material_slots):
             colours = item.data.color_attributes
             item.data.materials.append(from_vertices(colours[0].name) if len(colours) else plain("clay", _CLAY))
-    table.build(scene, seed)
+    if not alone:
+        table.build(scene, seed)
     ball.add_lights(scene)
     ball.add_camera(scene)
 

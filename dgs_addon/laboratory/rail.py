@@ -23,8 +23,16 @@ RAIL_LENGTH = 0.420
 ELEVATION = np.radians(30.0)
 #: Turns of the spiral: neighbouring rounds overlap, as a person walking around the table would photograph.
 SPIRAL_TURNS = 2.5
-#: Focal length as a share of the frame's width.
-FOCAL_SHARE = 1.2
+#: Focal length as a share of the frame's width; inside a room it is shorter.
+FOCAL_SHARE, INSIDE_FOCAL_SHARE = 1.2, 0.7
+#: Width and height (m) that forward-facing cameras are spread over: a fifth of the distance to every side.
+FRONT_SIZE = np.array([0.28, 0.16])
+#: Steps that spread points evenly over a square however many there are (Roberts' R2 sequence).
+_EVEN = np.array([0.7548776662466927, 0.5698402909980532])
+#: Distance from the middle and way up and down (m) of cameras inside a scene of the ball's size.
+INSIDE_RADIUS, INSIDE_RISE = 0.0575, 0.012
+#: Side (m) of the square that a drone flies over, and how far ahead it looks, as a share of its height.
+DRONE_SIDE, DRONE_AHEAD = 0.70, 0.3
 
 
 def rail(views: int) -> NDArray[np.float64]:
@@ -53,7 +61,38 @@ def spiral(views: int) -> NDArray[np.float64]:
     return TARGET + DISTANCE * _on_sphere(share * SPIRAL_TURNS * 2 * np.pi - np.pi / 2, np.radians(12.0 + 56.0 * share))
 
 
-PATHS: dict[str, Callable[[int], NDArray[np.float64]]] = {"rail": rail, "orbit": orbit, "dome": dome, "spiral": spiral}
+def front(views: int) -> NDArray[np.float64]:
+    """Positions evenly over an upright rectangle before the object, [views, 3], in an order that jumps."""
+    share = (0.5 + (np.arange(views)[:, None] + 1) * _EVEN) % 1.0
+    across, up = (FRONT_SIZE * (share - 0.5)).T
+    return np.stack([across, np.full(views, -DISTANCE), up], -1) + TARGET
+
+
+def inside(views: int) -> NDArray[np.float64]:
+    """Positions on two turns around the middle of a room, [views, 3], up and down by `INSIDE_RISE`."""
+    angle = np.arange(views) * (4 * np.pi / views)
+    rise = INSIDE_RISE * np.sin(3 * angle)
+    return np.stack([INSIDE_RADIUS * np.cos(angle), INSIDE_RADIUS * np.sin(angle), rise], -1) + TARGET
+
+
+def drone(views: int) -> NDArray[np.float64]:
+    """Positions on rows flown to and fro above the scene, [views, 3]."""
+    rows = max(1, round(np.sqrt(views)))
+    row = np.arange(views) * rows // views
+    along = (np.arange(views) + 0.5) * rows / views - row - 0.5
+    across = (row + 0.5) / rows - 0.5
+    return np.stack([_heading(row) * along * DRONE_SIDE, across * DRONE_SIDE, np.full(views, DISTANCE)], -1) + TARGET
+
+
+PATHS: dict[str, Callable[[int], NDArray[np.float64]]] = {
+    "rail": rail,
+    "orbit": orbit,
+    "dome": dome,
+    "spiral": spiral,
+    "front": front,
+    "inside": inside,
+    "drone": drone,
+}
 
 
 def names(views: int) -> list[str]:
@@ -68,17 +107,37 @@ def cameras(
     """One camera per view, all looking at the object.
 
     Args:
-        path: one of `PATHS`.
+        path: one of `PATHS`; `front`, `inside` and `drone` look at more than the object.
         target: [3] middle of the object in Blender's world, metres.
         size: how many times larger than the ball the object is; distances grow with it.
     """
-    places = target + size * (PATHS[path](views) - TARGET)
+    around = PATHS[path](views)
+    places, aims = (target + size * (points - TARGET) for points in (around, _aims(path, around)))
+    lens = 36.0 * (INSIDE_FOCAL_SHARE if path == "inside" else FOCAL_SHARE)
     return [
-        camera_to_engine(
-            BlenderCamera(matrix_world=_look_at(place, target), lens=36.0 * FOCAL_SHARE), width, height, name
-        )
-        for place, name in zip(places, names(views), strict=True)
+        camera_to_engine(BlenderCamera(matrix_world=_look_at(place, aim), lens=lens), width, height, name)
+        for place, aim, name in zip(places, aims, names(views), strict=True)
     ]
+
+
+def _aims(path: str, places: NDArray[np.float64]) -> NDArray[np.float64]:
+    """[views, 3] what the cameras of a path look at: the object, unless they are inside or above it."""
+    views = len(places)
+    if path == "inside":  # first over the middle to the other side, then to the wall that is near
+        outwards = (places - TARGET) * [1.0, 1.0, 0.0]
+        way = np.where(np.arange(views)[:, None] < views / 2, -1.0, 3.0)
+        return np.asarray(TARGET + way * outwards)
+    if path == "drone":
+        rows = max(1, round(np.sqrt(views)))
+        ahead = np.zeros_like(places)
+        ahead[:, 0] = DRONE_AHEAD * DISTANCE * _heading(np.arange(views) * rows // views)
+        return np.asarray(places * [1.0, 1.0, 0.0] + TARGET * [0.0, 0.0, 1.0] + ahead)
+    return np.broadcast_to(TARGET, places.shape)
+
+
+def _heading(row: NDArray[np.int64]) -> NDArray[np.float64]:
+    """1 where a row is flown along x, -1 where it is flown back."""
+    return 1.0 - 2.0 * (row % 2)
 
 
 def _on_sphere(azimuth: NDArray[np.float64], elevation: NDArray[np.float64]) -> NDArray[np.float64]:

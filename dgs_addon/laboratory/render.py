@@ -17,13 +17,14 @@ from ..axes import place_camera, points_to_engine
 from . import materials
 
 
-def prepare(samples: int, denoise: bool, threads: int = 0) -> None:
+def prepare(samples: int, denoise: bool, threads: int = 0, alone: bool = False) -> None:
     """Settings of all frames.
 
     Args:
         samples: paths per pixel.
         denoise: use OpenImageDenoise; switched off where the build lacks it (see `can_denoise`).
         threads: 0 takes all cores.
+        alone: the world lights the object and is not seen; pictures have alpha.
     """
     scene = bpy.context.scene
     scene.render.engine = "CYCLES"
@@ -41,11 +42,11 @@ def prepare(samples: int, denoise: bool, threads: int = 0) -> None:
     scene.cycles.caustics_reflective = scene.cycles.caustics_refractive = False
     scene.render.use_persistent_data = True
     scene.render.use_compositing = scene.render.use_sequencer = False
-    scene.render.film_transparent = False
+    scene.render.film_transparent = alone
     if threads:
         scene.render.threads_mode, scene.render.threads = "FIXED", threads
     image = scene.render.image_settings
-    image.file_format, image.color_mode = "OPEN_EXR", "RGB"
+    image.file_format, image.color_mode = "OPEN_EXR", "RGBA" if alone else "RGB"
     image.color_depth, image.exr_codec = "32", "NONE"
 
 
@@ -59,7 +60,7 @@ def can_denoise() -> bool:
 
 
 def picture(camera: Camera, seed: int, scratch: Path) -> NDArray[np.float32]:
-    """Renders one view: [H, W, 3] linear Rec. 709, not clipped.
+    """Renders one view: [H, W, 3] linear Rec. 709, not clipped; with alpha [H, W, 4], colours multiplied by it.
 
     A seed of its own for each view keeps the path tracer's error from standing still on the frame.
     """
@@ -90,14 +91,14 @@ def geometry_only(of: str = "depth and index") -> Iterator[None]:
 
 def depth_and_index(camera: Camera, scratch: Path) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
     """Depth along the camera's axis (metres, inf in the void) and object index, both [H, W]."""
-    pixels = _shoot(camera, scratch)
+    pixels = _shoot(camera, scratch)[..., :3]
     depth = np.where(pixels[..., 0] > 0, pixels[..., 0], np.float32(np.inf))
     return depth, np.rint(pixels[..., 1]).astype(np.int32)
 
 
 def surface_normals(camera: Camera, scratch: Path) -> NDArray[np.float32]:
     """[H, W, 3] unit normals in the ENGINE's world, turned to the camera; 0 in the void."""
-    pixels = _shoot(camera, scratch)
+    pixels = _shoot(camera, scratch)[..., :3]
     void = ~pixels.any(axis=-1)
     turned = points_to_engine(2.0 * pixels - 1.0)
     turned /= np.maximum(np.linalg.norm(turned, axis=-1, keepdims=True), 1e-6)
@@ -123,4 +124,5 @@ def _shoot(camera: Camera, scratch: Path) -> NDArray[np.float32]:
         bpy.data.images.remove(image)
         file.unlink()
     # Blender's rows run upwards.
-    return np.ascontiguousarray(flat.reshape(height, width, -1)[::-1, :, :3])
+    channels = 4 if scene.render.film_transparent else 3
+    return np.ascontiguousarray(flat.reshape(height, width, -1)[::-1, :, :channels])

@@ -8,11 +8,14 @@ from dataclasses import asdict, dataclass, fields, replace
 from typing import Any, Literal
 
 from ...core.errors import DgsError, FormatError
+from .scenes import SCENES as BUILT_SCENES
 
-SCENES = ("rugby-ball",)
+SCENES = ("rugby-ball", *BUILT_SCENES)
 #: Counts changes of scenes, paths and render settings: frames of another version are not reused.
 SCENE_VERSION = 3
-PATH_NAMES = ("rail", "orbit", "dome", "spiral", "scene")
+PATH_NAMES = ("rail", "orbit", "dome", "spiral", "front", "inside", "drone", "scene")
+#: What is behind the object: the scene's own surroundings, or nothing; then photos have alpha, or white is there.
+BACKGROUNDS = ("scene", "transparent", "white")
 #: Settings that came later; where they are as before, manifests and fingerprints are too.
 _LATER = (
     "mesh",
@@ -27,6 +30,7 @@ _LATER = (
     "full_well",
     "read_noise",
     "jpeg",
+    "background",
 )
 #: px that Blender renders and JPEG files hold at most.
 LONGEST_SIDE = 65_500
@@ -70,6 +74,7 @@ class SynthesizeSettings:
         full_well: electrons that white is; photons are then counted (Poisson). 0 counts none.
         read_noise: electrons rms that reading the sensor adds.
         jpeg: quality that the photos have been compressed with, 1 to 100; 0 for not at all.
+        background: one of `BACKGROUNDS`; 'transparent' writes photos with alpha, and the table is left out of both.
     """
 
     scene: str = "rugby-ball"
@@ -100,6 +105,7 @@ class SynthesizeSettings:
     full_well: float = 0.0
     read_noise: float = 0.0
     jpeg: int = 0
+    background: Literal["scene", "transparent", "white"] = "scene"
 
     def __post_init__(self) -> None:
         for name, value, allowed in (
@@ -107,6 +113,7 @@ class SynthesizeSettings:
             ("path", self.path, PATH_NAMES),
             ("blur space", self.blur_space, ("srgb", "linear")),
             ("number of bits", self.bits, (8, 16)),
+            ("background", self.background, BACKGROUNDS),
         ):
             if value not in allowed:
                 raise DgsError(f"There is no {name} '{value}'", f"Choose one of {', '.join(map(str, allowed))}")
@@ -137,6 +144,8 @@ class SynthesizeSettings:
             raise DgsError("Read noise is counted in electrons", "Say with --full-well how many electrons white is")
         if self.jpeg and self.bits != 8:
             raise DgsError("A JPEG has 8 bits", "Leave out --bits 16 or --jpeg")
+        if self.jpeg and self.background == "transparent":
+            raise DgsError("A JPEG has no alpha", "Leave out --jpeg, or use --background white")
         if self.path == "scene" and not self.from_blend:
             raise DgsError("Only a .blend has an animated camera", "Give --scene FILE.blend, or another path")
         if self.mesh and self.from_blend:
@@ -150,7 +159,12 @@ class SynthesizeSettings:
     @property
     def has_ball(self) -> bool:
         """Whether the object is the ball, whose painted lines have known widths."""
-        return not self.mesh and not self.from_blend
+        return not self.mesh and self.scene == "rugby-ball"
+
+    @property
+    def alone(self) -> bool:
+        """Whether nothing is around the object."""
+        return self.background != "scene"
 
     @property
     def moves(self) -> bool:
@@ -173,8 +187,20 @@ class SynthesizeSettings:
 
     def render_fingerprint(self) -> str:
         """As `fingerprint`, for what happens before the medium."""
-        after = {"psf", "blur_space", "bits", "noise", "exposure_drift", "full_well", "read_noise", "jpeg", *EXTRAS}
-        return _digest({key: value for key, value in self.to_json().items() if key not in after})
+        after = {
+            "psf",
+            "background",
+            "blur_space",
+            "bits",
+            "noise",
+            "exposure_drift",
+            "full_well",
+            "read_noise",
+            "jpeg",
+            *EXTRAS,
+        }
+        kept = {key: value for key, value in self.to_json().items() if key not in after}
+        return _digest({**kept, "alone": True} if self.alone else kept)
 
     def photos_fingerprint(self) -> str:
         """As `fingerprint`, whatever is written beside the photos."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 from ...core.camera import Camera
 from ...core.errors import DgsError, FormatError
 from . import rail
+from .scenes import SCENES
 from .settings import SynthesizeSettings
 
 #: Radius (m) of the sphere around the ball, for which the paths were laid out.
@@ -37,6 +39,10 @@ class Studio:
             FormatError: the scene cannot be read.
         """
         settings = self.settings
+        if settings.scene in SCENES and not settings.mesh:
+            built = SCENES[settings.scene]
+            self.target = np.array(built.middle)
+            return rail.cameras(settings.path, settings.views, settings.width, settings.height, self.target, built.size)
         if not settings.from_blend:
             return rail.cameras(settings.path, settings.views, settings.width, settings.height)
         self.enter()
@@ -63,7 +69,7 @@ class Studio:
             self._build()
             if self.settings.denoise and not render.can_denoise():
                 raise DgsError("This build of Blender has no OpenImageDenoise", "Add --no-denoise and more --samples")
-            render.prepare(self.settings.samples, self.settings.denoise)
+            render.prepare(self.settings.samples, self.settings.denoise, alone=self.settings.alone)
             self.ready = True
         return render
 
@@ -72,7 +78,9 @@ class Studio:
 
         settings = self.settings
         if settings.mesh:
-            mesh.build(Path(settings.mesh), settings.seed)
+            mesh.build(Path(settings.mesh), settings.seed, settings.alone)
+        elif settings.scene in SCENES:
+            import_module(f"{__package__}.scenes.{settings.scene}").build(settings.seed)
         elif settings.from_blend:
             own_scene.build(Path(settings.scene))
             if settings.path == "scene":
@@ -80,7 +88,7 @@ class Studio:
                 self._own = own_scene.own_cameras(settings.views, settings.width, settings.height, names)
             own_scene.enter_camera()
         else:
-            ball.build(settings.seed, settings.width)
+            ball.build(settings.seed, settings.width, settings.alone)
 
 
 def source_digest(settings: SynthesizeSettings) -> str:

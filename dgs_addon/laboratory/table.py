@@ -8,6 +8,7 @@ import bpy
 import numpy as np
 
 from .materials import plain, table_top
+from .parts import add_mesh, box
 
 #: Periods (metres) of the bar groups on the resolution card: about 20, 14, 10, 8 and 6 px.
 BAR_PERIODS = (0.0133, 0.0093, 0.0067, 0.0053, 0.0040)
@@ -16,7 +17,7 @@ BAR_PERIODS = (0.0133, 0.0093, 0.0067, 0.0053, 0.0040)
 def build(scene: Any, seed: int) -> None:
     """Adds the table (its top at z = 0) and the small things on it."""
     generator = np.random.default_rng(seed + 1)
-    _mesh(scene, "table", *_box((0, 0, -0.02), (8.0, 8.0, 0.04)), table_top())
+    add_mesh(scene, "table", *box((0, 0, -0.02), (8.0, 8.0, 0.04)), table_top())
     palette = [
         plain(f"paint {i}", colour)
         for i, colour in enumerate(
@@ -43,13 +44,13 @@ def _blocks(scene: Any, generator: np.random.Generator, palette: list[Any]) -> N
         if abs(x) < 0.24 and -0.20 < y < 0.16:
             continue  # the ball, the letters and the card keep their places
         size = generator.uniform(0.008, 0.030, 3)
-        vertices, faces = _box((0, 0, size[2] / 2), tuple(size))
+        vertices, faces = box((0, 0, size[2] / 2), tuple(size))
         turn = generator.uniform(0, np.pi)
         rotated = [
             (x + np.cos(turn) * a - np.sin(turn) * b, y + np.sin(turn) * a + np.cos(turn) * b, c)
             for a, b, c in vertices
         ]
-        _mesh(scene, f"block {index}", rotated, faces, palette[index % len(palette)])
+        add_mesh(scene, f"block {index}", rotated, faces, palette[index % len(palette)])
 
 
 def _letters(scene: Any, palette: list[Any]) -> None:
@@ -74,29 +75,11 @@ def _bar_card(scene: Any, palette: list[Any]) -> None:
     left, bottom, height = -0.060, -0.148, 0.024
     width = sum(4 * period for period in BAR_PERIODS) + 0.006 * (len(BAR_PERIODS) + 1)
     corner = (left + width / 2, bottom + height / 2, 0.0005)
-    _mesh(scene, "card", *_box(corner, (width, height + 0.012, 0.001)), palette[4])
+    add_mesh(scene, "card", *box(corner, (width, height + 0.012, 0.001)), palette[4])
     x = left + 0.006
     for period in BAR_PERIODS:
         for _ in range(4):
             centre = (x + period / 4, bottom + height / 2, 0.0011)
-            _mesh(scene, "bar", *_box(centre, (period / 2, height, 0.0004)), palette[5])
+            add_mesh(scene, "bar", *box(centre, (period / 2, height, 0.0004)), palette[5])
             x += period
         x += 0.006
-
-
-def _box(centre: Any, size: Any) -> tuple[list[tuple[float, float, float]], list[tuple[int, ...]]]:
-    vertices: list[tuple[float, float, float]] = [
-        (centre[0] + a * size[0] / 2, centre[1] + b * size[1] / 2, centre[2] + c * size[2] / 2)
-        for a in (-1, 1)
-        for b in (-1, 1)
-        for c in (-1, 1)
-    ]
-    faces: list[tuple[int, ...]] = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
-    return vertices, faces
-
-
-def _mesh(scene: Any, name: str, vertices: Any, faces: Any, material: Any) -> None:
-    mesh = bpy.data.meshes.new(name)
-    mesh.from_pydata(vertices, [], faces)
-    mesh.materials.append(material)
-    scene.collection.objects.link(bpy.data.objects.new(name, mesh))

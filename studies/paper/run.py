@@ -18,33 +18,16 @@ from pathlib import Path
 from typing import Any
 
 from ...core.files import write_text
+from ..comparison.commands import Failed, Run, checked
 from ..comparison.methods import WIENER_MEASURED
 from .page import Chapter, page
 
 ROOT = Path(__file__).resolve().parents[2]
-#: Runs the words of one command and returns its exit status.
-Run = Callable[[list[str]], int]
 
 _REAL = (
     "Sharp photos of a camera, blurred virtually by 5 px in sRGB values, cut by 24 px afterwards (so that light from"
     " beyond the border is in them), 8 bit. The reference cameras were found from the sharp photos."
 )
-
-
-class Failed(Exception):
-    """A command ended with this exit status; it has said why."""
-
-
-def checked(run: Run) -> Callable[..., None]:
-    """Names every command before it runs, and raises `Failed` where it fails."""
-
-    def command(*words: object) -> None:
-        print("run_dgs.py " + " ".join(map(str, words)), flush=True)
-        status = run([str(word) for word in words])
-        if status:
-            raise Failed(status)
-
-    return command
 
 
 def read(path: Path) -> dict[str, Any]:

@@ -23,7 +23,7 @@ FLOORS = (
     ("core.uncertainty",),
     ("core.pipeline",),
     ("studies.comparison", "studies.stability", "dgs_addon"),
-    ("studies.tradeoff", "studies.paper", "dgs_addon.engine", "dgs_addon.laboratory"),
+    ("studies.tradeoff", "studies.paper", "studies.benchmark", "dgs_addon.engine", "dgs_addon.laboratory"),
     ("dgs_addon.scene",),
     ("dgs_addon.job",),
     ("dgs_addon.questions",),
