@@ -6,6 +6,7 @@ from typing import Any
 
 import bpy
 import numpy as np
+from mathutils import Quaternion
 
 from .. import ball, surfaces
 from ..parts import add_mesh, add_smooth, box, circle, gear, tube, turned
@@ -114,8 +115,6 @@ def _rings(scene: Any, brass: Any, steel: Any) -> None:
 
 
 def _about(axis: tuple[float, float, float], angle: float) -> Any:
-    from mathutils import Quaternion  # heavy: bpy's own
-
     return Quaternion(axis, angle)
 
 

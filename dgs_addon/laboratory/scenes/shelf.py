@@ -6,6 +6,7 @@ from typing import Any
 
 import bpy
 import numpy as np
+from mathutils import Vector
 
 from .. import ball, surfaces
 from ..parts import add_copy, add_mesh, add_smooth, box, circle, leaf, lump, tube, turned
@@ -180,7 +181,5 @@ def _lights(scene: Any) -> None:
         light.energy, light.size = power, size
         lamp = bpy.data.objects.new("lamp", light)
         lamp.location = spot
-        from mathutils import Vector  # heavy: bpy's own
-
         lamp.rotation_euler = (Vector((0.0, 0.2, 0.8)) - lamp.location).to_track_quat("-Z", "Y").to_euler()
         scene.collection.objects.link(lamp)
