@@ -8,6 +8,7 @@ import bpy
 from bpy.app.translations import pgettext_iface as iface_
 
 from ..dgs_addon.job.steps import results
+from ..dgs_addon.laboratory.media.registry import MEDIA
 from ..dgs_addon.questions import exact
 from ..dgs_addon.scene.cameras import photo_behind
 from .job import draw_beside
@@ -52,7 +53,19 @@ class DGS_PT_validate(Step, bpy.types.Panel):
         if body is not None:
             for name in ("test_set", "test_views", "test_width"):
                 body.prop(context.scene.dgs, name)
+            _draw_test_medium(body, context.scene.dgs)
             body.operator("dgs.make_test_set", icon="SCENE")
+
+
+def _draw_test_medium(layout: Any, settings: Any) -> None:
+    """What the photos of a test set are taken through, and how its values are written."""
+    layout.prop(settings, "test_medium")
+    spec = next((spec for spec in MEDIA if spec.name == settings.test_medium), None)
+    if spec is not None:
+        layout.prop(settings, "test_values")
+        layout.label(text=f"{spec.form}: {spec.usual}", icon="BLANK1", translate=False)
+        if not spec.parse(spec.usual).every_photo:
+            layout.prop(settings, "test_sharp")
 
 
 #: What stands before the verdict.

@@ -7,6 +7,7 @@ from typing import Any
 import bpy
 
 from ...core.effects.choices import effect_items
+from ..laboratory.media.registry import MEDIA
 from ..photos import forget
 from .watching import watch
 
@@ -23,6 +24,10 @@ _MEDIA = (
     ("auto", "From Photos", "A Gaussian whose width is estimated from all photos; the report says how sure it is"),
     ("auto-each", "From Each Photo", "A Gaussian for each photo, for a medium that changes while photos are taken"),
     ("file", "Measured", "A measured point spread function from a file (.npy, .tif, .png, .fits)"),
+)
+_TEST_MEDIA = (
+    ("psf", "As in Step 3", "The photos are blurred by a convolution with the medium of step 3"),
+    *((spec.name, spec.label, spec.description) for spec in MEDIA),
 )
 _CAMERAS = (
     ("photos", "From Photos", "Find the cameras from the photos themselves (structure from motion)"),
@@ -235,6 +240,20 @@ class DGS_PG_settings(bpy.types.PropertyGroup):
         default=400,
         subtype="PIXEL",
         description="Width of the test set's photos, in pixels; they are two thirds as high",
+    )
+    test_medium: bpy.props.EnumProperty(
+        name="Through", items=_TEST_MEDIA, default="psf", description="What stands between the camera and the object"
+    )
+    test_values: bpy.props.StringProperty(
+        name="Strength", description="Values of the medium, as the line below says. Empty: what suits the set"
+    )
+    test_sharp: bpy.props.FloatProperty(
+        name="Sharp",
+        min=0.0,
+        max=1.0,
+        default=0.0,
+        subtype="FACTOR",
+        description="Share of the photos that are taken without it, besides every eighth, which is held out",
     )
     new_photos: bpy.props.StringProperty(
         name="New Photos",

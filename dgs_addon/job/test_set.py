@@ -14,6 +14,7 @@ import bpy
 
 from ...core.errors import DgsError
 from ..engine.process import RUN
+from ..laboratory.media.registry import MEDIA, medium_of
 from ..paths import absolute
 from .request import ESTIMATED_FROM_PHOTOS, Request, psf_argument
 
@@ -24,16 +25,14 @@ _UNDENOISED = 64
 
 
 def test_set_request(settings: Any) -> Request:
-    """The job that renders the set which `scene.dgs` describes, blurred by the medium of step 3.
+    """The job that renders the set which `scene.dgs` describes.
 
     Raises:
-        DgsError: no folder is chosen, or the medium is incomplete.
+        DgsError: no folder is chosen, or the medium is incomplete or makes no sense.
     """
     out = absolute(settings.test_set)
     if out is None:
         raise DgsError("No folder for the test set is chosen", "Choose one in step 6")
-    if settings.medium in ESTIMATED_FROM_PHOTOS:
-        raise DgsError("A test set has no photos yet to estimate the medium from", "Choose another medium in step 3")
     width = settings.test_width
     arguments = [
         "synthesize",
@@ -45,10 +44,7 @@ def test_set_request(settings: Any) -> Request:
         "dome",
         "--size",
         f"{width}x{round(width * _HEIGHT)}",
-        "--psf",
-        psf_argument(settings),
-        "--blur-space",
-        settings.blur_space,
+        *_medium(settings),
         *_samples(),
         "--progress",
         "json",
@@ -62,6 +58,20 @@ def use_test_set(out: Path, settings: Any) -> None:
     settings.photos, settings.out, settings.masks = str(out / "photos"), "", ""
     settings.cameras, settings.model = "model", str(out / "cameras")
     settings.truth = str(out / "sharp")
+
+
+def _medium(settings: Any) -> list[str]:
+    """The medium of step 3, or one that Cycles renders."""
+    spec = next((spec for spec in MEDIA if spec.name == settings.test_medium), None)
+    if spec is None:
+        if settings.medium in ESTIMATED_FROM_PHOTOS:
+            raise DgsError(
+                "A test set has no photos yet to estimate the medium from", "Choose another medium in step 3"
+            )
+        return ["--psf", psf_argument(settings), "--blur-space", settings.blur_space]
+    text = f"{spec.name}:{settings.test_values.strip() or spec.usual}"
+    differs = not medium_of(text).every_photo and settings.test_sharp > 0
+    return ["--medium", text, *(["--sharp-share", f"{settings.test_sharp:g}"] if differs else [])]
 
 
 def _samples() -> list[str]:

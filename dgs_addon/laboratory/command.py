@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 
 from ...core.progress import Progress
+from .media.registry import forms
 from .settings import BACKGROUNDS, PATH_NAMES, SCENES, SynthesizeSettings
 
 
@@ -38,13 +39,20 @@ def _add_render(group: argparse._ArgumentGroup, usual: SynthesizeSettings) -> No
     add = group.add_argument
     add("--samples", type=int, default=usual.samples, help="Cycles' paths per pixel")
     add("--no-denoise", dest="denoise", action="store_false", help="leave the render as it is traced")
-    add("--overscan", type=int, default=usual.overscan, metavar="PX", help="rendered beyond each side")
+    beyond = f"rendered beyond each side ({usual.overscan}; with --medium 0)"
+    add("--overscan", type=int, metavar="PX", help=beyond)
     add("--seed", type=int, default=usual.seed, help="of everything that is random")
 
 
 def _add_medium(group: argparse._ArgumentGroup, usual: SynthesizeSettings) -> None:
     add = group.add_argument
-    add("--psf", default=usual.psf, help="none, gaussian:SIGMA, gaussian:SX,SY,ANGLE, disk:RADIUS or file:PATH")
+    add("--medium", action="append", dest="media", metavar="NAME:VALUES", help=f"rendered, once for each: {forms()}")
+    share = "share of photos without shake and defocus, besides those held out"
+    add("--sharp-share", type=float, default=usual.sharp_share, metavar="SHARE", help=share)
+    every = "views 0, N, 2N ... have neither shake nor defocus; 0: none"
+    add("--holdout-every", type=int, default=usual.holdout_every, metavar="N", help=every)
+    forms_of_psf = "none, gaussian:SIGMA, gaussian:SX,SY,ANGLE, disk:RADIUS or file:PATH"
+    add("--psf", help=f"{forms_of_psf} ({usual.psf}; with --medium none)")
     add("--blur-space", choices=("srgb", "linear"), default=usual.blur_space, help="where the blur acts")
     fog = "rendered fog: how often light is scattered per metre"
     add("--fog", type=float, default=usual.fog, metavar="PER_METRE", help=fog)
@@ -84,18 +92,19 @@ def _add_truth(group: argparse._ArgumentGroup) -> None:
 
 
 def settings_of(args: argparse.Namespace) -> SynthesizeSettings:
-    """The settings that the parsed arguments ask for."""
+    """The settings that the parsed arguments ask for: where Cycles renders the medium, nothing is convolved unasked."""
+    usual = SynthesizeSettings(psf="none", overscan=0) if args.media else SynthesizeSettings()
     return SynthesizeSettings(
         scene=args.scene,
         path=args.path,
         views=args.views,
         width=args.size[0],
         height=args.size[1],
-        psf=args.psf,
+        psf=usual.psf if args.psf is None else args.psf,
         blur_space=args.blur_space,
         bits=args.bits,
         noise=args.noise,
-        overscan=args.overscan,
+        overscan=usual.overscan if args.overscan is None else args.overscan,
         samples=args.samples,
         denoise=args.denoise,
         seed=args.seed,
@@ -115,6 +124,9 @@ def settings_of(args: argparse.Namespace) -> SynthesizeSettings:
         read_noise=args.read_noise,
         jpeg=args.jpeg,
         background=args.background,
+        media=tuple(args.media or ()),
+        sharp_share=args.sharp_share,
+        holdout_every=args.holdout_every,
     )
 
 

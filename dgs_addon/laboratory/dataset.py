@@ -5,7 +5,8 @@ cameras/        COLMAP model with points on surfaces   transforms.json the same 
 psf.json        the medium                             lines.json      painted lines, in the world
 masks_ball/     255 where the object is seen           depth/*.npy     metres along the camera's axis
 normals/*.npy   unit normals in the engine's world     (lines.json only with the ball)
-manifest.json   all settings; `SynthesizeSettings.from_json(manifest["settings"])` repeats them
+manifest.json   all settings; `SynthesizeSettings.from_json(manifest["settings"])` repeats them; with media
+                also the views to be held out, and what is true of each photo
 """
 
 from __future__ import annotations
@@ -31,6 +32,7 @@ from .lines import LINES, centre_line
 from .settings import EXTRAS, OBJECT_INDEX, SynthesizeSettings
 from .shape import SHAPE, ball_pose
 from .studio import Studio, source_digest
+from .through import Through, plan
 
 #: Views whose depth gives the points of the camera model, and points taken from each.
 POINT_VIEWS, POINTS_PER_VIEW = 6, 1000
@@ -63,7 +65,7 @@ def synthesize(settings: SynthesizeSettings, out: Path, progress: Progress = Sil
         PsfError: the point spread function makes no sense.
         OutputError: a file cannot be written.
         FormatError: Blender cannot read the mesh or the .blend.
-        DgsError: this Python has no bpy.
+        DgsError: this Python has no bpy, or a medium does not fit the scene.
         Cancelled: the user asked to stop; finished frames stay and are taken up again.
     """
     kernel = degrade.kernel_of(settings.psf)
@@ -81,7 +83,8 @@ def synthesize(settings: SynthesizeSettings, out: Path, progress: Progress = Sil
     write_json(out / "unfinished.json", manifest)
     studio = Studio(settings)
     cameras = studio.cameras()
-    _photos(settings, cameras, kernel, out, studio, progress)
+    through = plan(settings, cameras, studio)
+    _photos(settings, cameras, through, kernel, out, studio, progress)
     points = _geometry(settings, cameras, out, studio, progress)
     progress.stage("save")
     files.write_colmap_text(out / "cameras", cameras, points)
@@ -89,27 +92,30 @@ def synthesize(settings: SynthesizeSettings, out: Path, progress: Progress = Sil
     write_json(out / "psf.json", _psf(settings, kernel))
     if settings.has_ball:
         write_json(out / "lines.json", _lines())
-    write_json(out / "manifest.json", manifest)
+    write_json(out / "manifest.json", {**manifest, **through.to_json(cameras)})
     (out / "unfinished.json").unlink()
 
 
 def _photos(
     settings: SynthesizeSettings,
     cameras: list[Camera],
+    through: Through,
     kernel: NDArray[np.float64],
     out: Path,
     studio: Studio,
     progress: Progress,
 ) -> None:
     """Sharp pictures and photos; where Cycles renders the medium, sharp ones first and photos of their own after."""
-    apart = settings.rendered_medium
+    apart = [
+        settings.rendered_medium and not (settings.media and through.is_sharp(index)) for index in range(len(cameras))
+    ]
     for folder in ("photos", "sharp", *(["linear"] if settings.keep_linear else [])):
         make_folder(out / folder)
-    progress.stage("render", len(cameras) * (1 + apart))
+    progress.stage("render", len(cameras) + sum(apart))
     with tempfile.TemporaryDirectory(prefix="dgs-render-") as scratch:
         for index, camera in enumerate(cameras):
             kept = out / "linear" / f"{camera.name}.npy"
-            done = [out / "sharp" / camera.name, *([] if apart else [out / "photos" / camera.name])]
+            done = [out / "sharp" / camera.name, *([] if apart[index] else [out / "photos" / camera.name])]
             if not all(path.is_file() for path in [*done, *([kept] if settings.keep_linear else [])]):
                 if progress.cancelled():
                     raise Cancelled(f"Stopped after {index} of {len(cameras)} frames", "Run it again to go on")
@@ -120,37 +126,46 @@ def _photos(
                 if settings.keep_linear and not kept.is_file():
                     files.write_array(kept, linear)
                 files.write_png(done[0], _sharp(settings, linear))
-                if not apart:
+                if not apart[index]:
                     files.write_png(done[1], _photo(settings, linear, kernel, index))
             progress.advance(index + 1)
-        if apart and not all((out / "photos" / camera.name).is_file() for camera in cameras):
-            _through_the_medium(settings, cameras, kernel, out, studio, progress, Path(scratch))
+    wanted = [index for index in range(len(cameras)) if apart[index]]
+    if not all((out / "photos" / cameras[index].name).is_file() for index in wanted):
+        _through_the_medium(cameras, wanted, through, kernel, out, studio, progress)
 
 
 def _through_the_medium(
-    settings: SynthesizeSettings,
     cameras: list[Camera],
+    wanted: list[int],
+    through: Through,
     kernel: NDArray[np.float64],
     out: Path,
     studio: Studio,
     progress: Progress,
-    scratch: Path,
 ) -> None:
-    """Photos that Cycles renders through a lens, in motion or in fog; the rest of the medium comes on top."""
+    """The `wanted` photos, which Cycles renders through a medium; the rest of the medium comes on top."""
     studio.enter()
-    from . import effects  # late: needs bpy
+    from . import effects, stage  # late: needs bpy
 
+    settings = studio.settings
     ways = effects.travel(cameras)
-    with effects.rendered_medium(settings, cameras, studio.target):
-        for index, camera in enumerate(cameras):
+    with (
+        tempfile.TemporaryDirectory(prefix="dgs-render-") as scratch,
+        effects.rendered_medium(settings, cameras, studio.target),
+        through.standing(stage),
+    ):
+        for done, index in enumerate(wanted):
+            camera = cameras[index]
             file = out / "photos" / camera.name
             if not file.is_file():
                 if progress.cancelled():
-                    raise Cancelled(f"Stopped after {index} of {len(cameras)} photos", "Run it again to go on")
-                with effects.frame(settings, camera, ways[index], studio.target):
-                    linear = _frame(settings, camera, index, studio, scratch)
+                    raise Cancelled(f"Stopped after {done} of {len(wanted)} photos", "Run it again to go on")
+                wide = camera.with_margin(settings.overscan)
+                moment = effects.frame(settings, camera, ways[index], studio.target)
+                with moment, through.photo(stage, wide, index):
+                    linear = _frame(settings, camera, index, studio, Path(scratch))
                 files.write_png(file, _photo(settings, linear, kernel, index))
-            progress.advance(len(cameras) + index + 1)
+            progress.advance(len(cameras) + done + 1)
 
 
 def _frame(

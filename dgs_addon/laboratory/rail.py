@@ -23,6 +23,8 @@ RAIL_LENGTH = 0.420
 ELEVATION = np.radians(30.0)
 #: Turns of the spiral: neighbouring rounds overlap, as a person walking around the table would photograph.
 SPIRAL_TURNS = 2.5
+#: Radius of a patch: as far as a person moves a camera without walking.
+PATCH_REACH = np.radians(20.0)
 #: Focal length as a share of the frame's width; inside a room it is shorter.
 FOCAL_SHARE, INSIDE_FOCAL_SHARE = 1.2, 0.7
 #: Width and height (m) that forward-facing cameras are spread over: a fifth of the distance to every side.
@@ -68,6 +70,15 @@ def front(views: int) -> NDArray[np.float64]:
     return np.stack([across, np.full(views, -DISTANCE), up], -1) + TARGET
 
 
+def patch(views: int) -> NDArray[np.float64]:
+    """Positions spread evenly over a round patch in front of the object, [views, 3]; the first is in its middle."""
+    reach = PATCH_REACH * np.sqrt((np.arange(views) + 0.5) / views)
+    turn = np.arange(views) * np.pi * (3 - np.sqrt(5))
+    aside, up = reach * np.cos(turn), reach * np.sin(turn)
+    elevation = ELEVATION + up
+    return TARGET + DISTANCE * _on_sphere(aside / np.cos(elevation) - np.pi / 2, elevation)
+
+
 def inside(views: int) -> NDArray[np.float64]:
     """Positions on two turns around the middle of a room, [views, 3], up and down by `INSIDE_RISE`."""
     angle = np.arange(views) * (4 * np.pi / views)
@@ -90,6 +101,7 @@ PATHS: dict[str, Callable[[int], NDArray[np.float64]]] = {
     "dome": dome,
     "spiral": spiral,
     "front": front,
+    "patch": patch,
     "inside": inside,
     "drone": drone,
 }

@@ -8,12 +8,13 @@ from dataclasses import asdict, dataclass, fields, replace
 from typing import Any, Literal
 
 from ...core.errors import DgsError, FormatError
+from .media.registry import medium_of
 from .scenes import SCENES as BUILT_SCENES
 
 SCENES = ("rugby-ball", *BUILT_SCENES)
 #: Counts changes of scenes, paths and render settings: frames of another version are not reused.
 SCENE_VERSION = 3
-PATH_NAMES = ("rail", "orbit", "dome", "spiral", "front", "inside", "drone", "scene")
+PATH_NAMES = ("rail", "orbit", "dome", "spiral", "front", "patch", "inside", "drone", "scene")
 #: What is behind the object: the scene's own surroundings, or nothing; then photos have alpha, or white is there.
 BACKGROUNDS = ("scene", "transparent", "white")
 #: Settings that came later; where they are as before, manifests and fingerprints are too.
@@ -31,6 +32,9 @@ _LATER = (
     "read_noise",
     "jpeg",
     "background",
+    "media",
+    "sharp_share",
+    "holdout_every",
 )
 #: px that Blender renders and JPEG files hold at most.
 LONGEST_SIDE = 65_500
@@ -75,6 +79,9 @@ class SynthesizeSettings:
         read_noise: electrons rms that reading the sensor adds.
         jpeg: quality that the photos have been compressed with, 1 to 100; 0 for not at all.
         background: one of `BACKGROUNDS`; 'transparent' writes photos with alpha, and the table is left out of both.
+        media: what Cycles renders between object and photo, each 'NAME:VALUES' (`media.registry`), one of each name.
+        sharp_share: share of the photos that are taken without shake and defocus, besides the held-out ones.
+        holdout_every: views 0, n, 2n ... are to be held out: they have neither shake nor defocus; 0 for none.
     """
 
     scene: str = "rugby-ball"
@@ -106,8 +113,12 @@ class SynthesizeSettings:
     read_noise: float = 0.0
     jpeg: int = 0
     background: Literal["scene", "transparent", "white"] = "scene"
+    media: tuple[str, ...] = ()
+    sharp_share: float = 0.0
+    holdout_every: int = 8
 
     def __post_init__(self) -> None:
+        self._check_media()
         for name, value, allowed in (
             ("scene", "rugby-ball" if self.from_blend else self.scene, (*SCENES, "FILE.blend")),
             ("path", self.path, PATH_NAMES),
@@ -134,6 +145,8 @@ class SynthesizeSettings:
             ("full well", self.full_well, 0, ENOUGH),
             ("read noise", self.read_noise, 0, ENOUGH),
             ("JPEG quality", self.jpeg, 0, 100),
+            ("share of sharp photos", self.sharp_share, 0, 1),
+            ("distance between held-out views", self.holdout_every, 0, 100_000),
             *(("object motion", abs(one), 0, ENOUGH) for one in self.object_motion),
         ):
             if not least <= amount <= most:
@@ -150,6 +163,19 @@ class SynthesizeSettings:
             raise DgsError("Only a .blend has an animated camera", "Give --scene FILE.blend, or another path")
         if self.mesh and self.from_blend:
             raise DgsError("A set is of a mesh or of a .blend, not of both", "Give --mesh or --scene")
+
+    def _check_media(self) -> None:
+        names = [text.partition(":")[0] for text in self.media]
+        media = [medium_of(text) for text in self.media]
+        twice = next((name for name in names if names.count(name) > 1), "")
+        if twice:
+            raise DgsError(f"The medium {twice} is asked for twice", "Give each medium once")
+        if media and (self.aperture > 0 or self.fog > 0 or self.moves):
+            raise DgsError("Media are given in two ways", "Give --medium, or --aperture, --camera-motion and --fog")
+        if self.sharp_share and all(medium.every_photo for medium in media):
+            raise DgsError(
+                "Photos differ in shake and defocus only", "Leave out --sharp-share, or add --medium shake:8"
+            )
 
     @property
     def from_blend(self) -> bool:
@@ -174,7 +200,7 @@ class SynthesizeSettings:
     @property
     def rendered_medium(self) -> bool:
         """Whether Cycles renders the photos otherwise than the sharp pictures."""
-        return self.aperture > 0 or self.fog > 0 or self.moves
+        return self.aperture > 0 or self.fog > 0 or self.moves or bool(self.media)
 
     def to_json(self) -> dict[str, Any]:
         """For the manifest; `from_json` reads it back."""
@@ -197,6 +223,9 @@ class SynthesizeSettings:
             "full_well",
             "read_noise",
             "jpeg",
+            "media",
+            "sharp_share",
+            "holdout_every",
             *EXTRAS,
         }
         kept = {key: value for key, value in self.to_json().items() if key not in after}
@@ -216,8 +245,8 @@ class SynthesizeSettings:
         unknown = set(values) - {item.name for item in fields(SynthesizeSettings)}
         if unknown:
             raise FormatError(f"Unknown settings in the manifest: {', '.join(sorted(unknown))}", "Remove them")
-        motion = values.get("object_motion", (0.0, 0.0, 0.0))
-        return SynthesizeSettings(**{**values, "object_motion": tuple(motion)})
+        lists: dict[str, Any] = {name: tuple(values[name]) for name in ("object_motion", "media") if name in values}
+        return SynthesizeSettings(**{**values, **lists})
 
 
 def _digest(values: dict[str, Any]) -> str:

@@ -1,0 +1,231 @@
+"""Media that Cycles renders, each against its formula, measured in tiny renders."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("bpy")
+
+from dgs.core.errors import Cancelled, DgsError
+from dgs.core.progress import Silent
+from dgs.dgs_addon.laboratory.dataset import synthesize
+from dgs.dgs_addon.laboratory.media.frosted_glass import oblique
+from dgs.dgs_addon.laboratory.settings import SynthesizeSettings
+from dgs.tests.blender.laboratory.lamps import FOCAL, HEIGHT, WIDTH, edge, lamps, light, moments
+from scipy.ndimage import shift
+
+LEFT, RIGHT = np.s_[:, : WIDTH // 2], np.s_[:, WIDTH // 2 :]
+
+
+def manifest(out: Path) -> dict:
+    return json.loads((out / "manifest.json").read_text())
+
+
+def place(pose: np.ndarray, point: np.ndarray) -> np.ndarray:
+    """(column, row) at which a [3, 4] pose sees a point."""
+    x, y, z = pose[:, :3] @ point + pose[:, 3]
+    return np.array([FOCAL * x / z + WIDTH / 2, FOCAL * y / z + HEIGHT / 2])
+
+
+@pytest.mark.parametrize("medium", ["shake:10", "shake:8..11,0"])
+def test_a_shaken_lamp_draws_the_path_of_the_manifest(medium: str, tmp_path: Path) -> None:
+    """Two lamps at two depths in each photo: their streaks are the sharp lamp moved along its projected path."""
+    squares = [(24.0, 32.0, 1.5, 4.0), (72.0, 32.0, 3.0, 4.0)]
+    settings = lamps(tmp_path / "a.blend", squares, 0.9, media=(medium,), views=2, samples=400)
+    synthesize(settings, tmp_path / "set")
+    streaks = []
+    for view, (name, truth) in enumerate(manifest(tmp_path / "set")["through"].items()):
+        assert name == f"view_{view:03d}.png" and not truth["sharp"]
+        poses = np.array(truth["shake"]["poses"])
+        for half, (column, row, depth, _) in zip((LEFT, RIGHT), squares, strict=True):
+            point = np.array([(column - WIDTH / 2) / FOCAL * depth, (row - HEIGHT / 2) / FOCAL * depth, depth])
+            path, near = between(poses, point, 97)
+            path -= [column, row]
+            sharp, photo = light(tmp_path / "set", "sharp", view)[half], light(tmp_path / "set", view=view)[half]
+            moved = np.mean([w * shift(sharp, (y, x), order=1) for (x, y), w in zip(path, near, strict=True)], axis=0)
+            assert np.abs(moved - photo).sum() < 0.25 * photo.sum(), "the picture of the lamp is that of its path"
+            (middle, spread), (start, still) = moments(photo), moments(sharp)
+            assert middle - start == pytest.approx(np.average(path, axis=0, weights=near), abs=0.15)
+            assert spread - still == pytest.approx(np.cov(path.T, aweights=near), rel=0.06, abs=0.5)
+            streaks.append(path)
+        assert np.abs(poses.mean(axis=0)[:, :3] - np.eye(3)).max() < 1e-3  # the sharp camera is the path's mean
+    assert np.abs(streaks[0] - streaks[2]).max() > 2, "every photo has a path of its own"
+    assert np.abs(streaks[0] - streaks[1]).max() > 1, "the camera moves, and does not only turn"
+    bend = np.linalg.svd(streaks[0] - streaks[0].mean(axis=0))[1]
+    assert (bend[1] < 0.03 * bend[0]) == medium.endswith(",0")
+
+
+def between(poses: np.ndarray, point: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Places at `count` even times at which a point is seen, and how much larger it is than on average."""
+    nodes, times = np.linspace(0, 1, len(poses)), np.linspace(0, 1, count)
+    seen = np.array([place(pose, point) for pose in poses])
+    size = np.array([(pose[2, :3] @ point + pose[2, 3]) ** -2 for pose in poses])
+    path = np.stack([np.interp(times, nodes, seen[:, axis]) for axis in (0, 1)], axis=-1)
+    sizes = np.interp(times, nodes, size)
+    return path, sizes / sizes.mean()
+
+
+def test_a_path_is_as_long_as_asked_and_stays_with_the_photo(tmp_path: Path) -> None:
+    """Lengths fill the range; the paths of other photos, or of another seed, are others."""
+    settings = lamps(tmp_path / "a.blend", [(48.0, 32.0, 2.0, 6.0)], media=("shake:4..16",), views=12, samples=1)
+    synthesize(settings, tmp_path / "set")
+    photos = manifest(tmp_path / "set")["through"]
+    lengths = []
+    for truth in photos.values():
+        seen = np.array([place(np.array(pose), np.array([0, 0, 2.0])) for pose in truth["shake"]["poses"]])
+        lengths.append(np.linalg.norm(np.diff(seen, axis=0), axis=1).sum())
+        assert truth["shake"]["path_px"] == pytest.approx(lengths[-1], rel=1e-6)
+    assert 4 <= min(lengths) < 7 and 13 < max(lengths) <= 16
+    synthesize(replace(settings, seed=1, views=2), tmp_path / "other")
+    assert manifest(tmp_path / "other")["through"]["view_001.png"] != photos["view_001.png"]
+
+
+@pytest.mark.parametrize("depth", [1.0, 2.0])
+def test_glass_blurs_by_the_distance_behind_it(depth: float, tmp_path: Path) -> None:
+    """sigma = f s (1 - z_d / z), and no light is lost."""
+    squares = [(48.0, 32.0, depth, 40.0)]
+    settings = lamps(tmp_path / "a.blend", squares, media=("frosted-glass:0.5,1",))
+    synthesize(settings, tmp_path / "set")
+    photo, sharp = light(tmp_path / "set")[24:40], light(tmp_path / "set", "sharp")[24:40]
+    added = np.sqrt(edge(photo[:, 8:48].mean(0)) ** 2 - edge(sharp[:, 8:48].mean(0)) ** 2)
+    truth = manifest(tmp_path / "set")["media"]["frosted-glass"]
+    assert truth["scattering_rad"] == pytest.approx(np.radians(1))
+    assert added == pytest.approx(FOCAL * truth["scattering_rad"] * (1 - 0.5 / depth), rel=0.04)
+    assert light(tmp_path / "set").sum() == pytest.approx(light(tmp_path / "set", "sharp").sum(), rel=0.01)
+
+
+def test_tilted_glass_blurs_by_the_angle_that_light_meets_it_at(tmp_path: Path) -> None:
+    """On the axis, along the tilt and across it; the manifest's plane says where the glass is."""
+    squares = [(48.0, 32.0, 1.0, 6.0)]
+    settings = lamps(tmp_path / "a.blend", squares, 0.9, media=("frosted-glass:0.5,0.8,35",))
+    synthesize(settings, tmp_path / "set")
+    added = moments(light(tmp_path / "set"))[1] - moments(light(tmp_path / "set", "sharp"))[1]
+    truth = manifest(tmp_path / "set")["media"]["frosted-glass"]
+    assert truth["offset"] / truth["normal"][2] == pytest.approx(0.5)
+    along, across = oblique(truth["normal"][2])
+    sigma = FOCAL * np.radians(0.8) * 0.5
+    assert np.sqrt(np.diag(added)) == pytest.approx([sigma * along, sigma * across], rel=0.04)
+    assert along > 1.3 and 1.1 < across < 1.2
+
+
+@pytest.mark.parametrize("depth", [0.6, 2.0])
+def test_a_lamp_out_of_focus_is_a_disc_as_large_as_the_formula_says(depth: float, tmp_path: Path) -> None:
+    squares = [(48.0, 32.0, depth, 4.0)]
+    settings = lamps(tmp_path / "a.blend", squares, media=("defocus:12,0.9..1.2",), views=2)
+    synthesize(settings, tmp_path / "set")
+    circles = []
+    for view, truth in enumerate(manifest(tmp_path / "set")["through"].values()):
+        lens = truth["defocus"]
+        circles.append(lens["scale"] * abs(1 / lens["focus"] - 1 / depth))
+        added = moments(light(tmp_path / "set", view=view))[1] - moments(light(tmp_path / "set", "sharp", view))[1]
+        assert 4 * np.sqrt(np.diag(added)) == pytest.approx([circles[-1]] * 2, rel=0.03)  # variance d^2 / 16
+        assert 0.9 <= lens["focus"] <= 1.2
+        assert lens["scale"] == pytest.approx(lens["aperture"] * FOCAL)
+    assert max(circles) == pytest.approx(12) and min(circles) < 11.5
+
+
+@pytest.mark.parametrize("depth", [1.0, 2.0])
+def test_fog_takes_contrast_by_the_way_through_it(depth: float, tmp_path: Path) -> None:
+    settings = lamps(tmp_path / "a.blend", [(48.0, 32.0, depth, 30.0)], media=("fog:0.6",), samples=64)
+    synthesize(settings, tmp_path / "set")
+    steps = []
+    for folder in ("sharp", "photos"):
+        row = light(tmp_path / "set", folder)[24:40].mean(0)
+        steps.append(row[36:40].mean() - row[26:30].mean())
+    assert steps[1] / steps[0] == pytest.approx(np.exp(-0.6 * depth), rel=0.04)
+
+
+def test_glass_moves_with_a_shaken_camera_and_stands_before_sharp_photos(tmp_path: Path) -> None:
+    settings = lamps(
+        tmp_path / "a.blend", [(48.0, 32.0, 1.0, 6.0)], 0.9,
+        media=("shake:16,0", "frosted-glass:0.5,0.6"), views=2, holdout_every=2,
+    )  # fmt: skip
+    synthesize(settings, tmp_path / "set")
+    photos = manifest(tmp_path / "set")["through"]
+    assert list(photos["view_000.png"]) == ["sharp", "frosted-glass"] and not photos["view_000.png"]["sharp"]
+    glass = (FOCAL * np.radians(0.6) * 0.5) ** 2
+    poses = np.array(photos["view_001.png"]["shake"]["poses"])
+    path = np.array([place(pose, np.array([0, 0, 1.0])) for pose in poses])
+    for view, moved in ((0, np.zeros((2, 2))), (1, np.cov(path.T, ddof=0))):
+        added = moments(light(tmp_path / "set", view=view))[1] - moments(light(tmp_path / "set", "sharp", view))[1]
+        assert added == pytest.approx(moved + glass * np.eye(2), rel=0.15, abs=0.25)
+
+
+class StopsAfter(Silent):
+    """Asks to stop once `frames` frames are rendered."""
+
+    def __init__(self, frames: int) -> None:
+        self.frames, self.done = frames, 0
+
+    def advance(self, done: int, **figures: float) -> None:
+        self.done = done
+
+    def cancelled(self) -> bool:
+        return self.done >= self.frames
+
+
+def test_held_out_and_some_other_photos_stay_sharp_and_the_bits_repeat(tmp_path: Path) -> None:
+    plain = lamps(tmp_path / "a.blend", [(48.0, 32.0, 2.0, 20.0)], views=8, samples=2, width=48, height=32)
+    mixed = replace(plain, media=("shake:9", "defocus:4,1..3"), holdout_every=4, sharp_share=0.5)
+    synthesize(plain, tmp_path / "plain")
+    synthesize(mixed, tmp_path / "one")
+    with pytest.raises(Cancelled):
+        synthesize(mixed, tmp_path / "two", StopsAfter(9))
+    synthesize(mixed, tmp_path / "two")
+    written = manifest(tmp_path / "one")
+    assert SynthesizeSettings.from_json(written["settings"]) == mixed
+    assert written["held_out"] == ["view_000.png", "view_004.png"]
+    sharp = [name for name, truth in written["through"].items() if truth["sharp"]]
+    assert len(sharp) == 2 + 3 and set(written["held_out"]) < set(sharp)
+    for file in sorted((tmp_path / "plain/photos").iterdir()):
+        photo = (tmp_path / "one/photos" / file.name).read_bytes()
+        assert (tmp_path / "one/sharp" / file.name).read_bytes() == file.read_bytes()
+        assert (photo == file.read_bytes()) == (file.name in sharp)
+        assert (tmp_path / "two/photos" / file.name).read_bytes() == photo
+    assert manifest(tmp_path / "two") == written
+    synthesize(plain, tmp_path / "after")  # the scene is left as it was
+    assert (tmp_path / "after/photos/view_001.png").read_bytes() == (
+        tmp_path / "plain/photos/view_001.png"
+    ).read_bytes()
+    assert "held_out" not in manifest(tmp_path / "plain")
+
+
+@pytest.mark.parametrize(
+    ("media", "way_out"),
+    [
+        (("mist:3",), "Write shake:PX"),
+        (("shake:",), "Write shake:PX"),
+        (("shake:0",), "such as 4..16"),
+        (("shake:9..4",), "smaller number first"),
+        (("shake:9,-1",), "Give shake:8,0.5"),
+        (("defocus:0",), "leave the medium out"),
+        (("defocus:9,-1..3",), "depths above 0"),
+        (("frosted-glass:0.5",), "Write frosted-glass:DISTANCE"),
+        (("frosted-glass:-0.5,1",), "distance of at least"),
+        (("frosted-glass:0.5,-1",), "angle above 0"),
+        (("frosted-glass:0.5,1,80",), "at most 45"),
+        (("fog:-1",), "leave the medium out"),
+        (("fog:1,2",), "G from -0.99"),
+        (("fog:nan",), "Write fog:PER_METRE"),
+        (("shake:9", "shake:9"), "once"),
+    ],
+)
+def test_what_makes_no_sense_is_said_in_a_line(media: tuple[str, ...], way_out: str) -> None:
+    with pytest.raises(DgsError, match=way_out):
+        SynthesizeSettings(media=media)
+
+
+def test_media_fit_the_settings_and_the_scene(tmp_path: Path) -> None:
+    with pytest.raises(DgsError, match="Give --medium, or"):
+        SynthesizeSettings(media=("fog:1",), aperture=2.0)
+    with pytest.raises(DgsError, match="Leave out --sharp-share"):
+        SynthesizeSettings(media=("fog:1",), sharp_share=0.5)
+    behind = lamps(tmp_path / "a.blend", [(48.0, 32.0, 2.0, 30.0)], samples=1, media=("frosted-glass:2.5,1",))
+    with pytest.raises(DgsError, match=r"stands behind .*view_000.* below 1\.96"):
+        synthesize(behind, tmp_path / "set")
+    assert not (tmp_path / "set/photos").exists()
