@@ -15,7 +15,7 @@ from ..photos.load import Photo
 from ..progress import Progress
 from ..run_settings import PresetName
 from ..training.job import TrainingJob
-from ..training.settings import TrainingSettings
+from ..training.settings import TrainingSettings, harmonics_for
 from ..views import heldout_names
 from .clock import OthersLoad
 from .described import RunDescription
@@ -60,7 +60,7 @@ def estimate(sample: PhotoSample, run: RunDescription, machine: Machine, progres
     others = OthersLoad()
     speeds: dict[int, Speed] = {}
     for name in PRESETS:  # degrees of the harmonics differ, and with them what an iteration takes
-        degree = _degree(run, name)
+        degree = _degree(sample, run, name)
         if degree not in speeds:
             speeds[degree] = _probed(sample, run, machine, (fitted, held), degree)
     busy = others.share()
@@ -72,7 +72,7 @@ def estimate(sample: PhotoSample, run: RunDescription, machine: Machine, progres
         hurried = name == "draft"
         few = photo_work(sample.photos, search=run.search, hurried=hurried, compiled=compiled, points=run.points)
         work = _scaled(few, len(sample.files)).training(fitted, held, preset.steps, count)
-        train = speeds[_degree(run, name)].training(preset.steps, count)
+        train = speeds[_degree(sample, run, name)].training(preset.steps, count)
         stages, seconds = stage_seconds(records.runs, work, train, slowdown(busy))
         expected = accuracy(records.runs, name, scene, own)
         out[name] = {
@@ -97,9 +97,11 @@ def estimate(sample: PhotoSample, run: RunDescription, machine: Machine, progres
     }
 
 
-def _degree(run: RunDescription, name: PresetName) -> int:
+def _degree(sample: PhotoSample, run: RunDescription, name: PresetName) -> int:
     """Of the harmonics of a run with a preset."""
-    return TrainingSettings.preset(name).sh_degree if run.sh_degree is None else run.sh_degree
+    if run.sh_degree is not None:
+        return run.sh_degree
+    return harmonics_for(TrainingSettings.preset(name), sample.medium.mean_sigma([p.name for p in sample.photos]))
 
 
 def _probed(sample: PhotoSample, run: RunDescription, machine: Machine, photos: tuple[int, int], degree: int) -> Speed:

@@ -122,7 +122,8 @@ def _stages(run: RunSettings, given: Spreads | None, truth: TruthFolder | None, 
     points = _first_points(run, loaded, cameras, blur.medium, course)
 
     views = split_views(photos, cameras.reconstruction, loaded.held, keeper)
-    settings = training_settings(run.training, machine, timing.limited)
+    sigma = blur.medium.mean_sigma([photo.name for photo in photos])
+    settings = training_settings(run.training, machine, timing.limited, sigma)
     effects = simulate(run.effects, photos, cameras.reconstruction, views, blur.medium, settings, keeper)
     if run.effects != "none":
         watch.lap("effects")

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 from ..machine import Machine
 from ..photos.load import Photo
@@ -12,7 +11,7 @@ from ..progress import Progress
 from ..run_settings import TrainingRequest
 from ..training.job import PlannedTraining, TrainingJob
 from ..training.run import Trained, train
-from ..training.settings import TrainingSettings
+from ..training.settings import TrainingSettings, harmonics_for
 from ..twin.folder import TwinFolder
 from .snapshots import Watchers
 from .timing import Timing
@@ -27,19 +26,21 @@ def usual_settings(request: TrainingRequest, machine: Machine) -> TrainingSettin
     return replace(preset, loss=request.loss, seed=request.seed, threads=machine.threads, device=machine.device)
 
 
-def training_settings(request: TrainingRequest, machine: Machine, limited: bool) -> TrainingSettings:
+def training_settings(request: TrainingRequest, machine: Machine, limited: bool, sigma: float) -> TrainingSettings:
     """The settings of the optimization.
 
     Args:
         limited: whether a time limit will say how many steps there are.
+        sigma: px, of the photos' blur (`Medium.mean_sigma`).
     """
-    changes: Mapping[str, Any] = {"max_gaussians": request.max_gaussians, "sh_degree": request.sh_degree}
     usual = usual_settings(request, machine)
+    degree = harmonics_for(usual, sigma) if request.sh_degree is None else request.sh_degree
     settings = replace(
         usual,
+        sh_degree=degree,
+        max_gaussians=usual.max_gaussians if request.max_gaussians is None else request.max_gaussians,
         until=usual.until if request.until is None else request.until,
         min_steps=request.min_steps,
-        **{name: value for name, value in changes.items() if value is not None},
     )
     if request.until is None or limited:
         return settings

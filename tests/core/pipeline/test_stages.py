@@ -37,9 +37,19 @@ def test_motion_is_apart_from_the_blur_where_it_may_be_simulated():
 def test_a_run_that_waits_for_a_quality_may_take_more_steps_unless_its_time_is_limited():
     request = ReconstructSettings(Path("p"), Path("o"), until=28.0, max_gaussians=700).split().training
     usual = usual_settings(request, ONE)
-    assert training_settings(request, ONE, limited=True).steps == usual.steps
-    free = training_settings(request, ONE, limited=False)
+    assert training_settings(request, ONE, limited=True, sigma=5.0).steps == usual.steps
+    free = training_settings(request, ONE, limited=False, sigma=5.0)
     assert free.steps == UNTIL_STEPS * usual.steps and free.max_gaussians == 700 and free.until == 28.0
+
+
+def test_sharp_photos_get_all_harmonics_unless_a_degree_is_asked_for():
+    request = ReconstructSettings(Path("p"), Path("o")).split().training
+    degrees = [training_settings(request, ONE, limited=False, sigma=sigma).sh_degree for sigma in (0.0, 2.5, 2.6, 5.0)]
+    assert degrees == [3, 3, 1, 1]
+    asked = ReconstructSettings(Path("p"), Path("o"), sh_degree=2).split().training
+    assert training_settings(asked, ONE, limited=False, sigma=0.0).sh_degree == 2
+    best = ReconstructSettings(Path("p"), Path("o"), preset="best").split().training
+    assert training_settings(best, ONE, limited=False, sigma=5.0).sh_degree == 3
 
 
 def test_an_untimed_run_asks_for_nothing():
