@@ -126,7 +126,6 @@ class BlurWidthSettings:
         "held-out views without any smoothness: brighton (15 photos) -0.27 dB, copr (33) +0.11",
     )
 
-
     sharp_until: float = number(
         2.5,
         "px of the photo",
