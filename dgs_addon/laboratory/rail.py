@@ -87,10 +87,12 @@ def inside(views: int) -> NDArray[np.float64]:
 
 
 def drone(views: int) -> NDArray[np.float64]:
-    """Positions on rows flown to and fro above the scene, [views, 3]."""
-    rows = max(1, round(np.sqrt(views)))
-    row = np.arange(views) * rows // views
-    along = (np.arange(views) + 0.5) * rows / views - row - 0.5
+    """Positions on rows flown to and fro above the scene, [views, 3].
+
+    The first is in the middle of a row: it is held out by default, and what a corner shows no other photo shows.
+    """
+    rows, row, flown = _rows(views)
+    along = (flown + 0.5) * rows / views - row - 0.5
     across = (row + 0.5) / rows - 0.5
     return np.stack([_heading(row) * along * DRONE_SIDE, across * DRONE_SIDE, np.full(views, DISTANCE)], -1) + TARGET
 
@@ -140,11 +142,17 @@ def _aims(path: str, places: NDArray[np.float64]) -> NDArray[np.float64]:
         way = np.where(np.arange(views)[:, None] < views / 2, -1.0, 3.0)
         return np.asarray(TARGET + way * outwards)
     if path == "drone":
-        rows = max(1, round(np.sqrt(views)))
         ahead = np.zeros_like(places)
-        ahead[:, 0] = DRONE_AHEAD * DISTANCE * _heading(np.arange(views) * rows // views)
+        ahead[:, 0] = DRONE_AHEAD * DISTANCE * _heading(_rows(views)[1])
         return np.asarray(places * [1.0, 1.0, 0.0] + TARGET * [0.0, 0.0, 1.0] + ahead)
     return np.broadcast_to(TARGET, places.shape)
+
+
+def _rows(views: int) -> tuple[int, NDArray[np.int64], NDArray[np.int64]]:
+    """How many rows a drone flies; of each view its row, and its number along the whole flight."""
+    rows = max(1, round(np.sqrt(0.75 * views)))
+    flown = np.roll(np.arange(views), -(max(views // rows, 1) - 1) // 2)
+    return rows, flown * rows // views, flown
 
 
 def _heading(row: NDArray[np.int64]) -> NDArray[np.float64]:

@@ -99,19 +99,21 @@ def cell(row: Row | None) -> str:
 def details(scenes: Sequence[BenchmarkScene], rows: Mapping[tuple[str, str], Row], effort: str) -> list[str]:
     """SSIM, size and verdict of each scene's run with one effort."""
     lines = [
-        f"| scene ({effort}) | SSIM | Gaussians, degree | steps | memory | others' load | verdict |",
-        "|---|---|---|---|---|---|---|",
+        f"| scene ({effort}) | SSIM | Gaussians, degree | steps | memory | others' load | verdict "
+        "| explained: unseen, fitted |",
+        "|---|---|---|---|---|---|---|---|",
     ]
     for scene in scenes:
         row = rows.get((scene.name, effort))
         if row is None:
             continue
         if row["failed"]:
-            lines.append(f"| {scene.name} | - | - | - | - | - | failed: {row['failed']} |")
+            lines.append(f"| {scene.name} | - | - | - | - | - | failed: {row['failed']} | - |")
             continue
         others = "-" if row["others"] is None else f"{100 * row['others']:.0f} %"
         size = f"{row['gaussians']:,}, {row['sh_degree']} | {row['steps']:,} | {row['peak_memory_mb']:.0f} MB"
-        lines.append(f"| {scene.name} | {row['ssim']:.3f} | {size} | {others} | {row['level']}: {row['verdict']} |")
+        shares = ", ".join("-" if share is None else f"{share:.1f} %" for share in row["explained"])
+        lines.append(f"| {scene.name} | {row['ssim']:.3f} | {size} | {others} | {row['level']} | {shares} |")
     return lines
 
 

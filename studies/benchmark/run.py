@@ -87,11 +87,13 @@ def _picture_file(scene: str, places: Places) -> Path:
 
 def write(scenes: Sequence[BenchmarkScene], missing: list[str], bench: Bench, quick: bool, places: Places) -> None:
     """benchmark.json and the page, from all rows that are there."""
-    rows = bench.rows([scene.name for scene in scenes])
+    found = bench.rows([scene.name for scene in scenes])
+    efforts = _ordered({row["effort"] for row in found})
+    rows = [row for effort in efforts for row in found if row["effort"] == effort]
     content: dict[str, Any] = {
         "quick": quick,
         "machine": machine(bench.threads or cores(), choose_device("auto")),
-        "efforts": _ordered({row["effort"] for row in rows}),
+        "efforts": efforts,
         "missing": missing,
         "pictures": _pictures(rows, places),
         "rows": rows,

@@ -172,6 +172,7 @@ def figures(report: Mapping[str, Any]) -> Row:
         "unscored": len(held["names"]) - len(views),
         "level": report["verdict"]["level"],
         "verdict": report["verdict"]["sentence"],
+        "explained": [_explained(report["verdict"][which]) for which in ("unseen", "fitted")],
         "worst_words": report["verdict"]["views"],
         "status": report["status"],
         "seconds": round(report["seconds"]["total"], 1),
@@ -182,3 +183,8 @@ def figures(report: Mapping[str, Any]) -> Row:
         "sh_degree": report["settings"]["training"]["sh_degree"],
         "machine": {key: report["machine"].get(key) for key in ("processor", "cores", "threads", "device")},
     }
+
+
+def _explained(left: float | None) -> float | None:
+    """Share of the photos' variance in %, of the share that the twin leaves unexplained."""
+    return None if left is None else round(100.0 * (1.0 - left), 2)

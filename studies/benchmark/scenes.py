@@ -109,9 +109,9 @@ CHOSEN = (
 
 _ORRERY = RenderedSet("orrery", "dome", background="transparent")
 _PLANT = RenderedSet("plant", "dome", background="white")
-_ROOM = RenderedSet("room", "inside", 56)
-_SHELF = RenderedSet("shelf", "front", 32)
-_VILLAGE = RenderedSet("village", "drone", 49)
+_ROOM = RenderedSet("room", "inside", samples=8)
+_SHELF = RenderedSet("shelf", "front", 32, samples=8)
+_VILLAGE = RenderedSet("village", "drone", samples=8)
 
 
 def _pair(

@@ -34,6 +34,7 @@ def row(scene, effort="balanced", psnr=30.0, worst=28.0, **more):
         "others": 0.3,
         "level": "good",
         "verdict": "It is good.",
+        "explained": [97.5, None],
         "status": "done",
         "engine": "a",
         **more,
@@ -92,6 +93,7 @@ def test_parts_stand_apart_and_failures_and_hands_words_stay():
     text = pages.page(content(rows), SCENES, "## What is bad\n")
     checked, _, chosen = text.partition("## Chosen on")
     assert "| plant |" in checked and "| lego |" not in checked and "| copr |" in chosen and "**failed**" in chosen
+    assert "| good | 97.5 %, - |" in text
     assert "failed: It broke" in text and "35.4 to 35.8" in chosen
     assert pages.kept_by_hand(text) == "## What is bad\n"
     assert pages.kept_by_hand(pages.page(content(rows), SCENES, pages.kept_by_hand(text))) == "## What is bad\n"
@@ -124,7 +126,7 @@ def test_figures_take_the_sharp_truth_where_there_is_one():
             "degraded": {"psnr": 40.0, "ssim": 1.0, "psnr_halves": None},
         },
         "photos": {"given": 10, "registered": 9, "size": [4, 3]},
-        "verdict": {"level": "good", "sentence": "Good.", "views": []},
+        "verdict": {"level": "good", "sentence": "Good.", "views": [], "unseen": 0.021, "fitted": None},
         "status": "done",
         "seconds": {"total": 10.0, "train": 5.0},
         "gaussians": 5,
@@ -134,6 +136,7 @@ def test_figures_take_the_sharp_truth_where_there_is_one():
         "machine": {"processor": "P", "cores": 2, "threads": 2, "device": "cpu"},
     }
     found = figures(report)
+    assert found["explained"] == [97.9, None]
     assert found["psnr"] == 28.0 and found["worst"] == {"name": "b", "psnr": 26.0}
     for one in report["heldout"]["views"]:
         one["sharp"] = None
