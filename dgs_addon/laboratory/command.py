@@ -51,6 +51,8 @@ def _add_medium(group: argparse._ArgumentGroup, usual: SynthesizeSettings) -> No
     add("--sharp-share", type=float, default=usual.sharp_share, metavar="SHARE", help=share)
     every = "views 0, N, 2N ... have neither shake nor defocus; 0: none"
     add("--holdout-every", type=int, default=usual.holdout_every, metavar="N", help=every)
+    paths = "Cycles' paths per pixel of photos through what it renders; 0: as --samples"
+    add("--medium-samples", type=int, default=usual.medium_samples, metavar="N", help=paths)
     forms_of_psf = "none, gaussian:SIGMA, gaussian:SX,SY,ANGLE, disk:RADIUS or file:PATH"
     add("--psf", help=f"{forms_of_psf} ({usual.psf}; with --medium none)")
     add("--blur-space", choices=("srgb", "linear"), default=usual.blur_space, help="where the blur acts")
@@ -127,6 +129,7 @@ def settings_of(args: argparse.Namespace) -> SynthesizeSettings:
         media=tuple(args.media or ()),
         sharp_share=args.sharp_share,
         holdout_every=args.holdout_every,
+        medium_samples=args.medium_samples,
     )
 
 

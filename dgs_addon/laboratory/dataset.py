@@ -144,10 +144,10 @@ def _through_the_medium(
     progress: Progress,
 ) -> None:
     """The `wanted` photos, which Cycles renders through a medium; the rest of the medium comes on top."""
-    studio.enter()
+    settings = studio.settings
+    studio.enter().prepare(settings.medium_samples or settings.samples, settings.denoise, alone=settings.alone)
     from . import effects, stage  # late: needs bpy
 
-    settings = studio.settings
     ways = effects.travel(cameras)
     with (
         tempfile.TemporaryDirectory(prefix="dgs-render-") as scratch,

@@ -35,6 +35,7 @@ _LATER = (
     "media",
     "sharp_share",
     "holdout_every",
+    "medium_samples",
 )
 #: px that Blender renders and JPEG files hold at most.
 LONGEST_SIDE = 65_500
@@ -82,6 +83,7 @@ class SynthesizeSettings:
         media: what Cycles renders between object and photo, each 'NAME:VALUES' (`media.registry`), one of each name.
         sharp_share: share of the photos that are taken without shake and defocus, besides the held-out ones.
         holdout_every: views 0, n, 2n ... are to be held out: they have neither shake nor defocus; 0 for none.
+        medium_samples: Cycles' paths per pixel of photos through what it renders; 0 for as many as of sharp pictures.
     """
 
     scene: str = "rugby-ball"
@@ -116,6 +118,7 @@ class SynthesizeSettings:
     media: tuple[str, ...] = ()
     sharp_share: float = 0.0
     holdout_every: int = 8
+    medium_samples: int = 0
 
     def __post_init__(self) -> None:
         self._check_media()
@@ -146,6 +149,7 @@ class SynthesizeSettings:
             ("read noise", self.read_noise, 0, ENOUGH),
             ("JPEG quality", self.jpeg, 0, 100),
             ("share of sharp photos", self.sharp_share, 0, 1),
+            ("samples through media", self.medium_samples, 0, 2**24),
             ("distance between held-out views", self.holdout_every, 0, 100_000),
             *(("object motion", abs(one), 0, ENOUGH) for one in self.object_motion),
         ):
@@ -226,6 +230,7 @@ class SynthesizeSettings:
             "media",
             "sharp_share",
             "holdout_every",
+            "medium_samples",
             *EXTRAS,
         }
         kept = {key: value for key, value in self.to_json().items() if key not in after}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -13,10 +14,12 @@ pytest.importorskip("bpy")
 
 from dgs.core.errors import Cancelled, DgsError
 from dgs.core.progress import Silent
+from dgs.dgs_addon.laboratory import command
 from dgs.dgs_addon.laboratory.dataset import synthesize
 from dgs.dgs_addon.laboratory.media.frosted_glass import oblique
 from dgs.dgs_addon.laboratory.settings import SynthesizeSettings
 from dgs.tests.blender.laboratory.lamps import FOCAL, HEIGHT, WIDTH, edge, lamps, light, moments
+from PIL import Image
 from scipy.ndimage import shift
 
 LEFT, RIGHT = np.s_[:, : WIDTH // 2], np.s_[:, WIDTH // 2 :]
@@ -218,6 +221,31 @@ def test_held_out_and_some_other_photos_stay_sharp_and_the_bits_repeat(tmp_path:
 def test_what_makes_no_sense_is_said_in_a_line(media: tuple[str, ...], way_out: str) -> None:
     with pytest.raises(DgsError, match=way_out):
         SynthesizeSettings(media=media)
+
+
+def test_the_command_line_leaves_photos_as_cycles_renders_them() -> None:
+    parser = argparse.ArgumentParser()
+    command.add_arguments(parser)
+    given = "--out x --medium shake:8 --medium fog:1 --sharp-share 0.25 --holdout-every 4 --medium-samples 9".split()
+    settings = command.settings_of(parser.parse_args(given))
+    assert settings == SynthesizeSettings(
+        psf="none", overscan=0, media=("shake:8", "fog:1"), sharp_share=0.25, holdout_every=4, medium_samples=9
+    )
+    both = command.settings_of(parser.parse_args([*given, "--psf", "gaussian:2", "--overscan", "12"]))
+    assert (both.psf, both.overscan) == ("gaussian:2", 12)
+
+
+def test_an_object_alone_keeps_its_alpha_behind_glass(tmp_path: Path) -> None:
+    settings = SynthesizeSettings(
+        views=1, width=48, height=32, psf="none", overscan=0, samples=16, denoise=False,
+        background="transparent", media=("frosted-glass:0.3,1",),
+    )  # fmt: skip
+    synthesize(settings, tmp_path)
+    sharp, photo = (
+        np.asarray(Image.open(tmp_path / name / "view_000.png"))[..., 3] / 255 for name in ("sharp", "photos")
+    )
+    assert photo.mean() == pytest.approx(sharp.mean(), rel=0.03)
+    assert ((photo > 0.1) & (photo < 0.9)).sum() > 1.3 * ((sharp > 0.1) & (sharp < 0.9)).sum() > 0
 
 
 def test_media_fit_the_settings_and_the_scene(tmp_path: Path) -> None:
