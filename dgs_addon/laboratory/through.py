@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -85,7 +86,8 @@ def plan(settings: SynthesizeSettings, cameras: list[Camera], studio: Studio) ->
     every = settings.holdout_every
     held = [every > 0 and index % every == 0 for index in range(len(cameras))]
     clear = _clear(held, settings.sharp_share, settings.seed)
-    views = Views(cameras, points_to_engine(studio.target), clear, settings.seed, lambda: _depths(cameras, studio))
+    depths = cache(lambda: _depths(cameras, studio))
+    views = Views(cameras, points_to_engine(studio.target), clear, settings.seed, depths)
     media = {}
     for text in settings.media:
         medium = medium_of(text)

@@ -20,6 +20,8 @@ from .medium import Medium, MediumSpec, Stage, Truth, Views, generator, numbers,
 FORM = "PX[,NEAR..FAR]"
 #: Shares of a view's pixels that are nearer and not farther: a few pixels of the horizon decide nothing.
 _NEAREST, _FARTHEST = 0.05, 0.95
+#: Diameter (px) that no circle exceeds: beyond, Cycles gives up counting f-numbers.
+_WIDEST = 1000.0
 
 
 @dataclass(frozen=True)
@@ -87,6 +89,8 @@ def _parse(text: str) -> Medium:
     near, far = span("defocus", FORM, depths) if comma else (0.0, 0.0)
     if not largest > 0:
         raise DgsError(f"Circles of {largest:g} px are a pinhole's", "Give defocus:10, or leave the medium out")
+    if largest > _WIDEST:
+        raise DgsError(f"Circles of {largest:g} px are wider than any photo", f"Give at most {_WIDEST:g} px")
     if comma and not near > 0:
         raise DgsError("A lens focuses before the camera", "Give depths above 0, such as defocus:10,0.5..0.9")
     return Defocus(largest, near, far)

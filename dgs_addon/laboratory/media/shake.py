@@ -27,6 +27,8 @@ _BENDS = (1.0, 0.6, 0.35)
 #: Least length of a path against those of its turns and its moves alone: else they cancel at the object, and what is
 #: nearer or farther is blurred without bounds.
 _LEAST = 0.7
+#: How exactly a path is as long as wanted, as a share.
+_EXACT = 0.01
 #: Passes that scale a path to its length: it is nearly linear.
 _PASSES = 5
 
@@ -56,13 +58,20 @@ class Shake(Medium):
         }
 
     def plan(self, views: Views) -> list[Truth]:
-        """A path for each photo."""
+        """A path for each photo.
+
+        Raises:
+            DgsError: the camera would have to turn away from the object.
+        """
         plans = []
         for index, camera in enumerate(views.cameras):
             random = generator(views.seed, "shake", index)
             wanted = random.uniform(self.shortest, self.longest)
-            poses = self._path(camera, views.target, wanted, random)
-            length = _length(_seen(camera, poses, views.target))
+            point = _subject(views, index)
+            poses = self._path(camera, point, wanted, random)
+            length = _length(_seen(camera, poses, point))
+            if not abs(length - wanted) < _EXACT * wanted:
+                raise DgsError(f"A path of {wanted:.0f} px does not fit {camera.name}", "Give shake fewer px")
             plans.append({"path_px": length, "poses": poses.tolist()})
         return plans
 
@@ -99,6 +108,18 @@ class Shake(Medium):
         motion = legendre.legval(np.linspace(-1.0, 1.0, NODES), directions).T  # mean 0
         depth = float(camera.rotation[2] @ target + camera.translation[2])
         return motion[:, :3] / camera.fx, motion[:, 3:] * depth / camera.fx
+
+
+def _subject(views: Views, index: int) -> NDArray[np.float64]:
+    """[3]: the object's middle, or what stands in the middle of a photo that does not show it."""
+    camera = views.cameras[index]
+    (place,) = _seen(camera, np.column_stack([camera.rotation, camera.translation])[None], views.target)
+    depth = camera.rotation[2] @ views.target + camera.translation[2]
+    if depth > 0 and (place >= 0).all() and (place <= [camera.width, camera.height]).all():
+        return views.target
+    seen = views.depths()[index]
+    middle = float(np.median(seen[np.isfinite(seen)])) if np.isfinite(seen).any() else 1.0
+    return np.asarray(camera.centre + middle * camera.rotation[2])
 
 
 def _moved(camera: Camera, turn: NDArray[np.float64], move: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -12,11 +12,14 @@ import pytest
 
 pytest.importorskip("bpy")
 
+from dgs.core.camera import Camera
 from dgs.core.errors import Cancelled, DgsError
 from dgs.core.progress import Silent
 from dgs.dgs_addon.laboratory import command
 from dgs.dgs_addon.laboratory.dataset import synthesize
 from dgs.dgs_addon.laboratory.media.frosted_glass import oblique
+from dgs.dgs_addon.laboratory.media.medium import Views
+from dgs.dgs_addon.laboratory.media.registry import medium_of
 from dgs.dgs_addon.laboratory.settings import SynthesizeSettings
 from dgs.tests.blender.laboratory.lamps import FOCAL, HEIGHT, WIDTH, edge, lamps, light, moments
 from PIL import Image
@@ -86,6 +89,18 @@ def test_a_path_is_as_long_as_asked_and_stays_with_the_photo(tmp_path: Path) -> 
     assert 4 <= min(lengths) < 7 and 13 < max(lengths) <= 16
     synthesize(replace(settings, seed=1, views=2), tmp_path / "other")
     assert manifest(tmp_path / "other")["through"]["view_001.png"] != photos["view_001.png"]
+
+
+def test_a_camera_that_looks_away_shakes_before_what_it_sees() -> None:
+    """And a path that no camera could take is refused."""
+    camera = Camera("view_000.png", WIDTH, HEIGHT, FOCAL, FOCAL, WIDTH / 2, HEIGHT / 2, np.eye(3), np.zeros(3))
+    wall = np.full((8, 12), 3.0, np.float32)
+    views = Views([camera], np.array([0.0, 0.0, -2.0]), [False], 0, lambda: [wall])
+    (truth,) = medium_of("shake:9").plan(views)
+    seen = np.array([place(np.array(pose), np.array([0, 0, 3.0])) for pose in truth["poses"]])
+    assert np.linalg.norm(np.diff(seen, axis=0), axis=1).sum() == pytest.approx(9, rel=0.01)
+    with pytest.raises(DgsError, match="Give shake fewer px"):
+        medium_of("shake:1e5").plan(views)
 
 
 @pytest.mark.parametrize("depth", [1.0, 2.0])
@@ -207,6 +222,7 @@ def test_held_out_and_some_other_photos_stay_sharp_and_the_bits_repeat(tmp_path:
         (("shake:9..4",), "smaller number first"),
         (("shake:9,-1",), "Give shake:8,0.5"),
         (("defocus:0",), "leave the medium out"),
+        (("defocus:1e6",), "at most 1000 px"),
         (("defocus:9,-1..3",), "depths above 0"),
         (("frosted-glass:0.5",), "Write frosted-glass:DISTANCE"),
         (("frosted-glass:-0.5,1",), "distance of at least"),
