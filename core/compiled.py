@@ -11,9 +11,9 @@ import contextlib
 import hashlib
 import os
 import threading
-from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from queue import SimpleQueue
 from typing import Any
 
 
@@ -70,10 +70,93 @@ def exact(function: Callable[..., Any]) -> Any:
     return numba.njit(nogil=True, error_model="numpy", inline="never")(function)
 
 
-_lock = threading.Lock()
-_pool: ThreadPoolExecutor | None = None
-_pool_size = 0
+#: A compiled kernel, how many items it has, and its arguments.
+Task = tuple[Callable[..., Any], int, tuple[Any, ...]]
+
+
+class _Shared:
+    """The items of a call in chunks, handed out to whoever has time: the caller and threads that help it."""
+
+    def __init__(self, tasks: Sequence[Task], grain: int, parts: int) -> None:
+        """`parts`: chunks that each task is cut into, as far as they are not smaller than `grain` items."""
+        self._chunks = iter(
+            [
+                (function, begin, min(begin + chunk, items), arguments)
+                for function, items, arguments in tasks
+                for chunk in (max(grain, -(-items // parts)),)
+                for begin in range(0, items, chunk)
+            ]
+        )
+        self._take = threading.Lock()
+        self._helping, self._closed = 0, False
+        self._ended: SimpleQueue[BaseException | None] = SimpleQueue()
+
+    def work(self) -> None:
+        """Works until nothing is left to begin."""
+        while True:
+            with self._take:
+                chunk = next(self._chunks, None)
+            if chunk is None:
+                return
+            function, begin, end, arguments = chunk
+            function(begin, end, *arguments)
+
+    def help(self) -> None:
+        """`work` on another thread, unless the caller is done without it."""
+        with self._take:
+            if self._closed:
+                return
+            self._helping += 1
+        error: BaseException | None = None
+        try:
+            self.work()
+        except BaseException as raised:  # noqa: BLE001  the caller raises it
+            error = raised
+        self._ended.put(error)
+
+    def close(self) -> None:
+        """Waits for those who help, and raises what one of them did."""
+        with self._take:
+            self._closed = True
+        errors = [self._ended.get() for _ in range(self._helping)]
+        for error in errors:
+            if error is not None:
+                raise error
+
+
+class _Helpers:
+    """Threads that wait for work, made when first asked for.
+
+    An executor's futures take longer to hand over than a small kernel to run.
+    """
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._count = 0
+        self._inbox: SimpleQueue[_Shared] = SimpleQueue()
+
+    def ask(self, shared: _Shared, count: int) -> None:
+        """Has `count` threads help, or as many as can be had."""
+        if self._count < count:
+            with self._lock, contextlib.suppress(RuntimeError):  # no thread can be had, as when the interpreter ends
+                while self._count < count:
+                    name = f"dgs-kernel-{self._count}"
+                    threading.Thread(target=self._serve, name=name, daemon=True).start()
+                    self._count += 1
+        for _ in range(min(count, self._count)):
+            self._inbox.put(shared)
+
+    def _serve(self) -> None:
+        while True:
+            self._inbox.get().help()
+
+
+_helpers = _Helpers()
 _threads = max(1, len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1)
+
+
+#: Chunks for each thread: the last one to end keeps the others waiting for half a chunk in the mean.
+_CHUNKS = 8
 
 
 def threads() -> int:
@@ -89,15 +172,6 @@ def set_threads(count: int) -> None:
     _threads = count
 
 
-def _workers(count: int) -> ThreadPoolExecutor:
-    global _pool, _pool_size
-    with _lock:
-        if _pool is None or _pool_size < count:
-            _pool = ThreadPoolExecutor(count, thread_name_prefix="dgs-kernel")
-            _pool_size = count
-        return _pool
-
-
 def run(function: Callable[..., Any], items: int, *arguments: Any, grain: int = 1) -> None:
     """Calls `function(begin, end, *arguments)` over all of `range(items)`, on all threads.
 
@@ -108,25 +182,19 @@ def run(function: Callable[..., Any], items: int, *arguments: Any, grain: int = 
 
     Chunks are handed out as threads become free, so that dense tiles do not hold up the rest.
     """
-    count = min(_threads, max(1, items // max(1, grain)))
+    run_all([(function, items, arguments)], grain)
+
+
+def run_all(tasks: Sequence[Task], grain: int = 1) -> None:
+    """`run` for several kernels that do not wait for each other: threads are called together once for all of them."""
+    count = min(_threads, max(1, sum(items for _, items, _ in tasks) // max(1, grain)))
     if count == 1:
-        function(0, items, *arguments)
+        for function, items, arguments in tasks:
+            function(0, items, *arguments)
         return
-    chunk = max(grain, -(-items // (count * 4)))
-    starts = iter(range(0, items, chunk))
-    take = threading.Lock()
-
-    def work() -> None:
-        while True:
-            with take:
-                begin = next(starts, None)
-            if begin is None:
-                return
-            function(begin, min(begin + chunk, items), *arguments)
-
-    futures: list[Future[None]] = []
-    with contextlib.suppress(RuntimeError):  # no thread can be had, as when the interpreter ends: fewer do the work
-        futures.extend(_workers(count).submit(work) for _ in range(count - 1))
-    work()  # the caller is one of the threads
-    for future in futures:
-        future.result()
+    shared = _Shared(tasks, grain, count * _CHUNKS)
+    _helpers.ask(shared, count - 1)
+    try:
+        shared.work()  # the caller is one of the threads
+    finally:
+        shared.close()

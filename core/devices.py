@@ -14,7 +14,7 @@ device is. The hard cases (`stress --device NAME`) say whether it agrees with th
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Protocol
@@ -115,8 +115,8 @@ class Backend(Protocol):
         """See `core.training.specks`."""
         ...
 
-    def adam(self, step: AdamStep) -> int:
-        """Makes the step; how many gradients were not finite, and moved nothing."""
+    def adam(self, steps: Sequence[AdamStep]) -> list[int]:
+        """Makes the steps; for each how many gradients were not finite, and moved nothing."""
         ...
 
     def layer_weighed(self, light: Tensor, variance: Tensor, tent: Tent) -> Tensor:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from ..camera import Camera
-from ..compiled import run
+from ..compiled import Task, run, run_all
 from ..devices import AdamStep, Tent
 from ..frames import Evaluation, Frame
 from ..gaussians import Gaussians
@@ -99,19 +100,11 @@ class CpuBackend(ReferenceBackend):
         run(negative_divergence, 3 * height, horizontal, vertical, out, grain=CPU.rows_of_all)
         return torch.from_numpy(out)
 
-    def adam(self, step: AdamStep) -> int:
+    def adam(self, steps: Sequence[AdamStep]) -> list[int]:
         """See `Backend`."""
-        count = step.values.shape[0]
-        period = max(1, step.values.numel() // max(1, count))
-        blocks = -(-count // ROWS)
-        refused = np.zeros(blocks, np.int64)
-        rates_of_one = np.full(period, step.tail, np.float32)
-        rates_of_one[: step.leading or period] = step.rate
-        flat = [t.detach().reshape(-1).numpy() for t in (step.values, step.gradient.contiguous())]
-        moments = [t.detach().reshape(-1).numpy() for t in (step.first, step.second)]
-        numbers = (np.float32(x) for x in (*step.betas, step.correction, step.epsilon))
-        run(adam_step, blocks, *flat, *moments, np.tile(rates_of_one, RUN), period, *numbers, refused)
-        return int(refused.sum())
+        tasks = [_adam_task(step) for step in steps]
+        run_all(tasks)
+        return [int(arguments[-1].sum()) for _, _, arguments in tasks]
 
     def layer_weighed(self, light: Tensor, variance: Tensor, tent: Tent) -> Tensor:
         """See `Backend`."""
@@ -127,6 +120,20 @@ class CpuBackend(ReferenceBackend):
         arrays = back.contiguous().numpy(), light.contiguous().numpy(), variance.numpy()
         outputs = [gradient.numpy() for gradient in gradients]
         run(gathered, light.shape[1], *arrays, *np.asarray(tent, np.float32), *outputs, grain=CPU.rows)
+
+
+def _adam_task(step: AdamStep) -> Task:
+    """The step as a kernel's call; its last argument will hold the refused gradients of each item."""
+    count = step.values.shape[0]
+    period = max(1, step.values.numel() // max(1, count))
+    blocks = -(-count // ROWS)
+    rates_of_one = np.full(period, step.tail, np.float32)
+    rates_of_one[: step.leading or period] = step.rate
+    flat = [t.detach().reshape(-1).numpy() for t in (step.values, step.gradient.contiguous())]
+    moments = [t.detach().reshape(-1).numpy() for t in (step.first, step.second)]
+    numbers = (np.float32(x) for x in (*step.betas, step.correction, step.epsilon))
+    rates = np.tile(rates_of_one, RUN)
+    return adam_step, blocks, (*flat, *moments, rates, period, *numbers, np.zeros(blocks, np.int64))
 
 
 @lru_cache(maxsize=2)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import torch
 from numpy.typing import NDArray
 from torch import Tensor
@@ -64,8 +66,11 @@ class ReferenceBackend:
         """See `Backend`."""
         return speck_gradient_in_torch(image)
 
-    def adam(self, step: AdamStep) -> int:
+    def adam(self, steps: Sequence[AdamStep]) -> list[int]:
         """See `Backend`."""
+        return [self._step(step) for step in steps]
+
+    def _step(self, step: AdamStep) -> int:
         finite = step.gradient.isfinite()
         gradient = torch.where(finite, step.gradient, 0)
         step.first.lerp_(gradient, 1 - step.betas[0])

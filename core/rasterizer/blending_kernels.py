@@ -18,14 +18,17 @@ from numba.extending import intrinsic
 
 from ..compiled import inlined, kernel
 from ..constants import TILE, TILE_ROWS, TRANSMITTANCE_STOP
-from ..lanes_kernels import Buffer
+from ..lanes_kernels import Buffer, Lanes
 from .splat_kernels import (
+    B_,
     DB_,
     DG_,
     DR_,
+    G_,
     GAUSSIAN,
     PIXELS,
     PLANE,
+    R_,
     REST_,
     SLOT,
     SLOT_WIDTH,
@@ -125,6 +128,25 @@ def read_tile(typing_context, state, image, transmittance, image_gradient, alpha
     return types.void(state, image, transmittance, image_gradient, alpha_gradient, i, i, i, i), generate
 
 
+@intrinsic
+def write_tile(typing_context, state, red, green, blue, image, transmittance, at, stride, rows, plane):  # type: ignore[no-untyped-def]
+    """A whole tile's pixels, over the background `red`, `green`, `blue`."""
+
+    def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+        tile, image, transmittance = (Buffer(context, builder, signature.args[n], arguments[n]) for n in (0, 4, 5))
+        background = [Lanes(builder, arguments[n]) for n in (1, 2, 3)]
+        for offset, pixel in _rows(builder, *arguments[6:9]):
+            t = tile.row(offset, T_)
+            transmittance.put_row(pixel, 0, t)
+            for plane, behind in zip((R_, G_, B_), background, strict=True):
+                image.put_row(pixel, 0, tile.row(offset, plane) + t * behind)
+                pixel = builder.add(pixel, arguments[9])
+        return context.get_dummy_value()
+
+    i, f = types.int64, types.float32
+    return types.void(state, f, f, f, image, transmittance, i, i, i, i), generate
+
+
 @kernel
 def blend_tiles(
     begin,
@@ -178,8 +200,20 @@ def blend_tiles(
                 break
         blended[tile] = position - first
         evaluations[tile] = rows * TILE
-        # (value by value: vectors across two cache lines, neither of them there, would wait for each other)
-        for row in range(height_here):
+        if left + TILE <= width:
+            write_tile(
+                state,
+                background[0],
+                background[1],
+                background[2],
+                image,
+                transmittance,
+                top * width + left,
+                width,
+                height_here,
+                height * width,
+            )
+        for row in range(height_here if left + TILE > width else 0):
             for i in range(min(TILE, width - left)):
                 o = row * TILE + i
                 t = state[o]

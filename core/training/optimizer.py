@@ -54,6 +54,7 @@ class Adam:
         """
         self.steps += 1
         bias1, bias2 = 1 - ADAM.first_decay**self.steps, 1 - ADAM.second_decay**self.steps
+        steps: dict[str, AdamStep] = {}
         for name, tensor in self.gaussians.named():
             gradient = tensor.grad
             tensor.grad = None
@@ -61,7 +62,7 @@ class Adam:
                 continue
             rate = rates[name] / bias1
             tail = rates["sh_rest"] / bias1 if name == "sh" else rate
-            step = AdamStep(
+            steps[name] = AdamStep(
                 tensor.detach(),
                 gradient,
                 self.first[name],
@@ -73,11 +74,12 @@ class Adam:
                 (ADAM.first_decay, ADAM.second_decay),
                 ADAM.epsilon,
             )
-            self._count(name, backend_on(tensor.device).adam(step))
-
-    def _count(self, name: str, refused: int) -> None:
-        if refused:
-            self.refused[name] = self.refused.get(name, 0) + refused
+        if not steps:
+            return
+        refused = backend_on(self.gaussians.means.device).adam(list(steps.values()))
+        for name, count in zip(steps, refused, strict=True):
+            if count:
+                self.refused[name] = self.refused.get(name, 0) + count
 
     def keep_and_append(self, keep: Tensor, new: Gaussians) -> None:
         """Keeps the Gaussians at indices `keep` [K] and appends `new`, whose moments start at zero."""
