@@ -23,14 +23,12 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-import numpy as np
 import torch
 from dgs.core.effects import registry
 from dgs.core.effects.defocus import Defocus
 from dgs.core.effects.field_blur import FieldBlur
 from dgs.core.effects.haze import SETTINGS as HAZE
 from dgs.core.effects.haze import Haze
-from dgs.core.effects.motion import motion_from
 from dgs.core.effects.spec import EffectSpec
 from dgs.core.imaging.formation.effect import Effect
 from dgs.core.inspection.photo_set import PhotoSet
@@ -111,9 +109,6 @@ def at_least_visible(name: str, usual: Callable[[PhotoSet], Effect | None], phot
         return Defocus(torch.tensor(1.0 / 0.6 / diagonal), torch.tensor(1.0))  # 1 / depth differs by 0.6 of its median
     if name == "field_blur" and (found is None or abs(float(found.parameters["corner"])) < 1.0 / diagonal):
         return FieldBlur(torch.tensor(1.0 / diagonal))
-    if name == "motion" and found is None:
-        names = [photo.name for photo in photos.photos]
-        return motion_from(names, [3.0] * len(names), list(np.linspace(0.0, 150.0, len(names))))
     return found
 
 

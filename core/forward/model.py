@@ -15,9 +15,11 @@ from ..colour import decoding_derivative, encoding_derivative, linear_to_srgb, s
 from ..gaussians import Gaussians
 from ..imaging.formation.chain import Formation, Passage
 from ..imaging.formation.effect import Shot
+from ..imaging.medium import BlurSpace
 from ..imaging.psf import PointSpread
 from ..rasterizer import RasterSettings, Rendered, render, with_gradient
-from .medium import MediumModel
+from .collecting import CollectedLight
+from .medium import MediumModel, SubFrame
 
 
 class Exposure(Protocol):
@@ -66,12 +68,14 @@ class Exposed:
         medium: of this photo; formation: the effects.
         shot: how the photo is taken, for effects of the sensor.
         frames: what was rendered: one, or several sub-frames of one exposure.
+        space: in which the light of several frames is collected.
     """
 
     medium: MediumModel
     formation: Formation
     shot: Shot
     frames: tuple[SharpFrame, ...] = field(repr=False)
+    space: BlurSpace = "linear"
 
     @property
     def rendered(self) -> Rendered:
@@ -85,10 +89,20 @@ class Exposed:
         if len(images) == 1:
             return images[0]
         weights = [frame.weight for frame in self.frames]
-        if self.medium.space == "srgb":
+        if self.space == "srgb":
             return torch.stack([w * image for w, image in zip(weights, images, strict=True)]).sum(dim=0)
+        if self._collected is not None:
+            return self._collected.shown
         light = torch.stack([w * srgb_to_linear(image) for w, image in zip(weights, images, strict=True)])
         return linear_to_srgb(light.sum(dim=0))
+
+    @cached_property
+    def _collected(self) -> CollectedLight | None:
+        """What the sensor collects of several frames in linear light; None where torch has to do it."""
+        images = [frame.passage.reached for frame in self.frames]
+        if any(image.device.type != "cpu" or image.dtype != torch.float32 for image in images):
+            return None
+        return CollectedLight(images, [frame.weight for frame in self.frames])
 
     @property
     def degraded(self) -> Tensor:
@@ -117,8 +131,10 @@ class Exposed:
         """The gradient in each frame's own light."""
         if len(self.frames) == 1:
             return [upstream]
-        if self.medium.space == "srgb":
+        if self.space == "srgb":
             return [frame.weight * upstream for frame in self.frames]
+        if self._collected is not None:
+            return self._collected.gradient(upstream)
         upstream = upstream * encoding_derivative(srgb_to_linear(self.reached), self.reached)
         images = [frame.passage.reached for frame in self.frames]
         return [
@@ -160,7 +176,8 @@ class ForwardModel:
         camera = exposure.camera
         medium = self.medium(exposure)
         frames, shots = [], []
-        for sub in medium.sub_frames(camera.with_margin(overscan).with_margin(self.margin)):
+        moved = self._on_its_way(exposure.name, camera, overscan + self.margin)
+        for sub in moved or medium.sub_frames(camera.with_margin(overscan).with_margin(self.margin)):
             rendered = render(gaussians, sub.camera, background=background, pose=sub.pose, settings=self.settings)
             shot = Shot(
                 exposure.name,
@@ -172,4 +189,14 @@ class ForwardModel:
             )
             shots.append(shot)
             frames.append(SharpFrame(rendered, self.formation.passage(rendered.image.detach(), shot), sub.weight))
-        return Exposed(medium, self.formation, shots[0], tuple(frames))
+        space = medium.space if moved is None else "linear"  # a sensor collects light
+        return Exposed(medium, self.formation, shots[0], tuple(frames), space)
+
+    def _on_its_way(self, name: str, camera: Camera, margin: int) -> list[SubFrame] | None:
+        """Frames along the camera's own path, each of its margin; None where it stood still."""
+        motion = self.formation.motion
+        poses = None if motion is None else motion.poses(name, camera)
+        if poses is None:
+            return None
+        wide = camera.with_margin(margin)
+        return [SubFrame(wide, pose, 1.0 / len(poses)) for pose in poses]

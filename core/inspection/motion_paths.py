@@ -209,6 +209,7 @@ class MotionPathFinder:
     """
 
     def __init__(self, photos: Sequence[Photo], rounding: float) -> None:
+        self.size = photos[0].size
         self._rounding = rounding / 3.0**0.5  # of the mean of three channels
         greys = [_light(photo) for photo in photos]
         height, width = greys[0].shape
@@ -335,15 +336,15 @@ def find_motion_paths(
     """Paths by photo name, of all photos whose size enough others share.
 
     Args:
-        common: for photos of the size that most have; found from all of them if None.
+        common: for photos of its size; found from all of them if None.
     """
     out: dict[str, MotionPath] = {}
     sizes = [photo.size for photo in photos]
     for size in sorted(set(sizes)):
         same = [photo for photo in photos if photo.size == size]
         if len(same) >= SETTINGS.fewest_photos:
-            usual = common is not None and sizes.count(size) == max(sizes.count(s) for s in sizes)
-            finder = common if usual and common is not None else MotionPathFinder(same, rounding)
+            known = common is not None and common.size == size
+            finder = common if known and common is not None else MotionPathFinder(same, rounding)
             out.update({photo.name: finder.path(photo) for photo in same})
     return out
 

@@ -161,9 +161,9 @@ def _motion_seen(source: PhotoSet, settings: MediumSettings) -> str:
         f"{len(lengths)} of {len(source.photos)} photos moved while the shutter was open, by paths of "
         f"{min(lengths):.1f} to {max(lengths):.1f} px: a Gaussian does not describe that blur"
     )
-    way = "--effects auto (where a short trial confirms them) or --effects motion puts each photo's path into its blur"
+    way = "--effects auto (where a short trial confirms them) or --effects motion learns each photo's path"
     if settings.motion_apart:
-        way = "--effects decides whether each photo's path is put into its blur"
+        way = "--effects decides whether each photo's path is learned"
     return f"{seen}; {way}"
 
 

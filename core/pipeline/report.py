@@ -25,16 +25,10 @@ def camera_facts(found: FoundCameras) -> CameraFacts:
     return CameraFacts(found.reconstruction, found.source, found.file, found.refined)
 
 
-def medium_facts(found: FoundMedium, effects: SimulatedEffects, loaded: LoadedPhotos) -> MediumFacts:
-    """For report.json; effects may give photos a point spread of their own."""
+def medium_facts(found: FoundMedium, effects: SimulatedEffects) -> MediumFacts:
+    """For report.json."""
     spreads = found.spreads
     own = {name: "none" if psf is None else psf.source for name, psf in spreads.own.items()}
-    for effect in effects.chosen.formation.kernels:
-        for photo in loaded.photos:
-            added = effect.kernel_text(photo.name, 1.0 / photo.scale[0])
-            base = own.get(photo.name, spreads.source)
-            if added:
-                own[photo.name] = added if base == "none" else f"{base}+{added}"
     return MediumFacts(spreads.source, own, effects.medium, resolvable_period(effects.medium))
 
 

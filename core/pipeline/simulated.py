@@ -21,7 +21,7 @@ class SimulatedEffects:
 
     Attributes:
         chosen: what was decided about each effect, and the chain of those that are on.
-        medium: with the point spreads that effects give photos of their own.
+        medium: that the photos were taken through.
         fitted, heldout: the views without what lens and sensor did to them.
     """
 
@@ -51,5 +51,4 @@ def simulate(
     """
     chosen = choose_effects(asked, photos, cameras, views.fitted, medium, settings, progress)
     chosen.forget_others([view.name for view in views.fitted])
-    through = chosen.formation.through(medium, views.names)
-    return SimulatedEffects(chosen, through, chosen.corrected(views.fitted), chosen.corrected(views.heldout))
+    return SimulatedEffects(chosen, medium, chosen.corrected(views.fitted), chosen.corrected(views.heldout))

@@ -84,7 +84,7 @@ class Viewer:
         behind = self._background
         # Made anew: frames are whole photos, too large to keep.
         made = medium_of(psf, frame, space_of(medium), behind.device, behind.dtype)
-        model = ForwardModel(settings, lambda _: made, reach, formation)
+        model = ForwardModel(settings, lambda _: made, reach, formation.scaled(1.0 / self._scale.size))
         with torch.no_grad():
             exposed = model.expose(self._gaussians, _Photo(name, camera, psf), behind, overscan)
         return undistortion.render(exposed.photo.cpu().numpy(), overscan)

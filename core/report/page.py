@@ -15,6 +15,7 @@ from ..camera import Camera
 from ..files import write_text
 from ..imaging.psf import PointSpread
 from .charts import Axis, Marker, line_chart, scatter_map
+from .paths import drawn_paths
 from .pictures import ViewPictures, embedded
 from .words import limits, not_simulated, simulated
 
@@ -82,6 +83,7 @@ def page(
         not_simulated=not_simulated(report),
         limits=limits(report),
         exposures=exposures(report),
+        paths=drawn_paths(report),
     )
 
 

@@ -125,6 +125,7 @@ def train(
     stopped = run.iterate(_limit(settings.time_limit, prepared - start), watch)
     end = time.perf_counter()
     gaussians = run.finished(stopped)
+    trainer.finish_unseen()
     behind = trainer.background.cpu()
     return Trained(
         gaussians=gaussians,
@@ -141,7 +142,7 @@ def train(
         steps=trainer.step,
         stopped=stopped,
         settings=replace(settings),
-        formation=trainer.learned(),
+        formation=trainer.learned.chain(),
     )
 
 

@@ -16,30 +16,29 @@ from ..background import Background
 from ..colour import srgb_to_linear
 from ..constants import SH_COEFFICIENTS
 from ..devices import backend_on
-from ..errors import CheckpointError, PsfError
+from ..errors import PsfError
 from ..evaluation.halves import exposed_by_halves
-from ..forward import Exposed, Exposure, ForwardModel, low_pass_on_grid, margin_for
+from ..forward import Exposed, Exposure, ForwardModel, low_pass_on_grid, margin_for, sharp_view
 from ..forward.compare import mean_square, psnr_of
 from ..frames import Frame
 from ..gaussians import Gaussians
 from ..imaging.formation.chain import Formation
-from ..imaging.formation.exposure import Exposure as PhotoExposure
 from ..imaging.medium import Medium
 from ..imaging.spectrum import NoiseToSignal, noise_to_signal
 from ..numbers import number
 from ..photos.empty import empty_pixels
 from ..rasterizer import RasterSettings
 from ..views import SparsePoints, View, distinct
+from .camera_paths import SETTINGS as PATHS
 from .checkpoint import Checkpoint
 from .contrast import scene_contrast
 from .contribution import contributions, due, needed, photos_asked
 from .density import DensityControl
-from .exposures import SETTINGS as EXPOSURES
-from .exposures import Asked, LearnedExposures
 from .footprint import widened
 from .grid import GRID, GridView, grid_step
 from .guards import GUARDS, drop_non_finite, out_of_range
 from .initial import first_gaussians
+from .learned import LearnedEffects
 from .objective import Objective
 from .optimizer import Adam
 from .origin import origin
@@ -122,8 +121,9 @@ class Trainer:
             speck_weight=settings.speck_weight * smoothness(self.distinct),
             start_share=settings.start_share * start_share(self.distinct),
         )
-        self.settings, self.medium, self.formation = settings, medium, formation
-        self.exposures = learned_exposures(formation)
+        if formation.motion is not None:
+            settings = replace(settings, coarse_share=max(settings.coarse_share, PATHS.coarse_share))
+        self.settings, self.medium, self._begun = settings, medium, formation
         name = "cpu" if settings.device == "auto" else settings.device
         backend_on(name)  # (before torch, whose message names devices of its own)
         self.device = torch.device(name)
@@ -131,6 +131,10 @@ class Trainer:
         self.scale: SceneScale = scene_scale([v.camera for v in views], points)
         width, height = views[0].camera.width, views[0].camera.height
         step = settings.grid_step or grid_step(medium, width, height)
+        cameras = {view.name: self.scale.camera_to_unit(view.camera) for view in (*views, *heldout)}
+        names = [view.name for view in views]
+        self.learned = LearnedEffects(formation, self.scale, cameras, names, 2 * step, settings.seed)
+        self.formation = self.learned.formation
         fine = self._level(step)
         self.levels = [fine]
         if settings.coarse_share > 0 and min(width, height) // (2 * step) >= GRID.smallest_side:
@@ -159,12 +163,12 @@ class Trainer:
         self.asked = {"photos": 0, "unneeded": 0}  # how often all photos were asked, and what went since none needed it
         self._origin: dict[str, Any] | None = None
 
-    def _level(self, step: int) -> Level:
-        def on_grid(view: View) -> GridView:
-            camera = self.scale.camera_to_unit(view.camera)
-            return GridView(view, camera, step, self.medium.psf_for(view.name), self.medium.blur_space)
+    def _on_grid(self, views: Sequence[View], step: int) -> list[GridView]:
+        unit, medium = self.scale.camera_to_unit, self.medium
+        return [GridView(v, unit(v.camera), step, medium.psf_for(v.name), medium.blur_space) for v in views]
 
-        views, heldout = [on_grid(v) for v in self.views], [on_grid(v) for v in self.heldout[: TRAINER.watched_views]]
+    def _level(self, step: int) -> Level:
+        views, heldout = self._on_grid(self.views, step), self._on_grid(self.heldout[: TRAINER.watched_views], step)
         sigma = max((float(np.linalg.eigvalsh(v.psf.covariance)[-1]) ** 0.5 for v in views if v.psf), default=0.0)
         contrast = scene_contrast(views[:: max(1, len(views) // TRAINER.spectrum_views)])
         reach = math.hypot(sigma, self.formation.reach(views[0].camera.width, views[0].camera.height))
@@ -260,13 +264,15 @@ class Trainer:
         photo = torch.from_numpy(view.over((red, green, blue))).to(self.device)
         objective = self.objective(level, view)
         evaluate = objective.start_loss if objective.inverse is not None and share < s.start_share else objective.loss
-        asked = self._exposed_alike(view, exposed, photo, share)
-        found = evaluate(exposed.reached, photo if asked is None else asked.photo, valid)
+        asked = self.learned.asked(view, exposed, photo, share)
+        wanted = photo if asked is None else asked.photo
+        found = evaluate(exposed.reached, wanted, valid)
         exposed.backward(found.gradient if asked is None else found.gradient * asked.weight)
         for frame in exposed.frames:
             self.density.collect(frame.rendered.screen)
             for reason, count in frame.rendered.screen.culled.items():
                 self.culled[reason] = self.culled.get(reason, 0) + count
+        self._follow_path(level, view, exposed, wanted)
         self.optimizer.step(self.rates(share))
         self.step += 1
         if self.step % GUARDS.every == 0:
@@ -281,23 +287,34 @@ class Trainer:
             self.density.act(self.optimizer, s.max_gaussians, np.random.default_rng([s.seed, 2, self.step]))
         return found.loss
 
-    def _exposed_alike(self, view: GridView, exposed: Exposed, photo: torch.Tensor, share: float) -> Asked | None:
-        """The photo without its exposure, from which that is learned; None where none is."""
-        if self.exposures is None:
-            return None
-        shown = exposed.degraded
-        present = view.present()
-        opaque = None if present is None else torch.from_numpy(present).to(self.device)
-        if share >= EXPOSURES.begin:
-            counts = None if view.valid is None else torch.from_numpy(view.valid).to(self.device)
-            if opaque is not None:  # what is behind the object has no exposure
-                shows = opaque > EXPOSURES.opaque
-                counts = shows if counts is None else counts & shows
-            self.exposures.learn(view.name, photo, shown, counts)
-        asked = self.exposures.asked(view.name, photo, shown)
-        if asked is None or opaque is None:
-            return asked
-        return Asked(photo + opaque * (asked.photo - photo), asked.weight)
+    def _follow_path(self, level: Level, view: GridView, exposed: Exposed, photo: torch.Tensor) -> None:
+        """Learns a step of the path that the camera took in a photo."""
+        paths = self.learned.paths
+        if paths is None:
+            return
+        if paths.wants_depth(view.name, view.camera):
+            settings = replace(self.raster_settings(level), depth=True)
+            with torch.no_grad():
+                depth = sharp_view(self.optimizer.gaussians, view.camera, settings).mean_depth
+            assert depth is not None
+            paths.see_depth(view.name, depth)
+        counts = None if view.valid is None else torch.from_numpy(view.valid).to(self.device)
+        paths.learn(view.name, view.camera, exposed, photo, counts)
+
+    def follow_unseen(self, level: Level, view: GridView) -> None:
+        """Learns a step of a held-out photo's own path; the Gaussians do not see it."""
+        if self.learned.paths is not None:
+            self._follow_path(level, view, self.exposed(level, view), torch.from_numpy(view.planes()).to(self.device))
+
+    def finish_unseen(self) -> None:
+        """Finds the paths of all photos that are held out on the Gaussians as they are."""
+        paths = self.learned.paths
+        if paths is None or not self.heldout:
+            return
+        level = self.levels[-1]
+        for view in self._on_grid(self.heldout, level.step):
+            for _ in range(paths.settings.unseen_visits):
+                self.follow_unseen(level, view)
 
     def ask_photos(self, share: float) -> None:
         """Asks all photos what they see of each Gaussian, where a share in [0, 1] of the run makes it due, and goes on
@@ -334,8 +351,9 @@ class Trainer:
             return None
         errors = []
         for view in level.heldout:
+            self.follow_unseen(level, view)
             shown, photo = self.exposed(level, view).degraded.cpu().numpy(), view.planes()
-            if self.exposures is not None:
+            if self.learned.exposures is not None:
                 shown = exposed_by_halves(shown, photo, view.valid, view.present())
             errors.append(mean_square(shown - photo, view.valid))
         return psnr_of(errors)
@@ -348,13 +366,6 @@ class Trainer:
             self.repairs["left out of the twin, non-finite"] = int((~finite).sum())
             world = Gaussians(**{name: t[finite] for name, t in world.named()})
         return widened(world, [v.camera for v in self.views], self.settings.low_pass)
-
-    def learned(self) -> Formation:
-        """The chain with what was learned of it."""
-        if self.exposures is None:
-            return self.formation
-        learned = self.exposures.exposure()
-        return Formation([learned if isinstance(e, PhotoExposure) else e for e in self.formation.effects])
 
     def counters(self) -> dict[str, int]:
         """What was added, removed, refused and repaired so far."""
@@ -380,7 +391,7 @@ class Trainer:
             "blur space": self.medium.blur_space,
             **({"own point spreads": self._own_spreads()} if self.medium.per_view else {}),
             **({"background": [*self._known.colour, self._known.space]} if self._known is not None else {}),
-            **({"effects": {e.name: e.described() for e in self.formation.effects}} if self.formation else {}),
+            **({"effects": {e.name: e.described() for e in self._begun.effects}} if self._begun else {}),
         }
 
     def _own_spreads(self) -> dict[str, str]:
@@ -398,8 +409,7 @@ class Trainer:
             arrays[f"value.{name}"] = tensor.detach().cpu().numpy()
             arrays[f"first.{name}"] = o.first[name].cpu().numpy()
             arrays[f"second.{name}"] = o.second[name].cpu().numpy()
-        if self.exposures is not None:
-            arrays |= self.exposures.state()
+        arrays |= self.learned.state()
         counters = {
             "steps": o.steps,
             **{f"density.{k}": v for k, v in d.counts.items()},
@@ -425,16 +435,7 @@ class Trainer:
         self.density.gradients, self.density.views = take("pull"), take("views")
         self.density.counts = group("density.")
         self.step = checkpoint.step
-        if self.exposures is not None and not self.exposures.restore(checkpoint.arrays):
-            raise CheckpointError(
-                "The checkpoint does not hold the exposures of these photos", "Start again without --resume"
-            )
-
-
-def learned_exposures(formation: Formation) -> LearnedExposures | None:
-    """Of a chain with exposures; None where there are none."""
-    start = next((effect for effect in formation.effects if isinstance(effect, PhotoExposure)), None)
-    return None if start is None or not start.names else LearnedExposures(start)
+        self.learned.restore(checkpoint.arrays)
 
 
 def round_variance(views: Sequence[GridView]) -> float:

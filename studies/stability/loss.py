@@ -272,7 +272,7 @@ def black_and_white_photos(site: Site) -> float:
         trainer = trained_steps(photos, points, medium, 30 * len(photos), formation=Formation([start]))
         if any(non_finite(t) for _, t in trainer.optimizer.gaussians.named()):
             return math.inf
-        level, learned = trainer.levels[-1], trainer.learned()
+        level, learned = trainer.levels[-1], trainer.learned.chain()
         shown = [v for v in level.views if v.name in {view.name for view in others}]
         filed = [learned.filed(trainer.exposed(level, v).degraded, Shot(v.name, HEIGHT, WIDTH)) for v in shown]
         errors.append(np.mean([mean_square(f.numpy() - v.planes()) for f, v in zip(filed, shown, strict=True)]))

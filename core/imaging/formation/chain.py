@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 from torch import Tensor
 
 from ...colour import decoding_derivative, encoding_derivative, linear_to_srgb, srgb_to_linear
-from ..medium import Medium
 from .effect import Effect, Shot
+from .motion import CameraMotion, motion_of
 
 
 @dataclass(frozen=True)
@@ -66,9 +66,15 @@ class Formation:
         return [effect for effect in self.effects if effect.place == "light"]
 
     @property
-    def kernels(self) -> list[Effect]:
-        """Effects within the blur."""
-        return [effect for effect in self.effects if effect.place == "kernel"]
+    def motion(self) -> CameraMotion | None:
+        """The camera's path in each exposure."""
+        return motion_of(self.effects)
+
+    def scaled(self, factor: float) -> Formation:
+        """The same chain in a world that is `factor` times as large; the very same one where nothing moved."""
+        if self.motion is None:
+            return self
+        return Formation([e.scaled(factor) if isinstance(e, CameraMotion) else e for e in self.effects])
 
     @property
     def sensor(self) -> list[Effect]:
@@ -83,20 +89,6 @@ class Formation:
     def reach(self, width: int, height: int) -> float:
         """Standard deviation (px) of what spreads light from outside into a photo of this size, px."""
         return math.hypot(*(effect.reach(math.hypot(width, height)) for effect in self.light))
-
-    def through(self, medium: Medium, names: Iterable[str]) -> Medium:
-        """The medium with the point spreads that effects of the kernel give the named photos; may be the same one.
-
-        Whoever simulates the chain takes this medium, on the grid of the photos that the effects were estimated from.
-        """
-        own = {}
-        for name in names if self.kernels else ():
-            psf = shared = medium.psf_for(name)
-            for effect in self.kernels:
-                psf = effect.point_spread(psf, name)
-            if psf is not shared:
-                own[name] = psf
-        return replace(medium, per_view={**medium.per_view, **own}) if own else medium
 
     def passage(self, frame: Tensor, shot: Shot) -> Passage:
         """The sharp frame's (sRGB) way to the blurring medium, to be gone back by its `gradient`."""

@@ -14,8 +14,6 @@ from typing import TYPE_CHECKING, ClassVar, Literal
 if TYPE_CHECKING:
     from torch import Tensor
 
-    from ..psf import PointSpread
-
 
 @dataclass(frozen=True)
 class Shot:
@@ -46,16 +44,16 @@ class Effect(ABC):
     """One effect on linear light.
 
     Attributes:
-        name: as `--effects` takes it; physics: one sentence; place: 'light' before the medium's blur (frames with
-            margin), 'kernel' within it (changes a photo's point spread and leaves light alone), 'sensor' behind it
-            (the photo's own px).
+        name: as `--effects` takes it; physics: one sentence; place: 'camera' where it changes what frames a
+            photo collects and leaves their light alone, 'light' before the medium's blur (frames with margin), 'sensor'
+            behind it (the photo's own px).
         by_depth: whether it needs the render's depth.
         parameters: float32 tensors; gradients: of the loss, of the same shapes, added up by `gradient`.
     """
 
     name: ClassVar[str]
     physics: ClassVar[str]
-    place: ClassVar[Literal["light", "kernel", "sensor"]]
+    place: ClassVar[Literal["camera", "light", "sensor"]]
     by_depth: ClassVar[bool] = False
 
     def __init__(self, parameters: dict[str, Tensor]) -> None:
@@ -73,19 +71,6 @@ class Effect(ABC):
     def reach(self, diagonal: float) -> float:
         """Standard deviation (px) of what spreads light from outside into a photo of this diagonal, px."""
         return 0.0
-
-    def point_spread(self, psf: PointSpread | None, name: str) -> PointSpread | None:
-        """What a photo's point spread (px) becomes, for effects of the kernel; the very same one where nothing does."""
-        return psf
-
-    def kernel_text(self, name: str, scale: float) -> str:
-        """What `point_spread` adds, as `parse_psf` reads it, in px that are `scale` times finer; empty for nothing."""
-        return ""
-
-    @property
-    def finest(self) -> float:
-        """Size (px) of what an effect of the kernel does: photos averaged down further do not show it."""
-        return math.inf
 
     def undone(self, light: Tensor, shot: Shot) -> Tensor:
         """The inverse, for effects of the sensor: what would have been there without it."""

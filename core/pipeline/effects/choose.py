@@ -15,6 +15,7 @@ from ...errors import Cancelled, DgsError
 from ...imaging.formation.chain import Formation
 from ...imaging.formation.effect import Effect
 from ...imaging.formation.exposure import Exposure
+from ...imaging.formation.motion import CameraMotion
 from ...imaging.formation.spreading import SpreadingEffect
 from ...imaging.medium import Medium
 from ...inspection.evidence import Evidence
@@ -137,6 +138,8 @@ def choose_effects(
     for name in sorted(on):
         choice.force(name, everything=mode == "all")
     candidates = proposed(found.values()) if mode == "auto" else []
+    if mode == "auto" and CameraMotion.name not in candidates:
+        candidates.append(CameraMotion.name)  # spectra show only paths that differ much from one another
     tried = [name for name in candidates if name not in on and name not in off]
     progress.stage("effects", len(tried))
     for index, name in enumerate(tried):
@@ -285,7 +288,7 @@ class _Choice:
         result = self._ablation.compare(*arms)
         if len(result.differences) < TRIALS.fewest_judged:
             return Decision(name, False, "the photos call for it, but they are clipped too widely to confirm it")
-        shown = f"{result.mean:+.3f} +- {result.error:.3f} dB on photos held out of a short training"
+        shown = result.seen or f"{result.mean:+.3f} +- {result.error:.3f} dB on photos held out of a short training"
         why = self._settled(name, more if result.confirms else None, shown)
         return Decision(name, result.confirms, why, None, result.mean, result.error, time.perf_counter() - began)
 

@@ -23,14 +23,21 @@ def test_lengths_and_directions_are_estimated(taken, scene, length):
     assert np.median(np.abs(off)) < 3.0
     errors = np.array([path.error for path in paths])
     assert (np.abs(found - truth[:, 0]) < 4 * errors).mean() > 0.7 and (errors < 0.2 * found).all()
-    motion = built("motion", photos)
-    assert motion.names == tuple(photo.name for photo in photos.photos)
-    assert motion.finest == pytest.approx(length, rel=0.3)
+    motion, lenses = built("motion", photos), photos.cameras.lenses
+    assert set(motion.names) == {photo.name for photo in photos.photos}
+    lengths = [motion.length(name, lenses[name].fx) for name in motion.names]
+    assert np.median(lengths) == pytest.approx(length, rel=0.3)
+    photo = photos.photos[0].name
+    way, angle = motion.way(photo, lenses[photo].fx), np.radians(photos.motion_paths[photo].angle)
+    straight = (way[-1] - way[0]).numpy()
+    assert straight / np.linalg.norm(straight) == pytest.approx([np.cos(angle), np.sin(angle)], abs=1e-4)
 
 
 def test_photos_that_did_not_move_have_no_path(taken):
     for photos in (taken(), taken(psf=(3.0, 1.5, 30.0))):  # a blur that all share is no motion of single photos
-        assert max(path.length for path in photos.motion_paths.values()) == 0.0 and built("motion", photos) is None
+        assert max(path.length for path in photos.motion_paths.values()) == 0.0
+        motion = built("motion", photos)
+        assert max(motion.length(name, 500.0) for name in motion.names) == 0.0
         assert not photos.motion.significant
 
 

@@ -12,6 +12,7 @@ from dgs.core.camera import Camera
 from dgs.core.imaging.psf_text import parse_psf
 from dgs.core.report.charts import Axis, Marker, line_chart
 from dgs.core.report.page import exposures, page, write_page
+from dgs.core.report.paths import drawn_paths
 from dgs.core.report.pictures import ViewPictures, embedded, spread
 from dgs.core.report.schema import FIELDS, markdown_table, problems
 
@@ -289,6 +290,21 @@ def test_learned_exposures_are_drawn_and_listed():
     text = page(report, pictures(), None, cameras())
     assert "Exposure of each photo" in text and "Exposure of all 2 photos" in text and "1.234" in text
     assert "41.12 <small>dB" in text and "exposed as expected of them" in text
+
+
+def test_learned_paths_are_drawn():
+    report = copy.deepcopy(REPORT)
+    assert "Camera paths" not in page(report, pictures(), None, cameras())
+    straight = [[0.0] * 6, [0.0, 0.0, 0.0, 0.0, 0.005, 0.0]]
+    row = {**copy.deepcopy(report["effects"][1]), "name": "motion", "on": True}
+    row["parameters"] = {"unit": 2.0, "twists": {"b.png": [[0.0] * 6, [0.02] + [0.0] * 5], "a.png": straight}}
+    report["effects"].append(row)
+    focal = report["cameras"]["focal_px"]
+    found = drawn_paths(report)
+    assert list(found) == ["a.png", "b.png"]
+    assert found["a.png"].length == pytest.approx(0.01 * focal) and found["b.png"].length == pytest.approx(0.02 * focal)
+    text = page(report, pictures(), None, cameras())
+    assert "Camera paths of all 2 photos" in text and text.count('aria-label="path"') == 2
 
 
 def test_every_effect_has_its_line():

@@ -121,7 +121,7 @@ def without_knowledge(views):
 def test_gains_are_found_from_nothing(uneven):
     scene, views, gains = uneven
     trainer = trained(views, scene, 150, without_knowledge(views))
-    found = trainer.learned().effects[0].parameters["log_gains"].numpy()
+    found = trainer.learned.chain().effects[0].parameters["log_gains"].numpy()
     assert np.std(found - gains) < 0.04 < 0.2 < np.std(gains)
     assert np.abs(found.mean(axis=0)).max() < 1e-6
 
@@ -136,7 +136,7 @@ def test_a_checkpoint_goes_on_exactly(uneven):
     state = half.state(0.0, [])
     again = trained(views, scene, 40, formation, state)
     assert same(again.optimizer.gaussians, whole.optimizer.gaussians)
-    assert np.array_equal(again.exposures.values, whole.exposures.values)
+    assert np.array_equal(again.learned.exposures.values, whole.learned.exposures.values)
     for damaged in ({}, {"exposures": state.arrays["exposures"][:3]}, {"exposures": np.full((10, 3, 2), np.nan)}):
         kept = {name: array for name, array in state.arrays.items() if name != "exposures"} | damaged
         with pytest.raises(CheckpointError, match="exposures"):
@@ -146,7 +146,7 @@ def test_a_checkpoint_goes_on_exactly(uneven):
 def test_without_exposures_nothing_is_learned_or_kept(uneven):
     scene, views, _ = uneven
     plain = trained(views, scene, 10)
-    assert plain.exposures is None and "exposures" not in plain.state(0.0, []).arrays
+    assert plain.learned.exposures is None and "exposures" not in plain.state(0.0, []).arrays
     strangers = trained(views, scene, 10, Formation([Exposure((), torch.zeros(0, 3))]))
     assert same(plain.optimizer.gaussians, strangers.optimizer.gaussians)
 
@@ -212,7 +212,7 @@ def test_exposures_are_learned_from_their_share_of_the_run_on(uneven):
     scene, views, _ = uneven
     trainer = Trainer(views[:2], [], scene.points, Medium(), replace(SHORT, steps=40), without_knowledge(views[:2]))
     seen = []
-    trainer.exposures.learn = lambda name, *given: seen.append(name)
+    trainer.learned.exposures.learn = lambda name, *given: seen.append(name)
     for share in (0.0, 0.049, 0.05, 0.5):
         trainer.advance(share)
     assert len(seen) == 2

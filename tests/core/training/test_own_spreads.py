@@ -4,10 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from dgs.core.effects.motion import motion_from
 from dgs.core.errors import PsfError
-from dgs.core.imaging.formation.chain import Formation
-from dgs.core.imaging.medium import Medium
+from dgs.core.imaging.composed import moved as moved_by
 from dgs.core.imaging.psf_text import parse_psf
 from dgs.core.imaging.spectrum import noise_to_signal
 from dgs.core.progress import Silent
@@ -27,7 +25,9 @@ def moved():
     names = [view.name for view in scene.views]
     angles = np.linspace(0, 165, len(names))
     lengths = [0.0 if i % 4 == 3 else PATH for i in range(len(names))]
-    medium = Formation([motion_from(names, lengths, angles)]).through(scene.medium, names)
+    psf = scene.medium.psf
+    own = {n: moved_by(psf, length, angle) for n, length, angle in zip(names, lengths, angles, strict=True) if length}
+    medium = replace(scene.medium, per_view=own)
     views = []
     for view in scene.views:
         photo = photographed(scene.truth, view.camera, medium.psf_for(view.name))
@@ -98,9 +98,3 @@ def test_simulated_motion_gives_sharper_views(moved):
             scores.append(psnr(image.detach().numpy()[inside], scene.sharp[view.name][inside]))
         found.append(float(np.mean(scores)))
     assert found[1] > found[0] + 0.5, found
-
-
-def test_medium_of_photos_without_blur():
-    medium = Medium(None)
-    chain = Formation([motion_from(["a"], [6.0], [0.0])])
-    assert chain.through(medium, ["a", "b"]).blurs and chain.through(medium, ["b"]) is medium

@@ -175,7 +175,7 @@ def test_exposures_are_those_of_the_object_and_not_of_what_is_behind_it() -> Non
     trainer = Trainer(views, [], scene.points, scene.medium, replace(SHORT, steps=160), Formation([start]))
     for step in range(160):
         trainer.advance(step / 160)
-    (learned,) = trainer.learned().effects
+    (learned,) = trainer.learned.chain().effects
     assert np.std(learned.parameters["log_gains"].numpy() - gains[:, None]) < 0.06 < 0.2 < np.std(gains)
     with torch.no_grad():
         drawn = render(trainer.optimizer.gaussians, trainer.levels[-1].views[0].camera, backend="cpu")

@@ -2,20 +2,18 @@
 
 import math
 
-import numpy as np
 import pytest
 import torch
 from dgs.core.effects.defocus import Defocus
 from dgs.core.effects.exposure import Exposure
 from dgs.core.effects.field_blur import FieldBlur
 from dgs.core.effects.haze import Haze
-from dgs.core.effects.motion import SETTINGS, Motion, motion_from
 from dgs.core.effects.registry import switches
 from dgs.core.effects.vignetting import Vignetting
 from dgs.core.forward import FixedMedium
 from dgs.core.imaging.formation.chain import Formation
 from dgs.core.imaging.formation.effect import Effect, Shot
-from dgs.core.imaging.medium import Medium
+from dgs.core.imaging.formation.motion import CameraMotion
 from dgs.core.imaging.operator import BlurOperator
 from dgs.core.imaging.psf_text import parse_psf
 from torch.utils._python_dispatch import TorchDispatchMode
@@ -46,7 +44,7 @@ def made(name: str) -> Effect:
     if name == "field_blur":
         return FieldBlur(near(0.15))
     if name == "motion":
-        return Motion(("a.png", "b.png"), torch.tensor([[0.0, 0.0], [6.0, 30.0]]))
+        return CameraMotion(("a.png", "b.png"), near(0.0, 2, 3, 6))
     return {"vignetting": lambda: Vignetting(near(0.4, 3)), "haze": lambda: Haze(near(0.5, 3), near(0.6, 3))}[name]()
 
 
@@ -56,7 +54,7 @@ def picture(margin: int = 0) -> torch.Tensor:
 
 
 SIMULATED = {name: switch.simulation for name, switch in switches().items() if switch.simulation is not None}
-LIGHT = [name for name, effect in SIMULATED.items() if effect.place != "kernel"]
+LIGHT = [name for name, effect in SIMULATED.items() if effect.place != "camera"]
 
 
 @pytest.mark.parametrize("name", LIGHT)
@@ -127,35 +125,16 @@ def test_the_chain_s_gradient(space):
     assert unclipped.any() and torch.allclose(formation.unfiled(photo, shot())[unclipped], inner[unclipped], atol=1e-9)
 
 
-def test_effects_of_the_kernel_change_the_point_spread_and_leave_light_alone():
-    motion, shared = made("motion"), parse_psf("gaussian:2")
-    chain, light = Formation([made("haze"), motion]), picture()
+def test_motion_leaves_light_and_the_rest_of_the_chain_alone():
+    motion, light = made("motion"), picture()
+    chain = Formation([made("haze"), motion])
     assert motion.forward(light, shot()) is light and motion.gradient(light, light, shot()) is light
-    assert chain.kernels == [motion] and chain.names == ("haze", "motion")
-    medium = chain.through(Medium(shared, "linear"), ["a.png", "b.png", "c.png"])
-    # Photos that did not move keep the very same object, so that they share all that is computed of it.
-    assert medium.psf is shared and all(medium.psf_for(name) is shared for name in ("a.png", "c.png"))
-    blurred = medium.psf_for("b.png")
-    along = np.array([math.cos(math.radians(30)), math.sin(math.radians(30))])
-    assert along @ (blurred.covariance - shared.covariance) @ along == pytest.approx(36 / 12, rel=1e-3)
-    assert parse_psf(f"gaussian:2+{motion.kernel_text('b.png', 1.0)}").kernel() == pytest.approx(blurred.kernel())
-    assert motion.kernel_text("b.png", 2.0) == "path:12,30" and motion.kernel_text("a.png", 1.0) == ""
-    # Around it the other effects go on as without: light before, sensor behind.
+    assert chain.motion is motion and chain.names == ("haze", "motion") and Formation().motion is None
     frame = picture(M)
     crop = FixedMedium(BlurOperator(None, H, W, M, dtype=torch.float64), "linear")
     haze = Formation([chain.effects[0]])
+    assert haze.scaled(2.0) is haze
     assert torch.equal(photo_of(frame, crop, chain, shot()), photo_of(frame, crop, haze, shot()))
-
-
-def test_without_motion_the_medium_is_the_very_same():
-    medium = Medium(parse_psf("gaussian:2"), per_view={"d.png": parse_psf("gaussian:3")})
-    short = motion_from(["a.png", "b.png"], [0.0, 0.9 * SETTINGS.shortest], [10.0, 20.0])
-    names = ["a.png", "b.png", "d.png", "stranger.png"]
-    assert Formation().through(medium, names) is medium and Formation([made("haze")]).through(medium, names) is medium
-    assert Formation([short]).through(medium, names) is medium
-    assert short.finest == 0.0 and motion_from(["a"], [5.0], [0.0]).finest == 5.0
-    moved = Formation([motion_from(["d.png"], [6.0], [0.0])]).through(medium, names)
-    assert moved.psf_for("d.png").covariance[0, 0] == pytest.approx(9 + 3, rel=0.01)  # its own one is what is moved
 
 
 class Operations(TorchDispatchMode):

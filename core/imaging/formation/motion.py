@@ -1,0 +1,151 @@
+"""The camera's own path during each exposure.
+
+A camera that moves while its shutter is open collects what it sees on its way, in linear light:
+
+    photo = integral over t in [-1/2, 1/2] of view(exp(xi(t)) o pose) dt,    xi(t) = sum over m of P_m(2 t) c_m
+
+with Legendre's polynomials P_m and twists c_m in the camera's own axes. They are orthogonal over the exposure, so that
+c_0 alone says where the camera was on average; c_1 is half of the straight way, the others bend it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from types import ModuleType
+from typing import TYPE_CHECKING, cast
+
+from ...numbers import BY_DEFINITION, number
+from .effect import Effect, Shot
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+    from ...camera import Camera
+
+
+@dataclass(frozen=True)
+class MotionSettings:
+    """How finely an exposure is cut into frames."""
+
+    still: float = number(
+        0.7, "px of the grid", "a path that is shorter is one frame: it blurs less than a px does", BY_DEFINITION
+    )
+    fewest: int = number(3, "frames", "of a path, however short: fewer have no bend")
+    most: int = number(
+        9, "frames", "of a path, however long: frames that lie 2 px apart leave ripples that splats cannot follow"
+    )
+
+
+SETTINGS = MotionSettings()
+
+
+def _mathematics() -> ModuleType:
+    from . import path_poses  # heavy: torch
+
+    return path_poses
+
+
+class CameraMotion(Effect):
+    """Paths of V photos; photos that are not named stood still.
+
+    `twists` [V, M + 1, 6]: coefficients c_m, translation (unit of the world that is drawn) and rotation (radians); the
+    scene is `unit` of the world's units away.
+    """
+
+    name = "motion"
+    physics = "A camera that moves while its shutter is open smears each photo along the path that it took."
+    place = "camera"
+
+    def __init__(self, names: Sequence[str], twists: Tensor, unit: float = 1.0) -> None:
+        super().__init__({"twists": twists})
+        self.names, self.unit = tuple(names), unit
+        self._index = {name: i for i, name in enumerate(self.names)}
+
+    @property
+    def order(self) -> int:
+        """Degree of the paths."""
+        return int(self.parameters["twists"].shape[1]) - 1
+
+    def poses(self, name: str, camera: Camera, times: Tensor | None = None) -> Tensor | None:
+        """[T, 3, 4] world to camera at times [T] of the exposure; None for a photo that stood still.
+
+        Args:
+            camera: of the photo, on the grid that is drawn; times: None for as many as the path has px there.
+        """
+        index = self._index.get(name)
+        if index is None:
+            return None
+        twists = self.parameters["twists"][index]
+        found = _mathematics()
+        times = found.middles(self.frames(name, camera)) if times is None else times
+        return cast("Tensor", found.poses_on(twists, camera, times))
+
+    def frames(self, name: str, camera: Camera) -> int:
+        """How many frames a photo is the mean of, on the grid of `camera`."""
+        px = self.length(name, camera.fx)
+        return 1 if px < SETTINGS.still else min(max(SETTINGS.fewest, math.ceil(px) + 1), SETTINGS.most)
+
+    def length(self, name: str, focal: float) -> float:
+        """About how many px a path crosses in the middle of the photo, at the scene's distance.
+
+        Args:
+            focal: focal length, px.
+        """
+        way = self.way(name, focal)
+        return 0.0 if way is None else float((way[1:] - way[:-1]).norm(dim=1).sum())
+
+    def way(self, name: str, focal: float, count: int = 17) -> Tensor | None:
+        """[count, 2] where the path leads what is in the middle of the photo, px along x and y; arguments as `length`.
+
+        None for a photo that stood still.
+        """
+        index = self._index.get(name)
+        if index is None:
+            return None
+        twists = self.parameters["twists"][index].detach()
+        return cast("Tensor", _mathematics().way_on(twists, self.unit, focal, count))
+
+    def scaled(self, factor: float) -> CameraMotion:
+        """The same paths in a world that is `factor` times as large."""
+        twists = self.parameters["twists"].detach().clone()
+        twists[..., :3] *= factor
+        return CameraMotion(self.names, twists, self.unit * factor)
+
+    def for_photos(self, names: Iterable[str]) -> CameraMotion:
+        """Of these photos only."""
+        wanted = set(names)
+        kept = [i for i, name in enumerate(self.names) if name in wanted]
+        return CameraMotion([self.names[i] for i in kept], self.parameters["twists"].detach()[kept].clone(), self.unit)
+
+    def forward(self, light: Tensor, shot: Shot) -> Tensor:
+        """The very same light: the path is in the frames."""
+        return light
+
+    def gradient(self, upstream: Tensor, light: Tensor, shot: Shot) -> Tensor:
+        """The very same gradient; how paths are learned is in `core.training.camera_paths`."""
+        return upstream
+
+    def described(self) -> Mapping[str, object]:
+        """The unit, and by photo the twists, [M + 1][6]."""
+        twists = self.parameters["twists"].detach().cpu().double().numpy()
+        rows = zip(self.names, twists, strict=True)
+        return {
+            "unit": float(f"{self.unit:.6g}"),
+            "twists": {name: [[float(f"{v:.5g}") for v in part] for part in row] for name, row in rows},
+        }
+
+
+def straight_paths(ways: Mapping[str, tuple[float, float]], order: int) -> CameraMotion:
+    """Paths that begin as turns of the camera.
+
+    Args:
+        ways: by photo, how far its middle moves along x and y, in focal lengths.
+    """
+    return CameraMotion(list(ways), _mathematics().straight(list(ways.values()), order))
+
+
+def motion_of(effects: Iterable[Effect]) -> CameraMotion | None:
+    """The camera's motion among a chain's effects."""
+    return next((effect for effect in effects if isinstance(effect, CameraMotion)), None)

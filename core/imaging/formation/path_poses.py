@@ -1,0 +1,44 @@
+"""Where a camera stands along its path; the mathematics of `motion`, apart from it as it loads torch."""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from ...camera import Camera
+from ...rigid_motion import moved_pose
+
+
+def polynomials(times: Tensor, order: int) -> Tensor:
+    """[T, order + 1] Legendre's polynomials over the exposure, at times [T] in [-1/2, 1/2]."""
+    x = 2.0 * times
+    found = [torch.ones_like(x), x]
+    for m in range(1, order):
+        found.append(((2 * m + 1) * x * found[m] - m * found[m - 1]) / (m + 1))
+    return torch.stack(found[: order + 1], dim=1)
+
+
+def middles(count: int) -> Tensor:
+    """[count] times of so many frames of equal length, in [-1/2, 1/2]."""
+    return (torch.arange(count, dtype=torch.float32) + 0.5) / count - 0.5
+
+
+def poses_on(twists: Tensor, camera: Camera, times: Tensor) -> Tensor:
+    """[T, 3, 4] world to camera at times [T] of a path [M + 1, 6] that begins at a camera."""
+    pose = torch.from_numpy(np.column_stack([camera.rotation, camera.translation])).to(twists.dtype)
+    return moved_pose(polynomials(times, len(twists) - 1) @ twists, pose.expand(len(times), 3, 4))
+
+
+def way_on(twists: Tensor, unit: float, focal: float, count: int) -> Tensor:
+    """[count, 2] px along x and y by which a path [M + 1, 6] leads what is in the middle of the photo."""
+    twist = polynomials(torch.linspace(-0.5, 0.5, count), len(twists) - 1) @ twists
+    return focal * torch.stack([twist[:, 0] / unit + twist[:, 4], twist[:, 1] / unit - twist[:, 3]], dim=1)
+
+
+def straight(ways: list[tuple[float, float]], order: int) -> Tensor:
+    """[V, order + 1, 6] paths that turn the camera so that the photo's middle moves along (x, y), in focal lengths."""
+    twists = torch.zeros(len(ways), order + 1, 6)
+    for row, (x, y) in zip(twists, ways, strict=True):
+        row[1, 4], row[1, 3] = x / 2, -y / 2
+    return twists

@@ -1,0 +1,293 @@
+"""The camera's path in each exposure, learned with the Gaussians.
+
+Every time a photo is visited, its path takes a part of a Gauss-Newton step towards what the photo shows, the twin as it
+is. No view is rendered for it: a small motion of the camera moves what a px sees by the flow of its depth, so that the
+derivative of the photo y(c) by a path's coefficient c_ma (`CameraMotion`; a: axis) is
+
+    dy / dc_ma = - sum over frames k of w_k P_m(2 t_k) (grad I_k . flow_a),
+
+with the frames I_k that the photo is the mean of. Everything is in px of the photo at the scene's distance, which
+makes one prior fit turns and translations. At no motion the photo has no slope in the path: paths begin away from it.
+
+What photos cannot say is settled by convention: a path may be run in either direction, and what all offsets have in
+common is a motion of the whole scene (their mean is 0).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from ..camera import Camera
+from ..colour import decoding_derivative, encoding_derivative, srgb_to_linear
+from ..forward import Exposed
+from ..imaging.formation.motion import CameraMotion
+from ..imaging.formation.path_poses import middles, polynomials
+from ..numbers import BY_DEFINITION, number
+
+#: What the numbers below were chosen on.
+_SHAKEN = "27 photos of the rendered ball, shaken by 4 to 16 px (Cycles), single runs"
+
+
+@dataclass(frozen=True)
+class CameraPathSettings:
+    """Numbers of the learned paths."""
+
+    order: int = number(
+        4, "degree", "of a path in each of its six axes; the prior decides how much of it a photo needs", _SHAKEN
+    )
+    start: float = number(2.0, "px of the grid", "length of a path at the start at least, in any direction", _SHAKEN)
+    prior_path: float = number(
+        0.016, "of the photo's diagonal", "standard deviation of half of a path's straight way: 8 px of 400 x 300"
+    )
+    prior_fall: float = number(2.0, "power", "of a bend's degree, by which its prior is narrower")
+    prior_offset: float = number(1.0, "px", "standard deviation of where a path lies: how far cameras are off")
+    part: float = number(0.4, "share of a step", "that is taken at each visit: the twin changes, too", _SHAKEN)
+    longest_step: float = number(1.5, "px", "that a coefficient changes at a visit: the flow is that of small motions")
+    looked_at: int = number(12_000, "px", "of a photo that a step looks at, evenly over it")
+    independent: float = number(400.0, "px", "that a photo's px count as: neighbours err alike")
+    huber: float = number(
+        1.345,
+        "standard deviations",
+        "residuals beyond count as their size (95 % efficient on normal noise)",
+        BY_DEFINITION,
+    )
+    depth_every: int = number(4, "visits", "of a photo, after which its depth is drawn anew")
+    nearest: float = number(0.05, "viewing distances", "no depth is less: flow grows without bound towards the camera")
+    longest: float = number(0.25, "of the photo's diagonal", "that any coefficient may be: beyond, a photo is lost")
+    coarse_share: float = number(
+        0.5,
+        "share of the run",
+        "on the grid of half the resolution at least: paths are found there in a quarter of the time",
+    )
+    unseen_visits: int = number(8, "visits", "of a photo that is held out, to find its own path on the finished twin")
+
+
+SETTINGS = CameraPathSettings()
+
+
+def px_units(camera: Camera) -> NDArray[np.float64]:
+    """[6] twist that moves the picture by about a px: translations at distance 1, then turns."""
+    px = 1.0 / camera.fx
+    corner = 4.0 / math.hypot(camera.width, camera.height)
+    return np.array([px, px, corner, px, px, corner])
+
+
+@dataclass(frozen=True)
+class Sampled:
+    """Px of a photo that a step looks at: every so many, away from the border, where differences reach."""
+
+    rows: slice
+    columns: slice
+
+    @staticmethod
+    def of(height: int, width: int, most: int) -> Sampled:
+        """At most about `most` of them."""
+        every = max(1, round(math.sqrt(height * width / most)))
+        return Sampled(slice(1 + every // 2, height - 1, every), slice(1 + every // 2, width - 1, every))
+
+    def of_planes(self, planes: Tensor, down: int = 0, right: int = 0) -> Tensor:
+        """[..., h, w] of planes [..., H, W], or the px so far below and to the right of them."""
+        rows, columns = (
+            slice(s.start + by, s.stop + by, s.step) for s, by in ((self.rows, down), (self.columns, right))
+        )
+        return planes[..., rows, columns]
+
+
+@dataclass(frozen=True)
+class SampledDepth:
+    """Depth of a photo where a step looks at it.
+
+    Attributes:
+        visits: after which it was drawn; size: (height, width) of the grid; depth: [h, w], the scene's unit.
+    """
+
+    visits: int
+    size: tuple[int, int]
+    depth: Tensor
+
+
+class CameraPaths:
+    """Paths of photos, fitted and held-out ones.
+
+    Args:
+        start: paths to begin with; photos that they do not name stood still, and stay so.
+        cameras: of the photos, by name, on the photos' own grid, in units in which the scene is at distance 1.
+        fitted: names of those that are trained on: their mean offset is 0.
+        step: photo px per px of the coarsest grid.
+
+    Attributes:
+        motion: the paths as they are; the forward model's own, so that it sees every step.
+    """
+
+    def __init__(
+        self,
+        start: CameraMotion,
+        cameras: Mapping[str, Camera],
+        fitted: Sequence[str],
+        step: int,
+        seed: int,
+        settings: CameraPathSettings = SETTINGS,
+    ) -> None:
+        self.settings, names = settings, [name for name in start.names if name in cameras]
+        self._units = torch.from_numpy(np.stack([px_units(cameras[name]) for name in names])).float()
+        self._diagonal = {name: math.hypot(cameras[name].width, cameras[name].height) for name in names}
+        twists = torch.zeros(len(names), settings.order + 1, 6)
+        known = min(start.order, settings.order) + 1
+        twists[:, :known] = start.for_photos(names).parameters["twists"][:, :known]
+        self.motion = CameraMotion(names, twists)
+        self._index = {name: i for i, name in enumerate(names)}
+        self._fitted = [self._index[name] for name in fitted if name in self._index]
+        self._visits = np.zeros(len(names), np.int64)
+        self._depths: dict[str, SampledDepth] = {}
+        self._begin(cameras, settings.start * step, seed)
+
+    def _begin(self, cameras: Mapping[str, Camera], px: float, seed: int) -> None:
+        """Short paths get a length to begin with: their own direction, or any."""
+        turns = np.random.default_rng([seed, 4]).uniform(0.0, 2 * np.pi, len(self.motion.names))
+        for i, name in enumerate(self.motion.names):
+            length = self.motion.length(name, cameras[name].fx)
+            if length >= px:
+                continue
+            way = self.motion.way(name, cameras[name].fx)
+            assert way is not None
+            straight = (way[-1] - way[0]) / 2 if length > 0 else torch.tensor([math.cos(turns[i]), math.sin(turns[i])])
+            straight = straight * (px / 2 / float(straight.norm().clamp(min=1e-9)) / cameras[name].fx)
+            self._twists[i, 1] = 0.0
+            self._twists[i, 1, 4], self._twists[i, 1, 3] = straight[0], -straight[1]
+
+    @property
+    def _twists(self) -> Tensor:
+        return self.motion.parameters["twists"]
+
+    def wants_depth(self, name: str, camera: Camera) -> bool:
+        """Whether a photo's depth has to be drawn before its next step, on the grid of `camera`."""
+        i = self._index.get(name)
+        if i is None or self.motion.frames(name, camera) < 2:
+            return False
+        known = self._depths.get(name)
+        if known is None or known.size != (camera.height, camera.width):
+            return True
+        return bool(self._visits[i] - known.visits >= self.settings.depth_every)
+
+    def see_depth(self, name: str, depth: Tensor) -> None:
+        """Keeps a photo's depth [H, W] where a step looks at it."""
+        height, width = depth.shape
+        at = Sampled.of(height, width, self.settings.looked_at)
+        visits = int(self._visits[self._index[name]])
+        self._depths[name] = SampledDepth(visits, (height, width), at.of_planes(depth).clone())
+
+    def learn(self, name: str, camera: Camera, exposed: Exposed, photo: Tensor, counts: Tensor | None = None) -> None:
+        """Takes a part of a step of one photo's path.
+
+        Args:
+            camera: of the photo on the grid.
+            exposed: what the twin shows in it; photo: [3, H, W] sRGB; counts: [H, W] bool px that count, None for all.
+        """
+        i, s = self._index.get(name), self.settings
+        if i is None or len(exposed.frames) < 2 or name not in self._depths:
+            return
+        jacobian, rest, weight = self._linearised(i, name, camera, exposed, photo, counts)
+        limit = max(s.huber * 1.4826 * float(rest.abs().median()), 1e-3)
+        weight = weight * (limit / rest.abs().clamp(min=1e-12)).clamp(max=1.0)
+        weighted, noise = jacobian * weight, float((weight * rest.square()).sum() / weight.sum().clamp(min=1.0))
+        trust = s.independent / max(float(weight.numel()), 1.0) / max(noise, 1e-8)
+        matrix, vector = (weighted @ jacobian.T).double() * trust, (weighted @ rest).double() * trust
+        precision = self._prior(name) ** -2.0
+        now = (self._twists[i] / self._units[i]).reshape(-1).double()
+        move = torch.linalg.solve(matrix + torch.diag(precision), vector - now * precision).float() * s.part
+        if not bool(torch.isfinite(move).all()):
+            return
+        move = move * min(1.0, s.longest_step / max(float(move.abs().max()), 1e-9))
+        bound = s.longest * self._diagonal[name]
+        self._twists[i] = (now.float() + move).clamp(-bound, bound).reshape(-1, 6) * self._units[i]
+        self._visits[i] += 1
+        self._settle(i)
+
+    def _settle(self, index: int) -> None:
+        """Mean offset of the fitted photos 0, in px."""
+        if index in self._fitted:
+            offsets = self._twists[self._fitted, 0] / self._units[self._fitted]
+            self._twists[self._fitted, 0] -= offsets.mean(dim=0) * self._units[self._fitted]
+
+    def _prior(self, name: str) -> Tensor:
+        """[(M + 1) 6] standard deviations, px."""
+        s = self.settings
+        way = s.prior_path * self._diagonal[name]
+        each = [s.prior_offset, *(way / m**s.prior_fall for m in range(1, s.order + 1))]
+        return torch.tensor(each, dtype=torch.float64).repeat_interleave(6)
+
+    def _linearised(
+        self, index: int, name: str, camera: Camera, exposed: Exposed, photo: Tensor, counts: Tensor | None
+    ) -> tuple[Tensor, Tensor, Tensor]:
+        """Jacobian [(M + 1) 6, K] by px, what is left of the photo [K] (sRGB), and which of it counts [K]."""
+        height, width = photo.shape[1:]
+        at, m = Sampled.of(height, width, self.settings.looked_at), (exposed.reached.shape[1] - height) // 2
+        inner = (..., slice(m, m + height), slice(m, m + width))
+        frames = torch.stack([frame.passage.reached[inner] for frame in exposed.frames])  # [T, 3, H, W]
+        shown = exposed.degraded
+        own, seen = at.of_planes(frames), at.of_planes(shown)
+        decode, light = decoding_derivative(own, srgb_to_linear(own)), srgb_to_linear(seen)
+        basis = polynomials(middles(len(frames)), self.settings.order).T / len(frames)  # [M + 1, T]
+        encode = encoding_derivative(light, seen)
+
+        def gradient(down: int, right: int) -> Tensor:
+            """[M + 1, 3, h, w] of the photo along an axis, by the shift of the path's parts."""
+            ahead, behind = (at.of_planes(frames, s * down, s * right) for s in (1, -1))
+            return torch.einsum("mt,tchw->mchw", basis, (ahead - behind) * decode * 0.5) * encode
+
+        du, dv = (flow[:, None] for flow in self._flow(index, name, camera, at))
+        jacobian = -(gradient(0, 1)[:, None] * du + gradient(1, 0)[:, None] * dv)
+        rest = (at.of_planes(photo) - seen).reshape(-1)
+        weight = torch.ones_like(rest)
+        if counts is not None:
+            weight = at.of_planes(counts).expand(3, -1, -1).reshape(-1).to(rest.dtype)
+        return jacobian.reshape(6 * len(basis), -1), rest, weight
+
+    def _flow(self, index: int, name: str, camera: Camera, at: Sampled) -> tuple[Tensor, Tensor]:
+        """[6, h, w] px of the grid, along x and along y, by which a px of motion in each axis moves what is seen."""
+        rows, columns = torch.arange(camera.height)[at.rows], torch.arange(camera.width)[at.columns]
+        y, x = torch.meshgrid(
+            (rows + 0.5 - camera.cy) / camera.fy, (columns + 0.5 - camera.cx) / camera.fx, indexing="ij"
+        )
+        near, zero, f = 1.0 / self._depths[name].depth.clamp(min=self.settings.nearest), torch.zeros_like(x), camera.fx
+        du = torch.stack([near, zero, -near * x, -x * y, 1 + x * x, -y])
+        dv = torch.stack([zero, near, -near * y, -(1 + y * y), x * y, x])
+        units = f * self._units[index][:, None, None]
+        return (du * units).float(), (dv * units).float()
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """What a checkpoint keeps."""
+        drawn = {f"paths.depth.{self._index[name]}": known.depth.numpy() for name, known in self._depths.items()}
+        when = np.full((len(self._visits), 3), -1, np.int64)
+        for name, known in self._depths.items():
+            when[self._index[name]] = known.visits, *known.size
+        return {"paths": self._twists.numpy().copy(), "paths.visits": self._visits.copy(), "paths.drawn": when, **drawn}
+
+    def restore(self, arrays: Mapping[str, NDArray[Any]]) -> bool:
+        """Goes on from `state`; whether it is there, and of these photos."""
+        twists, visits, drawn = (arrays.get(name) for name in ("paths", "paths.visits", "paths.drawn"))
+        if twists is None or visits is None or drawn is None or twists.shape != tuple(self._twists.shape):
+            return False
+        if not np.isfinite(twists).all() or visits.shape != self._visits.shape or drawn.shape != (len(visits), 3):
+            return False
+        self._twists.copy_(torch.from_numpy(np.asarray(twists, np.float32)))
+        self._visits = np.asarray(visits, np.int64).copy()
+        self._depths.clear()
+        for name, i in self._index.items():
+            depth = arrays.get(f"paths.depth.{i}")
+            when, height, width = (int(value) for value in drawn[i])
+            if depth is not None and min(height, width) > 0:
+                at = Sampled.of(height, width, self.settings.looked_at)
+                if depth.shape != (len(range(*at.rows.indices(height))), len(range(*at.columns.indices(width)))):
+                    return False
+                found = torch.from_numpy(np.array(depth, np.float32))
+                self._depths[name] = SampledDepth(when, (height, width), found)
+        return True

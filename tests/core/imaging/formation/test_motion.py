@@ -1,0 +1,68 @@
+"""The camera's path in an exposure: polynomials, poses, lengths, and worlds of another size."""
+
+import math
+
+import numpy as np
+import pytest
+import torch
+from dgs.core.camera import Camera
+from dgs.core.imaging.formation.chain import Formation
+from dgs.core.imaging.formation.motion import SETTINGS, CameraMotion, straight_paths
+from dgs.core.imaging.formation.path_poses import middles, polynomials
+
+CAMERA = Camera("a", 64, 48, 80.0, 80.0, 32.0, 24.0, np.eye(3), np.array([0.1, -0.2, 0.3]))
+
+
+def test_polynomials_are_orthogonal_and_bound_by_one():
+    times = torch.linspace(-0.5, 0.5, 20_001, dtype=torch.float64)
+    found = polynomials(times, 4)
+    products = found.T @ found / len(times)
+    assert torch.allclose(products, torch.diag(1.0 / (2.0 * torch.arange(5, dtype=torch.float64) + 1)), atol=2e-4)
+    assert float(found.abs().max()) == pytest.approx(1.0)
+    assert torch.equal(polynomials(times, 0), torch.ones(len(times), 1, dtype=torch.float64))
+
+
+def test_frames_lie_in_the_middle_of_equal_parts():
+    assert middles(4).tolist() == pytest.approx([-0.375, -0.125, 0.125, 0.375]) and middles(1).tolist() == [0.0]
+
+
+def test_a_straight_turn_moves_the_middle_of_the_photo_as_far_as_it_says():
+    motion = straight_paths({"a": (6.0 / 80.0, 0.0), "b": (0.0, 3.0 / 80.0)}, 2)
+    assert motion.order == 2 and motion.length("a", 80.0) == pytest.approx(6.0) and motion.length("c", 80.0) == 0.0
+    far = np.array([0.0, 0.0, 50.0])
+    for name, expected in (("a", (6.0, 0.0)), ("b", (0.0, 3.0))):
+        still = Camera(name, 64, 48, 80.0, 80.0, 32.0, 24.0, np.eye(3), np.zeros(3))
+        ends = motion.poses(name, still, torch.tensor([-0.5, 0.5])).numpy()
+        seen = [(pose[:, :3] @ far + pose[:, 3]) for pose in ends]
+        seen = [80.0 * point[:2] / point[2] for point in seen]
+        assert seen[1] - seen[0] == pytest.approx(expected, abs=0.02)
+    assert motion.poses("c", CAMERA) is None and motion.way("c", 80.0) is None
+
+
+def test_as_many_frames_as_the_path_has_px_on_the_grid():
+    motion = straight_paths({"a": (6.0 / 80.0, 0.0), "b": (0.5 / 80.0, 0.0), "c": (90.0 / 80.0, 0.0)}, 1)
+    assert motion.frames("a", CAMERA) == 7 and len(motion.poses("a", CAMERA)) == 7
+    assert motion.frames("b", CAMERA) == 1 and motion.frames("c", CAMERA) == SETTINGS.most
+    coarse = Camera("a", 32, 24, 40.0, 40.0, 16.0, 12.0, np.eye(3), np.zeros(3))
+    assert motion.frames("a", coarse) == 4
+
+
+def test_paths_follow_the_world_s_size_and_know_their_photos():
+    twists = torch.randn(2, 3, 6, generator=torch.Generator().manual_seed(0))
+    chain = Formation([CameraMotion(("a", "b"), twists)])
+    large = chain.scaled(10.0).motion.parameters["twists"]
+    assert torch.allclose(large[..., :3], 10.0 * twists[..., :3]) and torch.equal(large[..., 3:], twists[..., 3:])
+    only = chain.motion.for_photos(["b", "z"])
+    assert only.names == ("b",) and torch.equal(only.parameters["twists"][0], twists[1])
+    assert chain.scaled(10.0).motion.length("a", 80.0) == pytest.approx(chain.motion.length("a", 80.0), rel=1e-5)
+    described = chain.scaled(10.0).motion.described()
+    assert described["unit"] == 10.0 and set(described["twists"]) == {"a", "b"}
+    assert np.shape(described["twists"]["a"]) == (3, 6)
+    assert described["twists"]["b"][2][5] == pytest.approx(float(twists[1, 2, 5]), rel=1e-4)
+
+
+def test_the_mean_of_a_path_is_its_offset():
+    twists = torch.zeros(1, 5, 6)
+    twists[0, 1:] = 0.01 * torch.randn(4, 6, generator=torch.Generator().manual_seed(1))
+    way = CameraMotion(("a",), twists).way("a", 80.0, 4001)
+    assert way.mean(dim=0).tolist() == pytest.approx([0.0, 0.0], abs=1e-3) and math.isfinite(float(way.sum()))

@@ -1,0 +1,148 @@
+"""Learned camera paths: their slope against differences of renders, what they find, and what is kept of them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from dgs.core.camera import Camera
+from dgs.core.errors import CheckpointError
+from dgs.core.forward import ForwardModel, medium_of, sharp_view
+from dgs.core.frames import Frame
+from dgs.core.imaging.formation.chain import Formation
+from dgs.core.imaging.formation.motion import CameraMotion, straight_paths
+from dgs.core.imaging.medium import Medium
+from dgs.core.progress import Silent
+from dgs.core.rasterizer import RasterSettings
+from dgs.core.training.camera_paths import CameraPaths, px_units
+from dgs.core.training.job import TrainingJob
+from dgs.core.training.run import train
+from dgs.core.training.trainer import Trainer
+from dgs.tests.core.training.training_scenes import SHORT, blurred_scene
+
+SETTINGS = RasterSettings(low_pass=0.5)
+
+
+class Photo:
+    """What the forward model asks of one."""
+
+    def __init__(self, camera: Camera) -> None:
+        self.name, self.camera, self.psf = camera.name, camera, None
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return blurred_scene()
+
+
+def exposed_by(scene, camera, motion):
+    frame = Frame(camera.height, camera.width, 0)
+    model = ForwardModel(SETTINGS, lambda _: medium_of(None, frame), 0, Formation([motion]))
+    with torch.no_grad():
+        return model.expose(scene.truth, Photo(camera))
+
+
+def truly_moved(scene, seed=0, px=5.0):
+    """A path of about `px` px for every photo but each fourth, and the photos that it leaves."""
+    random = np.random.default_rng(seed)
+    names = [view.name for view in scene.views]
+    twists = torch.zeros(len(names), 3, 6)
+    for i, view in enumerate(scene.views):
+        if i % 4 == 3:
+            continue
+        angle, units = random.uniform(0, 2 * np.pi), px_units(view.camera)
+        part = np.zeros((3, 6))
+        part[1, 3:5] = px / 2 * np.array([np.sin(angle), np.cos(angle)])
+        part[2] = 0.2 * px * random.standard_normal(6)
+        twists[i] = torch.from_numpy(part * units).float()
+    motion = CameraMotion(names, twists)
+    views = []
+    for view in scene.views:
+        photo = exposed_by(scene, view.camera, motion).degraded.numpy()
+        pixels = np.round(photo.clip(0, 1) * 255).astype(np.uint8).transpose(1, 2, 0)
+        views.append(replace(view, photo=np.ascontiguousarray(pixels)))
+    return motion, views
+
+
+def test_the_slope_in_every_coefficient_is_that_of_the_renders(scene):
+    """No view is rendered for it; differences of renders say the same wherever depth is smooth."""
+    camera = scene.views[0].camera
+    start = straight_paths({camera.name: (4.0 / camera.fx, 2.0 / camera.fx)}, 4)
+    paths = CameraPaths(start, {camera.name: camera}, [camera.name], 1, 0)
+    exposed = exposed_by(scene, camera, paths.motion)
+    with torch.no_grad():
+        drawn = sharp_view(scene.truth, camera, replace(SETTINGS, depth=True)).mean_depth
+    paths.see_depth(camera.name, drawn)
+    photo = torch.zeros(3, camera.height, camera.width)
+    jacobian, _, _ = paths._linearised(0, camera.name, camera, exposed, photo, None)
+    units = torch.from_numpy(px_units(camera)).float()
+    twists = paths.motion.parameters["twists"]
+    for part, axis in ((0, 0), (0, 4), (1, 3), (1, 5), (2, 4), (3, 1)):
+        pair = []
+        for sign in (1, -1):
+            twists[0, part, axis] += sign * 0.25 * units[axis]
+            pair.append(exposed_by(scene, camera, paths.motion).degraded)
+            twists[0, part, axis] -= sign * 0.25 * units[axis]
+        true = ((pair[0] - pair[1]) / 0.5)[:, 1 : camera.height - 1, 1 : camera.width - 1]
+        own = jacobian[part * 6 + axis]
+        assert len(own) == true.numel()
+        assert float(torch.corrcoef(torch.stack([own, true.reshape(-1)]))[0, 1]) > 0.93, (part, axis)
+        assert float((own @ true.reshape(-1)) / (own @ own)) == pytest.approx(1.0, abs=0.3), (part, axis)
+
+
+def test_paths_are_found_and_the_twin_is_sharper_for_it(scene):
+    motion, views = truly_moved(scene)
+    fitted, held = views[:-2], views[-2:]
+    settings = replace(SHORT, steps=240)
+    scores = []
+    for chain in (Formation(), Formation([straight_paths({v.name: (0.0, 0.0) for v in views}, 1)])):
+        twin = train(TrainingJob(fitted, held, scene.points, Medium(), settings, chain), Silent())
+        errors = []
+        for view in held:
+            with torch.no_grad():
+                image = sharp_view(twin.gaussians, view.camera, RasterSettings(low_pass=twin.low_pass)).image
+            errors.append(float(np.square(image.numpy() - scene.sharp[view.name]).mean()))
+        scores.append(-10 * np.log10(np.mean(errors)))
+    assert scores[1] > scores[0] + 0.5, scores
+    found = twin.formation.motion
+    assert set(found.names) == {v.name for v in views}, "held-out photos have paths of their own"
+    focal = {v.name: v.camera.fx for v in views}
+    moved = [n for n in motion.names if motion.length(n, focal[n]) > 1]
+    still = [n for n in motion.names if motion.length(n, focal[n]) <= 1]
+    assert np.median([found.length(n, focal[n]) for n in moved]) > 2.5
+    assert np.median([found.length(n, focal[n]) for n in still]) < 2.0
+
+
+def test_a_run_that_is_resumed_goes_on_to_the_bit(scene):
+    _, views = truly_moved(scene)
+    chain = Formation([straight_paths({v.name: (0.0, 0.0) for v in views}, 1)])
+
+    def trainer():
+        return Trainer(views, [], scene.points, Medium(), SHORT, chain)
+
+    whole, first, again = trainer(), trainer(), trainer()
+    for step in range(16):
+        whole.advance(step / 40)
+        if step < 8:
+            first.advance(step / 40)
+    again.restore(first.state(0.0, []))
+    for step in range(8, 16):
+        again.advance(step / 40)
+    a, b = (t.learned.paths.motion.parameters["twists"] for t in (whole, again))
+    assert float(a.abs().max()) > 0 and torch.equal(a, b)
+    assert torch.equal(whole.optimizer.gaussians.means, again.optimizer.gaussians.means)
+    state = first.state(0.0, [])
+    del state.arrays["paths"]
+    with pytest.raises(CheckpointError, match="camera paths"):
+        trainer().restore(state)
+
+
+def test_offsets_of_all_photos_together_do_not_move_the_scene(scene):
+    _, views = truly_moved(scene)
+    trainer = Trainer(
+        views, [], scene.points, Medium(), SHORT, Formation([straight_paths({v.name: (0.0, 0.0) for v in views}, 1)])
+    )
+    for step in range(24):
+        trainer.advance(step / 40)
+    offsets = trainer.learned.paths.motion.parameters["twists"][:, 0]
+    assert float(offsets.abs().max()) > 0 and float(offsets.mean(dim=0).abs().max()) < 1e-6
