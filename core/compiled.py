@@ -77,16 +77,16 @@ Task = tuple[Callable[..., Any], int, tuple[Any, ...]]
 class _Shared:
     """The items of a call in chunks, handed out to whoever has time: the caller and threads that help it."""
 
-    def __init__(self, tasks: Sequence[Task], grain: int, parts: int) -> None:
-        """`parts`: chunks that each task is cut into, as far as they are not smaller than `grain` items."""
-        self._chunks = iter(
-            [
-                (function, begin, min(begin + chunk, items), arguments)
-                for function, items, arguments in tasks
-                for chunk in (max(grain, -(-items // parts)),)
-                for begin in range(0, items, chunk)
-            ]
-        )
+    def __init__(self, tasks: Sequence[Task], grain: int, threads: int) -> None:
+        """`grain`: items of the smallest chunks; the first ones are the largest."""
+        chunks = []
+        for function, items, arguments in tasks:
+            begin = 0
+            while begin < items:
+                end = min(items, begin + max(grain, -(-(items - begin) // (_PARTS * threads))))
+                chunks.append((function, begin, end, arguments))
+                begin = end
+        self._chunks = iter(chunks)
         self._take = threading.Lock()
         self._helping, self._closed = 0, False
         self._ended: SimpleQueue[BaseException | None] = SimpleQueue()
@@ -155,8 +155,8 @@ _helpers = _Helpers()
 _threads = max(1, len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1)
 
 
-#: Chunks for each thread: the last one to end keeps the others waiting for half a chunk in the mean.
-_CHUNKS = 8
+#: A chunk is such a part of a thread's share of what is left: few calls, and yet nobody waits long for the last one.
+_PARTS = 2
 
 
 def threads() -> int:
@@ -192,7 +192,7 @@ def run_all(tasks: Sequence[Task], grain: int = 1) -> None:
         for function, items, arguments in tasks:
             function(0, items, *arguments)
         return
-    shared = _Shared(tasks, grain, count * _CHUNKS)
+    shared = _Shared(tasks, grain, count)
     _helpers.ask(shared, count - 1)
     try:
         shared.work()  # the caller is one of the threads
