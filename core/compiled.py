@@ -80,11 +80,13 @@ class _Shared:
     def __init__(self, tasks: Sequence[Task], grain: int, threads: int) -> None:
         """`grain`: items of the smallest chunks; the first ones are the largest."""
         chunks = []
+        left = sum(items for _, items, _ in tasks)
         for function, items, arguments in tasks:
             begin = 0
             while begin < items:
-                end = min(items, begin + max(grain, -(-(items - begin) // (_PARTS * threads))))
+                end = min(items, begin + max(grain, -(-left // (_PARTS * threads))))
                 chunks.append((function, begin, end, arguments))
+                left -= end - begin
                 begin = end
         self._chunks = iter(chunks)
         self._take = threading.Lock()
