@@ -16,7 +16,7 @@ Kind = Literal["object on white", "transparent", "all-round indoor", "forward-fa
 
 @dataclass(frozen=True)
 class RenderedSet:
-    """A set that the laboratory renders; sets of one `name` share their frames, whatever the medium.
+    """A set that the laboratory renders; `NAME`, `NAME-blurred` and `NAME-found` share their frames.
 
     Attributes:
         scene, path, background: of `synthesize`.
@@ -129,7 +129,8 @@ def _pair(
 CHECKED = (
     *_pair("plant", "object on white", _PLANT, ("given", "given")),
     *_pair("orrery", "transparent", _ORRERY, ("given", "given")),
-    *_pair("room", "all-round indoor", _ROOM, ("found", "given")),
+    *_pair("room", "all-round indoor", _ROOM, ("given", "given")),
+    BenchmarkScene("room-found", "checked on", "all-round indoor", "found", _ROOM),
     *_pair("shelf", "forward-facing", _SHELF, ("found", "found")),
     *_pair("village", "drone", _VILLAGE, ("given", "found")),
     BenchmarkScene("drinks", "checked on", "forward-facing", "given", PhotoSet("drinks", cameras="cameras")),

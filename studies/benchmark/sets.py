@@ -65,8 +65,8 @@ def prepared(scene: BenchmarkScene, command: Callable[..., None], made: Path, sh
 
 def _rendered(scene: BenchmarkScene, source: RenderedSet, command: Callable[..., None], made: Path) -> PreparedSet:
     """Cameras are given without points, as Blender's exporters give them."""
-    folder = made / scene.name
-    base = made / scene.name.removesuffix("-blurred")
+    folder = made / scene.name.removesuffix("-found")
+    base = made / folder.name.removesuffix("-blurred")
     words: list[object] = ["--scene", source.scene, "--path", source.path, "--background", source.background]
     words += ["--views", source.views, "--size", f"{source.width}x{source.height}", "--samples", source.samples]
     words += ["--overscan", source.overscan, "--keep-linear", "--psf"]
