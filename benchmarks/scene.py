@@ -22,7 +22,11 @@ def camera(width: int, height: int, degrees: float = 0.0) -> Camera:
     right = np.cross([0.0, 1.0, 0.0], forward)
     right /= np.linalg.norm(right)
     rotation = np.stack([right, np.cross(forward, right), forward])
-    full = Camera(f"{degrees:+.1f}", *SIZE, FOCAL_PX, FOCAL_PX, SIZE[0] / 2, SIZE[1] / 2, rotation, -rotation @ centre)
+    # (a frame of another shape sees more or less above and below)
+    alike = abs(height / width - SIZE[1] / SIZE[0]) < 0.01
+    high = SIZE[1] if alike else round(SIZE[0] * height / width)
+    middle = SIZE[0] / 2, high / 2
+    full = Camera(f"{degrees:+.1f}", SIZE[0], high, FOCAL_PX, FOCAL_PX, *middle, rotation, -rotation @ centre)
     return full.resized(width, height)
 
 
