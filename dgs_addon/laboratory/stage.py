@@ -34,7 +34,7 @@ def lens(camera: Camera, aperture: float, focus: float) -> Iterator[None]:
     dof = data.dof
     kept = dof.use_dof, dof.focus_object, dof.focus_distance, dof.aperture_fstop, dof.aperture_blades
     dof.use_dof, dof.focus_object, dof.aperture_blades, dof.focus_distance = True, None, 0, focus
-    # Blender knows the hole by its f-number, for a sensor 36 mm wide.
+    # Blender takes the hole as an f-number, of a lens before a sensor 36 mm wide.
     dof.aperture_fstop = camera_to_blender(camera).lens / 1000 / aperture
     try:
         yield

@@ -1,4 +1,4 @@
-"""What a rendered medium is, and what it knows of the photos. Needs numpy only."""
+"""What a rendered medium is, and what it is given of the photos. Needs numpy only."""
 
 from __future__ import annotations
 
