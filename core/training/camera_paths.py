@@ -60,6 +60,17 @@ class CameraPathSettings:
         BY_DEFINITION,
     )
     depth_every: int = number(4, "visits", "of a photo, after which its depth is drawn anew")
+    again_at: tuple[int, ...] = number(
+        (4, 10, 20),
+        "visits",
+        "of a photo, after which all straight paths are compared with its own: a wrong direction holds itself",
+        "27 shaken photos of the rendered ball: two kept a path that was wrong by 3 px",
+    )
+    again_turns: int = number(16, "count", "directions that are compared")
+    again_factor: float = number(1.3, "ratio", "of one length that is compared to the next shorter one")
+    clearly_nearer: float = number(
+        0.9, "factor", "on the squared difference, that a straight path must leave less of to take the place of a path"
+    )
     nearest: float = number(0.05, "viewing distances", "no depth is less: flow grows without bound towards the camera")
     longest: float = number(0.25, "of the photo's diagonal", "that any coefficient may be: beyond, a photo is lost")
     coarse_share: float = number(
@@ -192,7 +203,10 @@ class CameraPaths:
             exposed: what the twin shows in it; photo: [3, H, W] sRGB; counts: [H, W] bool px that count, None for all.
         """
         i, s = self._index.get(name), self.settings
-        if i is None or len(exposed.frames) < 2 or name not in self._depths:
+        if i is None:
+            return
+        self._visits[i] += 1
+        if len(exposed.frames) < 2 or name not in self._depths:
             return
         jacobian, rest, weight = self._linearised(i, name, camera, exposed, photo, counts)
         limit = max(s.huber * 1.4826 * float(rest.abs().median()), 1e-3)
@@ -208,8 +222,49 @@ class CameraPaths:
         move = move * min(1.0, s.longest_step / max(float(move.abs().max()), 1e-9))
         bound = s.longest * self._diagonal[name]
         self._twists[i] = (now.float() + move).clamp(-bound, bound).reshape(-1, 6) * self._units[i]
-        self._visits[i] += 1
         self._settle(i)
+
+    def looks_again(self, name: str) -> bool:
+        """Whether a photo's path is to be compared with others (`look_again`)."""
+        i = self._index.get(name)
+        return i is not None and int(self._visits[i]) in self.settings.again_at
+
+    def look_again(self, name: str, camera: Camera, still: Tensor, photo: Tensor) -> None:
+        """Begins anew with a straight path where one explains a photo clearly better than its own does.
+
+        A step sees near ones only. The picture without motion is convolved with each, which is nearly what a turn of
+        the camera does, in one transform: a path's share of the photo at frequency f is the mean of
+        exp(-2 pi i f . way(t)).
+
+        Args:
+            camera: of the photo on the grid; still: [3, H, W] sRGB as the twin shows it from there; photo: the same.
+        """
+        i, s = self._index[name], self.settings
+        height, width = photo.shape[1:]
+        window = torch.hann_window(height)[:, None] * torch.hann_window(width)[None, :]
+        spectra = [
+            torch.fft.rfft2((srgb_to_linear(p) - srgb_to_linear(p).mean(dim=(1, 2), keepdim=True)) * window)
+            for p in (still, photo)
+        ]
+        fy, fx = torch.fft.fftfreq(height)[:, None], torch.fft.rfftfreq(width)[None, :]
+
+        def left(transfer: Tensor) -> float:
+            """Squared difference that a path leaves which passes so much of each frequency."""
+            return float((spectra[1] - transfer * spectra[0]).abs().square().sum())
+
+        own = self.motion.way(name, camera.fx)
+        assert own is not None
+        phase = -2.0 * math.pi * (fx[None] * own[:, 0, None, None] + fy[None] * own[:, 1, None, None])
+        best, chosen = s.clearly_nearer * left(torch.polar(torch.ones_like(phase), phase).mean(dim=0)), None
+        count = int(math.log(s.longest * math.hypot(height, width)) / math.log(s.again_factor))
+        for turn in range(s.again_turns):
+            x, y = math.cos(math.pi * turn / s.again_turns), math.sin(math.pi * turn / s.again_turns)
+            for length in (s.again_factor**k for k in range(count)):
+                if (rest := left(torch.sinc(length * (fx * x + fy * y)))) < best:
+                    best, chosen = rest, (length * x, length * y)
+        if chosen is not None:
+            self._twists[i, 1:] = 0.0
+            self._twists[i, 1, 4], self._twists[i, 1, 3] = chosen[0] / camera.fx / 2, -chosen[1] / camera.fx / 2
 
     def _settle(self, index: int) -> None:
         """Mean offset of the fitted photos 0, in px."""

@@ -292,12 +292,15 @@ class Trainer:
         paths = self.learned.paths
         if paths is None:
             return
-        if paths.wants_depth(view.name, view.camera):
+        again = paths.looks_again(view.name)
+        if again or paths.wants_depth(view.name, view.camera):
             settings = replace(self.raster_settings(level), depth=True)
             with torch.no_grad():
-                depth = sharp_view(self.optimizer.gaussians, view.camera, settings).mean_depth
-            assert depth is not None
-            paths.see_depth(view.name, depth)
+                still = sharp_view(self.optimizer.gaussians, view.camera, settings, self.background)
+            assert still.mean_depth is not None
+            paths.see_depth(view.name, still.mean_depth)
+            if again:
+                paths.look_again(view.name, view.camera, still.image, photo)
         counts = None if view.valid is None else torch.from_numpy(view.valid).to(self.device)
         paths.learn(view.name, view.camera, exposed, photo, counts)
 

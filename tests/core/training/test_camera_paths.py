@@ -146,3 +146,22 @@ def test_offsets_of_all_photos_together_do_not_move_the_scene(scene):
         trainer.advance(step / 40)
     offsets = trainer.learned.paths.motion.parameters["twists"][:, 0]
     assert float(offsets.abs().max()) > 0 and float(offsets.mean(dim=0).abs().max()) < 1e-6
+
+
+def test_a_path_in_a_wrong_direction_begins_anew(scene):
+    camera = scene.views[0].camera
+    true = straight_paths({camera.name: (8.0 / camera.fx, 3.0 / camera.fx)}, 4)
+    photo = exposed_by(scene, camera, true).degraded
+    still = exposed_by(scene, camera, straight_paths({}, 4)).degraded
+    for wrong in ((-3.0, 8.0), (0.5, 0.5)):
+        start = straight_paths({camera.name: (wrong[0] / camera.fx, wrong[1] / camera.fx)}, 4)
+        paths = CameraPaths(start, {camera.name: camera}, [camera.name], 1, 0)
+        paths.look_again(camera.name, camera, still, photo)
+        way = paths.motion.way(camera.name, camera.fx)
+        found = (way[-1] - way[0]).numpy()
+        found = found if found[0] > 0 else -found
+        assert found == pytest.approx([8.0, 3.0], abs=1.6)
+    right = CameraPaths(true, {camera.name: camera}, [camera.name], 1, 0)
+    right.look_again(camera.name, camera, still, photo)
+    moved = (right.motion.parameters["twists"] - true.parameters["twists"]).abs().max() * camera.fx
+    assert float(moved) < 0.5, "a path that is right stays where it is, but for the steps of what is compared"
