@@ -13,7 +13,7 @@ bpy = pytest.importorskip("bpy")
 import dgs  # noqa: E402
 from dgs.dgs_addon.job.record import Record  # noqa: E402
 from dgs.dgs_addon.job.steps import results  # noqa: E402
-from dgs.dgs_addon.job.test_set import test_set_request  # noqa: E402
+from dgs.dgs_addon.job.test_set import test_set_request as request_of  # noqa: E402
 from dgs.operators import compare_truth  # noqa: E402
 
 
@@ -49,11 +49,11 @@ def test_buttons_say_what_is_missing(settings: object, tmp_path: Path) -> None:
 def test_a_set_through_what_cycles_renders(settings: object, tmp_path: Path) -> None:
     settings.test_set, settings.medium = str(tmp_path / "set"), "auto"
     settings.test_medium, settings.test_sharp = "shake", 0.25
-    arguments = test_set_request(settings).arguments
+    arguments = request_of(settings).arguments
     assert arguments[arguments.index("--medium") :][:4] == ["--medium", "shake:4..12", "--sharp-share", "0.25"]
     assert "--psf" not in arguments
     settings.test_medium, settings.test_values = "frosted-glass", " 0.4,1 "
-    arguments = test_set_request(settings).arguments
+    arguments = request_of(settings).arguments
     assert arguments[arguments.index("--medium") + 1] == "frosted-glass:0.4,1" and "--sharp-share" not in arguments
     settings.test_values = "0.4,-1"
     refused("make_test_set", "angle above 0")

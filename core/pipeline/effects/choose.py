@@ -138,7 +138,7 @@ def choose_effects(
     for name in sorted(on):
         choice.force(name, everything=mode == "all")
     candidates = proposed(found.values()) if mode == "auto" else []
-    if mode == "auto" and CameraMotion.name not in candidates:
+    if mode == "auto" and CameraMotion.name not in candidates and source.motion is not None:
         candidates.append(CameraMotion.name)  # spectra show only paths that differ much from one another
     tried = [name for name in candidates if name not in on and name not in off]
     progress.stage("effects", len(tried))
