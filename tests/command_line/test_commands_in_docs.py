@@ -49,7 +49,7 @@ def test_options_that_stand_alone_belong_to_some_command(page):
 
 def _of_other_programs() -> set[str]:
     """Options of the measurements and tools, read from their source."""
-    files = [*(ROOT / "benchmarks").glob("*.py"), *(ROOT / "tools").glob("*.py")]
+    files = [file for top in ("benchmarks", "studies", "tools") for file in (ROOT / top).rglob("*.py")]
     return {option for file in files for option in re.findall(r'"(--[a-z-]+)"', file.read_text("utf-8"))}
 
 
