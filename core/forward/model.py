@@ -176,7 +176,7 @@ class ForwardModel:
         camera = exposure.camera
         medium = self.medium(exposure)
         frames, shots = [], []
-        moved = self._on_its_way(exposure.name, camera, overscan + self.margin)
+        moved = self._on_its_way(exposure.name, camera, overscan + self.margin, gaussians.means)
         for sub in moved or medium.sub_frames(camera.with_margin(overscan).with_margin(self.margin)):
             rendered = render(gaussians, sub.camera, background=background, pose=sub.pose, settings=self.settings)
             shot = Shot(
@@ -192,11 +192,11 @@ class ForwardModel:
         space = medium.space if moved is None else "linear"  # a sensor collects light
         return Exposed(medium, self.formation, shots[0], tuple(frames), space)
 
-    def _on_its_way(self, name: str, camera: Camera, margin: int) -> list[SubFrame] | None:
-        """Frames along the camera's own path, each of its margin; None where it stood still."""
+    def _on_its_way(self, name: str, camera: Camera, margin: int, like: Tensor) -> list[SubFrame] | None:
+        """Frames along the camera's own path, on the device of `like`; None where it stood still."""
         motion = self.formation.motion
         poses = None if motion is None else motion.poses(name, camera)
         if poses is None:
             return None
         wide = camera.with_margin(margin)
-        return [SubFrame(wide, pose, 1.0 / len(poses)) for pose in poses]
+        return [SubFrame(wide, pose, 1.0 / len(poses)) for pose in poses.to(like)]

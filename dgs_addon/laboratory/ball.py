@@ -12,6 +12,7 @@ from .lines import LINES
 from .materials import leather
 from .settings import OBJECT_INDEX
 from .shape import ball_pose, shape_for
+from .sky import add_sky
 from .surface import ball_surface
 
 
@@ -58,13 +59,7 @@ def _add_ball(scene: Any, seed: int, width: int) -> None:
 
 def add_lights(scene: Any) -> None:
     """The studio: a dim sky and three lamps."""
-    world = bpy.data.worlds.new("studio")
-    if world.node_tree is None:
-        world.use_nodes = True
-    background = next(node for node in world.node_tree.nodes if node.type == "BACKGROUND")
-    background.inputs[0].default_value = (0.75, 0.82, 1.0, 1.0)
-    background.inputs[1].default_value = 0.35
-    scene.world = world
+    add_sky(scene, "studio", (0.75, 0.82, 1.0), 0.35)
     for name, place, size, power in (
         ("key", (-0.9, -0.9, 1.3), 0.7, 26.0),
         ("fill", (1.3, -0.6, 1.1), 1.0, 9.0),

@@ -62,6 +62,7 @@ class TrialSettings:
         "dB",
         "that paths must gain besides being no chance: photos that are held out are aligned by theirs a little",
         "sharp photos of copr gained 0.05 and of banana 0.21, shaken ones of the rendered ball 1.7",
+        "tea (real, shaken) 0.57; no other sharp set",
     )
     path_px: float = number(4.0, "px", "that a path must still be long in a trial of it")
     path_side: int = number(200, "px", "shorter side of the photos' middles in a trial of a path")

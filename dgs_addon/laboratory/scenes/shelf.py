@@ -10,6 +10,7 @@ from mathutils import Vector
 
 from .. import ball, surfaces
 from ..parts import add_copy, add_mesh, add_smooth, box, circle, leaf, lump, tube, turned
+from ..sky import add_sky
 
 
 def build(seed: int) -> None:
@@ -169,13 +170,7 @@ def _before(scene: Any, generator: np.random.Generator) -> None:
 
 
 def _lights(scene: Any) -> None:
-    world = bpy.data.worlds.new("evening")
-    if world.node_tree is None:
-        world.use_nodes = True
-    background = next(node for node in world.node_tree.nodes if node.type == "BACKGROUND")
-    background.inputs[0].default_value = (0.8, 0.85, 1.0, 1.0)
-    background.inputs[1].default_value = 0.4
-    scene.world = world
+    add_sky(scene, "evening", (0.8, 0.85, 1.0), 0.4)
     for spot, size, power in (((-2.0, -2.5, 2.6), 1.2, 130.0), ((2.2, -2.0, 1.8), 1.0, 60.0)):
         light = bpy.data.lights.new("lamp", "AREA")
         light.energy, light.size = power, size

@@ -9,6 +9,7 @@ import numpy as np
 
 from .. import ball, surfaces
 from ..parts import Shape, add_copy, add_mesh, add_smooth, box, lump, tube, turned
+from ..sky import add_sky
 
 #: Half the side of the ground, metres.
 _HALF = 60.0
@@ -206,13 +207,7 @@ def _small_things(scene: Any, generator: np.random.Generator) -> None:
 
 
 def _light(scene: Any) -> None:
-    world = bpy.data.worlds.new("sky")
-    if world.node_tree is None:
-        world.use_nodes = True
-    background = next(node for node in world.node_tree.nodes if node.type == "BACKGROUND")
-    background.inputs[0].default_value = (0.45, 0.62, 1.0, 1.0)
-    background.inputs[1].default_value = 0.6
-    scene.world = world
+    add_sky(scene, "sky", (0.45, 0.62, 1.0), 0.6)
     light = bpy.data.lights.new("sun", "SUN")
     light.energy, light.angle = 3.5, 0.02
     lamp = bpy.data.objects.new("sun", light)
