@@ -12,6 +12,9 @@ from .lens import Lens
 from .pose import Pose
 from .views import SparsePoints
 
+#: The verdict on a model that many of its own pairs of photos speak against.
+CONTRADICTED = "pairs of photos contradict the cameras"
+
 
 @dataclass(frozen=True)
 class Attempt:
@@ -20,6 +23,7 @@ class Attempt:
     Attributes:
         name, reason: what was tried, and why.
         registered, points, focal_px, reprojection_px, angle_deg: what it gave.
+        contradicted: share of the pairs of photos whose matches it does not explain.
         seconds: wall time.
         verdict: 'trusted', or what spoke against it.
     """
@@ -31,6 +35,7 @@ class Attempt:
     focal_px: float = 0.0
     reprojection_px: float = 0.0
     angle_deg: float = 0.0
+    contradicted: float = 0.0
     seconds: float = 0.0
     verdict: str = ""
 
@@ -49,6 +54,7 @@ class Figures:
         attempts: everything that was tried, in order.
         offset: what was taken from all positions, where the world lay too far from its origin for float32.
         scattered: whether the points are random ones, because the cameras came without any.
+        doubted: share of the pairs of photos that contradict the cameras, where they are doubted for it; else 0.
     """
 
     source: str
@@ -61,6 +67,7 @@ class Figures:
     attempts: tuple[Attempt, ...] = ()
     offset: tuple[float, float, float] | None = None
     scattered: bool = False
+    doubted: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -67,9 +67,12 @@ def heldout_names(names: Sequence[str], every: int) -> list[str]:
     return sorted(names)[::every] if every > 0 else []
 
 
-def distinct(views: Sequence[View]) -> int:
-    """How many views there are, copies of a photo counted once."""
-    return len({fingerprint(view.photo) for view in views})
+def first_copies(views: Sequence[View]) -> list[View]:
+    """The views in their order, of copies of a photo only the first."""
+    found: dict[int, View] = {}
+    for view in views:
+        found.setdefault(fingerprint(view.photo), view)
+    return list(found.values())
 
 
 @dataclass(frozen=True)

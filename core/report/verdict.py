@@ -206,6 +206,11 @@ def _help(
     settings: VerdictSettings,
 ) -> list[str]:
     advice = []
+    if cameras.figures.doubted > 0:
+        advice.append(
+            f"The cameras may be wrong: {_percent(cameras.figures.doubted)} of the pairs of photos contradict them, as"
+            " where two places look alike. Take photos nearer to one another, or give cameras (--cameras)"
+        )
     held = {score.name for score in judged}
     for score in worst:
         angle, nearest = _nearest(score.name, cameras, held)

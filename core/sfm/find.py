@@ -24,7 +24,7 @@ from ..files import explaining
 from ..formats.colmap import read_model
 from ..photos.load import Photo
 from ..progress import Progress
-from ..reconstruction import Attempt, Figures, Reconstruction
+from ..reconstruction import CONTRADICTED, Attempt, Figures, Reconstruction
 from .child import WORKER, begin
 from .features import FEATURES, Features, load_features, save_features
 from .job import write_job
@@ -108,6 +108,7 @@ def _found(
         chosen.angle_deg,
         seconds,
         tuple(attempts),
+        doubted=chosen.contradicted if chosen.verdict == CONTRADICTED else 0.0,
     )
     return Reconstruction(
         {names[n]: p for n, p in poses.items()}, {names[n]: v for n, v in lenses.items()}, points, figures

@@ -99,7 +99,7 @@ def match(job: SfmJob, recipe: Recipe, database: Path) -> None:
     """Matches and verifies pairs: all of them in small sets, the promising ones in large sets."""
     options, verification = _matching(job, recipe)
     names = None
-    if len(job.images) >= job.settings.choose_pairs_from:
+    if len(job.images) >= (job.settings.every_pair_below if recipe.every_pair else job.settings.choose_pairs_from):
         names = choose_pairs(database, job.settings)
     if names is None:
         pycolmap.match_exhaustive(database, options, verification_options=verification)
@@ -165,6 +165,7 @@ class PairGeometry:
         connected: photos in at least one verified pair.
         flat: share of verified pairs that a homography explains (plane or pure rotation).
         rotating: share of verified pairs that a camera explains which only turned.
+        contradicted: share of the verified pairs that the model which came of them does not explain.
     """
 
     images: int
@@ -172,6 +173,7 @@ class PairGeometry:
     connected: int
     flat: float
     rotating: float
+    contradicted: float = 0.0
 
 
 def pair_geometry(database: Path) -> PairGeometry:

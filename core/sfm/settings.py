@@ -20,6 +20,7 @@ class Recipe:
         guided: match again along the epipolar lines that the first matches gave. Connects sets whose first matches
             are few (7 -> 14 of 14 on a ring of photos).
         seed: another seed takes another course through the same matches.
+        every_pair: match each photo with each, in sets that are not too large for it.
     """
 
     name: str
@@ -49,6 +50,7 @@ class Recipe:
     trials: int = number(
         2000, "count", "of a pair's RANSAC at most; pairs without overlap would take all of COLMAP's 10,000"
     )
+    every_pair: bool = False
     image_size: int = number(0, "px", "longest side that features are looked for on; 0 for the photos' own")
 
 
@@ -99,6 +101,7 @@ class SfmSettings:
     choose_pairs_from: int = number(
         30, "photos", "sets of at least this many do not match each with each; see `core.sfm.pairs`"
     )
+    every_pair_below: int = number(150, "photos", "sets that match each with each where a recipe asks for it")
     many: int = number(
         50,
         "photos",
@@ -173,9 +176,16 @@ UNFILTERED = replace(
     first_octave=-1,
     max_features=5000,
 )
+THOROUGH = replace(
+    PLAIN,
+    name="thorough",
+    reason="cameras were doubted: features also at twice the size, each photo with each",
+    first_octave=-1,
+    every_pair=True,
+)
 RELAXED = replace(UNFILTERED, name="relaxed", reason="few features: lower thresholds")
 
 
 def recipes(blurred: bool) -> list[Recipe]:
     """What is tried, in order, until one is trusted."""
-    return [FILTERED, RELAXED_FILTER, STRONG_FILTER, UNFILTERED] if blurred else [PLAIN, RELAXED]
+    return [FILTERED, RELAXED_FILTER, STRONG_FILTER, UNFILTERED] if blurred else [PLAIN, THOROUGH, RELAXED]

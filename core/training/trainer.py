@@ -28,7 +28,7 @@ from ..imaging.spectrum import NoiseToSignal, noise_to_signal
 from ..numbers import number
 from ..photos.empty import empty_pixels
 from ..rasterizer import RasterSettings
-from ..views import SparsePoints, View, distinct
+from ..views import SparsePoints, View
 from .camera_paths import SETTINGS as PATHS
 from .checkpoint import Checkpoint
 from .contrast import scene_contrast
@@ -42,6 +42,7 @@ from .learned import LearnedEffects
 from .objective import Objective
 from .optimizer import Adam
 from .origin import origin
+from .overlap import photos_of_one_side
 from .scale import SceneScale, scene_scale
 from .schedule import harmonics_degree
 from .settings import TrainingSettings, smoothed_for, smoothness, start_share, trust
@@ -112,14 +113,14 @@ class Trainer:
         formation: Formation = Formation(),
         start: Gaussians | None = None,
     ) -> None:
-        self.distinct = distinct(views)  # copies average no noise away
+        self.together = photos_of_one_side(views, points)  # they average noise; copies average none
         sigma = max(settings.deconvolved_sigma, medium.mean_sigma([view.name for view in views]))
-        settings = smoothed_for(settings, sigma, self.distinct)
+        settings = smoothed_for(settings, sigma, self.together)
         settings = replace(
             settings,
-            variation_weight=settings.variation_weight * smoothness(self.distinct),
-            speck_weight=settings.speck_weight * smoothness(self.distinct),
-            start_share=settings.start_share * start_share(self.distinct),
+            variation_weight=settings.variation_weight * smoothness(self.together),
+            speck_weight=settings.speck_weight * smoothness(self.together),
+            start_share=settings.start_share * start_share(self.together),
         )
         if formation.motion is not None:
             settings = replace(settings, coarse_share=max(settings.coarse_share, PATHS.coarse_share))
@@ -182,7 +183,7 @@ class Trainer:
         photos = [v.planes() for v in measured]
         if self.medium.blur_space == "linear":
             photos = [np.asarray(srgb_to_linear(p), np.float32) for p in photos]
-        gain = self.settings.noise_gain or trust(self.distinct)
+        gain = self.settings.noise_gain or trust(self.together)
         return noise_to_signal(photos, [v.psf for v in measured], self.views[0].rounding / step).trusted(gain)
 
     def objective(self, level: Level, view: Exposure) -> Objective:

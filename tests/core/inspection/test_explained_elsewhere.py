@@ -11,13 +11,13 @@ from scipy.stats import norm
 POINTS, PHOTOS, BLOCKS = 200, 30, 50
 
 
-def explained(gain: float, gloss: float, noise: float = 0.02, blocks: int = BLOCKS) -> float:
+def explained(gain: float, gloss: float, noise: float = 0.02, blocks: int = BLOCKS, points: int = POINTS) -> float:
     """Of points whose light differs by photo (`gain`), by photo and region (`gloss`), and by itself (`noise`)."""
     random = np.random.default_rng(1)
-    point, photo = (a.ravel() for a in np.mgrid[:POINTS, :PHOTOS])
+    point, photo = (a.ravel() for a in np.mgrid[:points, :PHOTOS])
     block = point % blocks
     gains = gain * norm.ppf((random.permutation(PHOTOS) + 0.5) / PHOTOS)
-    log = np.log(random.uniform(0.1, 0.8, POINTS))[point] + gains[photo]
+    log = np.log(random.uniform(0.1, 0.8, points))[point] + gains[photo]
     log += gloss * random.standard_normal((blocks, PHOTOS))[block, photo] + noise * random.standard_normal(len(point))
     light = np.exp(log)[:, None] * np.array([1.0, 0.9, 0.8])
     n, names = len(point), tuple(str(i) for i in range(PHOTOS))
@@ -48,3 +48,9 @@ def test_noise_explains_nothing() -> None:
 
 def test_one_region_alone_says_nothing() -> None:
     assert explained(0.2, 0.0, blocks=1) == 0.0
+
+
+@pytest.mark.parametrize(("points", "tells"), [(9, False), (24, True)])
+def test_a_few_points_say_nothing(points: int, tells: bool) -> None:
+    """Half of them are in each half of space: four of a photo do not make a gain."""
+    assert (explained(0.2, 0.0, points=points) > 0.5) == tells

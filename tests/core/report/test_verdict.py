@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from dgs.core.evaluation.view_scores import ViewScores
 from dgs.core.lens import Lens
@@ -107,3 +109,11 @@ def test_without_photos_held_out_nothing_is_claimed() -> None:
 def test_photos_that_could_not_be_scored_are_not_called_none() -> None:
     found = verdict([_score("0.png", 0.03)], [], _ring(5.0), [])
     assert found.level == "unknown" and "could be scored" in found.sentence and found.help == ()
+
+
+def test_cameras_that_pairs_of_photos_contradict_are_named_first() -> None:
+    ring = _ring(5.0)
+    doubted = replace(ring, figures=replace(ring.figures, doubted=0.16))
+    found = verdict([_score("0.png", 0.6)], [_score("1.png", 0.5)], doubted, [])
+    assert found.level == "poor" and found.help[0].startswith("The cameras may be wrong: 16 % of the pairs")
+    assert not any("may be wrong" in line for line in verdict([_score("0.png", 0.6)], [], ring, []).help)

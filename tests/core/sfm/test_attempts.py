@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pycolmap
 import pytest
-from dgs.core.reconstruction import Attempt
+from dgs.core.reconstruction import CONTRADICTED, Attempt
 from dgs.core.sfm import attempts
 from dgs.core.sfm.attempts import explain, judge, lighter, run, widest_angle
 from dgs.core.sfm.features import FEATURES, load_features
@@ -163,10 +163,22 @@ def test_no_further_attempt_begins_after_the_time(tmp_path: Path, monkeypatch: p
     assert "5 photos (filtered: no model)" in result.message["what"]
 
 
-def test_sharp_photos_have_two_recipes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    tries = Tries(monkeypatch, (None, FIVE), (None, FIVE))
+def test_sharp_photos_have_three_recipes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    tries = Tries(monkeypatch, (None, FIVE), (None, FIVE), (None, FIVE))
     run(job(tmp_path, kernel=None), tries.say)
-    assert [m["attempt"]["name"] for m in tries.said] == ["plain", "relaxed"]
+    assert [m["attempt"]["name"] for m in tries.said] == ["plain", "thorough", "relaxed"]
+
+
+def test_a_model_that_pairs_contradict_is_doubted_but_better_than_none(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole, doubted = model_of(row(5), grid_points(40)), replace(FIVE, contradicted=0.06)
+    assert verdict(whole, doubted) == CONTRADICTED
+    assert verdict(whole, replace(FIVE, contradicted=0.05)) == "trusted"
+    tries = Tries(monkeypatch, (whole, replace(FIVE, contradicted=0.2)), (whole, doubted), (None, FIVE))
+    result = run(job(tmp_path, kernel=None), tries.say)
+    assert result.kind == "done" and len(tries.said) == 3
+    assert (result.message["name"], result.message["contradicted"]) == ("thorough", 0.06)
 
 
 @pytest.mark.parametrize(("mapped", "joined"), [(20, True), (19, True), (18, False), (0, False)])
