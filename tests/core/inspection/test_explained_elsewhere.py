@@ -50,7 +50,7 @@ def test_one_region_alone_says_nothing() -> None:
     assert explained(0.2, 0.0, blocks=1) == 0.0
 
 
-@pytest.mark.parametrize(("points", "tells"), [(9, False), (24, True)])
-def test_a_few_points_say_nothing(points: int, tells: bool) -> None:
+@pytest.mark.parametrize(("points", "enough"), [(9, False), (24, True)])
+def test_a_few_points_say_nothing(points: int, enough: bool) -> None:
     """Half of them are in each half of space: four of a photo do not make a gain."""
-    assert (explained(0.2, 0.0, points=points) > 0.5) == tells
+    assert (explained(0.2, 0.0, points=points) > 0.5) == enough
