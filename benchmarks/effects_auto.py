@@ -93,7 +93,7 @@ def visible(spec: EffectSpec) -> EffectSpec:
     """An effect that is nowhere smaller than what is just visible."""
     if spec.switch is None or spec.switch.build is None:
         return spec
-    build = partial(at_least_visible, spec.name, spec.switch.build)
+    build = partial(at_least_visible, spec.name, spec.switch.shared or spec.switch.build)
     return replace(spec, switch=replace(spec.switch, build=build))
 
 

@@ -14,7 +14,7 @@ import time
 
 import numpy as np
 import torch
-from dgs.core.effects.defocus import Defocus
+from dgs.core.effects.defocus import Defocus, shared_focus
 from dgs.core.effects.depth_unit import depth_unit
 from dgs.core.effects.field_blur import FieldBlur
 from dgs.core.effects.registry import built
@@ -49,7 +49,8 @@ def main() -> None:
         for there, done in SETS.items():
             photos = photo_set(scene, degrade(scene, Truth(psf=(SIGMA, SIGMA, 0.0), **done), seed))
             for name in ("defocus", "field_blur"):
-                effect = built(name, photos) if name == there else claimed(name, photos)
+                made = shared_focus(photos) if name == "defocus" else built(name, photos)
+                effect = made if name == there else claimed(name, photos)
                 if effect is None:
                     print(f"scene {seed}, {there}: no size of {name}", flush=True)
                     continue

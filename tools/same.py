@@ -89,7 +89,7 @@ RUNS = (
         ),
     ),
     Run("effects", "hazy", (*CAMERAS, "--psf", "gaussian:2", "--blur-space", "linear", "--effects", "haze,vignetting")),
-    Run("motion", "shaken", (*CAMERAS, "--psf", "none", "--effects", "auto,motion,defocus")),
+    Run("motion", "shaken", (*CAMERAS, "--psf", "none", "--effects", "auto,motion,-defocus")),
     Run("found", "blurred", ("--psf", "auto", "--refine-cameras", "--sh-degree", "2")),
     Run("paper", "blurred", (*CAMERAS, "--psf", "gaussian:2", "--loss", "paper", "--sh-degree", "0")),
 )

@@ -1,4 +1,8 @@
-"""Defocus: what is nearer or farther than the plane in focus becomes a spot instead of a point."""
+"""Defocus: what is nearer or farther than the plane in focus becomes a spot instead of a point.
+
+Each photo's own focus is learned with the twin (`LensFocus`, `core.training.focus`). Where a short trial does not
+confirm that, what tiles show of one focus that all photos share is simulated as it is (`Defocus`).
+"""
 
 from __future__ import annotations
 
@@ -7,9 +11,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from ..imaging.formation.effect import Shot
+from ..imaging.formation.focus import FOCUS, LensFocus
 from ..imaging.formation.spreading import SpreadingEffect
 from ..inspection.evidence import Evidence, judged, unknown
-from ..numbers import NOT_RECORDED, number
+from ..numbers import number
 from .spec import EffectSpec, EffectWords, Switch
 
 if TYPE_CHECKING:
@@ -22,13 +27,6 @@ if TYPE_CHECKING:
 class DefocusSettings:
     """Numbers of the simulated defocus."""
 
-    nearest_depth: float = number(
-        0.02,
-        "median depths",
-        "what is nearer blurs as if it were here: a render's stray nearer px would blur without bounds",
-        NOT_RECORDED,
-        "no data: a guard",
-    )
     reach: float = number(
         0.5, "1 / median depth", "off the focus: most of a scene lies nearer to it, so no light comes from beyond"
     )
@@ -38,7 +36,7 @@ SETTINGS = DefocusSettings()
 
 
 class Defocus(SpreadingEffect):
-    """The light of a px at depth d spreads with sigma = strength |1 / d - focus|.
+    """One focus for all photos. The light of a px at depth d spreads with sigma = strength |1 / d - focus|.
 
     strength: [] as a share of the photo's diagonal, so that it is the same on every grid; focus: [] 1 / depth of the
     plane in focus. Depths in median depths, strength for 1 / depth in that unit. The depth is the sharp render's and
@@ -46,7 +44,7 @@ class Defocus(SpreadingEffect):
     """
 
     name = "defocus"
-    physics = "A lens images one distance sharply; its circle of confusion grows linearly in 1 / distance (thin lens)."
+    physics = LensFocus.physics
     by_depth = True
 
     def __init__(self, strength: Tensor, focus: Tensor) -> None:
@@ -61,7 +59,7 @@ class Defocus(SpreadingEffect):
         return SETTINGS.reach * diagonal * abs(float(self.parameters["strength"].detach()))
 
     def _off_focus(self, depth: Tensor) -> Tensor:
-        return 1.0 / depth.clamp(min=SETTINGS.nearest_depth) - self.parameters["focus"].to(depth)
+        return 1.0 / depth.clamp(min=FOCUS.nearest_depth) - self.parameters["focus"].to(depth)
 
     def add_gradients(self, in_variance: Tensor | None, shot: Shot, light: Tensor) -> None:
         """See `SpreadingEffect`."""
@@ -97,9 +95,15 @@ def inspect(photos: PhotoSet) -> Evidence:
     )
 
 
-def build(photos: PhotoSet) -> Defocus | None:
+def build(photos: PhotoSet) -> LensFocus | None:
+    """Every photo's own focus, to be learned; None without cameras, or where no photo holds any detail."""
+    if photos.cameras is None or not any(blur is not None for blur in photos.blurs):
+        return None
+    return LensFocus.unknown(sorted(photos.cameras.poses))
+
+
+def shared_focus(photos: PhotoSet) -> Defocus | None:
     """What the tiles show beyond the blur that they share, which is the medium's."""
-    import numpy as np  # late: the command line's help reads this file
     import torch  # heavy
 
     from .depth_unit import depth_unit  # heavy: torch
@@ -110,7 +114,7 @@ def build(photos: PhotoSet) -> Defocus | None:
     diagonal = math.hypot(*photos.greys[0].shape)
     inverse = 1.0 / local.curve[0]
     focus = float(inverse[int(local.curve[1].argmin())])
-    strength = local.defocus / float(np.abs(inverse - focus).max())
+    strength = local.defocus / float(abs(inverse - focus).max())
     # 1 / depth in the trainer's unit is that of the observations over `unit`.
     return Defocus(torch.tensor(strength * unit / diagonal), torch.tensor(focus / unit))
 
@@ -121,16 +125,16 @@ SPEC = EffectSpec(
     words=EffectWords(
         label="Defocus",
         tooltip="A lens that images one distance sharply and blurs what is nearer or farther",
-        simulated="Defocus: blur that grows with the distance in 1 / depth from the plane in focus, in every step.",
+        simulated="Defocus: blur that grows in 1 / depth with the distance from the plane in focus of each photo.",
         missing="Blur that changes with depth",
     ),
     inspect=inspect,
     switch=Switch(
         speakers=("defocus",),
         trial_rank=5,
-        simulation=Defocus,
+        simulation=LensFocus,
         build=build,
-        confirmed_by="points",
+        shared=shared_focus,
         unmeasured="too few regions hold detail at depths that differ",
     ),
 )

@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from ..imaging.formation.effect import Effect
+    from ..imaging.formation.spreading import SpreadingEffect
     from ..inspection.evidence import Evidence
     from ..inspection.photo_set import PhotoSet
 
@@ -51,6 +52,8 @@ class Switch:
         build: the simulation with the parameters that the photos show; None where they show none.
         counts: (photo [H, W, 3], its levels - 1) -> [H, W] px that still count, for effects that are masked.
         confirmed_by: 'trial': a short training with it and without; 'points': the same points in different photos.
+        shared: what a trial falls back on where it does not confirm the simulation: one that all photos share, which
+            the same points in different photos have to confirm; None where there is none.
         may_be_absent: whether a set that does not show it is no error where it was asked for by name.
         unmeasured: why its size may be missing although points are seen in several photos.
     """
@@ -61,6 +64,7 @@ class Switch:
     build: Callable[[PhotoSet], Effect | None] | None = None
     counts: Callable[[NDArray[Any], int], NDArray[np.bool_]] | None = None
     confirmed_by: Literal["trial", "points"] = "trial"
+    shared: Callable[[PhotoSet], SpreadingEffect | None] | None = None
     may_be_absent: bool = False
     unmeasured: str = ""
 

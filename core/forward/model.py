@@ -18,6 +18,7 @@ from ..imaging.formation.effect import Shot
 from ..imaging.medium import BlurSpace
 from ..imaging.psf import PointSpread
 from ..rasterizer import RasterSettings, Rendered, render, with_gradient
+from ..rendering import OPAQUE_ENOUGH
 from .collecting import CollectedLight
 from .medium import MediumModel, SubFrame
 
@@ -123,6 +124,9 @@ class Exposed:
         total: Tensor | None = None
         for frame, part in zip(self.frames, self._shared(upstream), strict=True):
             derivative = with_gradient(frame.rendered.image, frame.passage.gradient(part))
+            in_depth = frame.passage.depth_gradient
+            if in_depth is not None:
+                derivative = derivative + _in_depth(frame.rendered, in_depth)
             total = derivative if total is None else total + derivative
         assert total is not None
         total.backward()  # type: ignore[no-untyped-call]
@@ -141,6 +145,15 @@ class Exposed:
             frame.weight * upstream * decoding_derivative(image, srgb_to_linear(image))
             for frame, image in zip(self.frames, images, strict=True)
         ]
+
+
+def _in_depth(rendered: Rendered, upstream: Tensor) -> Tensor:
+    """A zero that hands a gradient in the mean depth [h, w] to what it is the mean of."""
+    assert rendered.depth is not None
+    alpha = rendered.alpha.detach()
+    per_alpha = torch.where(alpha > OPAQUE_ENOUGH, upstream / alpha.clamp(min=OPAQUE_ENOUGH), 0.0)
+    mean = rendered.depth.detach() / alpha.clamp(min=OPAQUE_ENOUGH)
+    return with_gradient(rendered.depth, per_alpha) + with_gradient(rendered.alpha, -per_alpha * mean)
 
 
 @dataclass(frozen=True)

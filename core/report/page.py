@@ -15,6 +15,7 @@ from ..camera import Camera
 from ..files import write_text
 from ..imaging.psf import PointSpread
 from .charts import Axis, Marker, line_chart, scatter_map
+from .foci import drawn_foci, usual_scale
 from .paths import drawn_paths
 from .pictures import ViewPictures, embedded
 from .words import limits, not_simulated, simulated
@@ -84,6 +85,8 @@ def page(
         limits=limits(report),
         exposures=exposures(report),
         paths=drawn_paths(report),
+        foci=(foci := drawn_foci(report)),
+        focus_scale=usual_scale(foci),
     )
 
 

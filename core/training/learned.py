@@ -1,4 +1,4 @@
-"""What is learned of the photos together with the Gaussians: exposures, and the camera's path in each of them."""
+"""What is learned of the photos together with the Gaussians: exposures, the camera's path in each, and their focus."""
 
 from __future__ import annotations
 
@@ -14,9 +14,11 @@ from ..errors import CheckpointError
 from ..forward import Exposed
 from ..imaging.formation.chain import Formation
 from ..imaging.formation.exposure import Exposure
+from ..imaging.formation.focus import FocusBlur
 from .camera_paths import CameraPaths
 from .exposures import SETTINGS as EXPOSURES
 from .exposures import Asked, LearnedExposures
+from .focus import LearnedFocus
 from .grid import GridView
 from .scale import SceneScale
 
@@ -31,7 +33,7 @@ class LearnedEffects:
         step: photo px per px of the coarsest grid.
 
     Attributes:
-        exposures, paths: None where none are learned.
+        exposures, paths, focus: None where none are learned.
         formation: the chain that the forward model goes along; it sees every step of what changes frames and light
             before the sensor. Exposures are undone on the photos instead.
     """
@@ -53,6 +55,11 @@ class LearnedEffects:
         self.formation = start
         if self.paths is not None:
             self.formation = Formation([self.paths.motion if e is moved else e for e in start.effects])
+        spread = next((effect for effect in start.effects if isinstance(effect, FocusBlur)), None)
+        self.focus = None if spread is None else LearnedFocus(spread, fitted)
+        if self.focus is not None:
+            effects = self.formation.effects
+            self.formation = Formation([self.focus.effect if e is spread else e for e in effects])
 
     def asked(self, view: GridView, exposed: Exposed, photo: Tensor, share: float) -> Asked | None:
         """The photo without its exposure, from which that is learned; None where none is.
@@ -76,6 +83,12 @@ class LearnedEffects:
             return asked
         return Asked(photo + opaque * (asked.photo - photo), asked.weight)
 
+    @property
+    def unseen_visits(self) -> int:
+        """Steps for a photo that is held out, on the finished twin; 0 where nothing of it is learned."""
+        learned = (part.settings.unseen_visits for part in (self.paths, self.focus) if part is not None)
+        return max(learned, default=0)
+
     def chain(self) -> Formation:
         """The chain with what was learned of it, in the cameras' world."""
         learned = {} if self.exposures is None else {Exposure.name: self.exposures.exposure()}
@@ -85,7 +98,8 @@ class LearnedEffects:
     def state(self) -> dict[str, NDArray[Any]]:
         """What a checkpoint keeps."""
         exposures = {} if self.exposures is None else self.exposures.state()
-        return exposures if self.paths is None else {**exposures, **self.paths.state()}
+        paths = {} if self.paths is None else self.paths.state()
+        return {**exposures, **paths, **({} if self.focus is None else self.focus.state())}
 
     def restore(self, arrays: Mapping[str, NDArray[Any]]) -> None:
         """Goes on from `state`.
@@ -93,7 +107,8 @@ class LearnedEffects:
         Raises:
             CheckpointError: it is not of these photos.
         """
-        for what, learned in (("exposures", self.exposures), ("camera paths", self.paths)):
+        kinds = (("exposures", self.exposures), ("camera paths", self.paths), ("focus", self.focus))
+        for what, learned in kinds:
             if learned is not None and not learned.restore(arrays):
                 raise CheckpointError(
                     f"The checkpoint does not hold the {what} of these photos", "Start again without --resume"

@@ -23,6 +23,7 @@ from ..forward.compare import mean_square, psnr_of
 from ..frames import Frame
 from ..gaussians import Gaussians
 from ..imaging.formation.chain import Formation
+from ..imaging.formation.effect import Shot
 from ..imaging.medium import Medium
 from ..imaging.spectrum import NoiseToSignal, noise_to_signal
 from ..numbers import number
@@ -34,6 +35,8 @@ from .checkpoint import Checkpoint
 from .contrast import scene_contrast
 from .contribution import contributions, due, needed, photos_asked
 from .density import DensityControl
+from .focus import SETTINGS as FOCUS
+from .focus import BlurByDepth, Seen
 from .footprint import widened
 from .grid import GRID, GridView, grid_step
 from .guards import GUARDS, drop_non_finite, out_of_range
@@ -124,6 +127,8 @@ class Trainer:
         )
         if formation.motion is not None:
             settings = replace(settings, coarse_share=max(settings.coarse_share, PATHS.coarse_share))
+        if formation.learns_focus:
+            settings = replace(settings, coarse_share=max(settings.coarse_share, FOCUS.coarse_share))
         self.settings, self.medium, self._begun = settings, medium, formation
         name = "cpu" if settings.device == "auto" else settings.device
         backend_on(name)  # (before torch, whose message names devices of its own)
@@ -258,6 +263,7 @@ class Trainer:
         s = self.settings
         level = self.levels[0] if share < s.coarse_share else self.levels[-1]
         view = self.view_at(level, self.step)
+        self._find_focus(level, share)
         backdrop = self.backdrop()
         exposed = self.model(level).expose(self._shown(share), view, backdrop)
         valid = None if view.valid is None else torch.from_numpy(view.valid).to(self.device)
@@ -274,6 +280,7 @@ class Trainer:
             for reason, count in frame.rendered.screen.culled.items():
                 self.culled[reason] = self.culled.get(reason, 0) + count
         self._follow_path(level, view, exposed, wanted)
+        self._follow_focus(view, exposed, wanted)
         self.optimizer.step(self.rates(share))
         self.step += 1
         if self.step % GUARDS.every == 0:
@@ -305,19 +312,55 @@ class Trainer:
         counts = None if view.valid is None else torch.from_numpy(view.valid).to(self.device)
         paths.learn(view.name, view.camera, exposed, photo, counts)
 
+    def _follow_focus(self, view: GridView, exposed: Exposed, photo: torch.Tensor) -> None:
+        """Learns a step of a photo's focus."""
+        if self.learned.focus is not None:
+            counts = None if view.valid is None else torch.from_numpy(view.valid).to(self.device)
+            self.learned.focus.learn(view.name, exposed, photo, counts)
+
+    def _find_focus(self, level: Level, share: float) -> None:
+        """Compares all photos with the twin where a share of the run makes it due; see `training.focus`."""
+        focus = self.learned.focus
+        if focus is None or not focus.due(share):
+            return
+        tables = {view.name: self._blur_by_depth(level, view) for view in level.views}
+        focus.search({name: table for name, table in tables.items() if table is not None}, share)
+
+    def _blur_by_depth(self, level: Level, view: GridView) -> BlurByDepth | None:
+        """How a photo differs from the twin's view, blurred evenly."""
+        focus, medium = self.learned.focus, self.objective(level, view).medium
+        assert focus is not None
+        counts = None if view.valid is None else torch.from_numpy(view.valid).to(self.device)
+        camera, photo = view.camera, torch.from_numpy(view.planes()).to(self.device)
+        with torch.no_grad():
+            sharp = self.model(level).sharp(self.optimizer.gaussians, camera, self.background)
+            shot = Shot(view.name, camera.height, camera.width, level.margin, (camera.cx, camera.cy))
+            return BlurByDepth.of(Seen(sharp, photo, counts, medium, shot), focus.effect, focus.settings)
+
     def follow_unseen(self, level: Level, view: GridView) -> None:
-        """Learns a step of a held-out photo's own path; the Gaussians do not see it."""
-        if self.learned.paths is not None:
-            self._follow_path(level, view, self.exposed(level, view), torch.from_numpy(view.planes()).to(self.device))
+        """Learns a step of a held-out photo's own path and focus; the Gaussians do not see it."""
+        if self.learned.paths is None and self.learned.focus is None:
+            return
+        exposed, photo = self.exposed(level, view), torch.from_numpy(view.planes()).to(self.device)
+        self._follow_path(level, view, exposed, photo)
+        self._follow_focus(view, exposed, photo)
+
+    def _find_unseen(self, level: Level, view: GridView) -> None:
+        """Finds the focus of a photo that is held out from scratch."""
+        if self.learned.focus is not None:
+            table = self._blur_by_depth(level, view)
+            if table is not None:
+                self.learned.focus.search_unseen(view.name, table)
 
     def finish_unseen(self) -> None:
-        """Finds the paths of all photos that are held out on the Gaussians as they are."""
-        paths = self.learned.paths
-        if paths is None or not self.heldout:
+        """Finds the paths and foci of all photos that are held out on the Gaussians as they are."""
+        visits = self.learned.unseen_visits
+        if not visits or not self.heldout:
             return
         level = self.levels[-1]
         for view in self._on_grid(self.heldout, level.step):
-            for _ in range(paths.settings.unseen_visits):
+            self._find_unseen(level, view)
+            for _ in range(visits):
                 self.follow_unseen(level, view)
 
     def ask_photos(self, share: float) -> None:
@@ -355,6 +398,7 @@ class Trainer:
             return None
         errors = []
         for view in level.heldout:
+            self._find_unseen(level, view)
             self.follow_unseen(level, view)
             shown, photo = self.exposed(level, view).degraded.cpu().numpy(), view.planes()
             if self.learned.exposures is not None:

@@ -10,6 +10,7 @@ from torch import Tensor
 
 from ...colour import decoding_derivative, encoding_derivative, linear_to_srgb, srgb_to_linear
 from .effect import Effect, Shot
+from .focus import FocusBlur
 from .motion import CameraMotion, motion_of
 
 
@@ -37,6 +38,12 @@ class Passage:
         for effect, light in zip(reversed(self.effects), reversed(self.stages[:-1]), strict=True):
             gradient = effect.gradient(gradient, light, self.shot)
         return gradient * decoding_derivative(self.frame, self.stages[0])
+
+    @property
+    def depth_gradient(self) -> Tensor | None:
+        """[h, w] gradient in the frame's depth that the last call of `gradient` found; None where it goes to none."""
+        found = [effect.depth_gradient for effect in self.effects if effect.depth_gradient is not None]
+        return sum(found[1:], found[0]) if found else None
 
 
 @dataclass(frozen=True)
@@ -70,11 +77,22 @@ class Formation:
         """The camera's path in each exposure."""
         return motion_of(self.effects)
 
+    @property
+    def focus(self) -> FocusBlur | None:
+        """The photos' own focus, or the sheet of glass before them."""
+        return next((effect for effect in self.effects if isinstance(effect, FocusBlur)), None)
+
+    @property
+    def learns_focus(self) -> bool:
+        """Whether there is such a one."""
+        return self.focus is not None
+
     def scaled(self, factor: float) -> Formation:
         """The same chain in a world that is `factor` times as large; the very same one where nothing moved."""
-        if self.motion is None:
+        kinds = (CameraMotion, FocusBlur)
+        if not any(isinstance(effect, kinds) for effect in self.effects):
             return self
-        return Formation([e.scaled(factor) if isinstance(e, CameraMotion) else e for e in self.effects])
+        return Formation([e.scaled(factor) if isinstance(e, kinds) else e for e in self.effects])
 
     @property
     def sensor(self) -> list[Effect]:

@@ -49,12 +49,14 @@ class Effect(ABC):
             behind it (the photo's own px).
         by_depth: whether it needs the render's depth.
         parameters: float32 tensors; gradients: of the loss, of the same shapes, added up by `gradient`.
+        depth_gradient: [h, w] of the loss in the render's depth, as `gradient` left it; None where it goes to none.
     """
 
     name: ClassVar[str]
     physics: ClassVar[str]
     place: ClassVar[Literal["camera", "light", "sensor"]]
     by_depth: ClassVar[bool] = False
+    depth_gradient: Tensor | None = None
 
     def __init__(self, parameters: dict[str, Tensor]) -> None:
         self.parameters = parameters

@@ -71,7 +71,7 @@ class LayeredBlur:
         first = min(first, last - 1)
         self._variance = variance.clamp(max=variances[-1])
         self._free = None if highest <= variances[-1] else variance.detach() <= variances[-1]
-        self._levels = [(k, _tent(variances[first : last + 1], k - first)) for k in range(first, last + 1)]
+        self._levels = [(k, tent_of(variances[first : last + 1], k - first)) for k in range(first, last + 1)]
         self._norm: Tensor | None = None
 
     def apply(self, light: Tensor) -> Tensor:
@@ -147,7 +147,7 @@ def layer_gathered(back: Tensor, light: Tensor, variance: Tensor, tent: Tent, gr
     gradients[1].add_(steepness * (torch.minimum(rising, falling) >= 0) * share)
 
 
-def _tent(variances: Sequence[float], k: int) -> Tent:
+def tent_of(variances: Sequence[float], k: int) -> Tent:
     """r0, r1, f0, f1 of a level's weight max(0, min(r0 + r1 v, f0 + f1 v))."""
     r1 = 1.0 / (variances[k] - variances[k - 1]) if k > 0 else 0.0
     f1 = 1.0 / (variances[k] - variances[k + 1]) if k + 1 < len(variances) else 0.0

@@ -64,6 +64,13 @@ class TrialSettings:
         "sharp photos of copr gained 0.05 and of banana 0.21, shaken ones of the rendered ball 1.7",
         "tea (real, shaken) 0.57; no other sharp set",
     )
+    focus_gain: float = number(
+        0.3, "dB", "that a focus of each photo must gain besides being no chance: held-out photos have theirs, too"
+    )
+    focus_seen: float = number(
+        0.4, "px of the trial's grid", "of blur (standard deviation) off the focus, from which on there is one"
+    )
+    focus_side: int = number(200, "px", "shorter side of the photos in a trial of a focus at least")
     path_px: float = number(4.0, "px", "that a path must still be long in a trial of it")
     path_side: int = number(200, "px", "shorter side of the photos' middles in a trial of a path")
     path_steps: int = number(
@@ -149,7 +156,7 @@ class Ablation:
             max_gaussians=min(SETTINGS.gaussians, settings.max_gaussians),
         )
         self._full, self.medium = medium, medium.on_grid(self.step)
-        self._lengths: list[float] = []  # of paths that were learned, px of the trial's grid
+        self._lengths: list[float] = []  # of paths that were learned, or widths off the focus, px of the trial's grid
         self._scored: dict[tuple[tuple[str, ...], tuple[Switch, ...], bool], Array] = {}
 
     def judged(self, pair: int) -> list[int]:
@@ -171,6 +178,10 @@ class Ablation:
 
         Photos of which no px counts are no part of it.
         """
+        if without.formation.learns_focus is not with_it.formation.learns_focus:
+            arms = [Formation([e for e in a.formation.effects if e.place != "sensor"]) for a in (without, with_it)]
+            finer = self._whole(Arm(with_it.formation, without.masked))
+            return finer._compare_foci(Arm(arms[0]), Arm(arms[1]))
         if without.formation.motion is not with_it.formation.motion:
             arms = [Formation([e for e in a.formation.effects if e.place != "sensor"]) for a in (without, with_it)]
             finer = self._finer(Arm(with_it.formation, without.masked))
@@ -185,6 +196,15 @@ class Ablation:
             return Comparison(np.zeros(len(long)), f"a short training finds paths in {long.mean():.0%} of the photos")
         found = self._compare(without, with_it, through=True)
         return replace(found, least=SETTINGS.path_gain)
+
+    def _compare_foci(self, without: Arm, with_it: Arm) -> Comparison:
+        """The same for the photos' focus: where nothing is found out of focus, nothing else is trained."""
+        self._scores(with_it, self.medium)
+        widest = np.asarray(self._lengths)
+        if len(widest) and np.median(widest) < SETTINGS.focus_seen:
+            return Comparison(np.zeros(len(widest)), f"a short training finds {np.median(widest):.2f} px of it")
+        found = self._compare(without, with_it, through=True)
+        return replace(found, least=SETTINGS.focus_gain)
 
     def _compare(self, without: Arm, with_it: Arm, through: bool) -> Comparison:
         medium = self.medium if through else Medium()
@@ -207,14 +227,17 @@ class Ablation:
         settings = replace(self.settings, seed=self.settings.seed + 1000 + pair)
         judged = self.judged(pair)
         fitted = [view for i, view in enumerate(views) if i not in judged]
-        # Only their own path through the exposure is read off the photos that judge.
-        others = [] if formation.motion is None else [views[i] for i in judged]
+        # Only their own path through the exposure and their focus are read off the photos that judge.
+        learned = formation.motion is not None or formation.learns_focus
+        others = [views[i] for i in judged] if learned else []
         points = self.points if blurred else _fewer(self.points)
         scale = scene_scale([view.camera for view in fitted], points)
         trained = train(TrainingJob(fitted, others, points, medium, settings, formation), Silent())
         if (moved := trained.formation.motion) is not None:
             lengths = [moved.length(v.name, v.camera.fx) for v in fitted]
             self._lengths.extend(lengths)
+        if (focus := trained.formation.focus) is not None:
+            self._lengths.extend(focus.widest(v.name, math.hypot(v.camera.width, v.camera.height)) for v in fitted)
         device = "cpu" if settings.device == "auto" else settings.device
         viewer = Viewer(trained.gaussians, scale, device, trained.low_pass, trained.background)
         scores = []
@@ -233,9 +256,17 @@ class Ablation:
         finest = min(SETTINGS.path_px * self.step, self._path(arm.formation.motion))
         step = max(1, min(self.step, int(finest / SETTINGS.path_px)))
         views = corrected(self.views, arm.formation, arm.masked)
-        other = Ablation(
-            [cropped(view, step * SETTINGS.path_side) for view in views], self.points, self._full, self.settings
-        )
+        return self._on([cropped(view, step * SETTINGS.path_side) for view in views], step)
+
+    def _whole(self, arm: Arm) -> Ablation:
+        """Trials on whole photos, so that they hold all depths, averaged down less; the sensor is undone."""
+        views = corrected(self.views, arm.formation, arm.masked)
+        side = min(min(view.camera.width, view.camera.height) for view in views)
+        return self._on(views, max(1, side // SETTINGS.focus_side))
+
+    def _on(self, views: list[View], step: int) -> Ablation:
+        """Trials on other views, of which `step` px become one."""
+        other = Ablation(views, self.points, self._full, self.settings)
         other.step, other.medium = step, self._full.on_grid(step)
         steps, most = (
             min(SETTINGS.path_steps, self._asked.steps),

@@ -15,12 +15,14 @@ from ...errors import Cancelled, DgsError
 from ...imaging.formation.chain import Formation
 from ...imaging.formation.effect import Effect
 from ...imaging.formation.exposure import Exposure
+from ...imaging.formation.focus import LensFocus
 from ...imaging.formation.motion import CameraMotion
 from ...imaging.formation.spreading import SpreadingEffect
 from ...imaging.medium import Medium
 from ...inspection.evidence import Evidence
 from ...inspection.photo_set import PhotoSet
 from ...inspection.photometry import explained_elsewhere
+from ...inspection.same_points import focus_shift
 from ...numbers import number
 from ...photos.load import Photo
 from ...progress import Progress
@@ -134,12 +136,15 @@ def choose_effects(
     found = {e.name: e for e in inspect_photos(source, progress, wanted)}
     on = {name for name in forced if not name.startswith("-")} | (set(there) if mode == "all" else set())
     off = {name.removeprefix("-") for name in forced if name.startswith("-")}
-    choice = _Choice(source, progress, Ablation(views, cameras.points, medium, settings) if mode == "auto" else None)
+    candidates = proposed(found.values()) if mode == "auto" else []
+    ablation = Ablation(views, cameras.points, medium, settings) if mode == "auto" else None
+    choice = _Choice(source, progress, ablation, frozenset(candidates))
     for name in sorted(on):
         choice.force(name, everything=mode == "all")
-    candidates = proposed(found.values()) if mode == "auto" else []
     if mode == "auto" and CameraMotion.name not in candidates and source.motion is not None:
         candidates.append(CameraMotion.name)  # spectra show only paths that differ much from one another
+    if mode == "auto" and LensFocus.name not in candidates and _focus_may_move(source):
+        candidates.append(LensFocus.name)
     tried = [name for name in candidates if name not in on and name not in off]
     progress.stage("effects", len(tried))
     for index, name in enumerate(tried):
@@ -196,6 +201,14 @@ def usual_effects(
     return Chosen(Formation([effect]), (), lines, [], time.perf_counter() - began)
 
 
+def _focus_may_move(source: PhotoSet) -> bool:
+    """Whether each photo may have a focus of its own: by the same points, or where there are none, any photos may."""
+    if source.cameras is None or not any(blur is not None for blur in source.blurs):
+        return False
+    shift = focus_shift(source)
+    return source.observations is None if shift is None else shift.clear
+
+
 def proposed(found: Iterable[Evidence]) -> list[str]:
     """Effects that the evidence calls needed, the most certain first."""
     needed = {e.name: e.confidence for e in found if e.needed}
@@ -232,11 +245,13 @@ class _Choice:
     """The decisions so far.
 
     Args:
-        ablation: None where nothing is tried.
+        ablation: None where nothing is tried; called: effects that the evidence calls needed.
     """
 
-    def __init__(self, source: PhotoSet, progress: Progress, ablation: Ablation | None) -> None:
-        self._source, self._progress, self._ablation = source, progress, ablation
+    def __init__(
+        self, source: PhotoSet, progress: Progress, ablation: Ablation | None, called: frozenset[str] = frozenset()
+    ) -> None:
+        self._source, self._progress, self._ablation, self._called = source, progress, ablation, called
         self.state = _State()
         self.lines: dict[str, Decision] = {}
 
@@ -249,7 +264,7 @@ class _Choice:
         switch = switches()[name]
         effect = built(name, self._source)
         missing = effect is None and switch.build is not None
-        if missing and everything and switch.confirmed_by == "points":
+        if missing and everything and switch.unmeasured:
             why = "asked for, but too few regions of the photos show its size"
             self.lines[name] = Decision(name, False, why)
             return
@@ -269,7 +284,12 @@ class _Choice:
     def attempt(self, name: str) -> None:
         """Tries one effect on top of those that are on; switches it on where it is confirmed."""
         by_points = switches()[name].confirmed_by == "points"
-        self.lines[name] = self._by_points(name) if by_points else self._by_trial(name)
+        line = self._by_points(name, built(name, self._source)) if by_points else self._by_trial(name)
+        shared = switches()[name].shared
+        if not line.on and shared is not None and name in self._called:
+            other = self._by_points(name, shared(self._source))
+            line = other if other.on else line
+        self.lines[name] = line
 
     def _by_trial(self, name: str) -> Decision:
         """A short training with the effect and without."""
@@ -283,7 +303,7 @@ class _Choice:
             return Decision(name, False, "the photos call for it, but too few points are seen to estimate its size")
         more = self.state.with_effect(name, effect)
         # On the trial's coarse grid blurs that vary are below a px: they would cost time and show nothing.
-        fine = [other for other, its in switches().items() if its.confirmed_by == "points"]
+        fine = [n for n, effect in self.state.simulated.items() if isinstance(effect, SpreadingEffect)]
         arms = (Arm(state.formation(fine), state.masked()) for state in (self.state, more))
         result = self._ablation.compare(*arms)
         if len(result.differences) < TRIALS.fewest_judged:
@@ -292,10 +312,9 @@ class _Choice:
         why = self._settled(name, more if result.confirms else None, shown)
         return Decision(name, result.confirms, why, None, result.mean, result.error, time.perf_counter() - began)
 
-    def _by_points(self, name: str) -> Decision:
+    def _by_points(self, name: str, effect: Effect | None) -> Decision:
         """Whether the same points are blurrier where the effect says so."""
         began = time.perf_counter()
-        effect = built(name, self._source)
         points = confirmed_by_points(effect, self._source) if isinstance(effect, SpreadingEffect) else None
         if effect is None or points is None:
             return Decision(name, False, "the photos call for it, but too few points are seen to confirm it")

@@ -27,7 +27,7 @@ from dgs.core.imaging.evaluations import (
     folded,
     reduced_factors,
 )
-from dgs.core.imaging.formation.layered import LADDER, _tent, _variances, layer_gathered, layer_weighed
+from dgs.core.imaging.formation.layered import LADDER, _variances, layer_gathered, layer_weighed, tent_of
 from dgs.core.imaging.fourier import FourierFilter, _extension, _taper, wiener_photo
 from dgs.core.imaging.kernel_files import read_kernel
 from dgs.core.imaging.kernel_samples import convolved_samples, disc, interpolation, moments, spreading, trimmed
@@ -817,12 +817,12 @@ def test_the_best_of_three_measurements_counts_and_the_first_call_does_not(monke
 
 def test_tents_share_every_variance_between_two_neighbours() -> None:
     variances = [0.0, 1.0, 4.0]
-    assert _tent(variances, 0) == (1.0, 0.0, 1.0, -1.0)
-    assert _tent(variances, 1) == (0.0, 1.0, 1.0 + 1 / 3, -1 / 3)
-    assert _tent(variances, 2) == (1.0 - 4 / 3, 1 / 3, 1.0, 0.0)
+    assert tent_of(variances, 0) == (1.0, 0.0, 1.0, -1.0)
+    assert tent_of(variances, 1) == (0.0, 1.0, 1.0 + 1 / 3, -1 / 3)
+    assert tent_of(variances, 2) == (1.0 - 4 / 3, 1 / 3, 1.0, 0.0)
     for v in (0.0, 0.3, 1.0, 2.5, 4.0):
         weights = [
-            max(0.0, min(r0 + r1 * v, f0 + f1 * v)) for r0, r1, f0, f1 in (_tent(variances, k) for k in range(3))
+            max(0.0, min(r0 + r1 * v, f0 + f1 * v)) for r0, r1, f0, f1 in (tent_of(variances, k) for k in range(3))
         ]
         assert sum(weights) == pytest.approx(1.0) and np.dot(weights, variances) == pytest.approx(v)
 
@@ -841,7 +841,7 @@ def test_gradients_of_a_layer_by_the_formula_of_its_tent() -> None:
     variance = torch.tensor([[0.0, 0.5, 1.0, 2.0, 4.0, 5.0]], dtype=torch.float64)
     light = torch.rand((3, 1, 6), generator=random, dtype=torch.float64)
     back = torch.rand((4, 1, 6), generator=random, dtype=torch.float64)
-    tent = _tent([0.0, 1.0, 4.0], 1)
+    tent = tent_of([0.0, 1.0, 4.0], 1)
     gradient, in_variance = torch.ones_like(light), torch.ones_like(variance)
     layer_gathered(back, light, variance, tent, (gradient, in_variance))
     weight = torch.tensor([0.0, 0.5, 1.0, 2 / 3, 0.0, 0.0], dtype=torch.float64)

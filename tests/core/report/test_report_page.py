@@ -11,6 +11,7 @@ import pytest
 from dgs.core.camera import Camera
 from dgs.core.imaging.psf_text import parse_psf
 from dgs.core.report.charts import Axis, Marker, line_chart
+from dgs.core.report.foci import drawn_foci
 from dgs.core.report.page import exposures, page, write_page
 from dgs.core.report.paths import drawn_paths
 from dgs.core.report.pictures import ViewPictures, embedded, spread
@@ -305,6 +306,23 @@ def test_learned_paths_are_drawn():
     assert found["a.png"].length == pytest.approx(0.01 * focal) and found["b.png"].length == pytest.approx(0.02 * focal)
     text = page(report, pictures(), None, cameras())
     assert "Camera paths of all 2 photos" in text and text.count('aria-label="path"') == 2
+
+
+def test_learned_foci_are_drawn():
+    report = copy.deepcopy(REPORT)
+    assert "Focus of all" not in page(report, pictures(), None, cameras())
+    row = {**copy.deepcopy(report["effects"][1]), "name": "defocus", "on": True}
+    photos = {"d.png": [0.0, 1.0, 0.0, 9.0], "c.png": [0.01, 0.9, 0.0, 0.9], "b.png": [0.01, 0.5, 0.0, 0.01]}
+    row["parameters"] = {"unit": 2.0, "photos": {**photos, "a.png": [0.01, 1.25, 0.0, 0.02]}}
+    report["effects"].append(row)
+    found = drawn_foci(report)
+    assert list(found) == ["a.png", "b.png", "c.png", "d.png"]
+    said = [focus.said for focus in found.values()]
+    assert said == ["1.6 ± 0.026", "4 ± 0.08", "not identifiable", "sharp everywhere"]
+    diagonal = np.hypot(*report["photos"]["size"])
+    assert found["a.png"].scale == pytest.approx(4 * 0.01 * diagonal * 2.0)
+    text = page(report, pictures(), None, cameras())
+    assert "Focus of all 4 photos" in text and text.count('aria-label="focus"') == 4
 
 
 def test_every_effect_has_its_line():

@@ -7,7 +7,7 @@ import pytest
 import torch
 from dgs.benchmarks import effects as validation
 from dgs.benchmarks.effect_scenes import Truth, degrade, make_scene
-from dgs.core.effects.defocus import Defocus
+from dgs.core.effects.defocus import Defocus, shared_focus
 from dgs.core.effects.depth_unit import depth_unit
 from dgs.core.effects.registry import built
 from dgs.core.errors import DgsError
@@ -55,7 +55,7 @@ def true_defocus(scene):
 
 
 def test_their_size_is_given_in_the_trainer_s_units(sets, true_defocus):
-    defocus = built("defocus", sets["defocus"])
+    defocus = shared_focus(sets["defocus"])
     for name, tolerance in (("strength", 0.35), ("focus", 0.15)):
         assert float(defocus.parameters[name]) == pytest.approx(float(true_defocus.parameters[name]), rel=tolerance)
     corner = built("field_blur", sets["field"]).parameters["corner"]
@@ -64,7 +64,7 @@ def test_their_size_is_given_in_the_trainer_s_units(sets, true_defocus):
 
 
 def test_only_what_is_there_is_confirmed(sets):
-    made = {"defocus": built("defocus", sets["defocus"]), "field_blur": built("field_blur", sets["field"])}
+    made = {"defocus": shared_focus(sets["defocus"]), "field_blur": built("field_blur", sets["field"])}
     for name, there in (("defocus", "defocus"), ("field_blur", "field")):
         for kind, photos in sets.items():
             confirmed = confirmed_by_points(made[name], photos)
@@ -84,7 +84,7 @@ def test_auto_simulates_what_is_confirmed(sets):
 def test_a_size_that_cannot_be_estimated_is_said(sets):
     grey = [replace(p, pixels=np.full_like(p.pixels, 90)) for p in sets["clean"].photos[:4]]
     photos = PhotoSet(grey, sets["clean"].cameras)
-    assert built("defocus", photos) is None and built("field_blur", photos) is None
+    assert built("defocus", photos) is None and built("field_blur", photos) is None and shared_focus(photos) is None
     with pytest.raises(DgsError, match="defocus"):
         choose_effects("defocus", photos.photos, photos.cameras, [], MEDIUM, SETTINGS, Silent())
 

@@ -1,0 +1,203 @@
+"""Blur that grows with the distance, in 1 / depth, from a sharp plane: an open lens, and a sheet of frosted glass.
+
+    sigma(z) = strength |1 / z - focus|
+
+A lens images one distance sharply, and a point elsewhere becomes a disk of diameter 4 sigma. Rough glass at distance
+1 / focus from the camera turns each ray by a random angle, and a point behind it becomes a Gaussian; what lies in front
+of the glass stays sharp. Both hide what is behind the sharp plane as any near thing does (`occluding`).
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from types import ModuleType
+from typing import TYPE_CHECKING, ClassVar, Self
+
+from ...numbers import NOT_RECORDED, number
+from .effect import Effect, Shot
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+    from .occluding import OccludingBlur, Shape
+
+
+@dataclass(frozen=True)
+class FocusSettings:
+    """Numbers of a blur that grows with the distance from a sharp plane."""
+
+    nearest_depth: float = number(
+        0.02,
+        "median depths",
+        "what is nearer blurs as if it were here: a render's stray nearer px would blur without bounds",
+        NOT_RECORDED,
+        "no data: a guard",
+    )
+    off: float = number(
+        0.5, "1 / median depth", "off the focus, where a blur is spoken of: most of a scene lies nearer to it"
+    )
+    reach: float = number(
+        0.0055,
+        "of the photo's diagonal",
+        "standard deviation that light from beyond the border is kept for",
+        "judgement",
+    )
+
+
+FOCUS = FocusSettings()
+
+
+@dataclass(frozen=True)
+class Focus:
+    """One photo's: strength as a share of its diagonal, for 1 / depth in the unit of the render; focus as 1 / depth."""
+
+    strength: float
+    focus: float
+
+
+def _mathematics() -> ModuleType:
+    from . import occluding  # heavy: torch
+
+    return occluding
+
+
+class FocusBlur(Effect):
+    """Blurs each photo by depth.
+
+    Args:
+        names: of the photos; others pass unchanged. What `shares_all` has one row for all photos.
+        strengths, foci: [V] or [1], see `Focus`. unit: world's units of depth in one of the render's.
+        errors: [V, 2] or [1, 2] standard errors of both, 0 where unknown.
+    """
+
+    place = "light"
+    by_depth = True
+    shape: ClassVar[Shape]
+    shares_all: ClassVar[bool]
+
+    def __init__(
+        self, names: Sequence[str], strengths: Tensor, foci: Tensor, unit: float = 1.0, errors: Tensor | None = None
+    ) -> None:
+        super().__init__({"strengths": strengths, "foci": foci})
+        self.names, self.unit = tuple(names), unit
+        self.errors = strengths.new_zeros(len(strengths), 2) if errors is None else errors
+        self.depth_gradient: Tensor | None = None
+        self._rows = {name: 0 if self.shares_all else i for i, name in enumerate(self.names)}
+        self._last: tuple[Tensor, Shot, tuple[int, ...], OccludingBlur, Tensor] | None = None
+
+    @classmethod
+    def unknown(cls, names: Sequence[str]) -> Self:
+        """For these photos, without any strength yet."""
+        rows = 1 if cls.shares_all else len(names)
+        return cls(names, *_mathematics().unknown(rows))
+
+    @abstractmethod
+    def width(self, depth: Tensor, row: int, diagonal: float) -> Tensor:
+        """[h, w] signed standard deviation (px), positive in front of the sharp plane; differentiable.
+
+        Args:
+            depth: [h, w] median depths; row: of the parameters; diagonal: of the photo, px.
+        """
+
+    def row_of(self, name: str) -> int | None:
+        """Where a photo's parameters stand; None for a photo that passes unchanged."""
+        return self._rows.get(name)
+
+    def of(self, name: str) -> Focus | None:
+        """A photo's values."""
+        row = self.row_of(name)
+        if row is None:
+            return None
+        return Focus(*(float(self.parameters[key][row].detach()) for key in ("strengths", "foci")))
+
+    def alone(self, name: str, focus: Focus) -> Self:
+        """The same effect for one photo only, with other values."""
+        like = self.parameters["strengths"].detach()
+        return type(self)([name], like.new_tensor([focus.strength]), like.new_tensor([focus.focus]), self.unit)
+
+    def widest(self, name: str, diagonal: float) -> float:
+        """Standard deviation (px of a photo of this diagonal) half a 1 / (median depth) off the focus."""
+        row = self.row_of(name)
+        return 0.0 if row is None else FOCUS.off * diagonal * float(self.parameters["strengths"][row])
+
+    def reach(self, diagonal: float) -> float:
+        """See `Effect`: one for all strengths, as frames keep their size while they are learned."""
+        return FOCUS.reach * diagonal
+
+    def scaled(self, factor: float) -> Self:
+        """The same in a world that is `factor` times as large."""
+        strengths, foci = (self.parameters[key].detach().clone() for key in ("strengths", "foci"))
+        return type(self)(self.names, strengths, foci, self.unit * factor, self.errors.clone())
+
+    def _versions(self) -> tuple[int, ...]:
+        return tuple(value._version for value in self.parameters.values())
+
+    def _width(self, light: Tensor, shot: Shot, row: int) -> Tensor:
+        if shot.depth is None:
+            raise ValueError(f"{self.name} needs the render's depth")
+        return self.width(shot.depth.to(light), row, shot.diagonal)
+
+    def forward(self, light: Tensor, shot: Shot) -> Tensor:
+        """See `Effect`."""
+        row = self.row_of(shot.name)
+        if row is None:
+            return light
+        blur = _mathematics().OccludingBlur(self._width(light, shot, row), self.shape)
+        out = blur.apply(light)
+        # The gradient of the same step asks for the same again.
+        self._last = None if out.requires_grad else (light, shot, self._versions(), blur, out)
+        return out
+
+    def gradient(self, upstream: Tensor, light: Tensor, shot: Shot) -> Tensor:
+        """See `Effect`; leaves the gradient in the depth [h, w] in `depth_gradient`."""
+        row, self.depth_gradient = self.row_of(shot.name), None
+        if row is None:
+            return upstream
+        last = self._last
+        if last is None or last[0] is not light or last[1] is not shot or last[2] != self._versions():
+            self.forward(light, shot)
+            last = self._last
+        assert last is not None
+        blur, out = last[3:]
+        self._last = None
+        passed, in_width = blur.adjoint(upstream, light, out)
+        self._add_gradients(in_width, shot, light, row)
+        return passed
+
+    def _add_gradients(self, in_width: Tensor | None, shot: Shot, light: Tensor, row: int) -> None:
+        wanted = [self.parameters[key] for key in ("strengths", "foci")]
+        if in_width is None:
+            found = [value.new_zeros(value.shape) for value in wanted]
+        else:
+            assert shot.depth is not None
+
+            def width(strengths: Tensor, foci: Tensor, depth: Tensor) -> Tensor:
+                return type(self)(self.names, strengths, foci, self.unit).width(depth, row, shot.diagonal)
+
+            given = [value.detach().to(light) for value in (*wanted, shot.depth)]
+            *found, self.depth_gradient = _mathematics().pulled_back(width, given, in_width)
+        for key, value in zip(("strengths", "foci"), found, strict=True):
+            self._add(key, value.to(self.parameters[key]))
+
+    def described(self) -> Mapping[str, object]:
+        """The unit of depth, and by photo [strength, focus, their standard errors] (see `Focus`)."""
+        values = [self.parameters[key].detach().cpu().double().tolist() for key in ("strengths", "foci")]
+        errors = self.errors.cpu().double().tolist()
+        rows = [[float(f"{v:.5g}") for v in (*pair, *error)] for *pair, error in zip(*values, errors, strict=True)]
+        return {"unit": float(f"{self.unit:.6g}"), "photos": {name: rows[self._rows[name]] for name in self.names}}
+
+
+class LensFocus(FocusBlur):
+    """Each photo's own focus, by a lens."""
+
+    name = "defocus"
+    physics = "A lens images one distance sharply; its circle of confusion grows linearly in 1 / distance (thin lens)."
+    shape = "disk"
+    shares_all = False
+
+    def width(self, depth: Tensor, row: int, diagonal: float) -> Tensor:
+        """See `FocusBlur`."""
+        strength, focus = (self.parameters[key][row].to(depth) for key in ("strengths", "foci"))
+        return strength * diagonal * (1.0 / depth.clamp(min=FOCUS.nearest_depth) - focus)

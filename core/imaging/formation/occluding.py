@@ -1,0 +1,205 @@
+"""A blur whose width differs from px to px, with occlusion: what is near hides the blur behind it.
+
+Every px has a signed width: positive in front of the sharp plane, negative behind it, so that it orders px by depth.
+On a ladder of signed widths, level k spreads its share of the light, C_k = K_k (w_k x), and of the frame it covers,
+A_k = K_k w_k. Levels in front hide it, but for the next one, which shares px with it (w_k are tents that overlap):
+
+    H x = (sum_k V_k C_k) / (sum_k V_k A_k),     V_k = max(0, 1 - sum over j > k + 1 of A_j)
+
+So a blurred background does not bleed over a sharp foreground, and a blurred foreground lets through what is behind its
+edge. What no px of the frame shows, as it lies behind, is taken for what is seen beside it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Literal
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from ...devices import Tent, backend_on
+from ...numbers import BY_DEFINITION, number
+from ..operator import BlurOperator
+from ..psf import PointSpread
+from .layered import LADDER, LAYERED, layer_gathered, layer_weighed, tent_of
+
+#: What a point of light becomes: the image of a lens's round hole, or a Gaussian.
+Shape = Literal["disk", "gaussian"]
+
+
+@dataclass(frozen=True)
+class OccludingSettings:
+    """Numbers of a blur with occlusion."""
+
+    widest: float = number(
+        1 / 30, "share of the frame's shorter side", "standard deviation; beyond, a depth is wrong rather than the lens"
+    )
+    subdivided: int = number(16, "count", "parts along a px that a disk's edge is summed over", BY_DEFINITION)
+    least: float = number(1e-4, "share", "of a px that must be covered by something, or it keeps its own light")
+
+
+OCCLUDING = OccludingSettings()
+
+
+def disk(sigma: float, subdivided: int = OCCLUDING.subdivided) -> NDArray[np.float64]:
+    """[K, K] samples of an even disk of standard deviation `sigma` px (diameter 4 sigma), averaged over each px."""
+    reach = int(np.ceil(2.0 * sigma))
+    offset = (np.arange(subdivided) + 0.5) / subdivided - 0.5
+    x = (np.arange(-reach, reach + 1)[:, None] + offset[None, :]).ravel()
+    inside = (x[:, None] ** 2 + x[None, :] ** 2 <= (2.0 * sigma) ** 2).astype(float)
+    side = 2 * reach + 1
+    kernel = inside.reshape(side, subdivided, side, subdivided).mean(axis=(1, 3))
+    return np.asarray(kernel / kernel.sum())
+
+
+@lru_cache(maxsize=64)
+def _spread(shape: Shape, sigma: float) -> PointSpread:
+    return PointSpread("file", samples=disk(sigma)) if shape == "disk" else PointSpread(sigma_x=sigma, sigma_y=sigma)
+
+
+def _variance(shape: Shape, sigma: float) -> float:
+    """Of the taps, px^2."""
+    kernel = _spread(shape, sigma).kernel()
+    return float(kernel.sum(axis=0) @ (np.arange(kernel.shape[1]) - kernel.shape[1] // 2) ** 2)
+
+
+@lru_cache(maxsize=64)
+def _ladder(shape: Shape, widest: float) -> list[float]:
+    """Signed variances of the levels, px^2, from the farthest to the nearest; those of the taps."""
+    found: list[float] = []
+    for sigma in LADDER:
+        if not found or sigma <= widest:
+            found.append(_variance(shape, sigma))
+    return [*(-v for v in reversed(found)), 0.0, *found]
+
+
+@lru_cache(maxsize=128)
+def _rung(shape: Shape, rung: int, height: int, width: int, dtype: torch.dtype, device: torch.device) -> BlurOperator:
+    """The blur of rung `rung` >= 1 on frames of one size; beyond the frame its edge is repeated."""
+    evaluation = backend_on(device).one_width if shape == "gaussian" else "auto"
+    return BlurOperator(_spread(shape, LADDER[rung - 1]), height, width, 0, device, dtype, evaluation)
+
+
+def even_blur(light: Tensor, sigma: float, shape: Shape) -> tuple[Tensor, float]:
+    """Light [C, h, w] blurred alike everywhere by about `sigma` px of the ladder, and the variance (px^2) of that."""
+    if sigma == 0.0:
+        return light, 0.0
+    rung = LADDER.index(sigma) + 1
+    _, height, width = light.shape
+    blurred = _rung(shape, rung, height, width, light.dtype, light.device).apply(light)
+    return blurred, _variance(shape, sigma)
+
+
+class OccludingBlur:
+    """The blur for one map of signed widths.
+
+    Args:
+        width: [h, w] standard deviation, px of the frame: positive where nearer than the sharp plane, negative behind
+            it; what is wider than the ladder or the frame allow counts as that.
+    """
+
+    def __init__(self, width: Tensor, shape: Shape) -> None:
+        ladder = _ladder(shape, OCCLUDING.widest * min(width.shape))
+        signed = (width * width.abs()).clamp(ladder[0], ladder[-1])
+        lowest, highest = (float(v) for v in torch.aminmax(signed.detach()))
+        self.identity = max(-lowest, highest) < LAYERED.invisible**2
+        if self.identity:
+            return
+        first = max(i for i, v in enumerate(ladder) if v <= lowest or i == 0)
+        last = min(i for i, v in enumerate(ladder) if v >= highest or i == len(ladder) - 1)
+        first = min(first, last - 1)
+        self._shape, self._signed, self._width = shape, signed, width.detach()
+        self._free = width.detach().square() <= ladder[-1]
+        middle = len(ladder) // 2
+        self._levels = [(abs(k - middle), tent_of(ladder[first : last + 1], k - first)) for k in range(first, last + 1)]
+        self._planes: list[Tensor] = []
+        self._seen: list[Tensor | None] = []
+        self._norm: Tensor | None = None
+
+    def apply(self, light: Tensor) -> Tensor:
+        """[C, h, w] -> [C, h, w], differentiable in the light and in the widths."""
+        if self.identity:
+            return light
+        planes = [self._spread(rung, self._weighed(light, tent)) for rung, tent in self._levels]
+        seen: list[Tensor | None] = [None] * len(planes)  # None: nothing can be in front
+        covered: Tensor | None = None
+        for k in range(len(planes) - 3, -1, -1):
+            covered = planes[k + 2][-1] if covered is None else covered + planes[k + 2][-1]
+            seen[k] = (1.0 - covered).clamp(min=0.0)
+        total: Tensor | None = None
+        for plane, part in zip(planes, seen, strict=True):
+            visible = plane if part is None else part * plane
+            total = visible if total is None else total + visible
+        assert total is not None
+        norm = total[-1:].clamp(min=OCCLUDING.least)
+        if not total.requires_grad:
+            self._planes, self._seen, self._norm = planes, seen, norm
+        return total[:-1] / norm
+
+    def adjoint(self, upstream: Tensor, light: Tensor, out: Tensor) -> tuple[Tensor, Tensor | None]:
+        """The transpose of `apply`, and the gradient in the widths [h, w] (None: they change nothing).
+
+        Args:
+            upstream: [C, h, w] gradient of a loss in `out`, which is `apply(light)`, called before.
+        """
+        if self.identity:
+            return upstream, None
+        assert self._norm is not None
+        together = torch.empty((len(light) + 1, *light.shape[1:]), dtype=light.dtype, device=light.device)
+        torch.div(upstream, self._norm, out=together[:-1])
+        torch.sum(together[:-1] * out, dim=0, out=together[-1])
+        together[-1].neg_()
+        gradient, in_signed = torch.zeros_like(light), torch.zeros_like(light[0])
+        hides: Tensor | None = None  # gradient in what the levels behind are covered by
+        for k, ((rung, tent), part) in enumerate(zip(self._levels, self._seen, strict=True)):
+            came = together.clone() if part is None else part * together
+            if k >= 2:
+                back = self._seen[k - 2]
+                assert back is not None
+                mine = (together * self._planes[k - 2]).sum(dim=0) * (back > 0)
+                hides = mine if hides is None else hides + mine
+                came[-1] -= hides
+            came = came if rung == 0 else self._rung(rung).adjoint(came)
+            came[-1].neg_()  # (what gathers takes the norm's share with the other sign)
+            self._gathered(came, light, gradient, in_signed, tent)
+        return gradient, 2.0 * self._width.abs() * in_signed * self._free
+
+    def _spread(self, rung: int, planes: Tensor) -> Tensor:
+        if rung == 0:
+            return planes
+        return self._rung(rung)(planes) if planes.requires_grad else self._rung(rung).apply(planes)
+
+    def _rung(self, rung: int) -> BlurOperator:
+        v = self._signed
+        return _rung(self._shape, rung, v.shape[0], v.shape[1], v.dtype, v.device)
+
+    def _free_of_gradients(self, light: Tensor) -> bool:
+        return light.dtype == torch.float32 and not light.requires_grad and not self._signed.requires_grad
+
+    def _weighed(self, light: Tensor, tent: Tent) -> Tensor:
+        """[C + 1, h, w] a level's share of the light, and its weights."""
+        if self._free_of_gradients(light):
+            return backend_on(light.device).layer_weighed(light, self._signed, tent)
+        return layer_weighed(light, self._signed, tent)
+
+    def _gathered(self, back: Tensor, light: Tensor, gradient: Tensor, in_signed: Tensor, tent: Tent) -> None:
+        gather = backend_on(light.device).layer_gathered if self._free_of_gradients(light) else layer_gathered
+        gather(back, light, self._signed.detach(), tent, (gradient, in_signed))
+
+
+def unknown(rows: int) -> tuple[Tensor, Tensor]:
+    """[rows] no strength, and a focus of 1 / (median depth)."""
+    return torch.zeros(rows), torch.ones(rows)
+
+
+def pulled_back(function: Callable[..., Tensor], given: Sequence[Tensor], upstream: Tensor) -> tuple[Tensor, ...]:
+    """Gradients in what a function is given, given that in its value."""
+    with torch.enable_grad():
+        free = [value.detach().requires_grad_() for value in given]
+        total = (function(*free) * upstream).sum()
+    return torch.autograd.grad(total, free)
