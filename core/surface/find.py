@@ -21,6 +21,7 @@ from ..views import SparsePoints
 from .agreement import agreed, lifted_map
 from .choice import chosen_references, neighbours_of
 from .depths import KnownScene, depth_bounds, found_features
+from .far import far_samples, open_views
 from .fill import filled_maps
 from .hull import Hull, carved_hull
 from .hull_points import hull_samples
@@ -107,9 +108,12 @@ def surface_points(
         points, words = _without_maps(scene, features, settings)
         return FoundSurface(points, words, warnings)
     wanted = [wanted_pixels(views, one.view) for one in maps]
-    parts = [trusted, samples_of(filled_maps(checked, views, wanted, scene.hull), views, settings.guessed, even=True)]
-    if scene.hull is not None and scene.hull.bounded:
-        parts.append(hull_samples(scene.hull, views, checked, settings.carved))
+    guessed = filled_maps(checked, views, wanted, scene.hull)
+    parts = [trusted, samples_of(guessed, views, settings.guessed, even=True)]
+    if scene.object is not None:
+        parts.append(hull_samples(scene.object, views, checked, settings.carved))
+    else:
+        parts.append(far_samples(open_views(checked, guessed, wanted), trusted.positions, views, settings.carved))
     points = evened(parts)
     share = len(trusted) / max(1, sum(int(one.sum()) for one in wanted))
     words = f"{len(points.positions)} points on surfaces: photos agree on the depth of {share:.0%} of what they show"
