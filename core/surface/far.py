@@ -1,4 +1,4 @@
-"""Far surroundings: px whose depth nothing tells, such as sky, begin beyond everything that was found.
+"""Far surroundings: px whose depth nothing shows, such as sky, begin beyond everything that was found.
 
 Left empty, they would be explained by what is near: fog that grows out of the nearest surfaces. A sphere beyond all of
 them moves in photos as little as the sky does, and a sample for each px of a small view has the spacing that its
