@@ -53,7 +53,9 @@ def _drawn(parameters: Mapping[str, Any], diagonal: float) -> dict[str, DrawnFoc
     unit, usual = float(parameters["unit"]), float(np.median([row[0] for row in rows.values()]))
     there = [row for row in rows.values() if row[0] > SHARP * usual]
     if not there:
-        return {name: DrawnFocus("sharp everywhere", 0.0, _svg(None, 0.0)) for name in rows}
+        learned = any(row[2:].any() for row in rows.values())
+        said = "sharp everywhere" if learned else "not identifiable: too flat"
+        return {name: DrawnFocus(said, 0.0, _svg(None, 0.0)) for name in rows}
     low, high = (float(f([row[1] for row in there])) for f in (min, max))
     found = {}
     for name, (strength, focus, _, error) in rows.items():

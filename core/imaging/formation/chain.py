@@ -79,7 +79,7 @@ class Formation:
 
     @property
     def focus(self) -> FocusBlur | None:
-        """The photos' own focus, or the sheet of glass before them."""
+        """The photos' own focus."""
         return next((effect for effect in self.effects if isinstance(effect, FocusBlur)), None)
 
     @property

@@ -1,10 +1,9 @@
-"""Blur that grows with the distance, in 1 / depth, from a sharp plane: an open lens, and a sheet of frosted glass.
+"""Blur that grows with the distance, in 1 / depth, from a sharp plane that each photo has for itself: an open lens.
 
     sigma(z) = strength |1 / z - focus|
 
-A lens images one distance sharply, and a point elsewhere becomes a disk of diameter 4 sigma. Rough glass at distance
-1 / focus from the camera turns each ray by a random angle, and a point behind it becomes a Gaussian; what lies in front
-of the glass stays sharp. Both hide what is behind the sharp plane as any near thing does (`occluding`).
+A lens images one distance sharply, and a point elsewhere becomes a disk of diameter 4 sigma. What is near hides what is
+behind it (`occluding`).
 """
 
 from __future__ import annotations
@@ -67,15 +66,14 @@ class FocusBlur(Effect):
     """Blurs each photo by depth.
 
     Args:
-        names: of the photos; others pass unchanged. What `shares_all` has one row for all photos.
-        strengths, foci: [V] or [1], see `Focus`. unit: world's units of depth in one of the render's.
-        errors: [V, 2] or [1, 2] standard errors of both, 0 where unknown.
+        names: of the photos; others pass unchanged.
+        strengths, foci: [V], see `Focus`. unit: world's units of depth in one of the render's.
+        errors: [V, 2] standard errors of both, 0 where unknown.
     """
 
     place = "light"
     by_depth = True
     shape: ClassVar[Shape]
-    shares_all: ClassVar[bool]
 
     def __init__(
         self, names: Sequence[str], strengths: Tensor, foci: Tensor, unit: float = 1.0, errors: Tensor | None = None
@@ -84,14 +82,13 @@ class FocusBlur(Effect):
         self.names, self.unit = tuple(names), unit
         self.errors = strengths.new_zeros(len(strengths), 2) if errors is None else errors
         self.depth_gradient: Tensor | None = None
-        self._rows = {name: 0 if self.shares_all else i for i, name in enumerate(self.names)}
+        self._rows = {name: i for i, name in enumerate(self.names)}
         self._last: tuple[Tensor, Shot, tuple[int, ...], OccludingBlur, Tensor] | None = None
 
     @classmethod
     def unknown(cls, names: Sequence[str]) -> Self:
         """For these photos, without any strength yet."""
-        rows = 1 if cls.shares_all else len(names)
-        return cls(names, *_mathematics().unknown(rows))
+        return cls(names, *_mathematics().unknown(len(names)))
 
     @abstractmethod
     def width(self, depth: Tensor, row: int, diagonal: float) -> Tensor:
@@ -195,7 +192,6 @@ class LensFocus(FocusBlur):
     name = "defocus"
     physics = "A lens images one distance sharply; its circle of confusion grows linearly in 1 / distance (thin lens)."
     shape = "disk"
-    shares_all = False
 
     def width(self, depth: Tensor, row: int, diagonal: float) -> Tensor:
         """See `FocusBlur`."""

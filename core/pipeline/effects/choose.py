@@ -144,7 +144,8 @@ def choose_effects(
     if mode == "auto" and CameraMotion.name not in candidates and source.motion is not None:
         candidates.append(CameraMotion.name)  # spectra show only paths that differ much from one another
     if mode == "auto" and LensFocus.name not in candidates and _focus_may_move(source):
-        candidates.append(LensFocus.name)
+        # Where points show a focus that moves it comes first: paths would be taken for a part of its blur.
+        candidates.insert(len(candidates) if source.observations is None else 0, LensFocus.name)
     tried = [name for name in candidates if name not in on and name not in off]
     progress.stage("effects", len(tried))
     for index, name in enumerate(tried):

@@ -323,6 +323,9 @@ def test_learned_foci_are_drawn():
     assert found["a.png"].scale == pytest.approx(4 * 0.01 * diagonal * 2.0)
     text = page(report, pictures(), None, cameras())
     assert "Focus of all 4 photos" in text and text.count('aria-label="focus"') == 4
+    for error, said in ((0.0, "not identifiable: too flat"), (0.1, "sharp everywhere")):
+        row["parameters"]["photos"] = {"a.png": [0.0, 1.0, error, error]}
+        assert drawn_foci(report)["a.png"].said == said
 
 
 def test_every_effect_has_its_line():

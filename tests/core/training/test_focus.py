@@ -166,3 +166,24 @@ def test_depth_takes_its_part_of_the_gradient(scene):
         own = float((gaussians.means.grad @ forward).sum())
     gaussians = gaussians.detached()
     assert own == pytest.approx((loss(2e-3) - loss(-2e-3)) / 4e-3, rel=0.15)
+
+
+def test_a_flat_scene_is_left_as_it_is():
+    """All at nearly one depth: no photo shows where it is focused, and nothing is blurred."""
+    focus = LearnedFocus(LensFocus.unknown(["a"]), ["a"])
+    known = np.array([0.0, 1.0]), np.ones((24, 2)), np.ones((24, 1)), 0.5, 100.0
+    focus.search({"a": BlurByDepth(1.0 / np.linspace(1.0, 1.02, 24), np.full(24, 1 / 24), *known)}, 0.1)
+    assert not focus.begun and float(focus.effect.parameters["strengths"].abs().max()) == 0.0
+
+
+def test_a_focus_at_infinity_is_found():
+    inverse = np.linspace(0.4, 1.6, 24)
+    variances = np.linspace(0.0, 40.0, 81)
+    true = (0.012 * 250.0 * inverse) ** 2
+    gap = (np.sqrt(variances)[None] - np.sqrt(true + 1.0)[:, None]) * 0.02
+    products = gap[:, :-1] * gap[:, 1:] + 1e-5
+    table = BlurByDepth(inverse, np.full(24, 1 / 24), variances, gap**2 + 1e-5, products, 1.0, 250.0)
+    learned = LearnedFocus(LensFocus.unknown(["a"]), ["a"])
+    learned.search({"a": table}, 0.1)
+    assert learned.effect.of("a").focus == pytest.approx(0.0, abs=0.1)
+    assert learned.effect.of("a").strength == pytest.approx(0.012, rel=0.15)
