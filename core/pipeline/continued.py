@@ -17,9 +17,10 @@ from ..numbers import number
 from ..progress import Progress
 from ..training.checkpoint import load_checkpoint
 from ..training.grid import GridView
+from ..training.level import Level
 from ..training.scale import scene_scale
 from ..training.settings import TrainingSettings
-from ..training.trainer import Level, Trainer
+from ..training.trainer import Trainer
 from ..training.warmup import compile_kernels
 from ..twin.folder import TwinFolder
 from ..twin.opened import OpenedTwin

@@ -5,18 +5,15 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 
-from ..background import Background
 from ..colour import srgb_to_linear
 from ..constants import SH_COEFFICIENTS
 from ..devices import backend_on
-from ..errors import PsfError
 from ..evaluation.halves import exposed_by_halves
 from ..forward import Exposed, Exposure, ForwardModel, low_pass_on_grid, margin_for, sharp_view
 from ..forward.compare import mean_square, psnr_of
@@ -27,9 +24,9 @@ from ..imaging.formation.effect import Shot
 from ..imaging.medium import Medium
 from ..imaging.spectrum import NoiseToSignal, noise_to_signal
 from ..numbers import number
-from ..photos.empty import empty_pixels
 from ..rasterizer import RasterSettings
 from ..views import SparsePoints, View
+from .behind import background_of, colour_behind, without_empty
 from .camera_paths import SETTINGS as PATHS
 from .checkpoint import Checkpoint
 from .contrast import scene_contrast
@@ -42,6 +39,7 @@ from .grid import GRID, GridView, grid_step
 from .guards import GUARDS, drop_non_finite, out_of_range
 from .initial import first_gaussians
 from .learned import LearnedEffects
+from .level import Level, round_variance
 from .objective import Objective
 from .optimizer import Adam
 from .origin import origin
@@ -56,7 +54,7 @@ class TrainerSettings:
     """How many photos are asked where all would take too long."""
 
     spectrum_views: int = number(
-        12, "photos", "whose spectra, contrasts and colours are averaged, evenly over the set; more say little new"
+        12, "photos", "whose spectra and contrasts are averaged, evenly over the set; more say little new"
     )
     watched_views: int = number(
         4,
@@ -67,8 +65,6 @@ class TrainerSettings:
 
 TRAINER = TrainerSettings()
 
-Planes = NDArray[np.float32]
-
 
 #: What the projection culls because it has to; what is merely not seen (outside, transparent) is no repair.
 _CULLED = {
@@ -76,19 +72,6 @@ _CULLED = {
     "degenerate": "without a shape, too bright or too far (Gaussian-views)",
     "behind": "behind the camera (Gaussian-views)",
 }
-
-
-@dataclass
-class Level:
-    """One resolution of the photos, with its objectives."""
-
-    step: int
-    views: list[GridView]
-    heldout: list[GridView]
-    margin: int
-    ratio: NoiseToSignal | None
-    contrast: float
-    objectives: dict[Any, Objective] = field(default_factory=dict)
 
 
 class Trainer:
@@ -486,52 +469,6 @@ class Trainer:
         self.learned.restore(checkpoint.arrays)
 
 
-def round_variance(views: Sequence[GridView]) -> float:
-    """Variance (grid px^2) of the round Gaussian that blurs all views; 0 for none.
-
-    Raises:
-        PsfError: the point spread is another, or differs from view to view.
-    """
-    psf = views[0].psf
-    if psf is None and all(view.psf is None for view in views):
-        return 0.0
-    own = any(view.psf is not psf for view in views)
-    if psf is None or own or psf.samples is not None or abs(psf.sigma_x - psf.sigma_y) > 1e-6 * psf.sigma_x:
-        raise PsfError("Only a round Gaussian can widen the splats themselves", "Choose another blur evaluation")
-    return float(psf.sigma_x**2)
-
-
 def _in_unit(points: SparsePoints, scale: SceneScale) -> SparsePoints:
     samples = None if points.samples is None else _in_unit(points.samples, scale)
     return replace(points, positions=scale.points_to_unit(points.positions), samples=samples)
-
-
-def without_empty(planes: Planes, view: View, step: int) -> Planes:
-    """A photo's planes [3, h, w] on a grid of `step` px, NaN where any px of the photo shows nothing."""
-    empty = empty_pixels(view)
-    if empty is None or not empty.any():
-        return planes
-    _, height, width = planes.shape
-    blocks = empty[: height * step, : width * step].reshape(height, step, width, step)
-    return np.where(blocks.any(axis=(1, 3)), np.float32(np.nan), planes)
-
-
-def background_of(views: Sequence[View]) -> Background | None:
-    """What is known to be behind what the photos show."""
-    return next((view.background for view in views if view.background is not None), None)
-
-
-def colour_behind(views: Sequence[View]) -> torch.Tensor:
-    """[3] float32 sRGB: what stands behind the twin: the photos' background, or where that is not known, their mean."""
-    known = background_of(views)
-    return mean_colour(views) if known is None else torch.tensor(known.colour)
-
-
-def mean_colour(views: Sequence[View]) -> torch.Tensor:
-    """[3] float32 sRGB: the photos' mean, which stands behind the twin and in what no photo shows."""
-    sums = np.zeros(3)
-    for view in views[:: max(1, len(views) // TRAINER.spectrum_views)]:
-        full = float(np.iinfo(view.photo.dtype).max)
-        pixels = view.photo if view.mask is None or not view.mask.any() else view.photo[view.mask]
-        sums += pixels.reshape(-1, 3).mean(axis=0) / full
-    return torch.from_numpy(sums / len(views[:: max(1, len(views) // TRAINER.spectrum_views)])).float()

@@ -16,7 +16,8 @@ from scipy.ndimage import map_coordinates
 
 from ..numbers import number
 from ..training.grid import GridView
-from ..training.trainer import Level, Trainer
+from ..training.level import Level
+from ..training.trainer import Trainer
 from .adjust import Observations, aligned_camera
 from .shifts import Shifts, shifts_between
 

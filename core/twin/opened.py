@@ -28,9 +28,9 @@ from ..rasterizer import RasterSettings
 from ..reconstruction import Reconstruction
 from ..run_settings import ReconstructSettings, RunSettings
 from ..sfm.given import load_cameras
+from ..training.behind import colour_behind
 from ..training.grid import GridView, grid_step
 from ..training.scale import SceneScale, scene_scale
-from ..training.trainer import colour_behind
 from ..views import View, heldout_names
 from .exposures import learned_exposure, without_exposure
 from .folder import TwinFolder

@@ -25,8 +25,9 @@ from ..imaging.medium import Medium
 from ..numbers import number
 from ..progress import Progress
 from ..training.grid import GridView
+from ..training.level import Level
 from ..training.settings import TrainingSettings
-from ..training.trainer import Level, Trainer
+from ..training.trainer import Trainer
 from ..views import SparsePoints, View
 from .adjust import adjusted
 from .consensus import align_view, disagreement, observations, shown

@@ -20,6 +20,7 @@ from dgs.core.imaging.operator import BlurOperator
 from dgs.core.imaging.psf import PointSpread
 from dgs.core.imaging.spectrum import BINS, NoiseToSignal
 from dgs.core.rasterizer import ScreenStatistics
+from dgs.core.training.behind import mean_colour
 from dgs.core.training.contrast import MINIMUM_CONTRAST, scene_contrast
 from dgs.core.training.density import DENSITY, DensityControl, _copies
 from dgs.core.training.footprint import pixel_sizes, widened
@@ -34,7 +35,7 @@ from dgs.core.training.scale import SCALE, SceneScale, scene_scale
 from dgs.core.training.schedule import SCHEDULE, Schedule
 from dgs.core.training.settings import TrainingSettings, smoothed_for
 from dgs.core.training.specks import speck_gradient, speck_price
-from dgs.core.training.trainer import Trainer, mean_colour
+from dgs.core.training.trainer import Trainer
 from dgs.core.training.variation import SMOOTH, variation_gradient
 from dgs.core.views import SparsePoints, View
 from dgs.tests.core.training.training_scenes import SHORT, blurred_scene, camera_at
