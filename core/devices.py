@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from .camera import Camera
     from .frames import Evaluation, Frame
     from .gaussians import Gaussians
-    from .rendering import RasterSettings, Rendered
+    from .rendering import RasterSettings, Rendered, RenderedPath
 
 #: A back end's name: a key of `REGISTRY`, or 'auto'.
 BackendName = str
@@ -88,6 +88,12 @@ class Backend(Protocol):
         settings: RasterSettings,
     ) -> Rendered:
         """See `core.rasterizer.render`."""
+        ...
+
+    def render_path(
+        self, gaussians: Gaussians, camera: Camera, background: Tensor | None, poses: Tensor, settings: RasterSettings
+    ) -> RenderedPath:
+        """See `core.rasterizer.render_path`."""
         ...
 
     def blurs(

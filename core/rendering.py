@@ -77,3 +77,16 @@ class Rendered:
         mean = depth / alpha.clamp(min=OPAQUE_ENOUGH)
         seen = alpha > OPAQUE_ENOUGH
         return mean.where(seen, mean[seen].median() if bool(seen.any()) else mean.new_ones(()))
+
+
+@dataclass
+class RenderedPath:
+    """What a camera sees along its path.
+
+    Attributes:
+        images: [K, 3, H, W] as `Rendered.image`, one for each pose.
+        screens: per-Gaussian statistics of each frame, or of all together, where a gradient is the sum of the frames'.
+    """
+
+    images: Tensor
+    screens: tuple[ScreenStatistics, ...]

@@ -20,7 +20,8 @@ from ..imaging.compiled_blurs import Direct, Separable
 from ..imaging.formation.layered_kernels import gathered, weighed
 from ..numbers import number
 from ..rasterizer.cpu import render_cpu
-from ..rendering import RasterSettings, Rendered
+from ..rasterizer.path_cpu import render_path_cpu
+from ..rendering import RasterSettings, Rendered, RenderedPath
 from ..training.adam_kernels import ROWS, RUN, adam_step
 from ..training.photometric import PhotometricLoss
 from ..training.speck_kernels import binomial, derivatives, differences, structure
@@ -58,6 +59,12 @@ class CpuBackend(ReferenceBackend):
     ) -> Rendered:
         """See `Backend`."""
         return render_cpu(gaussians, camera, background, pose, settings)
+
+    def render_path(
+        self, gaussians: Gaussians, camera: Camera, background: Tensor | None, poses: Tensor, settings: RasterSettings
+    ) -> RenderedPath:
+        """See `Backend`."""
+        return render_path_cpu(gaussians, camera, background, poses, settings)
 
     def blurs(
         self, kernel: NDArray, taps: tuple[NDArray, NDArray] | None, frame: Frame, dtype: torch.dtype

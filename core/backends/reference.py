@@ -14,7 +14,7 @@ from ..frames import Evaluation, Frame
 from ..gaussians import Gaussians
 from ..imaging.formation.layered import layer_gathered, layer_weighed
 from ..rasterizer.reference import render_reference
-from ..rendering import RasterSettings, Rendered
+from ..rendering import RasterSettings, Rendered, RenderedPath
 from ..training.photometric import photometric_reference
 from ..training.specks import speck_gradient_in_torch
 from ..training.variation import variation_gradient_in_torch
@@ -41,6 +41,13 @@ class ReferenceBackend:
     ) -> Rendered:
         """See `Backend`."""
         return render_reference(gaussians, camera, background, pose, settings)
+
+    def render_path(
+        self, gaussians: Gaussians, camera: Camera, background: Tensor | None, poses: Tensor, settings: RasterSettings
+    ) -> RenderedPath:
+        """See `Backend`: one frame after the other."""
+        frames = [self.render(gaussians, camera, background, pose, settings) for pose in poses.to(gaussians.means)]
+        return RenderedPath(torch.stack([frame.image for frame in frames]), tuple(frame.screen for frame in frames))
 
     def blurs(
         self, kernel: NDArray, taps: tuple[NDArray, NDArray] | None, frame: Frame, dtype: torch.dtype

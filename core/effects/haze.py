@@ -28,6 +28,9 @@ class HazeSettings:
         0.35, "optical depth", "standard deviation beyond which no point is seen from distances different enough"
     )
     least_error: float = number(0.02, "optical depth", "what the law itself leaves uncertain")
+    against: float = number(
+        2.0, "standard errors", "below 0, from which on it is no haze that makes points differ with the distance"
+    )
     blur_share: float = number(
         0.5, "share", "of the share of a window's variance that another blur takes: as much contrast may go with it"
     )
@@ -99,8 +102,11 @@ def inspect(photos: PhotoSet) -> Evidence:
     window = max(POINTS.window, SETTINGS.window_sigmas * photos.sigma)
     error = float(np.hypot(error, SETTINGS.blur_share * _scatter_of_blurs(photos) / window**2))
     veil = fit.backscatter / np.maximum(fit.attenuation, 1e-6)
+    if value + SETTINGS.against * error < 0:
+        return unknown("haze", unit, smallest, "Not measured: points gain contrast with the distance, as in no haze")
+    value = max(value, 0.0)  # no medium gives light back
     text = (
-        f"Points keep {100 * np.exp(-max(value, 0)):.0f} % of their contrast at the median distance "
+        f"Points keep {100 * np.exp(-value):.0f} % of their contrast at the median distance "
         f"(optical depth {value:.2f} +- {error:.2f})"
     )
     details = {

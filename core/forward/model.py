@@ -17,7 +17,7 @@ from ..imaging.formation.chain import Formation, Passage
 from ..imaging.formation.effect import Shot
 from ..imaging.medium import BlurSpace
 from ..imaging.psf import PointSpread
-from ..rasterizer import RasterSettings, Rendered, render, with_gradient
+from ..rasterizer import RasterSettings, Rendered, RenderedPath, ScreenStatistics, render, render_path, with_gradient
 from ..rendering import OPAQUE_ENOUGH
 from .collecting import CollectedLight
 from .medium import MediumModel, SubFrame
@@ -49,14 +49,12 @@ def sharp_view(
 
 @dataclass(frozen=True)
 class SharpFrame:
-    """One of the renders that a photo's light is collected from.
+    """One of the frames that a photo's light is collected from.
 
     Attributes:
-        rendered: by the rasterizer, with gradient; passage: of its light through the effects, without.
-        weight: share of the photo's light.
+        passage: of its light through the effects, without gradient; weight: share of the photo's light.
     """
 
-    rendered: Rendered
     passage: Passage
     weight: float
 
@@ -69,6 +67,7 @@ class Exposed:
         medium: of this photo; formation: the effects.
         shot: how the photo is taken, for effects of the sensor.
         frames: what was rendered: one, or several sub-frames of one exposure.
+        renders: the same by the rasterizer, with gradient: frame by frame, or those along a path together.
         space: in which the light of several frames is collected.
     """
 
@@ -76,12 +75,20 @@ class Exposed:
     formation: Formation
     shot: Shot
     frames: tuple[SharpFrame, ...] = field(repr=False)
+    renders: tuple[Rendered, ...] | RenderedPath = field(repr=False)
     space: BlurSpace = "linear"
 
     @property
-    def rendered(self) -> Rendered:
-        """The (first) render."""
-        return self.frames[0].rendered
+    def mean_depth(self) -> Tensor | None:
+        """[H + 2m, W + 2m] of the first frame; None where depth was not asked for."""
+        return None if isinstance(self.renders, RenderedPath) else self.renders[0].mean_depth
+
+    @property
+    def screens(self) -> tuple[ScreenStatistics, ...]:
+        """What the renders say about each Gaussian."""
+        if isinstance(self.renders, RenderedPath):
+            return self.renders.screens
+        return tuple(rendered.screen for rendered in self.renders)
 
     @cached_property
     def reached(self) -> Tensor:
@@ -121,12 +128,16 @@ class Exposed:
 
     def backward(self, upstream: Tensor) -> None:
         """Adds gradients to the Gaussians, poses, and effects, given that of a loss in `reached`."""
+        parts = [f.passage.gradient(part) for f, part in zip(self.frames, self._shared(upstream), strict=True)]
+        if isinstance(self.renders, RenderedPath):
+            with_gradient(self.renders.images, torch.stack(parts)).backward()  # type: ignore[no-untyped-call]
+            return
         total: Tensor | None = None
-        for frame, part in zip(self.frames, self._shared(upstream), strict=True):
-            derivative = with_gradient(frame.rendered.image, frame.passage.gradient(part))
+        for frame, rendered, part in zip(self.frames, self.renders, parts, strict=True):
+            derivative = with_gradient(rendered.image, part)
             in_depth = frame.passage.depth_gradient
             if in_depth is not None:
-                derivative = derivative + _in_depth(frame.rendered, in_depth)
+                derivative = derivative + _in_depth(rendered, in_depth)
             total = derivative if total is None else total + derivative
         assert total is not None
         total.backward()  # type: ignore[no-untyped-call]
@@ -186,30 +197,30 @@ class ForwardModel:
             background: [3] sRGB colour behind everything; black if None.
             overscan: px around the photo that are predicted along with it (what a lens's distortion will need).
         """
-        camera = exposure.camera
-        medium = self.medium(exposure)
-        frames, shots = [], []
-        moved = self._on_its_way(exposure.name, camera, overscan + self.margin, gaussians.means)
-        for sub in moved or medium.sub_frames(camera.with_margin(overscan).with_margin(self.margin)):
-            rendered = render(gaussians, sub.camera, background=background, pose=sub.pose, settings=self.settings)
-            shot = Shot(
-                exposure.name,
-                camera.height,
-                camera.width,
-                overscan + self.margin,
-                (camera.cx, camera.cy),
-                rendered.mean_depth,
+        camera, medium, motion = exposure.camera, self.medium(exposure), self.formation.motion
+        wide = camera.with_margin(overscan).with_margin(self.margin)
+        poses = None if motion is None else motion.poses(exposure.name, camera)
+        renders: tuple[Rendered, ...] | RenderedPath
+        seen: list[tuple[Tensor, Tensor | None]]
+        if poses is not None and len(poses) > 1 and not self.settings.depth:
+            renders = together = render_path(gaussians, wide, poses, background=background, settings=self.settings)
+            weights = [1.0 / len(poses)] * len(poses)
+            seen = [(image, None) for image in together.images.detach()]
+        else:
+            subs = medium.sub_frames(wide) if poses is None else self._one_by_one(wide, poses.to(gaussians.means))
+            renders = each = tuple(
+                render(gaussians, sub.camera, background=background, pose=sub.pose, settings=self.settings)
+                for sub in subs
             )
-            shots.append(shot)
-            frames.append(SharpFrame(rendered, self.formation.passage(rendered.image.detach(), shot), sub.weight))
-        space = medium.space if moved is None else "linear"  # a sensor collects light
-        return Exposed(medium, self.formation, shots[0], tuple(frames), space)
+            weights = [sub.weight for sub in subs]
+            seen = [(rendered.image.detach(), rendered.mean_depth) for rendered in each]
+        size, middle = (camera.height, camera.width), (camera.cx, camera.cy)
+        shots = [Shot(exposure.name, *size, overscan + self.margin, middle, depth) for _, depth in seen]
+        passages = [self.formation.passage(image, shot) for (image, _), shot in zip(seen, shots, strict=True)]
+        frames = tuple(SharpFrame(p, weight) for p, weight in zip(passages, weights, strict=True))
+        space = medium.space if poses is None else "linear"  # a sensor collects light
+        return Exposed(medium, self.formation, shots[0], frames, renders, space)
 
-    def _on_its_way(self, name: str, camera: Camera, margin: int, like: Tensor) -> list[SubFrame] | None:
-        """Frames along the camera's own path, on the device of `like`; None where it stood still."""
-        motion = self.formation.motion
-        poses = None if motion is None else motion.poses(name, camera)
-        if poses is None:
-            return None
-        wide = camera.with_margin(margin)
-        return [SubFrame(wide, pose, 1.0 / len(poses)) for pose in poses.to(like)]
+    @staticmethod
+    def _one_by_one(camera: Camera, poses: Tensor) -> list[SubFrame]:
+        return [SubFrame(camera, pose, 1.0 / len(poses)) for pose in poses]

@@ -8,8 +8,8 @@
 
 from __future__ import annotations
 
-from ..rendering import RasterSettings, Rendered, ScreenStatistics
+from ..rendering import RasterSettings, Rendered, RenderedPath, ScreenStatistics
 from .given_gradient import with_gradient
-from .interface import render
+from .interface import render, render_path
 
-__all__ = ["RasterSettings", "Rendered", "ScreenStatistics", "render", "with_gradient"]
+__all__ = ["RasterSettings", "Rendered", "RenderedPath", "ScreenStatistics", "render", "render_path", "with_gradient"]

@@ -54,7 +54,10 @@ def look_ahead(splats, pairs, position, stop, last, left, top, rows, alpha_minim
         prefetch(splats, np.int64(pairs[i, GAUSSIAN]) * SPLAT_WIDTH)
     for i in range(position, stop):
         first, end, stride = rows_in_tile(splats, np.int64(pairs[i, GAUSSIAN]), left, top, rows, alpha_minimum)
-        pair_rows[i] = np.int32(first | end << 8 | stride << 16)
+        if first < end:
+            pair_rows[i] = np.int32(first | end << 8 | stride << 16)
+        else:  # beside the tile, where a frame along a path does not meet all that its neighbours do
+            pair_rows[i] = np.int32(1 << 16)
 
 
 @inlined

@@ -25,7 +25,7 @@ from .splat_kernels import DEPTH, M_RED, RED, SLOT_WIDTH, SPLAT_WIDTH
 
 #: The depth order is cut into this many parts for the parallel counting sort; a constant, so that
 #: nothing depends on the number of threads (nothing does: the sort is stable).
-_PARTS = 16
+PARTS = 16
 
 Floats = NDArray[np.float32]
 
@@ -68,11 +68,16 @@ def view_vector(camera: Camera, pose: NDArray[np.float64] | None, settings: Rast
     return view
 
 
-def _on_cache_lines(count: int) -> Floats:
+def new_splats(count: int) -> Floats:
     """Room for `count` splats, each on a cache line of its own."""
     room = np.empty((count + 1) * SPLAT_WIDTH, np.float32)
     skip = -room.ctypes.data % 64 // 4
     return room[skip : skip + count * SPLAT_WIDTH].reshape(count, SPLAT_WIDTH)
+
+
+def numpy_parameters(*tensors: Tensor) -> tuple[Floats, ...]:
+    """A twin's tensors as the kernels take them."""
+    return tuple(t.detach().contiguous().numpy() for t in tensors)
 
 
 def project_and_sort(
@@ -80,7 +85,7 @@ def project_and_sort(
 ) -> Projected:
     """Projection, depth order and the tiles' lists."""
     count = parameters[0].shape[0]
-    splats = _on_cache_lines(count)
+    splats = new_splats(count)
     status = np.empty(count, np.uint8)
     tile_counts = np.empty(count, np.int32)
     records = np.empty((count, RECORD_WIDTH), np.int16)
@@ -92,13 +97,13 @@ def project_and_sort(
     depth_order(splats, seen, order)
 
     tiles_x, tiles_y = -(-width // TILE), -(-height // TILE_ROWS)
-    chunk = max(1, -(-len(order) // _PARTS))
-    places = np.empty((_PARTS, tiles_y, tiles_x + 1), np.int32)
+    chunk = max(1, -(-len(order) // PARTS))
+    places = np.empty((PARTS, tiles_y, tiles_x + 1), np.int32)
     tile_starts = np.empty(tiles_x * tiles_y + 1, np.int64)
-    run(count_pairs, _PARTS, splats, records, order, chunk, tiles_x, np.float32(width), places)
+    run(count_pairs, PARTS, splats, records, order, chunk, tiles_x, np.float32(width), places)
     begin_pairs(places, tile_starts)
     pairs = np.empty((int(tile_starts[-1]), 2), np.int32)
-    run(place_pairs, _PARTS, splats, records, order, chunk, tiles_x, np.float32(width), slot_starts, places, pairs)
+    run(place_pairs, PARTS, splats, records, order, chunk, tiles_x, np.float32(width), slot_starts, places, pairs)
     return Projected(
         view,
         parameters,
@@ -114,7 +119,7 @@ def project_and_sort(
     )
 
 
-def _blend(p: Projected, splats: Floats, background: Floats, width: int, height: int) -> tuple[Any, ...]:
+def blend(p: Projected, splats: Floats, background: Floats, width: int, height: int) -> tuple[Any, ...]:
     image = np.empty((3, height, width), np.float32)
     transmittance = np.empty((height, width), np.float32)
     tiles = len(p.tile_starts) - 1
@@ -139,7 +144,7 @@ def _blend(p: Projected, splats: Floats, background: Floats, width: int, height:
     return image, transmittance, blended, int(evaluations.sum())
 
 
-def _blend_backward(
+def blend_backward(
     p: Projected,
     splats: Floats,
     image: Floats,
@@ -196,13 +201,11 @@ class _Rasterize(torch.autograd.Function):
         background: Tensor,
         pose: Tensor | None,
     ) -> tuple[Tensor, Tensor, Tensor]:
-        parameters = tuple(
-            t.detach().contiguous().numpy() for t in (means, log_scales, quaternions, opacity_logits, sh)
-        )
+        parameters = numpy_parameters(means, log_scales, quaternions, opacity_logits, sh)
         view = view_vector(camera, None if pose is None else pose.detach().double().numpy(), settings)
         projected = project_and_sort(view, parameters, camera.width, camera.height, screen.radius.numpy())
         behind = background.detach().contiguous().numpy()
-        image, transmittance, blended, screen.evaluations = _blend(
+        image, transmittance, blended, screen.evaluations = blend(
             projected, projected.splats, behind, camera.width, camera.height
         )
         culled = zip(CULL_REASONS[1:], projected.reasons[1:], strict=True)
@@ -210,7 +213,7 @@ class _Rasterize(torch.autograd.Function):
         depth = np.zeros((0, 0), np.float32)
         if settings.depth:
             far = _depth_splats(projected.splats)
-            depth = _blend(projected, far, np.zeros(3, np.float32), camera.width, camera.height)[0][0].copy()
+            depth = blend(projected, far, np.zeros(3, np.float32), camera.width, camera.height)[0][0].copy()
         ctx.projected, ctx.screen, ctx.settings = projected, screen, settings
         ctx.image, ctx.transmittance, ctx.blended = image, transmittance, blended
         ctx.depth = depth
@@ -223,7 +226,7 @@ class _Rasterize(torch.autograd.Function):
         count = len(p.status)
         d_image_array = d_image.contiguous().numpy()
         d_alpha_array = d_alpha.contiguous().numpy()
-        slots = _blend_backward(p, p.splats, ctx.image, ctx.transmittance, ctx.blended, d_image_array, d_alpha_array)
+        slots = blend_backward(p, p.splats, ctx.image, ctx.transmittance, ctx.blended, d_image_array, d_alpha_array)
         depth_gradient = np.zeros(0, np.float32)
         if ctx.settings.depth and bool(d_depth.any()):
             shape = ctx.transmittance.shape
@@ -231,7 +234,7 @@ class _Rasterize(torch.autograd.Function):
             stack[0] = ctx.depth
             gradient = np.zeros((3, *shape), np.float32)
             gradient[0] = d_depth.numpy()
-            more = _blend_backward(
+            more = blend_backward(
                 p, _depth_splats(p.splats), stack, ctx.transmittance, ctx.blended, gradient, np.zeros(shape, np.float32)
             )
             totals = np.concatenate(([0.0], np.cumsum(more[:, M_RED], dtype=np.float64)))

@@ -6,9 +6,9 @@ import torch
 from torch import Tensor
 
 from ..camera import Camera
-from ..devices import BackendName, backend_named, backend_on
+from ..devices import Backend, BackendName, backend_named, backend_on
 from ..gaussians import Gaussians
-from ..rendering import RasterSettings, Rendered
+from ..rendering import RasterSettings, Rendered, RenderedPath
 
 
 def render(
@@ -37,9 +37,37 @@ def render(
     Raises:
         DeviceError: the back end does not fit the tensors or is not installed.
     """
-    if backend == "auto":
-        single = gaussians.means.dtype == torch.float32
-        found = backend_on(gaussians.means.device) if single else backend_named("reference")
-    else:
-        found = backend_named(backend)
-    return found.render(gaussians, camera, background, pose, settings)
+    return _found(gaussians, backend).render(gaussians, camera, background, pose, settings)
+
+
+def render_path(
+    gaussians: Gaussians,
+    camera: Camera,
+    poses: Tensor,
+    *,
+    background: Tensor | None = None,
+    settings: RasterSettings = RasterSettings(),
+    backend: BackendName = "auto",
+) -> RenderedPath:
+    """What a camera sees from each pose of a short path, as `render` from there; no depth.
+
+    The back end `cpu` projects and sorts once: ellipses, colours and order are those of the middle pose, centres each
+    frame's own. Gradients go back through the middle pose.
+
+    Args:
+        poses: [K, 3, 4] world to camera, in their order along the path, without gradient; others as of `render`.
+
+    Returns:
+        The frames; gradients flow to all five parameters.
+
+    Raises:
+        DeviceError: the back end does not fit the tensors or is not installed.
+    """
+    return _found(gaussians, backend).render_path(gaussians, camera, background, poses, settings)
+
+
+def _found(gaussians: Gaussians, backend: BackendName) -> Backend:
+    if backend != "auto":
+        return backend_named(backend)
+    single = gaussians.means.dtype == torch.float32
+    return backend_on(gaussians.means.device) if single else backend_named("reference")

@@ -16,7 +16,7 @@ common is a motion of the whole scene (their mean is 0).
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -71,18 +71,20 @@ class CameraPathSettings:
     )
     depth_every: int = number(4, "visits", "of a photo, after which its depth is drawn anew", _FIRST)
     again_at: tuple[int, ...] = number(
-        (4, 10, 20),
+        (5, 12),
         "visits",
-        "of a photo, after which all straight paths are compared with its own: a wrong direction holds itself",
-        f"{_SHAKEN}: two photos kept a path that was wrong by 3 px; 26.42 dB without, 26.57 with",
+        "of a photo, after which straight paths are compared with its own: a wrong direction holds itself",
+        f"{_SHAKEN}: two photos keep a path that is wrong by 3 px without; when, is a first choice",
     )
+    again_starts: int = number(2, "count", "straight paths that are compared with a photo's own at a time", _FIRST)
+    again_steps: int = number(3, "steps", "that each of them takes before it is compared", _FIRST)
     again_turns: int = number(16, "count", "directions that are compared", _FIRST)
     again_factor: float = number(1.3, "ratio", "of one length that is compared to the next shorter one", _FIRST)
     clearly_nearer: float = number(
-        0.9,
+        0.99,
         "factor",
-        "on the squared difference, that a straight path must leave less of to take the place of a path",
-        _FIRST,
+        "on the mean difference, that another path must leave less of to take the place of a photo's own",
+        f"one photo of {_SHAKEN}: after five visits the right path left 0.972 of a wrong one's, as the twin is soft",
     )
     nearest: float = number(
         0.05, "viewing distances", "no depth is less: flow grows without bound towards the camera", _FIRST
@@ -143,6 +145,17 @@ class SampledDepth:
     visits: int
     size: tuple[int, int]
     depth: Tensor
+
+
+@dataclass(frozen=True)
+class Visit:
+    """A photo as a step sees it: its place and name, camera and planes [3, H, W] on the grid, px [H, W] that count."""
+
+    index: int
+    name: str
+    camera: Camera
+    photo: Tensor
+    counts: Tensor | None
 
 
 class CameraPaths:
@@ -222,44 +235,87 @@ class CameraPaths:
             camera: of the photo on the grid.
             exposed: what the twin shows in it; photo: [3, H, W] sRGB; counts: [H, W] bool px that count, None for all.
         """
-        i, s = self._index.get(name), self.settings
+        i = self._index.get(name)
         if i is None:
             return
         self._visits[i] += 1
         if len(exposed.frames) < 2 or name not in self._depths:
             return
-        jacobian, rest, weight = self._linearised(i, name, camera, exposed, photo, counts)
+        self._step(Visit(i, name, camera, photo, counts), exposed)
+        self._settle(i)
+
+    def _step(self, visit: Visit, exposed: Exposed) -> None:
+        i, s = visit.index, self.settings
+        jacobian, rest, weight = self._linearised(visit, exposed)
         limit = max(s.huber * 1.4826 * float(rest.abs().median()), 1e-3)
         weight = weight * (limit / rest.abs().clamp(min=1e-12)).clamp(max=1.0)
         weighted, noise = jacobian * weight, float((weight * rest.square()).sum() / weight.sum().clamp(min=1.0))
         trust = s.independent / max(float(weight.numel()), 1.0) / max(noise, 1e-8)
         matrix, vector = (weighted @ jacobian.T).double() * trust, (weighted @ rest).double() * trust
-        precision = self._prior(name) ** -2.0
+        precision = self._prior(visit.name) ** -2.0
         now = (self._twists[i] / self._units[i]).reshape(-1).double()
         move = torch.linalg.solve(matrix + torch.diag(precision), vector - now * precision).float() * s.part
         if not bool(torch.isfinite(move).all()):
             return
         move = move * min(1.0, s.longest_step / max(float(move.abs().max()), 1e-9))
-        bound = s.longest * self._diagonal[name]
+        bound = s.longest * self._diagonal[visit.name]
         self._twists[i] = (now.float() + move).clamp(-bound, bound).reshape(-1, 6) * self._units[i]
-        self._settle(i)
 
     def looks_again(self, name: str) -> bool:
         """Whether a photo's path is to be compared with others (`look_again`)."""
         i = self._index.get(name)
         return i is not None and int(self._visits[i]) in self.settings.again_at
 
-    def look_again(self, name: str, camera: Camera, still: Tensor, photo: Tensor) -> None:
-        """Begins anew with a straight path where one explains a photo clearly better than its own does.
+    def look_again(
+        self,
+        name: str,
+        camera: Camera,
+        photo: Tensor,
+        still: Tensor,
+        expose: Callable[[], Exposed],
+        counts: Tensor | None = None,
+    ) -> None:
+        """Begins anew with another path where one explains a photo clearly better than its own does.
 
-        A step sees near ones only. The picture without motion is convolved with each, which is nearly what a turn of
-        the camera does, in one transform: a path's share of the photo at frequency f is the mean of
-        exp(-2 pi i f . way(t)).
+        A step sees near ones only: a wrong direction holds itself. So straight paths of other directions take a few
+        steps each, as the photo's own does, and what they leave of the photo decides.
 
         Args:
-            camera: of the photo on the grid; still: [3, H, W] sRGB as the twin shows it from there; photo: the same.
+            still: [3, H, W] sRGB as the twin shows the photo from its camera.
+            expose: what the twin shows in the photo along the path that it has then; others as of `learn`.
         """
-        i, s, still, photo = self._index[name], self.settings, still.cpu(), photo.cpu()
+        i, s = self._index[name], self.settings
+        visit, own = Visit(i, name, camera, photo, counts), self._twists[i].clone()
+        best, chosen = math.inf, own
+        for k, start in enumerate([own, *self._straight(visit, still)]):
+            self._twists[i] = start
+            for _ in range(s.again_steps):
+                exposed = expose()
+                if len(exposed.frames) > 1:
+                    self._step(visit, exposed)
+            left = self._left(visit, expose()) * (1.0 if k else s.clearly_nearer)
+            if left < best:
+                best, chosen = left, self._twists[i].clone()
+        self._twists[i] = chosen
+        self._settle(i)
+
+    def _left(self, visit: Visit, exposed: Exposed) -> float:
+        """Mean size of what a path leaves of a photo where it counts."""
+        height, width = visit.photo.shape[1:]
+        at = Sampled.of(height, width, self.settings.looked_at)
+        rest = (at.of_planes(visit.photo.cpu()) - at.of_planes(exposed.degraded.cpu())).abs().mean(dim=0)
+        if visit.counts is None:
+            return float(rest.mean())
+        counted = rest[at.of_planes(visit.counts.cpu())]
+        return float(counted.mean()) if len(counted) else 0.0
+
+    def _straight(self, visit: Visit, still: Tensor) -> list[Tensor]:
+        """Straight paths [M + 1, 6] of different directions, those that explain a photo best.
+
+        The picture without motion is convolved with each, which is nearly what a turn of the camera does, in one
+        transform: a path's share of the photo at frequency f is the mean of exp(-2 pi i f . way(t)).
+        """
+        s, still, photo, camera = self.settings, still.cpu(), visit.photo.cpu(), visit.camera
         height, width = photo.shape[1:]
         window = torch.hann_window(height)[:, None] * torch.hann_window(width)[None, :]
         spectra = [
@@ -267,24 +323,25 @@ class CameraPaths:
             for p in (still, photo)
         ]
         fy, fx = torch.fft.fftfreq(height)[:, None], torch.fft.rfftfreq(width)[None, :]
-
-        def left(transfer: Tensor) -> float:
-            """Squared difference that a path leaves which passes so much of each frequency."""
-            return float((spectra[1] - transfer * spectra[0]).abs().square().sum())
-
-        own = self.motion.way(name, camera.fx)
-        assert own is not None
-        phase = -2.0 * math.pi * (fx[None] * own[:, 0, None, None] + fy[None] * own[:, 1, None, None])
-        best, chosen = s.clearly_nearer * left(torch.polar(torch.ones_like(phase), phase).mean(dim=0)), None
         count = int(math.log(s.longest * math.hypot(height, width)) / math.log(s.again_factor))
+        found = []
         for turn in range(s.again_turns):
             x, y = math.cos(math.pi * turn / s.again_turns), math.sin(math.pi * turn / s.again_turns)
+            rests = []
             for length in (s.again_factor**k for k in range(count)):
-                if (rest := left(torch.sinc(length * (fx * x + fy * y)))) < best:
-                    best, chosen = rest, (length * x, length * y)
-        if chosen is not None:
-            self._twists[i, 1:] = 0.0
-            self._twists[i, 1, 4], self._twists[i, 1, 3] = chosen[0] / camera.fx / 2, -chosen[1] / camera.fx / 2
+                transfer = torch.sinc(length * (fx * x + fy * y))
+                rests.append((float((spectra[1] - transfer * spectra[0]).abs().square().sum()), length))
+            rest, length = min(rests)
+            found.append((rest, length * x, length * y))
+        beside = [(found[turn - 1][0], found[(turn + 1) % len(found)][0]) for turn in range(len(found))]
+        lowest = sorted(f for f, (left, right) in zip(found, beside, strict=True) if f[0] <= left and f[0] <= right)
+        starts = []
+        for _, x, y in lowest[: s.again_starts]:
+            start = torch.zeros_like(self._twists[visit.index])
+            start[0] = self._twists[visit.index, 0]
+            start[1, 4], start[1, 3] = x / camera.fx / 2, -y / camera.fx / 2
+            starts.append(start)
+        return starts
 
     def _settle(self, index: int) -> None:
         """Mean offset of the fitted photos 0, in px."""
@@ -299,10 +356,9 @@ class CameraPaths:
         each = [s.prior_offset, *(way / m**s.prior_fall for m in range(1, s.order + 1))]
         return torch.tensor(each, dtype=torch.float64).repeat_interleave(6)
 
-    def _linearised(
-        self, index: int, name: str, camera: Camera, exposed: Exposed, photo: Tensor, counts: Tensor | None
-    ) -> tuple[Tensor, Tensor, Tensor]:
+    def _linearised(self, visit: Visit, exposed: Exposed) -> tuple[Tensor, Tensor, Tensor]:
         """Jacobian [(M + 1) 6, K] by px, what is left of the photo [K] (sRGB), and which of it counts [K]."""
+        photo, counts = visit.photo, visit.counts
         height, width = photo.shape[1:]
         at, m = Sampled.of(height, width, self.settings.looked_at), (exposed.reached.shape[1] - height) // 2
         inner = (..., slice(m, m + height), slice(m, m + width))
@@ -318,7 +374,7 @@ class CameraPaths:
             ahead, behind = (at.of_planes(frames, s * down, s * right) for s in (1, -1))
             return torch.einsum("mt,tchw->mchw", basis, (ahead - behind) * decode * 0.5) * encode
 
-        du, dv = (flow[:, None] for flow in self._flow(index, name, camera, at))
+        du, dv = (flow[:, None] for flow in self._flow(visit.index, visit.name, visit.camera, at))
         jacobian = -(gradient(0, 1)[:, None] * du + gradient(1, 0)[:, None] * dv)
         rest = (at.of_planes(photo) - seen).reshape(-1)
         weight = torch.ones_like(rest)

@@ -202,10 +202,11 @@ class Trainer:
             self.raster_settings(level), lambda view: self.objective(level, view).medium, level.margin, self.formation
         )
 
-    def exposed(self, level: Level, view: GridView) -> Exposed:
-        """What the twin, as it is, would show in a photo; without gradient."""
+    def exposed(self, level: Level, view: GridView, behind: torch.Tensor | None = None) -> Exposed:
+        """What the twin, as it is, would show in a photo, before [3] sRGB; without gradient."""
+        behind = self.background if behind is None else behind
         with torch.no_grad():
-            return self.model(level).expose(self.optimizer.gaussians, view, self.background)
+            return self.model(level).expose(self.optimizer.gaussians, view, behind)
 
     def rates(self, share: float) -> dict[str, float]:
         """Step sizes at a share of the run."""
@@ -258,11 +259,11 @@ class Trainer:
         wanted = photo if asked is None else asked.photo
         found = evaluate(exposed.reached, wanted, valid)
         exposed.backward(found.gradient if asked is None else found.gradient * asked.weight)
-        for frame in exposed.frames:
-            self.density.collect(frame.rendered.screen)
-            for reason, count in frame.rendered.screen.culled.items():
+        for screen in exposed.screens:
+            self.density.collect(screen)
+            for reason, count in screen.culled.items():
                 self.culled[reason] = self.culled.get(reason, 0) + count
-        self._follow_path(level, view, exposed, wanted)
+        self._follow_path(level, view, exposed, wanted, backdrop)
         self._follow_focus(view, exposed, wanted)
         self.optimizer.step(self.rates(share))
         self.step += 1
@@ -278,8 +279,10 @@ class Trainer:
             self.density.act(self.optimizer, s.max_gaussians, np.random.default_rng([s.seed, 2, self.step]))
         return found.loss
 
-    def _follow_path(self, level: Level, view: GridView, exposed: Exposed, photo: torch.Tensor) -> None:
-        """Learns a step of the path that the camera took in a photo."""
+    def _follow_path(
+        self, level: Level, view: GridView, exposed: Exposed, photo: torch.Tensor, behind: torch.Tensor
+    ) -> None:
+        """Learns a step of the path that the camera took in a photo; `behind`: [3] sRGB."""
         paths = self.learned.paths
         if paths is None:
             return
@@ -287,12 +290,13 @@ class Trainer:
         if again or paths.wants_depth(view.name, view.camera):
             settings = replace(self.raster_settings(level), depth=True)
             with torch.no_grad():
-                still = sharp_view(self.optimizer.gaussians, view.camera, settings, self.background)
+                still = sharp_view(self.optimizer.gaussians, view.camera, settings, behind)
             assert still.mean_depth is not None
             paths.see_depth(view.name, still.mean_depth)
-            if again:
-                paths.look_again(view.name, view.camera, still.image, photo)
         counts = None if view.valid is None else torch.from_numpy(view.valid).to(self.device)
+        if again:
+            expose = lambda: self.exposed(level, view, behind)  # noqa: E731
+            paths.look_again(view.name, view.camera, photo, still.image, expose, counts)
         paths.learn(view.name, view.camera, exposed, photo, counts)
 
     def _follow_focus(self, view: GridView, exposed: Exposed, photo: torch.Tensor) -> None:
@@ -325,7 +329,7 @@ class Trainer:
         if self.learned.paths is None and self.learned.focus is None:
             return
         exposed, photo = self.exposed(level, view), torch.from_numpy(view.planes()).to(self.device)
-        self._follow_path(level, view, exposed, photo)
+        self._follow_path(level, view, exposed, photo, self.background)
         self._follow_focus(view, exposed, photo)
 
     def _find_unseen(self, level: Level, view: GridView) -> None:

@@ -94,7 +94,7 @@ def shown(trainer: Trainer, level: Level, view: GridView) -> tuple[torch.Tensor,
     model = replace(model, settings=replace(model.settings, depth=True))
     with torch.no_grad():
         exposed = model.expose(trainer.optimizer.gaussians, view, trainer.background)
-        picture, surface = exposed.degraded, exposed.rendered.mean_depth
+        picture, surface = exposed.degraded, exposed.mean_depth
     assert surface is not None
     m, camera = level.margin, view.camera
     depth = surface[m : m + camera.height, m : m + camera.width]

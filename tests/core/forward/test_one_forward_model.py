@@ -98,7 +98,7 @@ def test_stages_follow_each_other(space: str) -> None:
     exposed = model(space, vignetting).expose(gaussians(), View(camera()))
     assert exposed.reached.shape == (3, HEIGHT + 2 * MARGIN, WIDTH + 2 * MARGIN)
     assert exposed.degraded.shape == exposed.photo.shape == (3, HEIGHT, WIDTH)
-    assert torch.equal(exposed.degraded, medium(space).degraded(exposed.rendered.image.detach()))
+    assert torch.equal(exposed.degraded, medium(space).degraded(exposed.renders[0].image.detach()))
     assert float(exposed.photo[:, 0, 0].sum()) < float(exposed.degraded[:, 0, 0].sum())
     photo = torch.zeros(3, HEIGHT, WIDTH)
     assert torch.equal(exposed.residual(photo), -exposed.degraded)
@@ -141,7 +141,7 @@ def test_a_medium_may_ask_for_several_renders_and_learn_poses(space: str) -> Non
     whole = ForwardModel(RasterSettings(), lambda _: two, MARGIN)
     exposed = whole.expose(twin, View(camera()))
     assert len(exposed.frames) == 2
-    alone = [frame.rendered.image.detach() for frame in exposed.frames]
+    alone = [rendered.image.detach() for rendered in exposed.renders]
     still = sharp_view(twin, camera().with_margin(MARGIN), RasterSettings()).image.detach()
     assert torch.equal(alone[0], still) and not torch.allclose(alone[1], still)
     if space == "srgb":
