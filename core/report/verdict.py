@@ -32,7 +32,9 @@ class VerdictSettings:
     doubtful_ratio: float = number(
         2.0, "factor", "squared error on unseen photos over that on fitted ones: 3 dB", BY_DEFINITION
     )
-    poor_ratio: float = number(4.0, "factor", "the same: 6 dB, twice the error", BY_DEFINITION)
+    poor_ratio: float = number(
+        4.0, "factor", "the same: 6 dB, twice the error, where a tenth is unexplained as well", BY_DEFINITION
+    )
     doubtful_share: float = number(
         0.1, "of a photo's variance", "that stays unexplained: a tenth of what the photos show", _THOUGHT_OF, _LOOKED_AT
     )
@@ -67,6 +69,9 @@ class VerdictSettings:
 
 
 VERDICT = VerdictSettings()
+
+#: How a doubtful twin predicts, and what it is between its photos.
+_ROUGHLY = "predicts less well", "less exact than before them"
 
 
 @dataclass(frozen=True)
@@ -147,11 +152,10 @@ def _gain_of_exposure(score: ViewScores) -> float:
 def _level(share: float, fitted: float, settings: VerdictSettings) -> Level:
     if share <= settings.small_share:
         return "good"
-    if share > settings.poor_share or share > settings.poor_ratio * fitted:
+    much = share > settings.doubtful_share
+    if share > settings.poor_share or (much and share > settings.poor_ratio * fitted):
         return "poor"
-    if share > settings.doubtful_share or share > settings.doubtful_ratio * fitted:
-        return "doubtful"
-    return "good"
+    return "doubtful" if much or share > settings.doubtful_ratio * fitted else "good"
 
 
 def _sentence(level: Level, share: float, fitted: float, ratio: float) -> str:
@@ -159,10 +163,9 @@ def _sentence(level: Level, share: float, fitted: float, ratio: float) -> str:
     if level == "good":
         return f"The twin predicts photos that it has not seen: it explains {explained}."
     if ratio > VERDICT.doubtful_ratio:
-        how = "hardly predicts" if level == "poor" else "predicts only roughly"
+        how, between = ("hardly predicts", "not to be trusted") if level == "poor" else _ROUGHLY
         return (
-            f"The twin {how} photos that it has not seen: it explains {explained}."
-            " Between its photos it is not to be trusted."
+            f"The twin {how} photos that it has not seen: it explains {explained}. Between its photos it is {between}."
         )
     return f"The twin explains its own photos only in part, and unseen ones alike: {explained}."
 

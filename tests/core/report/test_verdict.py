@@ -75,10 +75,12 @@ def test_as_good_on_unseen_photos_as_on_fitted_ones() -> None:
 
 
 def test_remembered_photos_are_no_scene() -> None:
-    """Three dB worse is doubted, six dB worse is not believed."""
+    """Three dB worse is doubted; six dB worse is not believed, unless nine tenths are explained all the same."""
     fitted = [_score("1.png", 0.02)]
     assert verdict([_score("0.png", 0.05)], fitted, _ring(5.0), []).level == "doubtful"
     found = verdict([_score("0.png", 0.09)], fitted, _ring(5.0), [])
+    assert found.level == "doubtful" and "less exact" in found.sentence
+    found = verdict([_score("0.png", 0.12)], fitted, _ring(5.0), [])
     assert found.level == "poor" and "not to be trusted" in found.sentence
 
 
