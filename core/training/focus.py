@@ -66,13 +66,18 @@ class LearnedFocusSettings:
     independent: float = number(400.0, "px", "that a photo's px count as: neighbours err alike", _FIRST)
     knee: float = number(0.1, "sRGB", "differences beyond count as this: wrong places, not blur", _FIRST)
     least_noise: float = number(0.004, "sRGB", "by which twin and photo differ at least: 1 of 255", BY_DEFINITION)
-    softened: int = number(4, "rung", "of the ladder, by which photos are blurred where they are compared", _FIRST)
-    own: float = number(
-        60.0,
-        "natural log of the likelihood",
-        "that a photo must gain by a strength of its own: a third of what is left of the difference",
-        _FIRST,
+    softened: int = number(3, "rung", "of the ladder, by which photos are blurred where they are compared", _FIRST)
+    most_said: float = number(
+        60.0, "natural log of the likelihood", "that a photo says against a common strength at most", _FIRST
     )
+    own: float = number(
+        20.0,
+        "natural log of the likelihood",
+        "that a photo must gain by a strength of its own: a tenth of what is left of the difference; with 60 the sharp"
+        " held-out photos were given blur, too",
+        "the rendered depth of field, one seed: 60; no other value was compared",
+    )
+    own_unseen: float = number(8.0, "natural log of the likelihood", "the same for a photo that is held out", _FIRST)
     own_from: float = number(
         0.45, "share of the run", "from which on a strength of its own is asked about: before, the twin is soft", _FIRST
     )
@@ -250,11 +255,11 @@ class LearnedFocus:
         costs = {name: table.cost(tried, self.settings) for name, table in tables.items()}
         again = self.settings.again if self.begun else 0.0
         if not self.begun:
-            self.common = float(tried.strengths[_strength(costs, self.settings.own)])
+            self.common = float(tried.strengths[_strength(costs, self.settings.most_said)])
         common = int(np.abs(tried.strengths - self.common).argmin())
         for name, cost in costs.items():
             if not self.begun or self._now_in(cost, tried, name) > cost.min() + again:
-                self._settle_on(name, cost, tried, common)
+                self._settle_on(name, cost, tried, common, self.settings.own)
         self._normal.clear()
         self.begun = True
 
@@ -274,15 +279,20 @@ class LearnedFocus:
         strengths = np.unique(np.append(tried.strengths, self.common))
         tried = Tried(strengths, tried.foci)
         cost = table.cost(tried, self.settings)
-        self._settle_on(name, cost, tried, int(np.searchsorted(strengths, self.common)))
+        at = int(np.searchsorted(strengths, self.common))
+        self._settle_on(name, cost, tried, at, self.settings.own_unseen)
 
-    def _settle_on(self, name: str, cost: Array, tried: Tried, common: int) -> None:
-        """The best focus of a photo with the common strength, or a clearly better strength of its own; cost: [S, F]."""
+    def _settle_on(self, name: str, cost: Array, tried: Tried, common: int, own: float) -> None:
+        """The best focus of a photo with the common strength, or a strength of its own that is better by `own`.
+
+        Args:
+            cost: [S, F]; common: which of the strengths is common.
+        """
         self._own.discard(name)
         row, chosen, by_strength = self.effect.row_of(name), common, cost.min(axis=1)
         assert row is not None
         ripe = self._share >= self.settings.own_from
-        if ripe and by_strength[common] - by_strength.min() > self.settings.own:
+        if ripe and by_strength[common] - by_strength.min() > own:
             chosen = int(by_strength.argmin())
             self._own.add(name)
         self._set(row, tried.strengths[chosen], tried.foci[int(cost[chosen].argmin())])

@@ -134,6 +134,8 @@ class FocusBlur(Effect):
     def _width(self, light: Tensor, shot: Shot, row: int) -> Tensor:
         if shot.depth is None:
             raise ValueError(f"{self.name} needs the render's depth")
+        if shot.depth.shape != light.shape[1:]:
+            raise ValueError(f"depth is of the light's own frame, not {list(shot.depth.shape)} for {list(light.shape)}")
         return self.width(shot.depth.to(light), row, shot.diagonal)
 
     def forward(self, light: Tensor, shot: Shot) -> Tensor:

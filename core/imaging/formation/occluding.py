@@ -105,13 +105,13 @@ class OccludingBlur:
 
     def __init__(self, width: Tensor, shape: Shape) -> None:
         ladder = _ladder(shape, OCCLUDING.widest * min(width.shape))
-        signed = (width * width.abs()).clamp(ladder[0], ladder[-1])
+        signed = (width * width.abs()).clamp(ladder[0], ladder[-1]).contiguous()
         lowest, highest = (float(v) for v in torch.aminmax(signed.detach()))
         self.identity = max(-lowest, highest) < LAYERED.invisible**2
         if self.identity:
             return
         first = max(i for i, v in enumerate(ladder) if v <= lowest or i == 0)
-        last = min(i for i, v in enumerate(ladder) if v >= highest or i == len(ladder) - 1)
+        last = max(1, min(i for i, v in enumerate(ladder) if v >= highest or i == len(ladder) - 1))
         first = min(first, last - 1)
         self._shape, self._signed, self._width = shape, signed, width.detach()
         self._free = width.detach().square() <= ladder[-1]

@@ -106,3 +106,17 @@ def test_nothing_out_of_focus_is_the_very_same_light():
     assert (
         FOCUS.nearest_depth > 0 and torch.isfinite(one.forward(light, Shot("a", H, W, depth=torch.zeros(H, W)))).all()
     )
+
+
+@pytest.mark.parametrize("width", [-99.0, -1.0, 99.0])
+def test_what_is_all_equally_far_off_is_blurred_evenly(width):
+    """As wide as the frame allows at most, in front of the sharp plane and behind it alike."""
+    light = smooth(0, 0.5)
+    one, other = (OccludingBlur(torch.full((H, W), side * width).double(), "disk").apply(light) for side in (1, -1))
+    assert torch.allclose(one, other) and float((one - light).abs().max()) > 0.01
+
+
+def test_a_depth_of_another_frame_is_refused():
+    one = LensFocus(["a"], torch.tensor([0.1]), torch.tensor([0.0]))
+    with pytest.raises(ValueError, match="own frame"):
+        one.forward(smooth(0, 0.5), Shot("a", H, W, depth=torch.ones(H + 2, W)))

@@ -6,15 +6,19 @@ import numpy as np
 import pytest
 import torch
 from dgs.benchmarks import effects as validation
-from dgs.benchmarks.effect_scenes import Truth, degrade, make_scene
+from dgs.benchmarks.effect_scenes import MARGIN, Truth, degrade, make_scene
+from dgs.core.colour import linear_to_srgb, srgb_to_linear
 from dgs.core.effects.defocus import Defocus, shared_focus
 from dgs.core.effects.depth_unit import depth_unit
 from dgs.core.effects.registry import built
 from dgs.core.errors import DgsError
 from dgs.core.imaging.formation.chain import Formation
+from dgs.core.imaging.formation.effect import Shot
+from dgs.core.imaging.formation.focus import LensFocus
 from dgs.core.imaging.medium import Medium
 from dgs.core.imaging.psf_text import parse_psf
 from dgs.core.inspection.photo_set import PhotoSet
+from dgs.core.inspection.same_points import focus_shift
 from dgs.core.photos.undistort import undistorted_views
 from dgs.core.pipeline.effects.choose import choose_effects
 from dgs.core.pipeline.effects.confirmed import confirmed_by_points
@@ -107,3 +111,23 @@ def test_the_twin_is_sharper_with_it(sets, true_defocus):
             errors.append(np.square(viewer.degraded(lens, pose, MEDIUM, views[i].name) - clear).mean())
         found.append(-10 * np.log10(np.mean(errors)))
     assert found[1] > found[0] + 0.15, found
+
+
+def test_a_focus_that_moves_is_seen_and_none_where_there_is_none(scene, sets):
+    """Every second photo focused on the nearest, the others on the farthest."""
+    clean, moving = sets["clean"], []
+    near, far = np.quantile(scene.depth, [0.02, 0.98])
+    for i, photo in enumerate(clean.photos):
+        depth = torch.from_numpy(np.ascontiguousarray(scene.depth[i][MARGIN:-MARGIN, MARGIN:-MARGIN], np.float32))
+        one = LensFocus([photo.name], torch.tensor([0.02 * far]), torch.tensor([1 / near if i % 2 else 1 / far]))
+        light = torch.from_numpy(srgb_to_linear(photo.pixels.transpose(2, 0, 1) / 255.0).astype(np.float32))
+        shown = linear_to_srgb(one.forward(light, Shot(photo.name, *depth.shape, depth=depth))).numpy()
+        pixels = np.round(shown.clip(0, 1) * 255).astype(np.uint8).transpose(1, 2, 0)
+        moving.append(replace(photo, pixels=np.ascontiguousarray(pixels)))
+    found = focus_shift(PhotoSet(moving, clean.cameras))
+    assert found is not None and found.clear, found
+    signs = [found.slopes[photo.name] * (1 if i % 2 else -1) for i, photo in enumerate(moving)]
+    assert np.mean(np.array(signs) > 0) >= 0.8, found
+    for kind in ("clean", "field"):  # (one focus for all is seen, too, as photos hold different depths)
+        none = focus_shift(sets[kind])
+        assert none is not None and not none.clear, (kind, none)
