@@ -20,10 +20,11 @@ from dgs.core.imaging.psf import PointSpread
 from dgs.core.rasterizer import RasterSettings
 
 CORE = Path(__file__).resolve().parents[3] / "core"
-#: What renders and blurs, and who may import it besides the module that defines it.
+#: What renders and blurs, and who may import it besides the module that defines it: the ladders of an effect whose blur
+#: varies over the frame, without and with what is near hiding what is behind it, are made of it.
 PARTS = {
     "render": ("forward/",),
-    "BlurOperator": ("forward/", "imaging/formation/layered.py"),
+    "BlurOperator": ("forward/", "imaging/formation/layered.py", "imaging/formation/occluding.py"),
     "shared_operator": ("forward/",),
 }
 WIDTH, HEIGHT, MARGIN = 40, 32, 5
