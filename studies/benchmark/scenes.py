@@ -74,7 +74,11 @@ class BenchmarkScene:
 #: Of 3DGS and its followers on lego: on white, sharp, 100 training views.
 _LEGO = "35.4 to 35.8 (3DGS and followers, 30,000 steps)"
 
+_ROOM = RenderedSet("room", "inside", samples=8)
+
 CHOSEN = (
+    # (where cameras are doubted was chosen on it)
+    BenchmarkScene("room-found", "chosen on", "all-round indoor", "found", _ROOM),
     BenchmarkScene(
         "ball",
         "chosen on",
@@ -109,7 +113,6 @@ CHOSEN = (
 
 _ORRERY = RenderedSet("orrery", "dome", background="transparent")
 _PLANT = RenderedSet("plant", "dome", background="white")
-_ROOM = RenderedSet("room", "inside", samples=8)
 _SHELF = RenderedSet("shelf", "front", 32, samples=8)
 _VILLAGE = RenderedSet("village", "drone", samples=8)
 
@@ -130,7 +133,6 @@ CHECKED = (
     *_pair("plant", "object on white", _PLANT, ("given", "given")),
     *_pair("orrery", "transparent", _ORRERY, ("given", "given")),
     *_pair("room", "all-round indoor", _ROOM, ("given", "given")),
-    BenchmarkScene("room-found", "checked on", "all-round indoor", "found", _ROOM),
     *_pair("shelf", "forward-facing", _SHELF, ("found", "found")),
     *_pair("village", "drone", _VILLAGE, ("given", "found")),
     BenchmarkScene("drinks", "checked on", "forward-facing", "given", PhotoSet("drinks", cameras="cameras")),

@@ -82,7 +82,7 @@ def test_a_quick_run_makes_sets_rows_and_page_and_takes_them_up_again(tmp_path: 
 
 def test_the_table_has_mean_worst_and_seconds():
     rows = {(found["scene"], found["effort"]): found for found in [row("plant"), row("room-found", worst=25.0)]}
-    lines = pages.table([s for s in CHECKED if s.name in ("plant", "room-found")], rows, ["balanced"])
+    lines = pages.table([s for s in SCENES if s.name in ("plant", "room-found")], rows, ["balanced"])
     assert "| plant | object on white | 48 of 400 x 300 | sharp | given | 30.00 (28.0) in 40 s | - |" in lines
     assert (
         "| room-found | all-round indoor | 48 of 400 x 300 | sharp | found: 47 | 30.00 (**25.0**) in 40 s | - |"
