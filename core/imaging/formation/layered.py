@@ -9,6 +9,7 @@ where a blurred foreground ends.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -53,7 +54,41 @@ LAYERED = LayeredSettings()
 LADDER = tuple(LAYERED.first * LAYERED.ratio**k for k in range(LAYERED.rungs))
 
 
-class LayeredBlur:
+class LadderBlur(ABC):
+    """What every blur shares that mixes the rungs of a ladder, each px by its own place on it.
+
+    Attributes:
+        _place: [h, w] each px' place on the ladder, in what its tents are functions of.
+    """
+
+    _place: Tensor
+
+    @abstractmethod
+    def _rung(self, rung: int) -> BlurOperator:
+        """The blur of a rung, from 1 on."""
+
+    def _spread(self, rung: int, planes: Tensor) -> Tensor:
+        if rung == 0:
+            return planes
+        return self._rung(rung)(planes) if planes.requires_grad else self._rung(rung).apply(planes)
+
+    def _free_of_gradients(self, light: Tensor) -> bool:
+        """Whether a back end's own passes do: they know neither autograd nor other types than float32."""
+        return light.dtype == torch.float32 and not light.requires_grad and not self._place.requires_grad
+
+    def _weighed(self, light: Tensor, tent: Tent) -> Tensor:
+        """[C + 1, h, w] a level's share of the light, and its weights."""
+        if self._free_of_gradients(light):
+            return backend_on(light.device).layer_weighed(light, self._place, tent)
+        return layer_weighed(light, self._place, tent)
+
+    def _gathered(self, back: Tensor, light: Tensor, gradient: Tensor, in_place: Tensor, tent: Tent) -> None:
+        """Adds a level's part to both gradients; back: [C + 1, h, w], what came back through its blur."""
+        gather = backend_on(light.device).layer_gathered if self._free_of_gradients(light) else layer_gathered
+        gather(back, light, self._place.detach(), tent, (gradient, in_place))
+
+
+class LayeredBlur(LadderBlur):
     """The blur for one map of variances.
 
     Args:
@@ -69,7 +104,7 @@ class LayeredBlur:
         first = max(i for i, v in enumerate(variances) if v <= lowest or i == 0)
         last = next((i for i, v in enumerate(variances) if v >= highest), len(variances) - 1)
         first = min(first, last - 1)
-        self._variance = variance.clamp(max=variances[-1])
+        self._place = variance.clamp(max=variances[-1])
         self._free = None if highest <= variances[-1] else variance.detach() <= variances[-1]
         self._levels = [(k, tent_of(variances[first : last + 1], k - first)) for k in range(first, last + 1)]
         self._norm: Tensor | None = None
@@ -105,29 +140,9 @@ class LayeredBlur:
             self._gathered(back, light, gradient, in_variance, tent)
         return gradient, in_variance if self._free is None else in_variance * self._free
 
-    def _spread(self, k: int, planes: Tensor) -> Tensor:
-        if k == 0:
-            return planes
-        return self._rung(k)(planes) if planes.requires_grad else self._rung(k).apply(planes)
-
-    def _rung(self, k: int) -> BlurOperator:
-        v = self._variance
-        return _rung(k, v.shape[0], v.shape[1], v.dtype, v.device)
-
-    def _free_of_gradients(self, light: Tensor) -> bool:
-        """Whether a back end's own passes do: they know neither autograd nor other types than float32."""
-        return light.dtype == torch.float32 and not light.requires_grad and not self._variance.requires_grad
-
-    def _weighed(self, light: Tensor, tent: Tent) -> Tensor:
-        """[C + 1, h, w] a level's share of the light, and its weights."""
-        if self._free_of_gradients(light):
-            return backend_on(light.device).layer_weighed(light, self._variance, tent)
-        return layer_weighed(light, self._variance, tent)
-
-    def _gathered(self, back: Tensor, light: Tensor, gradient: Tensor, in_variance: Tensor, tent: Tent) -> None:
-        """Adds a level's part to both gradients; back: [C + 1, h, w], what came back through its blur."""
-        gather = backend_on(light.device).layer_gathered if self._free_of_gradients(light) else layer_gathered
-        gather(back, light, self._variance.detach(), tent, (gradient, in_variance))
+    def _rung(self, rung: int) -> BlurOperator:
+        v = self._place
+        return _rung(rung, v.shape[0], v.shape[1], v.dtype, v.device)
 
 
 def layer_weighed(light: Tensor, variance: Tensor, tent: Tent) -> Tensor:

@@ -22,11 +22,11 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from ...devices import Tent, backend_on
+from ...devices import backend_on
 from ...numbers import BY_DEFINITION, number
 from ..operator import BlurOperator
 from ..psf import PointSpread
-from .layered import LADDER, LAYERED, layer_gathered, layer_weighed, tent_of
+from .layered import LADDER, LAYERED, LadderBlur, tent_of
 
 #: What a point of light becomes: the image of a lens's round hole, or a Gaussian.
 Shape = Literal["disk", "gaussian"]
@@ -95,7 +95,7 @@ def even_blur(light: Tensor, sigma: float, shape: Shape) -> tuple[Tensor, float]
     return blurred, _variance(shape, sigma)
 
 
-class OccludingBlur:
+class OccludingBlur(LadderBlur):
     """The blur for one map of signed widths.
 
     Args:
@@ -113,7 +113,7 @@ class OccludingBlur:
         first = max(i for i, v in enumerate(ladder) if v <= lowest or i == 0)
         last = max(1, min(i for i, v in enumerate(ladder) if v >= highest or i == len(ladder) - 1))
         first = min(first, last - 1)
-        self._shape, self._signed, self._width = shape, signed, width.detach()
+        self._shape, self._place, self._width = shape, signed, width.detach()
         self._free = width.detach().square() <= ladder[-1]
         middle = len(ladder) // 2
         self._levels = [(abs(k - middle), tent_of(ladder[first : last + 1], k - first)) for k in range(first, last + 1)]
@@ -169,27 +169,9 @@ class OccludingBlur:
             self._gathered(came, light, gradient, in_signed, tent)
         return gradient, 2.0 * self._width.abs() * in_signed * self._free
 
-    def _spread(self, rung: int, planes: Tensor) -> Tensor:
-        if rung == 0:
-            return planes
-        return self._rung(rung)(planes) if planes.requires_grad else self._rung(rung).apply(planes)
-
     def _rung(self, rung: int) -> BlurOperator:
-        v = self._signed
+        v = self._place
         return _rung(self._shape, rung, v.shape[0], v.shape[1], v.dtype, v.device)
-
-    def _free_of_gradients(self, light: Tensor) -> bool:
-        return light.dtype == torch.float32 and not light.requires_grad and not self._signed.requires_grad
-
-    def _weighed(self, light: Tensor, tent: Tent) -> Tensor:
-        """[C + 1, h, w] a level's share of the light, and its weights."""
-        if self._free_of_gradients(light):
-            return backend_on(light.device).layer_weighed(light, self._signed, tent)
-        return layer_weighed(light, self._signed, tent)
-
-    def _gathered(self, back: Tensor, light: Tensor, gradient: Tensor, in_signed: Tensor, tent: Tent) -> None:
-        gather = backend_on(light.device).layer_gathered if self._free_of_gradients(light) else layer_gathered
-        gather(back, light, self._signed.detach(), tent, (gradient, in_signed))
 
 
 def unknown(rows: int) -> tuple[Tensor, Tensor]:
