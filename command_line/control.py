@@ -21,10 +21,15 @@ _PR_SET_PDEATHSIG = 1
 _NICE = 10
 
 
-def obey(interruption: Interruption) -> None:
-    """Starts listening to standard input, in a thread that does not keep the process alive."""
+def follow_master() -> None:
+    """Has the system end this process with the thread that started it, where it can."""
     if sys.platform == "linux":  # comes even while native code holds the interpreter
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+
+
+def obey(interruption: Interruption) -> None:
+    """Starts listening to standard input, in a thread that does not keep the process alive."""
+    follow_master()
     if hasattr(os, "nice"):  # the master's window goes first; Windows has other means, and the master uses them
         os.nice(_NICE)
     threading.Thread(target=_listen, args=(interruption,), name="control", daemon=True).start()

@@ -69,6 +69,7 @@ COMMANDS = (
     Command("measure-psf", "the point spread from a calibration photo"),
     Command("next-view", "which photo to take next"),
     Command("update", "new photos into a twin"),
+    Command("serve", "draw twins for another program", saves=False),
 )
 
 

@@ -266,6 +266,7 @@ def valid(folder: Path) -> dict[str, list[str]]:
         "measure-psf": [str(folder / "photos" / "a.png"), "--out", str(folder / "out" / "k.tif")],
         "next-view": [twin],
         "update": [twin, photos],
+        "serve": [],
     }
 
 

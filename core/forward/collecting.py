@@ -19,7 +19,7 @@ _GRAIN = 64
 
 
 @lru_cache(maxsize=1)
-def _table() -> NDArray[np.float32]:
+def decoding_table() -> NDArray[np.float32]:
     """[STEPS + 2] linear light of the display values i / STEPS."""
     return np.asarray(srgb_to_linear(np.arange(STEPS + 2) / STEPS), np.float32)
 
@@ -49,7 +49,7 @@ class CollectedLight:
         return list(torch.from_numpy(out))
 
     def _flat(self) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
-        return self._of(self._frames), self._weights, _table()
+        return self._of(self._frames), self._weights, decoding_table()
 
     def _of(self, planes: NDArray[np.float32]) -> NDArray[np.float32]:
         """[..., 3 h, w]: rows of all channels."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import bpy
+import gpu
 
 #: Balls that the processor draws about as fast as it draws an empty 3D view.
 SOFTWARE_SPLATS = 5000
@@ -12,6 +13,4 @@ def drawn_by_software() -> bool:
     """Whether this Blender has a window, and the processor draws it."""
     if bpy.app.background:
         return False
-    import gpu  # late: only a window has it
-
     return bool(gpu.platform.device_type_get() == "SOFTWARE")
