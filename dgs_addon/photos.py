@@ -39,7 +39,7 @@ class PhotoFolder:
     """What a folder holds, or the chosen part of it.
 
     Attributes:
-        files: the photos, by name; none of a movie.
+        files: the photos, by name, as far as they begin like pictures; none of a movie.
         size: (width, height) in px of most of them, where their headers say.
         warnings: a sentence for every photo that will be left out or is unlike the others.
         problem: why the folder cannot be used; '' if it can.
@@ -124,23 +124,26 @@ def _look(folder: Path, selection: str) -> PhotoFolder:
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
         return PhotoFolder(problem=rpt_("This folder cannot be read: {reason}").format(reason=reason))
-    files = tuple(path for path in there if path.suffix.lower() in kinds)
+    heads = {path: _head(path) for path in there if path.suffix.lower() in kinds}
+    files = tuple(path for path, (ok, _) in heads.items() if ok)
     unread = _unread([path.name for path in there])
+    damaged = [
+        rpt_("{name}: no photo inside, it will be left out").format(name=path.name)
+        for path, (ok, _) in heads.items()
+        if not ok
+    ]
     if len(files) < 3:
         words = (
             rpt_("No photos here; at least 3 are needed, 20 or more are better"),
             rpt_("Only 1 photo here; at least 3 are needed, 20 or more are better"),
             rpt_("Only 2 photos here; at least 3 are needed, 20 or more are better"),
         )
-        return PhotoFolder(files, problem=". ".join([words[len(files)], *unread[:1]]))
-    heads = {path: _head(path) for path in files}
+        return PhotoFolder(files, problem=". ".join([words[len(files)], *[*damaged, *unread][:1]]))
     sizes = Counter(size for ok, size in heads.values() if ok and size is not None)
     usual = sizes.most_common(1)[0][0] if sizes else None
-    gone = sorted(wanted - {path.name for path in files})
+    gone = sorted(wanted - {path.name for path in heads})
     warnings = [rpt_("{name}: it is not there any more").format(name=name) for name in gone]
-    warnings += unread
-    damaged = [path.name for path, (ok, _) in heads.items() if not ok]
-    warnings += [rpt_("{name}: no photo inside, it will be left out").format(name=name) for name in damaged]
+    warnings += [*unread, *damaged]
     warnings += [
         rpt_("{name}: {width} x {height} px, unlike the others").format(name=path.name, width=size[0], height=size[1])
         for path, (ok, size) in heads.items()

@@ -14,6 +14,7 @@ from .cancel_job import DGS_OT_cancel_job
 from .choose_photos import DGS_OT_choose_photos
 from .compare_truth import DGS_OT_compare_truth
 from .crop_twin import DGS_OT_crop_twin
+from .dismiss import DGS_OT_dismiss
 from .drop_files import DGS_FH_photos, DGS_FH_twin
 from .engine import DGS_OT_cancel_install, DGS_OT_check_engine, DGS_OT_install_engine, DGS_OT_open_preferences
 from .estimate import DGS_OT_estimate
@@ -56,6 +57,7 @@ CLASSES: tuple[type, ...] = (
     DGS_OT_cancel_job,
     DGS_OT_show_log,
     DGS_OT_add_results,
+    DGS_OT_dismiss,
     DGS_OT_view_twin,
     DGS_OT_exact_view,
     DGS_OT_show_known,

@@ -54,10 +54,10 @@ class DGS_OT_measure_psf(bpy.types.Operator, ImportHelper):
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
         inspection.point_spread.ask((str(photo),), "Measuring the point spread", command)
-        scene_name = context.scene.name
+        asking = context.scene.session_uid
 
         def use() -> None:
-            scene = bpy.data.scenes.get(scene_name)
+            scene = next((scene for scene in bpy.data.scenes if scene.session_uid == asking), None)
             if inspection.point_spread.answer and scene is not None:
                 scene.dgs.medium, scene.dgs.psf_file = "file", str(kernel)
             redraw()

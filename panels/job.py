@@ -28,17 +28,23 @@ _UNIT = 20
 def draw_job(layout: Any, context: Any) -> None:
     """The job of this Blender, or what one before left unfinished; nothing if there is neither."""
     job = runner.current()
+    if job is not None and job.homeless:
+        _homeless(layout.box(), context, job)
     if job is not None and job.state.alive:
-        _running(layout.box(), context, job.state)
-    elif job is not None and (job.request.out == out_folder(context.scene.dgs) or _unfinished_set(job)):
+        if runner.belongs(job, context.scene):
+            _running(layout.box(), context, job)
+        else:
+            _elsewhere(layout.box(), context, job)
+    elif job is not None and (job.request.out == out_folder(context.scene.dgs) or _unfinished_set(job, context.scene)):
         _ended(layout, context, job)
     else:
         _before(layout, context)
 
 
-def draw_picture(layout: Any, context: Any) -> None:
-    """The twin so far above its curves, as wide as the sidebar."""
-    draw_square(layout, context, pictures.JOB)
+def draw_picture(layout: Any, context: Any, job: runner.Job) -> None:
+    """A job's twin so far above its curves, as wide as the sidebar; nothing as long as it has none."""
+    if pictures.shows(job):
+        draw_square(layout, context, pictures.JOB)
 
 
 def draw_square(layout: Any, context: Any, name: str) -> None:
@@ -64,7 +70,28 @@ def draw_beside(layout: Any, context: Any, name: str, photo: Path | None) -> Non
         middle.label(text=text)
 
 
-def _running(box: Any, context: Any, state: JobState) -> None:
+def _homeless(box: Any, context: Any, job: runner.Job) -> None:
+    """A finished twin whose scene is gone or has other photos by now."""
+    name = job.request.home.name
+    sentence(
+        box, context, iface_("The twin '{name}' is finished; its scene is gone or has other photos").format(name=name)
+    )
+    row = box.row(align=True)
+    row.operator("dgs.add_results", text="Add Twin", icon="ADD").folder = str(job.request.home)
+    row.operator("dgs.dismiss", text="", icon="X").notice = "TWIN"
+
+
+def _elsewhere(box: Any, context: Any, job: runner.Job) -> None:
+    """Another scene's job: that it runs, and the way to end it."""
+    words = iface_("A job of the scene '{name}' is running").format(name=runner.scene_name(job))
+    sentence(box, context, words, "INFO")
+    row = box.row(align=True)
+    row.progress(factor=job.state.factor, type="BAR", text=iface_(job.state.title), translate=False)
+    row.operator("dgs.cancel_job", text="", icon="CANCEL")
+
+
+def _running(box: Any, context: Any, job: runner.Job) -> None:
+    state = job.state
     words = iface_(_PHASES.get(state.phase, state.title))
     if state.phase == "running" and state.seconds_left is not None:
         words = iface_("{stage}, {time} left").format(stage=words, time=duration_text(state.seconds_left))
@@ -74,7 +101,7 @@ def _running(box: Any, context: Any, state: JobState) -> None:
     row.operator("dgs.pause_job", text="Continue" if paused else "Pause", icon="PLAY" if paused else "PAUSE")
     row.operator("dgs.cancel_job", text="Stop Now" if state.phase == "cancelling" else "Cancel", icon="CANCEL")
     row.operator("dgs.show_log", text="", icon="TEXT")
-    draw_picture(box, context)
+    draw_picture(box, context, job)
     draw_figures(box, state)
     for note in state.notes[-_NOTES:]:
         sentence(box, context, note, "INFO")
@@ -91,8 +118,8 @@ def draw_figures(layout: Any, state: JobState) -> None:
         figures(row, "{value:.2f} dB", "COLORSET_04_VEC", value=accuracy)
 
 
-def _unfinished_set(job: runner.Job) -> bool:
-    return job.request.kind == "synthesize" and job.state.phase != "done"
+def _unfinished_set(job: runner.Job, scene: Any) -> bool:
+    return job.request.kind == "synthesize" and job.state.phase != "done" and runner.belongs(job, scene)
 
 
 def _ended(layout: Any, context: Any, job: runner.Job) -> None:
@@ -107,7 +134,7 @@ def _ended(layout: Any, context: Any, job: runner.Job) -> None:
         box.operator(
             _STARTED_BY.get(job.request.kind, "dgs.optimize"), text="Replace", icon="FILE_REFRESH"
         ).replace = True
-    elif _unfinished_set(job):
+    elif _unfinished_set(job, context.scene):
         box.operator("dgs.make_test_set", text="Resume", icon="PLAY")
     else:
         _ways_out(box)

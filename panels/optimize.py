@@ -9,6 +9,7 @@ import bpy
 from ..dgs_addon.job import runner
 from ..dgs_addon.job.state import duration_text
 from ..dgs_addon.job.steps import results
+from ..dgs_addon.paths import out_folder
 from .estimate import draw_estimate
 from .job import draw_figures, draw_picture
 from .layout import Step, figures, folded, ready, sentence, split
@@ -36,9 +37,14 @@ class DGS_PT_optimize(Step, bpy.types.Panel):
         job = runner.current()
         if runner.running():
             sentence(layout, context, "It runs: see the top of this tab", "INFO")
-        elif job is not None and job.state.phase == "done" and job.request.kind == "reconstruct":
+        elif (
+            job is not None
+            and job.state.phase == "done"
+            and job.request.kind == "reconstruct"
+            and job.request.home == out_folder(settings)  # not another scene's
+        ):
             figures(layout, "Done in {time}", "CHECKMARK", time=duration_text(job.state.seconds()))
-            draw_picture(layout, context)
+            draw_picture(layout, context, job)
             draw_figures(layout, job.state)
         _draw_more(layout, settings)
 

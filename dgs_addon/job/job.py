@@ -28,7 +28,8 @@ class Job:
     """A job that this Blender started.
 
     Attributes:
-        scene: name of the scene that asked for it.
+        scene: `session_uid` of the scene that asked for it: a name may change, and an undo makes another pointer.
+        scene_name: what that scene was called then.
         record: what is kept beside the results.
         asked: when the user asked to stop, by the monotonic clock.
         pace, live_pace: how often the panel and the live twin are drawn.
@@ -37,10 +38,13 @@ class Job:
         unseen: whether `cloud` is newer than the live twin.
         picture: of the twin so far, as `preview.read_preview` makes it, once read.
         finishing: what is still to be put into the scene after the end, a piece a tick.
+        homeless: whether its twin is finished, was to come into the scene, and found none that takes it.
+        live_twin: whether a live twin was shown; the user may have deleted it since.
     """
 
     request: Request
-    scene: str
+    scene: int
+    scene_name: str
     worker: Worker
     record: Record
     snapshots: SnapshotReader
@@ -51,6 +55,8 @@ class Job:
     news: bool = True
     picture: Any = None
     finishing: Iterator[None] | None = None
+    homeless: bool = False
+    live_twin: bool = False
     pace: Pace = field(default_factory=lambda: Pace(REDRAW, SLOW_REDRAW, DRAWING))
     live_pace: Pace = field(default_factory=lambda: Pace(LIVE, SLOW_LIVE, LIVE_DRAWING))
 

@@ -35,6 +35,7 @@ class _Shown:
         self.icons: Any = None
         self.job: object = None
         self.picture: object = None
+        self.drawn = False
         self.marks = 0
         self.image_written: tuple[Path, int] | None = None
         self.image_marks = 0
@@ -48,6 +49,11 @@ def icon(name: str) -> int:
     """Icon of JOB or of a picture that `show` was given; 0 if there is none yet."""
     icons = _shown.icons
     return int(icons[name].icon_id) if icons is not None and name in icons else 0
+
+
+def shows(job: Job) -> bool:
+    """Whether the icon JOB is of this job already, and not of the one before."""
+    return _shown.job is job and _shown.drawn
 
 
 def clear() -> None:
@@ -68,7 +74,7 @@ def show(path: Path, name: str) -> Any:
 def refresh(job: Job) -> None:
     """Takes in what is new; needs a window."""
     if _shown.job is not job:
-        _shown.job, _shown.picture, _shown.marks = job, None, 0
+        _shown.job, _shown.picture, _shown.marks, _shown.drawn = job, None, 0, False
         _shown.image_written, _shown.image_marks = None, 0
         _shown.square[:] = 0.0
     changed = job.picture is not None and job.picture is not _shown.picture
@@ -81,6 +87,7 @@ def refresh(job: Job) -> None:
         changed = True
     if changed:
         _set_icon(JOB, _shown.square)
+        _shown.drawn = True
     _refresh_images(job)
 
 
@@ -147,10 +154,10 @@ def _load(path: Path, name: str) -> tuple[Any, NDArray[np.float32] | None]:
 def _set_image(name: str, pixels: NDArray[np.float32]) -> None:
     height, width = pixels.shape[:2]
     image = bpy.data.images.get(name)
-    if image is None or tuple(image.size) != (width, height):
-        if image is not None:
-            bpy.data.images.remove(image)
+    if image is None:
         image = bpy.data.images.new(name, width, height, alpha=False)
+    elif tuple(image.size) != (width, height):
+        image.scale(width, height)  # whatever else shows it goes on doing so
     image.pixels.foreach_set(np.ascontiguousarray(pixels).reshape(-1))
     image.update()
 

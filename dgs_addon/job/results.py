@@ -15,7 +15,6 @@ from mathutils import Matrix
 from ...core.cloud import GaussianCloud
 from ...core.errors import DgsError
 from ...core.files import read_json
-from ...core.formats.cameras import read_cameras
 from ...core.formats.ply import read_ply
 from ...core.json_shape import anything, check_shape, text
 from ..axes import matrix_to_blender
@@ -23,7 +22,8 @@ from ..paths import absolute
 from ..scene.cameras import add_cameras
 from ..scene.material import prepare_scene
 from ..scene.nodes import splat_nodes, splat_nodes_exist
-from ..scene.points import add_points
+from ..scene.points import POINTS, add_points
+from ..scene.removal import replace_mesh, take_out
 from ..scene.twin import add_twin, glossy, is_twin, splat_mesh
 from .job import Job
 
@@ -84,8 +84,9 @@ def show_live(job: Job, scene: Any) -> None:
 
 
 def twin_of(out: Path, scene: Any) -> Any:
-    """The scene's twin that came from this folder, or None."""
-    return next((o for o in scene.objects if is_twin(o) and o.get(FOLDER) == str(out)), None)
+    """The scene's twin that came from this folder, or None; of a twin and its duplicates, the one with cameras."""
+    twins = [thing for thing in scene.objects if is_twin(thing) and thing.get(FOLDER) == str(out)]
+    return max(twins, key=lambda twin: any(child.type == "CAMERA" for child in twin.children), default=None)
 
 
 def _place(cloud: GaussianCloud, out: Path, scene: Any) -> Any:
@@ -96,9 +97,7 @@ def _place(cloud: GaussianCloud, out: Path, scene: Any) -> Any:
         twin[FOLDER] = str(out)
         _select(twin, scene)
         return twin
-    before = twin.data
-    twin.data = splat_mesh(cloud, before.name)
-    bpy.data.meshes.remove(before)
+    replace_mesh(twin.data, splat_mesh(cloud, twin.data.name))
     return twin
 
 
@@ -148,25 +147,45 @@ def add_cameras_of(out: Path, photos: Path | None, scene: Any) -> list[Any]:
     Raises:
         FormatError: no cameras there, or damaged ones.
     """
-    name = _cameras_name(out)
-    read_cameras(out / "cameras")  # before anything is taken out
-    before = bpy.data.collections.get(name)
-    if before is not None:
-        for thing in list(before.objects):
-            bpy.data.objects.remove(thing)
-        bpy.data.collections.remove(before)
-    cameras = add_cameras(out / "cameras", photos if photos and photos.is_dir() else None, scene)
-    collection = cameras[0].users_collection[0]
-    collection.name = name
+    name, before = _cameras_name(out), _cameras_collection(out, scene)
+    cameras = add_cameras(out / "cameras", photos if photos and photos.is_dir() else None, scene, before)
+    collection = before or cameras[0].users_collection[0]
+    if before is None:
+        collection.name = name
+    collection[FOLDER] = str(out)
     twin = twin_of(out, scene)
     with contextlib.suppress(DgsError):  # cameras are worth having without points
-        points = add_points(out / "cameras", f"{name} points", collection)
+        points = _points(out / "cameras", f"{name} points", collection)
         if points is not None and twin is not None:
-            points.hide_viewport = True  # the twin shows more
+            points.hide_viewport |= points.parent != twin  # the twin shows more
             attach([points], twin)
     if twin is not None:
         attach(cameras, twin)
     return cameras
+
+
+def _cameras_collection(out: Path, scene: Any) -> Any:
+    """The scene's collection of the cameras that came from this folder, or None. Earlier versions did not mark it."""
+    there = scene.collection.children_recursive
+    marked = next((c for c in there if c.get(FOLDER) == str(out)), None)
+    return marked or next((c for c in there if c.name == _cameras_name(out) and FOLDER not in c), None)
+
+
+def _points(model: Path, name: str, collection: Any) -> Any:
+    """The model's points in this collection, as an object that stays the same; None if it has none."""
+    before = next((thing for thing in collection.objects if POINTS in thing), None)
+    points = add_points(model, name, collection)
+    if points is None:
+        if before is not None:
+            take_out(before, collection)
+        return None
+    if before is None:
+        return points
+    mesh = points.data
+    before[POINTS] = points[POINTS]
+    bpy.data.objects.remove(points)
+    replace_mesh(before.data, mesh)
+    return before
 
 
 def attach(things: list[Any], twin: Any) -> None:
@@ -176,6 +195,8 @@ def attach(things: list[Any], twin: Any) -> None:
     """
     at_rest = Matrix(matrix_to_blender(np.eye(4)).tolist())
     for thing in things:
+        if thing.parent == twin:
+            continue
         world = thing.matrix_world.copy()
         thing.parent = twin
         thing.matrix_parent_inverse = at_rest.inverted()

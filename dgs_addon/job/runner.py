@@ -26,7 +26,7 @@ from .job import Job
 from .options import RESUMABLE
 from .record import LOG, Record, read_record
 from .request import Request
-from .results import add_results, prepared, show_live
+from .results import add_results, prepared, show_live, twin_of
 from .snapshot import News, SnapshotReader
 from .state import ending
 from .test_set import use_test_set
@@ -38,8 +38,11 @@ TICK = 0.1
 MAXIMUM_LIVE_SPLATS = 50_000
 #: Events taken from the queue at most in one tick: a backlog must not block the window.
 _EVENTS_PER_TICK = 50
-#: Seconds after a wish to stop, in which the engine has not come to its safe point, until it is ended.
-PATIENCE = 120.0
+#: Seconds after a wish to stop, in which the engine has not come to its safe point, until it is ended; and in stages
+#: in which native code (the compiler) hears nothing for long, and nothing is made that could be kept.
+PATIENCE, SHORT_PATIENCE = 120.0, 2.0
+#: These stages; '' is the engine's start.
+_NOTHING_TO_KEEP = ("", "photos", "compile")
 
 
 _job: Job | None = None
@@ -84,7 +87,7 @@ def start(request: Request, python: Path, scene: Any) -> Job:
             record.save(request.out)
 
     worker = Worker(request.command(python), request.out / LOG, snapshots.read_news, began)
-    _job = Job(request, scene.name, worker, record, snapshots)
+    _job = Job(request, scene.session_uid, scene.name, worker, record, snapshots)
     worker.start()
     if not bpy.app.timers.is_registered(_tick):
         bpy.app.timers.register(_tick, first_interval=TICK, persistent=True)
@@ -179,10 +182,14 @@ def _drain() -> None:
         else:
             job.state.apply(message)
     _show_live(job)
-    if job.asked is not None and job.state.alive and time.monotonic() - job.asked > PATIENCE:
+    if job.asked is not None and job.state.alive and time.monotonic() - job.asked > _patience(job):
         job.worker.kill()
     if not bpy.app.background:
         _show(job, changed)
+
+
+def _patience(job: Job) -> float:
+    return SHORT_PATIENCE if job.state.stage in _NOTHING_TO_KEEP else PATIENCE
 
 
 def _end(job: Job, status: int) -> None:
@@ -198,8 +205,10 @@ def _end(job: Job, status: int) -> None:
         job.finishing = _finish(job)
     elif job.request.kind == "update" and phase == "done":
         job.cloud, job.finishing = None, _finish(job)
-    elif job.request.kind == "synthesize" and phase == "done" and job.scene in bpy.data.scenes:
-        use_test_set(job.request.out, bpy.data.scenes[job.scene].dgs)
+    elif job.request.kind == "synthesize" and phase == "done":
+        asking = _asking_scene(job)
+        if asking is not None:
+            use_test_set(job.request.out, asking.dgs)
 
 
 def _go_on(job: Job) -> None:
@@ -210,14 +219,20 @@ def _go_on(job: Job) -> None:
     except DgsError as failure:
         job.state.end("failed", str(failure))
         job.news = True
-    except (StopIteration, ReferenceError):  # all is there, or another file was loaded meanwhile
+    except StopIteration:
         pass
+    except ReferenceError:  # another file was loaded meanwhile, or an undo took the scene away
+        job.homeless = job.news = True
     job.finishing = None
 
 
 def _finish(job: Job) -> Iterator[None]:
     scene = _scene(job)
-    if scene is None or not scene.dgs.add_when_done:
+    if scene is None:
+        asking = _asking_scene(job)
+        job.homeless = asking is None or asking.dgs.add_when_done
+        return
+    if not scene.dgs.add_when_done:
         return
     yield from add_results(job, scene)
     windows = bpy.context.window_manager.windows
@@ -226,10 +241,36 @@ def _finish(job: Job) -> Iterator[None]:
             bpy.ops.ed.undo_push(message="Descatter Twin")
 
 
+def belongs(job: Job, scene: Any) -> bool:
+    """Whether a scene asked for this job, or holds the folder that it writes to."""
+    return bool(job.scene == scene.session_uid) or out_folder(scene.dgs) == job.request.home
+
+
+def scene_name(job: Job) -> str:
+    """What the scene that asked is called now, or was called then."""
+    asking = _asking_scene(job)
+    return job.scene_name if asking is None else str(asking.name)
+
+
+def settle(home: Path) -> None:
+    """The twin in this folder has come into a scene, or nobody wants it."""
+    if _job is not None and _job.request.home == home:
+        _job.homeless = False
+
+
+def _asking_scene(job: Job) -> Any:
+    """The scene that asked, whatever it is called now; None if it is gone."""
+    return next((scene for scene in bpy.data.scenes if scene.session_uid == job.scene), None)
+
+
 def _scene(job: Job) -> Any:
-    """The scene that asked, unless another file was loaded or other photos were chosen meanwhile."""
-    scene = bpy.data.scenes.get(job.scene)
-    return scene if scene is not None and out_folder(scene.dgs) == job.request.home else None
+    """The scene that takes the twin: the one that asked, or after another file was loaded one with the same results.
+
+    None where it is gone, or other photos were chosen in it (or an undo took them back).
+    """
+    asking = _asking_scene(job)
+    offered = [asking] if asking is not None else bpy.data.scenes
+    return next((scene for scene in offered if out_folder(scene.dgs) == job.request.home), None)
 
 
 def _take_in(job: Job, news: News) -> None:
@@ -249,6 +290,10 @@ def _show_live(job: Job) -> None:
     if prepared(job.cloud):
         return  # enough for one tick
     job.unseen = False
+    if job.live_twin and twin_of(job.request.out, scene) is None:
+        job.snapshots.live = False  # the user has deleted it: it comes back when it is finished
+        return
+    job.live_twin = True
     show_live(job, scene)
     _draws(job.live_pace, now)
 

@@ -63,12 +63,13 @@ class Watch:
         self.taken.update(path.name for path in photos)
 
 
-_watches: dict[str, Watch] = {}
+#: By the scenes' `session_uid`: names may change.
+_watches: dict[int, Watch] = {}
 
 
 def watch(scene: Any) -> None:
     """Begins or ends watching, as the scene's settings say."""
-    _watches.pop(scene.name, None)
+    _watches.pop(scene.session_uid, None)
     if scene.dgs.watching and not bpy.app.timers.is_registered(_tick):
         bpy.app.timers.register(_tick, first_interval=SECONDS, persistent=True)
 
@@ -93,9 +94,9 @@ def check(scene: Any) -> runner.Job | None:
     folder, out = absolute(scene.dgs.new_photos), out_folder(scene.dgs)
     if folder is None or out is None or runner.busy() or not (out / "twin.ply").is_file() or why_not():
         return None
-    watched = _watches.get(scene.name)
+    watched = _watches.get(scene.session_uid)
     if watched is None or watched.folder != folder:
-        watched = _watches[scene.name] = Watch(folder, twins_photos(out, absolute(scene.dgs.photos)))
+        watched = _watches[scene.session_uid] = Watch(folder, twins_photos(out, absolute(scene.dgs.photos)))
     ready = watched.complete()
     if not ready:
         return None

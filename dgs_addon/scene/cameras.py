@@ -18,12 +18,14 @@ from ...core.errors import FormatError
 from ...core.formats.cameras import read_cameras
 from ...core.photos.kinds import SUFFIXES
 from ..axes import place_camera
+from .removal import take_out
+from .scene_cameras import PHOTO
 
 #: Pictures that Blender can show behind a camera.
 _PHOTOS = SUFFIXES | {".exr"}
 
 
-def add_cameras(path: Path, photos: Path | None, scene: Any) -> list[Any]:
+def add_cameras(path: Path, photos: Path | None, scene: Any, into: Any = None) -> list[Any]:
     """Adds every camera of a model, in a collection of its own, and looks through the first.
 
     Args:
@@ -31,9 +33,12 @@ def add_cameras(path: Path, photos: Path | None, scene: Any) -> list[Any]:
         photos: folder with the photos, matched by name without regard to case and ending; None for none. Where the
             model has two photos of one name in two folders, each is looked for in its own.
         scene: `bpy` scene; gets the frame size of the first camera.
+        into: collection of an earlier call: its cameras are moved to where they are now, those that the model has no
+            more are taken out. What else looks through them or stands in it stays, and so do the scene's camera and
+            frame size.
 
     Returns:
-        The new `bpy` camera objects by sorted photo name.
+        The `bpy` camera objects by sorted photo name, without parents.
 
     Raises:
         FormatError: no cameras there, or damaged ones.
@@ -41,24 +46,45 @@ def add_cameras(path: Path, photos: Path | None, scene: Any) -> list[Any]:
     cameras = read_cameras(path).pinholes()
     pictures = _pictures(photos, sorted(cameras)) if photos is not None else {}
     alike = Counter(map(_key, cameras))
-    collection = bpy.data.collections.new("Cameras")
-    scene.collection.children.link(collection)
+    collection, before = into, {} if into is None else _by_photo(into)
+    if collection is None:
+        collection = bpy.data.collections.new("Cameras")
+        scene.collection.children.link(collection)
     objects: list[Any] = []
     for name in sorted(cameras):
         label = Path(name).stem if alike[_key(name)] == 1 else str(Path(name).with_suffix(""))
-        thing = bpy.data.objects.new(label, bpy.data.cameras.new(label))
-        collection.objects.link(thing)
-        place_camera(thing, cameras[name], scene.render if not objects else None)
-        thing["dgs_photo"] = name
+        thing = before.pop(name, None) or _empty_camera(label, name, collection)
+        thing.parent = None
+        place_camera(thing, cameras[name])
         picture = pictures.get(name)
-        if picture is not None:
+        if picture is not None and not thing.data.background_images:
             _show_behind(thing.data, picture)
         objects.append(thing)
+    for thing in before.values():
+        take_out(thing, collection)
     size = _display_size(objects)
     for thing in objects:
         thing.data.display_size = size
-    scene.camera = objects[0]
+    if into is None or scene.camera is None:
+        place_camera(objects[0], cameras[min(cameras)], scene.render)
+        scene.camera = objects[0]
     return objects
+
+
+def _by_photo(collection: Any) -> dict[str, Any]:
+    """The cameras in a collection by their photos' names; of a camera and its copies, the first."""
+    found: dict[str, Any] = {}
+    for thing in collection.objects:
+        if thing.type == "CAMERA" and PHOTO in thing:
+            found.setdefault(str(thing[PHOTO]), thing)
+    return found
+
+
+def _empty_camera(label: str, photo: str, collection: Any) -> Any:
+    thing = bpy.data.objects.new(label, bpy.data.cameras.new(label))
+    collection.objects.link(thing)
+    thing[PHOTO] = photo
+    return thing
 
 
 def new_camera(name: str, scene: Any) -> Any:

@@ -72,6 +72,7 @@ ALWAYS = {
     "show_tradeoff",
     "check_engine",
     "measure_psf",
+    "dismiss",
 }
 
 
@@ -232,4 +233,4 @@ def test_heic_counts_where_the_engine_reads_it(tmp_path: Path, monkeypatch: pyte
     assert settings.selection == "a.HEIC\nb.HEIC\nc.HEIC"
     (photos / "c.HEIC").write_bytes(b"no picture at all")
     forget()
-    assert "c.HEIC: no photo inside, it will be left out" in chosen_photos(settings).warnings
+    assert "c.HEIC: no photo inside, it will be left out" in chosen_photos(settings).problem

@@ -170,5 +170,14 @@ def test_unusable_photos_are_warned_of(settings: object, tmp_path: Path) -> None
     (photos / "4.jpg").write_bytes(b"no picture")
     forget()
     found = photo_folder(photos)
-    assert len(found.files) == 5 and found.warnings == ("4.jpg: no photo inside, it will be left out",)
+    assert len(found.files) == 4 and found.warnings == ("4.jpg: no photo inside, it will be left out",)
+    for path in found.files[:2]:
+        path.write_text("no picture either", "utf-8")
+    forget()
+    found = photo_folder(photos)
+    assert found.problem.startswith("Only 2 photos here") and "0.png: no photo inside" in found.problem
+    for path in found.files:
+        path.write_bytes(b"")
+    forget()
+    assert photo_folder(photos).problem.startswith("No photos here") and not photo_folder(photos).files
     assert "cannot be read" in photo_folder(tmp_path / "nowhere").problem
