@@ -8,6 +8,7 @@ blender -b -P run_dgs.py -- reconstruct PHOTOS --out DIR --psf gaussian:5
 from __future__ import annotations
 
 import importlib.util
+import json
 import os
 import sys
 from pathlib import Path
@@ -17,6 +18,8 @@ ROOT = Path(__file__).resolve().parent
 PACKAGE = "dgs"
 #: Exit status of a command that the user stopped: what is finished is saved.
 STOPPED = 130
+#: Variable of the environment that is set where the add-on starts this file.
+BY_BLENDER = "DGS_STARTED_BY_BLENDER"
 
 
 def mount_package() -> None:
@@ -54,16 +57,29 @@ def main() -> int:
         arguments = arguments[arguments.index("--") + 1 :]
     if lacks_packages(arguments):
         if importlib.util.find_spec("bpy") is None:
-            print(
-                "This Python lacks the engine's packages: run 'make setup', then use .venv/bin/python", file=sys.stderr
-            )
-            return 2
+            return refuse_this_python(arguments)
         from dgs.dgs_addon.engine.handover import hand_over  # late: only in Blender
 
         return hand_over(arguments)
     from dgs.command_line import run  # late: the package has to be mounted first
 
     return run(arguments)
+
+
+def refuse_this_python(arguments: list[str]) -> int:
+    """Says which Python to use, to whoever chose this one, and where they look; the exit status."""
+    if BY_BLENDER not in os.environ:
+        print("This Python lacks the engine's packages: run 'make setup', then use .venv/bin/python", file=sys.stderr)
+        return 2
+    words = (
+        f"The Python '{sys.executable}' lacks the engine's packages. Choose another one in the add-on's preferences, "
+        "or leave that field empty and press Install Engine."
+    )
+    if ("--progress", "json") in zip(arguments, arguments[1:]):  # noqa: B905 (any Python must read this file)
+        print(json.dumps({"event": "error", "text": words, "status": 2}), flush=True)
+    else:
+        print(words, file=sys.stderr)
+    return 2
 
 
 def end(status: int) -> NoReturn:

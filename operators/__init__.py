@@ -24,6 +24,7 @@ from .find_cameras import DGS_OT_find_cameras
 from .import_cameras import DGS_OT_import_cameras
 from .import_twin import DGS_OT_import_twin
 from .inspect_photos import DGS_OT_inspect_photos
+from .limit_splats import DGS_OT_limit_splats
 from .make_test_set import DGS_OT_make_test_set
 from .measure_psf import DGS_OT_measure_psf
 from .open_report import DGS_OT_open_report
@@ -65,6 +66,7 @@ CLASSES: tuple[type, ...] = (
     DGS_OT_set_length,
     DGS_OT_set_up,
     DGS_OT_crop_twin,
+    DGS_OT_limit_splats,
     DGS_OT_render_twin,
     DGS_OT_open_report,
     DGS_OT_install_engine,

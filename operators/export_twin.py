@@ -13,6 +13,7 @@ from ..core.errors import DgsError, OutputError
 from ..core.formats.gaussians import write_gaussians, written_formats
 from ..core.twin.folder import PARTS
 from ..dgs_addon.paths import absolute, chosen_photos
+from ..dgs_addon.scene.shown import is_limited, is_moved, placed, shown_part
 from ..dgs_addon.scene.twin import is_twin, read_twin
 
 #: How deep a twin's own files lie in its folder, at most: history/000/cameras/images.txt.
@@ -32,6 +33,17 @@ class DGS_OT_export_twin(bpy.types.Operator, ExportHelper):
         name="Format", items=[(spec.suffixes[0], spec.name, spec.holds) for spec in written_formats()]
     )
 
+    only_shown: bpy.props.BoolProperty(  # type: ignore[valid-type]
+        name="Only What Is Shown",
+        description="Leave out what the crop box, the least opacity and the largest number hide, and write splats "
+        "in the size that they are shown in",
+    )
+    placed: bpy.props.BoolProperty(  # type: ignore[valid-type]
+        name="With Size and Up",
+        description="Write the twin as large as it is in the scene, turned and placed as it stands there; "
+        "its gloss turns along",
+    )
+
     @property
     def filename_ext(self) -> str:
         """The ending that Blender's file browser gives to the name."""
@@ -45,14 +57,24 @@ class DGS_OT_export_twin(bpy.types.Operator, ExportHelper):
 
     def execute(self, context: Any) -> set[str]:
         """Writes the file, in the format of its ending."""
-        path = Path(bpy.path.abspath(self.filepath))
+        path, twin = Path(bpy.path.abspath(self.filepath)), context.object
         try:
             _check_place(path, context.scene.dgs)
-            write_gaussians(path, read_twin(context.object))
+            cloud = whole = read_twin(twin)
+            if self.only_shown:
+                cloud = shown_part(twin, cloud)
+            if self.placed:
+                cloud = placed(twin, cloud)
+            write_gaussians(path, cloud)
         except DgsError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
-        self.report({"INFO"}, _done(len(context.object.data.vertices), path))
+        self.report({"INFO"}, _done(len(cloud), path))
+        if not self.only_shown and is_limited(twin, whole):
+            self.report({"WARNING"}, rpt_("All splats were written: 'Only What Is Shown' leaves out what is hidden"))
+        if not self.placed and is_moved(twin):
+            words = rpt_("Written as it came from the photos: 'With Size and Up' writes it as it stands in the scene")
+            self.report({"WARNING"}, words)
         return {"FINISHED"}
 
 

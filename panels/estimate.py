@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from ..dgs_addon.questions import estimate
-from .layout import figures, sentence
+from .layout import sentence
 
 
 def draw_estimate(layout: Any, context: Any) -> None:
@@ -21,6 +21,5 @@ def draw_estimate(layout: Any, context: Any) -> None:
     if not question.answer:
         return
     column = layout.column(align=True)
-    column.scale_y = 0.9
     for number, (text, values) in enumerate(estimate.sentences(question.answer, settings.preset)):
-        figures(column, text, "TIME" if number == 0 else "BLANK1", **values)
+        sentence(column, context, text, "TIME" if number == 0 else "BLANK1", **values)

@@ -72,10 +72,8 @@ def draw_beside(layout: Any, context: Any, name: str, photo: Path | None) -> Non
 
 def _homeless(box: Any, context: Any, job: runner.Job) -> None:
     """A finished twin whose scene is gone or has other photos by now."""
-    name = job.request.home.name
-    sentence(
-        box, context, iface_("The twin '{name}' is finished; its scene is gone or has other photos").format(name=name)
-    )
+    text = "The twin '{name}' is finished; its scene is gone or has other photos"
+    sentence(box, context, text, "CHECKMARK", name=job.request.home.name)
     row = box.row(align=True)
     row.operator("dgs.add_results", text="Add Twin", icon="ADD").folder = str(job.request.home)
     row.operator("dgs.dismiss", text="", icon="X").notice = "TWIN"
@@ -83,8 +81,7 @@ def _homeless(box: Any, context: Any, job: runner.Job) -> None:
 
 def _elsewhere(box: Any, context: Any, job: runner.Job) -> None:
     """Another scene's job: that it runs, and the way to end it."""
-    words = iface_("A job of the scene '{name}' is running").format(name=runner.scene_name(job))
-    sentence(box, context, words, "INFO")
+    sentence(box, context, "A job of the scene '{name}' is running", "INFO", name=runner.scene_name(job))
     row = box.row(align=True)
     row.progress(factor=job.state.factor, type="BAR", text=iface_(job.state.title), translate=False)
     row.operator("dgs.cancel_job", text="", icon="CANCEL")

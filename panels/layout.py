@@ -27,9 +27,12 @@ class Step(Sidebar):
     bl_parent_id = "DGS_PT_main"
 
 
-def sentence(layout: Any, context: Any, text: str, icon: str = "NONE") -> None:
-    """A text, in the user's language, over as many lines as the sidebar's width needs: labels do not wrap."""
-    text = iface_(text)
+def sentence(layout: Any, context: Any, text: str, icon: str = "NONE", **values: object) -> None:
+    """A text, in the user's language, over as many lines as the sidebar's width needs: labels do not wrap.
+
+    `values` stand in the places of the text, whose words are translated before.
+    """
+    text = iface_(text).format(**values) if values else iface_(text)
     scale = context.preferences.system.ui_scale
     column = layout.column(align=True)
     column.scale_y = 0.8

@@ -30,18 +30,18 @@ class DGS_AP_preferences(bpy.types.AddonPreferences):
         description="Folder of downloaded wheels to install from without a network. Empty: from the network",
     )
 
-    def draw(self, _context: Any) -> None:
+    def draw(self, context: Any) -> None:
         """Where the engine is, the button that installs it, and what the last check said."""
         layout = self.layout
         layout.use_property_split = True
         layout.use_property_decorate = False
         layout.prop(self, "python")
         if not self.python.strip():
-            self._draw_install(layout)
+            self._draw_install(layout, context)
         layout.operator("dgs.check_engine", icon="VIEWZOOM")
         self._draw_errand(layout)
 
-    def _draw_install(self, layout: Any) -> None:
+    def _draw_install(self, layout: Any, context: Any) -> None:
         layout.prop(self, "wheels")
         if engine_folder() is None:
             layout.label(text="The engine can only be installed for an extension", icon="INFO")
@@ -49,6 +49,8 @@ class DGS_AP_preferences(bpy.types.AddonPreferences):
             layout.label(text="The engine is installed", icon="CHECKMARK")
         else:
             layout.label(text="Not installed: 1.6 GB on disk, with CUDA several more; outside Blender", icon="INFO")
+        if engine_folder() is not None and not is_installed() and not self.wheels.strip():
+            _draw_online(layout, context)
         layout.operator("dgs.install_engine", icon="IMPORT")
 
     def _draw_errand(self, layout: Any) -> None:
@@ -68,3 +70,15 @@ class DGS_AP_preferences(bpy.types.AddonPreferences):
         column.scale_y = 0.75
         for line in list(work.lines)[-_SHOWN:]:
             column.label(text=line[:160], translate=False)
+
+
+def _draw_online(layout: Any, context: Any) -> None:
+    """Blender's own switch for online access, where it is off: the button below is grey without it."""
+    if bpy.app.online_access:
+        return
+    box = layout.box()
+    if bpy.app.online_access_override:
+        box.label(text="Blender was started offline (--offline-mode): choose a folder of wheels", icon="ERROR")
+        return
+    box.label(text="The packages come from the network, which Blender may not use yet", icon="ERROR")
+    box.prop(context.preferences.system, "use_online_access")

@@ -14,9 +14,11 @@ from ..dgs_addon.scene.nodes import (
     FACE_INPUT,
     SIZE_INPUT,
     THRESHOLD_INPUT,
+    UNLIMITED,
     VIEWPORT_INPUT,
     splat_input,
     splat_modifier,
+    splat_value,
 )
 from ..dgs_addon.scene.twin import is_twin
 from .layout import Sidebar, Step, figures, folded, ready, sentence, split
@@ -87,7 +89,9 @@ class DGS_PT_twin_look(Sidebar, bpy.types.Panel):
         column = layout.column()
         for name in (SIZE_INPUT, THRESHOLD_INPUT, COUNT_INPUT, VIEWPORT_INPUT, FACE_INPUT):
             place = splat_input(modifier, name)
-            if place is not None:
+            if name == COUNT_INPUT and (splat_value(modifier, name) or 0) >= UNLIMITED:
+                column.operator("dgs.limit_splats")  # a number of nine digits says less
+            elif place is not None:
                 # The whole name is cut off where the sidebar is as wide as it usually is.
                 column.prop(*place, text="Min Opacity" if name == THRESHOLD_INPUT else name)
         if crop_box(context.object) is None:

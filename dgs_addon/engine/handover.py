@@ -23,7 +23,7 @@ def hand_over(arguments: list[str]) -> int:
     try:
         python = find_python()
     except DgsError as error:
-        print(f"{error}, or name an interpreter in DGS_ENGINE_PYTHON", file=sys.stderr)
+        print(f"{error.what}. {error.way_out}, or name an interpreter in DGS_ENGINE_PYTHON.", file=sys.stderr)
         return 2
     # Ctrl-C reaches both: the engine saves what it has, so this process only waits.
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -20,8 +20,9 @@ _NICER = 10
 
 
 def environment() -> dict[str, str]:
-    """This process's environment, less what belongs to Blender's Python."""
+    """This process's environment, less what belongs to Blender's Python; it says who asks (see `run_dgs.py`)."""
     kept = {name: value for name, value in os.environ.items() if name not in _FOREIGN}
+    kept["DGS_STARTED_BY_BLENDER"] = "1"
     return {**kept, "PYTHONNOUSERSITE": "1", "PYTHONUNBUFFERED": "1", "PYTHONIOENCODING": "utf-8"}
 
 

@@ -7,7 +7,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from .nodes import BOX_INPUT, CROP_INPUT, set_splat_input, splat_input, splat_modifier
+from .nodes import BOX_INPUT, CROP_INPUT, set_splat_input, splat_modifier, splat_value
 
 #: A new box holds this share of the splats along each axis: the stray ones around a twin lie outside.
 _SHARE = 0.98
@@ -16,11 +16,7 @@ _SHARE = 0.98
 def crop_box(twin: Any) -> Any:
     """The twin's box, a `bpy` object; None if it has none."""
     modifier = splat_modifier(twin)
-    place = splat_input(modifier, BOX_INPUT) if modifier is not None else None
-    if place is None:
-        return None
-    owner, path = place
-    return owner.value if path == "value" else owner[path[2:-2]]
+    return splat_value(modifier, BOX_INPUT) if modifier is not None else None
 
 
 def add_crop_box(twin: Any, collection: Any) -> Any:

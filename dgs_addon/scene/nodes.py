@@ -36,6 +36,8 @@ SIZE_INPUT, THRESHOLD_INPUT, COUNT_INPUT, VIEWPORT_INPUT, FACE_INPUT, CROP_INPUT
     "Crop Box",
 )
 _NAME = "Descatter Splats"
+#: Opacity below which splats are not shown, unless another one is chosen: nobody sees them.
+FAINTEST = 0.005
 #: No limit on the number of splats: more than a scene will hold.
 UNLIMITED = 100_000_000
 
@@ -73,6 +75,15 @@ def splat_input(modifier: Any, name: str) -> tuple[Any, str] | None:
         return None
     inputs = getattr(getattr(modifier, "properties", None), "inputs", None)
     return (modifier, f'["{identifier}"]') if inputs is None else (getattr(inputs, identifier), "value")
+
+
+def splat_value(modifier: Any, name: str) -> Any:
+    """An input's value; None where the modifier has no such input, as of an older version, or it was never set."""
+    place = splat_input(modifier, name)
+    if place is None:
+        return None
+    owner, path = place
+    return owner.value if path == "value" else owner.get(path[2:-2])
 
 
 def set_splat_input(modifier: Any, name: str, value: Any) -> None:
@@ -145,7 +156,7 @@ def _interface(tree: Any) -> None:
     new("Geometry", in_out="INPUT", socket_type="NodeSocketGeometry")
     for name, kind, default, low, high, text in (
         (SIZE_INPUT, "NodeSocketFloat", 1.0, 0.0, 10.0, "Factor on the size of all splats"),
-        (THRESHOLD_INPUT, "NodeSocketFloat", 0.005, 0.0, 1.0, "Fainter splats are not shown"),
+        (THRESHOLD_INPUT, "NodeSocketFloat", FAINTEST, 0.0, 1.0, "Fainter splats are not shown"),
         (COUNT_INPUT, "NodeSocketInt", UNLIMITED, 0, UNLIMITED, "Most splats in a render, spread evenly over the twin"),
         (VIEWPORT_INPUT, "NodeSocketInt", 100_000, 0, UNLIMITED, "Most splats in the viewport, spread evenly"),
     ):

@@ -2,6 +2,8 @@
 
 import argparse
 import importlib.util
+import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -10,6 +12,7 @@ import dgs
 import pytest
 from dgs.command_line import main, run
 from dgs.command_line.table import COMMANDS, Command, command_of
+from dgs.dgs_addon.engine.process import environment
 
 ROOT = Path(dgs.__file__).parent
 NAMES = [command.name for command in COMMANDS]
@@ -58,6 +61,25 @@ def test_a_python_without_the_engine_says_what_to_use(name):
         [sys.executable, "-S", str(ROOT / "run_dgs.py"), name, "x"], capture_output=True, text=True, check=False
     )
     assert done.returncode == 2 and "make setup" in done.stderr and "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize("progress", [[], ["--progress", "json"]])
+def test_who_chose_a_wrong_python_in_blender_is_sent_to_the_preferences(progress):
+    """Nobody has a Makefile there; a job hears it as an event, a question as a line."""
+    command = [sys.executable, "-S", str(ROOT / "run_dgs.py"), "reconstruct", "x", *progress]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, env=environment())
+    words = json.loads(done.stdout)["text"] if progress else done.stderr
+    assert done.returncode == 2 and "preferences" in words and "Install Engine" in words and "make" not in words
+
+
+def test_a_blender_without_an_engine_says_one_sentence(tmp_path, monkeypatch, capsys):
+    pytest.importorskip("bpy")
+    from dgs.dgs_addon.engine.handover import hand_over
+
+    monkeypatch.setenv("DGS_ENGINE_PYTHON", str(tmp_path / "nowhere"))
+    assert hand_over(["reconstruct"]) == 2
+    words = capsys.readouterr().err.strip()
+    assert words.endswith("name an interpreter in DGS_ENGINE_PYTHON.") and not re.search(r"[.,]\s*[.,]", words), words
 
 
 def test_a_new_command_is_a_file_and_a_line(monkeypatch, capsys):

@@ -15,6 +15,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 import dgs  # noqa: E402
+from dgs import panels  # noqa: E402
 from dgs.core.camera import Camera  # noqa: E402
 from dgs.core.cloud import GaussianCloud  # noqa: E402
 from dgs.core.formats.colmap import write_model  # noqa: E402
@@ -25,6 +26,7 @@ from dgs.dgs_addon.job.request import Request  # noqa: E402
 from dgs.dgs_addon.job.results import FOLDER, twin_of  # noqa: E402
 from dgs.dgs_addon.scene.scene_cameras import PHOTO  # noqa: E402
 from dgs.dgs_addon.scene.twin import is_twin  # noqa: E402
+from dgs.tests.blender.paper import drawn  # noqa: E402
 
 #: A program that reports as the engine does: it optimizes until the folder holds a file 'go', then has its twin.
 ENGINE = """
@@ -115,6 +117,8 @@ def test_a_twin_whose_scene_is_lost_waits_for_the_button(scene: Any, tmp_path: P
         bpy.ops.wm.read_factory_settings(use_empty=True)
     finish(job)
     assert not twins() and job.homeless
+    (button,) = drawn(panels.DGS_PT_main).buttons["dgs.add_results"]
+    assert button.folder == str(tmp_path / "photos-twin")
     assert bpy.ops.dgs.add_results(folder=str(tmp_path / "photos-twin")) == {"FINISHED"}
     assert [thing[FOLDER] for thing in twins()] == [str(tmp_path / "photos-twin")] and not job.homeless
 
@@ -149,7 +153,14 @@ def test_a_job_belongs_to_its_scene_alone(scene: Any, tmp_path: Path) -> None:
     assert runner.belongs(job, scene) and not runner.belongs(job, other)
     scene.name = "Atelier"
     assert runner.scene_name(job) == "Atelier"
+    until(lambda: job.state.marks)
+    mine, others = (drawn(panels.DGS_PT_main, scene=shown) for shown in (scene, other))
+    assert "20.00 dB" in mine.words and "Atelier" not in mine.words and "dgs.pause_job" in mine.buttons
+    assert "20.00 dB" not in others.words and "Atelier" in others.words and "dgs.cancel_job" in others.buttons
     finish(job)
+    mine, others = (drawn(panels.DGS_PT_optimize, scene=shown) for shown in (scene, other))
+    assert "Done in" in mine.words and "20.00 dB" in mine.words
+    assert "Done in" not in others.words and "20.00 dB" not in others.words
     # The picture of the job before, as a window leaves it, is not the next one's twin so far.
     pictures._shown.job, pictures._shown.drawn = job, True
     assert pictures.shows(job)
