@@ -5,6 +5,7 @@ from __future__ import annotations
 import bpy
 
 from .. import operators
+from ..dgs_addon.drawing.registration import register_drawing, unregister_drawing
 from ..dgs_addon.engine import install
 from ..dgs_addon.engine.interpreter import reads_heif
 from ..dgs_addon.job import pictures, runner, watching
@@ -27,6 +28,7 @@ def register() -> None:
         bpy.utils.register_class(kind)
         _registered.append(kind)
     register_properties()
+    register_drawing()
     register_translations()
     ask_about_heif(reads_heif)
     operators.add_menus()
@@ -43,6 +45,7 @@ def unregister() -> None:
     forget_thumbnails()
     operators.remove_menus()
     unregister_translations()
+    unregister_drawing()
     unregister_properties()
     while _registered:
         bpy.utils.unregister_class(_registered.pop())

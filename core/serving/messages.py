@@ -36,6 +36,7 @@ _VIEW = {
     "camera": {**_CAMERA, "rotation": [number], "translation": [number]},
     "depth": truth,
     "light": truth,
+    "solid": number,
     "background?": ([number],),
 }
 
@@ -107,6 +108,7 @@ class View:
         depth: whether depths are wanted too.
         light: linear light instead of sRGB values.
         background: [3] sRGB behind the twins; None for none, where the picture has alpha.
+        solid: alpha of the twins from which on a px has a depth.
     """
 
     twins: tuple[PlacedTwin, ...]
@@ -114,6 +116,7 @@ class View:
     depth: bool = False
     light: bool = False
     background: tuple[float, float, float] | None = None
+    solid: float = 0.0
 
     def message(self) -> dict[str, Any]:
         """As JSON has it."""
@@ -126,6 +129,7 @@ class View:
             "depth": self.depth,
             "light": self.light,
             "background": self.background,
+            "solid": self.solid,
         }
 
     @staticmethod
@@ -139,7 +143,8 @@ class View:
         lens = {name: given[name] for name in _CAMERA}
         camera = Camera("", **lens, rotation=rotation.reshape(3, 3), translation=translation.reshape(3))
         twins = tuple(_placed(twin) for twin in value["twins"])
-        return View(twins, camera, value["depth"], value["light"], None if background is None else tuple(background))
+        behind = None if background is None else tuple(background)
+        return View(twins, camera, value["depth"], value["light"], behind, value["solid"])
 
 
 @dataclass(frozen=True)

@@ -28,6 +28,7 @@ def pack(
     light: bool,
     opaque: bool,
     unit: Any,
+    solid: Any,
     pixels: Any,
     depths: Any,
 ) -> None:
@@ -39,6 +40,7 @@ def pack(
         table: of `collecting_kernels.decoded`.
         light: whether linear light is wanted; opaque: whether there is a background.
         unit: the scene's units per unit of depth.
+        solid: alpha from which on there is a depth.
         pixels: [H, W, 4] output, colours multiplied by alpha; depths: [H, W] output, or [0, 0].
     """
     height, width = pixels.shape[0], pixels.shape[1]
@@ -58,4 +60,4 @@ def pack(
                 pixels[row, x, c] = value
             pixels[row, x, 3] = f32(1.0) if opaque else a
             if depths.shape[0] > 0:
-                depths[row, x] = depth[y, x + margin] / a * unit if a > _LEAST else NOWHERE
+                depths[row, x] = depth[y, x + margin] / a * unit if a > max(solid, _LEAST) else NOWHERE

@@ -40,7 +40,8 @@ def draw(stage: Stage, view: View, area: SharedArea) -> Drawn:
         none = np.zeros((0, 0), np.float32)
         image, alpha = rendered.image.cpu().numpy(), rendered.alpha.cpu().numpy()
         depth = none if rendered.depth is None else rendered.depth.cpu().numpy()
-        options = _MARGIN, decoding_table(), view.light, view.background is not None, np.float32(staged.unit)
+        looks = view.light, view.background is not None, np.float32(staged.unit), np.float32(view.solid)
+        options = _MARGIN, decoding_table(), *looks
         run(
             pack, camera.height, image, alpha, depth, *options, pixels, none if depths is None else depths, grain=_GRAIN
         )

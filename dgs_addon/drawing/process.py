@@ -1,0 +1,33 @@
+"""The one picture server of this Blender."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ..engine.interpreter import find_python
+from .picture_server import PictureServer, serve_command
+
+_server: PictureServer | None = None
+_python: Path | None = None
+
+
+def picture_server() -> PictureServer:
+    """The server, whose process starts with the first question; another one if another Python was chosen.
+
+    Raises:
+        DeviceError: there is no engine; it says what to do.
+    """
+    global _server, _python
+    python = find_python()
+    if _server is None or python != _python:
+        stop()
+        _server, _python = PictureServer(serve_command(python)), python
+    return _server
+
+
+def stop() -> None:
+    """Ends the process, as when the add-on is switched off; the next question starts another."""
+    global _server
+    if _server is not None:
+        _server.close()
+    _server = None

@@ -1,0 +1,67 @@
+"""Brings the drawing into Blender, and takes it out again."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import bpy
+
+from . import process
+from .render_engine import BACKGROUND, ENGINE, DescatterRenderEngine
+from .twins import changed_twins, forget_twins
+
+#: Engines whose panels of general settings make sense for ours too, and those of them that do not.
+_ALIKE = "BLENDER_WORKBENCH"
+_NOT_OURS = {
+    "RENDER_PT_opengl_sampling",
+    "RENDER_PT_opengl_lighting",
+    "RENDER_PT_opengl_color",
+    "RENDER_PT_opengl_options",
+}
+
+
+def register_drawing() -> None:
+    """Adds the render engine, its setting, and the watchers of twins."""
+    bpy.utils.register_class(DescatterRenderEngine)
+    setting = bpy.props.FloatVectorProperty(
+        name="Background",
+        description="Colour behind the twins where the film is not transparent, as photos show it",
+        subtype="COLOR_GAMMA",
+        min=0.0,
+        max=1.0,
+        default=(0.0, 0.0, 0.0),
+    )
+    setattr(bpy.types.Scene, BACKGROUND, setting)
+    for panel in _general_panels():
+        panel.COMPAT_ENGINES.add(ENGINE)
+    bpy.app.handlers.depsgraph_update_post.append(_watch)
+    bpy.app.handlers.load_post.append(_forget)
+
+
+def unregister_drawing() -> None:
+    """Takes everything out again, and ends the server."""
+    process.stop()
+    bpy.app.handlers.load_post.remove(_forget)
+    bpy.app.handlers.depsgraph_update_post.remove(_watch)
+    for panel in _general_panels():
+        panel.COMPAT_ENGINES.discard(ENGINE)
+    delattr(bpy.types.Scene, BACKGROUND)
+    bpy.utils.unregister_class(DescatterRenderEngine)
+
+
+def _general_panels() -> Iterator[Any]:
+    """Panels of Blender's own that are drawn for engines they name, such as resolution, output and passes."""
+    for panel in bpy.types.Panel.__subclasses__():
+        if _ALIKE in getattr(panel, "COMPAT_ENGINES", ()) and panel.__name__ not in _NOT_OURS:
+            yield panel
+
+
+@bpy.app.handlers.persistent
+def _watch(_scene: Any, depsgraph: Any) -> None:
+    changed_twins(depsgraph)
+
+
+@bpy.app.handlers.persistent
+def _forget(*_: Any) -> None:
+    forget_twins()

@@ -1,0 +1,108 @@
+"""The render engine "Descatter": final pictures, animations, Rendered mode."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ...core.errors import CameraError, DgsError
+from ...core.serving.messages import View
+from .picture_server import Picture, PictureServer
+from .process import picture_server
+from .twins import placed_twins
+from .view_camera import Frame, final_camera
+
+#: Seconds between two looks whether the user has stopped the rendering.
+_LOOK = 0.1
+#: Where nothing is seen: as Cycles writes it.
+_NOWHERE = 1e10
+_CHANNEL = "final"
+ENGINE = "DESCATTER"
+#: Scene property: sRGB colour behind the twins where the film is not transparent.
+BACKGROUND = "dgs_background"
+
+
+class DescatterRenderEngine(bpy.types.RenderEngine):
+    """The engine's own sorted blending, as twins were trained with it."""
+
+    bl_idname = ENGINE
+    bl_label = "Descatter"
+    bl_use_preview = False
+    bl_use_eevee_viewport = True
+
+    def update(self, data: Any, depsgraph: Any) -> None:
+        """Reads the scene, while nobody else can change it."""
+        self._view, self._failure, self._back = None, "", 0.0
+        try:
+            self._server = picture_server()
+            self._view = self._asked(depsgraph)
+        except DgsError as error:
+            self._failure = str(error)
+
+    def render(self, depsgraph: Any) -> None:
+        """One view layer's picture."""
+        picture = None if self._view is None else self._drawn(self._view)
+        if self._failure:
+            self.report({"ERROR"}, self._failure)
+        if picture is None:
+            return
+        height, width = picture.pixels.shape[:2]
+        layer = depsgraph.view_layer_eval
+        result = self.begin_result(0, 0, width, height, layer=layer.name, view=self.active_view_get())
+        passes = result.layers[0].passes
+        _fill(passes.get("Combined"), picture.pixels)
+        if picture.depth is not None:
+            _fill(passes.get("Depth"), _depths(picture, self._back))
+        self.end_result(result)
+
+    def update_render_passes(self, scene: Any, renderlayer: Any) -> None:
+        """What the compositor may ask for."""
+        self.register_pass(scene, renderlayer, "Combined", 4, "RGBA", "COLOR")
+        if renderlayer.use_pass_z:
+            self.register_pass(scene, renderlayer, "Depth", 1, "Z", "VALUE")
+
+    def _asked(self, depsgraph: Any) -> View:
+        scene = depsgraph.scene_eval
+        if scene.camera is None:
+            raise CameraError("The scene has no camera", "Import or add one")
+        frame = Frame.of(scene.render, self.resolution_x, self.resolution_y)
+        camera, self._back = final_camera(scene.camera.evaluated_get(depsgraph), scene.render, frame)
+        twins = placed_twins(depsgraph, self._server, fresh=True)
+        layer = depsgraph.view_layer_eval
+        return View(twins, camera, layer.use_pass_z, True, background_of(scene), layer.pass_alpha_threshold)
+
+    def _drawn(self, view: View) -> Picture | None:
+        server: PictureServer = self._server
+        self.update_stats("", "The engine draws" if server.pid is not None else "The engine starts")
+        server.ask(_CHANNEL, view)
+        while (picture := server.wait(_CHANNEL, _LOOK)) is None:
+            if self.test_break():
+                return None
+            if not server.waiting(_CHANNEL):
+                self._failure = server.error or "The engine made no picture"
+                return None
+        return picture
+
+
+def background_of(scene: Any) -> tuple[float, float, float] | None:
+    """sRGB colour behind the twins; None where the film is transparent."""
+    if scene.render.film_transparent:
+        return None
+    red, green, blue = getattr(scene, BACKGROUND, (0.0, 0.0, 0.0))
+    return red, green, blue
+
+
+def _depths(picture: Picture, back: float) -> NDArray[np.float32]:
+    """[H, W, 1] depths from the camera as Blender has it."""
+    assert picture.depth is not None
+    nowhere = np.float32(_NOWHERE)
+    return np.where(picture.depth < nowhere, picture.depth - np.float32(back), nowhere)[..., None]
+
+
+def _fill(target: Any, values: NDArray[np.float32]) -> None:
+    """Writes a pass of a render result, rows upwards."""
+    if target is not None:
+        target.rect.foreach_set(np.ascontiguousarray(values).reshape(-1))

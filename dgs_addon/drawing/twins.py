@@ -1,0 +1,129 @@
+"""The twins of a scene as the picture server takes them."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from ...core.constants import SH_COEFFICIENTS
+from ...core.serving.messages import PlacedTwin, SharedTwin
+from ..axes import matrix_to_engine
+from ..scene.nodes import BOX_INPUT, COUNT_INPUT, CROP_INPUT, SIZE_INPUT, THRESHOLD_INPUT, splat_input, splat_modifier
+from ..scene.twin import BASE, ROTATION, SCALE, TWIN, harmonic, is_twin
+from .picture_server import PictureServer
+
+#: Where attributes keep their numbers, in the order of `SharedTwin.planes`.
+_FIELDS = (("position", "vector"), (SCALE, "vector"), (ROTATION, "value"), (BASE, "color"))
+
+#: Keys of the meshes that were read, by their number in this session: they hold until the mesh changes.
+_keys: dict[int, str] = {}
+
+
+def placed_twins(
+    depsgraph: Any, server: PictureServer, space: Any = None, fresh: bool = False
+) -> tuple[PlacedTwin, ...]:
+    """The twins that are to be seen, handed over to the server where it has not got them.
+
+    Args:
+        depsgraph: of the picture; its mode says what is visible.
+        space: the 3D view that they are drawn in, which may hide some; None for a final picture.
+        fresh: read meshes again even if nobody said that they had changed.
+    """
+    placed = []
+    for thing in depsgraph.objects:
+        if is_twin(thing) and (space is None or thing.original.visible_in_viewport_get(space)):
+            key = _key(thing.original, server, fresh)
+            if key is not None:
+                placed.append(_placed(thing, key, depsgraph))
+    return tuple(placed)
+
+
+def changed_twins(depsgraph: Any) -> bool:
+    """Notes which meshes have changed; True if any twin did, or moved, or may be seen differently."""
+    any_changed = False
+    for update in depsgraph.updates:
+        thing = update.id
+        if update.is_updated_geometry:
+            mesh = getattr(thing, "data", thing)
+            any_changed |= _keys.pop(getattr(mesh, "session_uid", 0), None) is not None
+        any_changed |= is_twin(thing) if hasattr(thing, "type") else False
+    return any_changed
+
+
+def forget_twins() -> None:
+    """Reads all meshes again, as when another file is loaded."""
+    _keys.clear()
+
+
+def twins_in(depsgraph: Any) -> Iterator[Any]:
+    """The evaluated `bpy` objects of all twins."""
+    return (thing for thing in depsgraph.objects if is_twin(thing))
+
+
+def _key(twin: Any, server: PictureServer, fresh: bool) -> str | None:
+    """The key of a twin's present state; None where its attributes are not those of a twin."""
+    mesh = twin.data
+    known = _keys.get(mesh.session_uid)
+    if mesh.is_editmode or (known is not None and not fresh and server.has(known)):
+        return known  # (while it is edited its attributes cannot be read)
+    content = _content(mesh, int(twin[TWIN]))
+    if content is None:
+        return None
+    shared, values = content
+    if not server.has(shared.key):
+        server.put(shared, values)
+    _keys[mesh.session_uid] = shared.key
+    return shared.key
+
+
+def _content(mesh: Any, harmonics: int) -> tuple[SharedTwin, bytes] | None:
+    fields = [*_FIELDS, *((harmonic(index), "vector") for index in range(harmonics - 1))]
+    count = len(mesh.vertices)
+    attributes = [mesh.attributes.get(name) for name, _ in fields]
+    if harmonics not in SH_COEFFICIENTS or not count or any(a is None or len(a.data) != count for a in attributes):
+        return None
+    shape = SharedTwin("", count, harmonics)
+    values = bytearray(shape.bytes)
+    for plane, attribute, (_, field) in zip(shape.planes(memoryview(values)), attributes, fields, strict=True):
+        if not hasattr(attribute.data[0], field):
+            return None
+        attribute.data.foreach_get(field, plane.reshape(-1))
+    content = bytes(values)
+    return SharedTwin(f"{mesh.session_uid}-{zlib.crc32(content)}", count, harmonics), content
+
+
+def _placed(thing: Any, key: str, depsgraph: Any) -> PlacedTwin:
+    world = np.array(thing.matrix_world, np.float64)
+    modifier = splat_modifier(thing)
+    if modifier is None:
+        return PlacedTwin(key, _row(matrix_to_engine(world)))
+    most, box = _input(modifier, COUNT_INPUT), _input(modifier, BOX_INPUT)
+    inside = None
+    if _input(modifier, CROP_INPUT) and box is not None:
+        cube = np.array(box.evaluated_get(depsgraph).matrix_world, np.float64)
+        # (a box without volume holds nothing)
+        inside = _row(np.linalg.inv(cube) @ world if abs(np.linalg.det(cube)) > 0 else np.diag([1e30, 1e30, 1e30, 1.0]))
+    return PlacedTwin(
+        key,
+        _row(matrix_to_engine(world)),
+        size=1.0 if (size := _input(modifier, SIZE_INPUT)) is None else float(size),
+        faintest=float(_input(modifier, THRESHOLD_INPUT) or 0.0),
+        most=None if most is None else max(0, int(most)),
+        box=inside,
+    )
+
+
+def _input(modifier: Any, name: str) -> Any:
+    """An input of the splats' modifier; None where it has none of this name, or the file of an older version."""
+    place = splat_input(modifier, name)
+    if place is None:
+        return None
+    owner, path = place
+    return owner.value if path == "value" else owner.get(path[2:-2])
+
+
+def _row(matrix: Any) -> tuple[float, ...]:
+    return tuple(float(value) for value in np.asarray(matrix).reshape(16))
