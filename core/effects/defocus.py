@@ -127,6 +127,7 @@ SPEC = EffectSpec(
         tooltip="A lens that images one distance sharply and blurs what is nearer or farther",
         simulated="Defocus: blur that grows in 1 / depth with the distance from the plane in focus of each photo.",
         missing="Blur that changes with depth",
+        blurred="partly out of focus",
     ),
     inspect=inspect,
     switch=Switch(

@@ -106,6 +106,7 @@ SPEC = EffectSpec(
         tooltip="A lens that is less sharp towards the corners of the frame, or towards its middle",
         simulated="Blur that grows towards the corners (or the middle) of the frame, in every step.",
         missing="Blur that changes over the frame",
+        blurred="blurred towards the corners",
     ),
     inspect=inspect,
     switch=Switch(

@@ -53,6 +53,7 @@ SPEC = EffectSpec(
         tooltip="A camera that moved along a path of its own during each exposure, learned with the twin",
         simulated="Motion of the camera during each exposure: each photo's own path, learned with the twin.",
         missing="Blur that changes from photo to photo",
+        blurred="shaken",
         covered_by_own_blurs=True,
     ),
     inspect=inspect,

@@ -30,6 +30,7 @@ class EffectWords:
         tooltip: one sentence without its full stop, for the panel; empty where nothing can be switched.
         simulated: the report's sentence where it is on.
         missing: what the report names as left out where it is off, without a full stop; empty for nothing.
+        blurred: what photos are called that it blurred, in the report's first sentence; empty where it blurs none.
         covered_by_own_blurs: whether `missing` is also covered where photos have point spreads of their own.
     """
 
@@ -37,6 +38,7 @@ class EffectWords:
     tooltip: str = ""
     simulated: str = ""
     missing: str = ""
+    blurred: str = ""
     covered_by_own_blurs: bool = False
 
 

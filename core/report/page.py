@@ -18,7 +18,7 @@ from .charts import Axis, Marker, line_chart, scatter_map
 from .foci import drawn_foci, usual_scale
 from .paths import drawn_paths
 from .pictures import ViewPictures, embedded
-from .words import limits, not_simulated, simulated
+from .words import blurred_by_effects, limits, not_simulated, simulated
 
 _FOLDER = Path(__file__).parent
 
@@ -84,6 +84,7 @@ def page(
         not_simulated=not_simulated(report),
         limits=limits(report),
         exposures=exposures(report),
+        blurred=blurred_by_effects(report),
         paths=drawn_paths(report),
         foci=(foci := drawn_foci(report)),
         focus_scale=usual_scale(foci),

@@ -16,6 +16,8 @@ def simulated(report: Mapping[str, Any]) -> list[str]:
         f"The blur: every render is convolved with the point spread function {medium['psf']}, the same over the whole "
         f"frame, on {space}."
         if medium["psf"] != "none"
+        else "No point spread that all photos share: each was blurred in its own way, as below."
+        if blurred_by_effects(report)
         else "No blur: the photos were taken as sharp (psf none)."
     )
     own = medium.get("per_photo_sigma")
@@ -35,6 +37,12 @@ def simulated(report: Mapping[str, Any]) -> list[str]:
         gloss,
         "Opacity and occlusion of the Gaussians in depth order.",
     ]
+
+
+def blurred_by_effects(report: Mapping[str, Any]) -> list[str]:
+    """What the photos are called after the effects that blurred them, besides a point spread; [] for none."""
+    on = (effect_named(effect["name"]) for effect in report.get("effects", ()) if effect["on"])
+    return [spec.words.blurred for spec in on if spec is not None and spec.words.blurred]
 
 
 def _background(photos: Mapping[str, Any]) -> list[str]:
@@ -79,6 +87,11 @@ def limits(report: Mapping[str, Any]) -> list[str]:
             f"Detail finer than about {period:.3g} px is not in the data of one photo: the medium dims it below the "
             "rounding of 8-bit files. What the twin shows there comes from other views that average the "
             "rounding out, or from the smoothness of the fit, or from chance."
+        )
+    elif blurred_by_effects(report):
+        lines.append(
+            "Each photo lacks the detail that its own blur took. What the twin shows of it comes from photos that were "
+            "blurred otherwise, or less; where all lack the same, from the smoothness of the fit, or from chance."
         )
     else:
         lines.append("Nothing was blurred, so the pixel grid itself (2 px) is the limit of one photo.")

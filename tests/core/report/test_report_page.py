@@ -308,6 +308,23 @@ def test_learned_paths_are_drawn():
     assert "Camera paths of all 2 photos" in text and text.count('aria-label="path"') == 2
 
 
+def test_photos_that_effects_blurred_are_not_called_sharp():
+    report = copy.deepcopy(REPORT)
+    report["medium"]["psf"], report["resolvable_period_px"] = "none", 2.0
+    text = page(report, pictures(), None, cameras())
+    assert "taken as sharp" in text and "Nothing was blurred" in text
+    report["effects"] += [{**copy.deepcopy(report["effects"][1]), "name": n, "on": True} for n in ("motion", "defocus")]
+    for row in report["effects"][-2:]:
+        row["parameters"] = {"unit": 2.0}
+    text = " ".join(page(report, pictures(), None, cameras()).split())
+    assert "photos, shaken and partly out of focus, became a twin" in text
+    assert "taken as sharp" not in text and "Nothing was blurred" not in text
+    assert "each was blurred in its own way" in text and "the detail that its own blur took" in text
+    report["medium"]["psf"] = "gaussian:5"
+    text = " ".join(page(report, pictures(), None, cameras()).split())
+    assert "blurred by <code>gaussian:5</code> and shaken and partly out of focus, became" in text
+
+
 def test_learned_foci_are_drawn():
     report = copy.deepcopy(REPORT)
     assert "Focus of all" not in page(report, pictures(), None, cameras())
