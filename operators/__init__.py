@@ -40,6 +40,7 @@ from .show_log import DGS_OT_show_log
 from .show_next_views import DGS_OT_show_next_views
 from .show_tradeoff import DGS_OT_show_tradeoff
 from .update_twin import DGS_OT_rollback_twin, DGS_OT_show_states, DGS_OT_update_twin
+from .use_inspection import DGS_OT_use_inspection
 from .view_twin import DGS_OT_view_twin
 
 CLASSES: tuple[type, ...] = (
@@ -49,6 +50,7 @@ CLASSES: tuple[type, ...] = (
     DGS_OT_prepare_scene,
     DGS_OT_choose_photos,
     DGS_OT_inspect_photos,
+    DGS_OT_use_inspection,
     DGS_OT_measure_psf,
     DGS_OT_find_cameras,
     DGS_OT_show_cameras,

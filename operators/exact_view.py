@@ -61,6 +61,10 @@ def _done(view: exact.ExactView) -> None:
                 shown = area.spaces.active.image
                 if shown is None or shown.type == "RENDER_RESULT":
                     area.spaces.active.image = view.image
+    windows = bpy.context.window_manager.windows
+    if windows and view.image is not None and not bpy.app.background:  # else the next undo would take it out again
+        with bpy.context.temp_override(window=windows[0]):
+            bpy.ops.ed.undo_push(message="Descatter Exact View")
     redraw()
     if view.error:
 

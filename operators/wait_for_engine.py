@@ -21,7 +21,7 @@ def answered(operator: Any, question: Question, then: Callable[[], None]) -> set
             then()
             return None
 
-        bpy.app.timers.register(check, first_interval=0.2)
+        bpy.app.timers.register(check, first_interval=0.2, persistent=True)  # another file may be opened meanwhile
         return {"FINISHED"}
     while not question.take():
         time.sleep(0.05)

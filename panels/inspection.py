@@ -25,13 +25,31 @@ def draw_inspection(layout: Any, context: Any) -> None:
     if measured:
         values = {"sigma": f"{measured['sigma']:.2f}", "error": f"{measured['sigma_uncertainty']:.2f}"}
         figures(layout, "Measured: sigma {sigma} ± {error} px", "CHECKMARK", **values)
-    if inspection.effects.subject == (context.scene.dgs.photos,):
-        lines = inspection.sentences(inspection.effects.answer)
-        for line, needed in lines:
-            if needed:
-                sentence(layout, context, line, "CHECKMARK")
-        if lines and not any(needed for _, needed in lines):
-            sentence(layout, context, "These photos show no effect that has to be modelled", "CHECKMARK")
+    _draw_findings(layout, context)
+
+
+def _draw_findings(layout: Any, context: Any) -> None:
+    """What the photos show and, where the settings leave it out, the button that takes it in."""
+    settings = context.scene.dgs
+    if inspection.effects.subject != (settings.photos,) or not inspection.effects.answer:
+        return
+    needed = [found for found in inspection.findings(inspection.effects.answer) if found.needed]
+    missing = False
+    for found in needed:
+        if not inspection.can_be_modelled(found):
+            icon = "INFO"
+        elif inspection.is_modelled(found, settings):
+            icon = "CHECKMARK"
+        else:
+            icon, missing = "ERROR", True
+        sentence(layout, context, found.text, icon)
+    if missing:
+        sentence(layout, context, "The settings above leave out what is marked", "BLANK1")
+        layout.operator("dgs.use_inspection", icon="CHECKMARK")
+    elif needed:
+        sentence(layout, context, "The settings above take all of this into account", "BLANK1")
+    else:
+        sentence(layout, context, "These photos show no effect that has to be modelled", "CHECKMARK")
 
 
 def _draw_error(layout: Any, context: Any, question: Question, button: str) -> None:

@@ -6,6 +6,8 @@ from typing import Any
 
 import bpy
 
+from ..dgs_addon.paths import absolute
+from ..dgs_addon.questions import inspection
 from .inspection import draw_inspection
 from .layout import Step, folded, ready, sentence, split
 
@@ -17,8 +19,8 @@ class DGS_PT_medium(Step, bpy.types.Panel):
     bl_label = "3  Medium"
 
     def draw_header_preset(self, context: Any) -> None:
-        """Nothing need be chosen: photos may be sharp."""
-        ready(self.layout, True)
+        """Done where the photos or the user say what blurs them; without a medium only if the photos show no blur."""
+        ready(self.layout, _decided(context.scene.dgs))
 
     def draw(self, context: Any) -> None:
         """Its kind and its figures."""
@@ -48,3 +50,13 @@ class DGS_PT_medium(Step, bpy.types.Panel):
         body = folded(layout, "medium", "More")
         if body is not None:
             body.prop(settings, "blur_space")
+
+
+def _decided(settings: Any) -> bool:
+    if settings.medium == "file":
+        path = absolute(settings.psf_file)
+        return path is not None and path.is_file()
+    if settings.medium != "none":
+        return True
+    found = inspection.findings(inspection.effects.answer) if inspection.effects.subject == (settings.photos,) else []
+    return any(one.name == "blur" and not one.needed for one in found)

@@ -32,14 +32,15 @@ def register() -> None:
     register_translations()
     ask_about_heif(reads_heif)
     operators.add_menus()
-    bpy.app.handlers.load_post.append(watching.go_on)
+    bpy.app.handlers.load_post.extend((watching.go_on, exact.go_on))
 
 
 def unregister() -> None:
     """Takes everything out again in reverse order; does nothing if it is out already."""
     if not _registered:
         return
-    bpy.app.handlers.load_post.remove(watching.go_on)
+    for handler in (watching.go_on, exact.go_on):
+        bpy.app.handlers.load_post.remove(handler)
     _stop_everything()
     pictures.clear()
     forget_thumbnails()

@@ -11,6 +11,7 @@ from ..dgs_addon.job.steps import results
 from ..dgs_addon.laboratory.media.registry import MEDIA
 from ..dgs_addon.questions import exact
 from ..dgs_addon.scene.cameras import photo_behind
+from ..dgs_addon.scene.twin import scene_twin
 from .job import draw_beside
 from .layout import Step, folded, ready, sentence, split
 
@@ -34,7 +35,7 @@ class DGS_PT_validate(Step, bpy.types.Panel):
         row = layout.row(align=True)
         row.prop(context.scene.dgs, "view_kind", expand=True)
         layout.operator("dgs.exact_view", icon="IMAGE_DATA")
-        draw_beside(layout, context, exact.IMAGE, photo_behind(context.scene.camera))
+        _draw_exact(layout, context)
         layout.operator("dgs.render_twin", icon="RENDER_STILL")
         layout.operator("dgs.open_report", icon="URL")
         held = results(context.scene)
@@ -55,6 +56,17 @@ class DGS_PT_validate(Step, bpy.types.Panel):
                 body.prop(context.scene.dgs, name)
             _draw_test_medium(body, context.scene.dgs)
             body.operator("dgs.make_test_set", icon="SCENE")
+
+
+def _draw_exact(layout: Any, context: Any) -> None:
+    """The scene's own exact view, beside its photo, and whether it still is one."""
+    image = context.scene.dgs.exact_view
+    if image is None:
+        return
+    if exact.is_outdated(scene_twin(context.scene, context.object), context.scene):
+        text = "Outdated: the twin, the camera or what is to be shown has changed"
+        sentence(layout, context, text, "ERROR")
+    draw_beside(layout, context, exact.icon_name(image), photo_behind(context.scene.camera))
 
 
 def _draw_test_medium(layout: Any, settings: Any) -> None:

@@ -46,7 +46,7 @@ _shown = _Shown()
 
 
 def icon(name: str) -> int:
-    """Icon of JOB or of a picture that `show` was given; 0 if there is none yet."""
+    """Icon of JOB or of a picture that `show_image` was given; 0 if there is none yet."""
     icons = _shown.icons
     return int(icons[name].icon_id) if icons is not None and name in icons else 0
 
@@ -63,12 +63,11 @@ def clear() -> None:
     _shown.reset()
 
 
-def show(path: Path, name: str) -> Any:
-    """Reads a picture into the image `name` and, with a window, into an icon of that name; returns the image."""
-    image, pixels = _load(path, name)
-    if pixels is not None and not bpy.app.background:
+def show_image(image: Any, name: str) -> None:
+    """Makes an icon of this name of an image; needs a window."""
+    pixels = _pixels(image)
+    if pixels is not None:
         _set_icon(name, fitted(pixels, SIDE, SIDE))
-    return image
 
 
 def refresh(job: Job) -> None:
@@ -135,20 +134,25 @@ def _time(path: Path) -> int | None:
         return None
 
 
-def _load(path: Path, name: str) -> tuple[Any, NDArray[np.float32] | None]:
-    """The image of this name with a file's content, and its pixels [H, W, 4]; None if it holds none."""
+def _load(path: Path, name: str) -> Any:
+    """The image of this name with a file's content."""
     image = bpy.data.images.get(name)
     if image is None:
         image = bpy.data.images.load(str(path))
         image.name = name
     image.filepath, image.source = str(path), "FILE"
     image.reload()
+    return image
+
+
+def _pixels(image: Any) -> NDArray[np.float32] | None:
+    """[H, W, 4], rows upwards; None if it holds none."""
     width, height = image.size
     if not width or not height:
-        return image, None
+        return None
     pixels = np.empty(width * height * 4, np.float32)
     image.pixels.foreach_get(pixels)
-    return image, pixels.reshape(height, width, 4)
+    return pixels.reshape(height, width, 4)
 
 
 def _set_image(name: str, pixels: NDArray[np.float32]) -> None:

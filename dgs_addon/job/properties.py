@@ -104,7 +104,7 @@ class DGS_PG_settings(bpy.types.PropertyGroup):
     )
 
     medium: bpy.props.EnumProperty(
-        name="Medium", items=_MEDIA, default="none", description="What lies between the cameras and the object"
+        name="Medium", items=_MEDIA, default="auto", description="What lies between the cameras and the object"
     )
     sigma: bpy.props.FloatProperty(
         name="Sigma",
@@ -149,7 +149,7 @@ class DGS_PG_settings(bpy.types.PropertyGroup):
     effects: bpy.props.EnumProperty(
         name="Other Effects",
         items=effect_items(),
-        default="usual",
+        default="auto",
         description="What is simulated besides the blur: what photos need, or one effect",
     )
     refine_cameras: bpy.props.BoolProperty(
@@ -274,6 +274,15 @@ class DGS_PG_settings(bpy.types.PropertyGroup):
         soft_max=100.0,
         default=1.0,
         description="True distance between the two selected objects, or true length of the way through all cameras",
+    )
+    exact_view: bpy.props.PointerProperty(
+        name="Exact View",
+        type=bpy.types.Image,
+        options={"HIDDEN"},
+        description="The engine's last picture of this scene, packed into the file",
+    )
+    exact_of: bpy.props.StringProperty(
+        name="Exact View Of", options={"HIDDEN"}, description="What that picture was made of, as a checksum"
     )
     view_kind: bpy.props.EnumProperty(
         name="Show",

@@ -59,7 +59,7 @@ class Paper:
         return "\n".join(text for text, _ in self.labels)
 
 
-def drawn(panel: type, width: int = 320, **changes: Any) -> Paper:
+def drawn(panel: type, width: int = 320, method: str = "draw", **changes: Any) -> Paper:
     """What a panel draws in a sidebar of this width in px."""
     paper = Paper()
     own = {name: thing for kind in reversed(panel.__mro__) for name, thing in vars(kind).items()}
@@ -68,7 +68,7 @@ def drawn(panel: type, width: int = 320, **changes: Any) -> Paper:
     itself.layout = paper
     for name in [name for name in changes if name in getattr(panel, "__annotations__", ())]:  # Blender's properties
         setattr(itself, name, changes.pop(name))
-    itself.draw(context(width, **changes))
+    getattr(itself, method)(context(width, **changes))
     return paper
 
 

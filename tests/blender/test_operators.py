@@ -60,6 +60,7 @@ MISSING = {
     "update_twin": "There is no twin yet",
     "rollback_twin": "There is no twin yet",
     "show_states": "There is no twin yet",
+    "use_inspection": "Press Inspect Photos first",
     "install_engine": "Only an installed extension",
     "cancel_install": "Nothing is running",
     "open_preferences": "not enabled",

@@ -12,7 +12,8 @@ bpy = pytest.importorskip("bpy")
 import dgs  # noqa: E402
 from dgs import panels  # noqa: E402
 from dgs.core.cloud import GaussianCloud  # noqa: E402
-from dgs.dgs_addon.questions import estimate  # noqa: E402
+from dgs.dgs_addon.questions import estimate, exact, inspection  # noqa: E402
+from dgs.dgs_addon.scene.cameras import new_camera  # noqa: E402
 from dgs.dgs_addon.scene.twin import add_twin  # noqa: E402
 from dgs.panels import preferences  # noqa: E402
 from dgs.tests.blender.paper import drawn  # noqa: E402
@@ -68,3 +69,92 @@ def test_who_is_offline_sees_the_way_to_the_network(monkeypatch: pytest.MonkeyPa
     paper = drawn(preferences.DGS_AP_preferences, **vars(given))
     assert ("use_online_access" in paper.props) is not override
     assert ("--offline-mode" in paper.words) is override
+
+
+def answer(*effects: tuple[str, bool, float]) -> None:
+    """What the engine says of the photos 'somewhere'."""
+    inspection.effects.subject = ("somewhere",)
+    inspection.effects.answer = {
+        "effects": [
+            {"name": name, "needed": needed, "evidence": f"shown by {name}", "estimate": {"value": value}}
+            for name, needed, value in effects
+        ]
+    }
+
+
+@pytest.fixture
+def settings() -> Iterator[object]:
+    bpy.context.scene.dgs.photos = "somewhere"
+    yield bpy.context.scene.dgs
+    inspection.effects.subject, inspection.effects.answer = (), {}
+
+
+def icons() -> dict[str, str]:
+    """Of the lines that the medium step draws, by their first word."""
+    return {
+        text.partition(":")[0]: icon
+        for text, icon in drawn(panels.DGS_PT_medium).labels
+        if ":" in text and not text.startswith("No blur")
+    }
+
+
+def mark(panel: type) -> str:
+    return drawn(panel, method="draw_header_preset").labels[0][1]
+
+
+def test_what_the_settings_leave_out_is_marked_and_one_press_takes_it_in(settings: object) -> None:
+    answer(("blur", True, 2.75), ("motion", True, 6.0), ("noise", True, 3.0), ("haze", False, 0.1))
+    settings.medium, settings.effects = "none", "usual"
+    assert icons() == {"Blur": "ERROR", "Motion": "ERROR", "Noise": "INFO"}
+    assert "dgs.use_inspection" in drawn(panels.DGS_PT_medium).buttons
+    assert bpy.ops.dgs.use_inspection() == {"FINISHED"}
+    assert (settings.medium, settings.sigma, settings.effects) == ("gaussian", 2.75, "motion")
+    assert icons() == {"Blur": "CHECKMARK", "Motion": "CHECKMARK", "Noise": "INFO"}
+    paper = drawn(panels.DGS_PT_medium)
+    assert "dgs.use_inspection" not in paper.buttons and "into account" in paper.words.replace("\n", " ")
+    answer(("exposure", True, 0.3), ("vignetting", True, 0.2))
+    bpy.ops.dgs.use_inspection()
+    assert (settings.medium, settings.effects) == ("none", "auto")
+    settings.effects = "usual"
+    assert icons() == {"Exposure": "CHECKMARK", "Vignetting": "ERROR"}
+    answer(("blur", False, 0.4), ("white_balance", False, 0.0))
+    assert bpy.ops.dgs.use_inspection() == {"FINISHED"} and settings.effects == "usual"
+
+
+def test_no_medium_is_no_step_that_is_done_until_the_photos_say_so(settings: object) -> None:
+    assert settings.medium == "auto" and mark(panels.DGS_PT_medium) == "CHECKMARK"
+    settings.medium = "none"
+    assert mark(panels.DGS_PT_medium) == "RADIOBUT_OFF"
+    answer(("blur", True, 2.0))
+    assert mark(panels.DGS_PT_medium) == "RADIOBUT_OFF"
+    answer(("blur", False, 0.5))
+    assert mark(panels.DGS_PT_medium) == "CHECKMARK"
+    settings.photos = "elsewhere"
+    assert mark(panels.DGS_PT_medium) == "RADIOBUT_OFF"
+    settings.medium = "file"
+    assert mark(panels.DGS_PT_medium) == "RADIOBUT_OFF", "no file is chosen"
+
+
+def test_an_exact_view_is_its_scenes_own_and_says_when_it_is_outdated(cloud: GaussianCloud) -> None:
+    scene, other = bpy.context.scene, bpy.data.scenes.new("Other")
+    twin = add_twin(cloud, "twin", scene.collection)
+    bpy.context.view_layer.objects.active = twin
+    new_camera("Camera", scene)
+    bpy.context.view_layer.update()
+    scene.dgs.exact_view = bpy.data.images.new("Descatter Exact View", 4, 4)
+    scene.dgs.exact_of = exact.subject_of(twin, scene)
+    assert "Outdated" not in drawn(panels.DGS_PT_validate).words
+    for change in (
+        lambda: setattr(scene.camera, "location", (1, 2, 3)),
+        lambda: setattr(twin, "location", (0, 0, 1)),
+        lambda: setattr(scene.render, "resolution_x", 640),
+        lambda: setattr(scene.dgs, "view_kind", "medium"),
+        lambda: setattr(scene.dgs, "sigma", 7.0),
+        lambda: twin.data.attributes["radiance:base"].data.foreach_set("color", [0.5] * 36),
+    ):
+        change()
+        bpy.context.view_layer.update()
+        assert "Outdated" in drawn(panels.DGS_PT_validate).words
+        scene.dgs.exact_of = exact.subject_of(twin, scene)
+        assert "Outdated" not in drawn(panels.DGS_PT_validate).words
+    assert other.dgs.exact_view is None and "Outdated" not in drawn(panels.DGS_PT_validate, scene=other).words

@@ -61,6 +61,7 @@ def ask(scene: Any, folder: Path) -> None:
     settings.cameras, settings.model = "model", str(folder / "model")
     settings.medium, settings.sigma = "gaussian", SIGMA
     settings.preset, settings.max_gaussians, settings.holdout_every = "draft", 2000, 4
+    settings.effects = "usual"  # trials take longer than these runs
     settings.threads = 1
 
 

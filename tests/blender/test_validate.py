@@ -87,6 +87,7 @@ def test_from_a_rendered_set_to_the_twins_score_against_the_truth(settings: obje
         assert len(list((tmp_path / "set" / folder).glob("*.png"))) == 6
     truth, settings.truth = settings.truth, ""
     settings.preset, settings.max_gaussians, settings.holdout_every = "draft", 1000, 3
+    settings.effects = "usual"  # trials take longer than these runs
     assert bpy.ops.dgs.optimize() == {"FINISHED"}
     assert results(bpy.context.scene).report["heldout"]["sharp"]["psnr"] is None
     refused("compare_truth", "Choose the folder of sharp photos first")

@@ -68,6 +68,7 @@ def ask(settings: Any, folder: Path, out: Path) -> None:
     settings.cameras, settings.model = "model", str(folder / "model")
     settings.medium, settings.sigma, settings.threads = "gaussian", SIGMA, 1
     settings.preset, settings.max_gaussians, settings.holdout_every = "draft", 1000, 4
+    settings.effects = "usual"  # trials take longer than these runs
 
 
 @pytest.fixture

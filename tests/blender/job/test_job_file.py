@@ -41,6 +41,7 @@ def settings(photo_set: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     settings.cameras, settings.model = "model", str(photo_set / "model")
     settings.medium, settings.sigma, settings.threads = "gaussian", SIGMA, 1
     settings.preset, settings.max_gaussians, settings.holdout_every = "draft", 1000, 4
+    settings.effects = "usual"  # trials take longer than these runs
     (tmp_path / "out").mkdir()
     yield settings
     dgs.unregister()

@@ -46,6 +46,7 @@ def scene(photo_set: Path, tmp_path: Path) -> Iterator[object]:
     settings.cameras, settings.model = "model", str(photo_set / "model")
     settings.medium, settings.sigma = "gaussian", SIGMA
     settings.preset, settings.max_gaussians, settings.holdout_every = "draft", 2000, 4
+    settings.effects = "usual"  # trials take longer than these runs
     yield bpy.context.scene
     dgs.unregister()
 
@@ -115,6 +116,19 @@ def test_from_photos_to_a_twin_without_a_window(scene: object, tmp_path: Path) -
     count = len(bpy.data.objects)
     assert bpy.ops.dgs.add_results() == {"FINISHED"}
     assert len(bpy.data.objects) == count
+    # The exact view lies in the file, and says when it is one no more.
+    bpy.context.view_layer.update()
+    before = pixels(scene.dgs.exact_view)
+    assert not exact.is_outdated(twin, scene)
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "work.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "work.blend"))
+    scene = bpy.context.scene
+    assert np.array_equal(pixels(scene.dgs.exact_view), before) and not list(Path(bpy.app.tempdir).glob("descatter-*"))
+    assert not exact.is_outdated(scene.camera.parent, scene)
+    scene.camera.parent.data.attributes["position"].data.foreach_set(
+        "vector", np.zeros(3 * len(scene.camera.parent.data.vertices), np.float32)
+    )
+    assert exact.is_outdated(scene.camera.parent, scene)
 
 
 def test_cancel_keeps_what_was_done_and_resume_ends_it(scene: object, tmp_path: Path) -> None:

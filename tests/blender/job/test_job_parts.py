@@ -100,7 +100,7 @@ def test_durations_read_well() -> None:
 def test_the_request_says_all_settings(settings: object, tmp_path: Path) -> None:
     settings.medium, settings.sigma, settings.sigma_minor = "ellipse", 4.0, 2.0
     settings.angle, settings.time_limit, settings.sh_degree = math.radians(30), 1.5, "0"
-    settings.max_size, settings.threads = 100, 2
+    settings.max_size, settings.threads, settings.effects = 100, 2, "usual"
     request = request_of("reconstruct", bpy.context.scene)
     text = " ".join(request.arguments)
     assert "--psf gaussian:4,2,30 --blur-space srgb --max-size 100" in text
@@ -117,6 +117,11 @@ def test_the_request_says_all_settings(settings: object, tmp_path: Path) -> None
     settings.medium, settings.effects, settings.refine_cameras = "auto", "none", False
     assert "--effects none" in " ".join(request_of("reconstruct", bpy.context.scene).arguments)
     settings.effects = "usual"
+
+
+def test_who_sets_nothing_lets_the_photos_decide(settings: object) -> None:
+    text = " ".join(request_of("reconstruct", bpy.context.scene).arguments)
+    assert "--psf auto --blur-space srgb" in text and "--effects auto" in text
 
 
 def test_missing_things_are_named(settings: object, tmp_path: Path) -> None:

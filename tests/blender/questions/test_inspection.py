@@ -50,7 +50,7 @@ def test_a_photo_of_nothing_says_so(tmp_path: Path) -> None:
     photo = photos.photo(tmp_path / "dark.png", np.full((64, 64), 0.1), 0.001, 8)
     with pytest.raises(RuntimeError, match="stands out"):
         bpy.ops.dgs.measure_psf(filepath=str(photo))
-    assert bpy.context.scene.dgs.medium == "none"
+    assert bpy.context.scene.dgs.medium == "auto"
 
 
 def test_photos_are_inspected(tmp_path: Path) -> None:
