@@ -6,6 +6,8 @@ from typing import Any
 
 import bpy
 
+from ..dgs_addon.drawing.live import SHOWN
+from ..dgs_addon.drawing.render_engine import ENGINE
 from ..dgs_addon.scene.crop import crop_box
 from ..dgs_addon.scene.nodes import (
     BOX_INPUT,
@@ -101,8 +103,9 @@ class DGS_PT_twin_look(Sidebar, bpy.types.Panel):
                 place = splat_input(modifier, name)
                 if place is not None:
                     column.prop(*place, text=text)
-        if context.scene.render.engine != "CYCLES":
-            sentence(layout, context, "Splats look right in Cycles only", "ERROR")
+        layout.prop(context.scene, SHOWN)
+        if context.scene.render.engine not in ("CYCLES", ENGINE):
+            sentence(layout, context, "Splats look right in Cycles and Descatter only", "ERROR")
         row = layout.row(align=True)
         row.operator("dgs.prepare_scene", text="Blend as Light").blending = "LIGHT"
         row.operator("dgs.prepare_scene", text="As Trained").blending = "TRAINED"

@@ -36,6 +36,7 @@ _VIEW = {
     "camera": {**_CAMERA, "rotation": [number], "translation": [number]},
     "depth": truth,
     "light": truth,
+    "overlay": truth,
     "solid": number,
     "background?": ([number],),
 }
@@ -109,6 +110,8 @@ class View:
         light: linear light instead of sRGB values.
         background: [3] sRGB behind the twins; None for none, where the picture has alpha.
         solid: alpha of the twins from which on a px has a depth.
+        overlay: with `light`, colours are decoded as they are, multiplied by alpha: to be encoded again, and blended
+            with what is behind as sRGB values.
     """
 
     twins: tuple[PlacedTwin, ...]
@@ -117,6 +120,7 @@ class View:
     light: bool = False
     background: tuple[float, float, float] | None = None
     solid: float = 0.0
+    overlay: bool = False
 
     def message(self) -> dict[str, Any]:
         """As JSON has it."""
@@ -130,6 +134,7 @@ class View:
             "light": self.light,
             "background": self.background,
             "solid": self.solid,
+            "overlay": self.overlay,
         }
 
     @staticmethod
@@ -144,7 +149,7 @@ class View:
         camera = Camera("", **lens, rotation=rotation.reshape(3, 3), translation=translation.reshape(3))
         twins = tuple(_placed(twin) for twin in value["twins"])
         behind = None if background is None else tuple(background)
-        return View(twins, camera, value["depth"], value["light"], behind, value["solid"])
+        return View(twins, camera, value["depth"], value["light"], behind, value["solid"], value["overlay"])
 
 
 @dataclass(frozen=True)

@@ -26,6 +26,7 @@ def pack(
     margin: int,
     table: Any,
     light: bool,
+    straight: bool,
     opaque: bool,
     unit: Any,
     solid: Any,
@@ -38,7 +39,8 @@ def pack(
         image: [3, H + 2m, W + 2m] sRGB over the background, or over black where there is none; alpha: of the same size.
         depth: blended depths of the same size, or [0, 0].
         table: of `collecting_kernels.decoded`.
-        light: whether linear light is wanted; opaque: whether there is a background.
+        light: whether linear light is wanted; straight: of the colours before they were multiplied by alpha.
+        opaque: whether there is a background.
         unit: the scene's units per unit of depth.
         solid: alpha from which on there is a depth.
         pixels: [H, W, 4] output, colours multiplied by alpha; depths: [H, W] output, or [0, 0].
@@ -51,7 +53,7 @@ def pack(
             for c in range(3):
                 value = image[c, y, x + margin]
                 if light:
-                    if opaque:
+                    if not straight:
                         value = decoded(value, table)
                     elif a > _LEAST:
                         value = decoded(value / a, table) * a

@@ -7,9 +7,11 @@ from typing import Any
 
 import bpy
 
-from . import process
+from . import live, process
+from .quad import forget_shaders
 from .render_engine import BACKGROUND, ENGINE, DescatterRenderEngine
 from .twins import changed_twins, forget_twins
+from .viewport import forget_views
 
 #: Engines whose panels of general settings make sense for ours too, and those of them that do not.
 _ALIKE = "BLENDER_WORKBENCH"
@@ -33,19 +35,30 @@ def register_drawing() -> None:
         default=(0.0, 0.0, 0.0),
     )
     setattr(bpy.types.Scene, BACKGROUND, setting)
+    shown = bpy.props.BoolProperty(
+        name="Live Splats",
+        description="Draw the splats as the engine sees them over the scene, in Solid and Material Preview",
+        default=True,
+    )
+    setattr(bpy.types.Scene, live.SHOWN, shown)
     for panel in _general_panels():
         panel.COMPAT_ENGINES.add(ENGINE)
     bpy.app.handlers.depsgraph_update_post.append(_watch)
     bpy.app.handlers.load_post.append(_forget)
+    live.start()
 
 
 def unregister_drawing() -> None:
     """Takes everything out again, and ends the server."""
+    live.stop()
     process.stop()
+    forget_views()
+    forget_shaders()
     bpy.app.handlers.load_post.remove(_forget)
     bpy.app.handlers.depsgraph_update_post.remove(_watch)
     for panel in _general_panels():
         panel.COMPAT_ENGINES.discard(ENGINE)
+    delattr(bpy.types.Scene, live.SHOWN)
     delattr(bpy.types.Scene, BACKGROUND)
     bpy.utils.unregister_class(DescatterRenderEngine)
 

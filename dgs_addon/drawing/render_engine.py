@@ -12,8 +12,9 @@ from ...core.errors import CameraError, DgsError
 from ...core.serving.messages import View
 from .picture_server import Picture, PictureServer
 from .process import picture_server
-from .twins import placed_twins
+from .twins import changed_twins, placed_twins
 from .view_camera import Frame, final_camera
+from .viewport import Look, draw_twins
 
 #: Seconds between two looks whether the user has stopped the rendering.
 _LOOK = 0.1
@@ -63,6 +64,15 @@ class DescatterRenderEngine(bpy.types.RenderEngine):
         self.register_pass(scene, renderlayer, "Combined", 4, "RGBA", "COLOR")
         if renderlayer.use_pass_z:
             self.register_pass(scene, renderlayer, "Depth", 1, "Z", "VALUE")
+
+    def view_update(self, _context: Any, depsgraph: Any) -> None:
+        """Rendered mode: something has changed."""
+        changed_twins(depsgraph)
+
+    def view_draw(self, context: Any, depsgraph: Any) -> None:
+        """Rendered mode: draws the last picture, in linear light, which Blender shows by its view transform."""
+        failure = draw_twins(context, depsgraph, Look(depth=False, light=True, background=background_of(context.scene)))
+        self.update_stats("", failure)
 
     def _asked(self, depsgraph: Any) -> View:
         scene = depsgraph.scene_eval

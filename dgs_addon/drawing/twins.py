@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import zlib
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -11,7 +10,7 @@ import numpy as np
 from ...core.constants import SH_COEFFICIENTS
 from ...core.serving.messages import PlacedTwin, SharedTwin
 from ..axes import matrix_to_engine
-from ..scene.nodes import BOX_INPUT, COUNT_INPUT, CROP_INPUT, SIZE_INPUT, THRESHOLD_INPUT, splat_input, splat_modifier
+from ..scene.nodes import BOX_INPUT, COUNT_INPUT, CROP_INPUT, SIZE_INPUT, THRESHOLD_INPUT, splat_modifier, splat_value
 from ..scene.twin import BASE, ROTATION, SCALE, TWIN, harmonic, is_twin
 from .picture_server import PictureServer
 
@@ -58,11 +57,6 @@ def forget_twins() -> None:
     _keys.clear()
 
 
-def twins_in(depsgraph: Any) -> Iterator[Any]:
-    """The evaluated `bpy` objects of all twins."""
-    return (thing for thing in depsgraph.objects if is_twin(thing))
-
-
 def _key(twin: Any, server: PictureServer, fresh: bool) -> str | None:
     """The key of a twin's present state; None where its attributes are not those of a twin."""
     mesh = twin.data
@@ -100,29 +94,20 @@ def _placed(thing: Any, key: str, depsgraph: Any) -> PlacedTwin:
     modifier = splat_modifier(thing)
     if modifier is None:
         return PlacedTwin(key, _row(matrix_to_engine(world)))
-    most, box = _input(modifier, COUNT_INPUT), _input(modifier, BOX_INPUT)
+    most, box = splat_value(modifier, COUNT_INPUT), splat_value(modifier, BOX_INPUT)
     inside = None
-    if _input(modifier, CROP_INPUT) and box is not None:
+    if splat_value(modifier, CROP_INPUT) and box is not None:
         cube = np.array(box.evaluated_get(depsgraph).matrix_world, np.float64)
         # (a box without volume holds nothing)
         inside = _row(np.linalg.inv(cube) @ world if abs(np.linalg.det(cube)) > 0 else np.diag([1e30, 1e30, 1e30, 1.0]))
     return PlacedTwin(
         key,
         _row(matrix_to_engine(world)),
-        size=1.0 if (size := _input(modifier, SIZE_INPUT)) is None else float(size),
-        faintest=float(_input(modifier, THRESHOLD_INPUT) or 0.0),
+        size=1.0 if (size := splat_value(modifier, SIZE_INPUT)) is None else float(size),
+        faintest=float(splat_value(modifier, THRESHOLD_INPUT) or 0.0),
         most=None if most is None else max(0, int(most)),
         box=inside,
     )
-
-
-def _input(modifier: Any, name: str) -> Any:
-    """An input of the splats' modifier; None where it has none of this name, or the file of an older version."""
-    place = splat_input(modifier, name)
-    if place is None:
-        return None
-    owner, path = place
-    return owner.value if path == "value" else owner.get(path[2:-2])
 
 
 def _row(matrix: Any) -> tuple[float, ...]:

@@ -17,6 +17,7 @@ import bpy
 from ...core.constants import SH_C0, SH_C1
 from .cards import CameraSockets, cards, cards_exist
 from .graph import Graph
+from .live import outline
 from .material import COLOUR, OPACITY, REACH, card_material, linear_light, splat_material
 
 #: Faces of the ball lie inside its vertices' sphere; this puts them around the sphere instead.
@@ -26,7 +27,7 @@ _FLATTEST = 0.01
 #: Named attributes that the nodes hand to the material of balls, a vector a channel.
 GLOSS = ("dgs_gloss_red", "dgs_gloss_green", "dgs_gloss_blue")
 
-SIZE_INPUT, THRESHOLD_INPUT, COUNT_INPUT, VIEWPORT_INPUT, FACE_INPUT, CROP_INPUT, BOX_INPUT = (
+SIZE_INPUT, THRESHOLD_INPUT, COUNT_INPUT, VIEWPORT_INPUT, FACE_INPUT, CROP_INPUT, BOX_INPUT, LIVE_INPUT = (
     "Splat Size",
     "Opacity Threshold",
     "Max Count",
@@ -34,6 +35,7 @@ SIZE_INPUT, THRESHOLD_INPUT, COUNT_INPUT, VIEWPORT_INPUT, FACE_INPUT, CROP_INPUT
     "Face Camera",
     "Crop",
     "Crop Box",
+    "Drawn Live",
 )
 _NAME = "Descatter Splats"
 #: Opacity below which splats are not shown, unless another one is chosen: nobody sees them.
@@ -119,7 +121,11 @@ def _build(name: str, view_dependent: bool) -> Any:
         facing = graph.math("MULTIPLY", final, given[5])
         flat = _cards(graph, points, rotation, radii, slopes)
         instances = graph.node("GeometryNodeSwitch", facing, instances, flat, input_type="GEOMETRY").outputs[0]
-    graph.node("NodeGroupOutput", instances)
+    live = graph.math("MULTIPLY", given[LIVE_INPUT], graph.node("GeometryNodeIsViewport").outputs[0])
+    shown = graph.node("GeometryNodeSwitch", live, instances, outline(graph, given[0]), input_type="GEOMETRY").outputs[
+        0
+    ]
+    graph.node("NodeGroupOutput", shown)
     return tree
 
 
@@ -174,6 +180,8 @@ def _interface(tree: Any) -> None:
     ).description = (
         "An object whose own space from -1 to 1 is the box: an empty cube, or a mesh cube as Blender adds it"
     )
+    live = new(LIVE_INPUT, in_out="INPUT", socket_type="NodeSocketBool")
+    live.description = "The viewport shows an outline only, as Descatter draws the splats over the scene itself"
 
 
 def _cropped(graph: Graph, given: Any) -> Any:

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from ...core.cloud import GaussianCloud
 from ...core.errors import FormatError
 from ..axes import matrix_to_blender
-from .nodes import VIEWPORT_INPUT, set_splat_input, splat_nodes
+from .live import drawn_live
+from .nodes import LIVE_INPUT, VIEWPORT_INPUT, set_splat_input, splat_input, splat_nodes
 from .software import SOFTWARE_SPLATS, drawn_by_software
 
 #: Object property that marks a twin; its value is the number of harmonics.
@@ -53,6 +54,8 @@ def add_twin(cloud: GaussianCloud, name: str, collection: Any) -> Any:
     collection.objects.link(twin)
     modifier = twin.modifiers.new("Splats", "NODES")
     modifier.node_group = splat_nodes(view_dependent=glossy(cloud))
+    if drawn_live() and splat_input(modifier, LIVE_INPUT) is not None:  # (a file of an older version has no such nodes)
+        set_splat_input(modifier, LIVE_INPUT, True)
     if drawn_by_software():
         set_splat_input(modifier, VIEWPORT_INPUT, SOFTWARE_SPLATS)
     return twin

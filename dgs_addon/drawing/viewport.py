@@ -1,0 +1,112 @@
+"""Pictures of twins in 3D views: what each view shows, when it is drawn anew."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import bpy
+
+from ...core.errors import DgsError
+from ...core.serving.messages import View
+from .follower import Follower
+from .process import picture_server
+from .quad import Quad
+from .twins import placed_twins
+from .view_camera import window_camera
+
+#: Seconds between two looks whether a picture has come.
+_TICK = 0.01
+
+
+@dataclass
+class Shown:
+    """One 3D view."""
+
+    follower: Follower
+    quad: Quad = field(default_factory=Quad)
+
+
+@dataclass(frozen=True)
+class Look:
+    """How a 3D view shows twins: `View`'s options."""
+
+    depth: bool
+    light: bool
+    background: tuple[float, float, float] | None = None
+    overlay: bool = False
+
+
+_views: dict[int, Shown] = {}
+
+
+def draw_twins(context: Any, depsgraph: Any, look: Look) -> str:
+    """Draws the last picture of the twins into the 3D view that is being drawn, and asks for the next.
+
+    Returns:
+        Why there can be none; '' if nothing is wrong.
+    """
+    region, eye = context.region, context.region_data
+    try:
+        server = picture_server()
+        twins = placed_twins(depsgraph, server, context.space_data)
+    except DgsError as error:
+        return str(error)
+    shown = _views.setdefault(region.as_pointer(), Shown(Follower(f"view {region.as_pointer()}")))
+    camera, back = window_camera(eye.view_matrix, eye.window_matrix, region.width, region.height)
+    key = twins, look, region.width, region.height, _row(eye.view_matrix), _row(eye.window_matrix)
+    if not twins and look.background is None:
+        shown.follower.picture = None
+        return ""
+    now = time.monotonic()
+    shown.follower.show(key, replace(View(twins, camera), **vars(look)), now)
+    shown.follower.step(server, now)
+    if not shown.follower.done and not bpy.app.timers.is_registered(_tick):
+        bpy.app.timers.register(_tick, first_interval=_TICK, persistent=True)
+    if shown.follower.picture is not None:
+        size = region.width, region.height
+        shown.quad.draw(shown.follower.picture, size, eye.window_matrix if look.depth else None, back)
+    return server.error
+
+
+def forget_views() -> None:
+    """Drops all pictures."""
+    if bpy.app.timers.is_registered(_tick):
+        bpy.app.timers.unregister(_tick)
+    _views.clear()
+
+
+def _tick() -> float | None:
+    """Looks for pictures, and has their views drawn."""
+    regions = {region.as_pointer(): region for region in _regions()}
+    for gone in _views.keys() - regions.keys():
+        del _views[gone]
+    try:
+        server = picture_server()
+    except DgsError:
+        return None
+    now, waiting = time.monotonic(), False
+    for number, shown in _views.items():
+        if shown.follower.done:
+            continue
+        if shown.follower.step(server, now):
+            regions[number].tag_redraw()
+        waiting |= not shown.follower.done and not server.error
+    return _TICK if waiting else None
+
+
+def _regions() -> list[Any]:
+    """The main regions of all 3D views that are open."""
+    return [
+        region
+        for window in bpy.context.window_manager.windows
+        for area in window.screen.areas
+        if area.type == "VIEW_3D"
+        for region in area.regions
+        if region.type == "WINDOW"
+    ]
+
+
+def _row(matrix: Any) -> tuple[float, ...]:
+    return tuple(value for row in matrix for value in row)
