@@ -21,6 +21,7 @@ from .estimate import DGS_OT_estimate
 from .exact_view import DGS_OT_exact_view
 from .export_twin import DGS_OT_export_twin
 from .find_cameras import DGS_OT_find_cameras
+from .give_back import DGS_OT_give_back
 from .import_cameras import DGS_OT_import_cameras
 from .import_twin import DGS_OT_import_twin
 from .inspect_photos import DGS_OT_inspect_photos
@@ -61,6 +62,7 @@ CLASSES: tuple[type, ...] = (
     DGS_OT_show_log,
     DGS_OT_add_results,
     DGS_OT_dismiss,
+    DGS_OT_give_back,
     DGS_OT_view_twin,
     DGS_OT_exact_view,
     DGS_OT_show_known,

@@ -7,6 +7,7 @@ from typing import Any
 import bpy
 
 from ..dgs_addon.job import runner
+from ..dgs_addon.scene.changes import forget
 
 
 class DGS_OT_dismiss(bpy.types.Operator):
@@ -14,13 +15,22 @@ class DGS_OT_dismiss(bpy.types.Operator):
 
     bl_idname = "dgs.dismiss"
     bl_label = "Dismiss"
+    bl_options = {"REGISTER", "UNDO"}
 
     notice: bpy.props.EnumProperty(  # type: ignore[valid-type]
-        name="Notice", options={"HIDDEN", "SKIP_SAVE"}, items=(("TWIN", "Twin", "A finished twin whose scene is gone"),)
+        name="Notice",
+        options={"HIDDEN", "SKIP_SAVE"},
+        items=(
+            ("TWIN", "Twin", "A finished twin whose scene is gone"),
+            ("CHANGES", "Changes", "What was changed of the scene for a twin; it stays so"),
+        ),
     )
 
-    def execute(self, _context: Any) -> set[str]:
-        """Forgets it; the twin stays in its folder."""
+    def execute(self, context: Any) -> set[str]:
+        """Forgets it; the twin stays in its folder, and the scene as it is."""
+        if self.notice == "CHANGES":
+            forget(context.scene)
+            return {"FINISHED"}
         job = runner.current()
         if job is not None:
             runner.settle(job.request.home)

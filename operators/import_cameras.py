@@ -12,6 +12,7 @@ from bpy_extras.io_utils import ImportHelper
 from ..core.errors import DgsError
 from ..core.formats.cameras import browsed_suffixes, camera_labels
 from ..dgs_addon.scene.cameras import add_cameras
+from ..dgs_addon.scene.changes import noting
 
 
 class DGS_OT_import_cameras(bpy.types.Operator, ImportHelper):
@@ -39,7 +40,8 @@ class DGS_OT_import_cameras(bpy.types.Operator, ImportHelper):
         """Reads the model and looks through its first camera."""
         photos = Path(bpy.path.abspath(self.photos)) if self.photos else None
         try:
-            cameras = add_cameras(Path(bpy.path.abspath(self.filepath)), photos, context.scene)
+            with noting(context.scene):
+                cameras = add_cameras(Path(bpy.path.abspath(self.filepath)), photos, context.scene)
         except DgsError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}

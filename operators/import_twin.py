@@ -11,6 +11,7 @@ from bpy_extras.io_utils import ImportHelper
 
 from ..core.errors import DgsError
 from ..core.formats.gaussians import SPLAT_FORMATS, read_gaussians, read_suffixes
+from ..dgs_addon.scene.changes import noting
 from ..dgs_addon.scene.material import prepare_scene
 from ..dgs_addon.scene.twin import add_twin
 
@@ -56,7 +57,8 @@ class DGS_OT_import_twin(bpy.types.Operator, ImportHelper):
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
         if self.prepare:
-            prepare_scene(context.scene)
+            with noting(context.scene):
+                prepare_scene(context.scene)
         for other in context.selected_objects:
             other.select_set(False)
         twin.select_set(True)

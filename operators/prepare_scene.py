@@ -6,6 +6,7 @@ from typing import Any
 
 import bpy
 
+from ..dgs_addon.scene.changes import noting
 from ..dgs_addon.scene.material import prepare_scene
 
 
@@ -26,5 +27,6 @@ class DGS_OT_prepare_scene(bpy.types.Operator):
 
     def execute(self, context: Any) -> set[str]:
         """Changes the scene's render and colour settings."""
-        prepare_scene(context.scene, as_trained=self.blending == "TRAINED")
+        with noting(context.scene):
+            prepare_scene(context.scene, as_trained=self.blending == "TRAINED")
         return {"FINISHED"}

@@ -6,6 +6,7 @@ from typing import Any
 
 import bpy
 
+from ..dgs_addon.scene.changes import noting
 from ..dgs_addon.scene.material import prepare_scene
 from ..dgs_addon.scene.twin import is_twin
 
@@ -32,7 +33,8 @@ class DGS_OT_render_twin(bpy.types.Operator):
         """Renders; with a window, into Blender's own render window."""
         scene = context.scene
         if scene.render.engine != "CYCLES":
-            prepare_scene(scene)
+            with noting(scene):
+                prepare_scene(scene)
         if bpy.app.background:
             return bpy.ops.render.render()
         return bpy.ops.render.render("INVOKE_DEFAULT")

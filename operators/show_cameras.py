@@ -10,6 +10,7 @@ from bpy.app.translations import pgettext_rpt as rpt_
 from ..core.errors import DgsError
 from ..dgs_addon.job.results import add_cameras_of
 from ..dgs_addon.paths import out_folder, pictures_folder
+from ..dgs_addon.scene.changes import noting
 
 
 class DGS_OT_show_cameras(bpy.types.Operator):
@@ -32,7 +33,8 @@ class DGS_OT_show_cameras(bpy.types.Operator):
         out = out_folder(settings)
         assert out is not None
         try:
-            cameras = add_cameras_of(out, pictures_folder(settings), context.scene)
+            with noting(context.scene):
+                cameras = add_cameras_of(out, pictures_folder(settings), context.scene)
         except DgsError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}

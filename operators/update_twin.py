@@ -135,6 +135,8 @@ class DGS_OT_show_states(bpy.types.Operator):
             return {"CANCELLED"}
         twin = twin_of(out, context.scene)
         if twin is not None:
+            for thing in things:  # where the twin stands, of its size
+                thing.matrix_world = twin.matrix_world
             twin.hide_viewport = twin.hide_render = True
         self.report({"INFO"}, rpt_("{count} states").format(count=len(things)))
         return {"FINISHED"}

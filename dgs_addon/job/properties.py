@@ -275,6 +275,11 @@ class DGS_PG_settings(bpy.types.PropertyGroup):
         default=1.0,
         description="True distance between the two selected objects, or true length of the way through all cameras",
     )
+    changed: bpy.props.StringProperty(
+        name="Changed Settings",
+        options={"HIDDEN"},
+        description="What was changed of this scene's own settings for a twin: before and after, as JSON",
+    )
     exact_view: bpy.props.PointerProperty(
         name="Exact View",
         type=bpy.types.Image,

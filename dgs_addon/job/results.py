@@ -19,16 +19,21 @@ from ...core.formats.ply import read_ply
 from ...core.json_shape import anything, check_shape, text
 from ..axes import matrix_to_blender
 from ..paths import absolute
+from ..scene.arrival import frame, hide_startup, stand_upright
 from ..scene.cameras import add_cameras
+from ..scene.changes import noting
 from ..scene.material import prepare_scene
 from ..scene.nodes import splat_nodes, splat_nodes_exist
 from ..scene.points import POINTS, add_points
 from ..scene.removal import replace_mesh, take_out
+from ..scene.scene_cameras import SCENE_CAMERAS
 from ..scene.twin import add_twin, glossy, is_twin, splat_mesh
 from .job import Job
 
 #: Object properties: where a twin comes from.
 FOLDER, PHOTOS, SETTINGS, SCORE = "dgs_results", "dgs_photos", "dgs_settings", "dgs_score"
+#: Object property: the scene was set up for this twin.
+ARRIVED = "dgs_arrived"
 
 
 def add_results(job: Job, scene: Any) -> Iterator[None]:
@@ -65,9 +70,38 @@ def _pieces(out: Path, scene: Any, cloud: GaussianCloud | None) -> Iterator[None
     twin = _place(cloud, out, scene)
     _provenance(twin, out)
     # The twin alone is worth having; the Cameras step says what is wrong with its cameras.
-    with contextlib.suppress(DgsError):
+    with noting(scene), contextlib.suppress(DgsError):
         add_cameras_of(out, absolute(str(twin.get(PHOTOS, ""))), scene)
-    prepare_scene(scene)
+    if ARRIVED not in twin:
+        twin[ARRIVED] = True
+        _arrive(twin, scene)
+
+
+def _arrive(twin: Any, scene: Any) -> None:
+    """What is done once for a twin: a later state of it finds the scene as the user has left it."""
+    with noting(scene):
+        prepare_scene(scene)
+    hide_startup(scene)
+    for layer in scene.view_layers:
+        layer.update()  # else its cameras stand nowhere yet
+    given = _given_cameras(twin)
+    if given != "scene":  # the scene's own cameras say where the twin belongs
+        stand_upright(twin, given == "file")
+        for layer in scene.view_layers:
+            layer.update()
+    if not bpy.app.background:
+        frame(twin, scene)
+
+
+def _given_cameras(twin: Any) -> str:
+    """'scene', 'file', or '' where the cameras were found from the photos."""
+    try:
+        text = json.loads(str(twin.get(SETTINGS, "{}")))["run"]["cameras"]
+    except (ValueError, KeyError, TypeError):
+        return ""
+    if not isinstance(text, str) or not text:
+        return ""
+    return "scene" if SCENE_CAMERAS in Path(text).parts else "file"
 
 
 def prepared(cloud: GaussianCloud) -> bool:

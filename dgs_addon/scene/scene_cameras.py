@@ -15,6 +15,8 @@ from ..photos import photo_folder
 
 #: Property of a camera object that names its photo; without it, the object's own name counts.
 PHOTO = "dgs_photo"
+#: Folder of their file in a folder of results.
+SCENE_CAMERAS = "scene_cameras"
 
 
 def write_scene_cameras(scene: Any, photos: Path | None, out: Path, selection: str = "") -> Path:
@@ -46,7 +48,7 @@ def write_scene_cameras(scene: Any, photos: Path | None, out: Path, selection: s
             f"{len(placed)} of {len(files)} photos have a camera of their name in this scene",
             "Name each camera object as its photo",
         )
-    path = make_folder(out / "scene_cameras") / "transforms.json"
+    path = make_folder(out / SCENE_CAMERAS) / "transforms.json"
     write_transforms(path, placed)
     return path
 

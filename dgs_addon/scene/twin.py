@@ -112,6 +112,13 @@ def read_twin(twin: Any) -> GaussianCloud:
     )
 
 
+def read_means(twin: Any) -> NDArray[np.float64]:
+    """[N, 3] centres of a twin's Gaussians, in its own axes."""
+    places = np.empty(len(twin.data.vertices) * 3, np.float32)
+    twin.data.attributes["position"].data.foreach_get("vector", places)
+    return places.reshape(-1, 3).astype(np.float64)
+
+
 def is_twin(thing: Any) -> bool:
     """Whether a `bpy` object (or None) is a twin."""
     return thing is not None and thing.type == "MESH" and TWIN in thing

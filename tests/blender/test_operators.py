@@ -49,6 +49,7 @@ MISSING = {
     "set_length": "There is no twin",
     "set_up": "There is no twin",
     "crop_twin": "There is no twin",
+    "give_back": "Nothing of this scene was changed",
     "limit_splats": "There is no twin",
     "open_report": "There is no report yet",
     "inspect_photos": "Choose the folder of photos first",

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import bpy
+from bpy_extras.view3d_utils import location_3d_to_region_2d
 
 sys.path.insert(0, str(Path(__file__).parent))  # Blender runs this file where no package is
 from robot import Robot, Story, Tick
@@ -39,6 +40,7 @@ def story(robot: Robot) -> Story:
     yield from _files(robot)
     yield from _german(robot)
     yield from _test_set()
+    yield from _another_file(robot)
     bpy.ops.dgs.open_preferences()
     yield 2.0
     yield from robot.picture("9-preferences")
@@ -60,6 +62,7 @@ def _photos_are_dropped(robot: Robot) -> Story:
         yield 1.0
     seen["dropped"] = settings.photos
     settings.medium, settings.sigma, settings.preset = "gaussian", 1.5, "draft"
+    settings.effects = "usual"  # (trials would double these minutes)
     redraw()  # a script has set them, which Blender does not show by itself
     yield 2.0
     yield from robot.picture("2-photos")
@@ -87,7 +90,27 @@ def _a_twin_is_made(robot: Robot) -> Story:
     yield 8.0
     seen["twin"] = _figures(robot.ticks[last:])
     seen["objects"] = sorted(thing.type for thing in bpy.context.scene.objects)
+    seen["arrival"] = _arrival(robot)
     yield from robot.picture("4-twin")
+
+
+def _arrival(robot: Robot) -> dict[str, object]:
+    """Where the twin lies in the view that it came into, and what the panel says of the scene."""
+    twin = next(thing for thing in bpy.context.scene.objects if "dgs_harmonics" in thing)
+    region = next(region for region in robot.area().regions if region.type == "WINDOW")
+    shown = robot.area().spaces.active.region_3d
+    places = [twin.matrix_world @ vertex.co for vertex in twin.data.vertices[::20]]
+    seen_at = [location_3d_to_region_2d(region, shown, place) for place in places]
+    inside = [at for at in seen_at if at and 0 <= at.x <= region.width and 0 <= at.y <= region.height]
+    cameras = [child for child in twin.children if child.type == "CAMERA"]
+    changes = _addon("scene.changes")
+    return {
+        "inside": len(inside) / len(places),
+        "wide": (max(at.x for at in inside) - min(at.x for at in inside)) / region.width,
+        "up": sum(camera.matrix_world.to_3x3().normalized().col[1].z for camera in cameras) / len(cameras),
+        "hidden": [thing.name for thing in changes.hidden_things(bpy.context.scene)],
+        "changed": changes.changed_words(bpy.context.scene),
+    }
 
 
 def _it_is_viewed_and_rendered(robot: Robot) -> Story:
@@ -174,6 +197,24 @@ def _test_set() -> Story:
     bpy.ops.dgs.make_test_set()
     yield from _until(lambda: not runner.busy(), 120)
     seen["made"] = [runner.current().state.phase, settings.photos, len(list((FOLDER / "made" / "sharp").glob("*.png")))]
+
+
+def _another_file(robot: Robot) -> Story:
+    """A question is asked, the file saved and opened again: the answer comes, and the exact view is still there."""
+    inspection, settings = _addon("questions.inspection"), bpy.context.scene.dgs
+    settings.photos, settings.out = str(FOLDER / "photos"), ""
+    bpy.ops.dgs.inspect_photos()
+    with bpy.context.temp_override(window=bpy.context.window_manager.windows[0]):
+        bpy.ops.wm.save_as_mainfile(filepath=str(FOLDER / "work.blend"))
+        bpy.ops.wm.open_mainfile(filepath=str(FOLDER / "work.blend"))
+    yield 1.0
+    yield from _until(lambda: not inspection.effects.running and inspection.effects.answer, 300)
+    seen["inspected"] = len(inspection.findings(inspection.effects.answer))
+    image = bpy.context.scene.dgs.exact_view
+    seen["kept"] = [image is not None and image.packed_file is not None, list(image.size) if image else []]
+    seen["icon"] = _addon("job.pictures").icon(_addon("questions.exact").icon_name(image)) if image else 0
+    yield from robot.open_tab("Descatter")
+    yield from robot.picture("10-opened-again")
 
 
 def _ended_early(robot: Robot) -> Story:

@@ -76,6 +76,20 @@ def test_from_an_empty_scene_to_a_rendered_twin(seen: dict[str, object]) -> None
     assert seen["exact"]
 
 
+def test_the_twin_arrives_upright_alone_and_in_view(seen: dict[str, object]) -> None:
+    arrival = seen["arrival"]
+    assert arrival["inside"] > 0.8 and arrival["wide"] > 0.3, arrival
+    assert arrival["up"] > 0.8, arrival
+    assert arrival["hidden"] == ["Camera", "Cube", "Light"]
+    assert {"render engine", "resolution", "camera"} <= set(arrival["changed"])
+
+
+def test_another_file_keeps_the_answer_and_the_picture(seen: dict[str, object]) -> None:
+    assert seen["inspected"] > 0
+    packed, size = seen["kept"]
+    assert packed and size == [240, 160] and seen["icon"]
+
+
 def test_what_is_dropped_is_taken_in(seen: dict[str, object]) -> None:
     assert str(seen["dropped"]).endswith("photos")
     assert len(seen["dropped_twin"]) == 1 and seen["dropped_twin"][0] > 100
