@@ -2,13 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-import bpy
-from bpy.app.translations import pgettext_iface as iface_
-
-from ..core.formats.cameras import camera_labels
-from ..core.formats.gaussians import read_suffixes, written_formats
 from .add_results import DGS_OT_add_results
 from .cancel_job import DGS_OT_cancel_job
 from .choose_photos import DGS_OT_choose_photos
@@ -28,11 +21,13 @@ from .inspect_photos import DGS_OT_inspect_photos
 from .limit_splats import DGS_OT_limit_splats
 from .make_test_set import DGS_OT_make_test_set
 from .measure_psf import DGS_OT_measure_psf
+from .menus import DGS_MT_add, DGS_MT_object, add_menus, remove_menus
 from .open_report import DGS_OT_open_report
 from .optimize import DGS_OT_optimize
 from .pause_job import DGS_OT_pause_job
 from .place_twin import DGS_OT_set_length, DGS_OT_set_up
 from .prepare_scene import DGS_OT_prepare_scene
+from .remove_twin import DGS_OT_remove_twin
 from .render_twin import DGS_OT_render_twin
 from .resume_job import DGS_OT_resume_job
 from .show_cameras import DGS_OT_show_cameras
@@ -40,6 +35,7 @@ from .show_known import DGS_OT_show_known
 from .show_log import DGS_OT_show_log
 from .show_next_views import DGS_OT_show_next_views
 from .show_tradeoff import DGS_OT_show_tradeoff
+from .suggest_next_views import DGS_OT_suggest_next_views
 from .update_twin import DGS_OT_rollback_twin, DGS_OT_show_states, DGS_OT_update_twin
 from .use_inspection import DGS_OT_use_inspection
 from .view_twin import DGS_OT_view_twin
@@ -67,10 +63,12 @@ CLASSES: tuple[type, ...] = (
     DGS_OT_exact_view,
     DGS_OT_show_known,
     DGS_OT_show_next_views,
+    DGS_OT_suggest_next_views,
     DGS_OT_set_length,
     DGS_OT_set_up,
     DGS_OT_crop_twin,
     DGS_OT_limit_splats,
+    DGS_OT_remove_twin,
     DGS_OT_render_twin,
     DGS_OT_open_report,
     DGS_OT_install_engine,
@@ -86,29 +84,8 @@ CLASSES: tuple[type, ...] = (
     DGS_OT_update_twin,
     DGS_OT_rollback_twin,
     DGS_OT_show_states,
+    DGS_MT_object,
+    DGS_MT_add,
 )
 
-
-def add_menus() -> None:
-    """Adds the entries of File > Import and File > Export."""
-    bpy.types.TOPBAR_MT_file_import.append(_import_entries)
-    bpy.types.TOPBAR_MT_file_export.append(_export_entries)
-
-
-def remove_menus() -> None:
-    """Takes the entries out again."""
-    bpy.types.TOPBAR_MT_file_import.remove(_import_entries)
-    bpy.types.TOPBAR_MT_file_export.remove(_export_entries)
-
-
-def _import_entries(menu: Any, _context: Any) -> None:
-    words = iface_("Gaussian Splats ({suffixes})").format(suffixes=", ".join(read_suffixes()))
-    menu.layout.operator(DGS_OT_import_twin.bl_idname, text=words, translate=False)
-    words = iface_("Cameras and Photos ({formats})").format(formats=camera_labels())
-    menu.layout.operator(DGS_OT_import_cameras.bl_idname, text=words, translate=False)
-
-
-def _export_entries(menu: Any, _context: Any) -> None:
-    suffixes = ", ".join(spec.suffixes[0] for spec in written_formats())
-    words = iface_("Gaussian Splats ({suffixes})").format(suffixes=suffixes)
-    menu.layout.operator(DGS_OT_export_twin.bl_idname, text=words, translate=False)
+__all__ = ["CLASSES", "add_menus", "remove_menus"]

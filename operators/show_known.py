@@ -24,7 +24,7 @@ class DGS_OT_show_known(bpy.types.Operator):
     def poll(cls, context: Any) -> bool:
         """The active object is a twin from a folder with known.npy."""
         twin = context.object
-        cls.poll_message_set("Select a twin, and run next-view on its folder")
+        cls.poll_message_set("Select a twin, and press Suggest Next Views")
         if not is_twin(twin):
             return False
         return OWN_BASE in twin.data.attributes or (Path(str(twin.get(FOLDER, ""))) / "known.npy").is_file()

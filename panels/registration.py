@@ -11,7 +11,7 @@ from ..dgs_addon.engine.interpreter import reads_heif
 from ..dgs_addon.job import pictures, runner, watching
 from ..dgs_addon.job.properties import DGS_PG_settings, register_properties, unregister_properties
 from ..dgs_addon.photos import ask_about_heif
-from ..dgs_addon.questions import estimate, exact, inspection
+from ..dgs_addon.questions import estimate, exact, inspection, next_views
 from ..dgs_addon.translations import register_translations, unregister_translations
 from . import CLASSES, forget_thumbnails
 from .preferences import DGS_AP_preferences
@@ -54,7 +54,7 @@ def unregister() -> None:
 
 def _stop_everything() -> None:
     exact.stop()
-    for question in (inspection.effects, inspection.point_spread, estimate.question):
+    for question in (inspection.effects, inspection.point_spread, estimate.question, next_views.question):
         question.stop()
     watching.stop()
     runner.stop()

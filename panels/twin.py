@@ -8,7 +8,10 @@ import bpy
 
 from ..dgs_addon.drawing.live import SHOWN
 from ..dgs_addon.drawing.render_engine import ENGINE
+from ..dgs_addon.paths import out_folder
+from ..dgs_addon.questions import next_views
 from ..dgs_addon.scene.crop import crop_box
+from ..dgs_addon.scene.material import colours_fit
 from ..dgs_addon.scene.nodes import (
     BOX_INPUT,
     COUNT_INPUT,
@@ -48,9 +51,15 @@ class DGS_PT_twin(Step, bpy.types.Panel):
             )
         else:
             layout.label(text="No twin is selected", icon="INFO")
+        if any(is_twin(thing) for thing in context.scene.objects) and not colours_fit(context.scene):
+            text = "The scene's colour management ('{name}') changes the photos' colours"
+            sentence(layout, context, text, "ERROR", name=context.scene.view_settings.view_transform)
+            layout.operator("dgs.prepare_scene", icon="COLOR").blending = "LIGHT"
         column = layout.column(align=True)
         column.operator("dgs.show_known", icon="COLOR")
-        column.operator("dgs.show_next_views", icon="OUTLINER_OB_CAMERA")
+        column.operator("dgs.suggest_next_views", icon="OUTLINER_OB_CAMERA")
+        column.operator("dgs.show_next_views", icon="CAMERA_DATA")
+        _draw_search(layout, context)
         body = folded(layout, "update", "New Photos")
         if body is not None:
             body.prop(context.scene.dgs, "new_photos", text="Folder")
@@ -70,6 +79,14 @@ class DGS_PT_twin(Step, bpy.types.Panel):
             column.operator("dgs.import_twin", text="Import Twin", icon="IMPORT")
             column.operator("dgs.export_twin", text="Export Twin", icon="EXPORT")
             column.operator("dgs.import_cameras", text="Import Cameras", icon="CAMERA_DATA")
+
+
+def _draw_search(layout: Any, context: Any) -> None:
+    """Whether the engine looks for views, and why it found none."""
+    if next_views.question.running:
+        layout.label(text="Looking for views...", icon="TIME")
+    elif next_views.question.error and next_views.question.subject == (str(out_folder(context.scene.dgs)),):
+        sentence(layout, context, next_views.question.error, "ERROR")
 
 
 class DGS_PT_twin_look(Sidebar, bpy.types.Panel):

@@ -11,8 +11,8 @@ from pathlib import Path
 
 from .process import creation_flags, environment, give_way
 
-#: Lines that are kept for reading: enough for a long traceback of pip.
-_KEPT = 400
+#: Lines that are kept for reading: enough for a long traceback of pip, and for an answer that names a hundred views.
+_KEPT = 8000
 
 
 @dataclass(frozen=True)

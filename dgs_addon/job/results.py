@@ -22,11 +22,13 @@ from ..paths import absolute
 from ..scene.arrival import frame, hide_startup, stand_upright
 from ..scene.cameras import add_cameras
 from ..scene.changes import noting
+from ..scene.crop import crop_box
 from ..scene.material import prepare_scene
+from ..scene.next_views import ORDER, add_next_views
 from ..scene.nodes import splat_nodes, splat_nodes_exist
 from ..scene.points import POINTS, add_points
 from ..scene.removal import replace_mesh, take_out
-from ..scene.scene_cameras import SCENE_CAMERAS
+from ..scene.scene_cameras import PHOTO, SCENE_CAMERAS
 from ..scene.twin import add_twin, glossy, is_twin, splat_mesh
 from .job import Job
 
@@ -235,3 +237,47 @@ def attach(things: list[Any], twin: Any) -> None:
         thing.parent = twin
         thing.matrix_parent_inverse = at_rest.inverted()
         thing.matrix_basis = world
+
+
+def add_suggested(out: Path, scene: Any) -> list[Any]:
+    """Puts the cameras that the engine suggests for the twin in `out` into the scene, tied to it.
+
+    Raises:
+        FormatError: there are none, or their file is damaged.
+    """
+    cameras = add_next_views(out / "next_views.json", f"{out.name.removesuffix('-twin')} next views", scene)
+    twin = twin_of(out, scene)
+    if twin is not None:
+        attach(cameras, twin)
+    return cameras
+
+
+def remove_twin(twin: Any, scene: Any) -> None:
+    """Takes a twin out of the scene with all that came with it: cameras, points, suggestions, crop box.
+
+    A duplicate of it keeps them. What the user has made stays: objects beside them, and those that hang on the twin.
+    """
+    out, box = Path(str(twin.get(FOLDER, ""))), crop_box(twin)
+    others = [thing for thing in scene.objects if thing != twin and is_twin(thing) and thing.get(FOLDER) == str(out)]
+    ours = [thing for thing in twin.children if thing == box or any(mark in thing for mark in (PHOTO, POINTS, ORDER))]
+    for thing in twin.children:
+        if thing not in ours or (others and thing != box):
+            world = thing.matrix_world.copy()
+            thing.parent, thing.matrix_world = None, world
+        else:
+            _take_out_of(scene, thing)
+    _take_out_of(scene, twin)
+    if others:
+        attach([thing for thing in ours if thing != box], others[0])
+
+
+def _take_out_of(scene: Any, thing: Any) -> None:
+    """Out of all collections of this scene; those that held nothing else and are ours go along."""
+    collections = [scene.collection, *scene.collection.children_recursive]
+    for collection in [collection for collection in thing.users_collection if collection in collections]:
+        last = len(thing.users_collection) == 1
+        take_out(thing, collection)
+        if collection.get(FOLDER) and not collection.objects and not collection.children:
+            bpy.data.collections.remove(collection)
+        if last:
+            return

@@ -29,13 +29,13 @@ def add_known(twin: Any, path: Path) -> None:
         FormatError: no such file, damaged, or of another twin.
     """
     if not path.is_file():
-        raise FormatError(f"There is no '{path}'", "Run next-view on the twin's folder first")
+        raise FormatError(f"There is no '{path}'", "Press Suggest Next Views first")
     try:
         values = load_npy(path)
     except (OSError, ValueError) as error:
-        raise FormatError(f"'{path}' is damaged", "Run next-view again") from error
+        raise FormatError(f"'{path}' is damaged", "Press Suggest Next Views again") from error
     if values.shape != (len(twin.data.vertices),):
-        raise FormatError(f"'{path}' belongs to another state of the twin", "Run next-view again")
+        raise FormatError(f"'{path}' belongs to another state of the twin", "Press Suggest Next Views again")
     mesh = twin.data
     attribute = mesh.attributes.get(KNOWN) or mesh.attributes.new(KNOWN, "FLOAT", "POINT")
     attribute.data.foreach_set("value", np.ascontiguousarray(values, np.float32))

@@ -79,6 +79,21 @@ def prepare_scene(scene: Any, as_trained: bool = False) -> None:
             tree.nodes[_LIGHT].outputs[0].default_value = 0.0 if as_trained else 1.0
 
 
+def colours_fit(scene: Any) -> bool:
+    """Whether the scene shows splats in the photos' colours: a twin that was appended brings no colour management."""
+    trees = [material.node_tree for material in bpy.data.materials if material.name.startswith((NAME, CARD_NAME))]
+    encoded = any(
+        tree.nodes[_LIGHT].outputs[0].default_value == 0.0
+        for tree in (*trees, *bpy.data.node_groups)
+        if tree is not None and _LIGHT in tree.nodes
+    )
+    if scene.render.engine == "DESCATTER":  # blends encoded colours by itself
+        encoded = False
+    view = scene.view_settings
+    shown_as_they_are = view.view_transform == ("Raw" if encoded else "Standard") and view.look == "None"
+    return bool(shown_as_they_are and abs(view.exposure) < 1e-6 and abs(view.gamma - 1.0) < 1e-6)
+
+
 def _empty(name: str) -> Graph:
     """A new material without nodes."""
     material = bpy.data.materials.new(name)

@@ -12,13 +12,14 @@ from ...core.camera import Camera
 from ...core.errors import FormatError
 from ...core.files import read_json
 from ..axes import place_camera
+from .removal import take_out
 
 #: Custom properties of a suggested camera.
 ORDER, GAIN = "dgs_take", "dgs_gain_bits"
 
 
 def add_next_views(path: Path, name: str, scene: Any) -> list[Any]:
-    """Adds the chosen cameras in a collection of their own, in place of one of that name.
+    """Adds the chosen cameras in a collection of their own, in place of those there.
 
     Args:
         path: a twin's next_views.json; name: of the collection; scene: `bpy` scene.
@@ -30,7 +31,7 @@ def add_next_views(path: Path, name: str, scene: Any) -> list[Any]:
         FormatError: no such file, or damaged.
     """
     if not path.is_file():
-        raise FormatError(f"There is no '{path}'", "Run next-view on the twin's folder first")
+        raise FormatError(f"There is no '{path}'", "Press Suggest Next Views first")
     try:
         views = read_json(path)["views"]
         chosen = sorted((v for v in views if v["order"]), key=lambda v: int(v["order"]))
@@ -50,14 +51,13 @@ def add_next_views(path: Path, name: str, scene: Any) -> list[Any]:
         ]
         gains = [float(v["bits"]) for v in chosen]
     except (OSError, ValueError, KeyError, TypeError, OverflowError) as error:
-        raise FormatError(f"'{path}' is damaged ({type(error).__name__})", "Run next-view again") from error
-    before = bpy.data.collections.get(name)
-    if before is not None:
-        for thing in list(before.objects):
-            bpy.data.objects.remove(thing)
-        bpy.data.collections.remove(before)
-    collection = bpy.data.collections.new(name)
-    scene.collection.children.link(collection)
+        raise FormatError(f"'{path}' is damaged ({type(error).__name__})", "Press Suggest Next Views again") from error
+    collection = next((c for c in scene.collection.children_recursive if c.name == name), None)
+    if collection is None:
+        collection = bpy.data.collections.new(name)
+        scene.collection.children.link(collection)
+    for thing in [thing for thing in collection.objects if ORDER in thing]:
+        take_out(thing, collection)
     out = []
     for index, (camera, gain) in enumerate(zip(cameras, gains, strict=True), start=1):
         label = f"{index}. {camera.name} ({gain:.0f} bits)"

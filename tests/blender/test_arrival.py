@@ -186,3 +186,48 @@ def test_the_view_sees_what_the_photo_sees(scene: Any, cloud: GaussianCloud, tmp
     pivot, turn, distance = viewpoint(twin, None, 50.0)
     assert (pivot - Vector((3, 10, 1))).length < 1.0 and 4.0 < distance < 12.0
     assert (turn.to_matrix() @ Vector((0, 0, -1)) - Vector((0, 1, 0))).length < 1e-6
+
+
+def test_an_appended_twin_says_that_the_scenes_colours_are_others(
+    scene: Any, cloud: GaussianCloud, tmp_path: Path
+) -> None:
+    twin = add(scene, results(tmp_path / "out", cloud, 0.0))
+    name = twin.name
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "made.blend"))
+    assert "colour management" not in drawn(panels.DGS_PT_twin).words
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    scene = bpy.context.scene
+    bpy.ops.wm.append(directory=str(tmp_path / "made.blend" / "Object"), filename=name)
+    paper = drawn(panels.DGS_PT_twin)
+    assert "colour management" in paper.words.replace("\n", " ") and "dgs.prepare_scene" in paper.buttons
+    view = scene.view_settings.view_transform
+    assert bpy.ops.dgs.prepare_scene() == {"FINISHED"}
+    assert "colour management" not in drawn(panels.DGS_PT_twin).words
+    assert bpy.ops.dgs.give_back() == {"FINISHED"} and scene.view_settings.view_transform == view
+
+
+def test_a_twin_leaves_with_all_that_came_with_it_and_nothing_else(
+    scene: Any, cloud: GaussianCloud, tmp_path: Path
+) -> None:
+    before = {thing.name for thing in scene.objects}
+    twin = add(scene, results(tmp_path / "out", cloud, 0.3))
+    bpy.context.view_layer.objects.active = twin
+    assert bpy.ops.dgs.crop_twin() == {"FINISHED"}
+    mine = bpy.data.objects.new("mine", None)
+    scene.collection.objects.link(mine)
+    mine.parent = twin
+    bpy.context.view_layer.update()
+    stood = mine.matrix_world.copy()
+    copy = twin.copy()
+    scene.collection.objects.link(copy)
+    bpy.context.view_layer.objects.active = twin
+    name = twin.name
+    assert bpy.ops.dgs.remove_twin() == {"FINISHED"}
+    assert name not in scene.objects and len(cameras_of(copy)) == 3 and len(copy.data.vertices) == 9
+    bpy.context.view_layer.objects.active = copy
+    assert bpy.ops.dgs.remove_twin() == {"FINISHED"}
+    bpy.context.view_layer.update()
+    assert {thing.name for thing in scene.objects} == before | {"mine"}
+    assert np.allclose(np.array(mine.matrix_world), np.array(stood), atol=1e-5)
+    assert not [mesh for mesh in bpy.data.meshes if mesh.name != "Cube"] and len(bpy.data.cameras) == 1
+    assert not scene.collection.children or "out cameras" not in scene.collection.children

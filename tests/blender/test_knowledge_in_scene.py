@@ -45,7 +45,7 @@ def test_known_is_painted_and_taken_off(cloud: GaussianCloud, tmp_path: Path) ->
 
 def test_knowledge_of_another_twin_is_refused(cloud: GaussianCloud, tmp_path: Path) -> None:
     twin = add_twin(cloud, "twin", bpy.context.scene.collection)
-    with pytest.raises(FormatError, match="next-view"):
+    with pytest.raises(FormatError, match="Suggest Next Views"):
         add_known(twin, tmp_path / "known.npy")
     np.save(tmp_path / "known.npy", np.zeros(len(cloud) + 1, np.float32))
     with pytest.raises(FormatError, match="another state"):

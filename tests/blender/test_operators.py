@@ -55,6 +55,8 @@ MISSING = {
     "inspect_photos": "Choose the folder of photos first",
     "estimate": "Choose the folder of photos first",
     "show_known": "Select a twin",
+    "suggest_next_views": "There is no twin yet",
+    "remove_twin": "Select a twin first",
     "show_next_views": "No suggestions yet",
     "make_test_set": "Choose a folder for the test set first",
     "compare_truth": "Choose the folder of photos first",

@@ -15,6 +15,7 @@ from dgs.core.cloud import GaussianCloud  # noqa: E402
 from dgs.dgs_addon.questions import estimate, exact, inspection  # noqa: E402
 from dgs.dgs_addon.scene.cameras import new_camera  # noqa: E402
 from dgs.dgs_addon.scene.twin import add_twin  # noqa: E402
+from dgs.operators import menus  # noqa: E402
 from dgs.panels import preferences  # noqa: E402
 from dgs.tests.blender.paper import drawn  # noqa: E402
 
@@ -158,3 +159,17 @@ def test_an_exact_view_is_its_scenes_own_and_says_when_it_is_outdated(cloud: Gau
         scene.dgs.exact_of = exact.subject_of(twin, scene)
         assert "Outdated" not in drawn(panels.DGS_PT_validate).words
     assert other.dgs.exact_view is None and "Outdated" not in drawn(panels.DGS_PT_validate, scene=other).words
+
+
+def test_blenders_own_menus_offer_what_the_tab_does() -> None:
+    """F3 finds what stands in a menu."""
+    for menu in (bpy.types.VIEW3D_MT_add, bpy.types.VIEW3D_MT_object):
+        assert [entry for entry in menu.draw._draw_funcs if entry.__module__ == menus.__name__], menu
+    for menu in (menus.DGS_MT_object, menus.DGS_MT_add):
+        assert len(drawn(menu).buttons) >= 4
+    dgs.unregister()
+    try:
+        for menu in (bpy.types.VIEW3D_MT_add, bpy.types.VIEW3D_MT_object):
+            assert not [entry for entry in menu.draw._draw_funcs if entry.__module__ == menus.__name__], menu
+    finally:
+        dgs.register()

@@ -23,6 +23,7 @@ from dgs.dgs_addon.job.record import read_record  # noqa: E402
 from dgs.dgs_addon.job.request import request_of, resumed_request  # noqa: E402
 from dgs.dgs_addon.job.results import FOLDER, SCORE, SETTINGS  # noqa: E402
 from dgs.dgs_addon.questions import exact  # noqa: E402
+from dgs.dgs_addon.scene.next_views import ORDER  # noqa: E402
 from dgs.dgs_addon.scene.twin import is_twin  # noqa: E402
 from mathutils import Matrix  # noqa: E402
 
@@ -116,6 +117,9 @@ def test_from_photos_to_a_twin_without_a_window(scene: object, tmp_path: Path) -
     count = len(bpy.data.objects)
     assert bpy.ops.dgs.add_results() == {"FINISHED"}
     assert len(bpy.data.objects) == count
+    assert bpy.ops.dgs.suggest_next_views(count=2) == {"FINISHED"}
+    suggested = sorted((thing for thing in scene.objects if ORDER in thing), key=lambda thing: thing[ORDER])
+    assert [thing[ORDER] for thing in suggested] == [1, 2] and all(thing.parent == twin for thing in suggested)
     # The exact view lies in the file, and says when it is one no more.
     bpy.context.view_layer.update()
     before = pixels(scene.dgs.exact_view)

@@ -1,0 +1,97 @@
+"""Where Blender's own menus offer what this add-on does; F3 finds it there."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+from bpy.app.translations import pgettext_iface as iface_
+
+from ..core.formats.cameras import camera_labels
+from ..core.formats.gaussians import read_suffixes, written_formats
+from .export_twin import DGS_OT_export_twin
+from .import_cameras import DGS_OT_import_cameras
+from .import_twin import DGS_OT_import_twin
+
+#: What can be done with a twin, in groups; each as in the tab.
+_OBJECT = (
+    ("dgs.view_twin", "dgs.exact_view", "dgs.render_twin"),
+    ("dgs.set_length", "dgs.set_up", "dgs.crop_twin", "dgs.limit_splats"),
+    ("dgs.show_known", "dgs.suggest_next_views", "dgs.show_next_views", "dgs.show_states"),
+    ("dgs.prepare_scene", "dgs.give_back"),
+    ("dgs.export_twin", "dgs.remove_twin"),
+)
+#: What brings something into a scene.
+_ADD = ("dgs.import_twin", "dgs.import_cameras", "dgs.add_results", "dgs.show_cameras")
+
+
+class DGS_MT_object(bpy.types.Menu):
+    """Object > Descatter."""
+
+    bl_idname = "DGS_MT_object"
+    bl_label = "Descatter"
+
+    def draw(self, _context: Any) -> None:
+        """What can be done with a twin."""
+        for number, group in enumerate(_OBJECT):
+            if number:
+                self.layout.separator()
+            for name in group:
+                self.layout.operator(name)
+
+
+class DGS_MT_add(bpy.types.Menu):
+    """Add > Descatter."""
+
+    bl_idname = "DGS_MT_add"
+    bl_label = "Descatter"
+
+    def draw(self, _context: Any) -> None:
+        """Ways into the scene."""
+        self.layout.operator_context = "INVOKE_REGION_WIN"  # the file browser opens
+        for name in _ADD:
+            self.layout.operator(name)
+
+
+def add_menus() -> None:
+    """Adds the entries of File > Import, File > Export, Add and Object."""
+    for menu, entries in _entries():
+        menu.append(entries)
+
+
+def remove_menus() -> None:
+    """Takes the entries out again."""
+    for menu, entries in _entries():
+        menu.remove(entries)
+
+
+def _entries() -> tuple[tuple[Any, Any], ...]:
+    kinds = bpy.types
+    return (
+        (kinds.TOPBAR_MT_file_import, _import_entries),
+        (kinds.TOPBAR_MT_file_export, _export_entries),
+        (kinds.VIEW3D_MT_add, _add_entries),
+        (kinds.VIEW3D_MT_object, _object_entries),
+    )
+
+
+def _import_entries(menu: Any, _context: Any) -> None:
+    words = iface_("Gaussian Splats ({suffixes})").format(suffixes=", ".join(read_suffixes()))
+    menu.layout.operator(DGS_OT_import_twin.bl_idname, text=words, translate=False)
+    words = iface_("Cameras and Photos ({formats})").format(formats=camera_labels())
+    menu.layout.operator(DGS_OT_import_cameras.bl_idname, text=words, translate=False)
+
+
+def _export_entries(menu: Any, _context: Any) -> None:
+    suffixes = ", ".join(spec.suffixes[0] for spec in written_formats())
+    words = iface_("Gaussian Splats ({suffixes})").format(suffixes=suffixes)
+    menu.layout.operator(DGS_OT_export_twin.bl_idname, text=words, translate=False)
+
+
+def _add_entries(menu: Any, _context: Any) -> None:
+    menu.layout.menu(DGS_MT_add.bl_idname, icon="POINTCLOUD_DATA")
+
+
+def _object_entries(menu: Any, _context: Any) -> None:
+    menu.layout.separator()
+    menu.layout.menu(DGS_MT_object.bl_idname, icon="POINTCLOUD_DATA")
