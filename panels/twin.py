@@ -54,7 +54,10 @@ class DGS_PT_twin(Step, bpy.types.Panel):
         if any(is_twin(thing) for thing in context.scene.objects) and not colours_fit(context.scene):
             text = "The scene's colour management ('{name}') changes the photos' colours"
             sentence(layout, context, text, "ERROR", name=context.scene.view_settings.view_transform)
-            layout.operator("dgs.prepare_scene", icon="COLOR").blending = "LIGHT"
+            if context.scene.render.engine == ENGINE:
+                layout.prop(context.scene.view_settings, "view_transform")
+            else:
+                layout.operator("dgs.prepare_scene", icon="COLOR").blending = "LIGHT"
         column = layout.column(align=True)
         column.operator("dgs.show_known", icon="COLOR")
         column.operator("dgs.suggest_next_views", icon="OUTLINER_OB_CAMERA")
