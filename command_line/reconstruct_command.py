@@ -39,6 +39,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_photos(parser)
     add_overwrite(parser)
     add_medium(parser)
+    parser.add_argument(
+        "--glass",
+        metavar="GLASS",
+        help="frosted glass before the camera: auto (its distance is learned) or DISTANCE[,ANGLE] (the cameras' unit, "
+        "degrees); without an angle --psf gaussian:SIGMA says how wide it blurs at the scene's middle depth",
+    )
     parser.add_argument("--effects", default="usual", metavar="EFFECTS", help=effects_help())
     _add_given(parser.add_argument_group("what is given"))
     _add_effort(parser.add_argument_group("effort"))
@@ -166,6 +172,7 @@ def reconstruct_command(options: argparse.Namespace, progress: Reporting) -> int
         reference_cameras=options.reference_cameras,
         snapshots=options.snapshots,
         effects=options.effects,
+        glass=options.glass,
         until=options.until_quality,
         min_steps=options.min_steps,
     )

@@ -67,6 +67,7 @@ COMMANDS = (
     Command("estimate", "what a run would take and reach", saves=False),
     Command("tradeoff", "what each knob costs in time and brings"),
     Command("measure-psf", "the point spread from a calibration photo"),
+    Command("measure-glass", "distance and angle of frosted glass from calibration photos", saves=False),
     Command("next-view", "which photo to take next"),
     Command("update", "new photos into a twin"),
     Command("serve", "draw twins for another program", saves=False),

@@ -9,12 +9,16 @@ from typing import Any, Literal
 
 from .background import BackgroundRequest, parse_background
 from .devices import BackendName
+from .glass import GlassRequest, parse_glass
 
 PresetName = Literal["draft", "balanced", "fine", "best"]
 #: Frames of a movie if nobody says how many: dense enough around an object, and a minute of cameras at most.
 DEFAULT_FRAMES = 60
 _PATHS = ("photos", "out", "cameras", "truth", "masks", "reference_cameras")
 
+
+#: The effect's name.
+FROSTED_GLASS = "glass"
 
 #: Names that only a run leaves in its folder, and those that it replaces there (of `core.twin.folder.PARTS`).
 RUN_MARKS = ("report.json", "checkpoint.npz", "plan.json", "sfm", "job.json")
@@ -98,7 +102,7 @@ class RunSettings:
 
     Attributes:
         out, resume, keep_cameras, snapshots, time_limit: as in `ReconstructSettings`.
-        effects: as `--effects` takes it; truth: folder of sharp photos, only for scoring.
+        effects: as `--effects` takes it; glass: None for none; truth: folder of sharp photos, only for scoring.
         device, threads: as in `ReconstructSettings`.
         asked: every setting by its flat name, as report.json repeats it.
     """
@@ -108,6 +112,7 @@ class RunSettings:
     medium: MediumSettings
     cameras: CameraSettings
     effects: str
+    glass: GlassRequest | None
     training: TrainingRequest
     truth: Path | None
     device: BackendName
@@ -144,6 +149,7 @@ class ReconstructSettings:
         resume: go on from the checkpoint in `out`.
         keep_cameras: take the cameras that are in `out`, and train anew.
         effects: besides the blur: 'usual', 'auto', 'none', 'all' or names (see `effects.decision.parse_effects`).
+        glass: frosted glass before the camera (`core.glass.parse_glass`).
         refine_cameras: move the cameras by the loss before the training (`pipeline.refinement`).
         reference_cameras: true cameras, only for reporting errors.
         snapshots: write the twin so far and a picture of it to `out`/.run/snapshot while training.
@@ -173,6 +179,7 @@ class ReconstructSettings:
     resume: bool = False
     keep_cameras: bool = False
     effects: str = "usual"
+    glass: str | None = None
     snapshots: bool = False
     refine_cameras: bool = False
     reference_cameras: Path | None = None
@@ -189,6 +196,11 @@ class ReconstructSettings:
         paths = {name: Path(known[name]) for name in _PATHS if known.get(name) is not None}
         return ReconstructSettings(**{**known, **paths})
 
+    def _glass(self, effects: list[str]) -> GlassRequest | None:
+        if self.glass is not None:
+            return parse_glass(self.glass)
+        return GlassRequest() if FROSTED_GLASS in effects else None
+
     def split(self) -> RunSettings:
         """Each stage's own settings."""
         words = [word.strip() for word in self.effects.split(",")]
@@ -200,6 +212,7 @@ class ReconstructSettings:
             medium=MediumSettings(self.psf, self.blur_space, motion_apart),
             cameras=CameraSettings(self.cameras, self.refine_cameras, self.reference_cameras),
             effects=self.effects,
+            glass=self._glass(words),
             training=TrainingRequest(
                 self.preset, self.loss, self.until, self.min_steps, self.max_gaussians, self.sh_degree, self.seed
             ),

@@ -10,6 +10,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from ..imaging.formation.by_depth import occlusion
 from ..imaging.formation.effect import Shot
 from ..imaging.formation.focus import FOCUS, LensFocus
 from ..imaging.formation.spreading import SpreadingEffect
@@ -104,8 +105,6 @@ def build(photos: PhotoSet) -> LensFocus | None:
 
 def shared_focus(photos: PhotoSet) -> Defocus | None:
     """What the tiles show beyond the blur that they share, which is the medium's."""
-    import torch  # heavy
-
     from .depth_unit import depth_unit  # heavy: torch
 
     local, unit = photos.local_blur, depth_unit(photos)
@@ -116,7 +115,7 @@ def shared_focus(photos: PhotoSet) -> Defocus | None:
     focus = float(inverse[int(local.curve[1].argmin())])
     strength = local.defocus / float(abs(inverse - focus).max())
     # 1 / depth in the trainer's unit is that of the observations over `unit`.
-    return Defocus(torch.tensor(strength * unit / diagonal), torch.tensor(focus / unit))
+    return Defocus(*occlusion().scalars(strength * unit / diagonal, focus / unit))
 
 
 SPEC = EffectSpec(

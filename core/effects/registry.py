@@ -18,6 +18,7 @@ _FILES = (
     "gloss",
     "haze",
     "blur",
+    "glass",
     "defocus",
     "field_blur",
     "motion",

@@ -57,6 +57,7 @@ class Switch:
         shared: what a trial falls back on where it does not confirm the simulation: one that all photos share, which
             the same points in different photos have to confirm; None where there is none.
         may_be_absent: whether a set that does not show it is no error where it was asked for by name.
+        by_name_only: whether only its name switches it on, neither 'all' nor 'auto': photos do not show it.
         unmeasured: why its size may be missing although points are seen in several photos.
     """
 
@@ -68,6 +69,7 @@ class Switch:
     confirmed_by: Literal["trial", "points"] = "trial"
     shared: Callable[[PhotoSet], SpreadingEffect | None] | None = None
     may_be_absent: bool = False
+    by_name_only: bool = False
     unmeasured: str = ""
 
     def __post_init__(self) -> None:

@@ -57,7 +57,7 @@ class RunDescription:
             sh_degree=training.sh_degree,
             search=given is None,
             points=given is None or brings_points(given),
-            effects=run.effects not in ("none", "usual"),
+            effects=run.effects not in ("none", "usual") or run.glass is not None,
             until=training.until is not None,
             resume=run.resume or run.keep_cameras,
             time_limit=run.time_limit,

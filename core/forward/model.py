@@ -126,12 +126,18 @@ class Exposed:
         """[3, H, W] sRGB: a photo, freed of effects of lens and sensor, less what the twin shows through the medium."""
         return photo - self.degraded
 
-    def backward(self, upstream: Tensor) -> None:
-        """Adds gradients to the Gaussians, poses, and effects, given that of a loss in `reached`."""
+    def backward(self, upstream: Tensor, in_sharp: Tensor | None = None) -> None:
+        """Adds gradients to the Gaussians, poses, and effects, given that of a loss in `reached`.
+
+        Args:
+            in_sharp: [3, H + 2m, W + 2m] gradient of the loss in the one sharp frame itself, besides.
+        """
         parts = [f.passage.gradient(part) for f, part in zip(self.frames, self._shared(upstream), strict=True)]
         if isinstance(self.renders, RenderedPath):
             with_gradient(self.renders.images, torch.stack(parts)).backward()  # type: ignore[no-untyped-call]
             return
+        if in_sharp is not None:
+            parts = [part + in_sharp for part in parts]
         total: Tensor | None = None
         for frame, rendered, part in zip(self.frames, self.renders, parts, strict=True):
             derivative = with_gradient(rendered.image, part)

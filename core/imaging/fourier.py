@@ -67,6 +67,31 @@ def _noise(noise_to_signal: ArrayLike, size: tuple[int, int]) -> Array:
     return planes if values.ndim == 2 else planes[0]
 
 
+def fast_size(psf: PointSpread, height: int, width: int) -> tuple[int, int]:
+    """Of a periodic grid on which a frame, zeros beyond it, does not meet itself through this blur."""
+    rows, columns = _extension(psf)
+    return next_fast_len(height + rows, real=True), next_fast_len(width + columns, real=True)
+
+
+def transfer_on(
+    size: tuple[int, int],
+    psf: PointSpread,
+    noise_to_signal: ArrayLike,
+    kind: Literal["newton", "wiener"],
+    device: torch.device | str = "cpu",
+    dtype: torch.dtype = torch.float32,
+) -> Tensor:
+    """[h, w // 2 + 1] transfer function of a filter on a periodic grid; real where the blur is symmetric."""
+    h = _transfer(psf, size)
+    power = np.abs(h) ** 2
+    n = _noise(noise_to_signal, size)
+    transfer = (power if kind == "newton" else h.conj()) / (power + n)
+    real = np.abs(transfer.imag).max() < 1e-9 * np.abs(transfer).max()
+    complex_type = torch.complex64 if dtype == torch.float32 else torch.complex128
+    found = torch.from_numpy(transfer.real if real else transfer)
+    return found.to(device=device, dtype=dtype if real else complex_type)
+
+
 class FourierFilter:
     """A real filter of frames of one size, with its transfer function at hand.
 
@@ -99,14 +124,7 @@ class FourierFilter:
             self.before = 0, 0
             extent = height + extension[0], width + extension[1]
         self.size = next_fast_len(extent[0], real=True), next_fast_len(extent[1], real=True)
-        h = _transfer(psf, self.size)
-        power = np.abs(h) ** 2
-        n = _noise(noise_to_signal, self.size)
-        transfer = (power if kind == "newton" else h.conj()) / (power + n)
-        real = np.abs(transfer.imag).max() < 1e-9 * np.abs(transfer).max()
-        complex_type = torch.complex64 if dtype == torch.float32 else torch.complex128
-        self.transfer = torch.from_numpy(transfer.real if real else transfer)
-        self.transfer = self.transfer.to(device=device, dtype=dtype if real else complex_type)
+        self.transfer = transfer_on(self.size, psf, noise_to_signal, kind, device, dtype)
         self._window = _taper(self.size, self.before, height, width).to(device=device, dtype=dtype)
 
     def apply(self, frame: Tensor) -> Tensor:

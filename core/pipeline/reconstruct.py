@@ -30,6 +30,7 @@ from .cameras import FoundCameras, cameras_of, given_cameras, search_for
 from .effects.decision import parse_effects
 from .effects.unseen import formation_of_all
 from .fitted import split_views
+from .glass import with_glass
 from .medium import medium_of
 from .photos import LoadedPhotos, read_photos
 from .refinement import RefinementJob, refine
@@ -125,6 +126,9 @@ def _stages(run: RunSettings, given: Spreads | None, truth: TruthFolder | None, 
     sigma = blur.medium.mean_sigma([photo.name for photo in photos])
     settings = training_settings(run.training, machine, timing.limited, sigma)
     effects = simulate(run.effects, photos, cameras.reconstruction, views, blur.medium, settings, keeper)
+    if run.glass is not None:
+        effects = with_glass(effects, run.glass, points, keeper)
+        settings = training_settings(run.training, machine, timing.limited, effects.sigma)
     if run.effects != "none":
         watch.lap("effects")
     chosen = effects.chosen
@@ -137,7 +141,7 @@ def _stages(run: RunSettings, given: Spreads | None, truth: TruthFolder | None, 
     watch.part("prepare", {name: round(float(trained.seconds[name]), 3) for name in ("compile", "train")})
 
     keeper.stage("save", len(loaded.held) + 2)
-    period = resolvable_period(effects.medium)
+    period = resolvable_period(effects.typical)
     seen = formation_of_all(trained.formation, views.names)
     viewer = _viewer(trained, cameras.reconstruction, machine.device)
     scorer = ViewScorer(viewer, cameras.reconstruction, effects.medium, truth, period, keeper, seen)

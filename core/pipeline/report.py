@@ -29,7 +29,7 @@ def medium_facts(found: FoundMedium, effects: SimulatedEffects) -> MediumFacts:
     """For report.json."""
     spreads = found.spreads
     own = {name: "none" if psf is None else psf.source for name, psf in spreads.own.items()}
-    return MediumFacts(spreads.source, own, effects.medium, resolvable_period(effects.medium))
+    return MediumFacts(spreads.source, own, effects.medium, resolvable_period(effects.typical))
 
 
 def write_report(facts: RunFacts, pictures: list[ViewPictures], folder: TwinFolder) -> dict[str, Any]:

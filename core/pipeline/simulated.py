@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ..imaging.medium import Medium
+from ..imaging.psf import PointSpread
 from ..photos.load import Photo
 from ..progress import Progress
 from ..reconstruction import Reconstruction
@@ -23,12 +24,19 @@ class SimulatedEffects:
         chosen: what was decided about each effect, and the chain of those that are on.
         medium: that the photos were taken through.
         fitted, heldout: the views without what lens and sensor did to them.
+        sigma: px, of the blur at the scene's middle depth, where an effect took the place of the medium's.
     """
 
     chosen: Chosen
     medium: Medium
     fitted: list[View]
     heldout: list[View]
+    sigma: float = 0.0
+
+    @property
+    def typical(self) -> Medium:
+        """What blurs at the scene's middle depth: what says how fine a detail one photo holds."""
+        return Medium(PointSpread(sigma_x=self.sigma, sigma_y=self.sigma)) if self.sigma else self.medium
 
 
 def simulate(

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from ..effects.registry import all_effects, effect_named
+from ..run_settings import FROSTED_GLASS
 
 
 def simulated(report: Mapping[str, Any]) -> list[str]:
@@ -20,6 +21,10 @@ def simulated(report: Mapping[str, Any]) -> list[str]:
         if blurred_by_effects(report)
         else "No blur: the photos were taken as sharp (psf none)."
     )
+    effects = [effect for effect in report.get("effects", ()) if effect["on"]]
+    behind = next((effect["parameters"] for effect in effects if effect["name"] == FROSTED_GLASS), None)
+    if behind is not None:
+        blur = _glass(behind)
     own = medium.get("per_photo_sigma")
     if own is not None:
         blur += f" {len(medium['per_photo'])} photos have one of their own, {own[0]:.2f} to {own[1]:.2f} px wide."
@@ -32,7 +37,7 @@ def simulated(report: Mapping[str, Any]) -> list[str]:
     return [
         blur,
         *_background(report.get("photos", {})),
-        *(_sentence(effect["name"]) for effect in report.get("effects", ()) if effect["on"]),
+        *(_sentence(effect["name"]) for effect in effects),
         "Perspective and lens distortion of each photo, with the light from just outside the frame.",
         gloss,
         "Opacity and occlusion of the Gaussians in depth order.",
@@ -53,6 +58,17 @@ def _background(photos: Mapping[str, Any]) -> list[str]:
     if photos.get("transparent"):
         return [f"Empty space where the photos are transparent; photos and twin are shown and compared over {colour}."]
     return [f"Empty space where the photos show the plain background; {colour} stands behind the twin."]
+
+
+def _glass(found: Mapping[str, Any]) -> str:
+    """Where the glass stands and how wide it blurs."""
+    error = found["distance_error"]
+    where = f"{found['distance']:.4g}" + (f" ± {error:.2g}" if error else "")
+    return (
+        f"The blur: that of frosted glass at {where} before the camera (the cameras' unit), which turns light by "
+        f"{found['angle']:.3g} degrees: {found['width_nearest']:.2f} px wide on what is nearest, "
+        f"{found['width_farthest']:.2f} px on what is farthest."
+    )
 
 
 def _sentence(name: str) -> str:

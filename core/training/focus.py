@@ -34,6 +34,7 @@ from ..imaging.formation.layered import LADDER
 from ..imaging.formation.occluding import OCCLUDING, even_blur
 from ..numbers import BY_DEFINITION, number
 from ..rendering import OPAQUE_ENOUGH, Rendered
+from .gauss_newton import normal_equations, shown_with
 
 Array = NDArray[np.float64]
 
@@ -377,37 +378,10 @@ class LearnedFocus:
         with torch.no_grad():
             still = exposed.degraded
             moved = [
-                self._shown(exposed, self.effect.alone(name, Focus(now.strength + small[0], now.focus))),
-                self._shown(exposed, self.effect.alone(name, Focus(now.strength, now.focus + small[1]))),
+                shown_with(exposed, self.effect, self.effect.alone(name, Focus(now.strength + small[0], now.focus))),
+                shown_with(exposed, self.effect, self.effect.alone(name, Focus(now.strength, now.focus + small[1]))),
             ]
-        every = max(1, round(math.sqrt(photo.shape[1] * photo.shape[2] / s.looked_at)))
-        at = (..., slice(every // 2, None, every), slice(every // 2, None, every))
-        rest = (photo - still)[at].reshape(-1).double()
-        jacobian = torch.stack(
-            [((m - still)[at] / by).reshape(-1).double() for m, by in zip(moved, small, strict=True)]
-        )
-        weight = torch.ones_like(rest)
-        if counts is not None:
-            weight = counts[at].expand(3, *counts[at].shape).reshape(-1).to(rest)
-        limit = max(s.huber * 1.4826 * float(rest.abs().median()), 1e-3)
-        weight = weight * (limit / rest.abs().clamp(min=1e-12)).clamp(max=1.0)
-        noise = float((weight * rest.square()).sum() / weight.sum().clamp(min=1.0))
-        trust = s.independent / max(float(weight.numel()), 1.0) / max(noise, 1e-8)
-        weighted = jacobian * weight
-        return (weighted @ jacobian.T * trust).cpu().numpy(), (weighted @ rest * trust).cpu().numpy()
-
-    def _shown(self, exposed: Exposed, other: FocusBlur) -> Tensor:
-        """[3, H, W] the photo with another strength or focus."""
-        total: Tensor | None = None
-        for frame in exposed.frames:
-            passage = frame.passage
-            place = next(i for i, effect in enumerate(passage.effects) if effect is self.effect)
-            light = other.forward(passage.stages[place], passage.shot)
-            for effect in passage.effects[place + 1 :]:
-                light = effect.forward(light, passage.shot)
-            total = light * frame.weight if total is None else total + light * frame.weight
-        assert total is not None
-        return exposed.medium.degraded(linear_to_srgb(total))
+        return normal_equations(photo, still, list(zip(moved, small, strict=True)), counts, s)
 
     def state(self) -> dict[str, NDArray[Any]]:
         """What a checkpoint keeps."""

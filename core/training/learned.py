@@ -19,6 +19,7 @@ from .camera_paths import CameraPaths
 from .exposures import SETTINGS as EXPOSURES
 from .exposures import Asked, LearnedExposures
 from .focus import LearnedFocus
+from .glass import LearnedGlass
 from .grid import GridView
 from .scale import SceneScale
 
@@ -33,7 +34,7 @@ class LearnedEffects:
         step: photo px per px of the coarsest grid.
 
     Attributes:
-        exposures, paths, focus: None where none are learned.
+        exposures, paths, focus, glass: None where none are learned.
         formation: the chain that the forward model goes along; it sees every step of what changes frames and light
             before the sensor. Exposures are undone on the photos instead.
     """
@@ -60,6 +61,9 @@ class LearnedEffects:
         if self.focus is not None:
             effects = self.formation.effects
             self.formation = Formation([self.focus.effect if e is spread else e for e in effects])
+
+        sheet = self.formation.glass
+        self.glass = None if sheet is None or not sheet.learned else LearnedGlass(sheet)
 
     def asked(self, view: GridView, exposed: Exposed, photo: Tensor, share: float) -> Asked | None:
         """The photo without its exposure, from which that is learned; None where none is.
@@ -99,7 +103,8 @@ class LearnedEffects:
         """What a checkpoint keeps."""
         exposures = {} if self.exposures is None else self.exposures.state()
         paths = {} if self.paths is None else self.paths.state()
-        return {**exposures, **paths, **({} if self.focus is None else self.focus.state())}
+        glass = {} if self.glass is None else self.glass.state()
+        return {**exposures, **paths, **glass, **({} if self.focus is None else self.focus.state())}
 
     def restore(self, arrays: Mapping[str, NDArray[Any]]) -> None:
         """Goes on from `state`.
@@ -107,7 +112,12 @@ class LearnedEffects:
         Raises:
             CheckpointError: it is not of these photos.
         """
-        kinds = (("exposures", self.exposures), ("camera paths", self.paths), ("focus", self.focus))
+        kinds = (
+            ("exposures", self.exposures),
+            ("camera paths", self.paths),
+            ("focus", self.focus),
+            ("glass", self.glass),
+        )
         for what, learned in kinds:
             if learned is not None and not learned.restore(arrays):
                 raise CheckpointError(

@@ -10,6 +10,7 @@ from ..errors import PsfError
 from ..imaging.spectrum import NoiseToSignal
 from .grid import GridView
 from .objective import Objective
+from .through_glass import GlassObjective
 
 
 @dataclass
@@ -23,6 +24,7 @@ class Level:
     ratio: NoiseToSignal | None
     contrast: float
     objectives: dict[Any, Objective] = field(default_factory=dict)
+    behind_glass: dict[tuple[int, int], GlassObjective] = field(default_factory=dict)
 
 
 def round_variance(views: Sequence[GridView]) -> float:

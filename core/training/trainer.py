@@ -47,6 +47,7 @@ from .overlap import photos_of_one_side
 from .scale import SceneScale, scene_scale
 from .schedule import harmonics_degree
 from .settings import TrainingSettings, smoothed_for, smoothness, start_share, trust
+from .through_glass import GlassObjective, behind_glass
 
 
 @dataclass(frozen=True)
@@ -100,7 +101,11 @@ class Trainer:
         start: Gaussians | None = None,
     ) -> None:
         self.together = photos_of_one_side(views, points)  # they average noise; copies average none
+        self.scale: SceneScale = scene_scale([v.camera for v in views], points)
         sigma = max(settings.deconvolved_sigma, medium.mean_sigma([view.name for view in views]))
+        if formation.glass is not None:
+            camera = views[0].camera
+            sigma = formation.glass.sigma(self.scale.size, math.hypot(camera.width, camera.height))
         settings = smoothed_for(settings, sigma, self.together)
         settings = replace(
             settings,
@@ -117,7 +122,6 @@ class Trainer:
         backend_on(name)  # (before torch, whose message names devices of its own)
         self.device = torch.device(name)
         self.views, self.heldout, self.points = views, heldout, points
-        self.scale: SceneScale = scene_scale([v.camera for v in views], points)
         width, height = views[0].camera.width, views[0].camera.height
         step = settings.grid_step or grid_step(medium, width, height)
         cameras = {view.name: self.scale.camera_to_unit(view.camera) for view in (*views, *heldout)}
@@ -165,14 +169,16 @@ class Trainer:
 
     def _ratio(self, views: list[GridView], step: int) -> NoiseToSignal | None:
         """Noise over signal of the photos on a grid, as far as they are trusted."""
-        if all(v.psf is None for v in views) or self.settings.loss == "paper":
+        glass = self.formation.glass
+        if (glass is None and all(v.psf is None for v in views)) or self.settings.loss == "paper":
             return None
         measured = views[:: max(1, len(views) // TRAINER.spectrum_views)]
         photos = [v.planes() for v in measured]
-        if self.medium.blur_space == "linear":
+        if self.medium.blur_space == "linear" or glass is not None:
             photos = [np.asarray(srgb_to_linear(p), np.float32) for p in photos]
         gain = self.settings.noise_gain or trust(self.together)
-        return noise_to_signal(photos, [v.psf for v in measured], self.views[0].rounding / step).trusted(gain)
+        spreads = [v.psf if glass is None else behind_glass(glass, v.name, v.camera) for v in measured]
+        return noise_to_signal(photos, spreads, self.views[0].rounding / step).trusted(gain)
 
     def objective(self, level: Level, view: Exposure) -> Objective:
         """The objective for a view's size and point spread; made once for all views that share them."""
@@ -188,6 +194,39 @@ class Trainer:
                 level.contrast,
             )
         return level.objectives[key]
+
+    def through_glass(self, level: Level, view: Exposure) -> GlassObjective | None:
+        """The objective for a view's size behind glass; None where there is none, or the loss inverts nothing."""
+        glass = self.formation.glass
+        if glass is None or level.ratio is None or self.formation.motion is not None:
+            return None
+        size = view.camera.height, view.camera.width
+        if size not in level.behind_glass:
+            widest = glass.reach(math.hypot(*size))
+            level.behind_glass[size] = GlassObjective(
+                Frame(*size, level.margin), self.settings, level.ratio, level.contrast, widest, self.device
+            )
+        return level.behind_glass[size]
+
+    def _ask_through_glass(
+        self,
+        through: GlassObjective,
+        exposed: Exposed,
+        photo: torch.Tensor,
+        valid: torch.Tensor | None,
+        share: float,
+        weight: torch.Tensor | None,
+    ) -> float:
+        """Follows the photo in the degraded frame and, inverted, in the sharp one; the loss."""
+        glass = self.formation.glass
+        assert glass is not None
+        evaluate = through.start_loss if share < self.settings.start_share else through.loss
+        found = evaluate(exposed, glass, photo, valid)
+        in_reached, in_sharp = found.in_reached, found.in_sharp
+        if weight is not None:
+            in_reached, in_sharp = in_reached * weight, in_sharp * weight
+        exposed.backward(in_reached, in_sharp)
+        return found.loss
 
     def raster_settings(self, level: Level) -> RasterSettings:
         """The low-pass is the same footprint on the photo whatever the grid."""
@@ -254,17 +293,25 @@ class Trainer:
         red, green, blue = (float(value) for value in backdrop)
         photo = torch.from_numpy(view.over((red, green, blue))).to(self.device)
         objective = self.objective(level, view)
-        evaluate = objective.start_loss if objective.inverse is not None and share < s.start_share else objective.loss
         asked = self.learned.asked(view, exposed, photo, share)
         wanted = photo if asked is None else asked.photo
-        found = evaluate(exposed.reached, wanted, valid)
-        exposed.backward(found.gradient if asked is None else found.gradient * asked.weight)
+        weight = None if asked is None else asked.weight
+        through = self.through_glass(level, view)
+        if through is not None:
+            loss = self._ask_through_glass(through, exposed, wanted, valid, share, weight)
+        else:
+            sharpened = objective.inverse is not None and share < s.start_share
+            found = (objective.start_loss if sharpened else objective.loss)(exposed.reached, wanted, valid)
+            exposed.backward(found.gradient if weight is None else found.gradient * weight)
+            loss = found.loss
         for screen in exposed.screens:
             self.density.collect(screen)
             for reason, count in screen.culled.items():
                 self.culled[reason] = self.culled.get(reason, 0) + count
         self._follow_path(level, view, exposed, wanted, backdrop)
         self._follow_focus(view, exposed, wanted)
+        if self.learned.glass is not None:
+            self.learned.glass.learn(view.name, exposed, wanted, valid, share)
         self.optimizer.step(self.rates(share))
         self.step += 1
         if self.step % GUARDS.every == 0:
@@ -277,7 +324,7 @@ class Trainer:
                 self.density = DensityControl(len(self.optimizer.gaussians), self.device)
         if self.step % s.density_every == 0 and share < s.density_until:
             self.density.act(self.optimizer, s.max_gaussians, np.random.default_rng([s.seed, 2, self.step]))
-        return found.loss
+        return loss
 
     def _follow_path(
         self, level: Level, view: GridView, exposed: Exposed, photo: torch.Tensor, behind: torch.Tensor

@@ -11,6 +11,7 @@ from torch import Tensor
 from ...colour import decoding_derivative, encoding_derivative, linear_to_srgb, srgb_to_linear
 from .effect import Effect, Shot
 from .focus import FocusBlur
+from .glass import FrostedGlass
 from .motion import CameraMotion, motion_of
 
 
@@ -87,9 +88,14 @@ class Formation:
         """Whether there is such a one."""
         return self.focus is not None
 
+    @property
+    def glass(self) -> FrostedGlass | None:
+        """The glass before the camera."""
+        return next((effect for effect in self.effects if isinstance(effect, FrostedGlass)), None)
+
     def scaled(self, factor: float) -> Formation:
         """The same chain in a world that is `factor` times as large; the very same one where nothing moved."""
-        kinds = (CameraMotion, FocusBlur)
+        kinds = (CameraMotion, FocusBlur, FrostedGlass)
         if not any(isinstance(effect, kinds) for effect in self.effects):
             return self
         return Formation([e.scaled(factor) if isinstance(e, kinds) else e for e in self.effects])

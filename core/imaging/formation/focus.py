@@ -11,16 +11,14 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from types import ModuleType
-from typing import TYPE_CHECKING, ClassVar, Self
+from typing import TYPE_CHECKING, Self
 
 from ...numbers import NOT_RECORDED, number
-from .effect import Effect, Shot
+from .by_depth import DepthBlur, occlusion
+from .effect import Shot
 
 if TYPE_CHECKING:
     from torch import Tensor
-
-    from .occluding import OccludingBlur, Shape
 
 
 @dataclass(frozen=True)
@@ -56,13 +54,7 @@ class Focus:
     focus: float
 
 
-def _mathematics() -> ModuleType:
-    from . import occluding  # heavy: torch
-
-    return occluding
-
-
-class FocusBlur(Effect):
+class FocusBlur(DepthBlur):
     """Blurs each photo by depth.
 
     Args:
@@ -71,31 +63,26 @@ class FocusBlur(Effect):
         errors: [V, 2] standard errors of both, 0 where unknown.
     """
 
-    place = "light"
-    by_depth = True
-    shape: ClassVar[Shape]
-
     def __init__(
         self, names: Sequence[str], strengths: Tensor, foci: Tensor, unit: float = 1.0, errors: Tensor | None = None
     ) -> None:
         super().__init__({"strengths": strengths, "foci": foci})
         self.names, self.unit = tuple(names), unit
         self.errors = strengths.new_zeros(len(strengths), 2) if errors is None else errors
-        self.depth_gradient: Tensor | None = None
         self._rows = {name: i for i, name in enumerate(self.names)}
-        self._last: tuple[Tensor, Shot, tuple[int, ...], OccludingBlur, Tensor] | None = None
 
     @classmethod
     def unknown(cls, names: Sequence[str]) -> Self:
         """For these photos, without any strength yet."""
-        return cls(names, *_mathematics().unknown(len(names)))
+        return cls(names, *occlusion().unknown(len(names)))
 
+    @staticmethod
     @abstractmethod
-    def width(self, depth: Tensor, row: int, diagonal: float) -> Tensor:
+    def spread(strength: Tensor, focus: Tensor, depth: Tensor, diagonal: float) -> Tensor:
         """[h, w] signed standard deviation (px), positive in front of the sharp plane; differentiable.
 
         Args:
-            depth: [h, w] median depths; row: of the parameters; diagonal: of the photo, px.
+            strength, focus: [] of one photo; depth: [h, w] median depths; diagonal: of the photo, px.
         """
 
     def row_of(self, name: str) -> int | None:
@@ -128,57 +115,9 @@ class FocusBlur(Effect):
         strengths, foci = (self.parameters[key].detach().clone() for key in ("strengths", "foci"))
         return type(self)(self.names, strengths, foci, self.unit * factor, self.errors.clone())
 
-    def _versions(self) -> tuple[int, ...]:
-        return tuple(value._version for value in self.parameters.values())
-
-    def _width(self, light: Tensor, shot: Shot, row: int) -> Tensor:
-        if shot.depth is None:
-            raise ValueError(f"{self.name} needs the render's depth")
-        if shot.depth.shape != light.shape[1:]:
-            raise ValueError(f"depth is of the light's own frame, not {list(shot.depth.shape)} for {list(light.shape)}")
-        return self.width(shot.depth.to(light), row, shot.diagonal)
-
-    def forward(self, light: Tensor, shot: Shot) -> Tensor:
-        """See `Effect`."""
-        row = self.row_of(shot.name)
-        if row is None:
-            return light
-        blur = _mathematics().OccludingBlur(self._width(light, shot, row), self.shape)
-        out = blur.apply(light)
-        # The gradient of the same step asks for the same again.
-        self._last = None if out.requires_grad else (light, shot, self._versions(), blur, out)
-        return out
-
-    def gradient(self, upstream: Tensor, light: Tensor, shot: Shot) -> Tensor:
-        """See `Effect`; leaves the gradient in the depth [h, w] in `depth_gradient`."""
-        row, self.depth_gradient = self.row_of(shot.name), None
-        if row is None:
-            return upstream
-        last = self._last
-        if last is None or last[0] is not light or last[1] is not shot or last[2] != self._versions():
-            self.forward(light, shot)
-            last = self._last
-        assert last is not None
-        blur, out = last[3:]
-        self._last = None
-        passed, in_width = blur.adjoint(upstream, light, out)
-        self._add_gradients(in_width, shot, light, row)
-        return passed
-
-    def _add_gradients(self, in_width: Tensor | None, shot: Shot, light: Tensor, row: int) -> None:
-        wanted = [self.parameters[key] for key in ("strengths", "foci")]
-        if in_width is None:
-            found = [value.new_zeros(value.shape) for value in wanted]
-        else:
-            assert shot.depth is not None
-
-            def width(strengths: Tensor, foci: Tensor, depth: Tensor) -> Tensor:
-                return type(self)(self.names, strengths, foci, self.unit).width(depth, row, shot.diagonal)
-
-            given = [value.detach().to(light) for value in (*wanted, shot.depth)]
-            *found, self.depth_gradient = _mathematics().pulled_back(width, given, in_width)
-        for key, value in zip(("strengths", "foci"), found, strict=True):
-            self._add(key, value.to(self.parameters[key]))
+    def widths(self, values: Sequence[Tensor], depth: Tensor, row: int, shot: Shot) -> Tensor:
+        """See `DepthBlur`; depth in median depths."""
+        return self.spread(values[0][row].to(depth), values[1][row].to(depth), depth, shot.diagonal)
 
     def described(self) -> Mapping[str, object]:
         """The unit of depth, and by photo [strength, focus, their standard errors] (see `Focus`)."""
@@ -195,7 +134,7 @@ class LensFocus(FocusBlur):
     physics = "A lens images one distance sharply; its circle of confusion grows linearly in 1 / distance (thin lens)."
     shape = "disk"
 
-    def width(self, depth: Tensor, row: int, diagonal: float) -> Tensor:
+    @staticmethod
+    def spread(strength: Tensor, focus: Tensor, depth: Tensor, diagonal: float) -> Tensor:
         """See `FocusBlur`."""
-        strength, focus = (self.parameters[key][row].to(depth) for key in ("strengths", "foci"))
         return strength * diagonal * (1.0 / depth.clamp(min=FOCUS.nearest_depth) - focus)

@@ -134,7 +134,8 @@ def choose_effects(
     source = PhotoSet(list(photos), cameras)
     wanted = None if mode == "auto" else {s for switch in there.values() for s in switch.speakers}
     found = {e.name: e for e in inspect_photos(source, progress, wanted)}
-    on = {name for name in forced if not name.startswith("-")} | (set(there) if mode == "all" else set())
+    everything = {name for name, switch in there.items() if not switch.by_name_only}
+    on = {name for name in forced if not name.startswith("-")} | (everything if mode == "all" else set())
     off = {name.removeprefix("-") for name in forced if name.startswith("-")}
     candidates = proposed(found.values()) if mode == "auto" else []
     ablation = Ablation(views, cameras.points, medium, settings) if mode == "auto" else None

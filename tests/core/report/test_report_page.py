@@ -16,6 +16,7 @@ from dgs.core.report.page import exposures, page, write_page
 from dgs.core.report.paths import drawn_paths
 from dgs.core.report.pictures import ViewPictures, embedded, spread
 from dgs.core.report.schema import FIELDS, markdown_table, problems
+from dgs.core.report.words import simulated
 
 REPORT = {
     "schema": 1,
@@ -350,3 +351,14 @@ def test_every_effect_has_its_line():
     assert "Effects besides the blur" in text and "+0.25 ± 0.05 dB" in text and "Fades." in text
     assert "light that is lost with depth" in text and "Haze: light that the medium adds, absorbs" not in text
     assert "Effects besides the blur" not in page({**REPORT, "effects": []}, pictures(), None, cameras())
+
+
+def test_glass_says_where_it_stands():
+    report = copy.deepcopy(REPORT)
+    found = {"angle": 0.79, "angle_error": 0.01, "distance": 0.371, "distance_error": 0.002}
+    row = {**report["effects"][1], "name": "glass", "on": True}
+    row["parameters"] = {**found, "width_nearest": 1.5, "width_farthest": 5.0}
+    report["effects"].append(row)
+    blur = simulated(report)[0]
+    for words in ("0.371 ± 0.002", "0.79 degrees", "1.50 px wide on what is nearest", "5.00 px"):
+        assert words in blur, words

@@ -1,0 +1,162 @@
+"""A sheet of rough glass fixed to the camera: what is farther behind it is blurred more.
+
+    sigma(z) = f s (1 - z_d / z) k(o)      (none in front of the glass)
+
+f: focal length in px, s: standard deviation in rad of the angle by which light is turned, along each axis, z_d: depth
+of the glass. k(o) >= 1 says by how much more that is at an angle o off the axis. One point spread is the case z_d = 0:
+everything is far behind the glass.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Self
+
+from ...numbers import number
+from .by_depth import DepthBlur, occlusion
+from .effect import Shot, radius2
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+
+@dataclass(frozen=True)
+class GlassSettings:
+    """Numbers of a sheet of rough glass."""
+
+    index: float = number(1.5, "refractive index", "of window glass", "definition", "rendered glass")
+
+
+GLASS = GlassSettings()
+
+
+@dataclass(frozen=True)
+class GlassScene:
+    """What the photos behind a glass have in common.
+
+    Attributes:
+        focal: length in diagonals of the photo; diagonal: of the photos, px.
+        nearest, farthest: depths between which nearly all lies, in the unit of the render's depth.
+    """
+
+    focal: float
+    diagonal: float = 0.0
+    nearest: float = math.inf
+    farthest: float = math.inf
+
+    def scaled(self, factor: float) -> GlassScene:
+        """The same in a world that is `factor` times as large."""
+        return replace(self, nearest=self.nearest * factor, farthest=self.farthest * factor)
+
+
+class FrostedGlass(DepthBlur):
+    """One glass before all photos.
+
+    Args:
+        spread: [] f s, standard deviation far behind the glass, as a share of the photo's diagonal.
+        distance: [] depth of the glass, in the unit of the render's depth.
+        scene: before which it stands.
+        clear: names of photos that were taken without it.
+        errors: standard errors of both, 0 where they were given.
+        learned: names of the parameters that a training learns.
+    """
+
+    name = "glass"
+    physics = "Rough glass turns light by small random angles: what is farther behind it is blurred more."
+    shape = "gaussian"
+
+    def __init__(
+        self,
+        spread: Tensor,
+        distance: Tensor,
+        scene: GlassScene,
+        clear: frozenset[str] = frozenset(),
+        errors: tuple[float, float] = (0.0, 0.0),
+        learned: frozenset[str] = frozenset(),
+    ) -> None:
+        super().__init__({"spread": spread, "distance": distance})
+        self.scene, self.clear, self.errors, self.learned = scene, clear, errors, learned
+
+    @classmethod
+    def of(
+        cls,
+        spread: float,
+        distance: float,
+        scene: GlassScene,
+        clear: frozenset[str] = frozenset(),
+        learned: frozenset[str] = frozenset(),
+    ) -> Self:
+        """From numbers."""
+        values = occlusion().scalars(spread, distance)
+        return cls(*values, scene, clear, learned=learned)
+
+    @property
+    def distance(self) -> float:
+        """Depth of the glass."""
+        return float(self.parameters["distance"].detach())
+
+    @property
+    def spread(self) -> float:
+        """Standard deviation far behind it, as a share of the photo's diagonal."""
+        return float(self.parameters["spread"].detach())
+
+    @property
+    def angle(self) -> float:
+        """Standard deviation along each axis of the angle that light is turned by, rad."""
+        return self.spread / self.scene.focal
+
+    def sigma(self, depth: float, diagonal: float) -> float:
+        """Standard deviation on the axis (px of a photo of this diagonal) of what lies at a depth."""
+        return self.spread * diagonal * max(0.0, 1.0 - self.distance / depth)
+
+    def row_of(self, name: str) -> int | None:
+        """See `DepthBlur`: one for all photos behind it."""
+        return None if name in self.clear else 0
+
+    def widths(self, values: Sequence[Tensor], depth: Tensor, row: int, shot: Shot) -> Tensor:
+        """See `DepthBlur`: negative, as all of it lies behind the glass."""
+        spread, distance = (value.to(depth) for value in values)
+        behind = (1.0 - distance / depth.clamp(min=1e-6)).clamp(min=0.0)
+        tangent2 = radius2(shot, depth[None]) * (0.5 / self.scene.focal) ** 2
+        return -spread * shot.diagonal * oblique(tangent2) * behind
+
+    def reach(self, diagonal: float) -> float:
+        """See `Effect`: that of what is far behind the glass."""
+        return self.spread * diagonal
+
+    def scaled(self, factor: float) -> Self:
+        """The same in a world that is `factor` times as large."""
+        values = {key: value.detach().clone() for key, value in self.parameters.items()}
+        errors = self.errors[0], self.errors[1] * factor
+        scene, distance = self.scene.scaled(factor), values["distance"] * factor
+        return type(self)(values["spread"], distance, scene, self.clear, errors, self.learned)
+
+    def described(self) -> Mapping[str, object]:
+        """Angle in degrees, depth of the glass in the cameras' unit, standard errors (0 where given), widths in px."""
+        scene = self.scene
+        shown = {
+            "angle": math.degrees(self.angle),
+            "angle_error": math.degrees(self.errors[0] / scene.focal),
+            "distance": self.distance,
+            "distance_error": self.errors[1],
+            "width_nearest": self.sigma(scene.nearest, scene.diagonal),
+            "width_farthest": self.sigma(scene.farthest, scene.diagonal),
+        }
+        return {key: float(f"{value:.5g}") for key, value in shown.items()}
+
+
+def oblique(tangent2: Tensor) -> Tensor:
+    """[h, w] by how much wider than on the axis an untilted glass blurs in px, at tan^2 of an angle off it.
+
+    Root mean square of both directions: along the radius light is turned (n cos i / cos o - 1) / (n - 1) times as much,
+    across it (n cos i - cos o) / (n - 1) times (o outside the glass, i inside), and a pinhole sees these as another
+    1 / cos^2 o and 1 / cos o.
+    """
+    n = GLASS.index
+    cosine = (1.0 + tangent2) ** -0.5
+    inside = n * (1.0 - (1.0 - cosine**2) / n**2) ** 0.5
+    along = (inside / cosine - 1.0) / cosine**2
+    across = (inside - cosine) / cosine
+    return ((along**2 + across**2) / 2.0) ** 0.5 / (n - 1.0)

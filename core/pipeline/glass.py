@@ -1,0 +1,90 @@
+"""Frosted glass takes the place of the point spread: what was given of either, as an effect of the chain."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ..errors import PsfError
+from ..glass import GlassRequest
+from ..imaging.formation.chain import Formation
+from ..imaging.formation.glass import FrostedGlass, GlassScene
+from ..imaging.medium import Medium
+from ..progress import Progress
+from ..training.glass import SETTINGS
+from ..training.scale import scene_scale
+from ..views import SparsePoints, View
+from .effects.decision import Decision
+from .simulated import SimulatedEffects
+
+
+def with_glass(
+    effects: SimulatedEffects, request: GlassRequest, points: SparsePoints, progress: Progress
+) -> SimulatedEffects:
+    """The same with a sheet of frosted glass instead of the point spread.
+
+    Without an angle the point spread says how wide the glass blurs what lies at the scene's middle depth. Photos whose
+    own point spread is none were taken without the glass.
+
+    Raises:
+        PsfError: nothing says how wide it blurs, or it stands behind what the photos show.
+    """
+    views, medium = effects.fitted, effects.medium
+    size = scene_scale([view.camera for view in views], points).size
+    camera = views[0].camera
+    diagonal, focal = math.hypot(camera.width, camera.height), math.sqrt(camera.fx * camera.fy)
+    every = [*views, *effects.heldout]
+    clear = frozenset(name for name, psf in medium.per_view.items() if psf is None or psf.is_identity)
+    behind = [view.name for view in every if view.name not in clear]
+    sigma = medium.mean_sigma(behind) if behind else 0.0
+    nearest, farthest = depths_between(every, points)
+    learned: frozenset[str] = frozenset()
+    if request.distance is not None and request.distance >= nearest:
+        raise PsfError(
+            f"A glass at {request.distance:g} stands behind what the photos show from {nearest:.3g} on",
+            f"Give --glass a distance below {nearest:.2g}, in the cameras' unit",
+        )
+    if request.angle is None and sigma == 0.0:
+        raise PsfError(
+            "Nothing says how wide the glass blurs: where all photos were taken through it, none shows how sharp the "
+            "scene is",
+            "Give --psf gaussian:SIGMA (at the scene's middle depth), or --glass DISTANCE,ANGLE (measure-glass)",
+        )
+    if request.distance is None:
+        learned = frozenset({"distance", "spread"} if clear else {"distance"})
+        distance = min(SETTINGS.begin * size, SETTINGS.nearest * nearest)
+    else:
+        distance = request.distance
+    scene = GlassScene(focal / diagonal, diagonal, nearest, farthest)
+    middle = 1.0 - distance / size
+    spread = sigma / middle / diagonal if request.angle is None else focal * request.angle / diagonal
+    glass = FrostedGlass.of(spread, distance, scene, clear, learned)
+    why = "its distance is learned" if learned else "given"
+    progress.note(
+        f"Frosted glass ({why}): {glass.sigma(size, diagonal):.2f} px wide at the scene's middle depth of {size:.3g}"
+    )
+    line = Decision(FrostedGlass.name, True, why, parameters=dict(glass.described()))
+    others = [effect for effect in effects.chosen.formation.effects if not isinstance(effect, FrostedGlass)]
+    lines = [d for d in effects.chosen.decisions if d.name != FrostedGlass.name]
+    chosen = replace(effects.chosen, formation=Formation([glass, *others]), decisions=[line, *lines])
+    return replace(effects, chosen=chosen, medium=Medium(None, "linear"), sigma=glass.sigma(size, diagonal))
+
+
+def depths_between(views: Sequence[View], points: SparsePoints) -> tuple[float, float]:
+    """Depths between which nearly all points lie that cameras see; infinite where they see none."""
+    seen = []
+    positions = points.positions[:: max(1, len(points.positions) // SETTINGS.points)]
+    for view in views:
+        camera = view.camera
+        x, y, z = (positions @ camera.rotation.T + camera.translation).T
+        with np.errstate(divide="ignore", invalid="ignore"):
+            u, v = camera.fx * x / z + camera.cx, camera.fy * y / z + camera.cy
+        seen.append(z[(z > 0) & (u >= 0) & (u < camera.width) & (v >= 0) & (v < camera.height)])
+    depths = np.concatenate(seen)
+    if not len(depths):
+        return math.inf, math.inf
+    nearest, farthest = np.quantile(depths, [SETTINGS.stray, 1.0 - SETTINGS.stray])
+    return float(nearest), float(farthest)

@@ -1,0 +1,83 @@
+"""Glass in the row of stages: what takes the place of the point spread, and what is refused."""
+
+import math
+
+import numpy as np
+import pytest
+from dgs.core.errors import PsfError
+from dgs.core.glass import GlassRequest
+from dgs.core.imaging.medium import Medium
+from dgs.core.imaging.psf import PointSpread
+from dgs.core.pipeline.effects.choose import Chosen, choose_effects
+from dgs.core.pipeline.glass import depths_between, with_glass
+from dgs.core.pipeline.simulated import SimulatedEffects
+from dgs.core.progress import Silent
+from dgs.core.run_settings import ReconstructSettings
+from dgs.core.training.settings import TrainingSettings
+from dgs.tests.core.training.training_scenes import FOCAL, HEIGHT, WIDTH, blurred_scene
+
+DIAGONAL = math.hypot(WIDTH, HEIGHT)
+ROUND = Medium(PointSpread(sigma_x=2.0, sigma_y=2.0))
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return blurred_scene(4)
+
+
+def before(scene, request, medium):
+    effects = SimulatedEffects(Chosen(), medium, scene.views[:-1], scene.views[-1:])
+    return with_glass(effects, request, scene.points, Silent())
+
+
+def test_a_given_width_is_that_of_the_middle_depth(scene):
+    for distance in (0.5, 2.0):
+        made = before(scene, GlassRequest(distance), ROUND)
+        sheet = made.chosen.formation.glass
+        assert made.sigma == pytest.approx(2.0, rel=1e-5) and not sheet.learned
+        assert made.medium == Medium(None, "linear") and made.chosen.decisions[0].on
+    near, far = depths_between(scene.views, scene.points)
+    assert sheet.described()["width_nearest"] == pytest.approx(sheet.sigma(near, DIAGONAL), rel=1e-3)
+    assert sheet.sigma(near, DIAGONAL) < 2.0 < sheet.sigma(far, DIAGONAL)
+
+
+def test_an_angle_needs_no_width(scene):
+    sheet = before(scene, GlassRequest(1.0, 0.02), Medium()).chosen.formation.glass
+    assert sheet.angle == pytest.approx(0.02) and sheet.reach(DIAGONAL) == pytest.approx(FOCAL * 0.02, rel=1e-5)
+
+
+def test_without_a_distance_it_is_learned_and_sharp_photos_say_the_width_too(scene):
+    assert before(scene, GlassRequest(), ROUND).chosen.formation.glass.learned == {"distance"}
+    some = Medium(ROUND.psf, per_view={scene.views[0].name: None})
+    sheet = before(scene, GlassRequest(), some).chosen.formation.glass
+    assert sheet.learned == {"distance", "spread"} and sheet.clear == {scene.views[0].name}
+
+
+@pytest.mark.parametrize(
+    ("request_", "medium", "way_out"),
+    [
+        (GlassRequest(), Medium(), "--psf gaussian"),
+        (GlassRequest(1.0), Medium(), "--psf gaussian"),
+        (GlassRequest(3.2), ROUND, "--glass a distance below"),
+        (GlassRequest(99.0, 0.01), Medium(), "--glass a distance below"),
+    ],
+)
+def test_glass_that_says_too_little_or_stands_behind_the_object(scene, request_, medium, way_out):
+    with pytest.raises(PsfError, match=way_out):
+        before(scene, request_, medium)
+
+
+def test_what_a_run_asks_for(tmp_path):
+    run = lambda **words: ReconstructSettings(tmp_path, tmp_path, **words).split().glass  # noqa: E731
+    assert run() is None and run(effects="auto") is None
+    assert run(effects="exposure,glass") == run(glass="auto") == GlassRequest()
+    assert run(glass="0.4") == GlassRequest(0.4)
+
+
+def test_only_its_name_switches_it_on(scene, tmp_path):
+    """Photos do not show it: 'all' leaves it out."""
+    from dgs.core.effects.registry import switches
+
+    assert [name for name, switch in switches().items() if switch.by_name_only] == ["glass"]
+    assert choose_effects("none", [], None, scene.views, Medium(), TrainingSettings(), Silent()).decisions == []
+    assert np.isfinite(depths_between(scene.views, scene.points)).all()

@@ -1,0 +1,32 @@
+"""`--glass` as text."""
+
+import math
+
+import pytest
+from dgs.core.errors import PsfError
+from dgs.core.glass import GlassRequest, parse_glass
+
+
+def test_what_it_takes():
+    assert parse_glass("auto") == GlassRequest()
+    assert parse_glass("0.38") == GlassRequest(0.38)
+    assert parse_glass("0.38,0.8") == GlassRequest(0.38, math.radians(0.8))
+
+
+@pytest.mark.parametrize(
+    ("text", "way_out"),
+    [
+        ("", "DISTANCE"),
+        ("far", "DISTANCE"),
+        ("1,2,3", "DISTANCE"),
+        ("nan", "DISTANCE"),
+        ("0", "above 0"),
+        ("-1,0.5", "above 0"),
+        ("1,0", "above 0"),
+        ("1,-2", "above 0"),
+        ("1,50", "up to 15"),
+    ],
+)
+def test_what_it_refuses(text, way_out):
+    with pytest.raises(PsfError, match=way_out):
+        parse_glass(text)
