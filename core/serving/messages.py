@@ -36,7 +36,7 @@ _VIEW = {
     "camera": {**_CAMERA, "rotation": [number], "translation": [number]},
     "depth": truth,
     "light": truth,
-    "overlay": truth,
+    "power": number,
     "solid": number,
     "background?": ([number],),
 }
@@ -110,8 +110,7 @@ class View:
         light: linear light instead of sRGB values.
         background: [3] sRGB behind the twins; None for none, where the picture has alpha.
         solid: alpha of the twins from which on a px has a depth.
-        overlay: with `light`, colours are decoded as they are, multiplied by alpha: to be encoded again, and blended
-            with what is behind as sRGB values.
+        power: of the curve that decodes sRGB values for `light`; 0 for sRGB's own.
     """
 
     twins: tuple[PlacedTwin, ...]
@@ -120,7 +119,7 @@ class View:
     light: bool = False
     background: tuple[float, float, float] | None = None
     solid: float = 0.0
-    overlay: bool = False
+    power: float = 0.0
 
     def message(self) -> dict[str, Any]:
         """As JSON has it."""
@@ -134,7 +133,7 @@ class View:
             "light": self.light,
             "background": self.background,
             "solid": self.solid,
-            "overlay": self.overlay,
+            "power": self.power,
         }
 
     @staticmethod
@@ -149,7 +148,7 @@ class View:
         camera = Camera("", **lens, rotation=rotation.reshape(3, 3), translation=translation.reshape(3))
         twins = tuple(_placed(twin) for twin in value["twins"])
         behind = None if background is None else tuple(background)
-        return View(twins, camera, value["depth"], value["light"], behind, value["solid"], value["overlay"])
+        return View(twins, camera, value["depth"], value["light"], behind, value["solid"], value["power"])
 
 
 @dataclass(frozen=True)

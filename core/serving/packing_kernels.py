@@ -26,7 +26,7 @@ def pack(
     margin: int,
     table: Any,
     light: bool,
-    straight: bool,
+    power: Any,
     opaque: bool,
     unit: Any,
     solid: Any,
@@ -39,7 +39,7 @@ def pack(
         image: [3, H + 2m, W + 2m] sRGB over the background, or over black where there is none; alpha: of the same size.
         depth: blended depths of the same size, or [0, 0].
         table: of `collecting_kernels.decoded`.
-        light: whether linear light is wanted; straight: of the colours before they were multiplied by alpha.
+        light: whether linear light is wanted; power: of the curve that leads to it, 0 for sRGB's own.
         opaque: whether there is a background.
         unit: the scene's units per unit of depth.
         solid: alpha from which on there is a depth.
@@ -52,13 +52,10 @@ def pack(
             a = alpha[y, x + margin]
             for c in range(3):
                 value = image[c, y, x + margin]
-                if light:
-                    if not straight:
-                        value = decoded(value, table)
-                    elif a > _LEAST:
-                        value = decoded(value / a, table) * a
-                    else:
-                        value = f32(0.0)
+                if light and (opaque or a > _LEAST):
+                    over = f32(1.0) if opaque else a
+                    value = max(value / over, f32(0.0))
+                    value = (decoded(value, table) if power == f32(0.0) else value**power) * over
                 pixels[row, x, c] = value
             pixels[row, x, 3] = f32(1.0) if opaque else a
             if depths.shape[0] > 0:

@@ -40,9 +40,8 @@ def draw(stage: Stage, view: View, area: SharedArea) -> Drawn:
         none = np.zeros((0, 0), np.float32)
         image, alpha = rendered.image.cpu().numpy(), rendered.alpha.cpu().numpy()
         depth = none if rendered.depth is None else rendered.depth.cpu().numpy()
-        opaque = view.background is not None
-        looks = view.light, not (opaque or view.overlay), opaque, np.float32(staged.unit), np.float32(view.solid)
-        options = _MARGIN, decoding_table(), *looks
+        curve = view.light, np.float32(view.power), view.background is not None
+        options = _MARGIN, decoding_table(), *curve, np.float32(staged.unit), np.float32(view.solid)
         run(
             pack, camera.height, image, alpha, depth, *options, pixels, none if depths is None else depths, grain=_GRAIN
         )

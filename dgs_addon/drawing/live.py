@@ -23,6 +23,8 @@ from .viewport import Look, draw_twins
 SHOWN = "dgs_live_splats"
 #: Engines that do not show instances as splats in Rendered mode: ours draws by itself, the other as Solid.
 _OWN = (ENGINE, "BLENDER_WORKBENCH")
+#: What is drawn over the scene is blended as light, and shown by this curve (found on screenshots of 4.3 and 5.2).
+_OVERLAY = 2.2
 
 _handle: Any = None
 
@@ -74,7 +76,7 @@ def _draw() -> None:
     rendered = space.shading.type == "RENDERED"
     if not on or (rendered and scene.render.engine == ENGINE):
         return
-    draw_twins(context, context.view_layer.depsgraph, Look(depth=True, light=True, overlay=True))
+    draw_twins(context, context.view_layer.depsgraph, Look(depth=True, light=True, power=_OVERLAY))
 
 
 def _adapt() -> None:

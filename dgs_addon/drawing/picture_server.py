@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import signal
 import subprocess
 import tempfile
 import threading
@@ -151,6 +152,9 @@ class PictureServer:
             self._thread.join(_FAREWELL)
 
     def _run(self) -> None:
+        if hasattr(signal, "pthread_sigmask"):
+            # Some Blenders do not ignore it, and end when they write to a process that has died.
+            signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGPIPE})
         while (task := self._next()) is not None:
             channel, view = task
             try:

@@ -35,7 +35,7 @@ class Look:
     depth: bool
     light: bool
     background: tuple[float, float, float] | None = None
-    overlay: bool = False
+    power: float = 0.0
 
 
 _views: dict[int, Shown] = {}

@@ -1,0 +1,214 @@
+"""Runs inside Blender with a window: a twin as the engine sees it, in all modes of a 3D view.
+
+    blender --python drawing_story.py -- FOLDER
+
+FOLDER/twin.ply is the twin; FOLDER/pictures gets the screenshots, FOLDER/story.json what was seen.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import sys
+import time
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import bpy
+from mathutils import Quaternion, Vector
+
+sys.path.insert(0, str(Path(__file__).parent))  # Blender runs this file where no package is
+from robot import Robot, Story
+
+FOLDER = Path(sys.argv[sys.argv.index("--") + 1])
+ADDON = "bl_ext.user_default.dgs"
+seen: dict[str, Any] = {"blender": bpy.app.version_string}
+
+
+def _addon(module: str) -> Any:
+    """A module of the installed extension."""
+    return import_module(f"{ADDON}.{module}")
+
+
+def story(robot: Robot) -> Story:
+    """All modes, one after the other."""
+    scene = bpy.context.scene
+    for thing in list(bpy.data.objects):
+        bpy.data.objects.remove(thing)
+    scene.view_settings.view_transform = "Standard"
+    bpy.ops.dgs.import_twin(filepath=str(FOLDER / "twin.ply"))
+    twin = next(thing for thing in scene.objects if "dgs_harmonics" in thing)
+    yield 1.0
+    space = robot.area().spaces.active
+    for bar in ("header", "toolbar", "ui", "tool_header"):
+        setattr(space, f"show_region_{bar}", False)
+    space.show_gizmo, space.overlay.show_overlays = False, False
+    view = space.region_3d
+    view.view_perspective, view.view_location = "PERSP", twin.matrix_world @ Vector((0.0, 0.0, 0.0))
+    view.view_rotation, view.view_distance = Quaternion((1, 0, 0), 1.5707963), 5.0
+    yield from _settled("first")
+    seen["solid"] = _evaluated(twin)
+    yield from robot.picture("solid")
+    yield from _among_meshes(robot, view)
+    yield from _rendered(robot, scene, space)
+    yield from _orbits(robot, space)
+    yield from _killed(robot, view)
+    yield from _other_engine(scene, space, twin)
+    seen["saved"] = _saved(twin)
+
+
+def _among_meshes(robot: Robot, view: Any) -> Story:
+    """A white wall behind the middle of the twin, then in front of it."""
+    towards = view.view_rotation @ Vector((0.0, 0.0, 1.0))
+    bpy.ops.mesh.primitive_cube_add(size=1.0)
+    wall = bpy.context.object
+    for name, way in (("behind", -2.0), ("front", 2.0)):
+        wall.location = view.view_location + way * towards
+        yield from _settled(name)
+        yield from robot.picture(f"mesh-{name}")
+    bpy.data.objects.remove(wall)
+    yield from _settled("alone")
+
+
+def _rendered(robot: Robot, scene: Any, space: Any) -> Story:
+    """Rendered mode; the camera of the view for the command line, and the time of a final picture."""
+    scene.render.engine = "DESCATTER"
+    space.shading.type = "RENDERED"
+    yield from _settled("rendered")
+    yield from robot.picture("rendered")
+    region, view = _region(robot), space.region_3d
+    seen["region"] = [region.x, region.y, region.width, region.height]
+    camera, _ = _addon("dgs_addon.drawing.view_camera").window_camera(
+        view.view_matrix, view.window_matrix, region.width, region.height
+    )
+    _addon("core.formats.transforms").write_transforms(FOLDER / "transforms.json", {"view.png": camera})
+    scene.camera = bpy.data.objects.new("eye", bpy.data.cameras.new("eye"))
+    scene.collection.objects.link(scene.camera)
+    scene.camera.matrix_world = view.view_matrix.inverted()
+    scene.render.resolution_x, scene.render.resolution_y = 800, 533
+    scene.render.filepath, scene.render.dither_intensity = str(FOLDER / "final.png"), 0.0
+    times = []
+    for _ in range(2):
+        began = time.perf_counter()
+        bpy.ops.render.render(write_still=True)
+        times.append(time.perf_counter() - began)
+    seen["final"] = min(times)
+    final = _addon("dgs_addon.axes").read_camera(scene.camera, scene.render, "final.png")
+    _addon("core.formats.transforms").write_transforms(FOLDER / "final.json", {"final.png": final})
+
+
+def _orbits(robot: Robot, space: Any) -> Story:
+    """The view turns for 4 s: how often it is drawn, with which pictures, and when the full one is there."""
+    for mode in ("RENDERED", "SOLID"):
+        space.shading.type = mode
+        yield from _settled(mode)
+        draws: list[float] = []
+        pictures: list[tuple[float, Any]] = []
+        handle = bpy.types.SpaceView3D.draw_handler_add(_drew, (draws, pictures), "WINDOW", "POST_PIXEL")
+        began = time.perf_counter()
+        while time.perf_counter() - began < 4.0:
+            space.region_3d.view_rotation = Quaternion((0, 0, 1), 0.02) @ space.region_3d.view_rotation
+            yield 0.005
+        stopped = time.perf_counter()
+        yield from _settled(f"{mode} again")
+        width = _region(robot).width
+        while pictures[-1][1].pixels.shape[1] != width and time.perf_counter() < stopped + 5:
+            yield 0.01
+        bpy.types.SpaceView3D.draw_handler_remove(handle, "WINDOW")
+        moving = [picture.pixels.shape[1] for at, picture in pictures if at <= stopped]
+        full = [at - stopped for at, picture in pictures if picture.pixels.shape[1] == width and at > stopped]
+        seen[f"orbit {mode}"] = {
+            "draws": len([at for at in draws if at <= stopped]) / 4.0,
+            "pictures": len(moving) / 4.0,
+            "widths": sorted(set(moving)),
+            "full": min(full, default=None),
+            "gap": max((b - a for a, b in zip(draws, draws[1:], strict=False)), default=None),
+            "load": os.getloadavg()[0],
+        }
+
+
+def _drew(draws: list[float], pictures: list[tuple[float, Any]]) -> None:
+    """Takes down when a view was drawn, and when with a new picture."""
+    draws.append(time.perf_counter())
+    for shown in _views():
+        if shown.follower.picture is not None and (not pictures or pictures[-1][1] is not shown.follower.picture):
+            pictures.append((draws[-1], shown.follower.picture))
+
+
+def _killed(robot: Robot, view: Any) -> Story:
+    """The server is killed; the next movement brings another and the picture."""
+    server = _addon("dgs_addon.drawing.process").picture_server()
+    starts = server.starts
+    # The number is another one in the engine's own world of processes: it is found by what it runs.
+    pid = next(
+        int(entry.name)
+        for entry in Path("/proc").iterdir()
+        if entry.name.isdigit() and b"serve" in (entry / "cmdline").read_bytes().split(b"\0")
+    )
+    os.kill(pid, signal.SIGKILL)
+    view.view_rotation = Quaternion((0, 0, 1), 0.3) @ view.view_rotation
+    yield from _settled("killed")
+    seen["restarted"] = [server.starts - starts, server.error]
+    yield from robot.picture("killed")
+
+
+def _other_engine(scene: Any, space: Any, twin: Any) -> Story:
+    """Cycles in Rendered mode gets instances, and Solid its outline again."""
+    scene.render.engine, scene.cycles.samples = "CYCLES", 1
+    scene.cycles.preview_samples = 1
+    space.shading.type = "RENDERED"
+    yield 4.0
+    seen["cycles"] = _evaluated(twin)
+    space.shading.type = "SOLID"
+    yield 2.0
+    seen["solid again"] = _evaluated(twin)
+
+
+def _saved(twin: Any) -> list[bool]:
+    """Whether the twin is an outline in the saved file, and still in this one."""
+    live = _addon("dgs_addon.drawing.live")
+    path = str(FOLDER / "saved.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=path, copy=True)
+    with bpy.data.libraries.load(path) as (_, into):
+        into.objects = [twin.name]
+    return [live._is_live(into.objects[0]), live._is_live(twin)]
+
+
+def _evaluated(twin: Any) -> list[int]:
+    """Instances of the twin in the viewport, and edges of its own."""
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    mine = [i for i in depsgraph.object_instances if i.is_instance and i.parent and i.parent.original == twin]
+    return [len(mine), len(twin.evaluated_get(depsgraph).data.edges)]
+
+
+def _views() -> list[Any]:
+    return list(_addon("dgs_addon.drawing.viewport")._views.values())
+
+
+def _region(robot: Robot) -> Any:
+    return next(region for region in robot.area().regions if region.type == "WINDOW")
+
+
+def _settled(name: str, seconds: float = 200.0) -> Story:
+    """Until all views show the full picture of what they look at."""
+    began = time.monotonic()
+    yield 0.5
+    while not _views() or not all(shown.follower.done and shown.follower.picture for shown in _views()):
+        if time.monotonic() - began > seconds:
+            raise TimeoutError(f"{name}: not in {seconds} s")
+        yield 0.02
+    seen[f"settled {name}"] = time.monotonic() - began
+    yield 0.5
+
+
+def _done(error: str) -> None:
+    seen["failure"] = error
+    (FOLDER / "story.json").write_text(json.dumps(seen), encoding="utf-8")
+
+
+bpy.context.preferences.view.show_splash = False
+(FOLDER / "pictures").mkdir(exist_ok=True)
+robot = Robot(FOLDER / "pictures")
+robot.play(story(robot), _done)
