@@ -23,3 +23,5 @@ def draw_estimate(layout: Any, context: Any) -> None:
     column = layout.column(align=True)
     for number, (text, values) in enumerate(estimate.sentences(question.answer, settings.preset)):
         sentence(column, context, text, "TIME" if number == 0 else "BLANK1", **values)
+    if settings.effects in ("auto", "all"):
+        sentence(column, context, "Other effects take more time: trials, or steps that cost more", "BLANK1")

@@ -19,10 +19,11 @@ def draw_inspection(layout: Any, context: Any) -> None:
         layout.label(text="Inspecting...", icon="TIME")
     if inspection.point_spread.running:
         layout.label(text="Measuring...", icon="TIME")
-    _draw_error(layout, context, inspection.effects, "dgs.inspect_photos")
+    if inspection.effects.subject == (context.scene.dgs.photos,):  # not another scene's
+        _draw_error(layout, context, inspection.effects, "dgs.inspect_photos")
     _draw_error(layout, context, inspection.point_spread, "dgs.measure_psf")
     measured = inspection.point_spread.answer
-    if measured:
+    if measured and context.scene.dgs.medium == "file":
         values = {"sigma": f"{measured['sigma']:.2f}", "error": f"{measured['sigma_uncertainty']:.2f}"}
         figures(layout, "Measured: sigma {sigma} ± {error} px", "CHECKMARK", **values)
     _draw_findings(layout, context)

@@ -119,7 +119,7 @@ def _notes(scene: Any) -> dict[str, list[Any]]:
     settings = getattr(scene, "dgs", None)  # none where the add-on is not registered, as in a script
     try:
         notes = json.loads(settings.changed) if settings is not None and settings.changed else {}
-    except ValueError:
+    except (ValueError, RecursionError):  # a file of somebody's, or brackets in brackets
         return {}
     well = isinstance(notes, dict) and all(isinstance(pair, list) and len(pair) == 2 for pair in notes.values())
     return notes if well else {}

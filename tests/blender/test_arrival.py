@@ -122,8 +122,11 @@ def test_settings_that_are_kept_are_forgotten(scene: Any, cloud: GaussianCloud, 
     assert changed_words(scene) and len(hidden_things(scene)) == 3, "the notes are in the file"
     assert bpy.ops.dgs.dismiss(notice="CHANGES") == {"FINISHED"}
     assert not changed_words(scene) and scene.objects["Cube"].hide_render and scene.render.engine == "CYCLES"
-    scene.dgs.changed = "[1, 2"  # a damaged note is none
-    assert not changed_words(scene)
+    for damaged in ("[1, 2", "[" * 100_000, "7", '{"render.engine": "CYCLES"}', '{"render.engine": [1, 2, 3]}'):
+        scene.dgs.changed = damaged
+        assert not changed_words(scene)
+    scene.dgs.changed = '{"render.engine": [7, "CYCLES"], "nothing": [1, 2]}'
+    assert bpy.ops.dgs.give_back() == {"FINISHED"} and scene.render.engine == "CYCLES"
 
 
 @pytest.mark.parametrize("touch", ["moved", "edited", "child", "linked", "animated", "hidden"])

@@ -99,15 +99,15 @@ def _arrival(robot: Robot) -> dict[str, object]:
     twin = next(thing for thing in bpy.context.scene.objects if "dgs_harmonics" in thing)
     region = next(region for region in robot.area().regions if region.type == "WINDOW")
     shown = robot.area().spaces.active.region_3d
-    places = [twin.matrix_world @ vertex.co for vertex in twin.data.vertices[::20]]
+    places = [twin.matrix_world @ vertex.co for vertex in list(twin.data.vertices)[::20]]
     seen_at = [location_3d_to_region_2d(region, shown, place) for place in places]
     inside = [at for at in seen_at if at and 0 <= at.x <= region.width and 0 <= at.y <= region.height]
     cameras = [child for child in twin.children if child.type == "CAMERA"]
     changes = _addon("scene.changes")
     return {
         "inside": len(inside) / len(places),
-        "wide": (max(at.x for at in inside) - min(at.x for at in inside)) / region.width,
-        "up": sum(camera.matrix_world.to_3x3().normalized().col[1].z for camera in cameras) / len(cameras),
+        "wide": (max((at.x for at in inside), default=0) - min((at.x for at in inside), default=0)) / region.width,
+        "up": sum(camera.matrix_world.to_3x3().normalized().col[1].z for camera in cameras) / max(len(cameras), 1),
         "hidden": [thing.name for thing in changes.hidden_things(bpy.context.scene)],
         "changed": changes.changed_words(bpy.context.scene),
     }
