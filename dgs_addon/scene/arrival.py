@@ -29,6 +29,8 @@ _STARTUP = (
 _THERE = 1e-3
 #: Width of what a 3D view's lens (mm) looks through, mm; of its own cameras it is 36.
 _VIEW_SENSOR = 72.0
+#: How much farther away than the photo a view looks from: sidebar and toolbar lie over its borders.
+AIR = 1.3
 #: Share of the splats' distances from their middle that a view without cameras takes in.
 _BULK = 0.9
 #: Degrees from which on given cameras count as lying on their side: a world that somebody has levelled is left as it
@@ -118,7 +120,7 @@ def viewpoint(twin: Any, camera: Any, lens: float) -> tuple[Any, Any, float]:
         depth = radius
     wide = camera.data.sensor_width / camera.data.lens / (_VIEW_SENSOR / lens)
     pivot = Vector(start + depth * forward)
-    return pivot, seen.to_quaternion(), depth * float(np.clip(wide, 0.5, 2.0))
+    return pivot, seen.to_quaternion(), depth * AIR * float(np.clip(wide, 0.5, 2.0))
 
 
 def _look(space: Any, pivot: Any, turn: Any, distance: float) -> None:

@@ -22,7 +22,7 @@ from dgs.core.formats.colmap import write_model  # noqa: E402
 from dgs.core.formats.ply import write_ply  # noqa: E402
 from dgs.core.views import SparsePoints  # noqa: E402
 from dgs.dgs_addon.job.results import twin_of  # noqa: E402
-from dgs.dgs_addon.scene.arrival import viewpoint  # noqa: E402
+from dgs.dgs_addon.scene.arrival import AIR, viewpoint  # noqa: E402
 from dgs.dgs_addon.scene.changes import changed_words, hidden_things  # noqa: E402
 from dgs.dgs_addon.scene.placing import cameras_of  # noqa: E402
 from dgs.tests.blender.paper import drawn  # noqa: E402
@@ -184,7 +184,7 @@ def test_the_view_sees_what_the_photo_sees(scene: Any, cloud: GaussianCloud, tmp
     # The first camera, at twice the size: 10 before the splats; the view's lens is wider by 72 / 50 to 300 / 250.
     assert (pivot - scene.camera.matrix_world.translation).length == pytest.approx(10.0, rel=0.05)
     assert turn.rotation_difference(scene.camera.matrix_world.to_quaternion()).angle < 1e-3
-    assert (eye - pivot).length == pytest.approx(10.0 * (300 / 250) / (72 / 50), rel=0.05)
+    assert (eye - pivot).length == pytest.approx(AIR * 10.0 * (300 / 250) / (72 / 50), rel=0.05)
     # Without cameras all of it is in view, from the front.
     pivot, turn, distance = viewpoint(twin, None, 50.0)
     assert (pivot - Vector((3, 10, 1))).length < 1.0 and 4.0 < distance < 12.0
