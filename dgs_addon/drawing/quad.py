@@ -109,6 +109,11 @@ class Quad:
         gpu.state.blend_set("NONE")
 
 
+def fill(colour: tuple[float, float, float]) -> None:
+    """Fills what is bound with a colour in its own values, behind everything."""
+    gpu.state.active_framebuffer_get().clear(color=(*colour, 1.0), depth=1.0)
+
+
 def _texture(values: Floats, kind: str) -> Any:
     height, width = values.shape[:2]
     flat = np.ascontiguousarray(values).reshape(-1)

@@ -8,6 +8,7 @@ from typing import Any
 import bpy
 
 from . import live, process
+from .meshes import forget_meshes
 from .quad import forget_shaders
 from .render_engine import BACKGROUND, ENGINE, DescatterRenderEngine
 from .twins import changed_twins, forget_twins
@@ -54,6 +55,7 @@ def unregister_drawing() -> None:
     process.stop()
     forget_views()
     forget_shaders()
+    forget_meshes()
     bpy.app.handlers.load_post.remove(_forget)
     bpy.app.handlers.depsgraph_update_post.remove(_watch)
     for panel in _general_panels():

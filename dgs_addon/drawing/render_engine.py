@@ -8,10 +8,13 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.colour import srgb_to_linear
 from ...core.errors import CameraError, DgsError
 from ...core.serving.messages import View
+from .meshes import draw_meshes, forget_meshes, visible_meshes
 from .picture_server import Picture, PictureServer
 from .process import picture_server
+from .quad import fill
 from .twins import changed_twins, placed_twins
 from .view_camera import Frame, final_camera
 from .viewport import Look, draw_twins
@@ -68,10 +71,23 @@ class DescatterRenderEngine(bpy.types.RenderEngine):
     def view_update(self, _context: Any, depsgraph: Any) -> None:
         """Rendered mode: something has changed."""
         changed_twins(depsgraph)
+        if any(update.is_updated_geometry for update in depsgraph.updates):
+            forget_meshes()
 
     def view_draw(self, context: Any, depsgraph: Any) -> None:
-        """Rendered mode: draws the last picture, in linear light, which Blender shows by its view transform."""
-        failure = draw_twins(context, depsgraph, Look(depth=False, light=True, background=background_of(context.scene)))
+        """Rendered mode: draws the last picture, in linear light, which Blender shows by its view transform.
+
+        Where there are meshes, too, they are drawn first, and the picture has alpha and depth.
+        """
+        meshes = visible_meshes(depsgraph, context.space_data)
+        background = background_of(context.scene)
+        if meshes:
+            eye = context.region_data
+            if background is not None:
+                fill(tuple(srgb_to_linear(np.array(background))))
+            draw_meshes(meshes, eye.view_matrix, eye.window_matrix)
+            background = None
+        failure = draw_twins(context, depsgraph, Look(depth=bool(meshes), light=True, background=background))
         self.update_stats("", failure)
 
     def _asked(self, depsgraph: Any) -> View:

@@ -59,15 +59,15 @@ def story(robot: Robot) -> Story:
     seen["saved"] = _saved(twin)
 
 
-def _among_meshes(robot: Robot, view: Any) -> Story:
+def _among_meshes(robot: Robot, view: Any, mode: str = "") -> Story:
     """A white wall behind the middle of the twin, then in front of it."""
     towards = view.view_rotation @ Vector((0.0, 0.0, 1.0))
     bpy.ops.mesh.primitive_cube_add(size=1.0)
     wall = bpy.context.object
     for name, way in (("behind", -2.0), ("front", 2.0)):
         wall.location = view.view_location + way * towards
-        yield from _settled(name)
-        yield from robot.picture(f"mesh-{name}")
+        yield from _settled(mode + name)
+        yield from robot.picture(f"{mode}mesh-{name}")
     bpy.data.objects.remove(wall)
     yield from _settled("alone")
 
@@ -76,7 +76,8 @@ def _rendered(robot: Robot, scene: Any, space: Any) -> Story:
     """Rendered mode; the camera of the view for the command line, and the time of a final picture."""
     scene.render.engine = "DESCATTER"
     space.shading.type = "RENDERED"
-    yield from _settled("rendered")
+    yield from _settled("rendered with meshes")
+    yield from _among_meshes(robot, space.region_3d, "rendered-")
     yield from robot.picture("rendered")
     region, view = _region(robot), space.region_3d
     seen["region"] = [region.x, region.y, region.width, region.height]

@@ -124,8 +124,10 @@ def test_solid_mode_shows_the_same_splats(work: Path, seen: dict[str, Any]) -> N
     assert seen["solid"] == [0, 12], "an outline, and no balls"
 
 
-def test_meshes_hide_and_are_hidden(work: Path, seen: dict[str, Any]) -> None:
-    alone, behind, front = (screen(work, seen, name) for name in ("solid", "mesh-behind", "mesh-front"))
+@pytest.mark.parametrize("mode", ["", "rendered-"])
+def test_meshes_hide_and_are_hidden(work: Path, seen: dict[str, Any], mode: str) -> None:
+    names = ("rendered" if mode else "solid", f"{mode}mesh-behind", f"{mode}mesh-front")
+    alone, behind, front = (screen(work, seen, name) for name in names)
     height, width = alone.shape[:2]
     middle = slice(height // 2 - 40, height // 2 + 40), slice(width // 2 - 40, width // 2 + 40)
     assert np.abs(behind[middle] - alone[middle]).max() <= 2

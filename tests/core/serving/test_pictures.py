@@ -109,8 +109,9 @@ def test_they_are_the_engines_own_over_a_colour_and_over_nothing() -> None:
 def test_a_twin_may_be_moved_turned_and_scaled_and_looks_the_same_from_there() -> None:
     cloud, place = crowd(), whole(2.5 * turn([1, 2, 3], 1.1), [4, -1, 7])
     rotation = CAMERA.rotation @ turn([1, 2, 3], 1.1).T
-    camera = CAMERA.moved(rotation, 2.5 * CAMERA.translation - rotation @ place[:3, 3])
-    here, near = alone(cloud, depth=True)
+    before = CAMERA.moved(CAMERA.rotation, np.array([0.2, -0.1, 0.3]))
+    camera = CAMERA.moved(rotation, 2.5 * before.translation - rotation @ place[:3, 3])
+    here, near = alone(cloud, camera=before, depth=True)
     there, far = picture({"a": (cloud, place)}, camera, depth=True)
     assert np.abs(here - there).max() < 1e-4
     seen = here[..., 3] > 0.1
