@@ -10,7 +10,7 @@ with the frames I_k that the photo is the mean of. Everything is in px of the ph
 makes one prior fit turns and translations. At no motion the photo has no slope in the path: paths begin away from it.
 
 What photos cannot say is settled by convention: a path may be run in either direction, and what all offsets have in
-common is a motion of the whole scene (their mean is 0).
+common, or what follows the cameras' places, is a motion or a bend of the whole scene: it is taken out (`common_to`).
 """
 
 from __future__ import annotations
@@ -57,6 +57,12 @@ class CameraPathSettings:
     )
     prior_fall: float = number(2.0, "power", "of a bend's degree, by which its prior is narrower", _FIRST)
     prior_offset: float = number(1.0, "px", "standard deviation of where a path lies: how far cameras are off", _FIRST)
+    photos_per_bend: int = number(
+        4,
+        "photos",
+        "for each number of what offsets may follow the camera's place by: shakes do not, a scene that bends does",
+        _FIRST,
+    )
     part: float = number(0.4, "share of a step", "that is taken at each visit: the twin changes, too", _FIRST)
     longest_step: float = number(
         1.5, "px", "that a coefficient changes at a visit: the flow is that of small motions", _FIRST
@@ -158,6 +164,19 @@ class Visit:
     counts: Tensor | None
 
 
+def common_to(cameras: Sequence[Camera], fewest: int) -> Tensor:
+    """[F, F] that leaves of values of F photos what all share, or what follows the place of the camera.
+
+    Args:
+        fewest: photos for each of up to four numbers that are common; with fewer, the mean is.
+    """
+    columns = np.ones((len(cameras), 1))
+    if len(cameras) >= fewest * 4:
+        places = np.stack([camera.centre for camera in cameras])
+        columns = np.concatenate([columns, places - places.mean(axis=0)], axis=1)
+    return torch.from_numpy(columns @ np.linalg.pinv(columns, rcond=1e-3)).float()
+
+
 class CameraPaths:
     """Paths of photos, fitted and held-out ones.
 
@@ -189,6 +208,7 @@ class CameraPaths:
         self.motion = CameraMotion(names, twists)
         self._index = {name: i for i, name in enumerate(names)}
         self._fitted = [self._index[name] for name in fitted if name in self._index]
+        self._common = common_to([cameras[names[i]] for i in self._fitted], settings.photos_per_bend)
         self._visits = np.zeros(len(names), np.int64)
         self._depths: dict[str, SampledDepth] = {}
         self._begin(cameras, settings.start * step, seed)
@@ -344,10 +364,10 @@ class CameraPaths:
         return starts
 
     def _settle(self, index: int) -> None:
-        """Mean offset of the fitted photos 0, in px."""
+        """Takes from the offsets of the fitted photos, in px, what is common to them."""
         if index in self._fitted:
             offsets = self._twists[self._fitted, 0] / self._units[self._fitted]
-            self._twists[self._fitted, 0] -= offsets.mean(dim=0) * self._units[self._fitted]
+            self._twists[self._fitted, 0] -= (self._common @ offsets) * self._units[self._fitted]
 
     def _prior(self, name: str) -> Tensor:
         """[(M + 1) 6] standard deviations, px."""

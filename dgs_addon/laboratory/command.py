@@ -7,7 +7,7 @@ from pathlib import Path
 
 from ...core.progress import Progress
 from .media.registry import forms
-from .settings import BACKGROUNDS, PATH_NAMES, SCENES, SynthesizeSettings
+from .settings import BACKGROUNDS, FEWEST_THROUGH_MEDIA, PATH_NAMES, SCENES, SynthesizeSettings
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -51,7 +51,7 @@ def _add_medium(group: argparse._ArgumentGroup, usual: SynthesizeSettings) -> No
     add("--sharp-share", type=float, default=usual.sharp_share, metavar="SHARE", help=share)
     every = "views 0, N, 2N ... have neither shake nor defocus; 0: none"
     add("--holdout-every", type=int, default=usual.holdout_every, metavar="N", help=every)
-    paths = "Cycles' paths per pixel of photos through what it renders; 0: as --samples"
+    paths = f"paths per pixel of photos through media; 0: as --samples, at least {FEWEST_THROUGH_MEDIA}"
     add("--medium-samples", type=int, default=usual.medium_samples, metavar="N", help=paths)
     forms_of_psf = "none, gaussian:SIGMA, gaussian:SX,SY,ANGLE, disk:RADIUS or file:PATH"
     add("--psf", help=f"{forms_of_psf} ({usual.psf}; with --medium none)")

@@ -145,7 +145,7 @@ def _through_the_medium(
 ) -> None:
     """The `wanted` photos, which Cycles renders through a medium; the rest of the medium comes on top."""
     settings = studio.settings
-    studio.enter().prepare(settings.medium_samples or settings.samples, settings.denoise, alone=settings.alone)
+    studio.enter().prepare(settings.samples_through_media, settings.denoise, alone=settings.alone)
     from . import effects, stage  # late: needs bpy
 
     ways = effects.travel(cameras)

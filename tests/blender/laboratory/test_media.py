@@ -249,6 +249,9 @@ def test_the_command_line_leaves_photos_as_cycles_renders_them() -> None:
     )
     both = command.settings_of(parser.parse_args([*given, "--psf", "gaussian:2", "--overscan", "12"]))
     assert (both.psf, both.overscan) == ("gaussian:2", 12)
+    assert (settings.samples_through_media, SynthesizeSettings(samples=9).samples_through_media) == (9, 9)
+    assert SynthesizeSettings(samples=9, media=("shake:8",)).samples_through_media == 128
+    assert SynthesizeSettings(samples=200, media=("shake:8",)).samples_through_media == 200
 
 
 def test_an_object_alone_keeps_its_alpha_behind_glass(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ from dgs.core.imaging.formation.motion import CameraMotion, straight_paths
 from dgs.core.imaging.medium import Medium
 from dgs.core.progress import Silent
 from dgs.core.rasterizer import RasterSettings
-from dgs.core.training.camera_paths import CameraPaths, Visit, px_units
+from dgs.core.training.camera_paths import CameraPaths, Visit, common_to, px_units
 from dgs.core.training.job import TrainingJob
 from dgs.core.training.run import train
 from dgs.core.training.trainer import Trainer
@@ -146,6 +146,21 @@ def test_offsets_of_all_photos_together_do_not_move_the_scene(scene):
         trainer.advance(step / 40)
     offsets = trainer.learned.paths.motion.parameters["twists"][:, 0]
     assert float(offsets.abs().max()) > 0 and float(offsets.mean(dim=0).abs().max()) < 1e-6
+
+
+def test_offsets_do_not_follow_the_places_of_cameras(scene):
+    cameras = [view.camera for view in scene.views]
+    count, random = len(cameras), np.random.default_rng(5)
+    places = np.stack([camera.centre for camera in cameras])
+    follows = torch.from_numpy(1.0 + places @ random.standard_normal((3, 6))).float()
+    own = torch.from_numpy(random.standard_normal((count, 6))).float()
+    taken = common_to(cameras, count // 4)
+    assert torch.allclose(taken @ follows, follows, atol=1e-4)
+    left = own - taken @ own
+    assert torch.allclose(taken @ left, torch.zeros_like(left), atol=1e-5) and float(left.norm() / own.norm()) > 0.5
+    mean = common_to(cameras, count // 4 + 1)  # too few photos to tell
+    assert torch.allclose(mean @ own, own.mean(dim=0).expand_as(own), atol=1e-6)
+    assert common_to([], 4).shape == (0, 0)
 
 
 def test_a_path_in_a_wrong_direction_begins_anew(scene):
