@@ -86,14 +86,17 @@ def is_modelled(found: Finding, settings: Any) -> bool:
 
 
 def use(answer: dict[str, Any], settings: Any) -> None:
-    """Sets step 3 to what was found: the blur's own width, and the effect that is needed, or a choice among several."""
+    """Sets step 3 to what was found: the blur's own width, and where other effects are needed, trials that decide.
+
+    An effect is not forced: evidence may be a false alarm, and a trial costs less than a twin that was spoilt.
+    """
     needed = [found for found in findings(answer) if found.needed]
     blur = next((found for found in needed if found.name == _BLUR), None)
     settings.medium = "none" if blur is None else "gaussian"
     if blur is not None:
         settings.sigma = float(blur.value)
-    effects = _effects_against(needed)
-    settings.effects = "usual" if not effects else effects[0] if len(effects) == 1 else "auto"
+    tried = [found for found in needed if found.name not in (_BLUR, *_USUAL)]
+    settings.effects = "auto" if _effects_against(tried) else "usual"
 
 
 def _effects_against(found: Sequence[Finding]) -> list[str]:

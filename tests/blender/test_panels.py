@@ -109,7 +109,7 @@ def test_what_the_settings_leave_out_is_marked_and_one_press_takes_it_in(setting
     assert icons() == {"Blur": "ERROR", "Motion": "ERROR", "Noise": "INFO"}
     assert "dgs.use_inspection" in drawn(panels.DGS_PT_medium).buttons
     assert bpy.ops.dgs.use_inspection() == {"FINISHED"}
-    assert (settings.medium, settings.sigma, settings.effects) == ("gaussian", 2.75, "motion")
+    assert (settings.medium, settings.sigma, settings.effects) == ("gaussian", 2.75, "auto")
     assert icons() == {"Blur": "CHECKMARK", "Motion": "CHECKMARK", "Noise": "INFO"}
     paper = drawn(panels.DGS_PT_medium)
     assert "dgs.use_inspection" not in paper.buttons and "into account" in paper.words.replace("\n", " ")
@@ -118,7 +118,7 @@ def test_what_the_settings_leave_out_is_marked_and_one_press_takes_it_in(setting
     assert (settings.medium, settings.effects) == ("none", "auto")
     settings.effects = "usual"
     assert icons() == {"Exposure": "CHECKMARK", "Vignetting": "ERROR"}
-    answer(("blur", False, 0.4), ("white_balance", False, 0.0))
+    answer(("blur", False, 0.4), ("white_balance", True, 0.1))
     assert bpy.ops.dgs.use_inspection() == {"FINISHED"} and settings.effects == "usual"
 
 
