@@ -32,7 +32,10 @@ class PaceSettings:
     )
     longest_rest: float = number(0.5, "s", "A pause that is longer is no interval of a movement.")
     coarsest: float = number(
-        0.1, "share", "Pictures are no coarser than this, however long they take: nothing is to be seen on them."
+        0.2,
+        "share",
+        "Pictures are no coarser than this, however long they take: hardly anything is to be seen on them, and with a"
+        " million splats it is their number that takes the time, not that of the px.",
     )
     trust: float = number(0.5, "share", "Weight of the last picture's time against those before it, as times waver.")
 
