@@ -97,6 +97,12 @@ def test_the_last_question_comes_before_the_end_and_none_comes_twice() -> None:
         assert np.diff([0.0, *times]).max() < CONTRIBUTION.last / len(times) + 2 / steps
 
 
+def test_a_long_run_does_not_ask_on_and_on() -> None:
+    """57 times in 12,000 steps left 17,000 of 85,000 Gaussians, and held-out views 4.6 dB worse."""
+    assert [times_asked(steps, 42) for steps in (300, 1000, 2000, 12_000, 100_000)] == [1, 4, 9, 12, 12]
+    assert [due(share, 12_000, 42) for share in (0.04, 0.1, 1.0)] == [0, 2, 12]
+
+
 def test_the_density_control_keeps_what_it_has_gathered_of_the_others() -> None:
     optimizer = Adam(discs([1.5, 2.0, 2.5], 0.7))
     optimizer.first["means"][:, 0] = torch.arange(3.0)
