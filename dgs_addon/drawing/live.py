@@ -16,6 +16,7 @@ from ..engine.interpreter import why_not
 from ..scene.live import drawn_live, set_drawn_live
 from ..scene.nodes import LIVE_INPUT, set_splat_input, splat_input, splat_modifier, splat_value
 from ..scene.twin import is_twin
+from . import process
 from .render_engine import ENGINE
 from .viewport import Look, draw_twins
 
@@ -53,7 +54,12 @@ def stop() -> None:
 
 
 def wanted() -> bool:
-    """Whether twins are to be outlines: someone draws their splats, in all viewports there are."""
+    """Whether twins are to be outlines: their splats are drawn in all viewports there are."""
+    return process.draws() and _possible()
+
+
+def _possible() -> bool:
+    """Whether splats may be drawn over all viewports there are."""
     if why_not():
         return False
     for window in bpy.context.window_manager.windows:
@@ -74,7 +80,7 @@ def _draw() -> None:
     if not adapted and not bpy.app.timers.is_registered(_adapt):  # nothing may be changed while it is drawn
         bpy.app.timers.register(_adapt, first_interval=0.0)
     rendered = space.shading.type == "RENDERED"
-    if not on or (rendered and scene.render.engine == ENGINE):
+    if not _possible() or (rendered and scene.render.engine == ENGINE):
         return
     draw_twins(context, context.view_layer.depsgraph, Look(depth=True, light=True, power=_OVERLAY))
 

@@ -71,11 +71,13 @@ class PictureServer:
     Attributes:
         error: why there is no picture, in one line; '' if nothing is wrong.
         pid: of the process; None where there is none.
-        starts: how often it was started.
+        starts: how often it was started; drawn: pictures that it has made.
+        failed: when it last gave up (of `time.monotonic`).
     """
 
     def __init__(self, command: Sequence[str]) -> None:
-        self.error, self.starts = "", 0
+        self.error, self.failed = "", 0.0
+        self.starts = self.drawn = 0
         self.pid: int | None = None
         self._command = list(command)
         self._said: IO[bytes] | None = None
@@ -161,6 +163,7 @@ class PictureServer:
                 picture = self._draw(view)
                 with self._changed:
                     self._pictures[channel], self.error, self._failures = picture, "", 0
+                    self.drawn += 1
             except _Died as died:
                 self._end_process()
                 self._failures += 1
@@ -168,9 +171,9 @@ class PictureServer:
                     if self._failures < _ATTEMPTS and not self._closed:
                         self._asked.setdefault(channel, view)
                     else:
-                        self.error, self._failures = str(died), 0
+                        self.error, self.failed, self._failures = str(died), time.monotonic(), 0
             except (OSError, DgsError, ValueError) as error:
-                self.error = str(error)
+                self.error, self.failed = str(error), time.monotonic()
             with self._changed:
                 self._busy = None
                 self._changed.notify_all()

@@ -25,6 +25,11 @@ def picture_server() -> PictureServer:
     return _server
 
 
+def draws() -> bool:
+    """Whether there is a server that makes pictures: not one that starts, or cannot."""
+    return _server is not None and _server.drawn > 0 and not _server.error
+
+
 def stop() -> None:
     """Ends the process, as when the add-on is switched off; the next question starts another."""
     global _server

@@ -18,6 +18,8 @@ from .view_camera import window_camera
 
 #: Seconds between two looks whether a picture has come.
 _TICK = 0.01
+#: Seconds after which an engine that could not draw is tried again.
+_RETRY = 30.0
 
 
 @dataclass
@@ -53,13 +55,15 @@ def draw_twins(context: Any, depsgraph: Any, look: Look) -> str:
         twins = placed_twins(depsgraph, server, context.space_data)
     except DgsError as error:
         return str(error)
+    now = time.monotonic()
+    if server.error and now - server.failed < _RETRY:
+        return server.error
     shown = _views.setdefault(region.as_pointer(), Shown(Follower(f"view {region.as_pointer()}")))
     camera, back = window_camera(eye.view_matrix, eye.window_matrix, region.width, region.height)
     key = twins, look, region.width, region.height, _row(eye.view_matrix), _row(eye.window_matrix)
     if not twins and look.background is None:
         shown.follower.picture = None
         return ""
-    now = time.monotonic()
     shown.follower.show(key, replace(View(twins, camera), **vars(look)), now)
     shown.follower.step(server, now)
     if not shown.follower.done and not bpy.app.timers.is_registered(_tick):

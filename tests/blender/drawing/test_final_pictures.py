@@ -24,7 +24,7 @@ from dgs.core.cloud import GaussianCloud  # noqa: E402
 from dgs.core.formats.ply import write_ply  # noqa: E402
 from dgs.core.formats.transforms import write_transforms  # noqa: E402
 from dgs.dgs_addon.axes import place_camera, read_camera  # noqa: E402
-from dgs.dgs_addon.drawing import process  # noqa: E402
+from dgs.dgs_addon.drawing import live, process  # noqa: E402
 from dgs.dgs_addon.drawing.render_engine import ENGINE  # noqa: E402
 from dgs.dgs_addon.scene.cameras import new_camera  # noqa: E402
 from dgs.dgs_addon.scene.crop import add_crop_box  # noqa: E402
@@ -80,6 +80,7 @@ def test_the_saved_picture_is_the_commands_to_one_step(scene: Any, tmp_path: Pat
     seen = rendered(scene, tmp_path / "a.png")
     wanted = by_command(cloud, CAMERA, tmp_path)
     assert wanted.std() > 30 and np.abs(seen[..., :3] - wanted).max() <= 1
+    assert live.wanted()
     scene.render.film_transparent = True
     scene.render.image_settings.color_mode = "RGBA"
     clear = rendered(scene, tmp_path / "b.png")
@@ -170,6 +171,7 @@ def test_an_engine_that_cannot_start_is_said(scene: Any, tmp_path: Path, monkeyp
     monkeypatch.setattr(process, "_server", None)  # (the tests' own goes on)
     with pytest.raises(RuntimeError, match="status 3: no such library"):
         bpy.ops.render.render()
+    assert not live.wanted(), "twins keep their balls where nobody draws their splats"
 
 
 #: A Blender that renders once and waits to be killed.
