@@ -110,7 +110,7 @@ class LearnedGlass:
             return
         errors = np.sqrt(np.diag(np.linalg.inv(together)))
         now[:used] += np.clip(step, -s.longest_step, s.longest_step)
-        self._set(*now, errors)
+        self._set(float(now[0]), float(now[1]), errors)
 
     def _with(self, distance: float, log_middle: float) -> FrostedGlass:
         """Another distance and width at the scene's unit of depth."""

@@ -89,8 +89,8 @@ class FrostedGlass(DepthBlur):
         learned: frozenset[str] = frozenset(),
     ) -> Self:
         """From numbers."""
-        values = occlusion().scalars(spread, distance)
-        return cls(*values, scene, clear, learned=learned)
+        far, where = occlusion().scalars(spread, distance)
+        return cls(far, where, scene, clear, learned=learned)
 
     @property
     def distance(self) -> float:
