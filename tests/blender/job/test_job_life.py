@@ -96,6 +96,7 @@ def exact_view_is_the_engines(scene: object, renders: Path) -> None:
     scene.dgs.medium = "gaussian"
 
 
+@pytest.mark.timeout(900)  # a run, three exact views and a search for views, on a machine that may be busy
 def test_from_photos_to_a_twin_without_a_window(scene: object, tmp_path: Path) -> None:
     assert bpy.ops.dgs.optimize() == {"FINISHED"}
     job = runner.current()
