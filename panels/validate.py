@@ -8,6 +8,7 @@ import bpy
 from bpy.app.translations import pgettext_iface as iface_
 
 from ..dgs_addon.job.steps import results
+from ..dgs_addon.job.test_set import is_to_be_found
 from ..dgs_addon.laboratory.media.registry import MEDIA
 from ..dgs_addon.questions import exact
 from ..dgs_addon.scene.cameras import photo_behind
@@ -54,7 +55,7 @@ class DGS_PT_validate(Step, bpy.types.Panel):
         if body is not None:
             for name in ("test_set", "test_views", "test_width"):
                 body.prop(context.scene.dgs, name)
-            _draw_test_medium(body, context.scene.dgs)
+            _draw_test_medium(body, context)
             body.operator("dgs.make_test_set", icon="SCENE")
 
 
@@ -69,9 +70,13 @@ def _draw_exact(layout: Any, context: Any) -> None:
     draw_beside(layout, context, exact.icon_name(image), photo_behind(context.scene.camera))
 
 
-def _draw_test_medium(layout: Any, settings: Any) -> None:
+def _draw_test_medium(layout: Any, context: Any) -> None:
     """What the photos of a test set are taken through, and how its values are written."""
+    settings = context.scene.dgs
     layout.prop(settings, "test_medium")
+    if is_to_be_found(settings):
+        text = iface_("A Gaussian of {sigma} px, for Optimize to find")
+        sentence(layout, context, text.format(sigma=f"{settings.sigma:g}"), "INFO")
     spec = next((spec for spec in MEDIA if spec.name == settings.test_medium), None)
     if spec is not None:
         layout.prop(settings, "test_values")

@@ -60,15 +60,17 @@ def use_test_set(out: Path, settings: Any) -> None:
     settings.truth = str(out / "sharp")
 
 
+def is_to_be_found(settings: Any) -> bool:
+    """Whether step 3 leaves the medium to the photos: the set is then blurred by a Gaussian, for the run to find."""
+    return settings.test_medium == "psf" and settings.medium in ESTIMATED_FROM_PHOTOS
+
+
 def _medium(settings: Any) -> list[str]:
     """The medium of step 3, or one that Cycles renders."""
     spec = next((spec for spec in MEDIA if spec.name == settings.test_medium), None)
     if spec is None:
-        if settings.medium in ESTIMATED_FROM_PHOTOS:
-            raise DgsError(
-                "A test set has no photos yet to estimate the medium from", "Choose another medium in step 3"
-            )
-        return ["--psf", psf_argument(settings), "--blur-space", settings.blur_space]
+        psf = f"gaussian:{settings.sigma:g}" if is_to_be_found(settings) else psf_argument(settings)
+        return ["--psf", psf, "--blur-space", settings.blur_space]
     text = f"{spec.name}:{settings.test_values.strip() or spec.usual}"
     differs = not medium_of(text).every_photo and settings.test_sharp > 0
     return ["--medium", text, *(["--sharp-share", f"{settings.test_sharp:g}"] if differs else [])]

@@ -35,8 +35,10 @@ def test_buttons_say_what_is_missing(settings: object, tmp_path: Path) -> None:
     refused("compare_truth", "Choose the folder of photos first")
     settings.test_set, settings.medium = str(tmp_path / "set"), "file"
     refused("make_test_set", "point spread function is not there")
-    for settings.medium in ("auto", "auto-each"):
-        refused("make_test_set", "to estimate the medium from")
+    for settings.medium in ("auto", "auto-each"):  # nothing to estimate it from yet: a Gaussian that is to be found
+        arguments, settings.sigma = request_of(settings).arguments, 3.5
+        assert arguments[arguments.index("--psf") + 1].startswith("gaussian:")
+    assert "gaussian:3.5" in request_of(settings).arguments
     (tmp_path / "file").write_text("in the way", "utf-8")
     settings.test_set, settings.medium = str(tmp_path / "file" / "set"), "none"
     refused("make_test_set", "file")
