@@ -206,7 +206,7 @@ def subject_of(twin: Any, scene: Any) -> str:
         values = mesh.attributes[name].data if name in mesh.attributes else ()
         chosen = range(0, len(values), max(1, len(values) // _SAMPLES))
         figures += [value for index in chosen for value in getattr(values[index], field, ())]
-    text = repr(parts) + " ".join(f"{value:.4g}" for value in figures)
+    text = repr(parts) + " ".join(f"{round(value, 6) + 0.0:.4g}" for value in figures)  # (no -0, no 1e-17)
     return f"{zlib.crc32(text.encode()):08x}"
 
 

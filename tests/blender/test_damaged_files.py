@@ -119,6 +119,7 @@ def draw() -> None:
         region=SimpleNamespace(width=320),
         preferences=PREFERENCES,
         space_data=None,
+        engine=bpy.context.scene.render.engine,
     )
     for kind in CLASSES:
         panel = SimpleNamespace(layout=Layout())

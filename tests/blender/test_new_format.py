@@ -23,6 +23,7 @@ from dgs.core.formats.spec import CameraFormatSpec, FormatSpec  # noqa: E402
 from dgs.core.lens import Lens  # noqa: E402
 from dgs.core.pose import Pose  # noqa: E402
 from dgs.dgs_addon.scene.twin import is_twin  # noqa: E402
+from dgs.operators import menus  # noqa: E402
 
 PARTS = ("means", "log_scales", "quaternions", "opacity_logits", "sh")
 #: Those that read the tables when they are imported.
@@ -103,8 +104,8 @@ def test_the_menus_name_a_new_format(toy: None) -> None:
             def operator(_name: str, text: str, **_more: object) -> None:
                 shown.append(text)
 
-    operators._import_entries(Menu, None)
-    operators._export_entries(Menu, None)
+    menus._import_entries(Menu, None)
+    menus._export_entries(Menu, None)
     assert [text.count(".toy") for text in shown] == [1, 0, 1] and "toy cameras" in shown[1]
 
 

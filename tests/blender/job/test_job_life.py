@@ -123,6 +123,8 @@ def test_from_photos_to_a_twin_without_a_window(scene: object, tmp_path: Path) -
     assert [thing[ORDER] for thing in suggested] == [1, 2] and all(thing.parent == twin for thing in suggested)
     # The exact view lies in the file, and says when it is one no more.
     bpy.context.view_layer.update()
+    assert exact.is_outdated(twin, scene)  # (another medium was asked for last)
+    assert bpy.ops.dgs.exact_view() == {"FINISHED"}
     before = pixels(scene.dgs.exact_view)
     assert not exact.is_outdated(twin, scene)
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "work.blend"))
