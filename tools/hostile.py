@@ -264,6 +264,7 @@ def valid(folder: Path) -> dict[str, list[str]]:
         "estimate": [photos],
         "tradeoff": [str(folder), "--out", out, "--cameras", cameras, "--psf", "gaussian:1", "--quick"],
         "measure-psf": [str(folder / "photos" / "a.png"), "--out", str(folder / "out" / "k.tif")],
+        "measure-glass": [str(folder / "photos" / "a.png"), "--distances", "1", "--focal", "480"],
         "next-view": [twin],
         "update": [twin, photos],
         "serve": [],

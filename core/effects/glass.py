@@ -49,5 +49,5 @@ SPEC = EffectSpec(
         simulated="Frosted glass before the camera: blur that grows with the depth behind it, and what it hides.",
     ),
     inspect=inspect,
-    switch=Switch(speakers=("glass",), trial_rank=9, simulation=FrostedGlass, build=build, by_name_only=True),
+    switch=Switch(speakers=("glass",), trial_rank=8, simulation=FrostedGlass, build=build, by_name_only=True),
 )

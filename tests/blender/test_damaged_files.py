@@ -225,7 +225,7 @@ def test_damaged_progress_neither_ends_the_worker_nor_the_panel(tmp_path: Path) 
             ended = message
             break
         state.apply(message)
-        job_panel._running(Layout(), context, state)
+        job_panel._running(Layout(), context, SimpleNamespace(state=state, request=None))
         draw_curves(state.marks, state.total)
     assert ended.status == 0 and state.notes[-1] == "the last one"
     assert len(state.marks) > 9, "some lines are whole enough to be taken in"

@@ -22,7 +22,10 @@ def test_clean_photos_call_for_nothing(taken):
     evidence = found(taken())
     assert list(evidence) == [spec.name for spec in EFFECTS]
     assert [name for name, e in evidence.items() if e.needed] == []
-    for e in evidence.values():
+    for name, e in evidence.items():
+        if name == "glass":  # (photos behind it alone never show it)
+            assert e.estimate["value"] is None and e.confidence == 0.0 and "Not measured" in e.evidence
+            continue
         assert e.estimate["value"] is not None and 0.9 < e.confidence <= 1.0, e
         assert e.evidence and e.seconds >= 0
         json.dumps(e.plain(), allow_nan=False)

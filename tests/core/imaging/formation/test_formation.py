@@ -13,6 +13,7 @@ from dgs.core.effects.vignetting import Vignetting
 from dgs.core.forward import FixedMedium
 from dgs.core.imaging.formation.chain import Formation
 from dgs.core.imaging.formation.effect import Effect, Shot
+from dgs.core.imaging.formation.glass import FrostedGlass, GlassScene
 from dgs.core.imaging.formation.motion import CameraMotion
 from dgs.core.imaging.operator import BlurOperator
 from dgs.core.imaging.psf_text import parse_psf
@@ -41,6 +42,8 @@ def made(name: str) -> Effect:
         return Exposure(("a.png", "b.png", "c.png"), near(0.1, 3, 3), near(0.0, 3, 3))
     if name == "defocus":
         return Defocus(near(0.08), near(1.0))
+    if name == "glass":
+        return FrostedGlass(near(0.05), near(0.3), GlassScene(1.0, math.hypot(W, H), 0.5, 2.5))
     if name == "field_blur":
         return FieldBlur(near(0.15))
     if name == "motion":
