@@ -7,6 +7,7 @@ import json
 import math
 from pathlib import Path
 
+from ..core.errors import PhotoError
 from .arguments import add_progress, show_defaults
 from .progress_choice import Reporting
 
@@ -35,6 +36,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def measure_glass_command(options: argparse.Namespace, progress: Reporting) -> int:
     """Prints distance and angle with their standard errors."""
+    for photo in options.photos:
+        if not photo.is_file():  # (a pipe would be waited for)
+            raise PhotoError(f"'{photo}' is no photo", "Give photos of a point of light or an edge")
     from ..core.calibration.glass import glass_from_photos  # heavy: torch
 
     progress.stage("measure")
