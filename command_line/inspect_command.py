@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command."""
     parser.description = (
-        "Looks for blur, defocus, motion, haze, differing exposure, vignetting, noise, clipping and "
+        "Measures blur, defocus, motion, haze, differing exposure, vignetting, noise, clipping and "
         "gloss in the photos, before anything is trained: size, uncertainty and evidence of each."
     )
     show_defaults(parser)

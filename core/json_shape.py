@@ -57,7 +57,7 @@ def anything(_value: object) -> bool:
 
 
 def check_shape(value: Any, shape: Shape, where: str = "") -> None:
-    """Looks at the parts of a value that are read; others may be there.
+    """Checks the parts of a value that are read; others may be there.
 
     Args:
         value: out of a JSON file.

@@ -82,7 +82,7 @@ def is_movie(path: Path) -> bool:
 
 
 def photo_folder(folder: Path, selection: str = "") -> PhotoFolder:
-    """Looks at a folder or movie, or remembers what was in it if no file has come or gone.
+    """Lists the photos of a folder or movie, or remembers what was in it if no file has come or gone.
 
     Args:
         folder: with photos; or a movie.

@@ -49,7 +49,7 @@ class CameraFormatSpec:
         label: as menus and messages call it ('COLMAP model').
         suffixes: of the files that a file browser shows, with the dot.
         find: takes what the user gave, a file or a folder; returns the place that `read` takes, or None where
-            nothing of this format is there. Looks at names only.
+            nothing of this format is there. Goes by names only.
         read: takes that place, and the photos' (width, height) by lower-case stem for files that do not say the
             size; raises FormatError where they cannot be used.
         read_points: takes that place; None for a format that has no points.

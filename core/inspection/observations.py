@@ -88,7 +88,7 @@ def observe_points(
     seed: int = 0,
     paths: Mapping[str, tuple[float, float]] = MappingProxyType({}),
 ) -> PointObservations | None:
-    """Looks the cameras' points up in the photos; None where too few are seen often enough.
+    """Finds the cameras' points in the photos; None where too few are seen often enough.
 
     Args:
         blur: standard deviation of the photos' blur, px: patches grow with it.

@@ -157,7 +157,7 @@ def _projected(axes: Floats, positions: Floats, view: Integers, views: ViewStack
 def completed(
     model: Any, views: ViewStack, settings: RefineSettings, only: frozenset[int] | None = None
 ) -> PointTracks:
-    """Looks for every point in all photos that should show it, close to where it should be.
+    """Searches for every point in all photos that should show it, close to where it should be.
 
     With `only`, image ids of the model, just there: the result holds what these photos show, beside the
     observation that each point is compared with.

@@ -82,7 +82,7 @@ def forget_views() -> None:
 
 
 def _tick() -> float | None:
-    """Looks for pictures, and has their views drawn."""
+    """Takes pictures that have come, and has their views drawn."""
     regions = {region.as_pointer(): region for region in _regions()}
     for gone in _views.keys() - regions.keys():
         del _views[gone]

@@ -106,7 +106,7 @@ _BY_FLAG = {option.flag: name for name, option in OPTIONS.items()}
 
 
 def check_options(kind: str, options: Mapping[str, object]) -> None:
-    """Looks at every value of a job.
+    """Checks every value of a job.
 
     Raises:
         ValueError: a name that no such job has, or a value that is of another type or out of range.
