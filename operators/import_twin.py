@@ -12,7 +12,7 @@ from bpy_extras.io_utils import ImportHelper
 from ..core.errors import DgsError
 from ..core.formats.gaussians import SPLAT_FORMATS, read_gaussians, read_suffixes
 from ..dgs_addon.scene.changes import noting
-from ..dgs_addon.scene.material import prepare_scene
+from ..dgs_addon.scene.setting_up import set_up_scene
 from ..dgs_addon.scene.twin import add_twin
 
 
@@ -31,7 +31,7 @@ class DGS_OT_import_twin(bpy.types.Operator, ImportHelper):
     )  # type: ignore[valid-type]
     prepare: bpy.props.BoolProperty(  # type: ignore[valid-type]
         name="Set Up Rendering",
-        description="Choose Cycles, enough transparent bounces, and colours as in the photos",
+        description="Choose a render engine that shows splats right, unless you have, and colours as in the photos",
         default=True,
     )
 
@@ -58,7 +58,7 @@ class DGS_OT_import_twin(bpy.types.Operator, ImportHelper):
             return {"CANCELLED"}
         if self.prepare:
             with noting(context.scene):
-                prepare_scene(context.scene)
+                set_up_scene(context.scene)
         for other in context.selected_objects:
             other.select_set(False)
         twin.select_set(True)

@@ -7,12 +7,13 @@ from typing import Any
 import bpy
 
 from ..dgs_addon.scene.changes import noting
-from ..dgs_addon.scene.material import prepare_scene
+from ..dgs_addon.scene.material import OWN_ENGINE
+from ..dgs_addon.scene.setting_up import set_up_scene
 from ..dgs_addon.scene.twin import is_twin
 
 
 class DGS_OT_render_twin(bpy.types.Operator):
-    """Render the scene through its camera with Cycles, set up for splats"""
+    """Render the scene through its camera, with a render engine that shows splats right"""
 
     bl_idname = "dgs.render_twin"
     bl_label = "Render Twin"
@@ -32,9 +33,9 @@ class DGS_OT_render_twin(bpy.types.Operator):
     def execute(self, context: Any) -> set[str]:
         """Renders; with a window, into Blender's own render window."""
         scene = context.scene
-        if scene.render.engine != "CYCLES":
+        if scene.render.engine not in ("CYCLES", OWN_ENGINE):
             with noting(scene):
-                prepare_scene(scene)
+                set_up_scene(scene)
         if bpy.app.background:
             return bpy.ops.render.render()
         return bpy.ops.render.render("INVOKE_DEFAULT")

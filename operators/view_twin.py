@@ -1,4 +1,4 @@
-"""Shows the twin in the 3D view as it renders."""
+"""Shows the twin in the 3D view as the engine sees it."""
 
 from __future__ import annotations
 
@@ -6,11 +6,14 @@ from typing import Any
 
 import bpy
 
+from ..dgs_addon.drawing.live import SHOWN
+from ..dgs_addon.engine.interpreter import why_not
+from ..dgs_addon.scene.material import OWN_ENGINE
 from ..dgs_addon.scene.twin import scene_twin
 
 
 class DGS_OT_view_twin(bpy.types.Operator):
-    """Look through the scene's camera and show splats as they render; press again for the plain view"""
+    """Look through the scene's camera at the splats alone, as the engine sees them; press again for the plain view"""
 
     bl_idname = "dgs.view_twin"
     bl_label = "View Twin"
@@ -32,9 +35,15 @@ class DGS_OT_view_twin(bpy.types.Operator):
     def execute(self, context: Any) -> set[str]:
         """Changes the view, not the scene."""
         space = context.space_data
-        shown = space.shading.type == "RENDERED" and space.region_3d.view_perspective == "CAMERA"
-        space.shading.type = "SOLID" if shown else "RENDERED"
+        shown = space.region_3d.view_perspective == "CAMERA" and not space.overlay.show_overlays
+        space.shading.type = "SOLID" if shown else _mode(context.scene)
         space.region_3d.view_perspective = "PERSP" if shown else "CAMERA"
-        # Outlines of thousands of splats, and the photo in front of them, hide what one wants to see.
+        # Outlines, cameras, and the photo in front of the splats hide what one wants to see.
         space.overlay.show_overlays = shown
         return {"FINISHED"}
+
+
+def _mode(scene: Any) -> str:
+    """The way of drawing in which splats are what the engine sees, and come at once."""
+    live = getattr(scene, SHOWN, True) and not why_not()
+    return "SOLID" if live and scene.render.engine != OWN_ENGINE else "RENDERED"

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import contextlib
 import json
-import signal
 import subprocess
 import tempfile
 import threading
@@ -23,16 +22,19 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.camera import Camera
 from ...core.errors import DgsError
 from ...core.files import parse_json
 from ...core.serving.messages import Drawn, SharedTwin, View
 from ...core.serving.shared_area import SharedArea
-from ..engine.process import RUN, creation_flags, environment
+from ..engine.process import RUN, broken_pipes_are_errors, creation_flags, environment
 
 Floats = NDArray[np.float32]
 
 #: A process that has died so often without a picture in between is not started again.
 _ATTEMPTS = 3
+#: Who asks for the picture that only starts the process.
+_NOBODY = Camera("", 16, 16, 16.0, 16.0, 8.0, 8.0, np.eye(3), np.zeros(3))
 #: Twins that no question has named for so many questions are dropped, here and there.
 _UNUSED_AFTER = 32
 #: Seconds that the process may take to go when it is sent away.
@@ -122,6 +124,11 @@ class PictureServer:
                 self._thread.start()
             self._changed.notify_all()
 
+    def warm_up(self) -> None:
+        """Starts the process before anybody waits for a picture; returns at once, and does nothing if there is one."""
+        if self._thread is None:
+            self.ask("warm", View((), _NOBODY))
+
     def take(self, channel: str) -> Picture | None:
         """The newest picture of a channel, once."""
         with self._changed:
@@ -154,9 +161,10 @@ class PictureServer:
             self._thread.join(_FAREWELL)
 
     def _run(self) -> None:
-        if hasattr(signal, "pthread_sigmask"):
-            # Some Blenders do not ignore it, and end when they write to a process that has died.
-            signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGPIPE})
+        with broken_pipes_are_errors():
+            self._answer_all()
+
+    def _answer_all(self) -> None:
         while (task := self._next()) is not None:
             channel, view = task
             try:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 from pathlib import Path
 
+from ...core.errors import DgsError
 from ..engine.interpreter import find_python
 from .picture_server import PictureServer, serve_command
 
@@ -23,6 +25,12 @@ def picture_server() -> PictureServer:
         stop()
         _server, _python = PictureServer(serve_command(python)), python
     return _server
+
+
+def warm_up() -> None:
+    """Starts the process before anybody waits for a picture; nothing happens where there is no engine."""
+    with contextlib.suppress(DgsError):
+        picture_server().warm_up()
 
 
 def draws() -> bool:

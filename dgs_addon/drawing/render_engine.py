@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ...core.colour import srgb_to_linear
 from ...core.errors import CameraError, DgsError
 from ...core.serving.messages import View
+from ..scene.material import OWN_ENGINE
 from .meshes import draw_meshes, forget_meshes, visible_meshes
 from .picture_server import Picture, PictureServer
 from .process import picture_server
@@ -24,7 +25,7 @@ _LOOK = 0.1
 #: Where nothing is seen: as Cycles writes it.
 _NOWHERE = 1e10
 _CHANNEL = "final"
-ENGINE = "DESCATTER"
+ENGINE = OWN_ENGINE
 #: Scene property: sRGB colour behind the twins where the film is not transparent.
 BACKGROUND = "dgs_background"
 

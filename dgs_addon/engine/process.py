@@ -7,8 +7,10 @@ from __future__ import annotations
 
 import contextlib
 import os
+import signal
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 #: The command line of the engine, in the clone or in the installed extension.
@@ -32,6 +34,25 @@ def give_way(pid: int) -> None:
         return  # `creation_flags` has done it
     with contextlib.suppress(OSError):  # ended already
         os.setpriority(os.PRIO_PROCESS, pid, min(19, os.getpriority(os.PRIO_PROCESS, 0) + _NICER))
+
+
+@contextlib.contextmanager
+def broken_pipes_are_errors() -> Iterator[None]:
+    """Who writes in here to a process that has died gets an OSError: some Blenders (4.3) would end instead.
+
+    The signal goes to the thread that writes: it is held back there, and taken if it came.
+    """
+    if sys.platform == "win32":
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGPIPE})
+    try:
+        yield
+    finally:
+        if signal.SIGPIPE not in before:
+            if signal.SIGPIPE in signal.sigpending():
+                signal.sigwait({signal.SIGPIPE})
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGPIPE})
 
 
 def creation_flags() -> int:

@@ -23,12 +23,12 @@ from ..scene.arrival import frame, hide_startup, stand_upright
 from ..scene.cameras import add_cameras
 from ..scene.changes import noting
 from ..scene.crop import crop_box
-from ..scene.material import prepare_scene
 from ..scene.next_views import ORDER, add_next_views
 from ..scene.nodes import splat_nodes, splat_nodes_exist
 from ..scene.points import POINTS, add_points
 from ..scene.removal import replace_mesh, take_out
 from ..scene.scene_cameras import PHOTO, SCENE_CAMERAS
+from ..scene.setting_up import set_up_scene
 from ..scene.twin import add_twin, glossy, is_twin, splat_mesh
 from .job import Job
 
@@ -82,7 +82,7 @@ def _pieces(out: Path, scene: Any, cloud: GaussianCloud | None) -> Iterator[None
 def _arrive(twin: Any, scene: Any) -> None:
     """What is done once for a twin: a later state of it finds the scene as the user has left it."""
     with noting(scene):
-        prepare_scene(scene)
+        set_up_scene(scene)
     hide_startup(scene)
     for layer in scene.view_layers:
         layer.update()  # else its cameras stand nowhere yet

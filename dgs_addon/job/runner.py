@@ -18,6 +18,8 @@ import bpy
 
 from ...core.errors import DgsError
 from ...core.files import make_folder
+from ..drawing.live import SHOWN
+from ..drawing.process import warm_up
 from ..paths import out_folder
 from ..scene.software import SOFTWARE_SPLATS, drawn_by_software
 from ..window import Pace, redraw
@@ -91,7 +93,17 @@ def start(request: Request, python: Path, scene: Any) -> Job:
     worker.start()
     if not bpy.app.timers.is_registered(_tick):
         bpy.app.timers.register(_tick, first_interval=TICK, persistent=True)
+    if _will_be_seen(request, scene):
+        # Now, while the engine itself starts, which keeps one core busy: so the twin's first picture is not late.
+        warm_up()
     return _job
+
+
+def _will_be_seen(request: Request, scene: Any) -> bool:
+    """Whether splats will be drawn over a view when the job has ended, or before."""
+    if bpy.app.background or request.kind not in ("reconstruct", "update"):
+        return False
+    return bool(getattr(scene, SHOWN, True) and (scene.dgs.add_when_done or scene.dgs.live))
 
 
 def unfinished(out: Path) -> tuple[Record | None, str]:

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from ...core.files import parse_json
-from ..engine.process import creation_flags, environment
+from ..engine.process import broken_pipes_are_errors, creation_flags, environment
 
 #: A log that grows beyond this is begun anew (bytes).
 _LARGEST_LOG = 4_000_000
@@ -95,7 +95,8 @@ class Worker:
     def _run(self) -> None:
         status = 2
         try:
-            status = self._converse()
+            with broken_pipes_are_errors():
+                status = self._converse()
         except OSError as error:
             text = f"The engine cannot be started ({error}). Check its Python in the add-on's preferences."
             self.events.put({"event": "error", "text": text, "status": 2})
@@ -154,7 +155,7 @@ def _log_mode(log: Path) -> str:
 
 def _write(stream: IO[str] | None, order: str) -> None:
     # A process that has just ended reads nothing any more; the reading thread reports its end.
-    with contextlib.suppress(OSError, ValueError):
+    with broken_pipes_are_errors(), contextlib.suppress(OSError, ValueError):
         assert stream is not None
         stream.write(order + "\n")
         stream.flush()

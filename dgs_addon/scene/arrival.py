@@ -41,12 +41,17 @@ _LEVEL = 30.0
 def hide_startup(scene: Any) -> list[str]:
     """Hides what is left of Blender's own new file; returns the names."""
     hidden = []
-    for name, kind, place in _STARTUP:
+    for name, _, _ in _STARTUP:
         thing = scene.objects.get(name)
-        if thing is not None and thing.type == kind and _untouched(thing, place):
+        if thing is not None and is_startup(thing):
             hide(thing, scene)
             hidden.append(name)
     return hidden
+
+
+def is_startup(thing: Any) -> bool:
+    """Whether a `bpy` object is one of Blender's own new file that nobody has touched."""
+    return any(thing.name == name and thing.type == kind and _untouched(thing, place) for name, kind, place in _STARTUP)
 
 
 def _untouched(thing: Any, place: tuple[float, float, float]) -> bool:

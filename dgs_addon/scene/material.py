@@ -29,6 +29,8 @@ REACH = 3.33
 _LIGHT = "Linear Light"
 #: Splats are smooth and their blending is exact in every sample: few are enough for smooth borders.
 SAMPLES, PREVIEW_SAMPLES = 16, 4
+#: Name of the add-on's own render engine, which blends encoded colours by itself.
+OWN_ENGINE = "DESCATTER"
 #: A twin's look adds up behind this many crossings; each splat is crossed twice.
 TRANSPARENT_BOUNCES = 256
 
@@ -71,12 +73,17 @@ def prepare_scene(scene: Any, as_trained: bool = False) -> None:
         scene.cycles.use_denoising = scene.cycles.use_preview_denoising = False
     scene.cycles.transparent_max_bounces = max(scene.cycles.transparent_max_bounces, TRANSPARENT_BOUNCES)
     scene.cycles.min_transparent_bounces = TRANSPARENT_BOUNCES
-    scene.view_settings.view_transform = "Raw" if as_trained else "Standard"
-    scene.view_settings.look = "None"
+    show_colours(scene, "Raw" if as_trained else "Standard")
     splat_material()
     for tree in (*(material.node_tree for material in bpy.data.materials), *bpy.data.node_groups):
         if tree is not None and _LIGHT in tree.nodes:
             tree.nodes[_LIGHT].outputs[0].default_value = 0.0 if as_trained else 1.0
+
+
+def show_colours(scene: Any, view_transform: str = "Standard") -> None:
+    """Lets a scene show the photos' colours: any other view transform than these two changes them."""
+    scene.view_settings.view_transform = view_transform
+    scene.view_settings.look = "None"
 
 
 def colours_fit(scene: Any) -> bool:
@@ -87,7 +94,7 @@ def colours_fit(scene: Any) -> bool:
         for tree in (*trees, *bpy.data.node_groups)
         if tree is not None and _LIGHT in tree.nodes
     )
-    if scene.render.engine == "DESCATTER":  # blends encoded colours by itself
+    if scene.render.engine == OWN_ENGINE:
         encoded = False
     view = scene.view_settings
     shown_as_they_are = view.view_transform == ("Raw" if encoded else "Standard") and view.look == "None"

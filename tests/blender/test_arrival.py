@@ -89,8 +89,9 @@ def test_the_startup_file_is_hidden_and_all_is_given_back(scene: Any, cloud: Gau
     paper = drawn(panels.DGS_PT_main)
     words = paper.words.replace("\n", " ")
     assert "Hidden: Camera, Cube, Light" in words and {"dgs.give_back", "dgs.dismiss"} <= set(paper.buttons)
-    for word in ("render engine", "resolution", "view transform", "camera", "transparent bounces"):
+    for word in ("render engine", "resolution", "view transform", "camera"):
         assert word in words
+    assert scene.render.engine == "DESCATTER" and scene.view_settings.view_transform == "Standard"
     cube.name = "my cube"
     assert bpy.ops.dgs.give_back() == {"FINISHED"}
     assert settings(scene) == before and not cube.hide_get() and not cube.hide_render
@@ -121,12 +122,38 @@ def test_settings_that_are_kept_are_forgotten(scene: Any, cloud: GaussianCloud, 
     scene = bpy.context.scene
     assert changed_words(scene) and len(hidden_things(scene)) == 3, "the notes are in the file"
     assert bpy.ops.dgs.dismiss(notice="CHANGES") == {"FINISHED"}
-    assert not changed_words(scene) and scene.objects["Cube"].hide_render and scene.render.engine == "CYCLES"
+    assert not changed_words(scene) and scene.objects["Cube"].hide_render and scene.render.engine == "DESCATTER"
     for damaged in ("[1, 2", "[" * 100_000, "7", '{"render.engine": "CYCLES"}', '{"render.engine": [1, 2, 3]}'):
         scene.dgs.changed = damaged
         assert not changed_words(scene)
     scene.dgs.changed = '{"render.engine": [7, "CYCLES"], "nothing": [1, 2]}'
-    assert bpy.ops.dgs.give_back() == {"FINISHED"} and scene.render.engine == "CYCLES"
+    assert bpy.ops.dgs.give_back() == {"FINISHED"} and scene.render.engine == "DESCATTER"
+
+
+@pytest.mark.parametrize("case", ["chosen", "sampled", "mesh", "no engine", "hidden mesh", "light"])
+def test_a_render_engine_that_somebody_has_chosen_stays(
+    scene: Any, cloud: GaussianCloud, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, case: str
+) -> None:
+    """Descatter shows splats only, and needs an engine: else Cycles, which shows both, and says what it changed."""
+    if case == "chosen":
+        scene.render.engine = "CYCLES"
+    elif case == "sampled":
+        scene.eevee.taa_render_samples = 128
+    elif "mesh" in case:
+        bpy.ops.mesh.primitive_monkey_add()
+        bpy.context.object.hide_render = case == "hidden mesh"
+    elif case == "light":
+        bpy.ops.object.light_add(type="SUN")
+    else:
+        monkeypatch.setenv("DGS_ENGINE_PYTHON", "/nowhere")
+    before = settings(scene)
+    add(scene, results(tmp_path / "out", cloud, 0.0))
+    own = case in ("hidden mesh", "light")
+    assert scene.render.engine == ("DESCATTER" if own else "CYCLES")
+    assert ("transparent bounces" in changed_words(scene)) is not own
+    assert ("render engine" in changed_words(scene)) is (case != "chosen")
+    bpy.ops.dgs.give_back()
+    assert settings(scene) == before
 
 
 @pytest.mark.parametrize("touch", ["moved", "edited", "child", "linked", "animated", "hidden"])

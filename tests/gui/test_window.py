@@ -81,7 +81,15 @@ def test_the_twin_arrives_upright_alone_and_in_view(seen: dict[str, object]) -> 
     assert arrival["inside"] > 0.8 and arrival["wide"] > 0.3, arrival
     assert arrival["up"] > 0.8, arrival
     assert arrival["hidden"] == ["Camera", "Cube", "Light"]
-    assert {"render engine", "resolution", "camera"} <= set(arrival["changed"])
+    assert {"render engine", "resolution", "view transform", "camera"} <= set(arrival["changed"])
+
+
+def test_what_one_sees_is_what_the_engine_sees(seen: dict[str, object]) -> None:
+    """On arrival and after View Twin; the engine that draws had started with the job."""
+    print(f"first picture of the twin {seen['first']:.2f} s after the job's end")
+    assert seen["warm"] and seen["first"] < 3.0, "1 s is the aim; other programs take their share"
+    assert seen["viewed"] == ["DESCATTER", "RENDERED", "CAMERA"]
+    assert seen["viewed again"] == ["SOLID", "PERSP", True]
 
 
 def test_another_file_keeps_the_answer_and_the_picture(seen: dict[str, object]) -> None:
