@@ -7,7 +7,7 @@ from .images import DGS_PT_images
 from .main import DGS_PT_main
 from .medium import DGS_PT_medium
 from .optimize import DGS_PT_optimize
-from .render_settings import RENDER_PT_descatter
+from .render_settings import RENDER_PT_descatter, VIEWLAYER_PT_descatter_passes
 from .thumbnails import forget_thumbnails
 from .twin import DGS_PT_twin, DGS_PT_twin_look
 from .validate import DGS_PT_validate
@@ -22,6 +22,7 @@ CLASSES: tuple[type, ...] = (
     DGS_PT_twin_look,
     DGS_PT_validate,
     RENDER_PT_descatter,
+    VIEWLAYER_PT_descatter_passes,
 )
 
 __all__ = ["CLASSES", "forget_thumbnails"]

@@ -10,8 +10,8 @@ Every line is answered by one line; {"event": "error", "text": ...} where it can
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field
-from typing import Any
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +39,7 @@ _VIEW = {
     "power": number,
     "solid": number,
     "background?": ([number],),
+    "blur?": ({"psf": text, "space": text, "step": number},),
 }
 
 
@@ -101,6 +102,21 @@ class PlacedTwin:
 
 
 @dataclass(frozen=True)
+class Blur:
+    """What a medium does to a picture.
+
+    Attributes:
+        psf: point spread as `imaging.psf_text` reads it, in px of the photos.
+        space: what it mixes, 'srgb' values or 'linear' light.
+        step: px of the photos that a px of the picture is wide.
+    """
+
+    psf: str
+    space: Literal["srgb", "linear"] = "srgb"
+    step: float = 1.0
+
+
+@dataclass(frozen=True)
 class View:
     """A picture that is asked for.
 
@@ -111,6 +127,7 @@ class View:
         background: [3] sRGB behind the twins; None for none, where the picture has alpha.
         solid: alpha of the twins from which on a px has a depth.
         power: of the curve that decodes sRGB values for `light`; 0 for sRGB's own.
+        blur: of the medium that the twins are seen through; depths stay those of the sharp picture.
     """
 
     twins: tuple[PlacedTwin, ...]
@@ -120,6 +137,14 @@ class View:
     background: tuple[float, float, float] | None = None
     solid: float = 0.0
     power: float = 0.0
+    blur: Blur | None = None
+
+    def resized(self, width: int, height: int) -> View:
+        """The same view as a picture of `width` x `height` px."""
+        blur = self.blur
+        if blur is not None:
+            blur = replace(blur, step=blur.step * self.camera.width / width)
+        return replace(self, camera=self.camera.resized(width, height), blur=blur)
 
     def message(self) -> dict[str, Any]:
         """As JSON has it."""
@@ -134,6 +159,7 @@ class View:
             "background": self.background,
             "solid": self.solid,
             "power": self.power,
+            "blur": None if self.blur is None else asdict(self.blur),
         }
 
     @staticmethod
@@ -148,7 +174,8 @@ class View:
         camera = Camera("", **lens, rotation=rotation.reshape(3, 3), translation=translation.reshape(3))
         twins = tuple(_placed(twin) for twin in value["twins"])
         behind = None if background is None else tuple(background)
-        return View(twins, camera, value["depth"], value["light"], behind, value["solid"], value["power"])
+        plain = value["depth"], value["light"], behind, value["solid"], value["power"]
+        return View(twins, camera, *plain, None if value.get("blur") is None else _blur(value["blur"]))
 
 
 @dataclass(frozen=True)
@@ -189,6 +216,12 @@ class Drawn:
         )
         missing = tuple(value["missing"])
         return Drawn(value["width"], value["height"], value["depth"], value["seconds"], missing)
+
+
+def _blur(value: Any) -> Blur:
+    if value["space"] not in ("srgb", "linear") or not 0.0 < value["step"] < np.inf:
+        raise ValueError("no medium blurs so")
+    return Blur(value["psf"], value["space"], value["step"])
 
 
 def _placed(value: Any) -> PlacedTwin:

@@ -13,7 +13,7 @@ f32 = np.float32
 #: Where nothing is seen there is no depth: what renderers write there.
 NOWHERE = f32(1e10)
 #: Less alpha than a 16-bit step has no colour and no depth worth a division.
-_LEAST = f32(1.0 / 65535.0)
+LEAST_ALPHA = f32(1.0 / 65535.0)
 
 
 @kernel
@@ -52,11 +52,11 @@ def pack(
             a = alpha[y, x + margin]
             for c in range(3):
                 value = image[c, y, x + margin]
-                if light and (opaque or a > _LEAST):
+                if light and (opaque or a > LEAST_ALPHA):
                     over = f32(1.0) if opaque else a
                     value = max(value / over, f32(0.0))
                     value = (decoded(value, table) if power == f32(0.0) else value**power) * over
                 pixels[row, x, c] = value
             pixels[row, x, 3] = f32(1.0) if opaque else a
             if depths.shape[0] > 0:
-                depths[row, x] = depth[y, x + margin] / a * unit if a > max(solid, _LEAST) else NOWHERE
+                depths[row, x] = depth[y, x + margin] / a * unit if a > max(solid, LEAST_ALPHA) else NOWHERE

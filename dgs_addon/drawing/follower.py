@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from ...core.serving.messages import View
 from .pace import PACE, Pace
 from .picture_server import Picture, PictureServer
@@ -67,4 +65,4 @@ class Follower:
         camera = view.camera
         sides = (max(_LEAST_SIDE, round(share * side)) for side in (camera.width, camera.height))
         self._asked = key, share
-        server.ask(self._channel, view if share == 1.0 else replace(view, camera=camera.resized(*sides)))
+        server.ask(self._channel, view if share == 1.0 else view.resized(*sides))

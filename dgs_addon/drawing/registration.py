@@ -10,7 +10,8 @@ import bpy
 from . import live, process
 from .meshes import forget_meshes
 from .quad import forget_shaders
-from .render_engine import BACKGROUND, ENGINE, DescatterRenderEngine
+from .render_engine import BACKGROUND, ENGINE, EXPECTED_ERROR, DescatterRenderEngine
+from .through import THROUGH
 from .twins import changed_twins, forget_twins
 from .viewport import forget_views
 
@@ -36,6 +37,17 @@ def register_drawing() -> None:
         default=(0.0, 0.0, 0.0),
     )
     setattr(bpy.types.Scene, BACKGROUND, setting)
+    through = bpy.props.BoolProperty(
+        name="Through the Medium",
+        description="Blur the picture as the medium of step 3 does, at the size that it has in the photos",
+    )
+    setattr(bpy.types.Scene, THROUGH, through)
+    error = bpy.props.BoolProperty(
+        name="Expected Error",
+        description="A pass of how far the photos leave open what is seen: 0 they fix its colour, 1 they say nothing."
+        " 'Determined and Guessed' brings it to a twin",
+    )
+    setattr(bpy.types.ViewLayer, EXPECTED_ERROR, error)
     shown = bpy.props.BoolProperty(
         name="Live Splats",
         description="Draw the splats as the engine sees them over the scene, in Solid and Material Preview",
@@ -61,6 +73,8 @@ def unregister_drawing() -> None:
     for panel in _general_panels():
         panel.COMPAT_ENGINES.discard(ENGINE)
     delattr(bpy.types.Scene, live.SHOWN)
+    delattr(bpy.types.ViewLayer, EXPECTED_ERROR)
+    delattr(bpy.types.Scene, THROUGH)
     delattr(bpy.types.Scene, BACKGROUND)
     bpy.utils.unregister_class(DescatterRenderEngine)
 

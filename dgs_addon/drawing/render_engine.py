@@ -16,7 +16,8 @@ from .meshes import draw_meshes, forget_meshes, visible_meshes
 from .picture_server import Picture, PictureServer
 from .process import picture_server
 from .quad import fill
-from .twins import changed_twins, placed_twins
+from .through import THROUGH, blur_before
+from .twins import changed_twins, guessed_twins, placed_twins
 from .view_camera import Frame, final_camera
 from .viewport import Look, draw_twins
 
@@ -28,6 +29,10 @@ _CHANNEL = "final"
 ENGINE = OWN_ENGINE
 #: Scene property: sRGB colour behind the twins where the film is not transparent.
 BACKGROUND = "dgs_background"
+#: View layer property: whether there is a pass of the expected error, and the pass.
+EXPECTED_ERROR, ERROR_PASS = "dgs_expected_error", "Expected Error"
+#: Less alpha than a step of 8 bits says nothing of what is seen.
+_FAINTEST = np.float32(1 / 255)
 
 
 class DescatterRenderEngine(bpy.types.RenderEngine):
@@ -40,16 +45,19 @@ class DescatterRenderEngine(bpy.types.RenderEngine):
 
     def update(self, data: Any, depsgraph: Any) -> None:
         """Reads the scene, while nobody else can change it."""
-        self._view, self._failure, self._back = None, "", 0.0
+        self._view, self._guessed, self._failure, self._back = None, None, "", 0.0
         try:
             self._server = picture_server()
             self._view = self._asked(depsgraph)
+            if getattr(depsgraph.view_layer_eval, EXPECTED_ERROR, False):
+                self._guessed = View(guessed_twins(depsgraph, self._server), self._view.camera)
         except DgsError as error:
             self._failure = str(error)
 
     def render(self, depsgraph: Any) -> None:
         """One view layer's picture."""
         picture = None if self._view is None else self._drawn(self._view)
+        guessed = None if self._guessed is None or picture is None else self._drawn(self._guessed)
         if self._failure:
             self.report({"ERROR"}, self._failure)
         if picture is None:
@@ -61,6 +69,8 @@ class DescatterRenderEngine(bpy.types.RenderEngine):
         _fill(passes.get("Combined"), picture.pixels)
         if picture.depth is not None:
             _fill(passes.get("Depth"), _depths(picture, self._back))
+        if guessed is not None:
+            _fill(passes.get(ERROR_PASS), _shares(guessed))
         self.end_result(result)
 
     def update_render_passes(self, scene: Any, renderlayer: Any) -> None:
@@ -68,6 +78,8 @@ class DescatterRenderEngine(bpy.types.RenderEngine):
         self.register_pass(scene, renderlayer, "Combined", 4, "RGBA", "COLOR")
         if renderlayer.use_pass_z:
             self.register_pass(scene, renderlayer, "Depth", 1, "Z", "VALUE")
+        if getattr(renderlayer, EXPECTED_ERROR, False):
+            self.register_pass(scene, renderlayer, ERROR_PASS, 1, "X", "VALUE")
 
     def view_update(self, _context: Any, depsgraph: Any) -> None:
         """Rendered mode: something has changed."""
@@ -88,7 +100,8 @@ class DescatterRenderEngine(bpy.types.RenderEngine):
                 fill(tuple(srgb_to_linear(np.array(background))))
             draw_meshes(meshes, eye.view_matrix, eye.window_matrix)
             background = None
-        failure = draw_twins(context, depsgraph, Look(depth=bool(meshes), light=True, background=background))
+        look = Look(depth=bool(meshes), light=True, background=background, through=is_through(context.scene))
+        failure = draw_twins(context, depsgraph, look)
         self.update_stats("", failure)
 
     def _asked(self, depsgraph: Any) -> View:
@@ -99,7 +112,8 @@ class DescatterRenderEngine(bpy.types.RenderEngine):
         camera, self._back = final_camera(scene.camera.evaluated_get(depsgraph), scene.render, frame)
         twins = placed_twins(depsgraph, self._server, fresh=True)
         layer = depsgraph.view_layer_eval
-        return View(twins, camera, layer.use_pass_z, True, background_of(scene), layer.pass_alpha_threshold)
+        blur = blur_before(scene, camera, self._back) if is_through(scene) else None
+        return View(twins, camera, layer.use_pass_z, True, background_of(scene), layer.pass_alpha_threshold, blur=blur)
 
     def _drawn(self, view: View) -> Picture | None:
         server: PictureServer = self._server
@@ -120,6 +134,17 @@ def background_of(scene: Any) -> tuple[float, float, float] | None:
         return None
     red, green, blue = getattr(scene, BACKGROUND, (0.0, 0.0, 0.0))
     return red, green, blue
+
+
+def is_through(scene: Any) -> bool:
+    """Whether a scene's pictures are seen through the medium."""
+    return bool(getattr(scene, THROUGH, False))
+
+
+def _shares(picture: Picture) -> NDArray[np.float32]:
+    """[H, W, 1] mean over what is seen in a px; 0 where nothing is."""
+    alpha = picture.pixels[..., 3:]
+    return np.where(alpha > _FAINTEST, picture.pixels[..., :1] / np.maximum(alpha, _FAINTEST), np.float32(0.0))
 
 
 def _depths(picture: Picture, back: float) -> NDArray[np.float32]:

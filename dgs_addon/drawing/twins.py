@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from ...core.constants import SH_COEFFICIENTS
+from ...core.constants import SH_C0, SH_COEFFICIENTS
 from ...core.serving.messages import PlacedTwin, SharedTwin
 from ..axes import matrix_to_engine
+from ..scene.known import KNOWN
 from ..scene.nodes import BOX_INPUT, COUNT_INPUT, CROP_INPUT, SIZE_INPUT, THRESHOLD_INPUT, splat_modifier, splat_value
 from ..scene.twin import BASE, ROTATION, SCALE, TWIN, harmonic, is_twin
 from .picture_server import PictureServer
@@ -37,6 +38,20 @@ def placed_twins(
             key = _key(thing.original, server, fresh)
             if key is not None:
                 placed.append(_placed(thing, key, depsgraph))
+    return tuple(placed)
+
+
+def guessed_twins(depsgraph: Any, server: PictureServer) -> tuple[PlacedTwin, ...]:
+    """The twins of a final picture in grey: black where photos fix a splat's colour, white where they say nothing.
+
+    White, too, where nobody asked (see `scene.known`). Read anew each time.
+    """
+    placed = []
+    for thing in depsgraph.objects:
+        content = _guessed_content(thing.original.data, int(thing[TWIN])) if is_twin(thing) else None
+        if content is not None:
+            server.put(*content)
+            placed.append(_placed(thing, content[0].key, depsgraph))
     return tuple(placed)
 
 
@@ -87,6 +102,21 @@ def _content(mesh: Any, harmonics: int) -> tuple[SharedTwin, bytes] | None:
         attribute.data.foreach_get(field, plane.reshape(-1))
     content = bytes(values)
     return SharedTwin(f"{mesh.session_uid}-{zlib.crc32(content)}", count, harmonics), content
+
+
+def _guessed_content(mesh: Any, harmonics: int) -> tuple[SharedTwin, bytes] | None:
+    content = _content(mesh, harmonics)
+    if content is None:
+        return None
+    twin, values = content
+    shape = SharedTwin("", twin.count, 1)
+    grey = bytearray(values[: shape.bytes])
+    known = np.zeros(twin.count, np.float32)
+    attribute = mesh.attributes.get(KNOWN)
+    if attribute is not None and len(attribute.data) == twin.count and hasattr(attribute.data[0], "value"):
+        attribute.data.foreach_get("value", known)
+    shape.planes(memoryview(grey))[3][:, :3] = ((0.5 - known.clip(0.0, 1.0)) / SH_C0)[:, None]
+    return SharedTwin(f"guessed {mesh.session_uid}-{zlib.crc32(grey)}", twin.count, 1), bytes(grey)
 
 
 def _placed(thing: Any, key: str, depsgraph: Any) -> PlacedTwin:

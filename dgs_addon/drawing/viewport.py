@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import bpy
 
+from ...core.camera import Camera
 from ...core.errors import DgsError
-from ...core.serving.messages import View
+from ...core.serving.messages import Blur, PlacedTwin, View
 from .follower import Follower
 from .process import picture_server
 from .quad import Quad
+from .through import blur_before
 from .twins import placed_twins
 from .view_camera import window_camera
 
@@ -32,12 +34,17 @@ class Shown:
 
 @dataclass(frozen=True)
 class Look:
-    """How a 3D view shows twins: `View`'s options."""
+    """How a 3D view shows twins: `View`'s options, and whether they are seen through the scene's medium."""
 
     depth: bool
     light: bool
     background: tuple[float, float, float] | None = None
     power: float = 0.0
+    through: bool = False
+
+    def of(self, twins: tuple[PlacedTwin, ...], camera: Camera, blur: Blur | None) -> View:
+        """The view to be asked for."""
+        return View(twins, camera, self.depth, self.light, self.background, power=self.power, blur=blur)
 
 
 _views: dict[int, Shown] = {}
@@ -53,18 +60,19 @@ def draw_twins(context: Any, depsgraph: Any, look: Look) -> str:
     try:
         server = picture_server()
         twins = placed_twins(depsgraph, server, context.space_data)
+        camera, back = window_camera(eye.view_matrix, eye.window_matrix, region.width, region.height)
+        blur = blur_before(context.scene, camera, back) if look.through else None
     except DgsError as error:
         return str(error)
     now = time.monotonic()
     if server.error and now - server.failed < _RETRY:
         return server.error
     shown = _views.setdefault(region.as_pointer(), Shown(Follower(f"view {region.as_pointer()}")))
-    camera, back = window_camera(eye.view_matrix, eye.window_matrix, region.width, region.height)
-    key = twins, look, region.width, region.height, _row(eye.view_matrix), _row(eye.window_matrix)
+    key = twins, look, blur, region.width, region.height, _row(eye.view_matrix), _row(eye.window_matrix)
     if not twins and look.background is None:
         shown.follower.picture = None
         return ""
-    shown.follower.show(key, replace(View(twins, camera), **vars(look)), now)
+    shown.follower.show(key, look.of(twins, camera, blur), now)
     shown.follower.step(server, now)
     if not shown.follower.done and not bpy.app.timers.is_registered(_tick):
         bpy.app.timers.register(_tick, first_interval=_TICK, persistent=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from hashlib import sha256
@@ -14,14 +13,12 @@ from ...core.files import make_folder, write_text
 from ..engine.process import RUN
 from ..paths import absolute, chosen_photos, out_folder, pictures_folder
 from ..photos import PhotoFolder, photo_folder
+from ..scene.medium import psf_argument
 from ..scene.scene_cameras import write_scene_cameras
 from .options import RESUMABLE, Options, job_arguments
 from .record import Record
 
 Kind = Literal["cameras", "reconstruct", "synthesize", "update"]
-
-#: Media that the engine estimates from the photos.
-ESTIMATED_FROM_PHOTOS = ("auto", "auto-each")
 
 
 @dataclass(frozen=True)
@@ -142,24 +139,6 @@ def _list(found: PhotoFolder, out: Path) -> Path:
     path = make_folder(out) / f"chosen_{sha256(text.encode()).hexdigest()[:12]}.txt"
     write_text(path, text)
     return path
-
-
-def psf_argument(settings: Any) -> str:
-    """The medium of `scene.dgs` as the engine's `--psf` takes it.
-
-    Raises:
-        DgsError: a measured point spread function is wanted and none is chosen.
-    """
-    if settings.medium == "gaussian":
-        return f"gaussian:{settings.sigma:g}"
-    if settings.medium == "ellipse":
-        return f"gaussian:{settings.sigma:g},{settings.sigma_minor:g},{math.degrees(settings.angle):g}"
-    if settings.medium == "file":
-        path = absolute(settings.psf_file)
-        if path is None or not path.is_file():
-            raise DgsError("The file of the point spread function is not there", "Choose it in step 3")
-        return f"file:{path}"
-    return str(settings.medium)  # none, or estimated from the photos
 
 
 def _medium(settings: Any) -> Options:

@@ -23,6 +23,7 @@ from ..scene.arrival import frame, hide_startup, stand_upright
 from ..scene.cameras import add_cameras
 from ..scene.changes import noting
 from ..scene.crop import crop_box
+from ..scene.medium import PSF
 from ..scene.next_views import ORDER, add_next_views
 from ..scene.nodes import splat_nodes, splat_nodes_exist
 from ..scene.points import POINTS, add_points
@@ -169,7 +170,7 @@ def _provenance(twin: Any, out: Path) -> None:
     twin[PHOTOS] = report["photos"]["folder"]
     with contextlib.suppress(RecursionError):  # brackets in brackets, as no report has them
         twin[SETTINGS] = json.dumps(report["settings"])
-    twin["dgs_psf"] = report["medium"]["psf"]
+    twin[PSF] = report["medium"]["psf"]
     twin[SCORE] = json.dumps({key: report["heldout"][key] for key in ("degraded", "sharp")})
 
 

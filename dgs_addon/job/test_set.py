@@ -16,7 +16,8 @@ from ...core.errors import DgsError
 from ..engine.process import RUN
 from ..laboratory.media.registry import MEDIA, medium_of
 from ..paths import absolute
-from .request import ESTIMATED_FROM_PHOTOS, Request, psf_argument
+from ..scene.medium import ESTIMATED_FROM_PHOTOS, psf_argument
+from .request import Request
 
 #: Height of a photo as a share of its width.
 _HEIGHT = 2 / 3

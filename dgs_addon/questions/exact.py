@@ -28,9 +28,9 @@ from ...core.formats.transforms import write_transforms
 from ..axes import camera_to_engine, matrix_to_blender, read_settings, render_size
 from ..engine.process import RUN
 from ..job import pictures
-from ..job.request import ESTIMATED_FROM_PHOTOS, psf_argument
 from ..job.state import ending
 from ..job.worker import Ended, Worker
+from ..scene.medium import psf_before
 from ..scene.twin import BASE, OWN_BASE, read_twin
 
 #: Image that the picture goes to.
@@ -123,8 +123,7 @@ def start(twin: Any, scene: Any, python: Path, done: Callable[[ExactView], None]
     """
     global _view
     settings = scene.dgs
-    psf = str(twin.get("dgs_psf", "none")) if settings.medium in ESTIMATED_FROM_PHOTOS else psf_argument(settings)
-    blur = ["--psf", psf, "--blur-space", settings.blur_space]
+    blur = ["--psf", psf_before(twin, settings), "--blur-space", settings.blur_space]
     folder = Path(tempfile.mkdtemp(prefix="descatter-", dir=bpy.app.tempdir or None))
     write_ply(folder / "twin.ply", read_twin(twin))
     write_transforms(folder / "transforms.json", {_NAME: camera_in(twin, scene)})

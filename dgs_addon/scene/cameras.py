@@ -18,6 +18,7 @@ from ...core.errors import FormatError
 from ...core.formats.cameras import read_cameras
 from ...core.photos.kinds import SUFFIXES
 from ..axes import place_camera
+from .medium import FOCAL
 from .removal import take_out
 from .scene_cameras import PHOTO
 
@@ -56,6 +57,7 @@ def add_cameras(path: Path, photos: Path | None, scene: Any, into: Any = None) -
         thing = before.pop(name, None) or _empty_camera(label, name, collection)
         thing.parent = None
         place_camera(thing, cameras[name])
+        thing[FOCAL] = float(cameras[name].fx)
         picture = pictures.get(name)
         if picture is not None and not thing.data.background_images:
             _show_behind(thing.data, picture)

@@ -86,8 +86,8 @@ def test_the_twin_arrives_upright_alone_and_in_view(seen: dict[str, object]) -> 
 
 def test_what_one_sees_is_what_the_engine_sees(seen: dict[str, object]) -> None:
     """On arrival and after View Twin; the engine that draws had started with the job."""
-    print(f"first picture of the twin {seen['first']:.2f} s after the job's end")
-    assert seen["warm"] and seen["first"] < 3.0, "1 s is the aim; other programs take their share"
+    print(f"seconds after the job's end: {seen['first']}")
+    assert seen["warm"] and seen["first"]["drawn"] < 6.0, "1 s is the aim; other programs take their share"
     assert seen["viewed"] == ["DESCATTER", "RENDERED", "CAMERA"]
     assert seen["viewed again"] == ["SOLID", "PERSP", True]
 

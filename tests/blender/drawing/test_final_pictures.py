@@ -25,13 +25,15 @@ from dgs.core.formats.ply import write_ply  # noqa: E402
 from dgs.core.formats.transforms import write_transforms  # noqa: E402
 from dgs.dgs_addon.axes import place_camera, read_camera  # noqa: E402
 from dgs.dgs_addon.drawing import live, process  # noqa: E402
-from dgs.dgs_addon.drawing.render_engine import ENGINE  # noqa: E402
+from dgs.dgs_addon.drawing.render_engine import ENGINE, EXPECTED_ERROR  # noqa: E402
 from dgs.dgs_addon.scene.cameras import new_camera  # noqa: E402
 from dgs.dgs_addon.scene.crop import add_crop_box  # noqa: E402
+from dgs.dgs_addon.scene.known import KNOWN  # noqa: E402
+from dgs.dgs_addon.scene.medium import FOCAL  # noqa: E402
 from dgs.dgs_addon.scene.nodes import SIZE_INPUT, THRESHOLD_INPUT, set_splat_input, splat_modifier  # noqa: E402
 from dgs.dgs_addon.scene.twin import add_twin  # noqa: E402
 from dgs.tests.core.serving.test_pictures import crowd  # noqa: E402
-from mathutils import Matrix  # noqa: E402
+from mathutils import Matrix, Vector  # noqa: E402
 
 ROOT = Path(dgs.__path__[0])
 CAMERA = Camera("view", 120, 90, 130.0, 130.0, 60.0, 45.0, np.eye(3), np.array([0.1, 0.0, 0.2]))
@@ -65,10 +67,12 @@ def rendered(scene: Any, path: Path) -> np.ndarray:
     return np.asarray(Image.open(path)).astype(int)
 
 
-def by_command(cloud: GaussianCloud, camera: Camera, folder: Path, background: str = "black") -> np.ndarray:
+def by_command(
+    cloud: GaussianCloud, camera: Camera, folder: Path, background: str = "black", options: tuple[str, ...] = ()
+) -> np.ndarray:
     write_ply(folder / "twin.ply", cloud)
     write_transforms(folder / "transforms.json", {"view.png": camera})
-    options = ["--cameras", folder / "transforms.json", "--out", folder / "out", "--overwrite"]
+    options = (*options, "--cameras", folder / "transforms.json", "--out", folder / "out", "--overwrite")
     command = ["render", folder / "twin.ply", *options, "--background", background, "--progress", "none"]
     assert run([str(word) for word in command]) == 0
     return np.asarray(Image.open(folder / "out" / "view.png")).astype(int)
@@ -116,7 +120,7 @@ def test_twins_that_were_moved_cropped_and_limited(scene: Any, tmp_path: Path) -
     assert not rendered(scene, tmp_path / "e.png")[..., :3].any()
 
 
-def test_a_part_of_the_frame_and_depth(scene: Any, tmp_path: Path) -> None:
+def test_a_part_of_the_frame(scene: Any, tmp_path: Path) -> None:
     cloud = crowd()
     add_twin(cloud, "twin", scene.collection)
     whole = rendered(scene, tmp_path / "a.png")
@@ -125,14 +129,113 @@ def test_a_part_of_the_frame_and_depth(scene: Any, tmp_path: Path) -> None:
     render.border_min_x, render.border_max_x, render.border_min_y, render.border_max_y = 0.25, 0.75, 0.2, 0.5
     part = rendered(scene, tmp_path / "b.png")
     assert part.shape[:2] == (27, 60) and np.abs(part - whole[45:72, 30:90]).max() <= 2
-    render.use_border = False
-    scene.view_layers[0].use_pass_z = True
-    if hasattr(render.image_settings, "media_type"):  # from Blender 5.0 on
-        render.image_settings.media_type = "MULTI_LAYER_IMAGE"
-    render.image_settings.file_format = "OPEN_EXR_MULTILAYER"
-    render.filepath = str(tmp_path / "deep.exr")
+
+
+def passes(scene: Any, path: Path) -> dict[str, np.ndarray]:
+    """[H, W] of each channel of a multilayer file, by the ends of their names: 'Depth.Z'."""
+    settings = scene.render.image_settings
+    if hasattr(settings, "media_type"):  # from Blender 5.0 on
+        settings.media_type = "MULTI_LAYER_IMAGE"
+    settings.file_format = "OPEN_EXR_MULTILAYER"
+    settings.exr_codec, settings.color_depth = "NONE", "32"
+    if hasattr(settings, "use_exr_interleave"):  # all channels in one part, as Blender 4 has them
+        settings.use_exr_interleave = True
+    scene.render.filepath = str(path)
     bpy.ops.render.render(write_still=True)
-    assert b"Depth" in (tmp_path / "deep.exr").read_bytes()[:4096]
+    return read_exr(path)
+
+
+def read_exr(path: Path) -> dict[str, np.ndarray]:
+    """An uncompressed file of 32 bit floats, as openexr.com lays it out: attributes, offsets, rows of channels."""
+    data, at, names, size = path.read_bytes(), 8, [], (0, 0)
+
+    def text() -> str:
+        nonlocal at
+        end = data.index(b"\0", at)
+        found, at = data[at:end].decode(), end + 1
+        return found
+
+    while (name := text()) != "":
+        kind, length = text(), int.from_bytes(data[at : at + 4], "little")
+        at, end = at + 4, at + 4 + length
+        if kind == "chlist":
+            while (channel := text()) != "":
+                assert int.from_bytes(data[at : at + 4], "little") == 2, "32 bit"
+                names.append(channel)
+                at += 16
+        elif name == "dataWindow":
+            left, top, right, bottom = np.frombuffer(data, "<i4", 4, at)
+            size = int(bottom - top + 1), int(right - left + 1)
+        at = end
+    height, width = size
+    rows = np.frombuffer(data, "<u8", height, at)
+    pixels = np.stack([np.frombuffer(data, "<f4", len(names) * width, int(row) + 8) for row in rows])
+    return {channel.split(".", 1)[-1]: pixels[:, i * width : (i + 1) * width] for i, channel in enumerate(names)}
+
+
+def test_depth_and_alpha_are_the_cameras(scene: Any, tmp_path: Path) -> None:
+    add_twin(crowd(), "twin", scene.collection)
+    layer = scene.view_layers[0]
+    layer.use_pass_z, layer.pass_alpha_threshold, scene.render.film_transparent = True, 0.2, True
+    found = passes(scene, tmp_path / "deep.exr")
+    depth, alpha = found["Depth.Z"], found["Combined.A"]
+    seen = alpha > 0.2
+    assert 0.2 < seen.mean() < 1.0 and (depth[~seen] == 1e10).all()
+    assert depth[seen].min() > 3.4 and depth[seen].max() < 6.8, "the crowd lies 3.7 to 6.3 before the origin"
+    scene.camera.location -= scene.camera.matrix_world.to_3x3() @ Vector((0.0, 0.0, -2.0))
+    farther = passes(scene, tmp_path / "farther.exr")["Depth.Z"]
+    assert np.median(farther[farther < 1e9]) - np.median(depth[seen]) == pytest.approx(2.0, abs=0.3)
+    assert (alpha[~seen] <= 0.2).all() and found["Combined.R"][alpha == 0].max(initial=0.0) == 0.0
+
+
+def test_the_expected_error_is_that_of_the_splats_one_sees(scene: Any, tmp_path: Path) -> None:
+    """Where the nearer splats are known, what lies behind them hardly counts."""
+    cloud = crowd()
+    twin = add_twin(cloud, "twin", scene.collection)
+    setattr(scene.view_layers[0], EXPECTED_ERROR, True)
+    unknown = passes(scene, tmp_path / "unknown.exr")
+    share, alpha = unknown["Expected Error.X"], unknown["Combined.A"]
+    assert alpha.all() and share.max() == pytest.approx(1.0, abs=1e-3), "nobody asked"
+    near = cloud.means[:, 2] < 5.0
+    attribute = twin.data.attributes.new(KNOWN, "FLOAT", "POINT")
+    means = []
+    for known in (near, ~near):
+        attribute.data.foreach_set("value", known.astype(np.float32))
+        mixed = passes(scene, tmp_path / "mixed.exr")
+        assert np.array_equal(mixed["Combined.R"], unknown["Combined.R"])
+        means.append(mixed["Expected Error.X"][share > 0.5].mean())
+    assert means[0] < 0.35 and sum(means) == pytest.approx(1.0, abs=1e-3)
+    attribute.data.foreach_set("value", np.full(len(cloud), 0.75, np.float32))
+    even = passes(scene, tmp_path / "even.exr")["Expected Error.X"]
+    assert np.abs(even[share > 0.5] - 0.25).max() < 1e-3 and (even[share == 0] == 0).all()
+    setattr(scene.view_layers[0], EXPECTED_ERROR, False)
+    assert "Expected Error.X" not in passes(scene, tmp_path / "without.exr")
+
+
+def test_through_the_medium_it_is_the_commands_blurred_picture(scene: Any, tmp_path: Path) -> None:
+    """At the photos' size; at half of it, it is the same picture, smaller."""
+    cloud = crowd()
+    twin = add_twin(cloud, "twin", scene.collection)
+    scene.camera[FOCAL] = CAMERA.fx
+    settings = scene.dgs
+    settings.medium, settings.sigma, settings.blur_space = "gaussian", 3.0, "linear"
+    sharp = rendered(scene, tmp_path / "sharp.png")
+    scene.dgs_through = True
+    seen = rendered(scene, tmp_path / "a.png")
+    wanted = by_command(cloud, CAMERA, tmp_path, options=("--psf", "gaussian:3", "--blur-space", "linear"))
+    assert np.abs(seen[..., :3] - wanted).max() <= 1 and np.abs(seen - sharp).max() > 30
+    settings.medium = "auto"
+    assert np.array_equal(rendered(scene, tmp_path / "b.png"), sharp), "nothing was estimated"
+    twin["dgs_psf"] = "gaussian:3"
+    assert np.array_equal(rendered(scene, tmp_path / "c.png"), seen)
+    scene.render.resolution_percentage = 50
+    half = rendered(scene, tmp_path / "d.png")[..., :3]
+    small = seen[..., :3].reshape(45, 2, 60, 2, 3).mean(axis=(1, 3))
+    away = np.abs(half - small)[4:-4, 4:-4]  # (a wider low-pass of splats, for the same px)
+    assert away.mean() < 3 and away.max() < 20
+    settings.medium, settings.psf_file = "file", str(tmp_path / "nowhere.npy")
+    with pytest.raises(RuntimeError, match="point spread"):
+        bpy.ops.render.render()
 
 
 def test_without_perspective_and_without_a_way(scene: Any, tmp_path: Path) -> None:

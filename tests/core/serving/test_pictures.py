@@ -3,22 +3,26 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from dgs.core.camera import Camera
 from dgs.core.cloud import GaussianCloud
 from dgs.core.colour import linear_to_srgb
+from dgs.core.errors import PsfError
 from dgs.core.formats.turning import moved
 from dgs.core.gaussians import Gaussians
 from dgs.core.imaging.medium import Medium
+from dgs.core.imaging.psf_text import parse_psf
 from dgs.core.lens import Lens
 from dgs.core.pipeline.views import Viewer
 from dgs.core.pose import Pose
-from dgs.core.serving.messages import PlacedTwin, SharedTwin, View
+from dgs.core.serving.messages import Blur, PlacedTwin, SharedTwin, View
 from dgs.core.serving.picture import draw
 from dgs.core.serving.shared_area import SharedArea
 from dgs.core.serving.stage import Stage, carried
+from dgs.core.serving.through import point_spread
 from dgs.core.training.scale import scene_scale
 from dgs.core.views import SparsePoints
 
@@ -194,3 +198,38 @@ def test_where_nothing_is_left_the_background_is_seen(choice) -> None:
     assert np.abs(linear_to_srgb(seen[3, 4, :3]) - [0.2, 0.5, 1.0]).max() < 1e-4 and (depth == 1e10).all()
     behind = CAMERA.moved(np.diag([1.0, -1.0, -1.0]), np.zeros(3))
     assert not alone(crowd(), camera=behind)[0].any()
+
+
+@pytest.mark.parametrize("space", ["srgb", "linear"])
+def test_through_the_medium_it_is_the_engines_own_too(space: str) -> None:
+    cloud, blur = crowd(), Blur("gaussian:2,4,30", space)
+    render, lens, pose = viewer(cloud)
+    medium = Medium(parse_psf(blur.psf), space)
+    sharp, near = alone(cloud, background=(0.0, 0.0, 0.0), depth=True)
+    seen, depth = alone(cloud, background=(0.0, 0.0, 0.0), blur=blur, depth=True)
+    wanted = render.degraded(lens, pose, medium, "view").transpose(1, 2, 0)
+    assert np.abs(seen[..., :3] - wanted).max() < 1e-4 and np.abs(seen - sharp).max() > 0.2
+    assert np.allclose(depth, near, rtol=1e-4), "depths are those of the sharp picture"
+    straight = render.transparent(lens, pose, medium, "view").transpose(1, 2, 0)
+    clear, deep = alone(cloud, blur=blur, depth=True)
+    assert np.abs(clear[..., 3] - straight[..., 3]).max() < 1e-4
+    assert np.abs(clear[..., :3] - straight[..., :3] * straight[..., 3:]).max() < 1e-3
+    there = (near < 1e9) & (clear[..., 3] > 1e-3)
+    assert np.allclose(deep[there], near[there], rtol=1e-4) and there.mean() > 0.5
+
+
+@pytest.mark.parametrize("step", [0.5, 2.0])
+def test_a_medium_is_as_wide_in_a_larger_and_a_smaller_picture(step: float, tmp_path: Path) -> None:
+    """Of the scene, not of the picture: a Gaussian, and a kernel of samples that is the same one."""
+    psf = parse_psf("gaussian:4,6,20")
+    assert psf is not None
+    np.save(tmp_path / "kernel.npy", psf.kernel())
+    wanted = replace(psf, sigma_x=4 / step, sigma_y=6 / step)
+    for text in ("gaussian:4,6,20", f"file:{tmp_path / 'kernel.npy'}"):
+        found = point_spread(Blur(text, "srgb", step))
+        assert found is not None and np.allclose(found.covariance, wanted.covariance, rtol=0.03)
+        rows, columns = found.kernel().shape
+        assert rows % 2 == columns % 2 == 1 and abs(found.kernel().sum() - 1) < 1e-6
+    assert point_spread(Blur("none")) is None and point_spread(Blur("gaussian:0")) is None
+    with pytest.raises(PsfError, match="px of this picture"):
+        point_spread(Blur("gaussian:9", "srgb", 0.01))
