@@ -36,6 +36,8 @@ class ViewScores:
         unexplained: squared error against the photo over the photo's variance: 0 for a perfect twin, 1 for one that
             shows the photo's mean colours.
         parts: [9] each part's share of the squared error (`PARTS`).
+        moved: px by which the camera stood beside where it was found, by the photo's learned path; None where it is
+            seen from where it was found or given.
     """
 
     name: str
@@ -46,6 +48,7 @@ class ViewScores:
     edge_sharpness: float | None = None
     unexplained: float | None = None
     parts: list[float] | None = None
+    moved: float | None = None
 
     def add_photo(self, degraded: Image, photo: Image, mask: Mask | None, matched: float) -> None:
         """Compares the render through the medium with the photo, both [H, W, 3] in [0, 1].

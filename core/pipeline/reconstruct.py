@@ -144,7 +144,8 @@ def _stages(run: RunSettings, given: Spreads | None, truth: TruthFolder | None, 
     period = resolvable_period(effects.typical)
     seen = formation_of_all(trained.formation, views.names)
     viewer = _viewer(trained, cameras.reconstruction, machine.device)
-    scorer = ViewScorer(viewer, cameras.reconstruction, effects.medium, truth, period, keeper, seen)
+    found = cameras.source == "sfm"
+    scorer = ViewScorer(viewer, cameras.reconstruction, effects.medium, truth, period, keeper, seen, found)
     scored = score_views(scorer, photos, loaded.held, machine.threads, timing, folder)
     if over := timing.overrun():
         keeper.note(f"The time limit was passed by {over:.0f} s: the cameras alone took {watch.seconds['sfm']:.0f} s")

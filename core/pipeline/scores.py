@@ -18,6 +18,7 @@ from ..evaluation.view_scores import NYQUIST_PERIOD, ViewScores
 from ..imaging.formation.chain import Formation
 from ..imaging.formation.effect import Shot
 from ..imaging.formation.exposure import Exposure
+from ..imaging.formation.motion import motion_of
 from ..imaging.medium import Medium
 from ..lens import Lens
 from ..photos.empty import background_shows
@@ -25,6 +26,7 @@ from ..photos.load import Photo
 from ..photos.scale import resized
 from ..photos.truth import TruthFolder
 from ..photos.write import png_bytes, render_names
+from ..pose import Pose
 from ..progress import Progress
 from ..reconstruction import Reconstruction
 from ..report.pictures import ViewPictures, spread
@@ -69,6 +71,8 @@ class ViewScorer:
         period: finest period in px that one photo holds.
         progress: hears of what could not be compared.
         formation: effects besides the point spread.
+        found: the cameras were found from the photos. Where a path was learned of a photo, its sharp view is then taken
+            from where the camera was on average; cameras that were given stay where they are.
     """
 
     viewer: Viewer
@@ -78,18 +82,28 @@ class ViewScorer:
     period: float
     progress: Progress
     formation: Formation = field(default_factory=Formation)
+    found: bool = False
+
+    def _stood(self, name: str, focal: float) -> tuple[Pose, float | None]:
+        """Where the camera was on average, and how far from where it was found, px; None if nothing better is known."""
+        pose, motion = self.reconstruction.poses[name], motion_of(self.formation.effects)
+        if motion is None or not self.found:
+            return pose, None
+        return motion.mean_pose(name, pose), motion.offset(name, focal)
 
     def score(
         self, photo: Photo, heldout: bool, keep: Callable[[NDArray[np.uint8]], None] | None = None
     ) -> tuple[ViewScores, ViewPictures]:
         """Renders one view, sharp (handed to `keep`: [H, W, 3], as large as the photo's file) and degraded."""
-        lens, pose = self.reconstruction.lenses[photo.name], self.reconstruction.poses[photo.name]
+        lens = self.reconstruction.lenses[photo.name]
+        pose, moved = self._stood(photo.name, lens.fx)
         size = round(photo.size[0] / photo.scale[0]), round(photo.size[1] / photo.scale[1])
         sharp = self.viewer.sharp(lens.resized(*size), pose, finer=1.0 / photo.scale[0])
         twin = to_pixels(self._exposed(sharp, photo))
         if keep is not None:
             keep(twin)
         degraded, scores = self._against_photo(photo)
+        scores.moved = moved
         truth = self._true(photo.name, size)
         if truth is not None:
             mask = photo.mask if photo.scale == (1.0, 1.0) else None

@@ -93,6 +93,13 @@ FIELDS = (
     Field("heldout.unregistered", "list", "held-out views without a camera, which cannot be scored"),
     Field("heldout.every", "integer", "every how many-th view by sorted name was held out; 0: none"),
     Field("heldout.in_sfm", "boolean", "whether held-out photos took part in finding the cameras"),
+    Field(
+        "heldout.moved_px",
+        "number",
+        "how far from where it was found a held-out photo's camera was on average by its learned path, median in px:"
+        " the sharp view is taken from there; null where cameras were given, or no paths learned",
+        True,
+    ),
     Field("heldout.degraded.psnr", "number", "twin through the medium against the photos, mean in dB", True),
     Field("heldout.degraded.ssim", "number", "the same, mean SSIM", True),
     Field("heldout.degraded.psnr_matched", "number", "PSNR with gains taken from each photo itself", True),

@@ -214,11 +214,13 @@ def _heldout(facts: RunFacts) -> dict[str, Any]:
         for i, (coarsest, finest) in enumerate(BANDS)
     ]
     poses = facts.cameras.reconstruction.poses
+    moved = [score.moved for score in scores if score.moved is not None]
     return {
         "names": [score.name for score in scores],
         "unregistered": [name for name in facts.photos.held if name not in poses],
         "every": facts.photos.every,
         "in_sfm": facts.cameras.source == "sfm",
+        "moved_px": None if not moved else round(float(np.median(moved)), 3),
         "degraded": {key: mean("degraded", key) for key in ("psnr", "ssim", "psnr_matched", "psnr_halves")},
         "sharp": {key: mean("sharp", key) for key in ("psnr", "ssim", "psnr_inside")},
         "truth_low_passed_psnr": mean_of([score.low_passed for score in compared]),

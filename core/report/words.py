@@ -116,6 +116,11 @@ def limits(report: Mapping[str, Any]) -> list[str]:
             "The held-out photos were kept out of the training, but they took part in finding the cameras: "
             "without a camera they could not be compared."
         )
+    if heldout.get("moved_px") is not None:
+        lines.append(
+            "Held-out views are shown from where each photo's learned path says that its camera was on average: "
+            f"{heldout['moved_px']:.2f} px (median) beside where it had been found."
+        )
     if heldout["degraded"]["psnr"] is not None and heldout["sharp"]["psnr"] is None:
         lines.append(
             "No sharp truth was given. Agreement with blurred photos says little about fine detail: a "

@@ -16,7 +16,10 @@ from dataclasses import dataclass
 from types import ModuleType
 from typing import TYPE_CHECKING, cast
 
+import numpy as np
+
 from ...numbers import BY_DEFINITION, number
+from ...pose import Pose
 from .effect import Effect, Shot
 
 if TYPE_CHECKING:
@@ -106,6 +109,28 @@ class CameraMotion(Effect):
             return None
         twists = self.parameters["twists"][index].detach()
         return cast("Tensor", _mathematics().way_on(twists, self.unit, focal, count))
+
+    def mean_pose(self, name: str, pose: Pose) -> Pose:
+        """Where the camera was on average; the very same for a photo that stood still. Not differentiable.
+
+        Args:
+            pose: that the path begins at, in the world of the twists.
+        """
+        index = self._index.get(name)
+        if index is None:
+            return pose
+        twists = self.parameters["twists"][index].detach().cpu().double()
+        still = twists.new_tensor(np.column_stack([pose.rotation, pose.translation]))
+        moved = _mathematics().mean_pose(twists, still).numpy()
+        return Pose(moved[:, :3], moved[:, 3])
+
+    def offset(self, name: str, focal: float) -> float | None:
+        """How far from where the path begins the camera was on average, px in the photo's middle; None if it stood."""
+        index = self._index.get(name)
+        if index is None:
+            return None
+        twists = self.parameters["twists"][index, :1].detach()
+        return float(_mathematics().way_on(twists, self.unit, focal, 1).norm())
 
     def scaled(self, factor: float) -> CameraMotion:
         """The same paths in a world that is `factor` times as large."""

@@ -30,6 +30,11 @@ def poses_on(twists: Tensor, camera: Camera, times: Tensor) -> Tensor:
     return moved_pose(polynomials(times, len(twists) - 1) @ twists, pose.expand(len(times), 3, 4))
 
 
+def mean_pose(twists: Tensor, pose: Tensor) -> Tensor:
+    """[3, 4] world to camera: where a camera [3, 4] was on average along a path [M + 1, 6]."""
+    return moved_pose(twists[0], pose)
+
+
 def way_on(twists: Tensor, unit: float, focal: float, count: int) -> Tensor:
     """[count, 2] px along x and y by which a path [M + 1, 6] leads what is in the middle of the photo."""
     twist = polynomials(torch.linspace(-0.5, 0.5, count), len(twists) - 1) @ twists

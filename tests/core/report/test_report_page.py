@@ -93,6 +93,7 @@ REPORT = {
         "unregistered": [],
         "every": 8,
         "in_sfm": True,
+        "moved_px": 0.31,
         "degraded": {"psnr": 38.25, "ssim": 0.98, "psnr_matched": 38.5, "psnr_halves": None},
         "sharp": {"psnr": 25.5, "ssim": 0.7, "psnr_inside": 26.0},
         "truth_low_passed_psnr": 25.7,

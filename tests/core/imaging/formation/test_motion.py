@@ -9,6 +9,7 @@ from dgs.core.camera import Camera
 from dgs.core.imaging.formation.chain import Formation
 from dgs.core.imaging.formation.motion import SETTINGS, CameraMotion, straight_paths
 from dgs.core.imaging.formation.path_poses import middles, polynomials
+from dgs.core.pose import Pose
 
 CAMERA = Camera("a", 64, 48, 80.0, 80.0, 32.0, 24.0, np.eye(3), np.array([0.1, -0.2, 0.3]))
 
@@ -66,3 +67,16 @@ def test_the_mean_of_a_path_is_its_offset():
     twists[0, 1:] = 0.01 * torch.randn(4, 6, generator=torch.Generator().manual_seed(1))
     way = CameraMotion(("a",), twists).way("a", 80.0, 4001)
     assert way.mean(dim=0).tolist() == pytest.approx([0.0, 0.0], abs=1e-3) and math.isfinite(float(way.sum()))
+
+
+def test_where_a_camera_was_on_average():
+    motion = straight_paths({"a": (6.0 / 80.0, 0.0), "b": (0.0, 3.0 / 80.0)}, 2)
+    motion.parameters["twists"][0, 0] = torch.tensor([0.0, 0.0, 0.0, 0.0, 0.05, 0.0])
+    pose = Pose(CAMERA.rotation, CAMERA.translation)
+    moved = motion.mean_pose("a", pose)
+    along = motion.poses("a", CAMERA, torch.linspace(-0.5, 0.5, 101)).double().mean(dim=0).numpy()
+    assert moved.translation == pytest.approx(along[:, 3], abs=1e-3)
+    assert moved.rotation == pytest.approx(along[:, :3], abs=1e-3)
+    assert np.degrees(np.arccos((np.trace(moved.rotation) - 1) / 2)) == pytest.approx(math.degrees(0.05), rel=1e-4)
+    assert motion.offset("a", 80.0) == pytest.approx(0.05 * 80.0) and motion.offset("b", 80.0) == 0.0
+    assert motion.mean_pose("c", pose) is pose and motion.offset("c", 80.0) is None
