@@ -8,7 +8,6 @@ and every item writes only its own slots, so the result does not depend on the n
 from __future__ import annotations
 
 import contextlib
-import hashlib
 import os
 import threading
 from collections.abc import Callable, Sequence
@@ -16,23 +15,7 @@ from pathlib import Path
 from queue import SimpleQueue
 from typing import Any
 
-
-def cache_folder() -> Path:
-    """Cache of compiled code, keyed by the kernels' sources.
-
-    numba notices a change in a kernel's own file only; a changed constant or inlined helper in
-    another file would go unnoticed.
-    """
-    core = Path(__file__).parent
-    digest = hashlib.sha256()
-    for source in [core / "constants.py", *sorted(core.glob("**/*kernels*.py"))]:
-        digest.update(source.read_bytes())
-    return cache_base() / "numba" / digest.hexdigest()[:16]
-
-
-def cache_base() -> Path:
-    """The user's cache folder for what can be computed again."""
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "dgs"
+from .kernel_cache import cache_folder
 
 
 def _takes_files(folder: Path) -> bool:

@@ -31,6 +31,14 @@ def redraw() -> None:
                         region.tag_redraw()
 
 
+def redraw_views() -> None:
+    """All 3D views; that takes longer."""
+    for window in bpy.context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "VIEW_3D":
+                area.tag_redraw()
+
+
 def _shows_tab(region: Any) -> bool:
     """Whether a sidebar shows this tab, or a Blender does not say."""
     return getattr(region, "active_panel_category", TAB) in (TAB, "", "UNSUPPORTED")

@@ -6,6 +6,7 @@ from .add_results import DGS_OT_add_results
 from .cancel_job import DGS_OT_cancel_job
 from .choose_photos import DGS_OT_choose_photos
 from .compare_truth import DGS_OT_compare_truth
+from .composite_meshes import DGS_OT_composite_meshes
 from .crop_twin import DGS_OT_crop_twin
 from .dismiss import DGS_OT_dismiss
 from .drop_files import DGS_FH_photos, DGS_FH_twin
@@ -35,6 +36,7 @@ from .show_known import DGS_OT_show_known
 from .show_log import DGS_OT_show_log
 from .show_next_views import DGS_OT_show_next_views
 from .show_tradeoff import DGS_OT_show_tradeoff
+from .split_view import DGS_GGT_split, DGS_GT_split, DGS_OT_split_view
 from .suggest_next_views import DGS_OT_suggest_next_views
 from .update_twin import DGS_OT_rollback_twin, DGS_OT_show_states, DGS_OT_update_twin
 from .use_inspection import DGS_OT_use_inspection
@@ -61,6 +63,7 @@ CLASSES: tuple[type, ...] = (
     DGS_OT_give_back,
     DGS_OT_view_twin,
     DGS_OT_exact_view,
+    DGS_OT_split_view,
     DGS_OT_show_known,
     DGS_OT_show_next_views,
     DGS_OT_suggest_next_views,
@@ -70,6 +73,7 @@ CLASSES: tuple[type, ...] = (
     DGS_OT_limit_splats,
     DGS_OT_remove_twin,
     DGS_OT_render_twin,
+    DGS_OT_composite_meshes,
     DGS_OT_open_report,
     DGS_OT_install_engine,
     DGS_OT_cancel_install,
@@ -88,4 +92,7 @@ CLASSES: tuple[type, ...] = (
     DGS_MT_add,
 )
 
-__all__ = ["CLASSES", "add_menus", "remove_menus"]
+#: What can be dragged in 3D views.
+GIZMOS: tuple[type, ...] = (DGS_GT_split, DGS_GGT_split)
+
+__all__ = ["CLASSES", "GIZMOS", "add_menus", "remove_menus"]

@@ -8,10 +8,10 @@ from typing import Any
 import bpy
 
 from ..core.errors import DgsError
-from ..dgs_addon.engine.interpreter import find_python, why_not
+from ..dgs_addon.engine.interpreter import why_not
 from ..dgs_addon.questions import exact
 from ..dgs_addon.scene.twin import scene_twin
-from ..dgs_addon.window import redraw
+from ..dgs_addon.window import redraw, redraw_views
 
 
 class DGS_OT_exact_view(bpy.types.Operator):
@@ -23,14 +23,7 @@ class DGS_OT_exact_view(bpy.types.Operator):
     @classmethod
     def poll(cls, context: Any) -> bool:
         """There is a twin, a camera and an engine."""
-        if scene_twin(context.scene, context.object) is None:
-            reason = "There is no twin in this scene yet (step 5)"
-        elif context.scene.camera is None or context.scene.camera.data.type != "PERSP":
-            reason = "The scene needs a perspective camera"
-        elif exact.busy():
-            reason = "The engine is drawing already"
-        else:
-            reason = why_not()
+        reason = why_no_view(context)
         cls.poll_message_set(reason)
         return not reason
 
@@ -38,7 +31,7 @@ class DGS_OT_exact_view(bpy.types.Operator):
         """Starts the engine; without a window it is waited for."""
         twin = scene_twin(context.scene, context.object)
         try:
-            view = exact.start(twin, context.scene, find_python(), _done)
+            view = exact.start(twin, context.scene, show_exact_view)
         except DgsError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
@@ -53,7 +46,21 @@ class DGS_OT_exact_view(bpy.types.Operator):
         return {"FINISHED"}
 
 
-def _done(view: exact.ExactView) -> None:
+def why_no_view(context: Any) -> str:
+    """Why no exact view can be made now; '' if one can."""
+    camera = context.scene.camera
+    if scene_twin(context.scene, context.object) is None:
+        reason = "There is no twin in this scene yet (step 5)"
+    elif camera is None or camera.type != "CAMERA" or camera.data.type != "PERSP":
+        reason = "The scene needs a perspective camera"
+    elif exact.busy():
+        reason = "The engine is drawing already"
+    else:
+        reason = why_not()
+    return reason
+
+
+def show_exact_view(view: exact.ExactView) -> None:
     """Shows the image in the panel, and in image editors that show nothing else of the user's."""
     for window in bpy.context.window_manager.windows:
         for area in window.screen.areas:
@@ -66,6 +73,7 @@ def _done(view: exact.ExactView) -> None:
         with bpy.context.temp_override(window=windows[0]):
             bpy.ops.ed.undo_push(message="Descatter Exact View")
     redraw()
+    redraw_views()
     if view.error:
 
         def draw(menu: Any, _context: Any) -> None:

@@ -15,10 +15,10 @@ from .import_twin import DGS_OT_import_twin
 
 #: What can be done with a twin, in groups; each as in the tab.
 _OBJECT = (
-    ("dgs.view_twin", "dgs.exact_view", "dgs.render_twin"),
+    ("dgs.view_twin", "dgs.exact_view", "dgs.split_view", "dgs.render_twin"),
     ("dgs.set_length", "dgs.set_up", "dgs.crop_twin", "dgs.limit_splats"),
     ("dgs.show_known", "dgs.suggest_next_views", "dgs.show_next_views", "dgs.show_states"),
-    ("dgs.prepare_scene", "dgs.give_back"),
+    ("dgs.prepare_scene", "dgs.composite_meshes", "dgs.give_back"),
     ("dgs.export_twin", "dgs.remove_twin"),
 )
 #: What brings something into a scene.

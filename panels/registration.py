@@ -11,7 +11,7 @@ from ..dgs_addon.engine.interpreter import reads_heif
 from ..dgs_addon.job import pictures, runner, watching
 from ..dgs_addon.job.properties import DGS_PG_settings, register_properties, unregister_properties
 from ..dgs_addon.photos import ask_about_heif
-from ..dgs_addon.questions import estimate, exact, inspection, next_views
+from ..dgs_addon.questions import estimate, exact, inspection, next_views, split_view
 from ..dgs_addon.translations import register_translations, unregister_translations
 from . import CLASSES, forget_thumbnails
 from .preferences import DGS_AP_preferences
@@ -24,7 +24,7 @@ def register() -> None:
     """Adds classes and menu entries; does nothing if they are there already."""
     if _registered:
         return
-    for kind in (DGS_PG_settings, DGS_AP_preferences, *operators.CLASSES, *CLASSES):
+    for kind in (DGS_PG_settings, DGS_AP_preferences, *operators.CLASSES, *operators.GIZMOS, *CLASSES):
         bpy.utils.register_class(kind)
         _registered.append(kind)
     register_properties()
@@ -32,6 +32,7 @@ def register() -> None:
     register_translations()
     ask_about_heif(reads_heif)
     operators.add_menus()
+    split_view.start()
     bpy.app.handlers.load_post.extend((watching.go_on, exact.go_on))
 
 
@@ -42,6 +43,7 @@ def unregister() -> None:
     for handler in (watching.go_on, exact.go_on):
         bpy.app.handlers.load_post.remove(handler)
     _stop_everything()
+    split_view.stop()
     pictures.clear()
     forget_thumbnails()
     operators.remove_menus()

@@ -129,3 +129,4 @@ class DGS_PT_twin_look(Sidebar, bpy.types.Panel):
         row = layout.row(align=True)
         row.operator("dgs.prepare_scene", text="Blend as Light").blending = "LIGHT"
         row.operator("dgs.prepare_scene", text="As Trained").blending = "TRAINED"
+        layout.operator("dgs.composite_meshes", icon="NODE_COMPOSITING")

@@ -67,6 +67,12 @@ def _draw_exact(layout: Any, context: Any) -> None:
     if exact.is_outdated(scene_twin(context.scene, context.object), context.scene):
         text = "Outdated: the twin, the camera or what is to be shown has changed"
         sentence(layout, context, text, "ERROR")
+    settings = context.scene.dgs
+    row = layout.row(align=True)
+    row.operator("dgs.split_view", icon="MOD_MIRROR", depress=settings.split_shown)
+    if settings.split_shown:
+        layout.prop(settings, "split_against")
+        layout.prop(settings, "split_at", slider=True)
     draw_beside(layout, context, exact.icon_name(image), photo_behind(context.scene.camera))
 
 

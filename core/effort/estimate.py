@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from ..compiled import cache_folder
 from ..imaging.formation.chain import Formation
 from ..imaging.medium import Medium
+from ..kernel_cache import cache_folder
 from ..machine import Machine
 from ..photos.load import Photo
 from ..progress import Progress

@@ -10,11 +10,11 @@ from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
-from ..compiled import cache_base
 from ..errors import OutputError
 from ..files import plain, read_json, write_json
 from ..json_shape import anything, check_shape, count, text, truth
 from ..json_shape import number as number_shape
+from ..kernel_cache import cache_base
 from ..numbers import number
 from ..photos.load import Photo
 

@@ -17,8 +17,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from ..compiled import cache_base
 from ..files import read_json
+from ..kernel_cache import cache_base
 from ..version import VERSION
 
 _chosen: dict[str, str] = {}

@@ -8,11 +8,12 @@ from typing import Any
 import numpy as np
 
 from ...core.constants import SH_C0, SH_COEFFICIENTS
+from ...core.errors import FormatError
 from ...core.serving.messages import PlacedTwin, SharedTwin
 from ..axes import matrix_to_engine
 from ..scene.known import KNOWN
 from ..scene.nodes import BOX_INPUT, COUNT_INPUT, CROP_INPUT, SIZE_INPUT, THRESHOLD_INPUT, splat_modifier, splat_value
-from ..scene.twin import BASE, ROTATION, SCALE, TWIN, harmonic, is_twin
+from ..scene.twin import BASE, OWN_BASE, ROTATION, SCALE, TWIN, harmonic, is_twin
 from .picture_server import PictureServer
 
 #: Where attributes keep their numbers, in the order of `SharedTwin.planes`.
@@ -39,6 +40,19 @@ def placed_twins(
             if key is not None:
                 placed.append(_placed(thing, key, depsgraph))
     return tuple(placed)
+
+
+def whole_twin(twin: Any, server: PictureServer) -> PlacedTwin:
+    """A twin in its own axes and colours, with all its splats, whatever the scene shows of it.
+
+    Raises:
+        FormatError: its attributes are not those of a twin.
+    """
+    content = None if twin.data.is_editmode else _content(twin.data, int(twin[TWIN]), own_colours=True)
+    if content is None:
+        raise FormatError(f"'{twin.name}' cannot be read as splats", "Leave Edit Mode, or add the twin anew")
+    server.put(*content)
+    return PlacedTwin(content[0].key, _row(np.eye(4)))
 
 
 def guessed_twins(depsgraph: Any, server: PictureServer) -> tuple[PlacedTwin, ...]:
@@ -88,8 +102,9 @@ def _key(twin: Any, server: PictureServer, fresh: bool) -> str | None:
     return shared.key
 
 
-def _content(mesh: Any, harmonics: int) -> tuple[SharedTwin, bytes] | None:
-    fields = [*_FIELDS, *((harmonic(index), "vector") for index in range(harmonics - 1))]
+def _content(mesh: Any, harmonics: int, own_colours: bool = False) -> tuple[SharedTwin, bytes] | None:
+    fields = [*_FIELDS[:-1], (OWN_BASE if own_colours and OWN_BASE in mesh.attributes else BASE, "color")]
+    fields += [*((harmonic(index), "vector") for index in range(harmonics - 1))]
     count = len(mesh.vertices)
     attributes = [mesh.attributes.get(name) for name, _ in fields]
     if harmonics not in SH_COEFFICIENTS or not count or any(a is None or len(a.data) != count for a in attributes):

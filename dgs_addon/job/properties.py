@@ -9,6 +9,7 @@ import bpy
 from ...core.effects.choices import effect_items
 from ..laboratory.media.registry import MEDIA
 from ..photos import forget
+from ..window import redraw_views
 from .watching import watch
 
 _PRESETS = (
@@ -44,6 +45,10 @@ def _read_photos(settings: Any, _context: Any) -> None:
 
 def _watch(settings: Any, _context: Any) -> None:
     watch(settings.id_data)
+
+
+def _redraw_views(_settings: Any, _context: Any) -> None:
+    redraw_views()
 
 
 class DGS_PG_settings(bpy.types.PropertyGroup):
@@ -286,8 +291,45 @@ class DGS_PG_settings(bpy.types.PropertyGroup):
         options={"HIDDEN"},
         description="The engine's last picture of this scene, packed into the file",
     )
+    exact_other: bpy.props.PointerProperty(
+        name="Other Exact View",
+        type=bpy.types.Image,
+        options={"HIDDEN"},
+        description="The same view blurred where that one is sharp, and sharp where it is blurred",
+    )
     exact_of: bpy.props.StringProperty(
         name="Exact View Of", options={"HIDDEN"}, description="What that picture was made of, as a checksum"
+    )
+    split_shown: bpy.props.BoolProperty(
+        name="Compare",
+        default=False,
+        update=_redraw_views,
+        description="Show the exact view in the camera's frame of the 3D view, beside what is chosen here",
+    )
+    split_at: bpy.props.FloatProperty(
+        name="Split",
+        min=0.0,
+        max=1.0,
+        default=0.5,
+        subtype="FACTOR",
+        update=_redraw_views,
+        description="Where the exact view ends and the other picture begins; or drag the line in the 3D view",
+    )
+    split_against: bpy.props.EnumProperty(
+        name="Against",
+        update=_redraw_views,
+        description="What is at the right of the line",
+        items=(
+            ("photo", "Photo", "The photo that was taken from there"),
+            ("truth", "Sharp Photo", "The photo without the medium, of the same name, in the folder of sharp photos"),
+            ("medium", "Other View", "The twin through the medium where the left side is sharp; sharp where it is not"),
+            (
+                "difference",
+                "Difference",
+                "Four times the difference: of the sharp view from the sharp photo where there"
+                " is one, else of the view through the medium from the photo",
+            ),
+        ),
     )
     view_kind: bpy.props.EnumProperty(
         name="Show",

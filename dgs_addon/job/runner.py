@@ -18,6 +18,7 @@ import bpy
 
 from ...core.errors import DgsError
 from ...core.files import make_folder
+from ...core.kernel_cache import is_compiled
 from ..drawing.live import SHOWN
 from ..drawing.process import warm_up
 from ..paths import out_folder
@@ -45,6 +46,8 @@ _EVENTS_PER_TICK = 50
 PATIENCE, SHORT_PATIENCE = 120.0, 2.0
 #: These stages; '' is the engine's start.
 _NOTHING_TO_KEEP = ("", "photos", "compile")
+#: Where these kernels are compiled, all are that draw a twin.
+_DRAWING_KERNELS = "packing_kernels"
 
 
 _job: Job | None = None
@@ -93,9 +96,10 @@ def start(request: Request, python: Path, scene: Any) -> Job:
     worker.start()
     if not bpy.app.timers.is_registered(_tick):
         bpy.app.timers.register(_tick, first_interval=TICK, persistent=True)
-    if _will_be_seen(request, scene):
-        # Now, while the engine itself starts, which keeps one core busy: so the twin's first picture is not late.
-        warm_up()
+    _job.to_be_drawn = _will_be_seen(request, scene)
+    # Now, while the engine itself starts, which keeps one core busy; but where kernels are still to be compiled, both
+    # would do it: then when the job has done so.
+    _start_drawing(_job, is_compiled(_DRAWING_KERNELS))
     return _job
 
 
@@ -193,11 +197,19 @@ def _drain() -> None:
             _take_in(job, message.value)
         else:
             job.state.apply(message)
+    _start_drawing(job, job.state.stage in ("train", "save"))
     _show_live(job)
     if job.asked is not None and job.state.alive and time.monotonic() - job.asked > _patience(job):
         job.worker.kill()
     if not bpy.app.background:
         _show(job, changed)
+
+
+def _start_drawing(job: Job, now: bool) -> None:
+    """Starts the process that will draw the twin, so that its first picture is not late."""
+    if job.to_be_drawn and now:
+        job.to_be_drawn = False
+        warm_up()
 
 
 def _patience(job: Job) -> float:

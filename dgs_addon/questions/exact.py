@@ -1,110 +1,124 @@
 """The engine's own picture of a twin through the scene's camera: the sorted blending it was trained with.
 
-The engine runs beside the window, as for a job. A twin that was moved, turned or scaled as a whole is
-seen as it stands: the camera is carried into the twin's own axes instead.
+The process that draws all views makes it, at the camera's full resolution, sharp and through the medium. A twin that
+was moved, turned or scaled as a whole is seen as it stands: the camera is carried into the twin's own axes instead.
 
-The picture belongs to its scene (`scene.dgs.exact_view`), is packed into the file, and remembers of what it was made
-(`scene.dgs.exact_of`): the panel says when that has changed.
+The pictures belong to their scene (`scene.dgs.exact_view` is the one that was asked for, `exact_other` the other kind),
+are packed into the file, and remember of what they were made (`scene.dgs.exact_of`): the panel says when that has
+changed.
 """
 
 from __future__ import annotations
 
-import contextlib
-import queue
-import shutil
-import tempfile
 import zlib
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import bpy
 import numpy as np
 
+from ...core.background import BLACK
 from ...core.camera import Camera
-from ...core.formats.ply import write_ply
-from ...core.formats.transforms import write_transforms
+from ...core.serving.messages import Blur, View
 from ..axes import camera_to_engine, matrix_to_blender, read_settings, render_size
-from ..engine.process import RUN
+from ..drawing.picture_server import Picture, PictureServer
+from ..drawing.process import picture_server
+from ..drawing.twins import whole_twin
 from ..job import pictures
-from ..job.state import ending
-from ..job.worker import Ended, Worker
 from ..scene.medium import psf_before
-from ..scene.twin import BASE, OWN_BASE, read_twin
+from ..scene.twin import BASE, OWN_BASE
 
-#: Image that the picture goes to.
-IMAGE = "Descatter Exact View"
+#: Images that the picture that was asked for and the other one go to.
+IMAGE, OTHER = "Descatter Exact View", "Descatter Exact View, Other"
 #: Seconds between two checks whether the picture is there.
-_TICK = 0.1
-_NAME = "view.png"
+_TICK = 0.02
 #: Splats that stand for all where it is asked whether the twin has changed.
 _SAMPLES = 64
 #: Settings that a blurred picture depends on.
 _MEDIUM = ("medium", "sigma", "sigma_minor", "angle", "psf_file", "blur_space")
+#: Comparisons that show one.
+_WITH_MEDIUM = ("medium", "difference")
 
 
 class ExactView:
-    """One picture that is made.
+    """Pictures of one view that are being made.
+
+    Args:
+        server: makes them.
+        views: by kind, the one that was asked for first.
+        scene: `session_uid` of the scene that asked.
+        subject: what they are pictures of, see `subject_of`.
 
     Attributes:
         error: what went wrong; '' while it works and if all went well.
         image: the `bpy` image, once it is there.
-        scene: `session_uid` of the scene that asked.
-        subject: what it is a picture of, see `subject_of`.
     """
 
-    def __init__(self, worker: Worker, folder: Path, scene: int, subject: str) -> None:
+    def __init__(self, server: PictureServer, views: dict[str, View], scene: int, subject: str) -> None:
         self.error, self.ended = "", False
         self.image: Any = None
         self.scene, self.subject = scene, subject
-        self._worker, self._folder = worker, folder
-        self._said = ""
+        self._server, self._kinds = server, list(views)
+        self._made: dict[str, Picture] = {}
+        for kind, view in views.items():
+            server.take(_channel(kind))  # of one that nobody waited for
+            server.ask(_channel(kind), view)
 
     def drain(self) -> None:
-        """Takes in the engine's events; on the main thread."""
-        with contextlib.suppress(queue.Empty):
-            while not self.ended:
-                message = self._worker.events.get_nowait()
-                if isinstance(message, Ended):
-                    self._end(message.status)
-                elif isinstance(message, dict) and message.get("event") == "error":
-                    self._said = str(message.get("text", ""))
+        """Takes in what has come; on the main thread."""
+        for kind in self._kinds:
+            picture = None if self.ended or kind in self._made else self._server.take(_channel(kind))
+            if picture is not None:
+                self._made[kind] = picture
+            elif not self.ended and kind not in self._made and not self._server.waiting(_channel(kind)):
+                # (it may have come between the two looks)
+                late = self._server.take(_channel(kind))
+                if late is None:
+                    self.error, self.ended = self._server.error or "The engine made no picture", True
+                else:
+                    self._made[kind] = late
+        if not self.ended and len(self._made) == len(self._kinds):
+            self.ended = True
+            self._keep()
 
-    def stop(self) -> None:
-        """Ends the engine."""
-        self._worker.kill()
-        self._worker.join(5.0)
-
-    def _end(self, status: int) -> None:
-        self.ended = True
-        self.error = ending(status, self._said, False)[1]
-        if not self.error:
-            try:
-                self.image = self._keep((self._folder / "out" / _NAME).read_bytes())
-            except (OSError, RuntimeError) as error:
-                self.error = f"The engine's picture cannot be read ({error}). Try it again."
-        self.forget()
-
-    def _keep(self, content: bytes) -> Any:
-        """The scene's image of the exact view with this content; None if the scene is gone."""
+    def _keep(self) -> None:
+        """Puts the pictures into the scene's images; nothing happens if the scene is gone."""
         scene = next((scene for scene in bpy.data.scenes if scene.session_uid == self.scene), None)
         if scene is None:
-            return None
-        settings, image = scene.dgs, scene.dgs.exact_view
-        if image is None or any(other.dgs.exact_view == image for other in bpy.data.scenes if other != scene):
-            image = settings.exact_view = bpy.data.images.new(IMAGE, 1, 1)
-        image.source = "GENERATED"
-        image.pack(data=content, data_len=len(content))
-        image.source = "FILE"  # reads it
-        image.filepath_raw = f"//{IMAGE}.png"  # where it goes if somebody unpacks it
-        settings.exact_of = self.subject
-        show_icon(image)
-        return image
+            return
+        for kind, field, name in zip(self._kinds, ("exact_view", "exact_other"), (IMAGE, OTHER), strict=False):
+            _fill(_image(scene, field, name), self._made[kind])
+        if len(self._kinds) == 1:
+            scene.dgs.exact_other = None
+        scene.dgs.exact_of = self.subject
+        self.image = scene.dgs.exact_view
+        show_icon(self.image)
 
-    def forget(self) -> None:
-        """Removes its files."""
-        shutil.rmtree(self._folder, ignore_errors=True)
+
+def _channel(kind: str) -> str:
+    return f"exact {kind}"
+
+
+def _image(scene: Any, field: str, name: str) -> Any:
+    """The scene's own image of this use."""
+    image = getattr(scene.dgs, field)
+    if image is None or any(getattr(other.dgs, field) == image for other in bpy.data.scenes if other != scene):
+        image = bpy.data.images.new(name, 1, 1)
+        setattr(scene.dgs, field, image)
+    return image
+
+
+def _fill(image: Any, picture: Picture) -> None:
+    """Gives an image a picture's pixels, as a file of 8 bits has them, and packs it."""
+    height, width = picture.pixels.shape[:2]
+    if tuple(image.size) != (width, height):
+        image.scale(width, height)
+    rounded = np.round(np.clip(picture.pixels, 0.0, 1.0) * 255.0).astype(np.float32) / np.float32(255.0)
+    image.pixels.foreach_set(np.ascontiguousarray(rounded).reshape(-1))
+    image.update()
+    image.pack()
+    image.filepath_raw = f"//{image.name}.png"  # where it goes if somebody unpacks it
 
 
 _view: ExactView | None = None
@@ -115,35 +129,22 @@ def busy() -> bool:
     return _view is not None and not _view.ended
 
 
-def start(twin: Any, scene: Any, python: Path, done: Callable[[ExactView], None]) -> ExactView:
-    """Asks the engine for a picture; `done` is called on the main thread when it is there, or is not.
+def start(twin: Any, scene: Any, done: Callable[[ExactView], None]) -> ExactView:
+    """Asks the engine for the pictures; `done` is called on the main thread when they are there, or are not.
 
     Raises:
-        DgsError: the medium of the settings is incomplete, or the twin cannot be written.
+        DgsError: the medium of the settings is incomplete, the twin cannot be read, or there is no engine.
     """
     global _view
-    settings = scene.dgs
-    blur = ["--psf", psf_before(twin, settings), "--blur-space", settings.blur_space]
-    folder = Path(tempfile.mkdtemp(prefix="descatter-", dir=bpy.app.tempdir or None))
-    write_ply(folder / "twin.ply", read_twin(twin))
-    write_transforms(folder / "transforms.json", {_NAME: camera_in(twin, scene)})
-    command = [
-        str(python),
-        str(RUN),
-        "render",
-        str(folder / "twin.ply"),
-        "--cameras",
-        str(folder / "transforms.json"),
-        "--out",
-        str(folder / "out"),
-        "--progress",
-        "json",
-        "--control",
-        *(blur if settings.view_kind == "medium" else []),
-    ]
-    worker = Worker(command, folder / "log.txt")
-    view = _view = ExactView(worker, folder, scene.session_uid, subject_of(twin, scene))
-    worker.start()
+    settings, server = scene.dgs, picture_server()
+    sharp = View((whole_twin(twin, server),), camera_in(twin, scene), background=BLACK)
+    views = {"sharp": sharp}
+    psf = psf_before(twin, settings)
+    if psf != "none":
+        views["medium"] = replace(sharp, blur=Blur(psf, settings.blur_space))
+    if settings.view_kind == "medium":
+        views = {"medium": views.get("medium", sharp), **views}
+    view = _view = ExactView(server, views, scene.session_uid, subject_of(twin, scene))
 
     def tick() -> float | None:
         view.drain()
@@ -157,12 +158,10 @@ def start(twin: Any, scene: Any, python: Path, done: Callable[[ExactView], None]
 
 
 def stop() -> None:
-    """Ends what runs, as when the add-on is switched off."""
+    """Forgets what is being made, as when the add-on is switched off."""
     global _view
-    if _view is not None and not _view.ended:
-        _view.stop()
+    if _view is not None:
         _view.ended = True
-        _view.forget()
     _view = None
 
 
@@ -198,7 +197,7 @@ def subject_of(twin: Any, scene: Any) -> str:
     camera = camera_in(twin, scene)
     count = len(mesh.vertices)
     parts: list[Any] = [settings.view_kind, count, camera.width, camera.height]
-    if settings.view_kind == "medium":
+    if settings.view_kind == "medium" or (settings.split_shown and settings.split_against in _WITH_MEDIUM):
         parts += [getattr(settings, name) for name in _MEDIUM]
     figures = [camera.fx, camera.fy, camera.cx, camera.cy, *camera.rotation.flat, *camera.translation]
     for name, field in (("position", "vector"), (OWN_BASE if OWN_BASE in mesh.attributes else BASE, "color")):
@@ -215,4 +214,4 @@ def camera_in(twin: Any, scene: Any) -> Camera:
     relative = np.array(twin.matrix_world.inverted() @ thing.matrix_world, dtype=np.float64)
     relative[:3, :3] /= np.linalg.norm(relative[:3, :3], axis=0)  # a scaled twin leaves the camera its axes
     settings = replace(read_settings(thing, render), matrix_world=matrix_to_blender(relative))
-    return camera_to_engine(settings, *render_size(render), _NAME)
+    return camera_to_engine(settings, *render_size(render), "view")

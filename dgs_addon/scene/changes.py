@@ -17,6 +17,8 @@ WORDS = {
     "render.resolution_x": "resolution",
     "render.resolution_y": "resolution",
     "render.resolution_percentage": "resolution",
+    "render.film_transparent": "transparent film",
+    "render.use_compositing": "compositing",
     "render.pixel_aspect_x": "pixel aspect",
     "render.pixel_aspect_y": "pixel aspect",
     "view_settings.view_transform": "view transform",

@@ -110,7 +110,7 @@ def test_from_photos_to_a_twin_without_a_window(scene: object, tmp_path: Path) -
     assert json.loads(twin[SETTINGS])["run"]["psf"] == f"gaussian:{SIGMA:g}"
     assert json.loads(twin[SCORE])["degraded"]["psnr"] > 15
     assert scene.camera is not None and scene.camera.parent == twin
-    assert scene.render.engine == "CYCLES"
+    assert scene.render.engine == "DESCATTER"
     assert read_record(tmp_path / "out").phase == "done"
     assert runner.resumable(tmp_path / "out") is None
     exact_view_is_the_engines(scene, tmp_path / "out" / "renders")

@@ -1,0 +1,176 @@
+"""Runs inside Blender with a window: a twin arrives in Blender's own new file, is looked at, is compared with photos.
+
+    blender --python view_story.py -- FOLDER
+
+FOLDER holds photos, sharp photos and the results of a run; FOLDER/pictures gets the screenshots, FOLDER/story.json what
+was seen.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+sys.path.insert(0, str(Path(__file__).parent))  # Blender runs this file where no package is
+from robot import Robot, Story
+
+FOLDER = Path(sys.argv[sys.argv.index("--") + 1])
+ADDON = "bl_ext.user_default.dgs"
+seen: dict[str, Any] = {"blender": bpy.app.version_string}
+
+
+def _addon(module: str) -> Any:
+    """A module of the installed extension."""
+    return import_module(f"{ADDON}.{module}")
+
+
+def story(robot: Robot) -> Story:
+    """Arrival, View Twin, comparisons."""
+    settings = bpy.context.scene.dgs
+    settings.photos, settings.out, settings.truth = (str(FOLDER / name) for name in ("photos", "out", "sharp"))
+    settings.medium, settings.sigma = "gaussian", 3.0
+    yield from _arrives(robot)
+    yield from _viewed(robot)
+    yield from _compared(robot)
+    yield from _dragged(robot)
+    yield from _outdated(robot)
+    _saved()
+
+
+def _arrives(robot: Robot) -> Story:
+    began = time.monotonic()
+    bpy.ops.dgs.add_results()
+    seen["operator"] = time.monotonic() - began
+    yield from _until(_splats_are_drawn, 200)
+    seen["first"] = {"seconds": time.monotonic() - began, "load": os.getloadavg()[0]}
+    yield from robot.open_tab("Descatter")
+    yield from _settled()
+    yield from robot.picture("arrival")
+    seen["engine"] = bpy.context.scene.render.engine
+
+
+def _viewed(robot: Robot) -> Story:
+    space = robot.area().spaces.active
+    for name in ("view", "view-again"):
+        with _in_view(robot):
+            bpy.ops.dgs.view_twin()
+        yield from _settled()
+        yield from robot.picture(name)
+        seen[name] = [space.shading.type, space.region_3d.view_perspective, space.overlay.show_overlays]
+
+
+def _compared(robot: Robot) -> Story:
+    settings = bpy.context.scene.dgs
+    with _in_view(robot):
+        bpy.ops.dgs.split_view()
+    began = time.monotonic()
+    yield from _until(lambda: settings.exact_other is not None, 60)
+    seen["exact"] = [time.monotonic() - began, list(settings.exact_view.size), list(settings.exact_other.size)]
+    split = _addon("dgs_addon.questions.split_view")
+    for against in ("photo", "truth", "medium", "difference"):
+        settings.split_against = against
+        yield 0.5
+        yield from robot.picture(f"split-{against}")
+    with _in_view(robot):
+        seen["frame"] = list(split.frame_of(bpy.context))
+    region = next(region for region in robot.area().regions if region.type == "WINDOW")
+    seen["region"] = [region.x, region.y, region.width, region.height]
+
+
+def _dragged(robot: Robot) -> Story:
+    """The line is dragged to a quarter of the frame with the mouse; then again, and Escape puts it back."""
+    settings, window = bpy.context.scene.dgs, bpy.context.window_manager.windows[0]
+    settings.split_against = "photo"
+    left, bottom, right, top = seen["frame"]
+    x, y = seen["region"][:2]
+    height = window.height - (y + 0.4 * bottom + 0.6 * top)
+    for share, key in ((0.25, ""), (0.6, "Escape")):
+        start, end = (x + left + part * (right - left) for part in (settings.split_at, share))
+        _mouse("mousemove", round(start) + 3, round(height))
+        yield 0.4
+        _mouse("mousemove", round(start), round(height))
+        yield 0.4
+        _mouse("mousedown", 1)
+        yield 0.3
+        for part in (0.3, 0.6, 1.0):
+            _mouse("mousemove", round(start + part * (end - start)), round(height))
+            yield 0.2
+        if key:
+            seen["while dragged"] = settings.split_at
+            robot.key(key)
+            yield 0.3
+        _mouse("mouseup", 1)
+        yield 0.5
+        seen[f"dragged {share}"] = settings.split_at
+    yield from robot.picture("split-dragged")
+
+
+def _outdated(robot: Robot) -> Story:
+    scene = bpy.context.scene
+    scene.camera.location.x += 0.2
+    yield 0.5
+    yield from robot.picture("split-outdated")
+    with _in_view(robot):
+        bpy.ops.dgs.split_view()
+    seen["off"] = scene.dgs.split_shown
+
+
+def _saved() -> None:
+    path = str(FOLDER / "saved.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    images = (bpy.context.scene.dgs.exact_view, bpy.context.scene.dgs.exact_other)
+    seen["packed"] = [image.packed_file is not None for image in images]
+
+
+def _splats_are_drawn() -> bool:
+    shown = [view.follower.picture for view in _views()]
+    return any(picture is not None and picture.pixels[..., 3].any() for picture in shown)
+
+
+def _views() -> list[Any]:
+    return list(_addon("dgs_addon.drawing.viewport")._views.values())
+
+
+def _settled(seconds: float = 60.0) -> Story:
+    yield 0.5
+    yield from _until(lambda: all(view.follower.done and view.follower.picture for view in _views()), seconds)
+    yield 0.5
+
+
+def _until(true: Callable[[], object], seconds: float) -> Story:
+    end = time.monotonic() + seconds
+    while not true():
+        if time.monotonic() > end:
+            raise TimeoutError(f"not in {seconds} s")
+        yield 0.02
+
+
+def _in_view(robot: Robot) -> Any:
+    """The 3D view, as if the mouse were above it."""
+    area = robot.area()
+    region = next(region for region in area.regions if region.type == "WINDOW")
+    return bpy.context.temp_override(window=bpy.context.window_manager.windows[0], area=area, region=region)
+
+
+def _mouse(*words: Any) -> None:
+    subprocess.run(["xdotool", *map(str, words)], check=True)
+
+
+def _done(error: str) -> None:
+    seen["failure"] = error
+    (FOLDER / "story.json").write_text(json.dumps(seen), encoding="utf-8")
+
+
+bpy.context.preferences.view.show_splash = False
+(FOLDER / "pictures").mkdir(exist_ok=True)
+robot = Robot(FOLDER / "pictures")
+robot.play(story(robot), _done)
