@@ -10,6 +10,13 @@ from .composite_meshes import DGS_OT_composite_meshes
 from .crop_twin import DGS_OT_crop_twin
 from .dismiss import DGS_OT_dismiss
 from .drop_files import DGS_FH_photos, DGS_FH_twin
+from .edit_splats import (
+    DGS_OT_delete_splats,
+    DGS_OT_edit_splats,
+    DGS_OT_hide_splats,
+    DGS_OT_restore_splats,
+    DGS_OT_show_splats,
+)
 from .engine import DGS_OT_cancel_install, DGS_OT_check_engine, DGS_OT_install_engine, DGS_OT_open_preferences
 from .estimate import DGS_OT_estimate
 from .exact_view import DGS_OT_exact_view
@@ -22,7 +29,8 @@ from .inspect_photos import DGS_OT_inspect_photos
 from .limit_splats import DGS_OT_limit_splats
 from .make_test_set import DGS_OT_make_test_set
 from .measure_psf import DGS_OT_measure_psf
-from .menus import DGS_MT_add, DGS_MT_object, add_menus, remove_menus
+from .menus import DGS_MT_add, DGS_MT_object, DGS_MT_select, add_menus, remove_menus
+from .merge_twins import DGS_OT_apply_transform, DGS_OT_merge_twins
 from .open_report import DGS_OT_open_report
 from .optimize import DGS_OT_optimize
 from .pause_job import DGS_OT_pause_job
@@ -31,6 +39,13 @@ from .prepare_scene import DGS_OT_prepare_scene
 from .remove_twin import DGS_OT_remove_twin
 from .render_twin import DGS_OT_render_twin
 from .resume_job import DGS_OT_resume_job
+from .select_splats import (
+    DGS_OT_select_by_colour,
+    DGS_OT_select_by_error,
+    DGS_OT_select_by_opacity,
+    DGS_OT_select_by_size,
+    DGS_OT_select_floaters,
+)
 from .show_cameras import DGS_OT_show_cameras
 from .show_known import DGS_OT_show_known
 from .show_log import DGS_OT_show_log
@@ -71,6 +86,18 @@ CLASSES: tuple[type, ...] = (
     DGS_OT_set_up,
     DGS_OT_crop_twin,
     DGS_OT_limit_splats,
+    DGS_OT_edit_splats,
+    DGS_OT_select_by_size,
+    DGS_OT_select_by_opacity,
+    DGS_OT_select_by_colour,
+    DGS_OT_select_by_error,
+    DGS_OT_select_floaters,
+    DGS_OT_delete_splats,
+    DGS_OT_hide_splats,
+    DGS_OT_show_splats,
+    DGS_OT_restore_splats,
+    DGS_OT_merge_twins,
+    DGS_OT_apply_transform,
     DGS_OT_remove_twin,
     DGS_OT_render_twin,
     DGS_OT_composite_meshes,
@@ -90,6 +117,7 @@ CLASSES: tuple[type, ...] = (
     DGS_OT_show_states,
     DGS_MT_object,
     DGS_MT_add,
+    DGS_MT_select,
 )
 
 #: What can be dragged in 3D views.

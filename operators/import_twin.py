@@ -13,6 +13,7 @@ from ..core.errors import DgsError
 from ..core.formats.gaussians import SPLAT_FORMATS, read_gaussians, read_suffixes
 from ..dgs_addon.scene.changes import noting
 from ..dgs_addon.scene.setting_up import set_up_scene
+from ..dgs_addon.scene.sources import remember_source
 from ..dgs_addon.scene.twin import add_twin
 
 
@@ -52,10 +53,12 @@ class DGS_OT_import_twin(bpy.types.Operator, ImportHelper):
         """Reads the file and selects the new object."""
         path = Path(bpy.path.abspath(self.filepath))
         try:
-            twin = add_twin(read_gaussians(path), path.stem, context.collection)
+            cloud = read_gaussians(path)
+            twin = add_twin(cloud, path.stem, context.collection)
         except DgsError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
+        remember_source(twin.data, path, cloud)
         if self.prepare:
             with noting(context.scene):
                 set_up_scene(context.scene)

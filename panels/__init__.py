@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from .cameras import DGS_PT_cameras
+from .edit import DGS_PT_twin_edit
 from .images import DGS_PT_images
 from .main import DGS_PT_main
 from .medium import DGS_PT_medium
@@ -20,6 +21,7 @@ CLASSES: tuple[type, ...] = (
     DGS_PT_optimize,
     DGS_PT_twin,
     DGS_PT_twin_look,
+    DGS_PT_twin_edit,
     DGS_PT_validate,
     RENDER_PT_descatter,
     VIEWLAYER_PT_descatter_passes,

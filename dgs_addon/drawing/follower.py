@@ -39,6 +39,10 @@ class Follower:
             self._interval = since if since < PACE.longest_rest else 0.0
             self._wanted, self._moved = (key, view), now
 
+    def clear(self) -> None:
+        """Nothing is to be seen: the picture goes, and comes anew for whatever is shown next."""
+        self.picture = self._wanted = self._shown = None
+
     def step(self, server: PictureServer, now: float) -> bool:
         """Takes a picture that has come, and asks for the next; True if there is a new one to be drawn."""
         came = server.take(self._channel)

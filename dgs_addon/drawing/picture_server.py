@@ -110,6 +110,11 @@ class PictureServer:
         """Whether a twin was handed over."""
         return key in self._twins
 
+    def retire(self, key: str) -> None:
+        """A twin that nobody will ask for again may be dropped before the next picture, but for one that names it."""
+        with self._changed:
+            self._used[key] = min(self._used.get(key, 0), self._questions - _UNUSED_AFTER)
+
     def ask(self, channel: str, view: View) -> None:
         """Asks for a picture; returns at once. An older question of the channel that waits is forgotten."""
         with self._changed:

@@ -7,7 +7,9 @@ from typing import Any
 
 import bpy
 
+from ..scene.hiding import follow
 from . import live, process
+from .edited import forget_edits
 from .meshes import forget_meshes
 from .quad import forget_shaders
 from .render_engine import BACKGROUND, ENGINE, EXPECTED_ERROR, DescatterRenderEngine
@@ -56,7 +58,7 @@ def register_drawing() -> None:
     setattr(bpy.types.Scene, live.SHOWN, shown)
     for panel in _general_panels():
         panel.COMPAT_ENGINES.add(ENGINE)
-    bpy.app.handlers.depsgraph_update_post.append(_watch)
+    bpy.app.handlers.depsgraph_update_post.extend((_watch, follow))
     bpy.app.handlers.load_post.append(_forget)
     live.start()
 
@@ -64,12 +66,14 @@ def register_drawing() -> None:
 def unregister_drawing() -> None:
     """Takes everything out again, and ends the server."""
     live.stop()
+    forget_edits()
     process.stop()
     forget_views()
     forget_shaders()
     forget_meshes()
     bpy.app.handlers.load_post.remove(_forget)
-    bpy.app.handlers.depsgraph_update_post.remove(_watch)
+    for watcher in (_watch, follow):
+        bpy.app.handlers.depsgraph_update_post.remove(watcher)
     for panel in _general_panels():
         panel.COMPAT_ENGINES.discard(ENGINE)
     delattr(bpy.types.Scene, live.SHOWN)
@@ -94,3 +98,4 @@ def _watch(_scene: Any, depsgraph: Any) -> None:
 @bpy.app.handlers.persistent
 def _forget(*_: Any) -> None:
     forget_twins()
+    forget_edits()

@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
-import zlib
 from typing import Any
 
+import bpy
 import numpy as np
 
-from ...core.constants import SH_C0, SH_COEFFICIENTS
 from ...core.errors import FormatError
-from ...core.serving.messages import PlacedTwin, SharedTwin
+from ...core.serving.messages import PlacedTwin
 from ..axes import matrix_to_engine
-from ..scene.known import KNOWN
 from ..scene.nodes import BOX_INPUT, COUNT_INPUT, CROP_INPUT, SIZE_INPUT, THRESHOLD_INPUT, splat_modifier, splat_value
-from ..scene.twin import BASE, OWN_BASE, ROTATION, SCALE, TWIN, harmonic, is_twin
+from ..scene.reading import readable
+from ..scene.twin import TWIN, is_twin
+from .contents import content_of, guessed_of
+from .edited import edited_key, final_key, note_change
 from .picture_server import PictureServer
 
-#: Where attributes keep their numbers, in the order of `SharedTwin.planes`.
-_FIELDS = (("position", "vector"), (SCALE, "vector"), (ROTATION, "value"), (BASE, "color"))
-
-#: Keys of the meshes that were read, by their number in this session: they hold until the mesh changes.
+#: Keys of the meshes that were read, by their number in this session: they hold until the mesh changes. '' where
+#: nothing is to be seen.
 _keys: dict[int, str] = {}
 
 
@@ -36,8 +35,14 @@ def placed_twins(
     placed = []
     for thing in depsgraph.objects:
         if is_twin(thing) and (space is None or thing.original.visible_in_viewport_get(space)):
-            key = _key(thing.original, server, fresh)
-            if key is not None:
+            twin = thing.original
+            if not twin.data.is_editmode:
+                key = _key(twin, server, fresh)
+            elif space is None:
+                key = final_key(twin, server)
+            elif (key := edited_key(twin, server)) is None:
+                key = _keys.get(twin.data.session_uid)  # as it was before, until it is read
+            if key:
                 placed.append(_placed(thing, key, depsgraph))
     return tuple(placed)
 
@@ -48,9 +53,10 @@ def whole_twin(twin: Any, server: PictureServer) -> PlacedTwin:
     Raises:
         FormatError: its attributes are not those of a twin.
     """
-    content = None if twin.data.is_editmode else _content(twin.data, int(twin[TWIN]), own_colours=True)
+    with readable(twin) as mesh:
+        content = content_of(mesh, twin.data.session_uid, int(twin[TWIN]), whole=True)
     if content is None:
-        raise FormatError(f"'{twin.name}' cannot be read as splats", "Leave Edit Mode, or add the twin anew")
+        raise FormatError(f"'{twin.name}' cannot be read as splats", "Add the twin anew")
     server.put(*content)
     return PlacedTwin(content[0].key, _row(np.eye(4)))
 
@@ -62,7 +68,10 @@ def guessed_twins(depsgraph: Any, server: PictureServer) -> tuple[PlacedTwin, ..
     """
     placed = []
     for thing in depsgraph.objects:
-        content = _guessed_content(thing.original.data, int(thing[TWIN])) if is_twin(thing) else None
+        if not is_twin(thing):
+            continue
+        with readable(thing.original) as mesh:
+            content = guessed_of(mesh, thing.original.data.session_uid, int(thing[TWIN]))
         if content is not None:
             server.put(*content)
             placed.append(_placed(thing, content[0].key, depsgraph))
@@ -73,10 +82,12 @@ def changed_twins(depsgraph: Any) -> bool:
     """Notes which meshes have changed; True if any twin did, or moved, or may be seen differently."""
     any_changed = False
     for update in depsgraph.updates:
-        thing = update.id
+        thing = update.id.original  # (what is evaluated has numbers of its own)
         if update.is_updated_geometry:
             mesh = getattr(thing, "data", thing)
             any_changed |= _keys.pop(getattr(mesh, "session_uid", 0), None) is not None
+        if isinstance(thing, bpy.types.Mesh):
+            note_change(thing.session_uid)  # what is selected changes no geometry
         any_changed |= is_twin(thing) if hasattr(thing, "type") else False
     return any_changed
 
@@ -90,48 +101,15 @@ def _key(twin: Any, server: PictureServer, fresh: bool) -> str | None:
     """The key of a twin's present state; None where its attributes are not those of a twin."""
     mesh = twin.data
     known = _keys.get(mesh.session_uid)
-    if mesh.is_editmode or (known is not None and not fresh and server.has(known)):
-        return known  # (while it is edited its attributes cannot be read)
-    content = _content(mesh, int(twin[TWIN]))
+    if known is not None and not fresh and (not known or server.has(known)):
+        return known
+    content = content_of(mesh, mesh.session_uid, int(twin[TWIN]))
     if content is None:
+        _keys[mesh.session_uid] = ""
         return None
-    shared, values = content
-    if not server.has(shared.key):
-        server.put(shared, values)
-    _keys[mesh.session_uid] = shared.key
-    return shared.key
-
-
-def _content(mesh: Any, harmonics: int, own_colours: bool = False) -> tuple[SharedTwin, bytes] | None:
-    fields = [*_FIELDS[:-1], (OWN_BASE if own_colours and OWN_BASE in mesh.attributes else BASE, "color")]
-    fields += [*((harmonic(index), "vector") for index in range(harmonics - 1))]
-    count = len(mesh.vertices)
-    attributes = [mesh.attributes.get(name) for name, _ in fields]
-    if harmonics not in SH_COEFFICIENTS or not count or any(a is None or len(a.data) != count for a in attributes):
-        return None
-    shape = SharedTwin("", count, harmonics)
-    values = bytearray(shape.bytes)
-    for plane, attribute, (_, field) in zip(shape.planes(memoryview(values)), attributes, fields, strict=True):
-        if not hasattr(attribute.data[0], field):
-            return None
-        attribute.data.foreach_get(field, plane.reshape(-1))
-    content = bytes(values)
-    return SharedTwin(f"{mesh.session_uid}-{zlib.crc32(content)}", count, harmonics), content
-
-
-def _guessed_content(mesh: Any, harmonics: int) -> tuple[SharedTwin, bytes] | None:
-    content = _content(mesh, harmonics)
-    if content is None:
-        return None
-    twin, values = content
-    shape = SharedTwin("", twin.count, 1)
-    grey = bytearray(values[: shape.bytes])
-    known = np.zeros(twin.count, np.float32)
-    attribute = mesh.attributes.get(KNOWN)
-    if attribute is not None and len(attribute.data) == twin.count and hasattr(attribute.data[0], "value"):
-        attribute.data.foreach_get("value", known)
-    shape.planes(memoryview(grey))[3][:, :3] = ((0.5 - known.clip(0.0, 1.0)) / SH_C0)[:, None]
-    return SharedTwin(f"guessed {mesh.session_uid}-{zlib.crc32(grey)}", twin.count, 1), bytes(grey)
+    server.put(*content)
+    _keys[mesh.session_uid] = content[0].key
+    return content[0].key
 
 
 def _placed(thing: Any, key: str, depsgraph: Any) -> PlacedTwin:

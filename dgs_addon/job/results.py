@@ -13,7 +13,7 @@ import numpy as np
 from mathutils import Matrix
 
 from ...core.cloud import GaussianCloud
-from ...core.errors import DgsError
+from ...core.errors import DgsError, FormatError
 from ...core.files import read_json
 from ...core.formats.ply import read_ply
 from ...core.json_shape import anything, check_shape, text
@@ -30,6 +30,7 @@ from ..scene.points import POINTS, add_points
 from ..scene.removal import replace_mesh, take_out
 from ..scene.scene_cameras import PHOTO, SCENE_CAMERAS
 from ..scene.setting_up import set_up_scene
+from ..scene.sources import read_sources, remember_source, source_of, write_sources
 from ..scene.twin import add_twin, glossy, is_twin, splat_mesh
 from .job import Job
 
@@ -126,15 +127,27 @@ def twin_of(out: Path, scene: Any) -> Any:
     return max(twins, key=lambda twin: any(child.type == "CAMERA" for child in twin.children), default=None)
 
 
-def _place(cloud: GaussianCloud, out: Path, scene: Any) -> Any:
+def is_edited(out: Path, scene: Any) -> bool:
+    """Whether the scene's twin of this folder is in Edit Mode, where nothing may take its place."""
     twin = twin_of(out, scene)
+    return twin is not None and bool(twin.data.is_editmode)
+
+
+def _place(cloud: GaussianCloud, out: Path, scene: Any) -> Any:
+    twin, file = twin_of(out, scene), out / "twin.ply"
     if twin is None:
         name = out.name.removesuffix("-twin") or "twin"
         twin = add_twin(cloud, f"{name} twin", scene.collection)
         twin[FOLDER] = str(out)
+        remember_source(twin.data, file, cloud)
         _select(twin, scene)
         return twin
-    replace_mesh(twin.data, splat_mesh(cloud, twin.data.name))
+    if twin.data.is_editmode:
+        raise FormatError(f"'{twin.name}' is in Edit Mode", "Leave it first")
+    source = source_of(file, cloud, read_sources(twin.data))
+    mesh = splat_mesh(source.placed(cloud), twin.data.name)
+    write_sources(mesh, [source])
+    replace_mesh(twin.data, mesh)
     return twin
 
 

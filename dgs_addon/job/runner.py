@@ -29,7 +29,7 @@ from .job import Job
 from .options import RESUMABLE
 from .record import LOG, Record, read_record
 from .request import Request
-from .results import add_results, prepared, show_live, twin_of
+from .results import add_results, is_edited, prepared, show_live, twin_of
 from .snapshot import News, SnapshotReader
 from .state import ending
 from .test_set import use_test_set
@@ -251,7 +251,8 @@ def _go_on(job: Job) -> None:
 
 
 def _finish(job: Job) -> Iterator[None]:
-    scene = _scene(job)
+    while (scene := _scene(job)) is not None and is_edited(job.request.home, scene):
+        yield  # until Edit Mode is left
     if scene is None:
         asking = _asking_scene(job)
         job.homeless = asking is None or asking.dgs.add_when_done
@@ -311,8 +312,8 @@ def _show_live(job: Job) -> None:
     scene = _scene(job)
     if scene is None:
         return
-    if prepared(job.cloud):
-        return  # enough for one tick
+    if prepared(job.cloud) or is_edited(job.request.out, scene):
+        return  # enough for one tick, or nothing may be changed now
     job.unseen = False
     if job.live_twin and twin_of(job.request.out, scene) is None:
         job.snapshots.live = False  # the user has deleted it: it comes back when it is finished

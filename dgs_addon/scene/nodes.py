@@ -37,6 +37,8 @@ SIZE_INPUT, THRESHOLD_INPUT, COUNT_INPUT, VIEWPORT_INPUT, FACE_INPUT, CROP_INPUT
     "Crop Box",
     "Drawn Live",
 )
+#: Point attribute: whether a splat is hidden (see `hiding`).
+HIDDEN = "hidden"
 _NAME = "Descatter Splats"
 #: Opacity below which splats are not shown, unless another one is chosen: nobody sees them.
 FAINTEST = 0.005
@@ -185,7 +187,7 @@ def _interface(tree: Any) -> None:
 
 
 def _cropped(graph: Graph, given: Any) -> Any:
-    """The points inside the box, wherever box and twin were moved, turned or scaled."""
+    """The points that are not hidden and lie inside the box, wherever box and twin were moved, turned or scaled."""
     crop, box = (next(s for s in given if s.name == name) for name in (CROP_INPUT, BOX_INPUT))
     info = graph.node("GeometryNodeObjectInfo", box, transform_space="RELATIVE").outputs
     place = next(socket for socket in info if socket.name == "Transform")
@@ -195,6 +197,7 @@ def _cropped(graph: Graph, given: Any) -> Any:
     x, y, z = graph.node("ShaderNodeSeparateXYZ", graph.vector("ABSOLUTE", inside)).outputs
     beyond = graph.math("GREATER_THAN", graph.math("MAXIMUM", graph.math("MAXIMUM", x, y), z), 1.0)
     kept = graph.math("SUBTRACT", 1.0, graph.math("MULTIPLY", beyond, crop))
+    kept = graph.math("SUBTRACT", kept, graph.named("BOOLEAN", HIDDEN))
     return graph.node("GeometryNodeSeparateGeometry", given[0], kept).outputs[0]
 
 

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.cloud import GaussianCloud
+from ...core.cloud import GaussianCloud, cloud_part
 from ...core.errors import FormatError
 from ...core.formats.turning import moved
 from ..axes import matrix_to_blender, matrix_to_engine
 from .crop import crop_box
 from .nodes import COUNT_INPUT, CROP_INPUT, FAINTEST, SIZE_INPUT, THRESHOLD_INPUT, splat_modifier, splat_value
+from .reading import read_flags, readable
 
 #: Scales along the axes that differ by no more than this share are one: Blender's matrices have 32 bits.
 _EVEN = 1e-4
@@ -30,26 +32,26 @@ def shown_part(twin: Any, cloud: GaussianCloud) -> GaussianCloud:
     Raises:
         FormatError: nothing is shown.
     """
+    kept = shown_rows(twin, cloud)
+    modifier = splat_modifier(twin)
+    size = splat_value(modifier, SIZE_INPUT) if modifier is not None else None
+    if not len(kept) or size == 0.0:
+        raise FormatError(f"'{twin.name}' shows no splat", "Change its display, or export all of it")
+    part = cloud_part(cloud, kept)
+    return part if size is None else replace(part, log_scales=part.log_scales + np.float32(np.log(size)))
+
+
+def shown_rows(twin: Any, cloud: GaussianCloud) -> NDArray[np.intp]:
+    """[M] which of a twin's Gaussians a final render shows, whatever their size."""
+    kept = np.flatnonzero(~_hidden(twin) & _inside(twin, cloud))
     modifier = splat_modifier(twin)
     if modifier is None:
-        return cloud
-    kept = np.flatnonzero(_inside(twin, cloud))
+        return kept
     most = splat_value(modifier, COUNT_INPUT)
     share = min(most / len(kept), 1.0) if most is not None and len(kept) else 1.0
     index = np.arange(len(kept))
     kept = kept[np.floor((index + 1) * share) > np.floor(index * share)]
-    kept = kept[_opacity(cloud)[kept] >= (splat_value(modifier, THRESHOLD_INPUT) or 0.0)]
-    size = splat_value(modifier, SIZE_INPUT)
-    if not len(kept) or size == 0.0:
-        raise FormatError(f"'{twin.name}' shows no splat", "Change its display, or export all of it")
-    larger = np.float32(np.log(size)) if size is not None else np.float32(0.0)
-    return GaussianCloud(
-        cloud.means[kept],
-        cloud.log_scales[kept] + larger,
-        cloud.quaternions[kept],
-        cloud.opacity_logits[kept],
-        cloud.sh[kept],
-    )
+    return kept[_opacity(cloud)[kept] >= (splat_value(modifier, THRESHOLD_INPUT) or 0.0)]
 
 
 def placed(twin: Any, cloud: GaussianCloud) -> GaussianCloud:
@@ -58,18 +60,28 @@ def placed(twin: Any, cloud: GaussianCloud) -> GaussianCloud:
     Raises:
         FormatError: the twin is mirrored, or its axes are scaled differently.
     """
-    matrix = matrix_to_engine(_world(twin))
+    return moved(cloud, *similarity(twin, matrix_to_engine(_world(twin))))
+
+
+def similarity(twin: Any, matrix: NDArray[np.float64]) -> tuple[NDArray[np.float64], float, NDArray[np.float64]]:
+    """The rotation [3, 3], the size and the place [3] that a matrix [4, 4] gives a twin.
+
+    Raises:
+        FormatError: the matrix mirrors, or scales axes differently.
+    """
     left, sizes, right = np.linalg.svd(matrix[:3, :3])
     if sizes[0] - sizes[-1] > _EVEN * sizes[0] or np.linalg.det(matrix[:3, :3]) <= 0.0:
         raise FormatError(
             f"'{twin.name}' is mirrored, or not scaled alike along all axes", "Set its scale to one positive number"
         )
-    return moved(cloud, left @ right, float(sizes.mean()), matrix[:3, 3])
+    return left @ right, float(sizes.mean()), matrix[:3, 3]
 
 
 def is_limited(twin: Any, cloud: GaussianCloud) -> bool:
     """Whether a final render shows less than all Gaussians, or shows them larger or smaller."""
     modifier = splat_modifier(twin)
+    if _hidden(twin).any():
+        return True
     if modifier is None:
         return False
     most, faintest = splat_value(modifier, COUNT_INPUT), splat_value(modifier, THRESHOLD_INPUT) or 0.0
@@ -84,6 +96,11 @@ def is_limited(twin: Any, cloud: GaussianCloud) -> bool:
 def is_moved(twin: Any) -> bool:
     """Whether the twin got a size, an up direction or another place in the scene."""
     return not np.allclose(_world(twin), matrix_to_blender(np.eye(4)), rtol=0.0, atol=_STILL)
+
+
+def _hidden(twin: Any) -> NDArray[np.bool_]:
+    with readable(twin) as mesh:
+        return read_flags(mesh, "hide")
 
 
 def _inside(twin: Any, cloud: GaussianCloud) -> NDArray[np.bool_]:

@@ -13,11 +13,12 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.cloud import GaussianCloud
+from ...core.cloud import GaussianCloud, cloud_part, finite_rows
 from ...core.errors import FormatError
 from ..axes import matrix_to_blender
 from .live import drawn_live
 from .nodes import LIVE_INPUT, VIEWPORT_INPUT, set_splat_input, splat_input, splat_nodes
+from .reading import read_values, readable
 from .software import SOFTWARE_SPLATS, drawn_by_software
 
 #: Object property that marks a twin; its value is the number of harmonics.
@@ -25,6 +26,14 @@ TWIN = "dgs_harmonics"
 SCALE, ROTATION, BASE = "scale", "rotation", "radiance:base"
 #: The twin's own colours while others are shown (see `known`).
 OWN_BASE = "dgs_own_base"
+#: Point attribute: which splat of its files a point is (see `sources`).
+ROW = "dgs_row"
+
+
+def fields_of(harmonics: int, base: str = BASE) -> list[tuple[str, str, int]]:
+    """Attributes that hold a Gaussian, where their kind keeps the numbers, and how many these are."""
+    fields = [("position", "vector", 3), (SCALE, "vector", 3), (ROTATION, "value", 4), (base, "color", 4)]
+    return [*fields, *((harmonic(index), "vector", 3) for index in range(harmonics - 1))]
 
 
 def harmonic(index: int) -> str:
@@ -68,12 +77,14 @@ def glossy(cloud: GaussianCloud) -> bool:
 
 def splat_mesh(cloud: GaussianCloud, name: str) -> Any:
     """A `bpy` mesh of loose vertices: position, scale (standard deviations), rotation (unit w x y z),
-    radiance:base (raw zeroth harmonic R G B, opacity 0..1) and radiance:sh_0.. (raw).
+    radiance:base (raw zeroth harmonic R G B, opacity 0..1), radiance:sh_0.. (raw), and the row in the cloud.
 
     Raises:
         FormatError: no Gaussian has finite values only.
     """
-    cloud = _finite(cloud)
+    rows = np.flatnonzero(finite_rows(cloud))
+    if len(rows) < len(cloud):
+        cloud = cloud_part(cloud, rows)
     if not len(cloud):
         raise FormatError(f"'{name}' holds no Gaussian that can be shown", "Choose another PLY")
     mesh = bpy.data.meshes.new(name)
@@ -86,37 +97,30 @@ def splat_mesh(cloud: GaussianCloud, name: str) -> Any:
     _add(mesh, BASE, "FLOAT_COLOR", "color", np.concatenate([cloud.sh[:, 0], opacity[:, None]], axis=1))
     for index in range(cloud.sh.shape[1] - 1):
         _add(mesh, harmonic(index), "FLOAT_VECTOR", "vector", cloud.sh[:, index + 1])
+    mesh.attributes.new(ROW, "INT", "POINT").data.foreach_set("value", rows.astype(np.int32))
     mesh.update()
     return mesh
 
 
 def read_twin(twin: Any) -> GaussianCloud:
     """The Gaussians of an object that `add_twin` made, in the engine's axes as they were read."""
-    mesh = twin.data
-    count = len(mesh.vertices)
-
-    def values(name: str, field: str, width: int) -> NDArray[np.float32]:
-        array = np.empty(count * width, np.float32)
-        mesh.attributes[name].data.foreach_get(field, array)
-        return array.reshape(count, width)
-
-    base = values(OWN_BASE if OWN_BASE in mesh.attributes else BASE, "color", 4)
-    rest = [values(harmonic(index), "vector", 3) for index in range(int(twin[TWIN]) - 1)]
-    opacity = np.clip(base[:, 3], 1e-7, 1.0 - 1e-7)
-    return GaussianCloud(
-        means=values("position", "vector", 3),
-        log_scales=np.log(values(SCALE, "vector", 3)),
-        quaternions=values(ROTATION, "value", 4),
-        opacity_logits=np.log(opacity / (1.0 - opacity)),
-        sh=np.stack([base[:, :3], *rest], axis=1),
-    )
+    with readable(twin) as mesh:
+        base = read_values(mesh, OWN_BASE if OWN_BASE in mesh.attributes else BASE, "color", 4)
+        rest = [read_values(mesh, harmonic(index), "vector", 3) for index in range(int(twin[TWIN]) - 1)]
+        opacity = np.clip(base[:, 3], 1e-7, 1.0 - 1e-7)
+        return GaussianCloud(
+            means=read_values(mesh, "position", "vector", 3),
+            log_scales=np.log(read_values(mesh, SCALE, "vector", 3)),
+            quaternions=read_values(mesh, ROTATION, "value", 4),
+            opacity_logits=np.log(opacity / (1.0 - opacity)),
+            sh=np.stack([base[:, :3], *rest], axis=1),
+        )
 
 
 def read_means(twin: Any) -> NDArray[np.float64]:
     """[N, 3] centres of a twin's Gaussians, in its own axes."""
-    places = np.empty(len(twin.data.vertices) * 3, np.float32)
-    twin.data.attributes["position"].data.foreach_get("vector", places)
-    return places.reshape(-1, 3).astype(np.float64)
+    with readable(twin) as mesh:
+        return read_values(mesh, "position", "vector", 3).astype(np.float64)
 
 
 def is_twin(thing: Any) -> bool:
@@ -129,14 +133,6 @@ def scene_twin(scene: Any, active: Any) -> Any:
     if is_twin(active):
         return active
     return next((thing for thing in scene.objects if is_twin(thing)), None)
-
-
-def _finite(cloud: GaussianCloud) -> GaussianCloud:
-    arrays = (cloud.means, cloud.log_scales, cloud.quaternions, cloud.opacity_logits, cloud.sh)
-    kept = np.ones(len(cloud), bool)
-    for array in arrays:
-        kept &= np.isfinite(array.reshape(len(cloud), -1)).all(axis=1)
-    return cloud if kept.all() else GaussianCloud(*(array[kept] for array in arrays))
 
 
 def _unit(quaternions: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -100,6 +100,23 @@ class Robot:
         """Presses a key."""
         _xdotool("key", name)
 
+    def point(self, x: int, y: int) -> Story:
+        """Moves the mouse there."""
+        _xdotool("mousemove", x, y)
+        yield 0.3
+
+    def drag(self, way: list[tuple[int, int]]) -> Story:
+        """Moves the mouse along a way with its left button down."""
+        yield from self.point(*way[0])
+        _xdotool("mousedown", 1)
+        yield 0.2
+        for (x, y), (u, v) in zip(way, way[1:], strict=False):
+            for step in range(1, 9):
+                _xdotool("mousemove", x + (u - x) * step // 8, y + (v - y) * step // 8)
+                yield 0.05
+        _xdotool("mouseup", 1)
+        yield 0.3
+
     def picture(self, name: str, out_of_the_way: bool = True) -> Story:
         """Takes a screenshot; the mouse is out of the way, unless that would close what is to be seen."""
         if out_of_the_way:
