@@ -60,7 +60,9 @@ def begun(start: str, data: LoadedSet) -> tuple[SparsePoints, str]:
     if name == "lifted":
         return points, f"{len(points.positions)} points"
     pairs = dict(change.split("=") for change in changes)
-    settings = replace(SETTINGS, **{key: type(getattr(SETTINGS, key))(value) for key, value in pairs.items()})
+    sides = {"longest_side": (int(pairs.pop("longest_side")),) * 2} if "longest_side" in pairs else {}
+    plain = {key: type(getattr(SETTINGS, key))(value) for key, value in pairs.items()}
+    settings = replace(SETTINGS, **plain, **sides)
     seen = [photo for photo in data.photos if photo.name not in data.held]
     found = seeded_surface(seen, data.cameras, data.medium, Silent(), settings)
     if found is None:

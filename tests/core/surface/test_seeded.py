@@ -70,6 +70,19 @@ def test_samples_lie_on_the_surfaces_between_the_points(wall):
     assert (near < -0.1).mean() < 0.02, "nothing floats before the surfaces"
 
 
+def test_a_thing_that_no_point_lies_on_is_found_before_the_wall(wall):
+    """Structure from motion found points on the wall alone, whose band of depths does not reach the ball."""
+    cameras, views = with_points(wall, 400)
+    on_wall = np.linalg.norm(cameras.points.positions, axis=1) > 1.2 * RADIUS
+    cameras = replace(cameras, points=cameras.points.chosen(on_wall))
+    found = seeded_surface(wall.photos, cameras, NONE, Silent())
+    assert found is not None and found.samples.confidence is not None
+    sure = found.samples.positions[found.samples.confidence > 0.4]
+    radius = np.linalg.norm(sure, axis=1)
+    assert (np.abs(radius / RADIUS - 1) < 0.05).sum() > 150
+    assert ((radius < 0.9 * RADIUS) & (radius > 0)).mean() < 0.02
+
+
 def test_nothing_is_lifted_where_photos_are_empty():
     scene = drawn(around(20), (96, 72), 110.0, plane=False)
     cameras, _ = with_points(scene, 150)
