@@ -43,11 +43,11 @@ class SeededSettings:
     longest_side: tuple[int, int] = number(
         (128, 256),
         "px",
-        "of a small view, of blurred photos and of sharp ones: where the blur allows it a px is as wide as its standard"
-        " deviation, so that thin things are seen",
+        "of a small view: of blurred photos, and of those whose blur is narrower than one of the larger px, where thin"
+        " things are seen",
         "a shelf rendered by Cycles, cameras found, draft: 128 28.2 dB, 256 30.0; a room: 25.0, 24.8",
         "a village blurred by 3 px, copr, banana and brighton blurred by 5 px: 256 is 0.3 dB better (copr), level"
-        " or worse (brighton, 0.2)",
+        " or worse (brighton, 0.2; 150 px 0.3)",
     )
     photos: int = number(
         96, "photos", "that are looked at, evenly chosen: making them small takes longer than the rest"
@@ -131,11 +131,11 @@ def seeded_surface(
 
 
 def _side(photos: Sequence[Photo], medium: Medium, settings: SeededSettings) -> int:
-    """px of a small view's longest side: what finer px show, the blur has taken."""
+    """px of a small view's longest side: where the blur is wider than a px of large ones, these show no more."""
     least, most = settings.longest_side
     sigma = medium.mean_sigma([photo.name for photo in photos])
     longest = max(max(photo.size) for photo in photos)
-    return most if sigma <= longest / most else max(least, int(longest / sigma))
+    return most if sigma <= longest / most else least
 
 
 def _spread(photos: Sequence[Photo], cameras: Reconstruction, count: int) -> list[Photo]:
