@@ -185,27 +185,32 @@ def icon_name(image: Any) -> str:
 
 
 def is_outdated(twin: Any, scene: Any) -> bool:
-    """Whether the twin, the camera or what is asked for has changed since the scene's picture was made."""
-    return bool(scene.dgs.exact_of != subject_of(twin, scene))
+    """Whether the twin, the camera or what is asked for has changed since the scene's pictures were made."""
+    settings = scene.dgs
+    was, is_now = (str(subject).partition(" ") for subject in (settings.exact_of, subject_of(twin, scene)))
+    blurred = settings.view_kind == "medium" or (settings.split_shown and settings.split_against in _WITH_MEDIUM)
+    return was[0] != is_now[0] or (blurred and was[2] != is_now[2])
 
 
 def subject_of(twin: Any, scene: Any) -> str:
-    """What a picture would show, shortened to a few letters: cheap enough for a panel, so few splats stand for all."""
+    """What pictures would show, shortened to a few letters: of the view, and of the medium before it.
+
+    Cheap enough for a panel, so few splats stand for all.
+    """
     settings, mesh = scene.dgs, getattr(twin, "data", None)
     if mesh is None or scene.camera is None or scene.camera.type != "CAMERA":
         return ""
     camera = camera_in(twin, scene)
     count = len(mesh.vertices)
     parts: list[Any] = [settings.view_kind, count, camera.width, camera.height]
-    if settings.view_kind == "medium" or (settings.split_shown and settings.split_against in _WITH_MEDIUM):
-        parts += [getattr(settings, name) for name in _MEDIUM]
     figures = [camera.fx, camera.fy, camera.cx, camera.cy, *camera.rotation.flat, *camera.translation]
     for name, field in (("position", "vector"), (OWN_BASE if OWN_BASE in mesh.attributes else BASE, "color")):
         values = mesh.attributes[name].data if name in mesh.attributes else ()
         chosen = range(0, len(values), max(1, len(values) // _SAMPLES))
         figures += [value for index in chosen for value in getattr(values[index], field, ())]
     text = repr(parts) + " ".join(f"{round(value, 6) + 0.0:.4g}" for value in figures)  # (no -0, no 1e-17)
-    return f"{zlib.crc32(text.encode()):08x}"
+    medium = repr([getattr(settings, name) for name in _MEDIUM])
+    return f"{zlib.crc32(text.encode()):08x} {zlib.crc32(medium.encode()):08x}"
 
 
 def camera_in(twin: Any, scene: Any) -> Camera:

@@ -158,6 +158,12 @@ def test_an_exact_view_is_its_scenes_own_and_says_when_it_is_outdated(cloud: Gau
         assert "Outdated" in drawn(panels.DGS_PT_validate).words
         scene.dgs.exact_of = exact.subject_of(twin, scene)
         assert "Outdated" not in drawn(panels.DGS_PT_validate).words
+    scene.dgs.view_kind = "sharp"
+    scene.dgs.exact_of = exact.subject_of(twin, scene)
+    scene.dgs.sigma = 2.0
+    assert "Outdated" not in drawn(panels.DGS_PT_validate).words, "the sharp view has no medium before it"
+    scene.dgs.split_shown, scene.dgs.split_against = True, "difference"
+    assert "Outdated" in drawn(panels.DGS_PT_validate).words, "what is compared has one"
     assert other.dgs.exact_view is None and "Outdated" not in drawn(panels.DGS_PT_validate, scene=other).words
 
 

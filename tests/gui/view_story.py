@@ -80,6 +80,7 @@ def _compared(robot: Robot) -> Story:
         settings.split_against = against
         yield 0.5
         yield from robot.picture(f"split-{against}")
+        assert not _addon("dgs_addon.questions.exact").is_outdated(bpy.context.object, bpy.context.scene)
     with _in_view(robot):
         seen["frame"] = list(split.frame_of(bpy.context))
     region = next(region for region in robot.area().regions if region.type == "WINDOW")
