@@ -40,7 +40,7 @@ class Job:
         finishing: what is still to be put into the scene after the end, a piece a tick.
         homeless: whether its twin is finished, was to come into the scene, and found none that takes it.
         live_twin: whether a live twin was shown; the user may have deleted it since.
-        to_be_drawn: whether the process that draws its twin is still to be started.
+        to_be_drawn, to_be_prepared: whether the process that draws its twin is still to be started, and its nodes made.
     """
 
     request: Request
@@ -59,6 +59,7 @@ class Job:
     homeless: bool = False
     live_twin: bool = False
     to_be_drawn: bool = False
+    to_be_prepared: bool = False
     pace: Pace = field(default_factory=lambda: Pace(REDRAW, SLOW_REDRAW, DRAWING))
     live_pace: Pace = field(default_factory=lambda: Pace(LIVE, SLOW_LIVE, LIVE_DRAWING))
 

@@ -12,6 +12,8 @@ from ..photos import forget
 from ..window import redraw_views
 from .watching import watch
 
+#: Paths from the .blend on ('//') may be given. Blender 5 warns of them, in red, where it is not told so.
+_RELATIVE: set[str] = {"PATH_SUPPORTS_BLEND_RELATIVE"} if bpy.app.version >= (5, 0) else set()
 _PRESETS = (
     ("draft", "Draft", "300 steps, 25,000 Gaussians: a first impression, about half a minute on two cores"),
     ("balanced", "Balanced", "1000 steps, 40,000 Gaussians: about a minute on two cores"),
@@ -57,6 +59,7 @@ class DGS_PG_settings(bpy.types.PropertyGroup):
     photos: bpy.props.StringProperty(
         name="Photos",
         subtype="DIR_PATH",
+        options=_RELATIVE,
         update=_read_photos,
         description="Folder with the photos: PNG, JPEG, TIFF, WebP, BMP or HEIC, at least three. Or a movie",
     )
@@ -75,6 +78,7 @@ class DGS_PG_settings(bpy.types.PropertyGroup):
     masks: bpy.props.StringProperty(
         name="Masks",
         subtype="DIR_PATH",
+        options=_RELATIVE,
         description="Folder with a mask for each photo, of the same name; black pixels are left out",
     )
     background: bpy.props.EnumProperty(
@@ -90,6 +94,7 @@ class DGS_PG_settings(bpy.types.PropertyGroup):
     out: bpy.props.StringProperty(
         name="Results",
         subtype="DIR_PATH",
+        options=_RELATIVE,
         description="Folder for everything that is written; beside the photos if empty",
     )
     max_size: bpy.props.IntProperty(
@@ -105,6 +110,7 @@ class DGS_PG_settings(bpy.types.PropertyGroup):
     model: bpy.props.StringProperty(
         name="Model",
         subtype="FILE_PATH",
+        options=_RELATIVE,
         description="A file of cameras or a folder with one, such as a transforms.json or the folder of a COLMAP model",
     )
 
@@ -140,6 +146,7 @@ class DGS_PG_settings(bpy.types.PropertyGroup):
     psf_file: bpy.props.StringProperty(
         name="Point Spread",
         subtype="FILE_PATH",
+        options=_RELATIVE,
         description="Image of a point seen through the medium, at the photos' pixel size, centred",
     )
     blur_space: bpy.props.EnumProperty(
@@ -228,11 +235,13 @@ class DGS_PG_settings(bpy.types.PropertyGroup):
     truth: bpy.props.StringProperty(
         name="Sharp Photos",
         subtype="DIR_PATH",
+        options=_RELATIVE,
         description="Photos without the medium, of the same names: only to measure the twin against",
     )
     test_set: bpy.props.StringProperty(
         name="Folder",
         subtype="DIR_PATH",
+        options=_RELATIVE,
         description="Folder for the test set: photos, sharp photos and cameras are written there",
     )
     test_views: bpy.props.IntProperty(
@@ -263,6 +272,7 @@ class DGS_PG_settings(bpy.types.PropertyGroup):
     new_photos: bpy.props.StringProperty(
         name="New Photos",
         subtype="DIR_PATH",
+        options=_RELATIVE,
         description="Folder with later photos of the same object, taken through the same medium or another",
     )
     watching: bpy.props.BoolProperty(

@@ -22,6 +22,7 @@ from ..paths import absolute
 from ..scene.arrival import frame, hide_startup, stand_upright
 from ..scene.cameras import add_cameras
 from ..scene.changes import noting
+from ..scene.compositing import leave_twins_scene
 from ..scene.crop import crop_box
 from ..scene.medium import PSF
 from ..scene.next_views import ORDER, add_next_views
@@ -280,6 +281,7 @@ def remove_twin(twin: Any, scene: Any) -> None:
             thing.parent, thing.matrix_world = None, world
         else:
             _take_out_of(scene, thing)
+    leave_twins_scene(twin, scene)
     _take_out_of(scene, twin)
     if others:
         attach([thing for thing in ours if thing != box], others[0])

@@ -22,6 +22,7 @@ from ...core.kernel_cache import is_compiled
 from ..drawing.live import SHOWN
 from ..drawing.process import warm_up
 from ..paths import out_folder
+from ..scene.nodes import splat_nodes
 from ..scene.software import SOFTWARE_SPLATS, drawn_by_software
 from ..window import Pace, redraw
 from . import pictures
@@ -96,7 +97,7 @@ def start(request: Request, python: Path, scene: Any) -> Job:
     worker.start()
     if not bpy.app.timers.is_registered(_tick):
         bpy.app.timers.register(_tick, first_interval=TICK, persistent=True)
-    _job.to_be_drawn = _will_be_seen(request, scene)
+    _job.to_be_drawn = _job.to_be_prepared = _will_be_seen(request, scene)
     # Now, while the engine itself starts, which keeps one core busy; but where kernels are still to be compiled, both
     # would do it: then when the job has done so.
     _start_drawing(_job, is_compiled(_DRAWING_KERNELS))
@@ -198,6 +199,7 @@ def _drain() -> None:
         else:
             job.state.apply(message)
     _start_drawing(job, job.state.stage in ("train", "save"))
+    _prepare_nodes(job)
     _show_live(job)
     if job.asked is not None and job.state.alive and time.monotonic() - job.asked > _patience(job):
         job.worker.kill()
@@ -210,6 +212,13 @@ def _start_drawing(job: Job, now: bool) -> None:
     if job.to_be_drawn and now:
         job.to_be_drawn = False
         warm_up()
+
+
+def _prepare_nodes(job: Job) -> None:
+    """Makes the nodes of the twin that is about to come, which takes a moment: it is there sooner then."""
+    if job.to_be_prepared and job.state.stage == "save":
+        job.to_be_prepared = False
+        splat_nodes(job.request.options.get("sh_degree") != 0)
 
 
 def _patience(job: Job) -> float:

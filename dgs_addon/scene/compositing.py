@@ -56,6 +56,13 @@ def twins_scene(scene: Any) -> Any:
     return next((other for other in bpy.data.scenes if other.get(TWINS_OF) == scene), None)
 
 
+def leave_twins_scene(twin: Any, scene: Any) -> None:
+    """A twin that is to leave a scene is no more in the one that renders its twins."""
+    other = twins_scene(scene)
+    if other is not None and twin.name in other.collection.objects:
+        other.collection.objects.unlink(twin)
+
+
 def _scene_of_twins(scene: Any, twins: Sequence[Any]) -> Any:
     other = twins_scene(scene)
     if other is None:

@@ -114,7 +114,9 @@ def test_views_keep_the_twin_and_only_renders_leave_it_out(scene: Any, tmp_path:
     bpy.ops.dgs.composite_meshes()
     assert set(twins_scene(scene).collection.objects) == {twin, another}
     assert set(twin.users_collection) == set(another.users_collection)
-    bpy.data.objects.remove(another)
+    bpy.context.view_layer.objects.active, name = another, another.name
+    assert bpy.ops.dgs.remove_twin() == {"FINISHED"} and name not in bpy.data.objects
+    assert set(twins_scene(scene).collection.objects) == {twin}
     before = rendered(scene, tmp_path / "a.png")
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "made.blend"))
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "made.blend"))

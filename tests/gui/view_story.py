@@ -35,8 +35,9 @@ def _addon(module: str) -> Any:
 
 def story(robot: Robot) -> Story:
     """Arrival, View Twin, comparisons."""
+    bpy.ops.wm.save_as_mainfile(filepath=str(FOLDER / "saved.blend"))
     settings = bpy.context.scene.dgs
-    settings.photos, settings.out, settings.truth = (str(FOLDER / name) for name in ("photos", "out", "sharp"))
+    settings.photos, settings.out, settings.truth = (f"//{name}" for name in ("photos", "out", "sharp"))
     settings.medium, settings.sigma = "gaussian", 3.0
     yield from _arrives(robot)
     yield from _viewed(robot)
@@ -126,8 +127,7 @@ def _outdated(robot: Robot) -> Story:
 
 
 def _saved() -> None:
-    path = str(FOLDER / "saved.blend")
-    bpy.ops.wm.save_as_mainfile(filepath=path)
+    bpy.ops.wm.save_as_mainfile(filepath=str(FOLDER / "saved.blend"))
     images = (bpy.context.scene.dgs.exact_view, bpy.context.scene.dgs.exact_other)
     seen["packed"] = [image.packed_file is not None for image in images]
 
