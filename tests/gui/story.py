@@ -82,9 +82,8 @@ def _a_twin_is_made(robot: Robot) -> Story:
     _addon("job.pictures").refresh(runner.current())
     _addon("window").redraw()  # now, not when a slow window would be drawn: for the picture
     yield from robot.picture("3-optimizing")
-    drawn = _addon("drawing.process").draws
-    seen["warm"] = drawn()
     yield from _until(lambda: not runner.running(), 600)
+    seen["warm"] = _addon("drawing.process").draws()
     job, last = runner.current(), len(robot.ticks)
     yield from _first_picture(job.state.ended)
     seen["job"] = _figures(robot.ticks[first:])
@@ -137,6 +136,7 @@ def _arrival(robot: Robot) -> dict[str, object]:
         "up": sum(camera.matrix_world.to_3x3().normalized().col[1].z for camera in cameras) / max(len(cameras), 1),
         "hidden": [thing.name for thing in changes.hidden_things(bpy.context.scene)],
         "changed": changes.changed_words(bpy.context.scene),
+        "lines": robot.area().spaces.active.overlay.show_relationship_lines,
     }
 
 
