@@ -12,7 +12,7 @@ from ..photos import forget
 from ..window import redraw_views
 from .watching import watch
 
-#: Paths from the .blend on ('//') may be given. Blender 5 warns of them, in red, where it is not told so.
+#: Paths from the .blend on ('//') may be given. Blender 5 shows them in red where a property does not say so.
 _RELATIVE: set[str] = {"PATH_SUPPORTS_BLEND_RELATIVE"} if bpy.app.version >= (5, 0) else set()
 _PRESETS = (
     ("draft", "Draft", "300 steps, 25,000 Gaussians: a first impression, about half a minute on two cores"),
