@@ -56,6 +56,7 @@ class Command:
 #: In the order of `--help`.
 COMMANDS = (
     Command("reconstruct", "photos in, sharp twin out"),
+    Command("batch", "a twin of each of several sets of photos"),
     Command("cameras", "only find the cameras"),
     Command("render", "images of a twin"),
     Command("doctor", "check this machine"),

@@ -253,6 +253,7 @@ def valid(folder: Path) -> dict[str, list[str]]:
     ply, cameras = str(folder / "twin" / "twin.ply"), str(folder / "twin" / "cameras")
     return {
         "reconstruct": [photos, "--out", out, "--cameras", cameras, "--preset", "draft"],
+        "batch": [photos, "--out", out, "--cameras", cameras, "--preset", "draft"],
         "cameras": [photos, "--out", out],
         "render": [ply, "--cameras", cameras, "--out", out],
         "doctor": [],
