@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from .add_preset import DGS_OT_add_preset
 from .add_results import DGS_OT_add_results
 from .cancel_job import DGS_OT_cancel_job
 from .choose_photos import DGS_OT_choose_photos
@@ -28,6 +29,7 @@ from .import_twin import DGS_OT_import_twin
 from .inspect_photos import DGS_OT_inspect_photos
 from .limit_splats import DGS_OT_limit_splats
 from .make_test_set import DGS_OT_make_test_set
+from .mark_assets import DGS_OT_mark_assets
 from .measure_psf import DGS_OT_measure_psf
 from .menus import DGS_MT_add, DGS_MT_object, DGS_MT_select, add_menus, remove_menus
 from .merge_twins import DGS_OT_apply_transform, DGS_OT_merge_twins
@@ -98,6 +100,8 @@ CLASSES: tuple[type, ...] = (
     DGS_OT_restore_splats,
     DGS_OT_merge_twins,
     DGS_OT_apply_transform,
+    DGS_OT_mark_assets,
+    DGS_OT_add_preset,
     DGS_OT_remove_twin,
     DGS_OT_render_twin,
     DGS_OT_composite_meshes,

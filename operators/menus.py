@@ -21,7 +21,7 @@ _OBJECT = (
     ("dgs.edit_splats", "dgs.restore_splats", "dgs.merge_twins", "dgs.apply_transform"),
     ("dgs.show_known", "dgs.suggest_next_views", "dgs.show_next_views", "dgs.show_states"),
     ("dgs.prepare_scene", "dgs.composite_meshes", "dgs.give_back"),
-    ("dgs.export_twin", "dgs.remove_twin"),
+    ("dgs.export_twin", "dgs.mark_assets", "dgs.remove_twin"),
 )
 #: What selects splats, and what is done with them.
 _SELECT = (

@@ -8,12 +8,14 @@ from .images import DGS_PT_images
 from .main import DGS_PT_main
 from .medium import DGS_PT_medium
 from .optimize import DGS_PT_optimize
+from .presets import DGS_PT_presets
 from .render_settings import RENDER_PT_descatter, VIEWLAYER_PT_descatter_passes
 from .thumbnails import forget_thumbnails
 from .twin import DGS_PT_twin, DGS_PT_twin_look
 from .validate import DGS_PT_validate
 
 CLASSES: tuple[type, ...] = (
+    DGS_PT_presets,
     DGS_PT_main,
     DGS_PT_images,
     DGS_PT_cameras,

@@ -13,6 +13,7 @@ from ..dgs_addon.paths import out_folder
 from .estimate import draw_estimate
 from .job import draw_figures, draw_picture
 from .layout import Step, figures, folded, ready, sentence, split
+from .presets import DGS_PT_presets
 
 
 class DGS_PT_optimize(Step, bpy.types.Panel):
@@ -22,7 +23,9 @@ class DGS_PT_optimize(Step, bpy.types.Panel):
     bl_label = "4  Optimize"
 
     def draw_header_preset(self, context: Any) -> None:
-        """Done once there is a twin."""
+        """Kept settings; done once there is a twin."""
+        row = self.layout.row()
+        DGS_PT_presets.draw_panel_header(row)
         ready(self.layout, results(context.scene).twin and not runner.running())
 
     def draw(self, context: Any) -> None:

@@ -77,6 +77,7 @@ def context(width: int = 320, **changes: Any) -> Any:
     given = {
         "scene": bpy.context.scene,
         "object": bpy.context.object,
+        "mode": "OBJECT",
         # (without a window Blender has no scale)
         "preferences": SimpleNamespace(system=SimpleNamespace(ui_scale=1.0, use_online_access=False)),
         "region": SimpleNamespace(width=width),

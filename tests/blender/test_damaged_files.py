@@ -18,6 +18,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 import dgs  # noqa: E402
+from bl_ui.utils import PresetPanel  # noqa: E402
 from dgs.core.cloud import GaussianCloud  # noqa: E402
 from dgs.core.errors import DgsError  # noqa: E402
 from dgs.core.formats.ply import write_ply  # noqa: E402
@@ -116,12 +117,16 @@ def draw() -> None:
     context = SimpleNamespace(
         scene=bpy.context.scene,
         object=bpy.context.object,
+        mode="OBJECT",
+        view_layer=bpy.context.view_layer,
         region=SimpleNamespace(width=320),
         preferences=PREFERENCES,
         space_data=None,
         engine=bpy.context.scene.render.engine,
     )
     for kind in CLASSES:
+        if issubclass(kind, PresetPanel):  # Blender's own draws it
+            continue
         panel = SimpleNamespace(layout=Layout())
         for method in ("_state", "_kind", "_draw_found"):
             if hasattr(kind, method):

@@ -24,6 +24,8 @@ from dgs.dgs_addon.scene.scene_cameras import PHOTO  # noqa: E402
 from dgs.dgs_addon.scene.selection import read_splats  # noqa: E402
 from dgs.dgs_addon.scene.sources import SOURCES  # noqa: E402
 from dgs.dgs_addon.scene.twin import is_twin, read_twin  # noqa: E402
+from dgs.panels.edit import DGS_PT_twin_edit  # noqa: E402
+from dgs.tests.blender.paper import drawn  # noqa: E402
 from mathutils import Matrix  # noqa: E402
 
 
@@ -283,3 +285,13 @@ def test_two_twins_become_one(twin: Any, cloud: GaussianCloud, tmp_path: Path) -
     back = read_ply(tmp_path / "back.ply")
     order = np.argsort(both.means[:, 0]), np.argsort(back.means[:, 0])
     np.testing.assert_allclose(back.means[order[1]], both.means[order[0]], atol=1e-4)
+
+
+def test_the_panel_says_what_is_selected(twin: Any) -> None:
+    in_object = drawn(DGS_PT_twin_edit, object=twin, mode="OBJECT")
+    assert in_object.buttons["dgs.edit_splats"][0].text == "Edit Splats" and "are selected" not in in_object.words
+    bpy.ops.dgs.edit_splats()
+    pick(1, 2)
+    in_edit = drawn(DGS_PT_twin_edit, object=twin, mode="EDIT_MESH", objects_in_mode_unique_data=[twin])
+    assert in_edit.buttons["dgs.edit_splats"][0].text == "Back to Object Mode"
+    assert "2 splats are selected" in in_edit.words

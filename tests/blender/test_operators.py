@@ -43,6 +43,7 @@ MISSING = {
     "show_log": "No job has run yet",
     "add_results": "Choose the folder of photos first",
     "export_twin": "Select a twin first",
+    "mark_assets": "Select a twin first",
     "edit_splats": "Select a twin first",
     "select_by_size": "Select a twin first",
     "select_by_opacity": "Select a twin first",
@@ -84,6 +85,7 @@ MISSING = {
 }
 #: Buttons that an empty scene does not hinder.
 ALWAYS = {
+    "add_preset",
     "import_twin",
     "import_cameras",
     "prepare_scene",
