@@ -135,6 +135,17 @@ def test_it_is_packed_and_outdated_by_another_camera(work: Path, seen: dict[str,
     assert np.abs(before - after)[340:].max() > 100, "and words that say so"
 
 
+def test_meshes_lie_before_and_behind_it_in_final_pictures(work: Path, seen: dict[str, Any]) -> None:
+    alone, among = (np.asarray(Image.open(work / f"{name}.png")).astype(int) for name in ("alone", "among"))
+    assert seen["composite"] == ["FINISHED"] and alone[200, 300, 3] == 255 and alone[20, 20, 3] == 0
+    near = slice(170, 230), slice(270, 330)  # 0.4 wide, 2.2 away, at 520 px: 94 px
+    plain = (among[near][..., :3] == among[200, 300, :3]).all(axis=2)
+    assert plain.mean() > 0.99 and np.abs(among - alone)[near].max() > 60
+    beside = np.ones((400, 600), bool)
+    beside[140:260, 240:360] = False
+    assert np.abs(among - alone)[beside].max() <= 2, "the other cube is behind the ball"
+
+
 def test_nothing_went_wrong_in_blender(work: Path, seen: dict[str, Any]) -> None:
     words = (work / "words").read_text("utf-8")
     for word in ("Traceback", "script error", "Shader Compile Error", "rna_uiItem"):

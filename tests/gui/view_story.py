@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 import bpy
+from mathutils import Vector
 
 sys.path.insert(0, str(Path(__file__).parent))  # Blender runs this file where no package is
 from robot import Robot, Story
@@ -45,6 +46,7 @@ def story(robot: Robot) -> Story:
     yield from _dragged(robot)
     yield from _outdated(robot)
     _saved()
+    _among_meshes()
 
 
 def _arrives(robot: Robot) -> Story:
@@ -130,6 +132,26 @@ def _saved() -> None:
     bpy.ops.wm.save_as_mainfile(filepath=str(FOLDER / "saved.blend"))
     images = (bpy.context.scene.dgs.exact_view, bpy.context.scene.dgs.exact_other)
     seen["packed"] = [image.packed_file is not None for image in images]
+
+
+def _among_meshes() -> None:
+    """Final pictures: the twin alone, then with a cube before its middle and another behind."""
+    scene = bpy.context.scene
+    render, camera = scene.render, scene.camera
+    render.film_transparent, render.dither_intensity = True, 0.0
+    render.image_settings.color_mode = "RGBA"
+    _render("alone")
+    for away, size in ((2.4, 0.4), (6.0, 1.0)):
+        place = camera.matrix_world @ Vector((0.0, 0.0, -away))
+        bpy.ops.mesh.primitive_cube_add(size=size, location=place, rotation=camera.matrix_world.to_euler())
+    scene.cycles.samples, scene.cycles.use_denoising, scene.cycles.pixel_filter_type = 1, False, "BOX"
+    seen["composite"] = list(bpy.ops.dgs.composite_meshes(meshes="CYCLES"))
+    _render("among")
+
+
+def _render(name: str) -> None:
+    bpy.context.scene.render.filepath = str(FOLDER / f"{name}.png")
+    bpy.ops.render.render(write_still=True)
 
 
 def _splats_are_drawn() -> bool:

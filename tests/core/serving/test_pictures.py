@@ -230,6 +230,8 @@ def test_a_medium_is_as_wide_in_a_larger_and_a_smaller_picture(step: float, tmp_
         assert found is not None and np.allclose(found.covariance, wanted.covariance, rtol=0.03)
         rows, columns = found.kernel().shape
         assert rows % 2 == columns % 2 == 1 and abs(found.kernel().sum() - 1) < 1e-6
+    half = View((), CAMERA, blur=Blur("gaussian:4")).resized(48, 40)
+    assert half.blur is not None and half.blur.step == 2.0 and View.parse(half.message()).blur == half.blur
     assert point_spread(Blur("none")) is None and point_spread(Blur("gaussian:0")) is None
     with pytest.raises(PsfError, match="px of this picture"):
         point_spread(Blur("gaussian:9", "srgb", 0.01))
