@@ -26,7 +26,7 @@ from ..drawing.picture_server import Picture, PictureServer
 from ..drawing.process import picture_server
 from ..drawing.twins import whole_twin
 from ..job import pictures
-from ..scene.medium import psf_before
+from ..scene.medium import photo_focal, psf_before
 from ..scene.twin import BASE, OWN_BASE
 
 #: Images that the picture that was asked for and the other one go to.
@@ -141,7 +141,9 @@ def start(twin: Any, scene: Any, done: Callable[[ExactView], None]) -> ExactView
     views = {"sharp": sharp}
     psf = psf_before(twin, settings)
     if psf != "none":
-        views["medium"] = replace(sharp, blur=Blur(psf, settings.blur_space))
+        focal = photo_focal(twin, scene.camera)
+        step = 1.0 if focal is None else focal / sharp.camera.fx
+        views["medium"] = replace(sharp, blur=Blur(psf, settings.blur_space, step))
     if settings.view_kind == "medium":
         views = {"medium": views.get("medium", sharp), **views}
     view = _view = ExactView(server, views, scene.session_uid, subject_of(twin, scene))

@@ -233,6 +233,10 @@ def test_through_the_medium_it_is_the_commands_blurred_picture(scene: Any, tmp_p
     small = seen[..., :3].reshape(45, 2, 60, 2, 3).mean(axis=(1, 3))
     away = np.abs(half - small)[4:-4, 4:-4]  # (a wider low-pass of splats, for the same px)
     assert away.mean() < 3 and away.max() < 20
+    settings.view_kind = "medium"
+    assert bpy.ops.dgs.exact_view() == {"FINISHED"}
+    exact = np.round(np.array(settings.exact_view.pixels).reshape(45, 60, 4)[::-1, :, :3] * 255)
+    assert np.abs(exact - half).max() <= 1, "an exact view of this size, too"
     settings.medium, settings.psf_file = "file", str(tmp_path / "nowhere.npy")
     with pytest.raises(RuntimeError, match="point spread"):
         bpy.ops.render.render()
