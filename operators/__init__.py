@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from .add_preset import DGS_OT_add_preset
 from .add_results import DGS_OT_add_results
+from .batch import DGS_OT_batch, DGS_OT_cancel_batch, DGS_OT_take_set
 from .cancel_job import DGS_OT_cancel_job
 from .choose_photos import DGS_OT_choose_photos
 from .compare_truth import DGS_OT_compare_truth
@@ -102,6 +103,9 @@ CLASSES: tuple[type, ...] = (
     DGS_OT_apply_transform,
     DGS_OT_mark_assets,
     DGS_OT_add_preset,
+    DGS_OT_batch,
+    DGS_OT_cancel_batch,
+    DGS_OT_take_set,
     DGS_OT_remove_twin,
     DGS_OT_render_twin,
     DGS_OT_composite_meshes,

@@ -33,10 +33,11 @@ class DGS_OT_mark_assets(bpy.types.Operator):
         twin = context.object
         count = 0
         for data, words in _parts(twin):
-            if data.asset_data is None:
+            if not data.asset_data:
                 data.asset_mark()
-                data.asset_data.description = words
-                data.asset_data.tags.new(_TAG)
+                asset = data.asset_data
+                asset.description = words
+                asset.tags.new(_TAG)
                 count += 1
         if not bpy.app.background:  # (a preview is drawn by a window's own means)
             twin.asset_generate_preview()

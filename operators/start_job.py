@@ -13,7 +13,7 @@ from bpy.app.translations import pgettext_iface as iface_
 
 from ..core.errors import DgsError, ForeignFiles
 from ..dgs_addon.engine.interpreter import find_python, why_not
-from ..dgs_addon.job import runner
+from ..dgs_addon.job import batch, runner
 from ..dgs_addon.job.foreign import foreign_files
 from ..dgs_addon.job.request import Kind, Request
 from ..dgs_addon.paths import chosen_photos, out_folder
@@ -89,7 +89,7 @@ class Replacing:
 
 def why_no_job(scene: Any) -> str:
     """Why no job can be started now; '' if one can."""
-    if runner.running():
+    if runner.running() or batch.running():
         return "A job is running: wait for it or cancel it"
     found = chosen_photos(scene.dgs)
     if found is None:

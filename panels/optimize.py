@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import bpy
+from bpy.app.translations import pgettext_iface as iface_
 
-from ..dgs_addon.job import runner
+from ..dgs_addon.job import batch, runner
 from ..dgs_addon.job.state import duration_text
 from ..dgs_addon.job.steps import results
 from ..dgs_addon.paths import out_folder
@@ -49,7 +51,33 @@ class DGS_PT_optimize(Step, bpy.types.Panel):
             figures(layout, "Done in {time}", "CHECKMARK", time=duration_text(job.state.seconds()))
             draw_picture(layout, context, job)
             draw_figures(layout, job.state)
+        _draw_batch(layout, context)
         _draw_more(layout, settings)
+
+
+def _draw_batch(layout: Any, context: Any) -> None:
+    """What several folders together have come to."""
+    work = batch.current()
+    if work is None:
+        return
+    box = layout.box()
+    if work.alive:
+        sentence(box, context, "Several folders: {note}", "TIME", note=work.note or str(len(work.folders)))
+        row = box.row()
+        row.label(text=work.stage, translate=False)
+        row.operator("dgs.cancel_batch", text="Cancel", icon="X")
+        return
+    for place, line in enumerate(work.lines):
+        name, psnr = Path(line["photos"]).name, line.get("psnr")
+        if line["how"].startswith("done"):
+            row = box.row()
+            score = "" if psnr is None else f"{psnr:.2f} dB"
+            row.label(text=f"{name}  {score}", icon="CHECKMARK", translate=False)
+            row.operator("dgs.take_set", text="Add Twin").number = place
+        else:
+            sentence(box, context, "{name}: {why}", "ERROR", name=name, why=line["why"] or iface_(line["how"]))
+    if not work.lines:
+        sentence(box, context, work.error or "It ended before any twin was made", "ERROR")
 
 
 def _draw_more(layout: Any, settings: Any) -> None:
@@ -60,4 +88,5 @@ def _draw_more(layout: Any, settings: Any) -> None:
         body.prop(settings, name)
     body.prop(settings, "add_when_done")
     body.prop(settings, "live")
+    body.operator("dgs.batch", icon="FILE_FOLDER")
     body.operator("dgs.show_tradeoff", icon="IMAGE_DATA")

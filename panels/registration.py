@@ -8,7 +8,7 @@ from .. import operators
 from ..dgs_addon.drawing.registration import register_drawing, unregister_drawing
 from ..dgs_addon.engine import install
 from ..dgs_addon.engine.interpreter import reads_heif
-from ..dgs_addon.job import pictures, runner, watching
+from ..dgs_addon.job import batch, pictures, runner, watching
 from ..dgs_addon.job.properties import DGS_PG_settings, register_properties, unregister_properties
 from ..dgs_addon.photos import ask_about_heif
 from ..dgs_addon.questions import estimate, exact, inspection, next_views, split_view
@@ -60,4 +60,5 @@ def _stop_everything() -> None:
         question.stop()
     watching.stop()
     runner.stop()
+    batch.stop()
     install.stop()

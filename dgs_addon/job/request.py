@@ -85,6 +85,17 @@ def request_of(kind: Kind, scene: Any) -> Request:
     return _run_request(kind, photos, out, options, found, settings.selection)
 
 
+def shared_options(settings: Any) -> Options:
+    """What `scene.dgs` says of any set of photos: medium and effort, and nothing that belongs to certain photos.
+
+    Raises:
+        DgsError: the medium cannot be used.
+    """
+    options = {**_medium(settings), **_positive(settings, "max_size"), **_effort(settings)}
+    options.pop("truth", None)
+    return options | {"device": settings.device, **_positive(settings, "threads")}
+
+
 def resumed_request(record: Record, out: Path) -> Request:
     """A job that goes on where it stopped.
 

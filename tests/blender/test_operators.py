@@ -42,6 +42,8 @@ MISSING = {
     "cancel_job": "No job is running",
     "show_log": "No job has run yet",
     "add_results": "Choose the folder of photos first",
+    "cancel_batch": "No batch is running",
+    "take_set": "No batch has made twins yet",
     "export_twin": "Select a twin first",
     "mark_assets": "Select a twin first",
     "edit_splats": "Select a twin first",
@@ -86,6 +88,7 @@ MISSING = {
 #: Buttons that an empty scene does not hinder.
 ALWAYS = {
     "add_preset",
+    "batch",
     "import_twin",
     "import_cameras",
     "prepare_scene",

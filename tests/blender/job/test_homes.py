@@ -248,3 +248,42 @@ def test_a_deleted_live_twin_stays_away_until_it_is_finished(scene: Any, tmp_pat
     finish(job)
     assert len(twins()) == 1
     assert json.loads((out / "job.json").read_text("utf-8"))["phase"] == "done"
+
+
+def test_a_twin_that_is_edited_is_left_alone_until_edit_mode_is_left(
+    scene: Any, tmp_path: Path, cloud: GaussianCloud
+) -> None:
+    """Blender keeps what is edited elsewhere: a mesh that took its place would lose it, or end Blender."""
+    twin = add_twin(scene, tmp_path / "photos-twin")
+    write_ply(tmp_path / "photos-twin" / "made.ply", cloud)
+    bpy.context.view_layer.objects.active = twin
+    bpy.ops.object.mode_set(mode="EDIT")
+    bpy.ops.mesh.select_all(action="SELECT")
+    bpy.ops.mesh.delete(type="VERT")
+    with pytest.raises(RuntimeError, match="in Edit Mode"):
+        bpy.ops.dgs.add_results()
+    job = begin(scene, tmp_path / "photos-twin")
+    (tmp_path / "photos-twin" / "go").touch()
+    until(lambda: not runner.running())
+    for _ in range(20):
+        runner._drain()
+    assert runner.busy() and twin.data.is_editmode and job.state.phase == "done"
+    bpy.ops.object.mode_set(mode="OBJECT")
+    assert len(twin.data.vertices) == 0
+    finish(job)
+    assert len(twin.data.vertices) == len(cloud) and twins() == [twin]
+
+
+def test_a_new_state_of_a_twin_whose_transform_was_applied_stands_where_it_stood(
+    scene: Any, tmp_path: Path, cloud: GaussianCloud
+) -> None:
+    twin = add_twin(scene, tmp_path / "photos-twin")
+    write_ply(tmp_path / "photos-twin" / "made.ply", cloud)
+    twin.location.x += 3.0
+    bpy.context.view_layer.update()
+    bpy.context.view_layer.objects.active = twin
+    assert bpy.ops.dgs.apply_transform() == {"FINISHED"}
+    stood = [tuple(vertex.co) for vertex in twin.data.vertices]
+    job = begin(scene, tmp_path / "photos-twin")
+    finish(job)
+    np.testing.assert_allclose([tuple(vertex.co) for vertex in twin.data.vertices], stood, atol=1e-5)
