@@ -10,6 +10,7 @@ from bpy.app.translations import pgettext_rpt as rpt_
 from numpy.typing import NDArray
 
 from ..core.errors import DgsError, FormatError
+from ..dgs_addon.drawing.seen import photos_that_see
 from ..dgs_addon.scene.floaters import photos_of_splats, sizes_of_islands
 from ..dgs_addon.scene.selection import Splats, read_splats, select
 from ..dgs_addon.scene.twin import is_twin
@@ -172,17 +173,23 @@ class DGS_OT_select_by_error(_Select, bpy.types.Operator):
 
 
 class DGS_OT_select_floaters(_Select, bpy.types.Operator):
-    """Select splats that float: hardly a photo has them in its frame, or they touch no large part of the twin"""
+    """Select splats that float: hardly a photo sees them, or they touch no large part of the twin"""
 
     bl_idname = "dgs.select_floaters"
     bl_label = "Select Floaters"
 
     photos: bpy.props.IntProperty(  # type: ignore[valid-type]
         name="Fewer Photos Than",
-        description="Select splats that fewer photos than so many have in their frame; 0 for none. Needs the cameras",
+        description="Select splats that fewer photos than so many see; 0 for none. Needs the cameras",
         min=0,
         soft_max=20,
         default=2,
+    )
+    weighed: bpy.props.BoolProperty(  # type: ignore[valid-type]
+        name="As the Engine Sees",
+        description="A photo sees a splat of which it shows one px at least; the engine says so, in seconds. "
+        "Else each counts that lies within the photo's frame",
+        default=True,
     )
     island: bpy.props.IntProperty(  # type: ignore[valid-type]
         name="Islands Below",
@@ -204,13 +211,28 @@ class DGS_OT_select_floaters(_Select, bpy.types.Operator):
         """By the photos' frames and by islands."""
         shown = ~splats.hidden
         found = np.zeros(len(splats), bool)
-        seen = photos_of_splats(twin, splats.places, context.scene) if self.photos else None
+        seen = self._seen(context, twin, splats) if self.photos else None
         if seen is not None:
             found |= seen < self.photos
         if self.island:
             sizes = sizes_of_islands(splats.places, splats.own_sizes, self.gap, shown & ~found)
             found |= sizes < self.island
         return found & shown
+
+    def _seen(self, context: Any, twin: Any, splats: Splats) -> NDArray[np.intp] | None:
+        """[N] how many photos see each splat; None without cameras."""
+        frames = photos_of_splats(twin, splats.places, context.scene)
+        if frames is None or not self.weighed:
+            return frames
+        manager = context.window_manager
+        manager.progress_begin(0.0, 1.0)
+        try:
+            return photos_that_see(twin, context.scene, manager.progress_update)
+        except DgsError as error:
+            self.report({"WARNING"}, str(error))
+            return frames
+        finally:
+            manager.progress_end()
 
 
 def _beyond(values: NDArray[np.float32], limit: float, side: str) -> NDArray[np.bool_]:

@@ -4,6 +4,7 @@
     {"twin": {...}}                   a twin's Gaussians lie in the area of twins  -> {"event": "twin", "key": ...}
     {"forget": KEY}                   it is needed no more                         -> {"event": "forgotten", ...}
     {"view": {...}}                   a picture, please                            -> {"event": "picture", ...}
+    {"seen": {...}}                   px of each Gaussian in such a view           -> {"event": "seen", "count": ...}
 
 Every line is answered by one line; {"event": "error", "text": ...} where it cannot be done. Needs numpy only.
 """

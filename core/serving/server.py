@@ -20,6 +20,7 @@ from .messages import PlacedTwin, SharedTwin, View
 from .picture import draw
 from .shared_area import SharedArea
 from .stage import Stage
+from .weights import weigh
 
 _IDENTITY = tuple(float(value) for value in np.eye(4).reshape(16))
 
@@ -50,12 +51,14 @@ class PictureServer:
         if kind == "forget":
             self._stage.forget(str(value))
             return {"event": "forgotten", "key": str(value)}
-        if kind not in ("twin", "view") or not self._areas:
+        if kind not in ("twin", "view", "seen") or not self._areas:
             raise ValueError(f"'{str(kind)[:40]}' is not understood here")
         if kind == "twin":
             twin = SharedTwin.parse(value)
             self._stage.put(twin, twin.planes(self._areas[0].view(twin.bytes)))
             return {"event": "twin", "key": twin.key}
+        if kind == "seen":
+            return {"event": "seen", "count": weigh(self._stage, View.parse(value), self._areas[1])}
         return {"event": "picture", **asdict(draw(self._stage, View.parse(value), self._areas[1]))}
 
 

@@ -40,6 +40,8 @@ _UNUSED_AFTER = 32
 #: Seconds that the process may take to go when it is sent away.
 _FAREWELL = 5.0
 _LONGEST_LINE = 2**20
+#: The channel on which splats are weighed.
+_WEIGHTS = "weights"
 #: Characters of its last words that are shown.
 _LONGEST_REASON = 300
 
@@ -154,6 +156,15 @@ class PictureServer:
                     break
             return self._pictures.pop(channel, None)
 
+    def weights(self, view: View, seconds: float) -> Floats | None:
+        """[N] how many px of a view each splat of its twins is, in the order in which they were handed over.
+
+        Waits for it; None if it does not come in time, or not at all.
+        """
+        self.ask(_WEIGHTS, view)
+        answer = self.wait(_WEIGHTS, seconds)
+        return None if answer is None else answer.pixels.reshape(-1)
+
     def close(self) -> None:
         """Ends the process; what was asked is not answered."""
         with self._changed:
@@ -173,7 +184,7 @@ class PictureServer:
         while (task := self._next()) is not None:
             channel, view = task
             try:
-                picture = self._draw(view)
+                picture = self._draw(view, channel == _WEIGHTS)
                 with self._changed:
                     self._pictures[channel], self.error, self._failures = picture, "", 0
                     self.drawn += 1
@@ -202,18 +213,28 @@ class PictureServer:
             self._busy = channel
             return channel, self._asked.pop(channel)
 
-    def _draw(self, view: View) -> Picture:
+    def _draw(self, view: View, weights: bool) -> Picture:
         if self._process is None:
             self._start()
         self._drop_unused()
         for key in {twin.key for twin in view.twins} - self._there:
             self._hand_over(key)
         began = time.perf_counter()
+        if weights:
+            return Picture(view, self._weigh(view), None, time.perf_counter() - began)
         drawn = Drawn.parse(self._answer({"view": view.message()}, "picture"))
         # A copy: the next picture is drawn while this one is shown.
         pixels, depth = drawn.planes(self._areas[1].view(drawn.bytes))
         copied = pixels.copy(), None if depth is None else depth.copy()
         return Picture(view, *copied, time.perf_counter() - began)
+
+    def _weigh(self, view: View) -> Floats:
+        """[N, 1, 1]: no picture, but it takes the same way."""
+        count = self._answer({"seen": view.message()}, "seen").get("count")
+        held = sum(self._twins[twin.key][0].count for twin in view.twins if twin.key in self._twins)
+        if not isinstance(count, int) or not 0 <= count <= held:
+            raise ValueError("The engine's answer is not understood")
+        return np.frombuffer(self._areas[1].view(4 * count), np.float32, count).copy().reshape(-1, 1, 1)
 
     def _hand_over(self, key: str) -> None:
         with self._changed:

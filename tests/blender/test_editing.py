@@ -207,7 +207,7 @@ def test_floaters_are_selected(cloud: GaussianCloud, twin: Any, tmp_path: Path) 
         eye.data.angle_y = 2 * np.arctan(0.5)
         eye.data.sensor_fit = "VERTICAL"
     bpy.context.view_layer.update()
-    bpy.ops.dgs.select_floaters(island=0)
+    bpy.ops.dgs.select_floaters(island=0, weighed=False)
     height, depth = -means[:, 1], 30 + means[:, 2]
     seen = 2 * (height >= 15 - depth / 2) + (height <= depth / 2 - 15)
     np.testing.assert_array_equal(selected(), np.flatnonzero(seen < 2))

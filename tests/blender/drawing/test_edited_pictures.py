@@ -15,13 +15,16 @@ bpy = pytest.importorskip("bpy")
 import bmesh  # noqa: E402
 import dgs  # noqa: E402
 from dgs.core.camera import Camera  # noqa: E402
-from dgs.core.cloud import cloud_part  # noqa: E402
+from dgs.core.cloud import GaussianCloud, cloud_part  # noqa: E402
 from dgs.dgs_addon.axes import place_camera  # noqa: E402
 from dgs.dgs_addon.drawing import process  # noqa: E402
 from dgs.dgs_addon.drawing.render_engine import ENGINE  # noqa: E402
+from dgs.dgs_addon.job.results import attach  # noqa: E402
 from dgs.dgs_addon.scene.cameras import new_camera  # noqa: E402
 from dgs.dgs_addon.scene.crop import add_crop_box  # noqa: E402
 from dgs.dgs_addon.scene.nodes import SIZE_INPUT, set_splat_input, splat_modifier  # noqa: E402
+from dgs.dgs_addon.scene.scene_cameras import PHOTO  # noqa: E402
+from dgs.dgs_addon.scene.selection import read_splats  # noqa: E402
 from dgs.dgs_addon.scene.twin import add_twin, is_twin  # noqa: E402
 from dgs.tests.core.serving.test_pictures import crowd  # noqa: E402
 from mathutils import Matrix  # noqa: E402
@@ -133,3 +136,40 @@ def test_what_is_merged_and_moved_for_good_looks_as_before(twin: Any, tmp_path: 
     assert np.abs(turned - before).mean() > 5
     assert bpy.ops.dgs.apply_transform() == {"FINISHED"}
     assert np.abs(rendered(tmp_path / "d.png") - turned).max() <= 1
+
+
+def test_the_engine_says_which_splats_no_photo_sees(twin: Any) -> None:
+    """A wall between three cameras and a clump behind it: frames have the clump, photos do not see it."""
+    random = np.random.default_rng(2)
+    across, up = np.meshgrid(np.linspace(-3, 3, 41), np.linspace(-3, 3, 41))
+    wall = np.stack([across.ravel(), up.ravel(), np.full(across.size, 6.0)], axis=1)
+    behind = np.array([0.0, 0.0, 8.0]) + 0.1 * random.normal(size=(30, 3))
+    means = np.concatenate([wall, behind]).astype(np.float32)
+    count = len(means)
+    cloud = GaussianCloud(
+        means,
+        np.full((count, 3), np.log(0.15), np.float32),
+        np.tile(np.array([1, 0, 0, 0], np.float32), (count, 1)),
+        np.full(count, 6.0, np.float32),
+        random.normal(size=(count, 4, 3)).astype(np.float32),
+    )
+    scene = bpy.context.scene
+    thing = add_twin(cloud, "wall", scene.collection)
+    bpy.context.view_layer.objects.active = thing
+    for number, shift in enumerate((-0.5, 0.0, 0.5)):
+        eye = new_camera(f"photo {number}", scene)
+        place_camera(eye, CAMERA.moved(CAMERA.rotation, np.array([shift, 0.0, 0.0])))
+        eye[PHOTO] = f"{number}.png"
+        attach([eye], thing)
+    bpy.context.view_layer.update()
+    bpy.ops.dgs.select_floaters(island=0, weighed=False)
+    assert not read_splats(thing).selected[-30:].any(), "all frames have them"
+    assert bpy.ops.dgs.select_floaters(island=0) == {"FINISHED"}
+    chosen = read_splats(thing).selected
+    assert chosen[-30:].all(), "no photo sees them"
+    inner = (np.abs(wall) < [1.5, 1.0, 9.0]).all(axis=1)
+    assert inner.sum() > 50 and not chosen[:-30][inner].any()
+    pick(range(count - 30))
+    bpy.ops.dgs.hide_splats()
+    bpy.ops.dgs.select_floaters(island=0)
+    assert read_splats(thing).selected.sum() < 10, "without the wall photos see them, but for what they hide themselves"

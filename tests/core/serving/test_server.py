@@ -53,6 +53,12 @@ def test_a_process_answers_and_ends_with_its_standard_input() -> None:
         middle = camera.height // 2, camera.width // 2
         assert pixels[middle][3] == pytest.approx(0.9, abs=0.01) and pixels[middle][0] > 0.85 > pixels[middle][1]
         assert depth is not None and depth[middle] == pytest.approx(3.0, rel=1e-4)
+    alpha = pixels[..., 3].sum()
+    assert ask({"seen": View((PLACED,), CAMERA.resized(1280, 960)).message()}) == {"event": "seen", "count": 1}
+    assert np.frombuffer(areas[1].view(4), np.float32)[0] == pytest.approx(alpha, rel=1e-3)
+    away = View((PLACED,), CAMERA.moved(CAMERA.rotation, np.array([0.0, 0.0, -9.0]))).message()
+    assert ask({"seen": away})["count"] == 1 and np.frombuffer(areas[1].view(4), np.float32)[0] == 0.0
+    assert ask({"seen": View((), CAMERA).message()})["count"] == 0
     assert ask({"view": 3})["event"] == "error" and ask({"forget": "red"})["event"] == "forgotten"
     assert ask({"view": View((PLACED,), CAMERA).message()})["missing"] == ["red"]
     process.stdin.close()
