@@ -187,7 +187,7 @@ class DGS_OT_select_floaters(_Select, bpy.types.Operator):
     )
     weighed: bpy.props.BoolProperty(  # type: ignore[valid-type]
         name="As the Engine Sees",
-        description="A photo sees a splat of which it shows one px at least; the engine says so, in seconds. "
+        description="A photo sees a splat of which it shows a px or so; the engine says which, in seconds. "
         "Else each counts that lies within the photo's frame",
         default=True,
     )

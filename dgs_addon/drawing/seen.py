@@ -18,8 +18,12 @@ from ..scene.twin import TWIN
 from .contents import content_of
 from .process import picture_server
 
-#: A splat that is less than so many px of a photo, all its px added up by how much they show of it, is not seen there.
-_LEAST_PX = 1.0
+#: A splat that is less than so many px of a photo, all its px added up by how much they show of it, is not seen there;
+#: or less than such a share of what a splat has there on average, where most are smaller than a px. (It is the share of
+#: `core.training.contribution`, below which the training itself does without a splat.)
+_LEAST_PX, _LEAST_SHARE = 1.0, 0.15
+#: Px that count as none at all.
+_NOTHING = 1e-6
 #: Longer side in px that photos are weighed at: contributions are areas, which need no detail.
 _SIDE = 480
 #: Seconds that the engine may take for one photo; the first waits for its start.
@@ -63,7 +67,7 @@ def photos_that_see(twin: Any, scene: Any, progress: Callable[[float], None]) ->
             weights = server.weights(View((placed,), camera), _PATIENCE)
             if weights is None or len(weights) != len(seen):
                 raise DgsError(server.error or "The engine could not weigh the splats", "Select by islands only")
-            seen += weights * np.float32(scale) >= _LEAST_PX
+            seen += weights >= max(min(_LEAST_PX / scale, _LEAST_SHARE * float(weights.mean())), _NOTHING)
             progress((number + 1) / len(cameras))
         _last = key, seen
     counts[shown] = _last[1]
