@@ -95,8 +95,9 @@ def frame(twin: Any, scene: Any) -> None:
         for area in window.screen.areas:
             if area.type == "VIEW_3D" and area.spaces.active.region_3d is not None:
                 space = area.spaces.active
-                # A line from the twin to each of its cameras would lie across it.
-                space.overlay.show_relationship_lines = False
+                # Lines from the twin to its cameras would lie across it, and a floor that is none of its own.
+                space.overlay.show_relationship_lines = space.overlay.show_floor = False
+                space.overlay.show_axis_x = space.overlay.show_axis_y = False
                 if space.region_3d.view_perspective != "CAMERA":
                     _look(space, *viewpoint(twin, scene.camera, space.lens))
 

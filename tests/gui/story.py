@@ -25,6 +25,8 @@ from robot import Robot, Story, Tick
 
 FOLDER = Path(sys.argv[sys.argv.index("--") + 1])
 ADDON = "bl_ext.user_default.dgs"
+#: What Blender draws across a twin.
+_ACROSS = ("relationship_lines", "floor", "axis_x", "axis_y")
 seen: dict[str, object] = {"blender": bpy.app.version_string}
 
 
@@ -136,7 +138,7 @@ def _arrival(robot: Robot) -> dict[str, object]:
         "up": sum(camera.matrix_world.to_3x3().normalized().col[1].z for camera in cameras) / max(len(cameras), 1),
         "hidden": [thing.name for thing in changes.hidden_things(bpy.context.scene)],
         "changed": changes.changed_words(bpy.context.scene),
-        "lines": robot.area().spaces.active.overlay.show_relationship_lines,
+        "lines": any(getattr(robot.area().spaces.active.overlay, f"show_{name}") for name in _ACROSS),
     }
 
 

@@ -104,7 +104,7 @@ RIGHT = slice(60, 340), slice(320, 440)
 
 
 def test_a_twin_arrives_as_the_engine_sees_it(seen: dict[str, Any]) -> None:
-    assert seen["engine"] == "DESCATTER"
+    assert seen["engine"] == "DESCATTER" and seen["across"] == [False] * 4
     assert seen["first"]["seconds"] < 200, "here the engine that draws starts with it, and compiles"
     assert seen["view"] == ["RENDERED", "CAMERA", False] and seen["view-again"] == ["SOLID", "PERSP", True]
 

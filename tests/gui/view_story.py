@@ -59,6 +59,8 @@ def _arrives(robot: Robot) -> Story:
     yield from _settled()
     yield from robot.picture("arrival")
     seen["engine"] = bpy.context.scene.render.engine
+    overlay = robot.area().spaces.active.overlay
+    seen["across"] = [getattr(overlay, f"show_{name}") for name in ("relationship_lines", "floor", "axis_x", "axis_y")]
 
 
 def _viewed(robot: Robot) -> Story:
