@@ -65,19 +65,24 @@ def prepare_scene(scene: Any, as_trained: bool = False) -> None:
     Cycles ends rays after few transparent surfaces and, with roulette, grainily: both show as black
     specks. Other view transforms than 'Standard' change the photos' colours.
     """
+    prepare_cycles(scene)
+    scene.render.engine = "CYCLES"
+    show_colours(scene, "Raw" if as_trained else "Standard")
+    splat_material()
+    for tree in (*(material.node_tree for material in bpy.data.materials), *bpy.data.node_groups):
+        if tree is not None and _LIGHT in tree.nodes:
+            tree.nodes[_LIGHT].outputs[0].default_value = 0.0 if as_trained else 1.0
+
+
+def prepare_cycles(scene: Any) -> None:
+    """Sets what Cycles needs to show splats right, whether it is the scene's render engine now or will be chosen."""
     if scene.render.engine != "CYCLES":
-        scene.render.engine = "CYCLES"
         # Splats are smooth: many samples only cost time. They have no noise to remove, and not every build
         # has a denoiser.
         scene.cycles.samples, scene.cycles.preview_samples = SAMPLES, PREVIEW_SAMPLES
         scene.cycles.use_denoising = scene.cycles.use_preview_denoising = False
     scene.cycles.transparent_max_bounces = max(scene.cycles.transparent_max_bounces, TRANSPARENT_BOUNCES)
     scene.cycles.min_transparent_bounces = TRANSPARENT_BOUNCES
-    show_colours(scene, "Raw" if as_trained else "Standard")
-    splat_material()
-    for tree in (*(material.node_tree for material in bpy.data.materials), *bpy.data.node_groups):
-        if tree is not None and _LIGHT in tree.nodes:
-            tree.nodes[_LIGHT].outputs[0].default_value = 0.0 if as_trained else 1.0
 
 
 def show_colours(scene: Any, view_transform: str = "Standard") -> None:

@@ -11,7 +11,7 @@ from typing import Any
 from ..engine.interpreter import why_not
 from .arrival import is_startup
 from .changes import HIDDEN
-from .material import OWN_ENGINE, prepare_scene, show_colours
+from .material import OWN_ENGINE, prepare_cycles, prepare_scene, show_colours
 from .twin import is_twin
 
 #: What Blender's own new file chooses, by version.
@@ -23,14 +23,17 @@ _RENDERED = ("MESH", "CURVE", "CURVES", "SURFACE", "META", "FONT", "VOLUME", "PO
 
 
 def set_up_scene(scene: Any) -> None:
-    """Chooses Descatter where nobody has chosen a render engine, else sets Cycles up; the photos' colours."""
-    if scene.render.engine == OWN_ENGINE:
-        show_colours(scene)
-    elif nobody_has_chosen(scene) and not why_not():
-        scene.render.engine = OWN_ENGINE
-        show_colours(scene)
-    else:
+    """Chooses Descatter where nobody has chosen a render engine, else Cycles; the photos' colours.
+
+    Cycles is set up in any case: whoever chooses it later, or opens the file where this add-on is not, finds it ready.
+    """
+    if scene.render.engine != OWN_ENGINE and (why_not() or not nobody_has_chosen(scene)):
         prepare_scene(scene)
+        return
+    if hasattr(scene, "cycles"):
+        prepare_cycles(scene)
+    scene.render.engine = OWN_ENGINE
+    show_colours(scene)
 
 
 def nobody_has_chosen(scene: Any) -> bool:

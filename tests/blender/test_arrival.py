@@ -89,7 +89,7 @@ def test_the_startup_file_is_hidden_and_all_is_given_back(scene: Any, cloud: Gau
     paper = drawn(panels.DGS_PT_main)
     words = paper.words.replace("\n", " ")
     assert "Hidden: Camera, Cube, Light" in words and {"dgs.give_back", "dgs.dismiss"} <= set(paper.buttons)
-    for word in ("render engine", "resolution", "view transform", "camera"):
+    for word in ("render engine", "resolution", "view transform", "camera", "transparent bounces"):
         assert word in words
     assert scene.render.engine == "DESCATTER" and scene.view_settings.view_transform == "Standard"
     cube.name = "my cube"
@@ -150,7 +150,8 @@ def test_a_render_engine_that_somebody_has_chosen_stays(
     add(scene, results(tmp_path / "out", cloud, 0.0))
     own = case in ("hidden mesh", "light")
     assert scene.render.engine == ("DESCATTER" if own else "CYCLES")
-    assert ("transparent bounces" in changed_words(scene)) is not own
+    assert scene.cycles.transparent_max_bounces == 256 and "transparent bounces" in changed_words(scene)
+    assert scene.cycles.samples == (before["samples"] if case == "chosen" else 16), "Cycles is ready for who chooses it"
     assert ("render engine" in changed_words(scene)) is (case != "chosen")
     bpy.ops.dgs.give_back()
     assert settings(scene) == before

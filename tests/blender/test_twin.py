@@ -159,7 +159,7 @@ def test_the_operator_imports_and_prepares(cloud: GaussianCloud, tmp_path: Path,
     assert bpy.ops.dgs.import_twin(filepath=str(path)) == {"FINISHED"}
     twin = bpy.context.view_layer.objects.active
     assert is_twin(twin) and twin.name == "ball of splats"
-    assert bpy.context.scene.render.engine == "CYCLES"
+    assert bpy.context.scene.render.engine == "DESCATTER"
     assert bpy.context.scene.view_settings.view_transform == "Standard"
 
 

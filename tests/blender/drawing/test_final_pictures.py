@@ -276,8 +276,10 @@ def test_an_engine_that_cannot_start_is_said(scene: Any, tmp_path: Path, monkeyp
     broken.chmod(0o755)
     monkeypatch.setenv("DGS_ENGINE_PYTHON", str(broken))
     monkeypatch.setattr(process, "_server", None)  # (the tests' own goes on)
-    with pytest.raises(RuntimeError, match="status 3: no such library"):
-        bpy.ops.render.render()
+    for ask in (bpy.ops.render.render, bpy.ops.dgs.exact_view):
+        with pytest.raises(RuntimeError, match="status 3: no such library"):
+            ask()
+    assert scene.dgs.exact_view is None
     assert not live.wanted(), "twins keep their balls where nobody draws their splats"
 
 
