@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import bpy
 from bl_ui.utils import PresetPanel
 
@@ -16,3 +18,9 @@ class DGS_PT_presets(PresetPanel, bpy.types.Panel):  # type: ignore[misc]
     preset_subdir = SUBFOLDER
     preset_operator = "script.execute_preset"
     preset_add_operator = "dgs.add_preset"
+
+    def draw(self, context: Any) -> None:
+        """As Blender's own, which names missing folders where nothing has been kept yet."""
+        if not bpy.utils.preset_paths(SUBFOLDER):
+            bpy.utils.user_resource("SCRIPTS", path=f"presets/{SUBFOLDER}", create=True)
+        super().draw(context)
