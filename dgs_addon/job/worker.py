@@ -123,6 +123,9 @@ class Worker:
                 while line := process.stdout.readline(_LONGEST_LINE):
                     self._hear(line, log)
                 status = process.wait()
+                with contextlib.suppress(OSError):  # an order that it did not read any more
+                    assert process.stdin is not None
+                    process.stdin.close()
             log.write(f"(ended with status {status})\n")
             return status
 

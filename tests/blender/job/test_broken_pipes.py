@@ -30,7 +30,8 @@ for seconds in (0.0, 0.5):
     for _ in range(3):
         worker.send("cancel")
     worker.join(20.0)
-    assert worker.events.get(timeout=1.0) == Ended(0)
+    said = worker.events.get(timeout=1.0)
+    assert said == Ended(0), said
 assert signal.SIGPIPE not in signal.pthread_sigmask(signal.SIG_BLOCK, ())
 print("alive", flush=True)
 """
