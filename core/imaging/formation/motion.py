@@ -16,16 +16,14 @@ from dataclasses import dataclass
 from types import ModuleType
 from typing import TYPE_CHECKING, cast
 
-import numpy as np
-
 from ...numbers import BY_DEFINITION, number
-from ...pose import Pose
 from .effect import Effect, Shot
 
 if TYPE_CHECKING:
     from torch import Tensor
 
     from ...camera import Camera
+    from ...pose import Pose
 
 
 @dataclass(frozen=True)
@@ -119,10 +117,7 @@ class CameraMotion(Effect):
         index = self._index.get(name)
         if index is None:
             return pose
-        twists = self.parameters["twists"][index].detach().cpu().double()
-        still = twists.new_tensor(np.column_stack([pose.rotation, pose.translation]))
-        moved = _mathematics().mean_pose(twists, still).numpy()
-        return Pose(moved[:, :3], moved[:, 3])
+        return cast("Pose", _mathematics().mean_pose(self.parameters["twists"][index].detach(), pose))
 
     def offset(self, name: str, focal: float) -> float | None:
         """How far from where the path begins the camera was on average, px in the photo's middle; None if it stood."""

@@ -7,6 +7,7 @@ import torch
 from torch import Tensor
 
 from ...camera import Camera
+from ...pose import Pose
 from ...rigid_motion import moved_pose
 
 
@@ -30,9 +31,11 @@ def poses_on(twists: Tensor, camera: Camera, times: Tensor) -> Tensor:
     return moved_pose(polynomials(times, len(twists) - 1) @ twists, pose.expand(len(times), 3, 4))
 
 
-def mean_pose(twists: Tensor, pose: Tensor) -> Tensor:
-    """[3, 4] world to camera: where a camera [3, 4] was on average along a path [M + 1, 6]."""
-    return moved_pose(twists[0], pose)
+def mean_pose(twists: Tensor, pose: Pose) -> Pose:
+    """Where a camera was on average along a path [M + 1, 6] that begins at its pose."""
+    still = torch.from_numpy(np.column_stack([pose.rotation, pose.translation]))
+    moved = moved_pose(twists[0].cpu().double(), still).numpy()
+    return Pose(moved[:, :3], moved[:, 3])
 
 
 def way_on(twists: Tensor, unit: float, focal: float, count: int) -> Tensor:
