@@ -140,12 +140,11 @@ def _run(words: list[str], out: Path, log: Path) -> Row:
         said = (done.stderr.strip() or "no word").splitlines()[_LAST]
         return {"failed": said, "wall": wall}
     others = load.share()
-    return {
-        "failed": "",
-        "wall": wall,
-        "others": None if others is None else round(others, 2),
-        **figures(read_json(out / "report.json")),
-    }
+    try:
+        found = figures(read_json(out / "report.json"))
+    except DgsError as error:  # no held-out photo got a camera
+        return {"failed": error.what, "wall": wall}
+    return {"failed": "", "wall": wall, "others": None if others is None else round(others, 2), **found}
 
 
 def figures(report: Mapping[str, Any]) -> Row:
