@@ -10,12 +10,22 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from dgs.core.cloud import GaussianCloud  # noqa: E402
+from dgs.dgs_addon.drawing import process  # noqa: E402
 
 
 @pytest.fixture(autouse=True)
 def empty_scene() -> Iterator[None]:
     bpy.ops.wm.read_factory_settings(use_empty=True)
     yield
+
+
+@pytest.fixture(scope="module")
+def one_picture_server() -> Iterator[None]:
+    """One process that draws for all tests of a module: starting it takes seconds."""
+    kept, process.stop = process.stop, lambda: None
+    yield
+    process.stop = kept
+    process.stop()
 
 
 @pytest.fixture

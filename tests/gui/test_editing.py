@@ -6,25 +6,17 @@ Asked for as `test_window.py` is: DGS_WINDOW=sid (Blender 5.2) or DGS_WINDOW=tri
 from __future__ import annotations
 
 import json
-import os
-import shutil
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
-import dgs
 import numpy as np
 import pytest
 from dgs.core.cloud import GaussianCloud, joined
 from dgs.core.formats.ply import write_ply
-from dgs.core.version import VERSION
 from dgs.tests.gui import window
 from PIL import Image
 
-ROOT = Path(dgs.__path__[0])
 pytestmark = pytest.mark.timeout(900)
-SUITE = os.environ.get("DGS_WINDOW", "")
 COUNT, FLOATERS = 25_000, 30
 
 
@@ -56,23 +48,10 @@ def ball() -> GaussianCloud:
 
 @pytest.fixture(scope="module")
 def work(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    reason = window.why_not(SUITE) if SUITE else "DGS_WINDOW names no Blender with a window (see this file)"
-    if reason:
-        pytest.skip(reason)
+    window.skip_unless_asked()
     work = tmp_path_factory.mktemp("editing")
     write_ply(work / "twin.ply", ball())
-    subprocess.run([sys.executable, str(ROOT / "tools" / "extension.py")], check=True, capture_output=True)
-    package = shutil.copy(ROOT / "dist" / f"dgs-{VERSION}.zip", work)
-    for name in ("robot.py", "edit_story.py"):
-        shutil.copy(ROOT / "tests" / "gui" / name, work)
-    install = ["blender", "--command", "extension", "install-file", "-r", "user_default", "--enable", package]
-    window.run(SUITE, work, install, 120, window=False)
-    size = ["--window-geometry", "0", "0", *map(str, window.SCREEN)]
-    story = ["--python", str(work / "edit_story.py"), "--", str(work)]
-    (work / "words").write_text(window.run(SUITE, work, ["blender", *size, *story], 800), "utf-8")
-    kept = os.environ.get("DGS_WINDOW_PICTURES")
-    if kept:
-        shutil.copytree(work / "pictures", kept, dirs_exist_ok=True)
+    window.play(work, "edit_story.py", 800)
     return work
 
 

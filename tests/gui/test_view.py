@@ -6,29 +6,21 @@ Asked for as `test_window.py` is: DGS_WINDOW=sid (Blender 5.2) or DGS_WINDOW=tri
 from __future__ import annotations
 
 import json
-import os
-import shutil
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
-import dgs
 import numpy as np
 import pytest
 from dgs.command_line import run
 from dgs.core.camera import Camera
 from dgs.core.formats.colmap import write_model
 from dgs.core.formats.ply import write_ply
-from dgs.core.version import VERSION
 from dgs.core.views import SparsePoints
 from dgs.tests.gui import window
 from dgs.tests.gui.test_drawing import ball
 from PIL import Image
 
-ROOT = Path(dgs.__path__[0])
 pytestmark = pytest.mark.timeout(900)
-SUITE = os.environ.get("DGS_WINDOW", "")
 SIZE = 600, 400
 
 
@@ -57,23 +49,10 @@ def photographed(work: Path) -> None:
 
 @pytest.fixture(scope="module")
 def work(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    reason = window.why_not(SUITE) if SUITE else "DGS_WINDOW names no Blender with a window (see this file)"
-    if reason:
-        pytest.skip(reason)
+    window.skip_unless_asked()
     work = tmp_path_factory.mktemp("view")
     photographed(work)
-    subprocess.run([sys.executable, str(ROOT / "tools" / "extension.py")], check=True, capture_output=True)
-    package = shutil.copy(ROOT / "dist" / f"dgs-{VERSION}.zip", work)
-    for name in ("robot.py", "view_story.py"):
-        shutil.copy(ROOT / "tests" / "gui" / name, work)
-    install = ["blender", "--command", "extension", "install-file", "-r", "user_default", "--enable", package]
-    window.run(SUITE, work, install, 120, window=False)
-    size = ["--window-geometry", "0", "0", *map(str, window.SCREEN)]
-    story = ["--python", str(work / "view_story.py"), "--", str(work)]
-    (work / "words").write_text(window.run(SUITE, work, ["blender", *size, *story], 600), "utf-8")
-    kept = os.environ.get("DGS_WINDOW_PICTURES")
-    if kept:
-        shutil.copytree(work / "pictures", kept, dirs_exist_ok=True)
+    window.play(work, "view_story.py", 600)
     return work
 
 

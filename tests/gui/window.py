@@ -14,6 +14,13 @@ import subprocess
 import sys
 from pathlib import Path
 
+import dgs
+import pytest
+from dgs.core.version import VERSION
+
+ROOT = Path(dgs.__path__[0])
+#: The Debian whose Blender is asked for: sid (5.2) or trixie (4.3).
+SUITE = os.environ.get("DGS_WINDOW", "")
 _CACHE = Path(os.environ.get("DGS_WINDOW_CACHE", Path.home() / ".cache" / "dgs-window"))
 #: Screen of the virtual display in px.
 SCREEN = (1600, 900)
@@ -119,3 +126,32 @@ def run(suite: str, work: Path, command: list[str], seconds: float, window: bool
     if process.returncode:
         raise RuntimeError(f"status {process.returncode}: {words[-3000:]}")
     return words
+
+
+def skip_unless_asked() -> None:
+    """Skips where no Blender with a window was asked for, or none is there."""
+    reason = why_not(SUITE) if SUITE else "DGS_WINDOW names no Blender with a window (see this file)"
+    if reason:
+        pytest.skip(reason)
+
+
+def play(work: Path, story: str, seconds: float) -> None:
+    """Installs the extension in an empty Blender and plays a story of this folder in it; what it said goes to words.
+
+    DGS_WINDOW_PICTURES names a folder where the screenshots in WORK/pictures are kept.
+
+    Raises:
+        RuntimeError: as `run`.
+    """
+    subprocess.run([sys.executable, str(ROOT / "tools" / "extension.py")], check=True, capture_output=True)
+    package = shutil.copy(ROOT / "dist" / f"dgs-{VERSION}.zip", work)
+    for name in ("robot.py", story):
+        shutil.copy(ROOT / "tests" / "gui" / name, work)
+    install = ["blender", "--command", "extension", "install-file", "-r", "user_default", "--enable", package]
+    run(SUITE, work, install, 120, window=False)
+    size = ["--window-geometry", "0", "0", *map(str, SCREEN)]
+    played = ["blender", *size, "--python", str(work / story), "--", str(work)]
+    (work / "words").write_text(run(SUITE, work, played, seconds), "utf-8")
+    kept = os.environ.get("DGS_WINDOW_PICTURES")
+    if kept:
+        shutil.copytree(work / "pictures", kept, dirs_exist_ok=True)

@@ -17,7 +17,6 @@ import dgs  # noqa: E402
 from dgs.core.camera import Camera  # noqa: E402
 from dgs.core.cloud import GaussianCloud, cloud_part  # noqa: E402
 from dgs.dgs_addon.axes import place_camera  # noqa: E402
-from dgs.dgs_addon.drawing import process  # noqa: E402
 from dgs.dgs_addon.drawing.render_engine import ENGINE  # noqa: E402
 from dgs.dgs_addon.job.results import attach  # noqa: E402
 from dgs.dgs_addon.scene.cameras import new_camera  # noqa: E402
@@ -29,16 +28,8 @@ from dgs.dgs_addon.scene.twin import add_twin, is_twin  # noqa: E402
 from dgs.tests.core.serving.test_pictures import crowd  # noqa: E402
 from mathutils import Matrix  # noqa: E402
 
+pytestmark = pytest.mark.usefixtures("one_picture_server")
 CAMERA = Camera("view", 120, 90, 130.0, 130.0, 60.0, 45.0, np.eye(3), np.array([0.1, 0.0, 0.2]))
-
-
-@pytest.fixture(scope="module", autouse=True)
-def server() -> Iterator[None]:
-    """One process for all tests: starting it takes seconds."""
-    kept, process.stop = process.stop, lambda: None
-    yield
-    process.stop = kept
-    process.stop()
 
 
 @pytest.fixture

@@ -36,16 +36,8 @@ from dgs.tests.core.serving.test_pictures import crowd  # noqa: E402
 from mathutils import Matrix, Vector  # noqa: E402
 
 ROOT = Path(dgs.__path__[0])
+pytestmark = pytest.mark.usefixtures("one_picture_server")
 CAMERA = Camera("view", 120, 90, 130.0, 130.0, 60.0, 45.0, np.eye(3), np.array([0.1, 0.0, 0.2]))
-
-
-@pytest.fixture(scope="module", autouse=True)
-def server() -> Iterator[None]:
-    """One process for all tests: starting it takes seconds."""
-    kept, process.stop = process.stop, lambda: None
-    yield
-    process.stop = kept
-    process.stop()
 
 
 @pytest.fixture
