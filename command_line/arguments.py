@@ -62,6 +62,17 @@ def whole(low: int, high: int = LARGEST_COUNT) -> Callable[[str], int]:
     return parse
 
 
+def above_zero(text: str) -> float:
+    """An argument type: a finite number above zero."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not 0.0 < value < 1e30:
+        raise argparse.ArgumentTypeError(f"'{text}' is no number above zero")
+    return value
+
+
 def add_machine(parser: argparse.ArgumentParser) -> None:
     """Device and threads."""
     parser.add_argument("--device", choices=("auto", *devices()), default="auto", help="where to compute")

@@ -51,22 +51,18 @@ def render_command(options: argparse.Namespace, progress: Reporting) -> int:
         progress.note(f"'{options.twin}': {fault}")
     check_writable(options.out)
 
-    import numpy as np  # heavy
-
     from ..core.gaussians import Gaussians  # heavy: torch
     from ..core.photos.undistort import Undistortion  # heavy: torch
     from ..core.photos.write import render_names, write_png  # heavy: torch
     from ..core.pipeline.views import Viewer, to_pixels  # heavy: torch
-    from ..core.training.scale import scene_scale  # heavy: torch
-    from ..core.views import SparsePoints  # heavy: torch
+    from ..core.training.scale import twin_scale  # heavy: torch
 
     use_threads(options.threads)
     model = read_cameras(options.cameras)
     lenses, poses = model.lenses, model.poses
     medium = Medium(psf, options.blur_space)
-    points = SparsePoints(cloud.means.astype(np.float64), np.zeros(cloud.means.shape, np.uint8))
     names = sorted(poses)
-    scale = scene_scale([Undistortion(lenses[name]).camera(name, poses[name]) for name in names], points)
+    scale = twin_scale([Undistortion(lenses[name]).camera(name, poses[name]) for name in names], cloud.means)
     viewer = Viewer(Gaussians.from_cloud(cloud), scale, choose_device(options.device), background=behind or BLACK)
     draw = viewer.transparent if behind is None else viewer.degraded
     files = render_names(names)

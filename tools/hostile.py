@@ -49,11 +49,16 @@ NUMBERS = (
 NUMBERS += ("\u0663", "1_000", "0x10", " 1", "1e400", "-0", "1,2")
 #: Of the files that an option takes; .json if it is not named.
 SUFFIXES: dict[object, str] = {"twin": ".ply", "photo": ".png", "out": ".tif", "markdown": ".txt", "photos": ".txt"}
-SUFFIXES |= {("reconstruct", "photos"): ".mp4", ("blend", "out"): ".blend", ("inspect", "photos"): ".png"}
+SUFFIXES |= {
+    ("reconstruct", "photos"): ".mp4",
+    ("blend", "out"): ".blend",
+    ("mesh", "out"): ".glb",
+    ("inspect", "photos"): ".png",
+}
 #: Seconds until a request is asked to stop, and those that it then has.
 PATIENCE, ENDING = 15.0, 15.0
 #: Commands whose right request compiles kernels, and the seconds that each may take for it before the first request.
-COMPILING, COMPILATION = ("reconstruct", "render", "next-view", "inspect", "estimate"), 300.0
+COMPILING, COMPILATION = ("reconstruct", "render", "next-view", "inspect", "estimate", "mesh"), 300.0
 
 
 @dataclass(frozen=True)
@@ -268,6 +273,7 @@ def valid(folder: Path) -> dict[str, list[str]]:
         "measure-glass": [str(folder / "photos" / "a.png"), "--distances", "1", "--focal", "480"],
         "next-view": [twin],
         "update": [twin, photos],
+        "mesh": [twin, "--out", str(folder / "out" / "a.glb")],
         "serve": [],
     }
 

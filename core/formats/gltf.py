@@ -10,8 +10,6 @@ https://github.com/KhronosGroup/glTF/tree/main/extensions/2.0/Khronos/KHR_gaussi
 
 from __future__ import annotations
 
-import json
-import struct
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +23,7 @@ from ..errors import FormatError
 from ..files import write_bytes
 from ..json_shape import anything, check_shape, text
 from ..version import VERSION
-from .gltf_file import Asset, open_gltf
+from .gltf_file import Asset, glb_bytes, open_gltf
 from .spec import FormatSpec
 from .turning import flipped, moved
 
@@ -130,12 +128,7 @@ def _binary(arrays: dict[str, NDArray[Any]], name: str) -> bytes:
         "bufferViews": views,
         "buffers": [{"byteLength": len(data)}],
     }
-    words = json.dumps(content, separators=(",", ":"), allow_nan=False).encode()
-    words += b" " * (-len(words) % 4)
-    data += b"\0" * (-len(data) % 4)
-    head = struct.pack("<III", 0x46546C67, 2, 12 + 8 + len(words) + 8 + len(data))
-    chunks = struct.pack("<II", len(words), 0x4E4F534A) + words + struct.pack("<II", len(data), 0x004E4942)
-    return head + chunks + bytes(data)
+    return glb_bytes(content, data)
 
 
 def _primitive(asset: Asset, primitive: dict[str, Any]) -> GaussianCloud:

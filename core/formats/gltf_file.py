@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import base64
 import binascii
+import json
 import struct
 from collections.abc import Iterator
 from pathlib import Path
@@ -166,6 +167,16 @@ def open_gltf(path: Path) -> Asset:
     except (ValueError, KeyError, TypeError, struct.error, binascii.Error) as error:
         raise FormatError(f"'{path}' is no glTF 2.0 file ({error})", "Export or download it again") from error
     return Asset(path, content, binary)
+
+
+def glb_bytes(content: dict[str, Any], data: bytes | bytearray) -> bytes:
+    """A .glb of its JSON and its only buffer."""
+    words = json.dumps(content, separators=(",", ":"), allow_nan=False).encode()
+    words += b" " * (-len(words) % 4)
+    whole = bytes(data) + b"\0" * (-len(data) % 4)
+    head = struct.pack("<III", _MAGIC, 2, 12 + 8 + len(words) + 8 + len(whole))
+    chunks = struct.pack("<II", len(words), _JSON) + words + struct.pack("<II", len(whole), _BIN)
+    return head + chunks + whole
 
 
 def _chunks(data: bytes) -> tuple[bytes, bytes | None]:

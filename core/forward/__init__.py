@@ -11,7 +11,7 @@ else in the engine renders, blurs or compares (a test reads the imports).
 from __future__ import annotations
 
 from .medium import FixedMedium, MediumModel, SubFrame, kept_mediums, medium_of, shared_medium, space_of
-from .model import Exposed, Exposure, ForwardModel, sharp_view
+from .model import Exposed, Exposure, ForwardModel, sharp_depths, sharp_view
 from .sampling import SAMPLING, SamplingSettings, low_pass_on_grid, margin_for
 
 __all__ = [
@@ -27,6 +27,7 @@ __all__ = [
     "low_pass_on_grid",
     "margin_for",
     "medium_of",
+    "sharp_depths",
     "sharp_view",
     "shared_medium",
     "space_of",

@@ -17,7 +17,17 @@ from ..imaging.formation.chain import Formation, Passage
 from ..imaging.formation.effect import Shot
 from ..imaging.medium import BlurSpace
 from ..imaging.psf import PointSpread
-from ..rasterizer import RasterSettings, Rendered, RenderedPath, ScreenStatistics, render, render_path, with_gradient
+from ..rasterizer import (
+    Depths,
+    RasterSettings,
+    Rendered,
+    RenderedPath,
+    ScreenStatistics,
+    blended_depths,
+    render,
+    render_path,
+    with_gradient,
+)
 from ..rendering import OPAQUE_ENOUGH
 from .collecting import CollectedLight
 from .medium import MediumModel, SubFrame
@@ -45,6 +55,18 @@ def sharp_view(
         background: [3] sRGB; black if None.
     """
     return render(gaussians, camera, background=background, settings=settings)
+
+
+def sharp_depths(
+    gaussians: Gaussians,
+    camera: Camera,
+    settings: RasterSettings = RasterSettings(),
+    *,
+    held: float = 0.5,
+    centres: bool = False,
+) -> Depths:
+    """How far away a camera sees the twin, px by px; see `core.rasterizer.blended_depths`."""
+    return blended_depths(gaussians, camera, settings, held=held, centres=centres)
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,18 @@
 from __future__ import annotations
 
 from ..rendering import RasterSettings, Rendered, RenderedPath, ScreenStatistics
+from .depths import Depths, blended_depths
 from .given_gradient import with_gradient
 from .interface import render, render_path
 
-__all__ = ["RasterSettings", "Rendered", "RenderedPath", "ScreenStatistics", "render", "render_path", "with_gradient"]
+__all__ = [
+    "Depths",
+    "RasterSettings",
+    "Rendered",
+    "RenderedPath",
+    "ScreenStatistics",
+    "blended_depths",
+    "render",
+    "render_path",
+    "with_gradient",
+]

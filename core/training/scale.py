@@ -89,3 +89,8 @@ def scene_scale(cameras: Sequence[Camera], points: SparsePoints) -> SceneScale:
             "No reconstructed point lies in front of a camera", "Check the cameras' axes (world to camera, z forward)"
         )
     return SceneScale(np.median(positions, axis=0).astype(np.float64), float(np.median(seen)))
+
+
+def twin_scale(cameras: Sequence[Camera], means: NDArray[np.float32]) -> SceneScale:
+    """The unit of a scene whose twin is there: as `scene_scale`, of the Gaussians' centres [N, 3]."""
+    return scene_scale(cameras, SparsePoints(means.astype(np.float64), np.zeros(means.shape, np.uint8)))

@@ -114,6 +114,7 @@ def commands(folder: Path) -> dict[str, list[object]]:
         "tradeoff": ["tradeoff", photos, "--out", out],
         "blend": ["blend", ply, "--out", out / "a.blend"],
         "next-view": ["next-view", twin],
+        "mesh": ["mesh", twin, "--out", out / "a.ply"],
         "update": ["update", twin, photos],
         "rollback": ["update", twin, "--rollback"],
         "stress": ["stress", "--fuzz-files", "1", "--only", "plan.json", "--record", out / "r.json"],
@@ -138,7 +139,8 @@ CLOSED = [
     ("compare", "photos"),
     ("tradeoff", "photos"),
     ("blend", "twin/twin.ply"),
-    *((name, f"twin{file}") for name in ("next-view", "update", "rollback") for file in ("",)),
+    *((name, f"twin{file}") for name in ("next-view", "mesh", "update", "rollback") for file in ("",)),
+    *(("mesh", f"twin/{file}") for file in ("report.json", "twin.ply", "cameras")),
     *((name, f"twin/{file}") for name in ("next-view", "update") for file in ("report.json", "twin.ply", "photos.txt")),
 ]
 

@@ -20,7 +20,7 @@ FLOORS = (
     ("core.effects",),
     ("core.report",),
     ("core.twin", "core.effort"),
-    ("core.uncertainty",),
+    ("core.uncertainty", "core.mesh"),
     ("core.pipeline",),
     ("studies.comparison", "studies.stability", "dgs_addon"),
     ("studies.tradeoff", "studies.paper", "studies.benchmark", "dgs_addon.engine", "dgs_addon.laboratory"),

@@ -1,0 +1,40 @@
+"""`mesh`: a twin's surface as a mesh."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from .arguments import LARGEST_COUNT, above_zero, add_overwrite, add_progress, show_defaults, whole
+from .progress_choice import Reporting
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments of the command."""
+    parser.description = (
+        "Fuses what a twin's cameras see of it to a surface with colours: GLB, OBJ or PLY. "
+        "There are holes only where no camera saw a surface."
+    )
+    show_defaults(parser)
+    add = parser.add_argument
+    add("twin", type=Path, metavar="TWIN", help="folder that 'reconstruct --out' wrote")
+    add("--out", type=Path, required=True, metavar="FILE", help="ends with .glb, .obj or .ply")
+    sides = "side of a voxel, in px of the photos on the surface; smaller is finer and takes longer"
+    add("--detail", type=above_zero, default=1.0, metavar="PX", help=sides)
+    add("--faces", type=whole(0, LARGEST_COUNT), default=500_000, metavar="N", help="at most; 0: all that there are")
+    add("--views", type=whole(1, LARGEST_COUNT), default=60, metavar="N", help="cameras at most, evenly chosen")
+    add("--threads", type=whole(1, 1024), metavar="N", help="CPU threads; all cores if not given")
+    add_overwrite(parser)
+    add_progress(parser)
+
+
+def mesh_command(options: argparse.Namespace, progress: Reporting) -> int:
+    """Writes OUT and says how large, how fine and how whole it is."""
+    from ..core.mesh.written import MeshSettings, write_twin_mesh  # heavy: torch
+
+    settings = MeshSettings(options.detail, options.faces, options.views)
+    said = write_twin_mesh(
+        options.twin, options.out, settings, overwrite=options.overwrite, threads=options.threads, progress=progress
+    )
+    progress.finished(said)
+    return 0

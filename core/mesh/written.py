@@ -1,0 +1,59 @@
+"""A twin's folder in, the file of a mesh out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ..errors import FormatError
+from ..formats.meshes import check_mesh_name, write_mesh
+from ..machine import use_threads
+from ..numbers import number
+from ..outputs import check_outputs, placing_output
+from ..progress import Progress
+from ..twin.seen_by import splats_and_cameras
+from .build import MeshSettings, build_mesh
+
+
+@dataclass(frozen=True)
+class NotingSettings:
+    """When something is worth a note."""
+
+    far: float = number(0.01, "share", "of what cameras see that may be too far off without a word")
+    coarser: float = number(1.01, "factor", "by which voxels may be larger than asked for without a word")
+
+
+NOTING = NotingSettings()
+
+
+def write_twin_mesh(
+    folder: Path, out: Path, settings: MeshSettings, *, overwrite: bool, threads: int | None, progress: Progress
+) -> dict[str, Any]:
+    """Makes the mesh and writes it; returns what is said of it.
+
+    Raises:
+        FormatError: no twin folder, damaged, or another ending. OutputError: the file cannot be written.
+        DgsError: there is no surface. Cancelled: the user asked to stop.
+    """
+    if not folder.is_dir():
+        raise FormatError(f"There is no folder '{folder}'", "Give the --out folder of 'reconstruct'")
+    check_mesh_name(out)
+    check_outputs([out], [folder / "twin.ply"], overwrite)
+    use_threads(threads)
+    gaussians, cameras = splats_and_cameras(folder)
+    made = build_mesh(gaussians, cameras, settings, progress)
+    progress.stage("save")
+    with placing_output(out) as temporary:
+        write_mesh(temporary, made.mesh)
+    if made.far > NOTING.far:
+        progress.note(f"{100 * made.far:.0f} % of what the cameras see is too far off for voxels of this size")
+    if made.voxel > NOTING.coarser * settings.detail * made.pixel:
+        progress.note(f"Voxels are {made.voxel / made.pixel:.2g} px wide: finer ones would not fit")
+    return {
+        "vertices": len(made.mesh.vertices),
+        "faces": len(made.mesh.faces),
+        "voxel px": round(made.voxel / made.pixel, 3),
+        "open edges": len(made.mesh.open_edges()),
+        "mesh": str(out),
+    }

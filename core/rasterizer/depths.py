@@ -1,0 +1,124 @@
+"""Where a camera's rays meet the Gaussians: depths of a view, in more ways than its training needs; no gradients."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from ..camera import Camera
+from ..compiled import run
+from ..errors import DeviceError
+from ..gaussians import Gaussians
+from ..rendering import OPAQUE_ENOUGH, RasterSettings
+from .cpu import numpy_parameters, project_and_sort, view_vector
+from .depth_kernels import EXPECTED, HIGH, K_M, LEVEL, LOW, PLANES, RAY_WIDTH, SQUARE, TRANSMITTANCE, blend_depths
+from .projection import rotation_matrices
+from .shape_kernels import V_ALPHA_MINIMUM
+
+Floats = NDArray[np.float32]
+
+#: A Gaussian is taken for at least this thick, as a share of its longest axis: thinner ones have no digits left.
+_THINNEST = 1e-3
+#: Standard deviations from its centre within which a Gaussian holds light back.
+_REACH = 3.0
+
+
+@dataclass(frozen=True)
+class Depths:
+    """Depths along the axis of one view, in the camera's world units.
+
+    Attributes:
+        expected: [H, W] mean over the light that is held back; NaN where next to none is.
+        surface: [H, W] where a given share of the light is held back; NaN where less is held back altogether.
+        spread: [H, W] standard deviation of that light's depth; NaN where `expected` is.
+        alpha: [H, W] opacity.
+    """
+
+    expected: Floats
+    surface: Floats
+    spread: Floats
+    alpha: Floats
+
+
+def blended_depths(
+    gaussians: Gaussians,
+    camera: Camera,
+    settings: RasterSettings = RasterSettings(),
+    *,
+    held: float = 0.5,
+    centres: bool = False,
+) -> Depths:
+    """Depths of one view.
+
+    Args:
+        gaussians: float32 on the CPU.
+        held: share of the light that is held back in front of a surface; 0.5 makes it the median.
+        centres: each Gaussian is as far as its centre, as in `Rendered.depth`; otherwise as far as it is densest along
+            each px's own ray.
+
+    Raises:
+        DeviceError: the tensors are elsewhere.
+    """
+    if gaussians.means.device.type != "cpu" or gaussians.means.dtype != torch.float32:
+        raise DeviceError("Depths are blended from float32 tensors on the CPU", "Move the Gaussians there")
+    parts = (
+        gaussians.means,
+        gaussians.log_scales,
+        gaussians.quaternions,
+        gaussians.opacity_logits,
+        gaussians.sh[:, :1],
+    )
+    parameters = numpy_parameters(*parts)
+    view = view_vector(camera, None, settings)
+    found = project_and_sort(view, parameters, camera.width, camera.height, np.empty(len(gaussians), np.float32))
+    rays = _at_centres(gaussians, camera) if centres else _rays(gaussians, camera)
+    out = np.empty((PLANES, camera.height, camera.width), np.float32)
+    lens = np.array([camera.fx, camera.fy, camera.cx, camera.cy], np.float32)
+    tiles = len(found.tile_starts) - 1
+    least = np.float32(view[V_ALPHA_MINIMUM])
+    level = np.float32(1.0 - held)
+    arguments = (found.splats, rays, lens, found.tile_starts, found.pairs, least, level, found.tiles_x, out)
+    run(blend_depths, tiles, *arguments, grain=4)
+    alpha = 1.0 - out[TRANSMITTANCE]
+    seen = alpha > OPAQUE_ENOUGH
+    mean = np.where(seen, out[EXPECTED] / np.maximum(alpha, OPAQUE_ENOUGH), np.nan)
+    square = out[SQUARE] / np.maximum(alpha, OPAQUE_ENOUGH)
+    spread = np.sqrt(np.maximum(square - mean**2, 0.0))
+    surface = np.where(out[LEVEL] > 0, out[LEVEL], np.nan)
+    return Depths(*(plane.astype(np.float32) for plane in (mean, surface, spread, alpha)))
+
+
+def _rays(gaussians: Gaussians, camera: Camera) -> Floats:
+    """[N, 16] rows of `blend_depths`: depth(d) = (K d) . (K m) / |K d|^2 is where a Gaussian is densest along d.
+
+    K = S^-1 Rq^T R^T, all divided by |K m|; m is the centre in the camera's axes, d = (x / z, y / z, 1).
+    """
+    rotation, points = camera.rotation, _points(gaussians, camera)
+    scales = np.exp(gaussians.log_scales.detach().double().numpy().clip(-40.0, 40.0))
+    thick = np.maximum(scales, _THINNEST * scales.max(axis=1, keepdims=True))
+    turned = np.einsum("ij,njk->nik", rotation, rotation_matrices(gaussians.quaternions.detach().double()).numpy())
+    k = turned.transpose(0, 2, 1) / thick[:, :, None]
+    k_m = np.einsum("nij,nj->ni", k, points)
+    length = np.maximum(np.linalg.norm(k_m, axis=1), 1e-30)
+    reach = _REACH * np.sqrt(np.einsum("nj,nj->n", turned[:, 2] ** 2, scales**2))
+    rays = np.zeros((len(points), RAY_WIDTH))
+    rays[:, :K_M] = (k / length[:, None, None]).reshape(-1, 9)
+    rays[:, K_M : K_M + 3] = k_m / length[:, None]
+    rays[:, LOW], rays[:, HIGH] = np.maximum(points[:, 2] - reach, 0.0), points[:, 2] + reach
+    return np.nan_to_num(rays).astype(np.float32)
+
+
+def _at_centres(gaussians: Gaussians, camera: Camera) -> Floats:
+    """The same for depths of centres: the limits leave no choice."""
+    rays = np.zeros((len(gaussians), RAY_WIDTH))
+    rays[:, 8] = 1.0
+    rays[:, K_M + 2] = rays[:, LOW] = rays[:, HIGH] = _points(gaussians, camera)[:, 2]
+    return np.nan_to_num(rays).astype(np.float32)
+
+
+def _points(gaussians: Gaussians, camera: Camera) -> NDArray[np.float64]:
+    means = gaussians.means.detach().double().numpy()
+    return np.asarray(means @ camera.rotation.T + camera.translation)

@@ -1,0 +1,52 @@
+"""A mesh of triangles. Needs numpy only."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """Triangles with what is there at their corners.
+
+    Attributes:
+        vertices: [N, 3] float64, world units.
+        faces: [M, 3] int64, counter-clockwise seen from outside (from where cameras are).
+        colours: [N, 3] uint8 sRGB, or None.
+        deviation: [N] float32, standard deviation of a corner's place along the normal, world units, or None.
+    """
+
+    vertices: NDArray[np.float64] = field(repr=False)
+    faces: NDArray[np.int64] = field(repr=False)
+    colours: NDArray[np.uint8] | None = field(default=None, repr=False)
+    deviation: NDArray[np.float32] | None = field(default=None, repr=False)
+
+    def with_faces(self, faces: NDArray[np.int64]) -> Mesh:
+        """With other faces between the same corners, and no corner that none of them has."""
+        used = np.unique(faces)
+        place = np.full(len(self.vertices), -1, np.int64)
+        place[used] = np.arange(len(used))
+        colours = None if self.colours is None else self.colours[used]
+        deviation = None if self.deviation is None else self.deviation[used]
+        return replace(self, vertices=self.vertices[used], faces=place[faces], colours=colours, deviation=deviation)
+
+    def normals(self) -> NDArray[np.float64]:
+        """[N, 3] unit normals at the corners: means of their faces', by area."""
+        a, b, c = (self.vertices[self.faces[:, k]] for k in range(3))
+        across = np.cross(b - a, c - a)
+        total = np.zeros_like(self.vertices)
+        for k in range(3):
+            for axis in range(3):
+                total[:, axis] += np.bincount(self.faces[:, k], across[:, axis], len(total))
+        length = np.linalg.norm(total, axis=1, keepdims=True)
+        return np.asarray(total / np.maximum(length, 1e-30))
+
+    def open_edges(self) -> NDArray[np.int64]:
+        """[E, 2] edges that only one face has: borders of holes and of the whole."""
+        edges = np.sort(np.concatenate([self.faces[:, [0, 1]], self.faces[:, [1, 2]], self.faces[:, [2, 0]]]), axis=1)
+        keys = edges[:, 0] * len(self.vertices) + edges[:, 1]
+        found, index, counts = np.unique(keys, return_index=True, return_counts=True)
+        return np.asarray(edges[index[counts == 1]])
