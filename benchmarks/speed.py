@@ -66,6 +66,7 @@ def measure(row: Row) -> Row:
 
     import torch
     from dgs.core import compiled
+    from dgs.core.devices import backend_named, tensors_on
     from dgs.core.imaging.operator import BlurOperator
     from dgs.core.imaging.psf import PointSpread
     from dgs.core.rasterizer import render
@@ -75,7 +76,8 @@ def measure(row: Row) -> Row:
 
     torch.set_num_threads(row["threads"])
     compiled.set_threads(row["threads"])
-    device = "cuda" if row["backend"] == "cuda" else "cpu"
+    backend_named(row["backend"]).check()
+    device = tensors_on(row["backend"])
     width, height = row["size"]
     cameras = [scene.camera(width, height, degrees) for degrees in (-18.0, -6.0, 6.0, 18.0)]
     psf = PointSpread(sigma_x=row["sigma"], sigma_y=row["sigma"])
@@ -121,15 +123,15 @@ def measure(row: Row) -> Row:
 def _one_iteration(row: Row, optimizer: Any, camera: Any, blur: Any, photo: Any) -> tuple[Any, list[float], Any]:
     """One step of training: what was rendered, the times (ms) between its stages, and its images."""
     import torch
+    from dgs.core.devices import backend_named
     from dgs.core.rasterizer import render
     from dgs.core.training.photometric import PhotometricLoss
 
-    cuda = row["backend"] == "cuda"
+    backend = backend_named(row["backend"])
     rates = dict.fromkeys([*(name for name, _ in optimizer.gaussians.named()), "sh_rest"], 1e-5)
 
     def now() -> float:
-        if cuda:
-            torch.cuda.synchronize()
+        backend.synchronize()
         return time.perf_counter() * 1e3
 
     marks = [now()]
@@ -138,7 +140,7 @@ def _one_iteration(row: Row, optimizer: Any, camera: Any, blur: Any, photo: Any)
     blurred = blur(view.image)
     marks.append(now())
     # Training compares with another photo every time, so its statistics are part of the loss.
-    loss = PhotometricLoss(photo)(blurred.cpu() if cuda else blurred)
+    loss = PhotometricLoss(photo)(blurred.cpu())
     marks.append(now())
     # In two steps, so that what the medium costs on the way back is counted as the medium's.
     gradient = torch.autograd.grad(loss, blurred)[0]

@@ -68,7 +68,7 @@ def stress_command(options: argparse.Namespace, progress: Reporting) -> int:
         return _damaged_files(options, progress)
     from ..core.machine import machine, use_threads  # late: slows --help
     from ..studies.stability import table  # heavy: torch
-    from ..studies.stability.case import backends_here  # heavy: torch
+    from ..studies.stability.case import backends_for  # heavy: torch
     from ..studies.stability.fuzz import fuzz  # heavy: torch
     from ..studies.stability.registry import all_cases  # heavy: torch
 
@@ -90,15 +90,11 @@ def stress_command(options: argparse.Namespace, progress: Reporting) -> int:
     say = (lambda text: None) if options.json else (lambda text: print(text, flush=True))
     began = time.perf_counter()
     only_extra = options.torture or options.fuzz is not None
-    backends = tuple(b for b in backends_here() if device == "cuda" or b != "cuda")
+    backends = backends_for(device)
     results = [] if only_extra and options.markdown is None else _table(cases, backends, say, progress)
     found = None
     if options.fuzz is not None or not (options.torture or options.only):
-        found = fuzz(
-            500 if options.fuzz is None else options.fuzz,
-            "cuda" if device == "cuda" else "cpu",
-            report=lambda done: _look(progress),
-        )
+        found = fuzz(500 if options.fuzz is None else options.fuzz, device, report=lambda done: _look(progress))
         say(table.fuzz_line(found))
     outcomes = _torture(say, progress) if options.torture else []
     seconds, here = time.perf_counter() - began, machine(threads, device)

@@ -147,10 +147,12 @@ class Entry:
     Attributes:
         load: makes it; imports what it needs.
         device: torch's type of the tensors that are its own; None where it is asked for by name only.
+        unasked: whether 'auto' may take it.
     """
 
     load: Callable[[], Backend]
     device: str | None
+    unasked: bool = True
 
 
 def _module(name: str) -> Callable[[], Backend]:
@@ -163,10 +165,12 @@ def _module(name: str) -> Callable[[], Backend]:
     return load
 
 
-#: All back ends, by the name that `--device` takes; 'auto' takes the last one that works.
+#: All back ends, by the name that `--device` takes; 'auto' takes the last one that works, but for `gpu`: nobody has
+#: measured yet on which cards it is faster than the processor beside them.
 REGISTRY: dict[BackendName, Entry] = {
     "reference": Entry(_module("reference"), None),
     "cpu": Entry(_module("cpu"), "cpu"),
+    "gpu": Entry(_module("gpu.backend"), "gpu", unasked=False),
     "cuda": Entry(_module("cuda"), "cuda"),
 }
 
@@ -192,6 +196,11 @@ def backend_named(name: BackendName) -> Backend:
     return _loaded(REGISTRY[name])
 
 
+def tensors_on(name: BackendName) -> str:
+    """Torch's device of the tensors that a back end takes; 'cpu' for those that are asked for by name only."""
+    return REGISTRY[name].device or "cpu"
+
+
 def backend_on(device: torch.device | str) -> Backend:
     """The back end whose tensors are on this device.
 
@@ -206,7 +215,8 @@ def backend_on(device: torch.device | str) -> Backend:
 
 
 def choose_device(asked: BackendName) -> BackendName:
-    """The device to compute on: the one asked for, or for 'auto' the last of `REGISTRY` that works here.
+    """The device to compute on: the one asked for, or for 'auto' the last of `REGISTRY` that works here
+    and may be taken unasked.
 
     Raises:
         DeviceError: the one asked for does not exist, or does not work here.
@@ -216,7 +226,7 @@ def choose_device(asked: BackendName) -> BackendName:
             raise DeviceError(f"There is no device '{asked}'", f"Choose one of auto, {', '.join(devices())}")
         backend_named(asked).check()
         return asked
-    for name in reversed(devices()):
+    for name in reversed([name for name in devices() if REGISTRY[name].unasked]):
         try:
             backend_named(name).check()
         except DeviceError:

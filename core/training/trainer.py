@@ -119,7 +119,7 @@ class Trainer:
             settings = replace(settings, coarse_share=max(settings.coarse_share, FOCUS.coarse_share))
         self.settings, self.medium, self._begun = settings, medium, formation
         name = "cpu" if settings.device == "auto" else settings.device
-        backend_on(name)  # (before torch, whose message names devices of its own)
+        backend_on(name).check()  # (before torch, whose message names devices of its own)
         self.device = torch.device(name)
         self.views, self.heldout, self.points = views, heldout, points
         width, height = views[0].camera.width, views[0].camera.height

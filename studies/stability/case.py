@@ -13,10 +13,9 @@ from typing import Literal
 
 from torch import Tensor
 
-from ...core.devices import BackendName
+from ...core.devices import BackendName, tensors_on
 from ...core.errors import DgsError
 from ...core.gaussians import Gaussians
-from ...core.rasterizer.cuda import available
 
 Family = Literal["geometry", "rasterizer", "psf", "loss", "poses", "sfm", "scale", "files"]
 #: In the order of the table.
@@ -38,7 +37,7 @@ class Site:
     @property
     def device(self) -> str:
         """The torch device of the back end's tensors."""
-        return "cuda" if self.backend == "cuda" else "cpu"
+        return tensors_on(self.backend)
 
     def put(self, gaussians: Gaussians) -> Gaussians:
         """The Gaussians where the back end wants them."""
@@ -96,10 +95,10 @@ class Result:
 #: Every case of the files that were imported; see `registry.all_cases`.
 CASES: list[Case] = []
 #: Cases of the rasterizer run on all of these that are there.
-ALL: tuple[BackendName, ...] = ("reference", "cpu", "cuda")
+ALL: tuple[BackendName, ...] = ("reference", "cpu", "gpu", "cuda")
 #: gsplat computes the covariance in float32, caps alpha at 0.999, and leaves out the Gaussian that crosses the
 #: transmittance stop: cases about just that do not concern it.
-OWN_BACKENDS: tuple[BackendName, ...] = ("reference", "cpu")
+OWN_BACKENDS: tuple[BackendName, ...] = ("reference", "cpu", "gpu")
 
 
 def case(
@@ -115,9 +114,9 @@ def case(
     return register
 
 
-def backends_here() -> tuple[BackendName, ...]:
-    """Rasterizer back ends that this machine has."""
-    return ALL if available() else OWN_BACKENDS
+def backends_for(device: BackendName) -> tuple[BackendName, ...]:
+    """Rasterizer back ends to measure where a device was chosen: those of every machine, and the device's own."""
+    return tuple(name for name in ALL if name in ("reference", "cpu", device))
 
 
 def measured(one: Case, backend: BackendName | Literal[""]) -> Result:

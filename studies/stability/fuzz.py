@@ -17,7 +17,7 @@ from ...core import compiled
 from ...core.camera import Camera
 from ...core.constants import ALPHA_MINIMUM, SH_COEFFICIENTS
 from ...core.conventions import rotation_from_quaternion
-from ...core.devices import BackendName
+from ...core.devices import BackendName, tensors_on
 from ...core.gaussians import Gaussians
 from ...core.imaging.kernel_samples import disc
 from ...core.imaging.operator import BlurOperator
@@ -128,7 +128,7 @@ class Fuzzer:
     """Draws and checks scenes; keeps blurs, which take longer to build than to use."""
 
     def __init__(self, backend: BackendName = "cpu") -> None:
-        self.backend, self.device = backend, "cuda" if backend == "cuda" else "cpu"
+        self.backend, self.device = backend, tensors_on(backend)
         self.kernels, self.blurs = _kernels(), dict[tuple[int, int, int], BlurOperator]()
         self.found = Fuzzed()
 

@@ -11,7 +11,7 @@ from torch import Tensor
 
 from ...core.camera import Camera
 from ...core.constants import SH_COEFFICIENTS
-from ...core.devices import BackendName
+from ...core.devices import BackendName, tensors_on
 from ...core.gaussians import Gaussians
 from ...core.rasterizer import RasterSettings, Rendered, render
 from ...core.rasterizer.projection import camera_pose
@@ -110,7 +110,7 @@ def drawn(
     seed: int = 5,
 ) -> Drawn:
     """Renders on a back end (the Gaussians are moved to it) and differentiates."""
-    device = "cuda" if backend == "cuda" else "cpu"
+    device = tensors_on(backend)
     leaves = gaussians.detached().to(device=device).requires_grad_()
     twist = torch.zeros(6, dtype=leaves.means.dtype, device=device, requires_grad=True)
     pose = moved_pose(twist, camera_pose(camera, leaves.means))

@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import pytest
 from dgs.studies.stability.case import Case, measured
+from dgs.tests.back_ends import or_skip
 
 
 @pytest.fixture
@@ -13,11 +14,7 @@ def holds() -> Callable[[Case, str], None]:
     """Measures one case and asserts that its error is within the tolerance."""
 
     def check(one: Case, backend: str) -> None:
-        if backend == "cuda":
-            from dgs.core.rasterizer.cuda import available
-
-            if not available():
-                pytest.skip("no CUDA device with a working gsplat on this machine")
+        or_skip(backend)
         result = measured(one, backend)  # type: ignore[arg-type]
         assert not result.raised, result.raised
         assert result.error <= one.tolerance, (

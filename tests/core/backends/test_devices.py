@@ -68,13 +68,13 @@ def test_a_back_end_is_added_by_a_line(monkeypatch):
 
 def test_a_device_that_does_not_exist_is_refused_by_name():
     for ask in (choose_device, backend_named, backend_on):
-        with pytest.raises(DeviceError, match="'gpu'.*(cpu|reference)"):
-            ask("gpu")
+        with pytest.raises(DeviceError, match="'npu'.*(cpu|reference)"):
+            ask("npu")
     with pytest.raises(DeviceError, match="'quantum'"):
         render(a_splat(), CAMERA, backend="quantum")
     with pytest.raises(DeviceError, match="mps"):
         backend_on(torch.device("mps"))
-    assert set(devices()) == {"cpu", "cuda"} and choose_device("cpu") == "cpu"
+    assert set(devices()) == {"cpu", "gpu", "cuda"} and choose_device("cpu") == "cpu"
 
 
 def test_a_training_on_such_a_device_ends_at_once():
@@ -84,8 +84,8 @@ def test_a_training_on_such_a_device_ends_at_once():
 
     view = View(CAMERA, np.zeros((24, 32, 3), np.uint8))
     points = SparsePoints(np.array([[0.0, 0.0, 2.0]]), np.zeros((1, 3), np.uint8))
-    with pytest.raises(DeviceError, match="'gpu'"):
-        Trainer([view], [], points, Medium(), TrainingSettings(device="gpu"))
+    with pytest.raises(DeviceError, match="'npu'"):
+        Trainer([view], [], points, Medium(), TrainingSettings(device="npu"))
 
 
 def test_the_cpu_s_losses_are_the_reference_s():

@@ -3,24 +3,16 @@
 from __future__ import annotations
 
 import pytest
+from dgs.tests.back_ends import or_skip
 
 
-def _with_reason(backend: str) -> str:
-    if backend == "cuda":
-        from dgs.core.rasterizer.cuda import available
-
-        if not available():
-            pytest.skip("no CUDA device with a working gsplat on this machine")
-    return backend
-
-
-@pytest.fixture(params=["cpu", "cuda"])
+@pytest.fixture(params=["cpu", "gpu", "cuda"])
 def backend(request: pytest.FixtureRequest) -> str:
     """Every back end that mirrors the reference and is here."""
-    return _with_reason(request.param)
+    return or_skip(request.param)
 
 
-@pytest.fixture(params=["reference", "cpu", "cuda"])
+@pytest.fixture(params=["reference", "cpu", "gpu", "cuda"])
 def any_backend(request: pytest.FixtureRequest) -> str:
     """Every back end that is here."""
-    return _with_reason(request.param)
+    return or_skip(request.param)

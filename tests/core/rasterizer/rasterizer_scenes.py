@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import torch
 from dgs.core.camera import Camera
+from dgs.core.devices import tensors_on
 from dgs.core.gaussians import Gaussians
 from dgs.core.rasterizer import Rendered, render
 from dgs.studies.stability import scenes
@@ -51,7 +52,7 @@ def gradients(
     from dgs.core.rasterizer.projection import camera_pose
     from dgs.core.rigid_motion import moved_pose
 
-    device = "cuda" if backend == "cuda" else "cpu"
+    device = tensors_on(backend)
     leaves = gaussians.detached().to(device=device).requires_grad_()
     inputs = dict(leaves.named())
     pose = None

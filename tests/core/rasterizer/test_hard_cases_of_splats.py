@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 import torch
 from dgs.core.constants import NEAR_PLANE
+from dgs.core.devices import tensors_on
 from dgs.core.gaussians import Gaussians
 from dgs.core.rasterizer import RasterSettings, Rendered, render
 from dgs.tests.core.rasterizer.rasterizer_scenes import (
@@ -22,7 +23,7 @@ from torch import Tensor
 
 
 def draw(scene: Gaussians, backend: str, **options: Any) -> Rendered:
-    device = "cuda" if backend == "cuda" else "cpu"
+    device = tensors_on(backend)
     return render(scene.to(device=device), make_camera(), backend=backend, **options)  # type: ignore[arg-type]
 
 
@@ -179,7 +180,7 @@ def test_a_wall_of_ties_takes_no_quadratic_time(any_backend: str) -> None:
     scene.means[:] = torch.rand(count, 3, generator=random) * 2 - 1
     scene.means[:, 2] = 0.0
     straight = camera.moved(torch.eye(3).numpy().astype("float64"), torch.tensor([0.0, 0, 3]).numpy())
-    device = "cuda" if any_backend == "cuda" else "cpu"
+    device = tensors_on(any_backend)
     render(scene.to(device=device), straight, backend=any_backend)  # type: ignore[arg-type]
     start = time.thread_time()
     render(scene.to(device=device), straight, backend=any_backend)  # type: ignore[arg-type]
@@ -194,7 +195,7 @@ def test_large_world_coordinates_after_recentring(any_backend: str) -> None:
         other = scene.detached()
         other.means *= unit
         other.log_scales += torch.tensor(unit).log()
-        device = "cuda" if any_backend == "cuda" else "cpu"
+        device = tensors_on(any_backend)
         moved = camera.moved(camera.rotation, camera.translation * unit)
         view = render(
             other.to(device=device),

@@ -19,7 +19,7 @@ def test_auto_takes_the_reference_for_float64_and_cpu_for_float32() -> None:
 
 
 def test_unknown_back_end() -> None:
-    with pytest.raises(DeviceError, match="reference, cpu, cuda"):
+    with pytest.raises(DeviceError, match="reference, cpu, gpu, cuda"):
         render(random_scene(1), make_camera(), backend="vulkan")  # type: ignore[arg-type]
 
 

@@ -9,6 +9,7 @@ import pytest
 import torch
 from dgs.core.camera import Camera
 from dgs.core.constants import LOW_PASS_VARIANCE
+from dgs.core.devices import tensors_on
 from dgs.core.rasterizer import RasterSettings, render
 from dgs.core.rasterizer.harmonics import basis
 from dgs.tests.core.rasterizer.rasterizer_scenes import joined, random_scene, relative, single
@@ -29,7 +30,7 @@ def gaussian_spot(size: int, variance: float, opacity: float) -> Tensor:
 @pytest.mark.parametrize("antialias", [False, True])
 def test_isotropic_gaussian_on_the_axis(any_backend: str, antialias: bool) -> None:
     """alpha = o exp(-r^2 / 2 (f s / z)^2 + low-pass); colour and depth follow."""
-    device = "cuda" if any_backend == "cuda" else "cpu"
+    device = tensors_on(any_backend)
     scene = single((0.0, 0.0, 2.0), 0.06, logit=1.0).to(device=device)
     camera = axis_camera()
     settings = RasterSettings(antialias=antialias, depth=True)
@@ -55,7 +56,7 @@ def test_isotropic_gaussian_on_the_axis(any_backend: str, antialias: bool) -> No
 def test_two_layers_blend_front_to_back(any_backend: str) -> None:
     near, far = single((0.0, 0.0, 2.0), 0.3, logit=0.0), single((0.0, 0.0, 4.0), 0.6, logit=1.0)
     near.sh[:] = torch.tensor([2.0, 0.0, -3.0])  # blue is clamped to black
-    device = "cuda" if any_backend == "cuda" else "cpu"
+    device = tensors_on(any_backend)
     scene = joined(far, near).to(device=device)
     view = render(scene, axis_camera(), backend=any_backend)  # type: ignore[arg-type]
     c0 = 0.28209479177387814

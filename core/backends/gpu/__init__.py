@@ -1,0 +1,10 @@
+"""Any maker's graphics card, through WebGPU (wgpu-py: Vulkan, Metal, DirectX 12): no compiler, no toolkit, one wheel.
+
+adapter         which card there is, and why not
+card            one card: memory, compiled shaders, orders, and what crosses the bus
+shader_text     shaders/*.wgsl, and the constants they share with Python
+tensors         torch tensors whose values lie in the card's memory; torch's device is called 'gpu'
+sorting         prefix sums and the radix sort
+rasterizer      Gaussians and a camera in, an image out, and its gradient
+backend         what `core.devices` asks of a back end
+"""

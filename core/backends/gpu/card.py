@@ -1,0 +1,280 @@
+"""One graphics card: its memory, its compiled shaders, the orders it is given, and what crosses the bus."""
+
+from __future__ import annotations
+
+import threading
+import weakref
+from collections import OrderedDict
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cache, wraps
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import DeviceError
+from .adapter import adapters, described
+from .layout import GROUPS_ACROSS
+from .shader_text import bindings, shader_text
+
+#: Places for the numbers of one order, and how many there are: the card is asked to begin when they are used up.
+_PLACE, _PLACES = 256, 256
+#: What the card's memory is for, in WebGPU's words.
+_USAGE = "STORAGE|COPY_SRC|COPY_DST"
+#: Bind groups that are kept: making one takes longer than an order.
+_GROUPS_KEPT = 2048
+#: Freed memory is kept for the next tensor of its size, up to this share of all that was ever in use.
+_SPARE = 0.5
+
+Answer = TypeVar("Answer")
+
+
+@dataclass
+class Traffic:
+    """What crossed the bus since it was last set to zero: bytes up and down, orders, waits for the card."""
+
+    up: int = 0
+    down: int = 0
+    orders: int = 0
+    waits: int = 0
+
+
+class Memory:
+    """A piece of the card's memory that goes back to the card when nobody holds it."""
+
+    def __init__(self, card: Card, buffer: Any, size: int) -> None:
+        self.buffer, self.size = buffer, size
+        weakref.finalize(self, card.give_back, buffer).atexit = False
+
+
+def _explained(method: Callable[..., Answer]) -> Callable[..., Answer]:
+    """What the driver says in many ways (lost device, no memory) is one typed error."""
+
+    @wraps(method)
+    def call(card: Card, *arguments: Any, **named: Any) -> Answer:
+        with card.lock:
+            try:
+                return method(card, *arguments, **named)
+            except DeviceError:
+                raise
+            except (RuntimeError, ValueError, OSError) as error:
+                raise card.failed(error) from error
+
+    return call
+
+
+class Card:
+    """Memory and orders of one adapter. Orders are collected, and sent when something is waited for.
+
+    Attributes:
+        name: as `doctor` shows it; traffic: see `Traffic`.
+
+    Every method raises DeviceError where the card is lost or its memory is used up.
+    """
+
+    def __init__(self, adapter: Any) -> None:
+        self.name, self.traffic, self.lock = described(adapter), Traffic(), threading.RLock()
+        wanted = ("max-buffer-size", "max-storage-buffer-binding-size", "max-storage-buffers-per-shader-stage")
+        try:
+            self._device = adapter.request_device_sync(required_limits={n: adapter.limits[n] for n in wanted})
+        except (RuntimeError, ValueError) as error:
+            raise DeviceError(
+                f"The graphics card ({self.name}) cannot be opened: {error}", "Use --device cpu"
+            ) from error
+        self.largest = min(adapter.limits[n] for n in wanted[:2])
+        self._kernels: dict[str, Any] = {}
+        self._bound: OrderedDict[tuple[Any, ...], Any] = OrderedDict()
+        self._spare: dict[int, list[Any]] = {}
+        self._in_use = self._most = self._kept = 0
+        self._ring = self._device.create_buffer(size=_PLACE * _PLACES, usage="UNIFORM|COPY_DST")
+        self._numbers = np.zeros(_PLACE * _PLACES, np.uint8)
+        self._place = 0
+        self._encoder: Any = None
+        self._pass: Any = None
+        self._waiting: set[int] = set()
+
+    def failed(self, error: Exception) -> DeviceError:
+        """What to say when the driver refuses."""
+        said = " ".join(str(error).split())[:300]
+        return DeviceError(
+            f"The graphics card ({self.name}) failed: {said or type(error).__name__}",
+            "Go on with --device cpu (--resume takes the last checkpoint); fewer Gaussians or smaller photos need less"
+            " of its memory",
+        )
+
+    @_explained
+    def memory(self, size: int) -> Memory:
+        """`size` bytes, whatever stands in them."""
+        room = -(-max(size, 4) // 256) * 256
+        if room > self.largest:
+            raise DeviceError(
+                f"The graphics card ({self.name}) takes no more than {self.largest / 1e6:.0f} MB in one piece, and"
+                f" {room / 1e6:.0f} are needed",
+                "Train fewer Gaussians (--max-gaussians) or smaller photos (--max-size), or use --device cpu",
+            )
+        spare = self._spare.get(room)
+        if spare:
+            self._kept -= room
+            buffer = spare.pop()
+        else:
+            buffer = self._device.create_buffer(size=room, usage=_USAGE)
+        self._in_use += room
+        self._most = max(self._most, self._in_use)
+        return Memory(self, buffer, size)
+
+    def give_back(self, buffer: Any) -> None:
+        """Keeps a buffer that nobody holds any more for the next one of its size."""
+        with self.lock:
+            self._in_use -= buffer.size
+            if self._kept + buffer.size <= _SPARE * self._most:
+                self._kept += buffer.size
+                self._spare.setdefault(buffer.size, []).append(buffer)
+
+    @_explained
+    def write(self, memory: Memory, values: NDArray[Any]) -> None:
+        """Copies an array to the card."""
+        raw = np.ascontiguousarray(values).reshape(-1).view(np.uint8)
+        if not raw.size:
+            return
+        if id(memory.buffer) in self._waiting:  # orders that wait still need what stands there
+            self.send()
+        if raw.size % 4:
+            raw = np.concatenate([raw, np.zeros(-raw.size % 4, np.uint8)])
+        self._device.queue.write_buffer(memory.buffer, 0, raw)
+        self.traffic.up += raw.size
+
+    @_explained
+    def read(self, memory: Memory, size: int, offset: int = 0) -> NDArray[np.uint8]:
+        """[size] bytes from the card; waits for all that was ordered."""
+        if not size:
+            return np.empty(0, np.uint8)
+        self.send()
+        whole = -(-size // 4) * 4
+        found = np.frombuffer(self._device.queue.read_buffer(memory.buffer, offset, whole), np.uint8)[:size]
+        self.traffic.down += size
+        self.traffic.waits += 1
+        return found
+
+    @_explained
+    def run(self, kernel: str, groups: tuple[int, int], numbers: bytes, *memories: Memory) -> None:
+        """Orders a shader.
+
+        Args:
+            groups: across and down; numbers: what it binds as its uniform; memories: its other bindings, in order.
+        """
+        if not groups[0] or not groups[1]:
+            return
+        pipeline, layout = self._kernels.get(kernel) or self._compiled(kernel)
+        if self._place == _PLACES:
+            self.send()
+        at = self._place * _PLACE
+        self._numbers[at : at + len(numbers)] = np.frombuffer(numbers, np.uint8)
+        self._place += 1
+        if self._pass is None:
+            self._pass = self._recording().begin_compute_pass()
+        self._pass.set_pipeline(pipeline)
+        self._pass.set_bind_group(0, self._group(kernel, layout, memories), [at])
+        self._pass.dispatch_workgroups(*groups)
+        self.traffic.orders += 1
+
+    def for_each(self, kernel: str, count: int, per_group: int, numbers: bytes, *memories: Memory) -> None:
+        """Orders a shader for `count` items, `per_group` of them to a group."""
+        groups = -(-count // per_group)
+        across = min(groups, GROUPS_ACROSS)
+        self.run(kernel, (across, -(-groups // across) if across else 0), numbers, *memories)
+
+    @_explained
+    def clear(self, memory: Memory) -> None:
+        """Sets memory to zero."""
+        self._end_pass()
+        self._recording().clear_buffer(memory.buffer)
+        self._waiting.add(id(memory.buffer))
+
+    @_explained
+    def copy(self, source: Memory, target: Memory, size: int, source_offset: int = 0, target_offset: int = 0) -> None:
+        """Copies bytes on the card; sizes and offsets are multiples of 4."""
+        if not size:
+            return
+        self._end_pass()
+        self._recording().copy_buffer_to_buffer(source.buffer, source_offset, target.buffer, target_offset, size)
+        self._waiting |= {id(source.buffer), id(target.buffer)}
+
+    @_explained
+    def send(self) -> None:
+        """Lets the card begin with what was ordered."""
+        if self._encoder is None:
+            return
+        self._end_pass()
+        if self._place:
+            self._device.queue.write_buffer(self._ring, 0, self._numbers[: self._place * _PLACE])
+        orders, self._encoder = self._encoder.finish(), None
+        self._place = 0
+        self._waiting.clear()
+        self._device.queue.submit([orders])
+
+    @_explained
+    def wait(self) -> None:
+        """Waits until all that was ordered is done."""
+        self.send()
+        self._device.queue.on_submitted_work_done_sync()
+
+    def _recording(self) -> Any:
+        if self._encoder is None:
+            self._encoder = self._device.create_command_encoder()
+        return self._encoder
+
+    def _end_pass(self) -> None:
+        if self._pass is not None:
+            self._pass.end()
+            self._pass = None
+
+    def _compiled(self, kernel: str) -> tuple[Any, Any]:
+        device, kinds = self._device, {"storage, read": "read-only-storage", "storage, read_write": "storage"}
+        entries = [
+            {
+                "binding": number,
+                "visibility": 4,  # compute
+                "buffer": {"type": "uniform", "has_dynamic_offset": True}
+                if kind == "uniform"
+                else {"type": kinds[kind]},
+            }
+            for number, kind in enumerate(bindings(kernel))
+        ]
+        layout = device.create_bind_group_layout(entries=entries)
+        pipeline = device.create_compute_pipeline(
+            layout=device.create_pipeline_layout(bind_group_layouts=[layout]),
+            compute={"module": device.create_shader_module(code=shader_text(kernel)), "entry_point": "main"},
+        )
+        self._kernels[kernel] = pipeline, layout
+        return pipeline, layout
+
+    def _group(self, kernel: str, layout: Any, memories: Sequence[Memory]) -> Any:
+        ids = [id(memory.buffer) for memory in memories]
+        key = (kernel, *ids)
+        self._waiting.update(ids)
+        found = self._bound.get(key)
+        if found is None:
+            bound = [{"buffer": self._ring, "offset": 0, "size": _PLACE}]
+            bound += [{"buffer": m.buffer, "offset": 0, "size": m.buffer.size} for m in memories]
+            entries = [{"binding": number, "resource": resource} for number, resource in enumerate(bound)]
+            # (it holds its buffers, so that no other can get their ids)
+            found = self._bound[key] = (
+                self._device.create_bind_group(layout=layout, entries=entries),
+                [memory.buffer for memory in memories],
+            )
+            if len(self._bound) > _GROUPS_KEPT:
+                self._bound.popitem(last=False)
+        else:
+            self._bound.move_to_end(key)
+        return found[0]
+
+
+@cache
+def card() -> Card:
+    """The best card of this machine; software where there is nothing else.
+
+    Raises:
+        DeviceError: there is none, or it cannot be opened.
+    """
+    return Card(adapters()[0])

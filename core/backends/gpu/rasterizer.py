@@ -1,0 +1,228 @@
+"""Gaussians and a camera in, an image out, and its gradient: the shaders as a torch autograd function.
+
+Forward: projection, a radix sort by depth, a list of splats for each tile (a second sort), blending. Backward: a
+gradient slot for each pair of a splat and a tile, then each Gaussian's slots in their order, chained to the parameters.
+No two threads add to one number, so the same input gives the same bits, with or without float atomics.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from ...camera import Camera
+from ...constants import FRUSTUM_MARGIN, TILE
+from ...errors import DeviceError
+from ...gaussians import Gaussians
+from ...rasterizer.projection import SMOOTH_ALPHA_EDGE
+from ...rasterizer.projection_kernels import CULL_REASONS
+from ...rendering import RasterSettings, Rendered, ScreenStatistics
+from .card import Card, Memory, card
+from .layout import GROUP, POSE_SUMS, SLOT_WIDTH
+from .sorting import prefix_sums, sort
+from .tensors import CardTensor, empty, for_shader, register, written
+
+#: Bytes of a projected Gaussian (`splat.wgsl`).
+_SPLAT = 64
+#: Words for the reasons to cull, and behind them the number of pairs.
+_REASONS = 8
+
+
+@dataclass
+class Projected:
+    """What the forward pass leaves on the card for the backward pass.
+
+    Attributes:
+        view: the shaders' uniform; tiles: across and down; count: of Gaussians; harmonics: of each.
+        ranges: each tile's part of `lists`; slots: each Gaussian's range of gradient slots.
+        pairs: of a splat and a tile.
+    """
+
+    view: bytes
+    tiles: tuple[int, int]
+    count: int
+    harmonics: int
+    parameters: tuple[Memory, ...]
+    splats: Memory
+    lists: Memory
+    ranges: Memory
+    slots: Memory
+    pairs: int
+
+
+def view_numbers(
+    camera: Camera,
+    pose: NDArray[np.float64] | None,
+    settings: RasterSettings,
+    background: NDArray[np.float32],
+    shape: tuple[int, int],
+) -> bytes:
+    """Camera and settings as `view.wgsl` lays them out.
+
+    Args:
+        pose: [3, 4] world to camera; the camera's own if None.
+        shape: Gaussians, harmonics of each.
+    """
+    rotation = camera.rotation if pose is None else pose[:, :3]
+    translation = camera.translation if pose is None else pose[:, 3]
+    centre = np.linalg.solve(rotation, -translation)
+    near = centre.astype(np.float32)
+    width, height = camera.width, camera.height
+    numbers = np.zeros((10, 4), np.float32)
+    numbers[:3, :3], numbers[:3, 3] = rotation, near
+    numbers[3, :3] = centre - near
+    numbers[4] = camera.fx, camera.fy, camera.cx, camera.cy
+    for column, (focal, middle, size) in enumerate(((camera.fx, camera.cx, width), (camera.fy, camera.cy, height))):
+        beside = FRUSTUM_MARGIN * size
+        numbers[5, 2 * column : 2 * column + 2] = -(middle + beside) / focal, (size - middle + beside) / focal
+    numbers[6] = width, height, settings.near, settings.low_pass
+    numbers[7, :3] = settings.alpha_minimum, settings.alpha_minimum or SMOOTH_ALPHA_EDGE, settings.antialias
+    numbers[8, :3] = background
+    numbers[9].view(np.uint32)[:] = *shape, -(-width // TILE), -(-height // TILE)
+    return numbers.tobytes()
+
+
+def project(
+    device: Card, view: bytes, parameters: tuple[Memory, ...], shape: tuple[int, int], radius: Memory
+) -> tuple[Projected, list[int]]:
+    """Projection, depth order and the tiles' lists; and how many Gaussians have which status."""
+    count = shape[0]
+    across, down = (int(n) for n in np.frombuffer(view, np.uint32)[38:40])
+    splats, reasons = device.memory(_SPLAT * count), device.memory(4 * _REASONS)
+    keys, indices, tile_counts, order = (device.memory(4 * count) for _ in range(4))
+    places = device.memory(4 * (count + 1))
+    device.clear(reasons)
+    device.for_each("project", count, GROUP, view, *parameters, splats, keys, indices, tile_counts, radius, reasons)
+    keys, indices = sort(device, keys, indices, count, 32)
+    number = np.uint32(count).tobytes()
+    device.for_each("ties", count, GROUP, number, keys, indices, splats, tile_counts, order, places)
+    prefix_sums(device, places, count)
+    device.copy(places, reasons, 4, 4 * count, 4 * (_REASONS - 1))
+    told = device.read(reasons, 4 * _REASONS).view(np.uint32).tolist()
+    pairs = told[-1]
+
+    slots, ranges = device.memory(8 * count), device.memory(8 * (across * down + 1))
+    tiles, numbers, owners = (device.memory(4 * pairs) for _ in range(3))
+    lists = device.memory(8 * pairs)
+    device.for_each("emit", count, GROUP, view, splats, order, places, tiles, numbers, owners, slots)
+    tiles, numbers = sort(device, tiles, numbers, pairs, (across * down).bit_length())
+    device.clear(ranges)
+    device.for_each("tile_lists", pairs, GROUP, np.uint32(pairs).tobytes(), tiles, numbers, owners, lists, ranges)
+    return Projected(view, (across, down), *shape, parameters, splats, lists, ranges, slots, pairs), told[:-1]
+
+
+def blend(device: Card, p: Projected, outputs: tuple[CardTensor, ...]) -> None:
+    """Writes image [3, H, W], transmittance [H, W] and depth [H, W]."""
+    memories = [output.held.for_card(overwrite=True) for output in outputs]
+    device.run("blend", p.tiles, p.view, p.splats, p.lists, p.ranges, *memories)
+    for output in outputs:
+        written(output)
+
+
+class _Rasterize(torch.autograd.Function):
+    """means, log_scales, quaternions, opacity_logits, sh, background, pose -> image, alpha, depth."""
+
+    @staticmethod
+    def forward(  # noqa: PLR0913  autograd wants its tensors one by one
+        ctx: Any,
+        camera: Camera,
+        settings: RasterSettings,
+        screen: ScreenStatistics,
+        means: Tensor,
+        log_scales: Tensor,
+        quaternions: Tensor,
+        opacity_logits: Tensor,
+        sh: Tensor,
+        background: Tensor,
+        pose: Tensor | None,
+    ) -> tuple[Tensor, Tensor, Tensor]:
+        device, size = card(), (camera.height, camera.width)
+        parameters = tuple(for_shader(t) for t in (means, log_scales, quaternions, opacity_logits, sh))
+        shape = (len(means), int(sh.shape[1]))
+        where = None if pose is None else pose.detach().double().cpu().numpy()
+        view = view_numbers(camera, where, settings, background.detach().float().cpu().numpy(), shape)
+        radius = empty(len(means))
+        projected, told = project(device, view, parameters, shape, radius.held.for_card(overwrite=True))
+        screen.radius = written(radius)
+        screen.culled = {reason: n for reason, n in zip(CULL_REASONS[1:], told[1:], strict=False) if n}
+        screen.evaluations = projected.pairs * TILE * TILE
+        image, transmittance, depth = empty(3, *size), empty(*size), empty(*size)
+        blend(device, projected, (image, transmittance, depth))
+        ctx.projected, ctx.screen, ctx.camera, ctx.pose = projected, screen, camera, where
+        ctx.seen = image, transmittance, depth
+        ctx.pose_like = None if pose is None else pose.detach()
+        ctx.behind_like = background.detach()
+        ctx.set_materialize_grads(False)
+        return image.detach(), 1.0 - transmittance, depth.detach()
+
+    @staticmethod
+    def backward(ctx: Any, *came: Tensor | None) -> Any:
+        p, device = ctx.projected, card()
+        transmittance = ctx.seen[1]
+        upstream = [torch.zeros_like(o) if g is None else g for o, g in zip(ctx.seen, came, strict=True)]
+        slots = device.memory(4 * SLOT_WIDTH * p.pairs)
+        known = [for_shader(tensor) for tensor in (*ctx.seen, *upstream)]
+        device.run("blend_backward", p.tiles, p.view, p.splats, p.lists, p.ranges, *known, slots)
+        widths = (3, 3, 4, 1, 3 * p.harmonics, 2)
+        out = empty(p.count * sum(widths))
+        blocks = -(-p.count // GROUP)
+        of_pose = device.memory(4 * POSE_SUMS * blocks)
+        device.for_each(
+            "project_backward",
+            p.count,
+            GROUP,
+            p.view,
+            *p.parameters,
+            p.slots,
+            slots,
+            out.held.for_card(overwrite=True),
+            of_pose,
+        )
+        written(out)
+        starts = np.cumsum((0, *widths)) * p.count
+        shapes = ((-1, 3), (-1, 3), (-1, 4), (-1,), (-1, p.harmonics, 3), (-1, 2))
+        found = [out[a:b].reshape(s) for a, b, s in zip(starts[:-1], starts[1:], shapes, strict=True)]
+        ctx.screen.mean_gradient = found.pop()
+        d_pose = d_background = None
+        if ctx.pose_like is not None and ctx.needs_input_grad[9]:
+            d_pose = _pose_gradient(ctx, device.read(of_pose, 4 * POSE_SUMS * blocks)).to(ctx.pose_like)
+        if ctx.needs_input_grad[8]:
+            d_background = (upstream[0] * transmittance).sum(dim=(1, 2)).to(ctx.behind_like)
+        return (None, None, None, *found, d_background, d_pose)
+
+
+def _pose_gradient(ctx: Any, raw: NDArray[np.uint8]) -> Tensor:
+    """[3, 4] from the groups' sums: of rotation and translation seen from the camera's centre, and of the centre."""
+    camera: Camera = ctx.camera
+    rotation, shift = (camera.rotation, camera.translation) if ctx.pose is None else (ctx.pose[:, :3], ctx.pose[:, 3])
+    sums = raw.view(np.float32).reshape(-1, POSE_SUMS).sum(axis=0, dtype=np.float64)
+    turned, moved, looked = sums[:9].reshape(3, 3), sums[9:12], sums[12:]
+    # p = R m + t, and the sums took m from the centre
+    turned = turned + np.outer(moved, np.linalg.solve(rotation, -shift))
+    # the camera's centre -R^T t, of which every direction is the negative
+    turned = turned + np.outer(shift, looked)
+    moved = moved + rotation @ looked
+    return torch.from_numpy(np.concatenate([turned, moved[:, None]], axis=1))
+
+
+def render_gpu(
+    gaussians: Gaussians, camera: Camera, background: Tensor | None, pose: Tensor | None, settings: RasterSettings
+) -> Rendered:
+    """See `core.rasterizer.render`; float32, on the card or in the computer's memory.
+
+    Raises:
+        DeviceError: the tensors are not float32, or the card is not there.
+    """
+    if gaussians.means.dtype != torch.float32:
+        raise DeviceError("The gpu rasterizer takes float32 tensors", "Use the back end 'reference' for float64")
+    register()
+    screen = ScreenStatistics(radius=torch.zeros(0))
+    behind = torch.zeros(3) if background is None else background
+    parameters = [tensor for _, tensor in gaussians.named()]
+    image, alpha, depth = _Rasterize.apply(camera, settings, screen, *parameters, behind, pose)  # type: ignore[no-untyped-call]
+    return Rendered(image, alpha, depth if settings.depth else None, screen)

@@ -1,0 +1,54 @@
+"""The text of a shader: the constants that it shares with Python, the parts that it uses, itself."""
+
+from __future__ import annotations
+
+import re
+from functools import cache
+from pathlib import Path
+
+from ... import constants
+from ...rasterizer.projection import SMOOTH_ALPHA_EDGE
+from .layout import LAYOUT
+
+_FOLDER = Path(__file__).parent / "shaders"
+#: The first line of a shader that uses others: '// uses: view, shape'.
+_USES = re.compile(r"^// uses: (.+)$", re.MULTILINE)
+#: A binding's kind, in the order of their numbers.
+_BINDING = re.compile(r"@binding\((\d+)\)\s+var<(uniform|storage, read_write|storage, read|storage)>")
+
+
+def constants_text() -> str:
+    """Every number of `core.constants` (those of a tuple one by one, as SH_C2_0), and of `layout`, as WGSL."""
+    lines = [f"const SMOOTH_ALPHA_EDGE = {SMOOTH_ALPHA_EDGE!r};"]
+    for name, value in vars(constants).items():
+        if name.isupper():
+            values = {name: value} if not isinstance(value, tuple) else {f"{name}_{i}": v for i, v in enumerate(value)}
+            lines += [f"const {key} = {number!r};" for key, number in values.items()]
+    lines += [f"const {name} = {value}u;" for name, value in LAYOUT.items()]
+    return "\n".join(lines) + "\n"
+
+
+@cache
+def shader_text(name: str) -> str:
+    """A whole shader, ready to be compiled."""
+    seen: dict[str, str] = {}
+
+    def take(part: str) -> None:
+        if part in seen:
+            return
+        text = (_FOLDER / f"{part}.wgsl").read_text("utf-8")
+        for used in _USES.findall(text):
+            for other in used.split(","):
+                take(other.strip())
+        seen[part] = text
+
+    take(name)
+    return constants_text() + "\n".join(seen.values())
+
+
+@cache
+def bindings(name: str) -> tuple[str, ...]:
+    """What a shader binds, by number: 'uniform', 'storage, read' or 'storage, read_write'."""
+    found = sorted((int(number), kind) for number, kind in _BINDING.findall(shader_text(name)))
+    assert [number for number, _ in found] == list(range(len(found))), name
+    return tuple(kind for _, kind in found)

@@ -1,0 +1,274 @@
+"""Torch tensors whose values lie on the card: torch's device 'gpu'.
+
+A `CardTensor` looks to torch like a tensor of a device of its own. What there is a shader for is done on the card;
+every other operation of torch is done by torch itself in the computer's memory, where the values are brought for it,
+and from where they go back when a shader needs them next. So everything works from the first day, and what crosses
+the bus is counted (`card.Traffic`).
+
+    Values      one tensor's values, in the computer's memory, on the card, or in both places
+    CardTensor  a tensor, or a view of a part of it: views share their `Values`
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from functools import cache
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+from torch.utils import _pytree as trees
+from torch.utils.backend_registration import _setup_privateuseone_for_python_backend
+
+from .card import Card, Memory, card
+
+#: What torch calls the card.
+DEVICE = "gpu"
+_aten = torch.ops.aten
+#: Operations that read no values of their arguments.
+_SHAPE_ONLY = {
+    _aten.new_zeros.default,
+    _aten.new_empty.default,
+    _aten.new_empty_strided.default,
+    _aten.new_full.default,
+    _aten.new_ones.default,
+    _aten.zeros_like.default,
+    _aten.ones_like.default,
+    _aten.empty_like.default,
+    _aten.full_like.default,
+}
+#: Operations that overwrite all values of their first argument.
+_OVERWRITING = {
+    _aten.zero_.default,
+    _aten.fill_.Scalar,
+    _aten.fill_.Tensor,
+    _aten.copy_.default,
+    _aten._copy_from.default,
+}
+#: Operations that make a tensor from nothing: torch asks the device itself for them.
+_FACTORIES = ("empty.memory_format", "empty_strided", "arange", "arange.start", "arange.start_step")
+
+
+class Values:
+    """One tensor's values and all its views'.
+
+    Attributes:
+        host: [n] flat, in the computer's memory; untouched until it is needed there.
+    """
+
+    def __init__(self, host: Tensor, memory: Memory | None = None) -> None:
+        self.host, self._memory = host, memory
+        self._on_host, self._on_card = memory is None, memory is not None
+
+    def for_host(self, overwrite: bool = False) -> None:
+        """Brings them to the computer's memory."""
+        if not self._on_host and not overwrite:
+            assert self._memory is not None
+            raw = card().read(self._memory, self.host.numel() * self.host.element_size())
+            self.host.numpy().view(np.uint8).reshape(-1)[:] = raw
+        self._on_host = True
+
+    def changed_on_host(self) -> None:
+        """They were written in the computer's memory."""
+        self._on_card = False
+
+    def for_card(self, overwrite: bool = False) -> Memory:
+        """Brings them to the card; `overwrite` where all of them will be written there."""
+        if self._memory is None:
+            self._memory = card().memory(self.host.numel() * self.host.element_size())
+        if not self._on_card and not overwrite:
+            card().write(self._memory, self.host.numpy())
+        self._on_card = True
+        return self._memory
+
+    def changed_on_card(self) -> None:
+        """They were written on the card."""
+        self._on_host = False
+
+
+class CardTensor(Tensor):
+    """A tensor on the card; see the module."""
+
+    held: Values
+    local: Tensor
+
+    @staticmethod
+    def __new__(cls, local: Tensor, values: Values) -> CardTensor:
+        made: CardTensor = torch.Tensor._make_wrapper_subclass(  # type: ignore[attr-defined]
+            cls,
+            local.shape,
+            strides=local.stride(),
+            storage_offset=local.storage_offset(),
+            dtype=local.dtype,
+            device=torch.device(DEVICE, 0),
+        )
+        made.local, made.held = local, values
+        return made
+
+    @classmethod
+    def __torch_dispatch__(  # type: ignore[override]
+        cls, operation: Any, types: Iterable[type], args: tuple[Any, ...] = (), kwargs: dict[str, Any] | None = None
+    ) -> Any:
+        kernel = _KERNELS.get(operation)
+        if kernel is not None:
+            found = kernel(*args, **(kwargs or {}))
+            if found is not NotImplemented:
+                return found
+        return _by_torch(operation, args, dict(kwargs or {}))
+
+    def tolist(self) -> Any:
+        """Its values as Python's lists."""
+        return self.cpu().tolist()
+
+    def __repr__(self, *, tensor_contents: Any = None) -> str:  # type: ignore[override]
+        self.held.for_host()
+        return f"CardTensor({self.local!r})"
+
+
+#: Operations of torch that the card does itself; NotImplemented where it does not for these arguments.
+_KERNELS: dict[Any, Callable[..., Any]] = {}
+
+
+def on_card(*operations: Any) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Says that a function does these operations of torch on the card."""
+
+    def register(function: Callable[..., Any]) -> Callable[..., Any]:
+        _KERNELS.update(dict.fromkeys(operations, function))
+        return function
+
+    return register
+
+
+def from_host(local: Tensor) -> CardTensor:
+    """A tensor of the computer's memory as one of the card; nothing is copied yet."""
+    if not local.is_contiguous() or local.storage_offset():
+        local = local.contiguous().clone()
+    return CardTensor(local, Values(local.reshape(-1)))
+
+
+def empty(*shape: int) -> CardTensor:
+    """[shape] float32 on the card, whatever stands in it; for a shader to write."""
+    local = torch.empty(shape)
+    return CardTensor(local, Values(local.reshape(-1), card().memory(4 * local.numel())))
+
+
+def for_shader(tensor: Tensor) -> Memory:
+    """The memory of a float32 tensor as shaders read it: row by row, from the beginning.
+
+    Brings it to the card if it is not there; copies what is a part of another tensor.
+    """
+    tensor = tensor.detach()
+    if not isinstance(tensor, CardTensor):
+        tensor = from_host(tensor)
+    if tensor.dtype != torch.float32:
+        tensor = tensor.float()
+    if not tensor.is_contiguous() or tensor.storage_offset():
+        tensor = tensor.contiguous().clone()
+    assert isinstance(tensor, CardTensor)
+    return tensor.held.for_card()
+
+
+def written(tensor: CardTensor) -> CardTensor:
+    """Notes that a shader wrote a tensor."""
+    tensor.held.changed_on_card()
+    return tensor
+
+
+def _by_torch(operation: Any, args: tuple[Any, ...], kwargs: dict[str, Any]) -> Any:
+    """Does an operation in the computer's memory."""
+    returns = operation._schema.returns
+    view = bool(returns) and returns[0].alias_info is not None and not returns[0].alias_info.is_write
+    names = [argument.name for argument in operation._schema.arguments]
+    given = dict(zip(names, args, strict=False)) | kwargs
+    changed = [
+        given[a.name]
+        for a in operation._schema.arguments
+        if a.alias_info is not None and a.alias_info.is_write and isinstance(given.get(a.name), CardTensor)
+    ]
+    if not view and operation not in _SHAPE_ONLY:
+        for tensor in _card_tensors((args, kwargs)):
+            whole = tensor.local.numel() == tensor.held.host.numel()
+            tensor.held.for_host(operation in _OVERWRITING and tensor is args[0] and whole)
+    asked = kwargs.get("device")
+    if asked is not None:
+        kwargs["device"] = torch.device("cpu")
+    found = operation(*trees.tree_map_only(CardTensor, _local, args), **trees.tree_map_only(CardTensor, _local, kwargs))
+    for tensor in changed:
+        tensor.held.changed_on_host()
+    if changed:
+        return changed[0] if len(changed) == 1 else tuple(changed)
+    if bool(returns) and returns[0].alias_info is not None and returns[0].alias_info.is_write:
+        return given[names[0]]  # a tensor of the computer's memory was written
+    if asked is not None and torch.device(asked).type != DEVICE:
+        return found
+    if view:
+        values = next(_card_tensors(args)).held
+        return trees.tree_map_only(Tensor, lambda local: CardTensor(local, values), found)
+    return trees.tree_map_only(Tensor, from_host, found)
+
+
+def _local(tensor: CardTensor) -> Tensor:
+    return tensor.local
+
+
+def _card_tensors(tree: Any) -> Any:
+    return (leaf for leaf in trees.tree_leaves(tree) if isinstance(leaf, CardTensor))
+
+
+@on_card(_aten.clone.default)
+def _clone(tensor: Tensor, memory_format: Any = None) -> Any:
+    """A copy on the card, where the values are there and one behind the other."""
+    assert isinstance(tensor, CardTensor)
+    if not tensor.held._on_card or not tensor.is_contiguous() or tensor.dtype != torch.float32:
+        return NotImplemented
+    made, size = empty(*tensor.shape), 4 * tensor.numel()
+    card().copy(tensor.held.for_card(), made.held.for_card(), size, 4 * tensor.local.storage_offset())
+    return made
+
+
+@cache
+def register() -> Card:
+    """Makes 'gpu' a device that torch knows, and opens the card.
+
+    Raises:
+        DeviceError: there is none.
+    """
+    found = card()
+    _setup_privateuseone_for_python_backend(DEVICE)  # type: ignore[no-untyped-call]
+    # Backward passes run on the thread that asks for them: torch's own threads for each device are made once, at the
+    # first backward pass of a process, which may have been before.
+    torch.autograd.set_multithreading_enabled(False)
+    for name in _FACTORIES:
+        packet, _, overload = name.partition(".")
+        _LIBRARY.impl(name, _factory(getattr(getattr(_aten, packet), overload or "default")), "PrivateUse1")
+    _LIBRARY.impl("_copy_from", _copy_from, "PrivateUse1")
+    return found
+
+
+_LIBRARY = torch.library.Library("aten", "IMPL")
+
+
+def _factory(operation: Any) -> Callable[..., CardTensor]:
+    def make(*args: Any, **kwargs: Any) -> CardTensor:
+        kwargs["device"] = torch.device("cpu")
+        kwargs.pop("pin_memory", None)
+        return from_host(operation(*args, **kwargs))
+
+    return make
+
+
+def _copy_from(source: Tensor, target: Tensor, non_blocking: bool = False) -> Tensor:
+    """torch.tensor(..., device='gpu') comes here, past the tensors' own dispatch."""
+    if isinstance(source, CardTensor):
+        source.held.for_host()
+    if isinstance(target, CardTensor):
+        target.held.for_host()
+    _place_of(target).copy_(_place_of(source))
+    if isinstance(target, CardTensor):
+        target.held.changed_on_host()
+    return target
+
+
+def _place_of(tensor: Tensor) -> Tensor:
+    return tensor.local if isinstance(tensor, CardTensor) else tensor

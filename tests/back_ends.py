@@ -1,0 +1,20 @@
+"""Which back ends of the rasterizer are here; a test of another is skipped, and says why."""
+
+from __future__ import annotations
+
+import pytest
+from dgs.core.devices import backend_named
+from dgs.core.errors import DeviceError
+from dgs.core.rasterizer.cuda import available
+
+
+def or_skip(backend: str) -> str:
+    """The back end, ready to be used."""
+    if backend == "cuda" and not available():
+        pytest.skip("no CUDA device with a working gsplat on this machine")
+    if backend == "gpu":
+        try:
+            backend_named(backend).check()
+        except DeviceError as error:
+            pytest.skip(f"no graphics card, and no driver that stands in for one (mesa-vulkan-drivers): {error}")
+    return backend
