@@ -52,7 +52,7 @@ def no_path(site: Site) -> float:
 )
 def endless_path(site: Site) -> float:
     """What one frame shows is far beside the others; tiles and centres leave the frame."""
-    camera, twin = make_camera(), random_scene(40, 1).requires_grad_()
+    camera, twin = make_camera(), site.put(random_scene(40, 1)).detached().requires_grad_()
     motion = straight_paths({camera.name: (1.5 * camera.width / camera.fx, 0.0)}, 4)
     poses = motion.poses(camera.name, camera)
     assert poses is not None

@@ -50,6 +50,11 @@ def adapters() -> tuple[Any, ...]:
     return tuple(sorted(found, key=lambda a: order.index(a.info["adapter_type"])))
 
 
+def refusals() -> tuple[type[Exception], ...]:
+    """What WebGPU raises where a card is lost, out of memory, or does not take an order."""
+    return (import_module("wgpu").GPUError, RuntimeError, ValueError, OSError)
+
+
 def is_software(adapter: Any) -> bool:
     """Whether the adapter is the processor itself (Mesa's llvmpipe, Microsoft's WARP)."""
     return bool(adapter.info["adapter_type"] == "CPU")

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import DeviceError
-from .adapter import adapters, described
+from .adapter import adapters, described, refusals
 from .layout import GROUPS_ACROSS
 from .shader_text import bindings, shader_text
 
@@ -58,7 +58,7 @@ def _explained(method: Callable[..., Answer]) -> Callable[..., Answer]:
                 return method(card, *arguments, **named)
             except DeviceError:
                 raise
-            except (RuntimeError, ValueError, OSError) as error:
+            except card.refusals as error:
                 raise card.failed(error) from error
 
     return call
@@ -68,17 +68,18 @@ class Card:
     """Memory and orders of one adapter. Orders are collected, and sent when something is waited for.
 
     Attributes:
-        name: as `doctor` shows it; traffic: see `Traffic`.
+        name: as `doctor` shows it; traffic: see `Traffic`; refusals: what the driver raises.
 
     Every method raises DeviceError where the card is lost or its memory is used up.
     """
 
     def __init__(self, adapter: Any) -> None:
+        self.refusals = refusals()
         self.name, self.traffic, self.lock = described(adapter), Traffic(), threading.RLock()
         wanted = ("max-buffer-size", "max-storage-buffer-binding-size", "max-storage-buffers-per-shader-stage")
         try:
             self._device = adapter.request_device_sync(required_limits={n: adapter.limits[n] for n in wanted})
-        except (RuntimeError, ValueError) as error:
+        except self.refusals as error:
             raise DeviceError(
                 f"The graphics card ({self.name}) cannot be opened: {error}", "Use --device cpu"
             ) from error

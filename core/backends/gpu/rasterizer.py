@@ -103,8 +103,8 @@ def project(
     device.for_each("ties", count, GROUP, number, keys, indices, splats, tile_counts, order, places)
     prefix_sums(device, places, count)
     device.copy(places, reasons, 4, 4 * count, 4 * (_REASONS - 1))
-    told = device.read(reasons, 4 * _REASONS).view(np.uint32).tolist()
-    pairs = told[-1]
+    totals = device.read(reasons, 4 * _REASONS).view(np.uint32).tolist()
+    pairs = totals[-1]
 
     slots, ranges = device.memory(8 * count), device.memory(8 * (across * down + 1))
     tiles, numbers, owners = (device.memory(4 * pairs) for _ in range(3))
@@ -113,7 +113,7 @@ def project(
     tiles, numbers = sort(device, tiles, numbers, pairs, (across * down).bit_length())
     device.clear(ranges)
     device.for_each("tile_lists", pairs, GROUP, np.uint32(pairs).tobytes(), tiles, numbers, owners, lists, ranges)
-    return Projected(view, (across, down), *shape, parameters, splats, lists, ranges, slots, pairs), told[:-1]
+    return Projected(view, (across, down), *shape, parameters, splats, lists, ranges, slots, pairs), totals[:-1]
 
 
 def blend(device: Card, p: Projected, outputs: tuple[CardTensor, ...]) -> None:
@@ -147,9 +147,9 @@ class _Rasterize(torch.autograd.Function):
         where = None if pose is None else pose.detach().double().cpu().numpy()
         view = view_numbers(camera, where, settings, background.detach().float().cpu().numpy(), shape)
         radius = empty(len(means))
-        projected, told = project(device, view, parameters, shape, radius.held.for_card(overwrite=True))
+        projected, numbers = project(device, view, parameters, shape, radius.held.for_card(overwrite=True))
         screen.radius = written(radius)
-        screen.culled = {reason: n for reason, n in zip(CULL_REASONS[1:], told[1:], strict=False) if n}
+        screen.culled = {reason: n for reason, n in zip(CULL_REASONS[1:], numbers[1:], strict=False) if n}
         screen.evaluations = projected.pairs * TILE * TILE
         image, transmittance, depth = empty(3, *size), empty(*size), empty(*size)
         blend(device, projected, (image, transmittance, depth))
@@ -213,14 +213,16 @@ def _pose_gradient(ctx: Any, raw: NDArray[np.uint8]) -> Tensor:
 def render_gpu(
     gaussians: Gaussians, camera: Camera, background: Tensor | None, pose: Tensor | None, settings: RasterSettings
 ) -> Rendered:
-    """See `core.rasterizer.render`; float32, on the card or in the computer's memory.
+    """See `core.rasterizer.render`; float32 tensors on the device 'gpu'.
 
     Raises:
-        DeviceError: the tensors are not float32, or the card is not there.
+        DeviceError: the tensors are not float32 on the card, or there is no card.
     """
+    register()
     if gaussians.means.dtype != torch.float32:
         raise DeviceError("The gpu rasterizer takes float32 tensors", "Use the back end 'reference' for float64")
-    register()
+    if not isinstance(gaussians.means, CardTensor):
+        raise DeviceError("The gpu back end was given Gaussians in the computer's memory", "Move them to 'gpu' first")
     screen = ScreenStatistics(radius=torch.zeros(0))
     behind = torch.zeros(3) if background is None else background
     parameters = [tensor for _, tensor in gaussians.named()]

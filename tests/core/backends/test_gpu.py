@@ -1,0 +1,168 @@
+"""The graphics card's back end beyond what all rasterizers share: what is said where there is none, the same bits every
+time, torch's operations on its tensors, and that nobody pays for a card who has none."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from dgs.core.backends.gpu import adapter
+from dgs.core.backends.gpu.shader_text import bindings, constants_text, shader_text
+from dgs.core.constants import SH_C2, TRANSMITTANCE_STOP
+from dgs.core.devices import backend_named, choose_device, tensors_on
+from dgs.core.errors import DeviceError
+from dgs.core.rasterizer import render
+from dgs.studies.stability.scenes import drawn, make_camera, random_scene
+from dgs.tests.back_ends import or_skip
+
+ROOT = Path(__file__).resolve().parents[3]
+
+
+@pytest.fixture
+def card():
+    or_skip("gpu")
+    from dgs.core.backends.gpu.card import card
+
+    return card()
+
+
+def test_auto_loads_nothing_for_a_card():
+    """Not even where a driver stands in for one: software is no card."""
+    code = (
+        "import run_dgs, sys; run_dgs.mount_package(); from dgs.core.devices import choose_device;"
+        " assert choose_device('auto') == 'cpu'; sys.exit('wgpu' in sys.modules)"
+    )
+    run = subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=False, capture_output=True, text=True)
+    assert run.returncode == 0, run.stderr
+
+
+def test_without_wgpu_the_way_out_is_named(monkeypatch):
+    monkeypatch.setitem(sys.modules, "wgpu", None)
+    adapter.adapters.cache_clear()
+    try:
+        with pytest.raises(DeviceError, match=r"pip install wgpu.*--device cpu"):
+            adapter.adapters()
+    finally:
+        adapter.adapters.cache_clear()
+
+
+def test_without_an_adapter_the_way_out_is_named(monkeypatch):
+    wgpu = pytest.importorskip("wgpu")
+    monkeypatch.setattr(wgpu.gpu, "enumerate_adapters_sync", list)
+    adapter.adapters.cache_clear()
+    try:
+        with pytest.raises(DeviceError, match=r"No graphics card.*--device cpu"):
+            adapter.adapters()
+    finally:
+        adapter.adapters.cache_clear()
+
+
+def test_shaders_take_their_numbers_from_python():
+    text = constants_text()
+    assert f"const TRANSMITTANCE_STOP = {TRANSMITTANCE_STOP!r};" in text and f"const SH_C2_4 = {SH_C2[4]!r};" in text
+    folder = Path(adapter.__file__).parent / "shaders"
+    mains = [file.stem for file in folder.glob("*.wgsl") if "fn main" in file.read_text("utf-8")]
+    assert len(mains) > 8
+    for name in mains:
+        assert bindings(name)[0] == "uniform" and text in shader_text(name), name
+
+
+def test_the_same_bits_every_time(card):
+    scene, camera = random_scene(800, 1, seed=1), make_camera(150, 110, 120.0)
+    first = drawn(scene, camera, "gpu")
+    for _ in range(2):
+        found = drawn(scene, camera, "gpu")
+        assert torch.equal(found.image, first.image) and torch.equal(found.alpha, first.alpha)
+        for name, gradient in first.gradients.items():
+            assert torch.equal(found.gradients[name], gradient), name
+
+
+def test_sorting_and_prefix_sums(card):
+    from dgs.core.backends.gpu.sorting import prefix_sums, sort
+
+    random = np.random.default_rng(0)
+    for count in (1, 5, 1024, 5001):
+        keys = random.integers(0, 2**32 if count > 5 else 3, count, dtype=np.uint32)
+        on_card, values, table = (card.memory(4 * (count + 1)) for _ in range(3))
+        card.write(on_card, keys)
+        card.write(values, np.arange(count, dtype=np.uint32))
+        card.write(table, keys & 255)
+        _, order = sort(card, on_card, values, count, 32)
+        assert (card.read(order, 4 * count).view(np.uint32) == np.argsort(keys, kind="stable")).all()
+        prefix_sums(card, table, count)
+        sums = card.read(table, 4 * (count + 1)).view(np.uint32)
+        assert (sums == np.concatenate([[0], np.cumsum(keys & 255)])).all()
+
+
+def test_torch_s_operations_on_the_card_s_tensors(card):
+    """Views share what they show, whoever writes it; what is made from nothing lies on the card."""
+    from dgs.core.backends.gpu.tensors import CardTensor
+
+    frame = torch.zeros(3, 4, device="gpu")
+    frame[1:, 1:3] += 2.0
+    frame[0] = torch.arange(4.0)
+    wanted = torch.tensor([[0.0, 1, 2, 3], [0, 2, 2, 0], [0, 2, 2, 0]])
+    assert isinstance(frame, CardTensor) and torch.equal(frame.cpu(), wanted)
+    assert torch.equal((frame.t() @ frame).cpu(), wanted.t() @ wanted)
+    assert torch.equal(frame[frame > 1].cpu(), wanted[wanted > 1]) and frame.sum().item() == float(wanted.sum())
+    made = (torch.ones(2, device="gpu"), torch.tensor([1.0, 1.0], device="gpu"), torch.ones(2).to("gpu"))
+    assert all(isinstance(one, CardTensor) and one.tolist() == [1.0, 1.0] for one in made)
+    leaf = torch.ones(3).to("gpu").requires_grad_()
+    (leaf[:2] * leaf[1:]).sum().backward()
+    assert leaf.grad is not None and leaf.grad.tolist() == [1.0, 2.0, 1.0]
+    with pytest.raises(TypeError):
+        leaf.detach().numpy()
+
+
+def test_what_was_drawn_stays_on_the_card(card):
+    """A second view of the same Gaussians brings nothing up, and down only how many pairs and culled ones there are."""
+    scene, camera = random_scene(200, 1).to(device="gpu"), make_camera()
+    render(scene, camera)
+    card.traffic.up = card.traffic.down = 0
+    render(scene, camera)
+    assert card.traffic.up == 0 and card.traffic.down <= 64
+
+
+def test_gaussians_elsewhere_are_refused(card):
+    with pytest.raises(DeviceError, match="Move them"):
+        render(random_scene(3), make_camera(), backend="gpu")
+    with pytest.raises(DeviceError, match="float64"):
+        render(random_scene(3).to(device="gpu", dtype=torch.float64), make_camera(), backend="gpu")
+
+
+def test_more_than_the_card_takes_is_one_line(card):
+    with pytest.raises(DeviceError, match=r"takes no more than \d+ MB.*--max-gaussians"):
+        card.memory(1 << 40)
+
+
+def test_asked_by_name_it_is_taken(card):
+    assert choose_device("gpu") == "gpu" and tensors_on("gpu") == "gpu"
+    backend_named("gpu").synchronize()
+
+
+def test_a_lost_card_is_one_line():
+    """In a process of its own: the card is gone for good."""
+    or_skip("gpu")
+    code = """
+import run_dgs; run_dgs.mount_package()
+from dgs.core.backends.gpu.card import card
+from dgs.core.devices import choose_device
+from dgs.core.errors import DeviceError
+from dgs.core.rasterizer import render
+from dgs.studies.stability.scenes import make_camera, random_scene
+choose_device("gpu")
+scene = random_scene(20).to(device="gpu")
+render(scene, make_camera())
+card()._device.destroy()
+try:
+    render(scene, make_camera()).image.cpu()
+except DeviceError as error:
+    assert "failed" in str(error) and "--device cpu" in error.way_out, error
+    raise SystemExit(7)
+"""
+    run = subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=False, capture_output=True, text=True)
+    assert run.returncode == 7, run.stderr[-2000:]
