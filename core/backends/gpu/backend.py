@@ -17,7 +17,7 @@ class GpuBackend(ReferenceBackend):
     """See `core.devices.Backend`."""
 
     def check(self) -> None:
-        """See `Backend`; from here on torch knows the device 'gpu'."""
+        """See `Backend`; from here on 'gpu' is a device of torch's."""
         register()
 
     def synchronize(self) -> None:

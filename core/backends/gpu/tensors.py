@@ -229,7 +229,7 @@ def _clone(tensor: Tensor, memory_format: Any = None) -> Any:
 
 @cache
 def register() -> Card:
-    """Makes 'gpu' a device that torch knows, and opens the card.
+    """Makes 'gpu' a device of torch's, and opens the card.
 
     Raises:
         DeviceError: there is none.
