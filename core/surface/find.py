@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import Cancelled
 from ..imaging.medium import Medium
@@ -18,16 +17,18 @@ from ..reconstruction import Reconstruction
 from ..sfm.provenance import FIRST_TRIED, LOOKED_AT
 from ..sfm.triangulate import Triangulated
 from ..views import SparsePoints
-from .agreement import agreed, lifted_map
+from .agreement import agreed
 from .choice import chosen_references, neighbours_of
 from .depths import KnownScene, depth_bounds, found_features
 from .far import far_samples, open_views
 from .fill import filled_maps
+from .guess import guessed_from, unconfirmed
 from .hull import Hull, carved_hull
 from .hull_points import hull_samples
-from .stack import ViewStack, stack_views
+from .maps import samples_of, wanted_pixels
+from .stack import stack_views
 from .sweep import DepthMap, swept
-from .union import Samples, evened, joined
+from .union import evened
 
 
 @dataclass(frozen=True)
@@ -43,7 +44,9 @@ class SurfaceSettings:
     trusted: float = number(
         0.2, "confidence", "that a sample which several views see has at least", FIRST_TRIED, LOOKED_AT
     )
-    guessed: float = number(0.1, "confidence", "of a sample between trusted ones", FIRST_TRIED, LOOKED_AT)
+    guessed: float = number(
+        0.1, "confidence", "of a sample between trusted ones: 0.5 is the same", FIRST_TRIED, LOOKED_AT
+    )
     carved: float = number(
         0.05, "confidence", "of a sample on the visual hull: the surface is there or behind", FIRST_TRIED, LOOKED_AT
     )
@@ -108,13 +111,13 @@ def surface_points(
         points, words = _without_maps(scene, features, settings)
         return FoundSurface(points, words, warnings)
     wanted = [wanted_pixels(views, one.view) for one in maps]
-    guessed = filled_maps(checked, views, wanted, scene.hull)
-    parts = [trusted, samples_of(guessed, views, settings.guessed, even=True)]
+    filled = filled_maps(checked, views, wanted, scene.hull)
     if scene.object is not None:
-        parts.append(hull_samples(scene.object, views, checked, settings.carved))
+        guessed, beyond = filled, hull_samples(scene.object, views, checked, settings.carved)
     else:
-        parts.append(far_samples(open_views(checked, guessed, wanted), trusted.positions, views, settings.carved))
-    points = evened(parts)
+        guessed = _guessed(checked, features, scene)
+        beyond = far_samples(open_views(checked, filled, wanted), trusted.positions, views, settings.carved)
+    points = evened([trusted, samples_of(guessed, views, settings.guessed, even=True), beyond])
     share = len(trusted) / max(1, sum(int(one.sum()) for one in wanted))
     words = f"{len(points.positions)} points on surfaces: photos agree on the depth of {share:.0%} of what they show"
     return FoundSurface(points, words, warnings)
@@ -136,8 +139,10 @@ def _maps(
     return maps
 
 
-def wanted_pixels(views: ViewStack, view: int) -> NDArray[np.bool_]:
-    return views.counts[view] if views.empty is None else views.counts[view] & ~views.empty[view]
+def _guessed(checked: Sequence[DepthMap], features: Triangulated | None, scene: KnownScene) -> list[DepthMap]:
+    """Depths of every px that has none, between those of its view and the features'."""
+    points = np.zeros((0, 3)) if features is None or features.contradicts else features.positions
+    return unconfirmed([guessed_from(one, points, scene.views) for one in checked], checked, scene.views, scene.hull)
 
 
 def _without_maps(
@@ -152,16 +157,3 @@ def _without_maps(
         return SparsePoints(np.zeros((0, 3)), np.zeros((0, 3), np.uint8)), ""
     words = f"{len(features.positions)} features that were triangulated: the photos show no more"
     return SparsePoints(features.positions, features.colours), words
-
-
-def samples_of(maps: Sequence[DepthMap], views: ViewStack, least: float, even: bool = False) -> Samples:
-    """The px of maps as samples; their confidence from `least` to 1, or `least` for all."""
-    parts = []
-    for one in maps:
-        there = one.depth > 0
-        own = one.confidence[there]
-        sure = np.full_like(own, least) if even else least + (1 - least) * own
-        colours = views.colours[one.view][: there.shape[0], : there.shape[1]][there]
-        spacing = one.depth[there].astype(np.float64) / views.focals[one.view]
-        parts.append(Samples(lifted_map(one, views), colours, sure.astype(np.float32), spacing))
-    return joined(parts)

@@ -13,8 +13,8 @@ import numpy as np
 from ..numbers import number
 from .agreement import AgreementSettings, agreed
 from .choice import ChoiceSettings, neighbours_of
-from .find import wanted_pixels
 from .hull import Hull
+from .maps import wanted_pixels
 from .stack import Floats, ViewStack
 from .sweep import DepthMap, SweepSettings, swept
 

@@ -11,8 +11,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from ..errors import Cancelled
 from ..imaging.medium import Medium
@@ -20,12 +18,12 @@ from ..numbers import number
 from ..photos.load import Photo
 from ..progress import Progress
 from ..reconstruction import Reconstruction
-from ..training.initial import depth_between
 from ..views import SparsePoints
-from .agreement import AgreementSettings, agreed, compared, lifted_map
+from .agreement import AgreementSettings, agreed, compared
 from .choice import ChoiceSettings, chosen_references, neighbours_of, spread_poses
-from .find import samples_of, wanted_pixels
-from .hull import EMPTY, Hull, carved_hull
+from .guess import GuessSettings, guessed_between, thinned, unconfirmed, unhidden
+from .hull import Hull, carved_hull
+from .maps import samples_of, wanted_pixels
 from .missed import with_missed
 from .stack import Floats, StackSettings, ViewStack, stack_views
 from .sweep import Around, DepthMap, SweepSettings, swept
@@ -38,7 +36,13 @@ _CHECKED = "copr blurred, banana and brighton, sharp and blurred: drafts"
 
 @dataclass(frozen=True)
 class SeededSettings:
-    """Of the surface around known points."""
+    """Of the surface around known points.
+
+    Attributes:
+        guess: of the depths between the points.
+    """
+
+    guess: GuessSettings = GuessSettings()
 
     longest_side: tuple[int, int] = number(
         (128, 256),
@@ -65,14 +69,7 @@ class SeededSettings:
     witnesses: int = number(
         1, "views", "that must see the same surface: so coarse maps are few, and the band is narrow", _CHOSEN, _CHECKED
     )
-    fewest_points: int = number(20, "points", "that a view must see before depths between them are guessed")
-    most_points: int = number(3000, "points", "that the guess of a view is made of: more cost time and change little")
-    beside: int = number(24, "points", "nearest to one in a view, which may hide it if they lie all around it")
-    steepest: float = number(
-        4.0, "ratio", "change of the depth's logarithm over an angle in radians: surfaces are not seen more grazingly"
-    )
     stray: float = number(2.0, "percent", "of the points at each end that do not say where neighbours must look")
-    step: int = number(3, "px", "between guessed samples where nothing is confirmed", _CHOSEN, _CHECKED)
     trusted: float = number(0.2, "confidence", "that a sample which several views see has at least", _CHOSEN, _CHECKED)
     guessed: float = number(0.5, "confidence", "of a sample that nobody confirms", _CHOSEN, _CHECKED)
     side: float = number(1.0, "px of a small view", "side of the cells that hold one sample each", _CHOSEN, _CHECKED)
@@ -125,7 +122,7 @@ def seeded_surface(
         return None
     trusted = samples_of(checked, views, settings.trusted)
     known = _known(cameras.points, trusted, checked, views)
-    free = [_unseen_through(guess, checked, views, hull) for guess in _left(guesses, checked, views, settings)]
+    free = unconfirmed(guesses, checked, views, hull, settings.guess)
     parts = [trusted, known, samples_of(free, views, settings.guessed, even=True)]
     return SeededSurface(merged_in(parts, settings.side), share)
 
@@ -159,50 +156,16 @@ def _maps(
             raise Cancelled("Stopped while looking for surfaces")
         pixels, depth = views.depths(view, points.positions)
         wanted = wanted_pixels(views, view)
-        every = max(1, len(depth) // settings.most_points)
-        pixels, depth = pixels[::every], depth[::every]
-        if len(depth) >= settings.fewest_points and wanted.any():
+        pixels, depth = thinned(pixels, depth, settings.guess)
+        if len(depth) >= settings.guess.fewest_points and wanted.any():
             near, far = np.percentile(depth, [settings.stray, 100.0 - settings.stray])
             others = neighbours_of(view, views, float(near), float(far), choice)
-            front = unhidden(pixels, depth, float(views.focals[view]), settings)
-            guess = _guess(pixels[front], depth[front], wanted.shape, settings)
+            front = unhidden(pixels, depth, float(views.focals[view]), settings.guess)
+            guess = guessed_between(pixels[front], depth[front], wanted.shape, settings.guess)
             guesses.append(guess)
             maps.append(swept(view, views, others, Around(guess, settings.band), wanted, hull, sweep))
         progress.advance(done)
     return guesses, maps
-
-
-def _guess(pixels: Floats, depth: Floats, shape: tuple[int, ...], settings: SeededSettings) -> Floats:
-    """[H, W] depth between a view's points, at the middles of its px; of large views, of every few."""
-    every = -(-max(shape) // settings.longest_side[0])
-    rows, columns = np.indices([-(-side // every) for side in shape])
-    middles = every * (np.stack([columns.ravel(), rows.ravel()], axis=1) + 0.5)
-    coarse = depth_between(pixels, depth, middles).reshape(rows.shape)
-    return coarse.repeat(every, axis=0).repeat(every, axis=1)[: shape[0], : shape[1]]
-
-
-def unhidden(pixels: Floats, depth: Floats, focal: float, settings: SeededSettings = SETTINGS) -> NDArray[np.bool_]:
-    """[N] points of a view that nearer ones do not surround: what lies behind an object is no surface of its front.
-
-    A nearer point hides one beside it if a surface through both would be seen at too grazing an angle.
-    """
-    count = min(settings.beside + 1, len(depth))
-    if count < 4:
-        return np.ones(len(depth), bool)
-    apart, index = cKDTree(pixels).query(pixels, k=count)
-    logs = np.log(depth)
-    steep = logs[:, None] - logs[index] > settings.steepest * apart / focal
-    steep &= apart > 0
-    towards = pixels[index] - pixels[:, None]
-    angles = np.sort(np.where(steep, np.arctan2(towards[..., 1], towards[..., 0]), np.inf), axis=1)
-    turned = np.concatenate([angles, angles[:, :1] + 2 * np.pi], axis=1)
-    many = steep.sum(axis=1)
-    # (the first one again, a turn later, behind the last)
-    turned[np.arange(len(depth)), many] = angles[:, 0] + 2 * np.pi
-    with np.errstate(invalid="ignore"):
-        gaps = np.diff(turned, axis=1)
-    widest = np.where(np.arange(gaps.shape[1]) < many[:, None], gaps, 0.0).max(axis=1)
-    return (many < 3) | (widest >= np.pi)
 
 
 def _known(points: SparsePoints, trusted: Samples, maps: Sequence[DepthMap], views: ViewStack) -> Samples:
@@ -212,29 +175,3 @@ def _known(points: SparsePoints, trusted: Samples, maps: Sequence[DepthMap], vie
     spacing = float(np.median(trusted.spacing))
     count = len(free.positions)
     return Samples(free.positions, free.colours, np.ones(count, np.float32), np.full(count, spacing))
-
-
-def _left(
-    guesses: Sequence[Floats], checked: Sequence[DepthMap], views: ViewStack, settings: SeededSettings
-) -> list[DepthMap]:
-    """The guesses at every few px where nothing was confirmed."""
-    left = []
-    for guess, one in zip(guesses, checked, strict=True):
-        grid = np.zeros(guess.shape, bool)
-        grid[:: settings.step, :: settings.step] = True
-        there = wanted_pixels(views, one.view) & grid & (one.depth == 0)
-        left.append(DepthMap(one.view, np.where(there, guess, 0.0).astype(np.float32), there.astype(np.float32)))
-    return left
-
-
-def _unseen_through(guess: DepthMap, checked: Sequence[DepthMap], views: ViewStack, hull: Hull | None) -> DepthMap:
-    """Those that no confirmed surface lies behind, and no photo shows to be empty."""
-    points = lifted_map(guess, views)
-    others = [one for one in checked if one.view != guess.view]
-    free: NDArray[np.bool_] = compared(points, np.full(len(points), -1, np.int32), others, views).conflict == 0
-    if hull is not None:
-        free &= hull.at(points) != EMPTY
-    there = guess.depth > 0
-    depth = np.zeros_like(guess.depth)
-    depth[there] = guess.depth[there] * free
-    return DepthMap(guess.view, depth, (depth > 0).astype(np.float32))

@@ -8,7 +8,8 @@ from dgs.core.errors import Cancelled
 from dgs.core.imaging.medium import Medium
 from dgs.core.progress import Silent
 from dgs.core.surface.choice import ChoiceSettings, neighbours_of
-from dgs.core.surface.seeded import SETTINGS, seeded_surface, unhidden
+from dgs.core.surface.guess import GuessSettings
+from dgs.core.surface.seeded import SETTINGS, seeded_surface
 from dgs.core.surface.stack import stack_views
 from dgs.core.surface.sweep import Around, SweepSettings, swept
 from dgs.core.views import SparsePoints
@@ -96,20 +97,6 @@ def test_nothing_is_lifted_where_photos_are_empty():
     assert (radius < 1.06 * RADIUS).mean() > 0.99 and radius.max() < 1.15 * RADIUS
 
 
-def test_points_behind_an_object_are_no_surface_of_its_front():
-    """A far side between near points is hidden; a wall beside a post is not, nor what one false point is before."""
-    x, y = (plane.ravel() for plane in np.meshgrid(np.arange(20.0), np.arange(20.0)))
-    pixels = np.stack([4 * x, 4 * y], axis=1)
-    far = (x + y) % 2 == 1
-    front = unhidden(pixels, np.where(far, 6.0, 4.0), 100.0)
-    inside = (x > 0) & (x < 19) & (y > 0) & (y < 19)
-    assert front[~far].all() and not front[far & inside].any()
-    assert unhidden(pixels, np.where(x < 3, 2.0, 6.0), 100.0).all()
-    assert unhidden(pixels, np.where((x == 9) & (y == 9), 1.0, 6.0), 100.0).all()
-    assert unhidden(pixels, 6.0 * np.exp(-0.1 * y), 100.0).all()
-    assert unhidden(pixels[:3], np.array([1.0, 2.0, 3.0]), 100.0).all()
-
-
 def test_photos_that_show_no_depth_confirm_nothing():
     blank = drawn(arc(5), ball=False, plain=True)
     cameras, _ = with_points(blank)
@@ -145,7 +132,7 @@ def test_the_same_photos_give_the_same_samples_and_a_user_may_stop(wall):
 def test_many_points_are_thinned_before_they_make_a_guess(wall):
     cameras, views = with_points(wall, 4000)
     every, some = (
-        seeded_surface(wall.photos, cameras, NONE, Silent(), replace(SETTINGS, most_points=count))
+        seeded_surface(wall.photos, cameras, NONE, Silent(), replace(SETTINGS, guess=GuessSettings(most_points=count)))
         for count in (10**6, 200)
     )
     assert every is not None and some is not None

@@ -1,0 +1,30 @@
+"""Depth maps as samples of surfaces."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .agreement import lifted_map
+from .stack import ViewStack
+from .sweep import DepthMap
+from .union import Samples, joined
+
+
+def wanted_pixels(views: ViewStack, view: int) -> NDArray[np.bool_]:
+    return views.counts[view] if views.empty is None else views.counts[view] & ~views.empty[view]
+
+
+def samples_of(maps: Sequence[DepthMap], views: ViewStack, least: float, even: bool = False) -> Samples:
+    """The px of maps as samples; their confidence from `least` to 1, or `least` for all."""
+    parts = []
+    for one in maps:
+        there = one.depth > 0
+        own = one.confidence[there]
+        sure = np.full_like(own, least) if even else least + (1 - least) * own
+        colours = views.colours[one.view][: there.shape[0], : there.shape[1]][there]
+        spacing = one.depth[there].astype(np.float64) / views.focals[one.view]
+        parts.append(Samples(lifted_map(one, views), colours, sure.astype(np.float32), spacing))
+    return joined(parts)
