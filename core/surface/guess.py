@@ -1,7 +1,7 @@
 """Depths where nobody confirms any: guessed between what is known, kept where no photo looks through.
 
-Between known px a depth is what lies between; beside all of them it is that of the nearest. Wrong guesses are faint, and
-a start for what the photos show there; without any, fog grows out of surfaces that are near.
+Between known px a depth is what lies between; beside all of them it is that of the nearest. Wrong guesses are faint,
+and a start for what the photos show there; without any, fog grows out of surfaces that are near.
 """
 
 from __future__ import annotations
