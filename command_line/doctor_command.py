@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 from importlib.util import find_spec
 
-from ..core.devices import choose_device
+from ..core.devices import BackendName, choose_device, tensors_on
 from ..core.errors import CameraError, DeviceError, DgsError
 from .arguments import add_machine
 from .progress_choice import Reporting
@@ -31,9 +31,10 @@ def doctor_command(options: argparse.Namespace, progress: Reporting) -> int:
     for name, value in machine(threads, device).items():
         print(f"{name:>14}  {value}")
     checks: list[tuple[str, Callable[[], str]]] = [
-        ("rasterizer", _rasterizer),
+        ("rasterizer", lambda: _rasterizer(device)),
         ("blur", _blur),
         ("cameras", _cameras),
+        ("graphics card", _graphics_card),
         ("blender", _blender),
     ]
     failed = 0
@@ -47,8 +48,8 @@ def doctor_command(options: argparse.Namespace, progress: Reporting) -> int:
     return 2 if failed else 0
 
 
-def _rasterizer() -> str:
-    """The fast back end agrees with the specification, gradient included."""
+def _rasterizer(device: BackendName) -> str:
+    """The device's back end agrees with the specification, gradient included."""
     import numpy as np  # heavy
     import torch  # heavy
 
@@ -66,21 +67,21 @@ def _rasterizer() -> str:
     images, gradients = [], []
     shapes = (values(count, 3), values(count, 3) * 0.3 - 2.5, values(count, 4))
     parameters = (*shapes, values(count), values(count, 4, 3) * 0.3)
-    for backend in ("reference", "cpu"):
-        gaussians = Gaussians(*(p.clone() for p in parameters)).requires_grad_()
+    for backend in ("reference", device):
+        gaussians = Gaussians(*(p.clone().to(tensors_on(backend)) for p in parameters)).requires_grad_()
         image = render(gaussians, camera, backend=backend).image
         image.square().sum().backward()
-        images.append(image.detach())
+        images.append(image.detach().cpu())
         assert gaussians.means.grad is not None
-        gradients.append(gaussians.means.grad)
+        gradients.append(gaussians.means.grad.cpu())
     apart = float((images[0] - images[1]).abs().max())
     steep = float((gradients[0] - gradients[1]).abs().max() / gradients[0].abs().max())
     if not (apart < 1e-3 and steep < 1e-3):
         raise DeviceError(
-            f"The compiled rasterizer differs from the reference (image {apart:.1e}, gradient {steep:.1e})",
+            f"The rasterizer of '{device}' differs from the reference (image {apart:.1e}, gradient {steep:.1e})",
             "Delete the folder of compiled code (~/.cache/dgs) and try again; then report it",
         )
-    return f"compiled kernels agree with the reference to {apart:.0e}"
+    return f"'{device}' agrees with the reference to {apart:.0e}"
 
 
 def _blur() -> str:
@@ -104,6 +105,20 @@ def _cameras() -> str:
     if find_spec("pycolmap") is None:
         raise CameraError("pycolmap is not installed", "Run: pip install pycolmap; or give --cameras")
     return "pycolmap is there"
+
+
+def _graphics_card() -> str:
+    """The card that `--device gpu` would take, or why there is none: most machines need none."""
+    from ..core.backends.gpu.adapter import adapters, described, is_software  # heavy: numpy
+
+    try:
+        best = adapters()[0]
+    except DeviceError as error:
+        return f"none ({error})"
+    slow = (
+        "; it stands in for a card, slower than --device cpu" if is_software(best) else "; --device gpu computes on it"
+    )
+    return described(best) + slow
 
 
 def _blender() -> str:

@@ -12,7 +12,19 @@ from pathlib import Path
 from .devices import BackendName, choose_device
 from .version import VERSION
 
-_LIBRARIES = ("torch", "numpy", "numba", "scipy", "scikit-image", "pycolmap", "plyfile", "pillow", "gsplat", "bpy")
+_LIBRARIES = (
+    "torch",
+    "numpy",
+    "numba",
+    "scipy",
+    "scikit-image",
+    "pycolmap",
+    "plyfile",
+    "pillow",
+    "wgpu",
+    "gsplat",
+    "bpy",
+)
 
 
 def cores() -> int:

@@ -68,6 +68,13 @@ missing=$("$VENV/bin/python" tools/system_libraries.py)
 # shellcheck disable=SC2086  # one word per package is meant
 [ -z "$missing" ] || apt_install $missing
 
+# A Vulkan driver that computes on the CPU stands in for a graphics card, so that the tests of the gpu back end run
+# everywhere. They are skipped without it: it is not worth a set-up that fails.
+if ! compgen -G '/usr/share/vulkan/icd.d/*.json' >/dev/null && ! compgen -G '/etc/vulkan/icd.d/*.json' >/dev/null; then
+  (apt_install mesa-vulkan-drivers) ||
+    echo "Without a Vulkan driver the tests of the gpu back end are skipped; nothing else needs it." >&2
+fi
+
 "$VENV/bin/python" -c 'import bpy, numba, pycolmap, torch' ||
   { echo "A package does not load; see the message above." >&2; exit 1; }
 rm -f "$VENV"/installed-*

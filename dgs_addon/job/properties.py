@@ -211,6 +211,7 @@ class DGS_PG_settings(bpy.types.PropertyGroup):
         items=(
             ("auto", "Automatic", "CUDA if this machine and the engine have it"),
             ("cpu", "CPU", ""),
+            ("gpu", "Graphics Card", "Any maker's, through Vulkan, Metal or DirectX 12"),
             ("cuda", "CUDA", "A graphics card by NVIDIA"),
         ),
     )

@@ -28,7 +28,7 @@ class StudySettings:
         quick: few and small: the machinery is proved, the figures say little.
         resume: keep the rows that are there.
         threads: None for all cores.
-        device: 'auto', 'cpu' or 'cuda'.
+        device: 'auto', 'cpu', 'gpu' or 'cuda'.
     """
 
     dataset: Path

@@ -2,19 +2,33 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
+import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
 from ...camera import Camera
+from ...devices import AdamStep
+from ...frames import Evaluation, Frame
 from ...gaussians import Gaussians
 from ...rendering import RasterSettings, Rendered
+from ..cpu import CpuBackend
 from ..reference import ReferenceBackend
+from .adam import adam_steps
 from .card import card
 from .rasterizer import render_gpu
-from .tensors import register
+from .tensors import DEVICE, register
+from .through_host import ThroughHost
 
 
 class GpuBackend(ReferenceBackend):
     """See `core.devices.Backend`."""
+
+    one_width = "separable"
+
+    def __init__(self) -> None:
+        self._host = CpuBackend()
 
     def check(self) -> None:
         """See `Backend`; from here on 'gpu' is a device of torch's."""
@@ -34,6 +48,32 @@ class GpuBackend(ReferenceBackend):
     ) -> Rendered:
         """See `Backend`."""
         return render_gpu(gaussians, camera, background, pose, settings)
+
+    def blurs(
+        self, kernel: NDArray, taps: tuple[NDArray, NDArray] | None, frame: Frame, dtype: torch.dtype
+    ) -> dict[str, Evaluation]:
+        """See `Backend`."""
+        return {name: ThroughHost(found) for name, found in self._host.blurs(kernel, taps, frame, dtype).items()}
+
+    def photometric(
+        self, image: Tensor, photo: Tensor, valid: Tensor | None, ssim_weight: float
+    ) -> tuple[float, Tensor]:
+        """See `Backend`."""
+        counts = None if valid is None else valid.cpu()
+        loss, gradient = self._host.photometric(image.cpu(), photo.cpu(), counts, ssim_weight)
+        return loss, gradient.to(DEVICE)
+
+    def variation_gradient(self, image: Tensor, knee: float) -> Tensor:
+        """See `Backend`."""
+        return self._host.variation_gradient(image.cpu(), knee).to(DEVICE)
+
+    def speck_gradient(self, image: Tensor) -> Tensor:
+        """See `Backend`."""
+        return self._host.speck_gradient(image.cpu()).to(DEVICE)
+
+    def adam(self, steps: Sequence[AdamStep]) -> list[int]:
+        """See `Backend`."""
+        return adam_steps(steps)
 
 
 BACKEND = GpuBackend()

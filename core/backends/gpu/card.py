@@ -94,6 +94,7 @@ class Card:
         self._encoder: Any = None
         self._pass: Any = None
         self._waiting: set[int] = set()
+        self._mark: Memory | None = None
 
     def failed(self, error: Exception) -> DeviceError:
         """What to say when the driver refuses."""
@@ -217,8 +218,10 @@ class Card:
     @_explained
     def wait(self) -> None:
         """Waits until all that was ordered is done."""
-        self.send()
-        self._device.queue.on_submitted_work_done_sync()
+        if self._mark is None:
+            self._mark = self.memory(4)
+        self.send()  # (wgpu 0.32's own waiting fails: a read comes after all that was ordered)
+        self._device.queue.read_buffer(self._mark.buffer, 0, 4)
 
     def _recording(self) -> Any:
         if self._encoder is None:

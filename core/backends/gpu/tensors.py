@@ -169,6 +169,15 @@ def for_shader(tensor: Tensor) -> Memory:
     return tensor.held.for_card()
 
 
+def in_place(tensor: Tensor) -> Memory:
+    """The memory of a float32 tensor that a shader reads and changes."""
+    if not isinstance(tensor, CardTensor) or not tensor.is_contiguous() or tensor.storage_offset():
+        raise ValueError("only a whole tensor of the card is changed in place")
+    memory = tensor.held.for_card()
+    tensor.held.changed_on_card()
+    return memory
+
+
 def written(tensor: CardTensor) -> CardTensor:
     """Notes that a shader wrote a tensor."""
     tensor.held.changed_on_card()

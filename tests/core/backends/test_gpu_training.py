@@ -1,0 +1,36 @@
+"""A short training on the graphics card's back end ends where the CPU's does, and twice the same."""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from dgs.core.forward.compare import psnr_of
+from dgs.core.training.trainer import Trainer
+from dgs.studies.stability.photographed import small_set, trained_steps
+from dgs.tests.back_ends import or_skip
+
+
+def psnr(trainer: Trainer) -> float:
+    """Mean PSNR (dB) of what the twin shows in its photos."""
+    level = trainer.levels[-1]
+    errors = [np.square(trainer.exposed(level, v).degraded.cpu().numpy() - v.planes()).mean() for v in level.views]
+    return psnr_of([float(error) for error in errors])
+
+
+def test_a_short_training_ends_where_the_cpu_s_does():
+    or_skip("gpu")
+    photos = small_set(4)
+    ours, theirs = (trained_steps(*photos, 60, device=device, density_every=20) for device in ("gpu", "cpu"))
+    assert ours.device.type == "gpu" and len(ours.optimizer.gaussians) == len(theirs.optimizer.gaussians)
+    assert psnr(theirs) > 18.0
+    assert abs(psnr(ours) - psnr(theirs)) < 0.05
+
+
+def test_the_same_seed_gives_the_same_twin():
+    or_skip("gpu")
+    photos = small_set(2)
+    one, other = (trained_steps(*photos, 12, device="gpu", density_every=6) for _ in range(2))
+    for (name, tensor), (_, again) in zip(
+        one.optimizer.gaussians.named(), other.optimizer.gaussians.named(), strict=True
+    ):
+        assert torch.equal(tensor.cpu(), again.cpu()), name
