@@ -62,8 +62,6 @@ def next_view_command(options: argparse.Namespace, progress: Reporting) -> int:
 
 
 def _rank_and_write(options: argparse.Namespace, progress: Reporting) -> int:
-    import numpy as np  # heavy
-
     from ..core.machine import use_threads  # late: slows --help
     from ..core.report.known import add_chapter  # heavy: torch
     from ..core.twin.folder import TwinFolder  # late: slows --help
@@ -95,7 +93,7 @@ def _rank_and_write(options: argparse.Namespace, progress: Reporting) -> int:
     folder = TwinFolder(options.twin)
     with folder.changing() as change:
         drawn = draw_expected(change.new.next_view_folder, ranking.views, ranking.error["contrast"])
-        change.new.save_next_views(content, ranking.determined.numpy().astype(np.float32))
+        change.new.save_next_views(content, ranking.determined.numpy().astype("float32"))
         if folder.report_page.is_file():
             shutil.copyfile(folder.report_page, change.new.report_page)
             measured = f"How wrong the twin is was measured on {held} photos that it was not trained on."

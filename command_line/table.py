@@ -71,6 +71,7 @@ COMMANDS = (
     Command("measure-glass", "distance and angle of frosted glass from calibration photos", saves=False),
     Command("next-view", "which photo to take next"),
     Command("update", "new photos into a twin"),
+    Command("measure", "lengths, widths, angles and areas on a twin, with error bars", saves=False),
     Command("mesh", "a twin's surface as a mesh"),
     Command("serve", "draw twins for another program", saves=False),
 )

@@ -16,6 +16,7 @@ import argparse
 import collections
 import contextlib
 import importlib
+import json
 import os
 import random
 import shutil
@@ -58,7 +59,7 @@ SUFFIXES |= {
 #: Seconds until a request is asked to stop, and those that it then has.
 PATIENCE, ENDING = 15.0, 15.0
 #: Commands whose right request compiles kernels, and the seconds that each may take for it before the first request.
-COMPILING, COMPILATION = ("reconstruct", "render", "next-view", "inspect", "estimate", "mesh"), 300.0
+COMPILING, COMPILATION = ("reconstruct", "render", "next-view", "inspect", "estimate", "mesh", "measure"), 300.0
 
 
 @dataclass(frozen=True)
@@ -193,6 +194,9 @@ def make_files(folder: Path) -> None:
 
     (folder / "here").mkdir()
     write_twin(folder)
+    places = {name: {"photo": "a.png", "at": at} for name, at in (("a", [8, 9]), ("b", [20, 12]))}
+    measures = [{"name": "edge", "kind": "length", "of": ["a", "b"]}]
+    (folder / "points.json").write_text(json.dumps({"places": places, "measures": measures}))
     for index in range(2, 5):
         pixels = np.random.default_rng(index).integers(0, 255, (30, 40, 3), dtype=np.uint8)
         Image.fromarray(pixels).save(folder / "photos" / f"{index}.png")
@@ -273,6 +277,7 @@ def valid(folder: Path) -> dict[str, list[str]]:
         "measure-glass": [str(folder / "photos" / "a.png"), "--distances", "1", "--focal", "480"],
         "next-view": [twin],
         "update": [twin, photos],
+        "measure": [twin, str(folder / "points.json")],
         "mesh": [twin, "--out", str(folder / "out" / "a.glb")],
         "serve": [],
     }

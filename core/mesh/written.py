@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import FormatError
+from ..files import check_writable
 from ..formats.meshes import check_mesh_name, write_mesh
 from ..machine import use_threads
 from ..numbers import number
@@ -40,6 +41,7 @@ def write_twin_mesh(
         raise FormatError(f"There is no folder '{folder}'", "Give the --out folder of 'reconstruct'")
     check_mesh_name(out)
     check_outputs([out], [folder / "twin.ply"], overwrite)
+    check_writable(out.parent)
     use_threads(threads)
     gaussians, cameras = splats_and_cameras(folder)
     made = build_mesh(gaussians, cameras, settings, progress)

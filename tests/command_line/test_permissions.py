@@ -49,6 +49,9 @@ def folder() -> Iterator[Path]:
         write_twin(place)
         write_transforms(place / "transforms.json", cameras())
         (place / "psf.json").write_text(json.dumps({"*": "gaussian:2"}))
+        places = {name: {"photo": "a.png", "at": at} for name, at in (("a", [8, 9]), ("b", [20, 12]))}
+        measures = [{"name": "edge", "kind": "length", "of": ["a", "b"]}]
+        (place / "points.json").write_text(json.dumps({"places": places, "measures": measures}))
         (place / "list.txt").write_text("photos/a.png\nphotos/b.png\n")
         shutil.copytree(place / "photos", place / "masks")
         (place / "closed").mkdir()
@@ -114,6 +117,7 @@ def commands(folder: Path) -> dict[str, list[object]]:
         "tradeoff": ["tradeoff", photos, "--out", out],
         "blend": ["blend", ply, "--out", out / "a.blend"],
         "next-view": ["next-view", twin],
+        "measure": ["measure", twin, folder / "points.json", "--out", out / "m.csv"],
         "mesh": ["mesh", twin, "--out", out / "a.ply"],
         "update": ["update", twin, photos],
         "rollback": ["update", twin, "--rollback"],
@@ -139,7 +143,8 @@ CLOSED = [
     ("compare", "photos"),
     ("tradeoff", "photos"),
     ("blend", "twin/twin.ply"),
-    *((name, f"twin{file}") for name in ("next-view", "mesh", "update", "rollback") for file in ("",)),
+    *((name, f"twin{file}") for name in ("next-view", "mesh", "measure", "update", "rollback") for file in ("",)),
+    ("measure", "points.json"),
     *(("mesh", f"twin/{file}") for file in ("report.json", "twin.ply", "cameras")),
     *((name, f"twin/{file}") for name in ("next-view", "update") for file in ("report.json", "twin.ply", "photos.txt")),
 ]

@@ -1,0 +1,1 @@
+"""Places on a twin's surface, lengths between them, and how sure both are."""

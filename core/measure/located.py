@@ -1,0 +1,145 @@
+"""Places that were asked for, found on the surface, each with its covariance."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..camera import Camera
+from ..errors import DgsError
+from ..numbers import number
+from .places import PRECISION, SurfacePoint, deviation_of_depth, inside, projected, ray, surface_depth
+from .request import AskedPlace, Point
+from .sights import Sight, Sights
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class MeetingSettings:
+    """Of rays that are to meet."""
+
+    farthest: float = number(1e3, "usual depths", "at which rays can be said to meet")
+    parallel: float = number(1e9, "condition", "of their equations, from which on rays are parallel")
+    settled: float = number(1e-9, "usual depths", "step at which the search ends")
+
+
+MEETING = MeetingSettings()
+
+
+class NothingThere(DgsError):
+    """A place was set where the twin has no surface."""
+
+
+def located(asked: AskedPlace, views: Sights, marks: Mapping[str, Point], cameras: float) -> SurfacePoint:
+    """Finds a place.
+
+    Args:
+        asked: what was asked for.
+        marks: its points in px of the undistorted views.
+        cameras: standard deviation of where cameras look, px.
+
+    Raises:
+        NothingThere: there is no surface where a point of one photo lies.
+        DgsError: points of several photos are of no common place.
+    """
+    click = PRECISION.click if asked.click is None else asked.click
+    across = float(np.hypot(click, cameras))
+    if asked.position is not None:
+        return _snapped(asked, views)
+    if len(marks) == 1:
+        ((photo, point),) = marks.items()
+        return on_surface(views, views.views[photo], point, across, f"The place '{asked.name}' on '{photo}'")
+    return _met(asked.name, views, marks, across)
+
+
+def on_surface(views: Sights, sight: Sight, point: Point, across: float, called: str) -> SurfacePoint:
+    """Where the ray of a photo's point meets the surface; raises NothingThere."""
+    camera = sight.camera
+    if not inside(camera, *point):
+        raise NothingThere(
+            f"{called} lies outside the photo", f"Give px from 0 to {camera.width} across and to {camera.height} down"
+        )
+    depth = surface_depth(sight, *point)
+    if not np.isfinite(depth):
+        raise NothingThere(f"{called} hits nothing: the twin has no surface there", "Set it on something that is seen")
+    position = camera.centre + ray(camera, *point) * depth
+    deviation, seen = deviation_of_depth(views, camera, position)
+    pixel = depth / camera.fx
+    along = ray(camera, *point)
+    # across the ray a px is a px-equivalent; along it the surface is open
+    covariance = across**2 * pixel**2 * (np.eye(3) - np.outer(along, along) / (along @ along))
+    return SurfacePoint(position, covariance + (deviation * pixel) ** 2 * np.outer(along, along), pixel, seen)
+
+
+def _met(name: str, views: Sights, marks: Mapping[str, Point], across: float) -> SurfacePoint:
+    """Where the rays of several photos' points meet, by least squares of their distances in px."""
+    rays = [(views.views[photo].camera, point) for photo, point in marks.items()]
+    position = _nearest_to(rays)
+    for _ in range(10):
+        depths = _depths(rays, position)
+        if not (min(depths) > 0 and max(depths) < MEETING.farthest):  # (of unit scenes: 1 is a usual depth)
+            raise DgsError(f"The rays of '{name}' meet nowhere", "Mark the same place on photos from different sides")
+        rows, rest = _linear(rays, position)
+        step = np.linalg.lstsq(rows, rest, rcond=None)[0]
+        if float(np.linalg.norm(step)) < MEETING.settled:
+            break
+        position = position + step
+    depths = _depths(rays, position)
+    # what the points themselves disagree by counts where it is more than they were said to
+    freedom = max(1, rows.shape[0] - 3)
+    variance = max(across**2, float(rest @ rest) / freedom)
+    pixel = float(np.median([depth / camera.fx for depth, (camera, _) in zip(depths, rays, strict=True)]))
+    return SurfacePoint(position, np.linalg.inv(rows.T @ rows) * variance, pixel, len(rays))
+
+
+def _depths(rays: Sequence[tuple[Camera, Point]], position: Array) -> list[float]:
+    return [float((camera.rotation @ position + camera.translation)[2]) for camera, _ in rays]
+
+
+def _nearest_to(rays: Sequence[tuple[Camera, Point]]) -> Array:
+    """[3] point nearest to all rays."""
+    total, moment = np.zeros((3, 3)), np.zeros(3)
+    for camera, point in rays:
+        way = ray(camera, *point)
+        beside = np.eye(3) - np.outer(way, way) / (way @ way)
+        total, moment = total + beside, moment + beside @ camera.centre
+    if np.linalg.cond(total) > MEETING.parallel:
+        return np.full(3, np.nan)
+    return np.asarray(np.linalg.solve(total, moment))
+
+
+def _linear(rays: Sequence[tuple[Camera, Point]], position: Array) -> tuple[Array, Array]:
+    """[2 n, 3] px that a position's projections move by, and [2 n] px from them to the points."""
+    rows, rest = [], []
+    for camera, point in rays:
+        x, y, z = camera.rotation @ position + camera.translation
+        jacobian = np.array([[camera.fx / z, 0, -camera.fx * x / z**2], [0, camera.fy / z, -camera.fy * y / z**2]])
+        rows.append(jacobian @ camera.rotation)
+        rest.append(np.array(point) - np.array(projected(camera, position)))
+    return np.concatenate(rows), np.concatenate(rest)
+
+
+def _snapped(asked: AskedPlace, views: Sights) -> SurfacePoint:
+    """The surface nearest to a position along the rays of the cameras that see it: of the nearest camera."""
+    assert asked.position is not None
+    position = views.scale.points_to_unit(np.array(asked.position)[None])[0]
+    found = []
+    for sight in views.views.values():
+        x, y = projected(sight.camera, position)
+        if not inside(sight.camera, x, y):
+            continue
+        depth = surface_depth(sight, x, y)
+        off = abs(depth - float((sight.camera.rotation @ position + sight.camera.translation)[2]))
+        if off < PRECISION.snap * depth / sight.camera.fx:
+            found.append((off, sight, (x, y)))
+    if not found:
+        raise NothingThere(
+            f"The place '{asked.name}' lies on no surface that a camera sees", "Give a position on the twin's surface"
+        )
+    _, sight, point = min(found, key=lambda one: one[0])
+    click = PRECISION.click if asked.click is None else asked.click
+    return on_surface(views, sight, point, click, f"The place '{asked.name}'")

@@ -1,0 +1,182 @@
+"""What was asked of a twin, measured: values with their intervals, in a unit or in px-equivalents."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import DgsError, FormatError
+from ..progress import Progress
+from ..twin.opened import OpenedTwin
+from .located import NothingThere, located, on_surface
+from .places import PRECISION, SurfacePoint
+from .request import AskedMeasure, AskedPlace, MeasureRequest, Point
+from .sights import Sights, sights
+from .values import DRAWS, WITHIN, Value, drawn, valued
+from .widths import width_on
+
+Array = NDArray[np.float64]
+
+#: The unit of lengths without a known one.
+NO_SCALE = "px-equivalent"
+
+
+@dataclass(frozen=True)
+class Measured:
+    """One measure.
+
+    Attributes:
+        name, kind, of: as asked.
+        value, deviation, low, high: the value, its standard deviation, and its 95 % interval; None where there is none.
+        unit: of them; power of a length for areas ('mm^2').
+        photos: fewest photos that hold one of its places.
+        reason: why it could not be measured; empty otherwise.
+    """
+
+    name: str
+    kind: str
+    of: tuple[str, ...]
+    value: float | None
+    deviation: float | None
+    low: float | None
+    high: float | None
+    unit: str
+    photos: int
+    reason: str = ""
+
+    def plain(self) -> dict[str, Any]:
+        """For JSON and CSV."""
+        found = {key: round(value, 9) if isinstance(value, float) else value for key, value in vars(self).items()}
+        return {**found, "of": list(self.of)}
+
+
+@dataclass(frozen=True)
+class Findings:
+    """All measures, and places in the twin's world.
+
+    Attributes:
+        measures: in the order that they were asked in.
+        places: position, covariance (world units) and px-equivalent of each place that was found.
+        noise: of the photos about the twin, sRGB in [0, 1].
+    """
+
+    measures: tuple[Measured, ...]
+    places: dict[str, dict[str, Any]]
+    noise: float
+
+
+def measure(twin: OpenedTwin, request: MeasureRequest, cameras: float, progress: Progress) -> Findings:
+    """Measures what was asked.
+
+    Args:
+        cameras: standard deviation of where cameras look, px; 0 where they are known.
+
+    Raises:
+        FormatError: a photo is none of this twin. DgsError: the known length could not be measured.
+        Cancelled: the user asked to stop.
+    """
+    names = {view.name for view in twin.views}
+    strange = [photo for photo in request.photos if photo not in names]
+    if strange:
+        raise FormatError(f"'{strange[0]}' is no photo of this twin with a camera", f"Name one such as '{min(names)}'")
+    views = sights(twin, request.photos, progress)
+    generator = np.random.default_rng(0)
+    places, reasons = dict[str, SurfacePoint](), dict[str, str]()
+    for name, asked in request.places.items():
+        try:
+            places[name] = located(asked, views, _undistorted(twin, asked), cameras)
+        except DgsError as error:
+            reasons[name] = str(error)
+            progress.note(str(error))
+    draws = {name: drawn(place, generator) for name, place in places.items()}
+    values = dict[str, Value | str]()
+    for one in request.measures:
+        missing = next((reasons[name] for name in one.of if name in reasons), "")
+        if missing:
+            values[one.name] = missing
+        elif one.kind == "width":
+            values[one.name] = _width(twin, views, one, cameras, generator, progress)
+        else:
+            values[one.name] = valued(one.kind, [places[n] for n in one.of], [draws[n] for n in one.of])
+    factor, unit = _scale(request, values, views, generator)
+    found = tuple(_said(one, values[one.name], factor, unit, places) for one in request.measures)
+    return Findings(found, {name: _plain(place, views) for name, place in places.items()}, views.noise)
+
+
+def _undistorted(twin: OpenedTwin, asked: AskedPlace) -> dict[str, Point]:
+    return {photo: _point(twin, photo, point) for photo, point in asked.marks.items()}
+
+
+def _point(twin: OpenedTwin, photo: str, point: Point) -> Point:
+    """From px of a photo's file to px of its undistorted view."""
+    scale = next(one.scale for one in twin.photos if one.name == photo)
+    lens = twin.reconstruction.lenses[photo]
+    x, y = lens.from_pixels(np.array([[point[0] * scale[0], point[1] * scale[1]]]))[0]
+    return float(x * lens.fx + lens.cx), float(y * lens.fy + lens.cy)
+
+
+def _width(
+    twin: OpenedTwin,
+    views: Sights,
+    asked: AskedMeasure,
+    cameras: float,
+    generator: np.random.Generator,
+    progress: Progress,
+) -> Value | str:
+    assert asked.across is not None
+    sight, called = views.views[asked.photo], f"An end of '{asked.name}' on '{asked.photo}'"
+    across = float(np.hypot(PRECISION.click, cameras))
+    try:
+        points = (_point(twin, asked.photo, asked.across[0]), _point(twin, asked.photo, asked.across[1]))
+        ends = [on_surface(views, sight, point, across, called) for point in points]
+        return width_on(sight, points, (ends[0], ends[1]), generator.standard_normal(DRAWS), asked.name)
+    except DgsError as error:
+        progress.note(str(error))
+        return str(error)
+
+
+def _scale(
+    request: MeasureRequest, values: Mapping[str, Value | str], views: Sights, generator: np.random.Generator
+) -> tuple[Array | None, str]:
+    """Draws of the unit's size in the scene's own units, the best guess first; None without a known length."""
+    known = request.scale
+    if known is None:
+        return None, NO_SCALE
+    measured = values[known.measure]
+    if isinstance(measured, str):
+        raise NothingThere(f"The known length '{known.measure}' could not be measured: {measured.rstrip('.')}")
+    truly = known.value + known.deviation * generator.standard_normal(len(measured.draws))
+    spread = np.maximum(measured.draws, 1e-3 * measured.value)
+    return np.concatenate([[known.value / measured.value], np.maximum(truly, 0.0) / spread]), known.unit
+
+
+def _said(
+    asked: AskedMeasure, value: Value | str, factor: Array | None, unit: str, places: Mapping[str, SurfacePoint]
+) -> Measured:
+    if isinstance(value, str):
+        return Measured(asked.name, asked.kind, asked.of, None, None, None, None, unit, 0, value)
+    if value.power == 0:
+        best, draws, unit = value.value, value.draws, "deg"
+    elif factor is None:
+        best, draws = value.value / value.pixel**value.power, value.draws / value.pixel**value.power
+    else:
+        best, draws = value.value * factor[0] ** value.power, value.draws * factor[1:] ** value.power
+    deviation = float(np.std(draws))
+    low, high = max(0.0, best - WITHIN * deviation), best + WITHIN * deviation
+    photos = min((places[name].seen for name in asked.of), default=1)
+    named = unit if value.power < 2 else f"{unit}^2"
+    return Measured(asked.name, asked.kind, asked.of, float(best), deviation, low, float(high), named, photos)
+
+
+def _plain(place: SurfacePoint, views: Sights) -> dict[str, Any]:
+    size = views.scale.size
+    return {
+        "position": (place.position * size + views.scale.origin).tolist(),
+        "covariance": (place.covariance * size**2).tolist(),
+        "pixel": place.pixel * size,
+        "photos": place.seen,
+    }

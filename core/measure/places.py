@@ -1,0 +1,156 @@
+"""Places on a twin's surface, and how sure they are.
+
+A place is given as a point of a photo: its ray meets the surface at a depth. Errors across the ray come from where the
+point was set, errors along it from the twin. How well photos hold the depth follows from what they show there
+*through the blur*: moved along the ray by dz, the surface's picture moves by v_j dz in photo j, against the photo's
+own gradients g, which the blur has weakened. With noise s and G_j = sum g g' over a window,
+
+    1 / var(z) = (sum_j v_j' G_j v_j  -  (sum_j G_j v_j)' (sum_j G_j)^-1 (sum_j G_j v_j)) / s^2
+
+(Cramer and Rao; the second term is what a shift of the surface's texture can make up for). That is the least that any
+method could reach with this texture known. A twin does not know it, its residuals hang together, and its surface is as
+stiff as its splats: its errors are larger by a factor that was measured. Where it shows what was never there (gloss,
+steps in depth), its cameras see its surface in different depths: their disagreement is the second part.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..camera import Camera
+from ..numbers import number
+from .sights import Sight, Sights
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class PrecisionSettings:
+    """How the parts of a depth's variance are weighed; px are px-equivalents: depth over focal length."""
+
+    photos: float = number(
+        40.0,
+        "factor",
+        "of the least standard deviation that photos allow: what a twin reaches; with 30, 2 % fewer intervals hold",
+        "lengths between corners of the rendered shelf (blurred by 3 and 5 px) and orrery (0, 2, 5 px): 91 to 97 %",
+        "the rendered village, sharp 95 %, blurred by 5 px 97 %; the ball, sharp, 100 % (docs/measure.md)",
+    )
+    disagreement: float = number(
+        1.0,
+        "factor",
+        "of the robust standard deviation of the cameras' surfaces about this one; without it 48 to 89 % held on the"
+        " glossy orrery. Steps nearby and the spread of the light along the ray were tried as further parts and made"
+        " no interval narrower",
+        "as of photos",
+        "as of photos",
+    )
+    floor: float = number(
+        0.3, "px", "standard deviation of a depth where everything else is perfect", "as of photos", "as of photos"
+    )
+    own: float = number(5.0, "px", "within which a camera's surface is the same as this one, not another before it")
+    window: int = number(5, "px", "side of the window in which a plane is fitted to the surface")
+    click: float = number(0.3, "px", "standard deviation of a place set by hand, where none is given")
+    snap: float = number(5.0, "px", "within which a position in space is taken for the surface before it")
+    most: float = number(50.0, "px", "least standard deviation that photos allow, where none holds a depth at all")
+
+
+PRECISION = PrecisionSettings()
+
+
+@dataclass(frozen=True)
+class SurfacePoint:
+    """A place on the surface, in the scene's own units.
+
+    Attributes:
+        position: [3].
+        covariance: [3, 3].
+        pixel: size of a px there.
+        seen: photos that hold it.
+    """
+
+    position: Array = field(repr=False)
+    covariance: Array = field(repr=False)
+    pixel: float
+    seen: int
+
+
+def surface_depth(sight: Sight, x: float, y: float, window: int = PRECISION.window) -> float:
+    """Depth of the surface at a point of a photo (px): of a plane through its window, but for what is on another side
+    of a step; NaN where there is none."""
+    column, row, reach = int(np.floor(x)), int(np.floor(y)), window // 2
+    camera = sight.camera
+    if not (0 <= column < camera.width and 0 <= row < camera.height) or not np.isfinite(sight.depth[row, column]):
+        return float("nan")
+    rows = np.arange(max(0, row - reach), min(camera.height, row + reach + 1))
+    columns = np.arange(max(0, column - reach), min(camera.width, column + reach + 1))
+    around = sight.depth[np.ix_(rows, columns)].astype(np.float64)
+    middle = float(sight.depth[row, column])
+    dy, dx = np.meshgrid(rows + 0.5 - y, columns + 0.5 - x, indexing="ij")
+    pixel = middle / camera.fx
+    near = np.isfinite(around) & (np.abs(around - middle) < PRECISION.own * pixel)
+    # 1 / z is linear in the picture where the surface is a plane
+    equations = np.stack([np.ones(int(near.sum())), dx[near], dy[near]], axis=1)
+    if len(equations) < 6 or np.linalg.matrix_rank(equations) < 3:
+        return middle
+    inverse = np.linalg.lstsq(equations, 1.0 / around[near], rcond=None)[0][0]
+    return float(np.clip(1.0 / inverse, around[near].min(), around[near].max())) if inverse > 0 else middle
+
+
+def ray(camera: Camera, x: float, y: float) -> Array:
+    """[3] world direction of a point of a photo, of depth 1."""
+    return np.array([(x - camera.cx) / camera.fx, (y - camera.cy) / camera.fy, 1.0]) @ camera.rotation
+
+
+def deviation_of_depth(views: Sights, camera: Camera, position: Array) -> tuple[float, int]:
+    """Standard deviation of a place's depth along the ray from `camera`, px-equivalents; how many photos hold it."""
+    depth = float((camera.rotation @ position + camera.translation)[2])
+    pixel, way = depth / camera.fx, (position - camera.centre) / depth
+    whole, turned, bent, offsets = np.zeros((2, 2)), np.zeros(2), 0.0, list[float]()
+    for other in views.views.values():
+        found = _looked_at(other, position, way) if other.trained else None
+        if found is None:
+            continue
+        shift, tensor = found[1] * pixel, found[2]  # px of the photo for each px-equivalent of depth
+        whole, turned, bent = whole + tensor, turned + tensor @ shift, bent + float(shift @ tensor @ shift)
+        offsets.append(found[0])
+    least = PRECISION.most
+    if len(offsets) > 1:
+        regular = whole + (1e-6 * float(np.trace(whole)) + 1e-12) * np.eye(2)
+        information = (bent - float(turned @ np.linalg.solve(regular, turned))) / views.noise**2
+        least = min(least, max(information, 1e-12) ** -0.5)
+    disagreement = 1.4826 * float(np.median(np.abs(offsets))) if offsets else 0.0
+    parts = (PRECISION.photos * least, PRECISION.disagreement * disagreement, PRECISION.floor)
+    return float(np.linalg.norm(parts)), len(offsets)
+
+
+def projected(camera: Camera, position: Array) -> tuple[float, float]:
+    """Where a position lies in the photo, px; NaN behind the camera."""
+    x, y, z = camera.rotation @ position + camera.translation
+    if z <= 0:
+        return float("nan"), float("nan")
+    return float(camera.fx * x / z + camera.cx), float(camera.fy * y / z + camera.cy)
+
+
+def inside(camera: Camera, x: float, y: float) -> bool:
+    """Whether a point lies on the photo."""
+    return 0 <= x < camera.width and 0 <= y < camera.height
+
+
+def _looked_at(sight: Sight, position: Array, way: Array) -> tuple[float, Array, Array] | None:
+    """How far behind a position a camera's surface lies (its px), [2] px that the position moves by along `way` in the
+    photo, and G; None where the camera does not see it."""
+    camera = sight.camera
+    x, y, z = camera.rotation @ position + camera.translation
+    u, v = projected(camera, position)
+    if not inside(camera, u, v):
+        return None
+    offset = (float(sight.depth[int(v), int(u)]) - z) / (z / camera.fx)
+    if not abs(offset) < PRECISION.own:
+        return None
+    a, b, c = camera.rotation @ way
+    shift = np.array([camera.fx * (a - x / z * c) / z, camera.fy * (b - y / z * c) / z])
+    xx, xy, yy = sight.tensor[:, int(v), int(u)].astype(np.float64)
+    return float(offset), shift, np.array([[xx, xy], [xy, yy]])

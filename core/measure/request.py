@@ -1,0 +1,185 @@
+"""What is asked: places on photos or in space, measures of them, and one known length; as JSON.
+
+    {"places": {"a": {"photo": "view_001.png", "at": [120.5, 88.0]},
+                "b": {"marks": {"view_001.png": [200, 90], "view_009.png": [188, 92]}, "click": 0.2},
+                "c": {"position": [0.1, 0.2, 3.0]}},
+     "measures": [{"name": "edge", "kind": "length", "of": ["a", "b"]},
+                  {"kind": "width", "photo": "view_001.png", "across": [[100, 80], [130, 80]]}],
+     "scale": {"measure": "edge", "value": 120, "deviation": 0.5, "unit": "mm"}}
+
+Points are px of the photos as they are in the files; `click` is how exactly they were set, px.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ..errors import FormatError
+from ..files import read_json
+from ..json_shape import check_shape, number, text
+
+#: How many places a measure is of: at least, and at most (None: any number).
+KINDS: Mapping[str, tuple[int, int | None]] = {
+    "length": (2, 2),
+    "polyline": (2, None),
+    "angle": (3, 3),
+    "area": (3, None),
+    "width": (0, 0),
+}
+#: Places and measures that a file may hold.
+MOST_ENTRIES = 100_000
+_CONTENT = {
+    "places?": {
+        "*": {"photo?": text, "at?": [number], "marks?": {"*": [number]}, "position?": [number], "click?": number}
+    },
+    "measures": [{"name?": text, "kind": frozenset(KINDS), "of?": [text], "photo?": text, "across?": [[number]]}],
+    "scale?": {"measure": text, "value": number, "deviation?": number, "unit": text},
+}
+_SCALE = re.compile(r"(?P<measure>.+)=(?P<value>[0-9.eE]+)(?:\+-(?P<deviation>[0-9.eE]+))?\s*(?P<unit>[^\W\d_]+)")
+
+Point = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class AskedPlace:
+    """A place: points of photos by name, or a position in the twin's world; how exactly it was set (px), if given."""
+
+    name: str
+    marks: dict[str, Point]
+    position: tuple[float, float, float] | None
+    click: float | None
+
+
+@dataclass(frozen=True)
+class AskedMeasure:
+    """A measure of places; a width lies between two points of a photo instead."""
+
+    name: str
+    kind: str
+    of: tuple[str, ...]
+    photo: str = ""
+    across: tuple[Point, Point] | None = None
+
+
+@dataclass(frozen=True)
+class KnownLength:
+    """What a measure truly is, with its standard deviation, in a unit's name."""
+
+    measure: str
+    value: float
+    deviation: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class MeasureRequest:
+    """All that is asked."""
+
+    places: dict[str, AskedPlace]
+    measures: tuple[AskedMeasure, ...]
+    scale: KnownLength | None
+
+    @property
+    def photos(self) -> tuple[str, ...]:
+        """Photos that something is marked on."""
+        marked = {name for place in self.places.values() for name in place.marks}
+        return tuple(sorted(marked | {m.photo for m in self.measures if m.photo}))
+
+
+def read_request(path: Path, scale: str | None = None) -> MeasureRequest:
+    """Reads a file of measures.
+
+    Args:
+        scale: 'NAME=12.5mm' or 'NAME=12.5+-0.1mm', in the place of the file's.
+
+    Raises:
+        FormatError: it is not there, damaged, or asks for what makes no sense.
+    """
+    try:
+        content = read_json(path)
+        check_shape(content, _CONTENT)
+        return _request(content, scale)
+    except (OSError, ValueError) as error:
+        raise FormatError(
+            f"'{path}' asks for no measures ({error})", "See docs/measure.md for what it may hold"
+        ) from error
+
+
+def _request(content: dict[str, Any], scale: str | None) -> MeasureRequest:
+    places = {name: _place(name, found) for name, found in content.get("places", {}).items()}
+    measures = [_measure(index, found, places) for index, found in enumerate(content["measures"])]
+    if not measures or max(len(measures), len(places)) > MOST_ENTRIES:
+        raise ValueError(f"it holds {len(places)} places and {len(measures)} measures")
+    if len({measure.name for measure in measures}) < len(measures):
+        raise ValueError("two measures have the same name")
+    known = _known(scale) if scale else _known_of(content.get("scale"))
+    if known is not None:
+        found = {measure.name: measure.kind for measure in measures}.get(known.measure)
+        if found not in ("length", "polyline", "width"):
+            raise ValueError(f"the known length '{known.measure}' is no length that is measured")
+    return MeasureRequest(places, tuple(measures), known)
+
+
+def _place(name: str, found: dict[str, Any]) -> AskedPlace:
+    click = found.get("click")
+    if click is not None and click < 0:
+        raise ValueError(f"'{name}' was set less exactly than not at all")
+    if "position" in found:
+        if len(found["position"]) != 3:
+            raise ValueError(f"the position of '{name}' has not three coordinates")
+        x, y, z = (float(value) for value in found["position"])
+        return AskedPlace(name, {}, (x, y, z), click)
+    marks = dict(found.get("marks", {}))
+    if "photo" in found:
+        marks[found["photo"]] = found.get("at", [])
+    if not marks:
+        raise ValueError(f"'{name}' is marked on no photo and has no position")
+    return AskedPlace(name, {photo: _point(at, name) for photo, at in marks.items()}, None, click)
+
+
+def _point(values: list[float], name: str) -> Point:
+    if len(values) != 2:
+        raise ValueError(f"a point of '{name}' has not two coordinates")
+    return float(values[0]), float(values[1])
+
+
+def _measure(index: int, found: dict[str, Any], places: Mapping[str, AskedPlace]) -> AskedMeasure:
+    name, kind = found.get("name") or f"{found['kind']} {index + 1}", found["kind"]
+    of = tuple(found.get("of", ()))
+    least, most = KINDS[kind]
+    if len(of) < least or (most is not None and len(of) > most):
+        raise ValueError(f"'{name}' is of {len(of)} places: a {kind} is of {least}{'' if most else ' or more'}")
+    missing = [place for place in of if place not in places]
+    if missing:
+        raise ValueError(f"'{name}' is of '{missing[0]}', which is no place")
+    if kind != "width":
+        return AskedMeasure(name, kind, of)
+    across = [_point(point, name) for point in found.get("across", ())]
+    if len(across) != 2 or across[0] == across[1] or "photo" not in found:
+        raise ValueError(f"the width '{name}' lies between no two points of a photo")
+    return AskedMeasure(name, kind, of, found["photo"], (across[0], across[1]))
+
+
+def _known_of(found: dict[str, Any] | None) -> KnownLength | None:
+    if found is None:
+        return None
+    value, deviation = float(found["value"]), float(found.get("deviation", 0.0))
+    return _sound(KnownLength(found["measure"], value, deviation, found["unit"]))
+
+
+def _known(asked: str) -> KnownLength:
+    match = _SCALE.fullmatch(asked.strip())
+    if match is None:
+        raise ValueError(f"'{asked}' is no known length: write NAME=12.5mm or NAME=12.5+-0.1mm")
+    known = KnownLength(match["measure"], float(match["value"]), float(match["deviation"] or 0.0), match["unit"])
+    return _sound(known)
+
+
+def _sound(known: KnownLength) -> KnownLength:
+    if not (0 < known.value < 1e30 and 0 <= known.deviation < known.value and known.unit.strip()):
+        raise ValueError(f"the known length of '{known.measure}' makes no sense")
+    return known
