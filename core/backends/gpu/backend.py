@@ -15,8 +15,10 @@ from ...gaussians import Gaussians
 from ...rendering import RasterSettings, Rendered
 from ..cpu import CpuBackend
 from ..reference import ReferenceBackend
+from . import arithmetic  # noqa: F401  (torch's operations find it)
 from .adam import adam_steps
 from .card import card
+from .losses import photometric_on_card, variation_on_card
 from .rasterizer import render_gpu
 from .tensors import DEVICE, register
 from .through_host import ThroughHost
@@ -59,13 +61,16 @@ class GpuBackend(ReferenceBackend):
         self, image: Tensor, photo: Tensor, valid: Tensor | None, ssim_weight: float
     ) -> tuple[float, Tensor]:
         """See `Backend`."""
+        taken = photo.cpu()
+        if valid is None and bool(torch.isfinite(taken.sum())):
+            return photometric_on_card(image, photo, ssim_weight)
         counts = None if valid is None else valid.cpu()
-        loss, gradient = self._host.photometric(image.cpu(), photo.cpu(), counts, ssim_weight)
+        loss, gradient = self._host.photometric(image.cpu(), taken, counts, ssim_weight)
         return loss, gradient.to(DEVICE)
 
     def variation_gradient(self, image: Tensor, knee: float) -> Tensor:
         """See `Backend`."""
-        return self._host.variation_gradient(image.cpu(), knee).to(DEVICE)
+        return variation_on_card(image, knee)
 
     def speck_gradient(self, image: Tensor) -> Tensor:
         """See `Backend`."""

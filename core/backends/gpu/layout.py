@@ -27,6 +27,8 @@ UNSEEN = 0xFFFFFFFF
 #: Groups that may stand beside each other in one dimension (WebGPU's least limit).
 GROUPS_ACROSS = 65535
 
+#: What a shader does with every value: scale a + shift, a b, a + scale b.
+SCALED, PRODUCT, SUM = range(3)
 #: What becomes of a Gaussian, as the compiled kernels count it.
 STATUSES = {
     "SEEN": SEEN,

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from ... import constants
 from ...rasterizer.projection import SMOOTH_ALPHA_EDGE
+from ...training import photometric_kernels as window
 from .layout import LAYOUT
 
 _FOLDER = Path(__file__).parent / "shaders"
@@ -25,6 +26,8 @@ def constants_text() -> str:
             values = {name: value} if not isinstance(value, tuple) else {f"{name}_{i}": v for i, v in enumerate(value)}
             lines += [f"const {key} = {number!r};" for key, number in values.items()]
     lines += [f"const {name} = {value}u;" for name, value in LAYOUT.items()]
+    lines += [f"const SSIM_C1 = {window.C1!r};", f"const SSIM_C2 = {window.C2!r};"]
+    lines += [f"const WINDOW_REACH = {window.REACH};"]
     return "\n".join(lines) + "\n"
 
 
@@ -43,7 +46,8 @@ def shader_text(name: str) -> str:
         seen[part] = text
 
     take(name)
-    return constants_text() + "\n".join(seen.values())
+    taps = ", ".join(repr(tap) for tap in window._TAPS)  # (WGSL has no constant arrays of any length)
+    return constants_text() + "\n".join(seen.values()).replace("WINDOW_TAPS", taps)
 
 
 @cache

@@ -55,11 +55,12 @@ class Values:
 
     Attributes:
         host: [n] flat, in the computer's memory; untouched until it is needed there.
+        on_card: whether they lie on the card as they are now.
     """
 
-    def __init__(self, host: Tensor, memory: Memory | None = None) -> None:
+    def __init__(self, host: Tensor, memory: Memory | None = None, on_host: bool = False) -> None:
         self.host, self._memory = host, memory
-        self._on_host, self._on_card = memory is None, memory is not None
+        self._on_host, self.on_card = on_host or memory is None, memory is not None
 
     def for_host(self, overwrite: bool = False) -> None:
         """Brings them to the computer's memory."""
@@ -71,15 +72,15 @@ class Values:
 
     def changed_on_host(self) -> None:
         """They were written in the computer's memory."""
-        self._on_card = False
+        self.on_card = False
 
     def for_card(self, overwrite: bool = False) -> Memory:
         """Brings them to the card; `overwrite` where all of them will be written there."""
         if self._memory is None:
             self._memory = card().memory(self.host.numel() * self.host.element_size())
-        if not self._on_card and not overwrite:
+        if not self.on_card and not overwrite:
             card().write(self._memory, self.host.numpy())
-        self._on_card = True
+        self.on_card = True
         return self._memory
 
     def changed_on_card(self) -> None:
@@ -229,7 +230,7 @@ def _card_tensors(tree: Any) -> Any:
 def _clone(tensor: Tensor, memory_format: Any = None) -> Any:
     """A copy on the card, where the values are there and one behind the other."""
     assert isinstance(tensor, CardTensor)
-    if not tensor.held._on_card or not tensor.is_contiguous() or tensor.dtype != torch.float32:
+    if not tensor.held.on_card or not tensor.is_contiguous() or tensor.dtype != torch.float32:
         return NotImplemented
     made, size = empty(*tensor.shape), 4 * tensor.numel()
     card().copy(tensor.held.for_card(), made.held.for_card(), size, 4 * tensor.local.storage_offset())

@@ -13,7 +13,7 @@ import torch
 from dgs.core.backends.gpu import adapter
 from dgs.core.backends.gpu.shader_text import bindings, constants_text, shader_text
 from dgs.core.constants import SH_C2, TRANSMITTANCE_STOP
-from dgs.core.devices import backend_named, choose_device, tensors_on
+from dgs.core.devices import AdamStep, backend_named, choose_device, tensors_on
 from dgs.core.errors import DeviceError
 from dgs.core.rasterizer import render
 from dgs.studies.stability.scenes import drawn, make_camera, random_scene
@@ -166,3 +166,57 @@ except DeviceError as error:
 """
     run = subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=False, capture_output=True, text=True)
     assert run.returncode == 7, run.stderr[-2000:]
+
+
+def test_losses_and_adam_are_the_reference_s(card):
+    drawn = torch.rand(2, 3, 37, 50, generator=torch.Generator().manual_seed(0))
+    image, photo = drawn[0], 0.7 * drawn[0] + 0.3 * drawn[1]
+    photo[:, :12, :12] = image[:, :12, :12] = 0.25  # flat, and equal
+    ours, theirs = backend_named("gpu"), backend_named("reference")
+    value, slope = ours.photometric(image.to("gpu"), photo.to("gpu"), None, 0.2)
+    wanted, slope_wanted = theirs.photometric(image.double(), photo.double(), None, 0.2)
+    assert value == pytest.approx(wanted, rel=1e-5)
+    torch.testing.assert_close(slope.cpu().double(), slope_wanted, rtol=1e-3, atol=2e-8)
+    photo[0, 5, 5] = torch.nan
+    value, slope = ours.photometric(image.to("gpu"), photo.to("gpu"), None, 0.2)
+    assert value == pytest.approx(theirs.photometric(image, photo, None, 0.2)[0], rel=1e-4)
+    assert slope[0, 5, 5].item() == 0.0
+    for knee in (0.1, float("inf")):
+        found = ours.variation_gradient(image.to("gpu"), knee)
+        torch.testing.assert_close(found.cpu(), theirs.variation_gradient(image, knee), rtol=1e-4, atol=1e-5)
+    specks = ours.speck_gradient(image.to("gpu")).cpu()
+    torch.testing.assert_close(specks, theirs.speck_gradient(image), rtol=1e-3, atol=1e-3)
+
+
+@pytest.mark.parametrize("leading", [None, 3])
+def test_its_step_of_adam_is_the_reference_s(card, leading):
+    drawn = torch.randn(3, 50, 4, 3, generator=torch.Generator().manual_seed(0))
+    found = []
+    for name in ("gpu", "reference"):
+        values, gradient, first = (t.clone().to(tensors_on(name)) for t in drawn)
+        gradient[7, 1, 2] = torch.nan
+        step = AdamStep(values, gradient, first, first.square(), 0.1, 0.01, leading, 1.5, (0.9, 0.999), 1e-15)
+        assert backend_named(name).adam([step]) == [1]
+        found.append((step.values.cpu(), step.first.cpu(), step.second.cpu()))
+    for ours, theirs in zip(*found, strict=True):
+        torch.testing.assert_close(ours, theirs, rtol=1e-5, atol=1e-6)
+
+
+def test_sums_and_products_on_the_card(card):
+    """Each as torch's own, and nothing crosses the bus."""
+    from dgs.core.backends.gpu.tensors import written
+
+    plain = torch.rand(2, 3, 5, 7, generator=torch.Generator().manual_seed(0))
+    a, b = (one.to("gpu") for one in plain)
+    for tensor in (a, b):
+        tensor.held.for_card()
+        written(tensor)
+    card.traffic.up = card.traffic.down = 0
+    found = [1.0 - a, a * 2.0, a * b, a + b, a - b, a + 3.0, torch.zeros_like(a)]
+    total = a.clone()
+    total += b
+    assert card.traffic.up == 0 and card.traffic.down == 0
+    one, other = plain
+    wanted = [1.0 - one, one * 2.0, one * other, one + other, one - other, one + 3.0, torch.zeros_like(one)]
+    for ours, theirs in zip((*found, total), (*wanted, one + other), strict=True):
+        torch.testing.assert_close(ours.cpu(), theirs)

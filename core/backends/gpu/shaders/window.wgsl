@@ -1,0 +1,9 @@
+// SSIM's window (`core.training.photometric`): 11 taps along rows or columns; beyond the frame both images are black.
+// uses: items
+struct Params { width: u32, height: u32, count: u32, error_weight: f32, structure_weight: f32 } // count: 3 planes
+@group(0) @binding(0) var<uniform> params: Params;
+
+fn tap(t: i32) -> f32 {
+    var taps = array<f32, WINDOW_REACH + 1>(WINDOW_TAPS);
+    return taps[abs(t)];
+}
