@@ -187,7 +187,7 @@ class _Rasterize(torch.autograd.Function):
         starts = np.cumsum((0, *widths)) * p.count
         shapes = ((-1, 3), (-1, 3), (-1, 4), (-1,), (-1, p.harmonics, 3), (-1, 2))
         found = [out[a:b].reshape(s) for a, b, s in zip(starts[:-1], starts[1:], shapes, strict=True)]
-        ctx.screen.mean_gradient = found.pop()
+        ctx.screen.mean_gradient = found.pop().clone()  # (read by torch, which would fetch all the others with it)
         d_pose = d_background = None
         if ctx.pose_like is not None and ctx.needs_input_grad[9]:
             d_pose = _pose_gradient(ctx, device.read(of_pose, 4 * POSE_SUMS * blocks)).to(ctx.pose_like)

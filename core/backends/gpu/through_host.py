@@ -2,29 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from torch import Tensor
 
 from ...frames import Evaluation
 from .tensors import DEVICE
 
 
-@dataclass(frozen=True)
 class ThroughHost:
     """A blur of the CPU for frames on the card; see `core.frames.Evaluation`."""
 
-    inner: Evaluation
-
-    @property
-    def name(self) -> str:
-        """The CPU's."""
-        return self.inner.name
+    def __init__(self, inner: Evaluation) -> None:
+        self.name, self._inner = inner.name, inner
 
     def apply(self, frame: Tensor) -> Tensor:
         """See `Evaluation`."""
-        return self.inner.apply(frame.cpu()).to(DEVICE)
+        return self._inner.apply(frame.cpu()).to(DEVICE)
 
     def adjoint(self, photo: Tensor) -> Tensor:
         """See `Evaluation`."""
-        return self.inner.adjoint(photo.cpu()).to(DEVICE)
+        return self._inner.adjoint(photo.cpu()).to(DEVICE)

@@ -26,6 +26,20 @@ def test_a_short_training_ends_where_the_cpu_s_does():
     assert abs(psnr(ours) - psnr(theirs)) < 0.05
 
 
+def test_a_step_brings_up_its_photo_and_little_else():
+    """Sharp photos: parameters, moments, images and gradients stay on the card."""
+    or_skip("gpu")
+    from dgs.core.backends.gpu.card import card
+
+    trainer = trained_steps(*small_set(2, 0.0), 3, device="gpu", density_every=1000, sh_degree=0, coarse_share=0.0)
+    traffic, count = card().traffic, len(trainer.optimizer.gaussians)
+    traffic.up = traffic.down = traffic.waits = 0
+    trainer.advance(0.5)
+    photo, screen = trainer.views[0].camera, 3 * 4 * count
+    assert traffic.up == 3 * 4 * photo.width * photo.height
+    assert screen <= traffic.down <= screen + 200 and traffic.waits <= 5
+
+
 def test_the_same_seed_gives_the_same_twin():
     or_skip("gpu")
     photos = small_set(2)
