@@ -26,6 +26,7 @@ from .guess import guessed_from, unconfirmed
 from .hull import Hull, carved_hull
 from .hull_points import hull_samples
 from .maps import samples_of, wanted_pixels
+from .speckles import without_speckles
 from .stack import stack_views
 from .sweep import DepthMap, swept
 from .union import evened
@@ -105,7 +106,7 @@ def surface_points(
     warnings = (warning,) if warning else ()
     references = chosen_references(views, count=count)
     maps = _maps(scene, references, features, progress)
-    checked = agreed(maps, views)
+    checked = without_speckles(agreed(maps, views))
     trusted = samples_of(checked, views, settings.trusted)
     if len(trusted) < settings.minimum_samples:
         points, words = _without_maps(scene, features, settings)
