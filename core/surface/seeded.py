@@ -25,7 +25,6 @@ from .guess import GuessSettings, guessed_between, thinned, unconfirmed, unhidde
 from .hull import Hull, carved_hull
 from .maps import samples_of, wanted_pixels
 from .missed import with_missed
-from .speckles import without_speckles
 from .stack import Floats, StackSettings, ViewStack, stack_views
 from .sweep import Around, DepthMap, SweepSettings, swept
 from .union import Samples, merged_in
@@ -116,7 +115,7 @@ def seeded_surface(
     hull = carved_hull(views)
     guesses, maps = _maps(views, cameras.points, hull, progress, settings)
     banded = agreed(maps, views, AgreementSettings(witnesses=settings.witnesses))
-    checked = without_speckles(with_missed(banded, cameras.points.positions, views, hull))
+    checked = with_missed(banded, cameras.points.positions, views, hull)
     confirmed = sum(int((one.depth > 0).sum()) for one in checked)
     share = confirmed / max(1, sum(int(wanted_pixels(views, one.view).sum()) for one in checked))
     if share < settings.least_share or confirmed < settings.minimum_samples:
