@@ -34,7 +34,9 @@ class VolumeSettings:
     grid: int = number(1 << 27, "blocks", "of the whole grid at most, of which a byte each is kept: 128 MB")
     growth: float = number(1.2, "factor", "by which voxels grow until there are few enough")
     farthest: float = number(
-        3.0, "voxels", "that a px may be large: surfaces beyond are too far off to be made of voxels of this size"
+        3.0,
+        "voxels, or usual px where those are larger",
+        "that a px may be large: surfaces beyond are too far off to be made of voxels of this size",
     )
     stride: float = number(2.0, "voxels", "between the px that say where blocks are needed")
 
@@ -118,15 +120,17 @@ def fused(surfaces: Sequence[SeenSurface], voxel: float, settings: VolumeSetting
     Args:
         voxel: side of a voxel, world units; it is made larger where that would be too many.
     """
+    usual = usual_voxel(surfaces)
     while True:
-        farthest = [settings.farthest * voxel * s.camera.fx for s in surfaces]
+        farthest = [settings.farthest * max(voxel, usual) * s.camera.fx for s in surfaces]
         low, shape = _extent(surfaces, farthest, voxel * (settings.reach + 2))
-        if int(np.prod(_cells(shape, voxel).astype(np.float64))) <= settings.grid:
+        cells = float(np.prod(_cells(shape, voxel).astype(np.float64)))
+        if cells <= settings.grid:
             marked = _marked(surfaces, farthest, voxel, low, _cells(shape, voxel), settings)
             blocks = np.argwhere(marked).astype(np.int32)
             if len(blocks) <= settings.blocks:
                 break
-        voxel *= settings.growth
+        voxel *= max(settings.growth, (cells / settings.grid) ** (1 / 3))
     seen = sum(int((s.weight > 0).sum()) for s in surfaces)
     near = sum(int(((s.weight > 0) & (s.depth <= f)).sum()) for s, f in zip(surfaces, farthest, strict=True))
     shape4 = (len(blocks), SIDE, SIDE, SIDE)
@@ -142,7 +146,7 @@ def fused(surfaces: Sequence[SeenSurface], voxel: float, settings: VolumeSetting
 
 
 def _cells(size: NDArray[np.float64], voxel: float) -> NDArray[np.int64]:
-    return np.maximum(1, np.ceil(size / (voxel * SIDE))).astype(np.int64)
+    return np.clip(np.ceil(size / (voxel * SIDE)), 1, 1e15).astype(np.int64)  # (an int64 holds no more)
 
 
 def _extent(

@@ -18,7 +18,7 @@ from dgs.core.mesh.build import MeshSettings, build_mesh
 from dgs.core.mesh.cleaning import decimated, without_crumbs
 from dgs.core.mesh.marching import zero_surface
 from dgs.core.mesh.surfaces import SeenSurface, weights
-from dgs.core.mesh.volume import VolumeSettings, fused
+from dgs.core.mesh.volume import VolumeSettings, fused, usual_voxel
 from dgs.core.progress import Silent
 from dgs.core.rasterizer import RasterSettings, blended_depths, render
 from dgs.core.triangles import Mesh
@@ -159,6 +159,13 @@ def test_parts_that_meet_are_welded() -> None:
     extent = np.ptp(mesh.vertices, axis=0) / 0.01
     borders = mesh.vertices[np.unique(mesh.open_edges())]
     assert extent.max() > 90 and (np.abs(borders[:, 1]) > 0.2).all()
+
+
+def test_finer_voxels_lose_nothing_and_the_finest_are_made_larger() -> None:
+    surfaces = seen_balls()
+    fine = fused(surfaces, 0.2 * usual_voxel(surfaces))
+    assert fine.far == 0.0 and np.isclose(fine.voxel, 0.2 * usual_voxel(surfaces))
+    assert 1e-4 < fused(surfaces, 1e-25).voxel < 0.1 * usual_voxel(surfaces)
 
 
 def test_a_twins_mesh_has_its_shape_and_colours() -> None:
