@@ -86,6 +86,7 @@ class Card:
         self.largest = min(adapter.limits[n] for n in wanted[:2])
         self._kernels: dict[str, Any] = {}
         self._bound: OrderedDict[tuple[Any, ...], Any] = OrderedDict()
+        self._bound_to: dict[int, set[tuple[Any, ...]]] = {}
         self._spare: dict[int, list[Any]] = {}
         self._in_use = self._most = self._kept = 0
         self._ring = self._device.create_buffer(size=_PLACE * _PLACES, usage="UNIFORM|COPY_DST")
@@ -108,17 +109,19 @@ class Card:
     @_explained
     def memory(self, size: int) -> Memory:
         """`size` bytes, whatever stands in them."""
-        room = -(-max(size, 4) // 256) * 256
+        room = rounded(size)
         if room > self.largest:
             raise DeviceError(
                 f"The graphics card ({self.name}) takes no more than {self.largest / 1e6:.0f} MB in one piece, and"
                 f" {room / 1e6:.0f} are needed",
                 "Train fewer Gaussians (--max-gaussians) or smaller photos (--max-size), or use --device cpu",
             )
-        spare = self._spare.get(room)
+        spare = self._spare.pop(room, None)
         if spare:
             self._kept -= room
             buffer = spare.pop()
+            if spare:
+                self._spare[room] = spare  # (the sizes used last stand last)
         else:
             buffer = self._device.create_buffer(size=room, usage=_USAGE)
         self._in_use += room
@@ -126,12 +129,19 @@ class Card:
         return Memory(self, buffer, size)
 
     def give_back(self, buffer: Any) -> None:
-        """Keeps a buffer that nobody holds any more for the next one of its size."""
+        """Keeps a buffer that nobody holds any more for the next one of its size; lets go of those not used longest."""
         with self.lock:
             self._in_use -= buffer.size
-            if self._kept + buffer.size <= _SPARE * self._most:
-                self._kept += buffer.size
-                self._spare.setdefault(buffer.size, []).append(buffer)
+            self._kept += buffer.size
+            self._spare[buffer.size] = [*self._spare.pop(buffer.size, []), buffer]
+            while self._kept > _SPARE * self._most:
+                size = next(iter(self._spare))
+                gone = self._spare[size].pop(0)
+                self._kept -= size
+                if not self._spare[size]:
+                    del self._spare[size]
+                for key in self._bound_to.pop(id(gone), ()):
+                    self._bound.pop(key, None)
 
     @_explained
     def write(self, memory: Memory, values: NDArray[Any]) -> None:
@@ -267,11 +277,19 @@ class Card:
                 self._device.create_bind_group(layout=layout, entries=entries),
                 [memory.buffer for memory in memories],
             )
+            for number in ids:
+                self._bound_to.setdefault(number, set()).add(key)
             if len(self._bound) > _GROUPS_KEPT:
                 self._bound.popitem(last=False)
         else:
             self._bound.move_to_end(key)
         return found[0]
+
+
+def rounded(size: int) -> int:
+    """Bytes that are taken for `size`: an eighth more at most, so that memory fits again when a few Gaussians come."""
+    step = max(256, 1 << max(0, size.bit_length() - 4))
+    return -(-max(size, 4) // step) * step
 
 
 @cache

@@ -52,6 +52,7 @@ def test_without_wgpu_the_way_out_is_named(monkeypatch):
 
 def test_without_an_adapter_the_way_out_is_named(monkeypatch):
     wgpu = pytest.importorskip("wgpu")
+    pytest.importorskip("wgpu.backends.wgpu_native")  # (which puts its own functions into wgpu.gpu)
     monkeypatch.setattr(wgpu.gpu, "enumerate_adapters_sync", list)
     adapter.adapters.cache_clear()
     try:
@@ -220,3 +221,18 @@ def test_sums_and_products_on_the_card(card):
     wanted = [1.0 - one, one * 2.0, one * other, one + other, one - other, one + 3.0, torch.zeros_like(one)]
     for ours, theirs in zip((*found, total), (*wanted, one + other), strict=True):
         torch.testing.assert_close(ours.cpu(), theirs)
+
+
+def test_memory_goes_back_to_the_card(card):
+    """Sizes change whenever Gaussians come and go: what is kept of the old ones is bounded, and nothing else is."""
+    from dgs.core.backends.gpu.card import rounded
+
+    assert [rounded(n) for n in (0, 4, 257, 5000, 1 << 20)] == [256, 256, 512, 5120, 1 << 20]
+    for count in range(100, 1600, 50):
+        scene = random_scene(count, 1, seed=count)
+        drawn(scene, make_camera(), "gpu")
+    assert card._kept <= 0.5 * card._most
+    alive = {id(buffer) for spare in card._spare.values() for buffer in spare}
+    assert sum(size * len(spare) for size, spare in card._spare.items()) == card._kept
+    bound = {number for key in card._bound for number in key[1:]}
+    assert len(bound - alive) < 60  # those in use now
