@@ -63,13 +63,13 @@ def whole(low: int, high: int = LARGEST_COUNT) -> Callable[[str], int]:
 
 
 def above_zero(text: str) -> float:
-    """An argument type: a finite number above zero."""
+    """An argument type: a number above zero that leaves room to compute with it."""
     try:
         value = float(text)
     except ValueError:
         value = math.nan
-    if not 0.0 < value < 1e30:
-        raise argparse.ArgumentTypeError(f"'{text}' is no number above zero")
+    if not 1e-30 < value < 1e30:
+        raise argparse.ArgumentTypeError(f"'{text}' is no number above zero, or too small or large to compute with")
     return value
 
 

@@ -251,6 +251,8 @@ def test_command_writes_a_mesh(tmp_path: Path, capsys: pytest.CaptureFixture[str
     words = ["mesh", str(tmp_path / "twin"), "--out", str(out), "--progress", "none"]
     assert run([*words[:-4], "--out", str(tmp_path / "a.stl")]) == 2
     assert "is no mesh that can be written" in capsys.readouterr().err
+    for detail in ("0", "-1", "nan", "inf", "1e-320", "x"):
+        assert run([*words, "--detail", detail]) == 2 and "above zero" in capsys.readouterr().err
     status = run(words)
     said = capsys.readouterr()
     assert status in (0, 2) and (out.is_file() if status == 0 else "surface" in said.err), said
