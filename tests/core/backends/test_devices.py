@@ -54,7 +54,7 @@ CAMERA = Camera("", 32, 24, 30.0, 30.0, 16.0, 12.0, np.eye(3), np.zeros(3))
 
 def test_a_back_end_is_added_by_a_line(monkeypatch):
     toy = ToyBackend()
-    monkeypatch.setitem(registry.REGISTRY, "toy", Entry(lambda: toy, "cpu"))
+    monkeypatch.setattr(registry, "REGISTRY", {**registry.REGISTRY, "toy": Entry(lambda: toy, "cpu")})
     rendered = render(a_splat(), CAMERA, backend="toy")
     torch.testing.assert_close(rendered.image, render(a_splat(), CAMERA, backend="reference").image)
     assert "toy" in devices() and choose_device("toy") == "toy" and choose_device("auto") == "toy"
