@@ -163,7 +163,7 @@ class Trainer:
     def _level(self, step: int) -> Level:
         views, heldout = self._on_grid(self.views, step), self._on_grid(self.heldout[: TRAINER.watched_views], step)
         sigma = max((float(np.linalg.eigvalsh(v.psf.covariance)[-1]) ** 0.5 for v in views if v.psf), default=0.0)
-        contrast = scene_contrast(views[:: max(1, len(views) // TRAINER.spectrum_views)])
+        contrast = scene_contrast(self._some_through_their_blur(views))
         reach = math.hypot(sigma, self.formation.reach(views[0].camera.width, views[0].camera.height))
         return Level(step, views, heldout, margin_for(reach), self._ratio(views, step), contrast)
 
@@ -172,13 +172,17 @@ class Trainer:
         glass = self.formation.glass
         if (glass is None and all(v.psf is None for v in views)) or self.settings.loss == "paper":
             return None
-        measured = views[:: max(1, len(views) // TRAINER.spectrum_views)]
+        measured = self._some_through_their_blur(views)
         photos = [v.planes() for v in measured]
         if self.medium.blur_space == "linear" or glass is not None:
             photos = [np.asarray(srgb_to_linear(p), np.float32) for p in photos]
         gain = self.settings.noise_gain or trust(self.together)
-        spreads = [v.psf if glass is None else behind_glass(glass, v.name, v.camera) for v in measured]
-        return noise_to_signal(photos, spreads, self.views[0].rounding / step).trusted(gain)
+        return noise_to_signal(photos, [v.psf for v in measured], self.views[0].rounding / step).trusted(gain)
+
+    def _some_through_their_blur(self, views: list[GridView]) -> list[GridView]:
+        """Photos that say what all are like, each with its point spread; of glass, that at the scene's unit of depth."""
+        some, glass = views[:: max(1, len(views) // TRAINER.spectrum_views)], self.formation.glass
+        return some if glass is None else [v.blurred_by(behind_glass(glass, v.name, v.camera)) for v in some]
 
     def objective(self, level: Level, view: Exposure) -> Objective:
         """The objective for a view's size and point spread; made once for all views that share them."""
