@@ -168,7 +168,11 @@ class Trainer:
         return Level(step, views, heldout, margin_for(reach), self._ratio(views, step), contrast)
 
     def _ratio(self, views: list[GridView], step: int) -> NoiseToSignal | None:
-        """Noise over signal of the photos on a grid, as far as they are trusted."""
+        """Noise over signal of the photos on a grid, as far as they are trusted.
+
+        Behind glass they are trusted least, however many: the width of the blur follows from the twin's own depth, and
+        what is wrong with it is in all photos alike.
+        """
         glass = self.formation.glass
         if (glass is None and all(v.psf is None for v in views)) or self.settings.loss == "paper":
             return None
@@ -176,11 +180,11 @@ class Trainer:
         photos = [v.planes() for v in measured]
         if self.medium.blur_space == "linear" or glass is not None:
             photos = [np.asarray(srgb_to_linear(p), np.float32) for p in photos]
-        gain = self.settings.noise_gain or trust(self.together)
+        gain = self.settings.noise_gain or trust(self.together if glass is None else 0)
         return noise_to_signal(photos, [v.psf for v in measured], self.views[0].rounding / step).trusted(gain)
 
     def _some_through_their_blur(self, views: list[GridView]) -> list[GridView]:
-        """Photos that say what all are like, each with its point spread; of glass, that at the scene's unit of depth."""
+        """Photos that say what all are like, each with its point spread: behind glass that at the unit of depth."""
         some, glass = views[:: max(1, len(views) // TRAINER.spectrum_views)], self.formation.glass
         return some if glass is None else [v.blurred_by(behind_glass(glass, v.name, v.camera)) for v in some]
 

@@ -83,3 +83,14 @@ def test_a_run_that_is_resumed_goes_on_to_the_bit(scene):
     del state.arrays["glass"]
     with pytest.raises(CheckpointError, match="glass"):
         trainer().restore(state)
+
+
+def test_what_is_large_is_measured_on_the_scene_behind_the_glass(scene):
+    """Not on its blurred photos: their differences are a fraction, and all that is inverted would pass for large."""
+    sheet = glass(0.1, 3.0)
+    views = through(scene, sheet)[:3]
+    clear, behind = (
+        Trainer(views, [], scene.points, LINEAR, SHORT, Formation(effects)).levels[-1].contrast
+        for effects in ([], [sheet])
+    )
+    assert behind > 1.5 * clear
