@@ -17,6 +17,7 @@ ROOT = Path(dgs.__file__).parent
 
 AFTERWARDS = """
 import os, signal, time
+signal.signal(signal.SIGINT, signal.default_int_handler)  # (a shell's background job ignores it)
 import run_dgs; run_dgs.mount_package()
 from dgs.command_line.interruption import GRACE, Interruption
 with Interruption(saves=False):
