@@ -71,5 +71,5 @@ window: setup  ## The panel in real Blenders with a window, 5.2 and 4.3 (needs r
 	  DGS_WINDOW=$$suite DGS_WINDOW_PICTURES=demo_output/window/$$suite $(PY) -m pytest -s tests/gui $(ARGS); done
 
 clean:  ## Remove what can be made again, except .venv and demo_output
-	@rm -rf dist .lint .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	@rm -rf dist build *.egg-info .lint .pytest_cache .mypy_cache .ruff_cache .hypothesis
 	@find . -name __pycache__ -not -path './.venv/*' -prune -exec rm -rf {} +

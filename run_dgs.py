@@ -91,5 +91,10 @@ def end(status: int) -> NoReturn:
     sys.exit(status)
 
 
-if __name__ == "__main__":
+def command() -> NoReturn:
+    """The command `dgs` of the installed package."""
     end(main())
+
+
+if __name__ == "__main__":
+    command()

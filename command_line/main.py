@@ -38,7 +38,7 @@ def build_parser(arguments: list[str]) -> argparse.ArgumentParser:
             nothing is read that this run does not need.
     """
     parser = OneLineParser(
-        prog="run_dgs.py",
+        prog="dgs" if Path(sys.argv[0]).stem == "dgs" else "run_dgs.py",  # as the installed command, or in a clone
         description="Descattering Gaussian splatting: a sharp 3D twin from photos through something that blurs.",
     )
     parser.add_argument("--version", action="version", version=f"dgs {VERSION}")

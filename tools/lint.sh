@@ -7,4 +7,4 @@ cd "$(dirname "$0")/.."
 mkdir -p .lint
 ln -sfn .. .lint/dgs  # the clone's own name need not be a Python name
 export MYPYPATH=.lint
-.venv/bin/python -m mypy -p dgs.core -p dgs.studies -p dgs.command_line -p dgs.dgs_addon -p dgs.operators -p dgs.panels
+.venv/bin/python -m mypy -p dgs.core -p dgs.studies -p dgs.command_line -p dgs.dgs_addon -p dgs.operators -p dgs.panels -p dgs.api

@@ -30,7 +30,7 @@ FLOORS = (
     ("dgs_addon.questions",),
     ("operators",),
     ("panels",),
-    ("command_line",),
+    ("command_line", "api"),
 )
 #: What a reason in a comment is not.
 _NO_REASON = ("noqa", "type:", "fmt:", "isort:", "pragma")

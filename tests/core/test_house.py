@@ -14,7 +14,7 @@ from dgs.tests.core.reasons import bare_numbers
 from dgs.tools import mutants
 
 ROOT = Path(__file__).resolve().parents[2]
-PACKAGES = ("core", "studies", "dgs_addon", "operators", "panels", "command_line")
+PACKAGES = ("core", "studies", "dgs_addon", "operators", "panels", "command_line", "api")
 BLENDER = {"bpy", "bpy_extras", "mathutils", "gpu", "gpu_extras", "bmesh", "blf", "bl_math", "aud", "idprop"}
 #: What Blender's own Python must be able to read: numpy is there, torch is not.
 WITHOUT_TORCH = (
