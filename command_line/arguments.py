@@ -18,6 +18,9 @@ SPLATS = "file of Gaussians: a twin.ply, or any format that Blender's import of 
 CAMERAS = "cameras, such as the folder of a COLMAP model or a transforms.json"
 #: Of steps, splats, frames and files, where no option says otherwise: what is larger fits no memory and no lifetime.
 LARGEST_COUNT = 10**9
+#: Bytes: more than any machine has.
+LARGEST_MEMORY = 10**15
+_BYTES = {"M": 10**6, "G": 10**9, "T": 10**12}
 _SECONDS = {"": 1.0, "s": 1.0, "m": 60.0, "min": 60.0, "h": 3600.0}
 
 
@@ -42,6 +45,14 @@ def quality(text: str) -> float | Literal["plateau"]:
     if not 0.0 < value < 100.0:
         raise argparse.ArgumentTypeError(f"'{text}' is neither plateau nor a PSNR in dB such as 28.5")
     return value
+
+
+def size(text: str) -> int:
+    """Bytes from '4G', '1.5G', '800M' or '4GB' (10^9 and 10^6)."""
+    match = re.fullmatch(r"(\d+(?:\.\d+)?)\s*([MGT])B?", text.strip().upper())
+    if match is None or not 0 < float(match[1]) * _BYTES[match[2]] <= LARGEST_MEMORY:
+        raise argparse.ArgumentTypeError(f"'{text}' is no size; write 4G or 800M")
+    return int(float(match[1]) * _BYTES[match[2]])
 
 
 def whole(low: int, high: int = LARGEST_COUNT) -> Callable[[str], int]:
@@ -77,6 +88,17 @@ def add_machine(parser: argparse.ArgumentParser) -> None:
     """Device and threads."""
     parser.add_argument("--device", choices=("auto", *devices()), default="auto", help="where to compute")
     parser.add_argument("--threads", type=whole(1, 1024), metavar="N", help="CPU threads; all cores if not given")
+
+
+def add_memory(parser: argparse.ArgumentParser | argparse._ArgumentGroup) -> None:
+    """How much memory the run should hold at most."""
+    parser.add_argument(
+        "--memory",
+        type=size,
+        metavar="SIZE",
+        help="keep photos on disk instead of in memory, and hold at most so much, such as 4G: sets larger than the "
+        "memory; the same twin",
+    )
 
 
 def add_progress(parser: argparse.ArgumentParser) -> None:

@@ -7,7 +7,7 @@ import json
 from pathlib import Path
 
 from ..core.run_settings import ReconstructSettings
-from .arguments import add_machine, add_medium, add_progress, show_defaults, whole
+from .arguments import add_machine, add_medium, add_memory, add_progress, show_defaults, whole
 from .progress_choice import Reporting
 
 
@@ -28,6 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--sh-degree", type=whole(0, 3), metavar="D", help="as of the run; the preset's if not given")
     add("--json", action="store_true", help="one JSON object instead of a table")
     add_machine(parser)
+    add_memory(parser)
     add_progress(parser)
 
 
@@ -51,6 +52,7 @@ def estimate_command(options: argparse.Namespace, progress: Reporting) -> int:
         sh_degree=options.sh_degree,
         device=options.device,
         threads=options.threads,
+        memory=options.memory,
     ).split()
     machine = Machine.ready(run.threads, run.device)
     few = sample_photos(run.photos, run.medium, sample, progress)

@@ -18,6 +18,7 @@ from .arguments import (
     add_masks,
     add_max_size,
     add_medium,
+    add_memory,
     add_overwrite,
     add_photos,
     add_progress,
@@ -33,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command."""
     parser.description = (
         "Finds the cameras, fits sharp Gaussians that explain the blurred photos, and writes "
-        "twin.ply, cameras/, renders/, report.html and report.json."
+        "twin.ply, cameras/, renders/, report.html and report.json. Processes that torchrun starts train one twin."
     )
     show_defaults(parser)
     add_photos(parser)
@@ -49,6 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     _add_given(parser.add_argument_group("what is given"))
     _add_effort(parser.add_argument_group("effort"))
     add_machine(parser)
+    add_memory(parser)
     add_progress(parser)
 
 
@@ -136,11 +138,11 @@ def _add_effort(effort: argparse._ArgumentGroup) -> None:
 
 
 def reconstruct_command(options: argparse.Namespace, progress: Reporting) -> int:
-    """Runs the whole pipeline; 130 if it was stopped (the twin so far is saved and reported)."""
+    """Runs the whole pipeline, alone or as one of several ranks; 130 if it was stopped (the twin so far is saved)."""
     from ..core.effort.clock import process_began  # late: slows --help
     from ..core.effort.described import RunDescription  # late: slows --help
     from ..core.effort.timing import RunTiming  # heavy: torch
-    from ..core.pipeline.reconstruct import reconstruct  # heavy: torch
+    from ..core.pipeline.together import reconstruct  # heavy: torch
 
     if not options.resume:  # (what goes on there is its own)
         read = options.photos.name if options.photos.parent.resolve() == options.out.resolve() else None
@@ -175,9 +177,12 @@ def reconstruct_command(options: argparse.Namespace, progress: Reporting) -> int
         glass=options.glass,
         until=options.until_quality,
         min_steps=options.min_steps,
+        memory=options.memory,
     )
     run = settings.split()
     finished = reconstruct(run, progress, process_began(), partial(RunTiming, RunDescription.of(run)))
+    if finished is None:  # another rank says what came out
+        return 0
     progress.finished(_result(settings, finished.report))
     if finished.cancelled:
         raise Cancelled(

@@ -49,6 +49,7 @@ class PhotoSettings:
     """Which photos there are: see the fields of the same names in `ReconstructSettings`.
 
     Attributes:
+        memory: bytes that the run should hold at most; photos are then kept on disk. None: in memory.
         background: `ReconstructSettings.background`; where light was blurred, photos are put over it as light.
     """
 
@@ -58,6 +59,7 @@ class PhotoSettings:
     holdout_every: int = 8
     max_size: int | None = None
     background: BackgroundRequest = BackgroundRequest()
+    memory: int | None = None
 
 
 @dataclass(frozen=True)
@@ -150,6 +152,7 @@ class ReconstructSettings:
         keep_cameras: take the cameras that are in `out`, and train anew.
         effects: besides the blur: 'usual', 'auto', 'none', 'all' or names (see `effects.decision.parse_effects`).
         glass: frosted glass before the camera (`core.glass.parse_glass`).
+        memory: bytes that the run should hold at most; photos are then kept on disk, in `out`/.run. None: in memory.
         refine_cameras: move the cameras by the loss before the training (`pipeline.refinement`).
         reference_cameras: true cameras, only for reporting errors.
         snapshots: write the twin so far and a picture of it to `out`/.run/snapshot while training.
@@ -183,6 +186,7 @@ class ReconstructSettings:
     snapshots: bool = False
     refine_cameras: bool = False
     reference_cameras: Path | None = None
+    memory: int | None = None
 
     def plain(self) -> dict[str, Any]:
         """For report.json: paths as text."""
@@ -208,7 +212,9 @@ class ReconstructSettings:
         background = parse_background(self.background, "srgb" if self.psf == "none" else self.blur_space)
         return RunSettings(
             out=self.out,
-            photos=PhotoSettings(self.photos, self.masks, self.frames, self.holdout_every, self.max_size, background),
+            photos=PhotoSettings(
+                self.photos, self.masks, self.frames, self.holdout_every, self.max_size, background, self.memory
+            ),
             medium=MediumSettings(self.psf, self.blur_space, motion_apart),
             cameras=CameraSettings(self.cameras, self.refine_cameras, self.reference_cameras),
             effects=self.effects,

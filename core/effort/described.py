@@ -25,6 +25,7 @@ class RunDescription:
         until: whether the training ends at a quality; resume: whether it goes on from a checkpoint, or from
             cameras that were found before.
         time_limit: seconds in all, or None.
+        memory: bytes that the run should hold at most, its photos on disk; None: photos in memory.
     """
 
     psf: str
@@ -41,6 +42,7 @@ class RunDescription:
     until: bool
     resume: bool
     time_limit: float | None
+    memory: int | None = None
 
     @staticmethod
     def of(run: RunSettings) -> RunDescription:
@@ -61,6 +63,7 @@ class RunDescription:
             until=training.until is not None,
             resume=run.resume or run.keep_cameras,
             time_limit=run.time_limit,
+            memory=run.photos.memory,
         )
 
     def scene_key(self, files: Sequence[Path]) -> str:
@@ -73,4 +76,5 @@ class RunDescription:
         """Of one job: a prediction belongs to it alone."""
         size = (self.max_gaussians, self.sh_degree, self.holdout_every)
         facts = [scene, preset, *size, self.search, self.points, self.loss]
+        facts += [] if self.memory is None else [self.memory]
         return hashlib.sha256(json.dumps(facts).encode()).hexdigest()[:12]

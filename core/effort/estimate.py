@@ -78,7 +78,7 @@ def estimate(sample: PhotoSample, run: RunDescription, machine: Machine, progres
         out[name] = {
             "seconds": seconds.plain(),
             "stages": {k: round(v, 1) for k, v in stages.items()},
-            "memory_mb": memory(records.runs, work).plain(0),
+            "memory_mb": memory(records.runs, work, run.memory).plain(0),
             "psnr": None if expected is None else expected.plain(2),
             "steps": preset.steps,
             "gaussians": count,
@@ -93,6 +93,7 @@ def estimate(sample: PhotoSample, run: RunDescription, machine: Machine, progres
         "scenes": len({past.scene for past in records.runs}),
         "probe_seconds": round(sum(speed.seconds for speed in speeds.values()), 2),
         "machine": machine.facts,
+        "memory_limit": run.memory,
         "presets": out,
     }
 
@@ -124,6 +125,10 @@ def table(found: dict[str, Any]) -> str:
         lines.append(f"{name:<10}{seconds:>18}{m['value']:>12.0f}{reach:>24}")
     if not all(one["seconds"]["calibrated"] for one in found["presets"].values()):
         lines.append(f"Times are rough: {found['runs']} runs were measured here; each 'reconstruct' makes them better.")
+    limit = found["memory_limit"]
+    large = [name for name, one in found["presets"].items() if limit and one["memory_mb"]["value"] > limit / 1e6]
+    if large:
+        lines.append(f"With less than {limit / 1e6:.0f} MB these cannot do: {', '.join(large)}. Use --max-size.")
     if any(one["psnr"] is None for one in found["presets"].values()):
         lines.append(
             "'not calibrated': accuracy is predicted after runs of this preset on 4 other scenes, or on this one."

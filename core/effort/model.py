@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import statistics
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
@@ -104,6 +104,9 @@ class Laws:
         _TWO_CORES,
         _CALIBRATED,
     )
+    photos_at_once: int = number(
+        24, "photos", "in memory where they are kept on disk: so many are inspected together", _TWO_CORES
+    )
     search_memory: tuple[float, float] = number(
         (250.0, 16.0), "MB, MB per megapixel", "the child process that finds cameras", _TWO_CORES, _CALIBRATED
     )
@@ -117,6 +120,9 @@ class PredictionSettings:
     unknown: float = number(0.5, "share", "half-width of the interval of 80 % before any run of this machine")
     least: float = number(0.06, "share", "half-width that is claimed at least, however alike past runs were")
     enough: int = number(3, "runs", "from which on a stage is called calibrated")
+    of_limit: float = number(
+        0.85, "share", "of a memory limit that a run comes to hold which could fill it", "1,000 photos: docs/scale.md"
+    )
     scenes: int = number(4, "scenes", "whose accuracy must be measured before one of a new scene is predicted")
     busiest: float = number(0.9, "share", "a machine is never taken for busier: the division would run away")
     small_stage: float = number(0.05, "share", "of the training: shorter stages need not be calibrated")
@@ -270,11 +276,18 @@ def _alike(stage: str, past: Work, work: Work) -> bool:
     return stage != "compile" or (past.compiled == work.compiled and past.search == work.search)
 
 
-def memory(runs: Sequence[PastRun], work: Work) -> Range:
-    """Peak in MB (10^6 bytes), of this process and the one that finds cameras."""
+def memory(runs: Sequence[PastRun], work: Work, limit: int | None = None) -> Range:
+    """Peak in MB (10^6 bytes), of this process and the one that finds cameras.
+
+    Args:
+        limit: bytes that the run should hold at most, with its photos on disk; more where it cannot do with less.
+    """
     ratios = [r.memory_mb / _memory(r.work) for r in runs if r.memory_mb and r.work.search == work.search]
     factor, spread, sure = _factor(ratios)
     value = factor * _memory(work)
+    if limit is not None:
+        least = factor * _memory(replace(work, photos=min(work.photos, LAWS_OF_TWO_CORES.photos_at_once)))
+        value = max(least, min(value, PREDICTIONS.of_limit * limit / 1e6))
     return Range(value, value * (1 - spread), value * (1 + spread), sure)
 
 

@@ -101,7 +101,7 @@ class RunTiming:
                 work=work,
                 seconds=seconds,
                 train_predicted=self._probed(photos, report),
-                memory_mb=report["peak_memory_mb"],
+                memory_mb=None if run.memory is not None else report["peak_memory_mb"],
                 scene=self._scene(photos),
                 contrast=contrast(photos),
                 preset="" if budget is not None or run.until else run.preset,

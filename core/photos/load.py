@@ -32,6 +32,7 @@ from .kinds import HEIF, HEIF_PACKAGE, left_out, read_suffixes
 from .listing import LIST, listed_files
 from .png_whole import check_png
 from .scale import resized, resized_mask, size_within
+from .store import PhotoStore, kept_beside
 
 #: Bytes of a picture that need not lie in its file, and how many times larger than its file a larger picture may be.
 _SMALL_PICTURE, _MOST_PACKED = 2**28, 100
@@ -174,6 +175,7 @@ def load_photos(
     masks: Path | None = None,
     minimum: int = 2,
     background: Background = Background(),
+    store: PhotoStore | None = None,
 ) -> list[Photo]:
     """Reads every photo of a folder.
 
@@ -189,12 +191,13 @@ def load_photos(
         masks: folder with one image per photo of the same stem; white counts, black does not.
         minimum: how many readable photos are enough to go on.
         background: behind transparent photos.
+        store: where their px are kept; None: in memory.
 
     Returns:
         The photos, sorted by name.
 
     Raises:
-        PhotoError: nothing there, or fewer than `minimum` readable photos.
+        PhotoError: nothing there, or fewer than `minimum` readable photos. OutputError: no room in the store.
         Cancelled: the user asked to stop.
     """
     files = photo_files(source)
@@ -205,7 +208,7 @@ def load_photos(
         progress.note(f"Pictures left out: {others}")
     mask_files = _masks(masks) if masks is not None else {}
     progress.stage("photos", len(files))
-    reader = partial(load_photo, max_size=max_size, background=background)
+    reader = partial(_stored, store=store, max_size=max_size, background=background)
     photos, failures = _read_all(files, reader, mask_files if masks is not None else None, progress)
     if masks is not None and not any(_stem(p.path) in mask_files for p in photos):
         raise PhotoError(f"No mask in '{masks}' has the name of a photo", "Give each mask its photo's name")
@@ -295,6 +298,16 @@ def load_photo(path: Path, max_size: int | None = None, background: Background |
     scale = new_width / width, new_height / height
     not_finite = 0 if read.finite is None else int((~read.finite).sum())
     return Photo(name, path, pixels, mask, scale, focal, not_finite, read.clipped, alpha, background, content)
+
+
+def _stored(path: Path, store: PhotoStore | None, max_size: int | None, background: Background) -> Photo:
+    """`load_photo`, with the px in the store at once: those who read ahead would fill the memory."""
+    photo = load_photo(path, max_size, background)
+    if store is None:
+        return photo
+    alpha = None if photo.alpha is None else store.kept(photo.alpha)
+    mask = None if photo.mask is None else store.kept(photo.mask)
+    return replace(photo, pixels=store.kept(photo.pixels), alpha=alpha, mask=mask)
 
 
 def _read(path: Path) -> _Decoded:
@@ -455,6 +468,7 @@ def _with_mask(photo: Photo, path: Path | None, progress: Progress) -> Photo:
     mask = resized_mask(white, width, height)
     if photo.mask is not None:
         mask &= photo.mask
+    mask = kept_beside(photo.pixels, mask)
     if not mask.any():
         progress.note(f"The mask '{path.name}' leaves no pixel of '{photo.name}'")
     return replace(photo, mask=mask, content=f"{photo.content}+{drawn.content}")

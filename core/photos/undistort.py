@@ -23,6 +23,7 @@ from ..reconstruction import Reconstruction
 from ..views import View
 from .load import Photo
 from .resample_kernels import sample
+from .store import kept_beside
 
 Floats = NDArray[np.float64]
 
@@ -231,8 +232,9 @@ def undistorted_views(photos: list[Photo], cameras: Reconstruction) -> list[View
     def one(photo: Photo) -> View:
         way = shared[cameras.lenses[photo.name]]
         pixels, mask = way.photo(photo.pixels, photo.mask)
+        pixels, mask = kept_beside(photo.pixels, pixels), None if mask is None else kept_beside(photo.pixels, mask)
         levels = int(np.iinfo(photo.pixels.dtype).max)
-        alpha = None if photo.alpha is None else way.alpha(photo.alpha)
+        alpha = None if photo.alpha is None else kept_beside(photo.pixels, way.alpha(photo.alpha))
         camera = way.camera(photo.name, cameras.poses[photo.name])
         return View(camera, pixels, mask, levels, alpha, photo.background, photo.content)
 

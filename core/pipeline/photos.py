@@ -8,6 +8,7 @@ from pathlib import Path
 
 from ..photos.load import Photo, load_photos
 from ..photos.source import photo_source
+from ..photos.store import PhotoStore
 from ..photos.uniform import before_background
 from ..progress import Progress
 from ..run_settings import PhotoSettings
@@ -50,12 +51,13 @@ def read_photos(settings: PhotoSettings, folder: TwinFolder, progress: Progress)
     """Reads the photos; a movie's frames are written to the folder first, and a list of photos is kept there.
 
     Raises:
-        PhotoError: nothing there that can be used. Cancelled: the user asked to stop.
+        PhotoError: nothing there that can be used. OutputError: no room for photos on disk. Cancelled: the user asked
+            to stop.
     """
     source = photo_source(settings.photos, folder.path, settings.frames, progress)
-    photos = load_photos(
-        source, settings.max_size, progress, settings.masks, background=settings.background.transparent
-    )
+    store = None if settings.memory is None else PhotoStore(folder.path, settings.memory)
+    behind = settings.background.transparent
+    photos = load_photos(source, settings.max_size, progress, settings.masks, background=behind, store=store)
     if source.is_file():  # the list may say something else later, or be gone
         folder.save_photo_list([photo.path for photo in photos])
     photos = before_background(photos, settings.background, progress)

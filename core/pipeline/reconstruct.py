@@ -20,6 +20,7 @@ from ..reconstruction import Reconstruction
 from ..report.summary import RunFacts, TimeFacts
 from ..run_settings import RunSettings
 from ..training.job import TrainingJob
+from ..training.ranks import ALONE, Ranks
 from ..training.run import Trained
 from ..training.scale import scene_scale
 from ..twin.begun import BegunRun, Start
@@ -59,7 +60,11 @@ class FinishedRun:
 
 
 def reconstruct(
-    run: RunSettings, progress: Progress, began: float | None = None, timing_on: MakeTiming = Untimed
+    run: RunSettings,
+    progress: Progress,
+    began: float | None = None,
+    timing_on: MakeTiming = Untimed,
+    ranks: Ranks = ALONE,
 ) -> FinishedRun:
     """Photos in; twin.ply, cameras/, renders/, report.json and report.html out.
 
@@ -72,8 +77,10 @@ def reconstruct(
         run: from `ReconstructSettings.split`.
         began: when the time begins to count, on the clock of `time.perf_counter`; now if None.
         timing_on: the run's time limit and the machine's memory of past runs.
+        ranks: processes that train together, each with a folder of its own; `resume` is rank 0's.
 
     Raises:
+        OtherRankFinishes: the training is over, and this is not rank 0.
         DgsError: one of its subclasses; the folder is as it was, and OUT/.run has what a resumption can use.
     """
     watch, keeper = Stopwatch(began), NoteKeeper(progress)
@@ -91,7 +98,7 @@ def reconstruct(
         with begun.until_finished(_inputs(run)):
             machine = Machine.ready(run.threads, run.device)
             timing = timing_on(machine, lambda: time.perf_counter() - watch.began - keeper.waited)
-            return _stages(run, given, truth, _Course(begun, machine, timing, watch, keeper))
+            return _stages(run, given, truth, _Course(begun, machine, timing, watch, keeper, ranks))
 
 
 @dataclass(frozen=True)
@@ -103,6 +110,7 @@ class _Course:
     timing: Timing
     watch: Stopwatch
     keeper: NoteKeeper
+    ranks: Ranks
 
 
 def _inputs(run: RunSettings) -> list[Path]:
@@ -136,7 +144,8 @@ def _stages(run: RunSettings, given: Spreads | None, truth: TruthFolder | None, 
     planned = fit_into_time(asked, photos, run.training.max_gaussians, run.resume, timing, folder)
     if planned.enough:
         keeper.note("The time limit is more than the longest training of these photos takes: the run ends before it")
-    trained = train_twin(replace(asked, settings=planned.settings), run.resume, run.snapshots, folder, keeper)
+    job = replace(asked, settings=planned.settings)
+    trained = train_twin(job, _resumes(run, course.ranks), run.snapshots, folder, keeper, course.ranks)
     watch.lap("prepare")
     watch.part("prepare", {name: round(float(trained.seconds[name]), 3) for name in ("compile", "train")})
 
@@ -167,6 +176,11 @@ def _stages(run: RunSettings, given: Spreads | None, truth: TruthFolder | None, 
     timing.keep(report, loaded.photos, len(effects.fitted), watch.total() - report["seconds"]["total"])
     keeper.advance(len(loaded.held) + 2)
     return FinishedRun(report, run.out, trained.stopped == "cancelled")
+
+
+def _resumes(run: RunSettings, ranks: Ranks) -> bool:
+    """Whether the training goes on from a checkpoint: what rank 0 was asked."""
+    return ranks.bytes_of_first(b"1" if run.resume else None) is not None
 
 
 def _cameras(run: RunSettings, loaded: LoadedPhotos, medium: Medium, course: _Course) -> FoundCameras:

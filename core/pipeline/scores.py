@@ -24,6 +24,7 @@ from ..lens import Lens
 from ..photos.empty import background_shows
 from ..photos.load import Photo
 from ..photos.scale import resized
+from ..photos.store import kept_beside
 from ..photos.truth import TruthFolder
 from ..photos.write import png_bytes, render_names
 from ..pose import Pose
@@ -110,13 +111,17 @@ class ViewScorer:
             cutoff = photo.scale[0] / self.period if self.period > NYQUIST_PERIOD else None
             scores.add_truth(_unit(twin), _unit(truth), mask, cutoff)
         small = photo.size
+
+        def kept(picture: Pixels) -> NDArray[np.uint8]:
+            return kept_beside(photo.pixels, _eight_bit(picture))
+
         pictures = ViewPictures(
             name=photo.name,
             heldout=heldout,
-            photo=_eight_bit(photo.pixels),
-            twin=_eight_bit(twin if size == small else resized(twin, *small)),
-            degraded=degraded,
-            truth=None if truth is None else _eight_bit(truth if size == small else resized(truth, *small)),
+            photo=kept(photo.pixels),
+            twin=kept(twin if size == small else resized(twin, *small)),
+            degraded=kept(degraded),
+            truth=None if truth is None else kept(truth if size == small else resized(truth, *small)),
             scores={"degraded": scores.degraded, "sharp": scores.sharp},
         )
         return scores, pictures

@@ -10,6 +10,7 @@ from ..photos.load import Photo
 from ..progress import Progress
 from ..run_settings import TrainingRequest
 from ..training.job import PlannedTraining, TrainingJob
+from ..training.ranks import ALONE, OtherRankFinishes, Ranks
 from ..training.run import Trained, train
 from ..training.settings import TrainingSettings, harmonics_for
 from ..twin.folder import TwinFolder
@@ -65,13 +66,21 @@ def fit_into_time(
     return planned
 
 
-def train_twin(job: TrainingJob, resume: bool, snapshots: bool, folder: TwinFolder, progress: Progress) -> Trained:
+def train_twin(
+    job: TrainingJob, resume: bool, snapshots: bool, folder: TwinFolder, progress: Progress, ranks: Ranks = ALONE
+) -> Trained:
     """Trains, and keeps checkpoints, snapshots and the twin in the folder.
 
+    Args:
+        ranks: processes that train together; `resume` is rank 0's.
+
     Raises:
-        CheckpointError, TrainingError, OutputError: see `train`.
+        CheckpointError, TrainingError, OutputError: see `train`. OtherRankFinishes: this is not rank 0.
     """
-    trained = train(job, progress, folder.checkpoint, resume, Watchers(folder, snapshots))
+    watch = Watchers(folder, snapshots) if ranks.rank == 0 else None
+    trained = train(job, progress, folder.checkpoint, resume, watch, ranks)
+    if ranks.rank:
+        raise OtherRankFinishes
     if progress.cancelled() and trained.stopped == "done" and trained.steps < job.settings.steps:
         trained.stopped = "cancelled"
     folder.save_twin(trained.gaussians.cloud())

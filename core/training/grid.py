@@ -21,6 +21,7 @@ from ..compositing import over_another
 from ..imaging.medium import BlurSpace, Medium
 from ..imaging.psf import PointSpread
 from ..numbers import BY_DEFINITION, number
+from ..photos.store import kept_beside
 from ..views import View
 
 
@@ -115,7 +116,7 @@ class GridView:
     """One view on the grid: its camera, photo [3, h, w], validity, and point spread.
 
     The photo is kept in 16 bits (an eighth of a 14-bit sensor's step), which halves the memory of a
-    large set; `planes` gives it in float32.
+    large set, and on disk where the photo is; `planes` gives it in float32.
     """
 
     def __init__(self, view: View, camera: Camera, step: int, psf: PointSpread | None, space: BlurSpace) -> None:
@@ -123,14 +124,21 @@ class GridView:
         self.camera = coarse_camera(camera, step)
         self.psf = None if psf is None or psf.is_identity else _on_grid(psf, step)
         planes = averaged(view.planes(), step, space)
-        self._photo = np.round(planes * np.float32(65535)).astype(np.uint16)
-        self.valid: NDArray[np.bool_] | None = None
+        self._photo = kept_beside(view.photo, np.round(planes * np.float32(65535)).astype(np.uint16))
+        self._valid: NDArray[np.bool_] | None = None
         if view.mask is not None and not view.mask.all():
             share = averaged(view.mask[None].astype(np.float32), step)[0]
-            self.valid = share > GRID.valid_share  # a grid pixel counts if all its photo pixels do
+            # A grid pixel counts if all its photo pixels do.
+            self._valid = kept_beside(view.photo, share > GRID.valid_share)
         self._background, empty = view.background, view.transparency()
         # Alpha is averaged as it is: the photo over its background is linear in it in the space it is put over it.
-        self._empty = None if empty is None else _sixteen_bit(averaged(empty[None], step)[0])
+        share_empty = None if empty is None else _sixteen_bit(averaged(empty[None], step)[0])
+        self._empty = None if share_empty is None else kept_beside(view.photo, share_empty)
+
+    @property
+    def valid(self) -> NDArray[np.bool_] | None:
+        """[h, w] px that count; None where all do."""
+        return None if self._valid is None else np.array(self._valid)
 
     def planes(self) -> NDArray[np.float32]:
         """The photo as [3, h, w] float32 in [0, 1], sRGB-encoded."""

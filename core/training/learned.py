@@ -88,6 +88,11 @@ class LearnedEffects:
         return Asked(photo + opaque * (asked.photo - photo), asked.weight)
 
     @property
+    def anything(self) -> bool:
+        """Whether anything is learned."""
+        return any(part is not None for part in (self.exposures, self.paths, self.focus, self.glass))
+
+    @property
     def unseen_visits(self) -> int:
         """Steps for a photo that is held out, on the finished twin; 0 where nothing of it is learned."""
         learned = (part.settings.unseen_visits for part in (self.paths, self.focus) if part is not None)

@@ -37,6 +37,7 @@ class Adam:
         gaussians: the parameters; replaced by `keep_and_append`.
         first, second: moments by parameter name.
         refused: non-finite gradient entries that were not followed, by parameter name.
+        steps: photos that were followed.
     """
 
     def __init__(self, gaussians: Gaussians) -> None:
@@ -46,13 +47,17 @@ class Adam:
         self.refused: dict[str, int] = {}
         self.steps = 0
 
-    def step(self, rates: Mapping[str, float]) -> None:
+    def step(self, rates: Mapping[str, float], photos: int = 1) -> None:
         """One step along the gradients, then forgets them.
 
         Args:
             rates: a step size per parameter name, and 'sh_rest' for the harmonics of degree >= 1.
+            photos: that the gradients are the mean of. The step is as long as that many steps of single photos whose
+                noise is independent: rates grow with the root, and moments decay as often (Zhao et al. 2024, "On
+                Scaling Up 3D Gaussian Splatting Training").
         """
-        self.steps += 1
+        self.steps += photos
+        first_decay, second_decay, longer = ADAM.first_decay**photos, ADAM.second_decay**photos, photos**1.0
         bias1, bias2 = 1 - ADAM.first_decay**self.steps, 1 - ADAM.second_decay**self.steps
         steps: dict[str, AdamStep] = {}
         for name, tensor in self.gaussians.named():
@@ -60,8 +65,8 @@ class Adam:
             tensor.grad = None
             if gradient is None:
                 continue
-            rate = rates[name] / bias1
-            tail = rates["sh_rest"] / bias1 if name == "sh" else rate
+            rate = longer * rates[name] / bias1
+            tail = longer * rates["sh_rest"] / bias1 if name == "sh" else rate
             steps[name] = AdamStep(
                 tensor.detach(),
                 gradient,
@@ -71,7 +76,7 @@ class Adam:
                 tail,
                 3 if name == "sh" else None,
                 bias2**-0.5,
-                (ADAM.first_decay, ADAM.second_decay),
+                (first_decay, second_decay),
                 ADAM.epsilon,
             )
         if not steps:

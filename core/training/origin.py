@@ -59,6 +59,33 @@ def first_difference(kept: Mapping[str, Any], now: Mapping[str, Any]) -> str | N
     return None
 
 
+def rank_difference(first: Mapping[str, Any], other: Mapping[str, Any]) -> str | None:
+    """What another rank has that is not what the first one has, as 'has another seed (1, not 0)'; None if nothing.
+
+    Args:
+        first, other: what `Trainer.fingerprint` says, with 'version' and all of 'settings', as JSON holds it.
+    """
+    if first["version"] != other["version"]:
+        return f"runs version {other['version']}, not {first['version']}"
+    before, after = _object(first, "settings"), _object(other, "settings")
+    for name in sorted(before.keys() | after.keys()):
+        if before.get(name) != after.get(name):
+            return f"has another {name} ({after.get(name)}, not {before.get(name)})"
+    for key in CONTENTS:
+        mine, theirs = _object(first, key), _object(other, key)
+        for name in sorted(mine.keys() | theirs.keys()):
+            if name not in theirs:
+                return f"lacks the photo '{name}'"
+            if mine.get(name) != theirs[name]:
+                return (
+                    f"has another photo '{name}' (or mask of it)" if name in mine else f"has one more photo, '{name}'"
+                )
+    if first_difference(first, other) is not None:
+        return f"has other cameras or points: {first_difference(first, other)}"
+    differing = sorted(key for key in (first.keys() | other.keys()) - {"cameras"} if first.get(key) != other.get(key))
+    return f"has another {differing[0]}" if differing else None
+
+
 def _object(facts: Mapping[str, Any], key: str) -> dict[str, Any]:
     value = facts.get(key)
     return value if isinstance(value, dict) else {}

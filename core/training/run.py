@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -13,13 +13,17 @@ import torch
 
 from .. import compiled
 from ..constants import LOW_PASS_VARIANCE
+from ..files import write_bytes
 from ..gaussians import Gaussians
 from ..imaging.formation.chain import Formation
 from ..imaging.spectrum import NoiseToSignal
 from ..numbers import BY_DEFINITION, number
 from ..progress import Progress
+from ..version import VERSION
 from .checkpoint import load_checkpoint, save_checkpoint
 from .job import TrainingJob
+from .origin import rank_difference
+from .ranks import ALONE, RankLost, Ranks
 from .schedule import Ending, Schedule
 from .settings import TrainingSettings
 from .trainer import Trainer
@@ -93,6 +97,7 @@ def train(
     checkpoint: Path | None = None,
     resume: bool = False,
     watch: Callable[[Trainer], None] | None = None,
+    ranks: Ranks = ALONE,
 ) -> Trained:
     """Optimizes Gaussians against photos through the medium.
 
@@ -101,8 +106,11 @@ def train(
         checkpoint: file that the state is kept in; None for none.
         resume: go on from `checkpoint` if it is there.
         watch: called after every iteration; may look, and must not change anything.
+        ranks: processes that train together; rank 0 has the checkpoint, and all go on from it.
 
     Raises:
+        TrainingError: a rank has other photos, settings or another version. RankLost: one died; rank 0's checkpoint
+            holds the state before.
         CheckpointError: the checkpoint is damaged or belongs to another run.
         NonFiniteParameter: the optimization diverged beyond repair.
         OutputError: the checkpoint cannot be written.
@@ -116,6 +124,9 @@ def train(
     compile_kernels(settings.sh_degree)
     compiled_at = time.perf_counter()
     trainer = Trainer(job.views, job.heldout, job.points, job.medium, settings, job.formation)
+    agreed = {name: value for name, value in asdict(settings).items() if name not in ("threads", "device")}
+    ranks.agree({"version": VERSION, **trainer.fingerprint(), "settings": agreed}, rank_difference)
+    trainer.join(ranks)
     _warn_of_blur(trainer.levels[-1].ratio, progress)
     run = _Run(trainer, settings, progress, checkpoint)
     if resume:
@@ -125,6 +136,8 @@ def train(
     stopped = run.iterate(_limit(settings.time_limit, prepared - start), watch)
     end = time.perf_counter()
     gaussians = run.finished(stopped)
+    if not ranks.alone:
+        progress.note(f"{ranks.count} ranks; {run.traffic() / 1e6:.2f} MB each way for each of them in a step")
     trainer.finish_unseen()
     behind = trainer.background.cpu()
     return Trained(
@@ -177,8 +190,16 @@ class _Run:
         self._evaluation_seconds = 0.0  # of the last one
 
     def resume(self) -> None:
-        """Goes on from the checkpoint, if there is one."""
-        if self.checkpoint is None or not self.checkpoint.exists():
+        """Goes on from the checkpoint, if there is one; rank 0's is everybody's."""
+        ranks = self.trainer.ranks
+        if self.checkpoint is None:
+            return
+        if not ranks.alone:
+            own = self.checkpoint.read_bytes() if ranks.rank == 0 and self.checkpoint.exists() else None
+            kept = ranks.bytes_of_first(own)
+            if kept is not None and ranks.rank:
+                write_bytes(self.checkpoint, kept)
+        if not self.checkpoint.exists():
             return
         state = load_checkpoint(self.checkpoint, self.trainer.fingerprint())
         self.trainer.restore(state)
@@ -187,12 +208,23 @@ class _Run:
 
     def iterate(self, limit: float | None, watch: Callable[[Trainer], None] | None) -> Stop:
         """Steps until the end; why it came. `limit`: seconds, None for none."""
-        trainer, clock = self.trainer, _Clock()
+        clock = _Clock()
+        try:
+            stopped = self._iterate(limit, watch, clock)
+        except RankLost:  # what was reached is kept first
+            if self._keeps:
+                self._save(clock.spent())
+            raise
+        self.seconds = self._earlier + clock.spent()
+        return stopped
+
+    def _iterate(self, limit: float | None, watch: Callable[[Trainer], None] | None, clock: _Clock) -> Stop:
+        trainer = self.trainer
         schedule = Schedule(self.settings, limit, trainer.step)
         self._evaluated = self._due(schedule.share(trainer.step, 0.0))
         saved = time.perf_counter()
         stopped: Stop = "cancelled"
-        while not clock.waited(self.progress.cancelled):
+        while not trainer.ranks.any(clock.waited(self.progress.cancelled)):
             spent = clock.spent()
             # The last evaluation takes as long as the one before, and belongs to the run.
             ending = schedule.ended(trainer.step, spent if limit is None else spent + self._evaluation_seconds)
@@ -205,17 +237,26 @@ class _Run:
             self._report(schedule, clock, limited=limit is not None)
             if watch is not None:
                 watch(trainer)
-            if self.checkpoint is not None and time.perf_counter() - saved > RUN.checkpoint_seconds:
+            if self._keeps and time.perf_counter() - saved > RUN.checkpoint_seconds:
                 self._save(clock.spent())
                 saved = time.perf_counter()
-        self.seconds = self._earlier + clock.spent()
         return stopped
+
+    @property
+    def _keeps(self) -> bool:
+        """Whether this process writes checkpoints."""
+        return self.checkpoint is not None and self.trainer.ranks.rank == 0
+
+    def traffic(self) -> float:
+        """Bytes that each rank sent, and took, in a step."""
+        ranks = self.trainer.ranks
+        return ranks.sent / max(1, -(-self.trainer.step // ranks.count))
 
     def finished(self, stopped: Stop) -> Gaussians:
         """Evaluates and keeps the last state; the twin, of the best state if the run was cancelled."""
         if not self.history or self.history[-1]["step"] != self.trainer.step:
             self.history.append(_evaluation(self.trainer, self._loss, self.seconds))
-        if self.checkpoint is not None:
+        if self._keeps and self.checkpoint is not None:
             save_checkpoint(self.checkpoint, self.trainer.state(self.seconds, self.history))
         if stopped == "cancelled" and self._best.better_than(self.history[-1]):
             self.progress.note(f"The twin is that of step {self._best.step}, the best on the photos held out")

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
 import torch
 
+from ..camera import Camera
 from ..colour import srgb_to_linear
 from ..constants import SH_COEFFICIENTS
 from ..devices import backend_on
+from ..errors import TrainingError
 from ..evaluation.halves import exposed_by_halves
 from ..forward import Exposed, Exposure, ForwardModel, low_pass_on_grid, margin_for, sharp_view
 from ..forward.compare import mean_square, psnr_of
@@ -44,6 +46,7 @@ from .objective import Objective
 from .optimizer import Adam
 from .origin import origin
 from .overlap import photos_of_one_side
+from .ranks import ALONE, RankLost, Ranks
 from .scale import SceneScale, scene_scale
 from .schedule import harmonics_degree
 from .settings import TrainingSettings, smoothed_for, smoothness, start_share, trust
@@ -86,6 +89,9 @@ class Trainer:
             there on.
         start: Gaussians to begin with, world units; None for new ones on the points' depth.
 
+    Attributes:
+        ranks: processes that train together (`join`); each renders photos of its own in a step.
+
     Raises:
         CameraError: no point lies in front of a camera.
     """
@@ -100,6 +106,7 @@ class Trainer:
         formation: Formation = Formation(),
         start: Gaussians | None = None,
     ) -> None:
+        self.ranks = ALONE
         self.together = photos_of_one_side(views, points)  # they average noise; copies average none
         self.scale: SceneScale = scene_scale([v.camera for v in views], points)
         sigma = max(settings.deconvolved_sigma, medium.mean_sigma([view.name for view in views]))
@@ -155,6 +162,22 @@ class Trainer:
         self.culled: dict[str, int] = {}
         self.asked = {"photos": 0, "unneeded": 0}  # how often all photos were asked, and what went since none needed it
         self._origin: dict[str, Any] | None = None
+
+    def join(self, ranks: Ranks) -> None:
+        """Trains together with other processes from now on, from rank 0's Gaussians.
+
+        Raises:
+            TrainingError: several ranks cannot train this. RankLost: another one died.
+        """
+        if not ranks.alone and self.learned.anything:
+            raise TrainingError(
+                "What is learned of each photo (exposure, motion, focus, glass) is learned by one process",
+                "Use --effects none, or start one rank",
+            )
+        if not ranks.alone and self.device.type != "cpu":
+            raise TrainingError("Several ranks train on processors only", "Use --device cpu")
+        self.ranks = ranks
+        self.follow_first()
 
     def _on_grid(self, views: Sequence[View], step: int) -> list[GridView]:
         unit, medium = self.scale.camera_to_unit, self.medium
@@ -293,7 +316,7 @@ class Trainer:
         """One iteration at a share in [0, 1) of the run; returns the photo's loss."""
         s = self.settings
         level = self.levels[0] if share < s.coarse_share else self.levels[-1]
-        view = self.view_at(level, self.step)
+        view = self.view_at(level, self.step + self.ranks.rank)
         self._find_focus(level, share)
         backdrop = self.backdrop()
         exposed = self.model(level).expose(self._shown(share), view, backdrop)
@@ -312,17 +335,14 @@ class Trainer:
             found = (objective.start_loss if sharpened else objective.loss)(exposed.reached, wanted, valid)
             exposed.backward(found.gradient if weight is None else found.gradient * weight)
             loss = found.loss
-        for screen in exposed.screens:
-            self.density.collect(screen)
-            for reason, count in screen.culled.items():
-                self.culled[reason] = self.culled.get(reason, 0) + count
+        self._collect(exposed)
         self._follow_path(level, view, exposed, wanted, backdrop)
         self._follow_focus(view, exposed, wanted)
         if self.learned.glass is not None:
             self.learned.glass.learn(view.name, exposed, wanted, valid, share)
-        self.optimizer.step(self.rates(share))
-        self.step += 1
-        if self.step % GUARDS.every == 0:
+        self.optimizer.step(self.rates(share), self.ranks.count)
+        self.step += self.ranks.count
+        if self._passed(GUARDS.every):
             clamped = out_of_range(self.optimizer.gaussians)
             self.repairs["clamped scales, most at once"] = max(
                 self.repairs.get("clamped scales, most at once", 0), clamped
@@ -330,9 +350,43 @@ class Trainer:
             for name, count in drop_non_finite(self.optimizer, self.step).items():
                 self.repairs[f"dropped, non-finite {name}"] = self.repairs.get(f"dropped, non-finite {name}", 0) + count
                 self.density = DensityControl(len(self.optimizer.gaussians), self.device)
-        if self.step % s.density_every == 0 and share < s.density_until:
+        if self._passed(s.density_every) and share < s.density_until:
             self.density.act(self.optimizer, s.max_gaussians, np.random.default_rng([s.seed, 2, self.step]))
+            self.follow_first()
         return loss
+
+    def _passed(self, every: int) -> bool:
+        """Whether the last step came to a multiple of `every`, or went beyond it."""
+        return self.step // every > (self.step - self.ranks.count) // every
+
+    def _collect(self, exposed: Exposed) -> None:
+        """What a step's renders showed of the Gaussians; gradients become the mean of all ranks' photos."""
+        density = self.density
+        before = density.gradients, density.views
+        if not self.ranks.alone:
+            density.gradients, density.views = (torch.zeros_like(tensor) for tensor in before)
+        for screen in exposed.screens:
+            density.collect(screen)
+            for reason, count in screen.culled.items():
+                self.culled[reason] = self.culled.get(reason, 0) + count
+        if self.ranks.alone:
+            return
+        gradients = [tensor.grad for _, tensor in self.optimizer.gaussians.named() if tensor.grad is not None]
+        try:
+            self.ranks.add([*gradients, density.gradients, density.views])
+        except RankLost:
+            density.gradients, density.views = before  # as it was before this step, for the checkpoint
+            raise
+        for gradient in gradients:
+            gradient /= self.ranks.count
+        density.gradients, density.views = density.gradients + before[0], density.views + before[1]
+
+    def follow_first(self) -> None:
+        """Goes on with rank 0's Gaussians: where processors differ, so do last digits, and they add up."""
+        if self.ranks.alone:
+            return
+        arrays = {name: array for name, array in self._arrays().items() if array.dtype == np.float32}
+        self._take(self.ranks.arrays_of_first(arrays))
 
     def _follow_path(
         self, level: Level, view: GridView, exposed: Exposed, photo: torch.Tensor, behind: torch.Tensor
@@ -416,12 +470,25 @@ class Trainer:
         chosen = [level.views[i * len(level.views) // count] for i in range(count)]
         photos = [(view.camera.with_margin(level.margin), self._counting(view, level.margin)) for view in chosen]
         settings = replace(self.raster_settings(level), depth=False)
-        rows = torch.nonzero(needed(contributions(self.optimizer.gaussians, photos, settings)))[:, 0]
+        rows = torch.nonzero(needed(self._contributions(photos, settings)))[:, 0]
         before = len(self.optimizer.gaussians)
         if 0 < len(rows) < before:
             self.density.keep(self.optimizer, rows)
             self.asked["unneeded"] += before - len(rows)
         self.asked["photos"] += 1
+
+    def _contributions(
+        self, photos: list[tuple[Camera, torch.Tensor | None]], settings: RasterSettings
+    ) -> torch.Tensor:
+        """[N] how many px of the photos each Gaussian is; every rank looks at some of them."""
+        own = photos[self.ranks.rank :: self.ranks.count]
+        if self.ranks.alone:
+            return contributions(self.optimizer.gaussians, own, settings)
+        found = torch.zeros(len(self.optimizer.gaussians))
+        if own:
+            found = contributions(self.optimizer.gaussians, own, settings)
+        self.ranks.add([found])
+        return found
 
     def _counting(self, view: GridView, margin: int) -> torch.Tensor | None:
         """[H + 2m, W + 2m] float32: 1 for the px that count in a photo; None for all of them."""
@@ -438,14 +505,20 @@ class Trainer:
         level = self.levels[-1]
         if not level.heldout:
             return None
-        errors = []
-        for view in level.heldout:
+        errors = [0.0] * len(level.heldout)
+        for index, view in enumerate(level.heldout):
+            if index % self.ranks.count != self.ranks.rank:
+                continue
             self._find_unseen(level, view)
             self.follow_unseen(level, view)
             shown, photo = self.exposed(level, view).degraded.cpu().numpy(), view.planes()
             if self.learned.exposures is not None:
                 shown = exposed_by_halves(shown, photo, view.valid, view.present())
-            errors.append(mean_square(shown - photo, view.valid))
+            errors[index] = mean_square(shown - photo, view.valid)
+        if not self.ranks.alone:
+            total = torch.tensor(errors)  # (float32: zeros of the other ranks are added)
+            self.ranks.add([total])
+            errors = total.tolist()
         return psnr_of(errors)
 
     def result(self) -> Gaussians:
@@ -494,12 +567,7 @@ class Trainer:
     def state(self, seconds: float, history: list[dict[str, float]]) -> Checkpoint:
         """Everything that is needed to go on."""
         o, d = self.optimizer, self.density
-        arrays = {"pull": d.gradients.cpu().numpy(), "views": d.views.cpu().numpy()}
-        for name, tensor in o.gaussians.named():
-            arrays[f"value.{name}"] = tensor.detach().cpu().numpy()
-            arrays[f"first.{name}"] = o.first[name].cpu().numpy()
-            arrays[f"second.{name}"] = o.second[name].cpu().numpy()
-        arrays |= self.learned.state()
+        arrays = {**self._arrays(), **self.learned.state()}
         counters = {
             "steps": o.steps,
             **{f"density.{k}": v for k, v in d.counts.items()},
@@ -510,19 +578,35 @@ class Trainer:
         }
         return Checkpoint(arrays, self.fingerprint(), self.step, seconds, history, counters)
 
-    def restore(self, checkpoint: Checkpoint) -> None:
-        """Goes on from `checkpoint`, exactly."""
-        take = lambda name: torch.from_numpy(checkpoint.arrays[name].copy()).to(self.device)  # noqa: E731
-        names = [name for name, _ in self.optimizer.gaussians.named()]
+    def _arrays(self) -> dict[str, np.ndarray]:
+        """Parameters, their moments and the density statistics, by name."""
+        o, d = self.optimizer, self.density
+        arrays = {"pull": d.gradients.cpu().numpy(), "views": d.views.cpu().numpy()}
+        for name, tensor in o.gaussians.named():
+            arrays[f"value.{name}"] = tensor.detach().cpu().numpy()
+            arrays[f"first.{name}"] = o.first[name].cpu().numpy()
+            arrays[f"second.{name}"] = o.second[name].cpu().numpy()
+        return arrays
+
+    def _take(self, arrays: Mapping[str, np.ndarray]) -> None:
+        """Goes on with what `_arrays` gave; counts stay."""
+        take = lambda name: torch.from_numpy(arrays[name].copy()).to(self.device)  # noqa: E731
+        before, names = self.optimizer, [name for name, _ in self.optimizer.gaussians.named()]
         self.optimizer = Adam(Gaussians(**{name: take(f"value.{name}") for name in names}))
         for name in names:
             self.optimizer.first[name], self.optimizer.second[name] = take(f"first.{name}"), take(f"second.{name}")
+        self.optimizer.steps, self.optimizer.refused = before.steps, before.refused
+        counts = self.density.counts
+        self.density = DensityControl(len(self.optimizer.gaussians), self.device)
+        self.density.gradients, self.density.views, self.density.counts = take("pull"), take("views"), counts
+
+    def restore(self, checkpoint: Checkpoint) -> None:
+        """Goes on from `checkpoint`, exactly."""
+        self._take(checkpoint.arrays)
         group = lambda p: {k[len(p) :]: v for k, v in checkpoint.counters.items() if k.startswith(p)}  # noqa: E731
         self.optimizer.steps = checkpoint.counters["steps"]
         self.optimizer.refused, self.repairs, self.culled = group("refused."), group("repair."), group("culled.")
         self.asked = {**self.asked, **group("asked.")}
-        self.density = DensityControl(len(self.optimizer.gaussians), self.device)
-        self.density.gradients, self.density.views = take("pull"), take("views")
         self.density.counts = group("density.")
         self.step = checkpoint.step
         self.learned.restore(checkpoint.arrays)

@@ -17,6 +17,7 @@ from ...imaging.formation.chain import Formation
 from ...imaging.formation.effect import Shot
 from ...imaging.formation.exposure import Exposure
 from ...photos.empty import background_shows
+from ...photos.store import kept_beside
 from ...views import View
 
 
@@ -54,7 +55,9 @@ def _one(view: View, formation: Formation, masked: Sequence[Switch]) -> View:
         photo = np.ascontiguousarray(np.round(clear.clip(0.0, 1.0) * 65535.0).astype(np.uint16).transpose(1, 2, 0))
         if view.alpha is not None and view.alpha.dtype == np.uint8:
             view = replace(view, alpha=view.alpha.astype(np.uint16) * np.uint16(257))
-    return replace(view, photo=photo, mask=None if mask.all() else mask, levels=levels)
+    counting = None if mask.all() else kept_beside(view.photo, mask)
+    alpha = None if view.alpha is None else kept_beside(view.photo, view.alpha)
+    return replace(view, photo=kept_beside(view.photo, photo), mask=counting, levels=levels, alpha=alpha)
 
 
 def over_filed(
