@@ -140,8 +140,7 @@ def _add_effort(effort: argparse._ArgumentGroup) -> None:
 def reconstruct_command(options: argparse.Namespace, progress: Reporting) -> int:
     """Runs the whole pipeline, alone or as one of several ranks; 130 if it was stopped (the twin so far is saved)."""
     from ..core.effort.clock import process_began  # late: slows --help
-    from ..core.effort.described import RunDescription  # late: slows --help
-    from ..core.effort.timing import RunTiming  # heavy: torch
+    from ..core.effort.timing import RunDescription, RunTiming  # heavy: torch
     from ..core.pipeline.together import reconstruct  # heavy: torch
 
     if not options.resume:  # (what goes on there is its own)
