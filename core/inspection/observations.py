@@ -50,6 +50,10 @@ class ObservationSettings:
 SETTINGS = ObservationSettings()
 
 
+#: Pairs of photos that are compared together: 32 MB.
+_PAIRS_AT_ONCE = 2**23
+
+
 @dataclass(frozen=True)
 class PointObservations:
     """Observations of points (`sfm.tracks` matches features; these are points of given cameras, looked up).
@@ -196,9 +200,14 @@ def _agreeing(patches: NDArray[np.float32]) -> NDArray[np.bool_]:
     unit = centred / np.maximum(spread, 1e-6)[:, :, None] / np.sqrt(patches.shape[2])
     good = np.isfinite(spread) & (spread > SETTINGS.varied)
     unit = np.where(good[:, :, None], unit, 0.0)
-    alike = np.einsum("pvn,pwn->pvw", unit, unit, optimize=True)
-    best = np.argmax(alike.clip(min=0.5).sum(axis=2), axis=1)
-    out: NDArray[np.bool_] = np.take_along_axis(alike, best[:, None, None], axis=2)[:, :, 0] > SETTINGS.alike
+    out = np.zeros(good.shape, bool)
+    # A few points at a time: every photo with every other is a square of photos for each of them.
+    some = max(1, _PAIRS_AT_ONCE // good.shape[1] ** 2)
+    for first in range(0, len(unit), some):
+        part = slice(first, first + some)
+        alike = np.einsum("pvn,pwn->pvw", unit[part], unit[part], optimize=True)
+        best = np.argmax(alike.clip(min=0.5).sum(axis=2), axis=1)
+        out[part] = np.take_along_axis(alike, best[:, None, None], axis=2)[:, :, 0] > SETTINGS.alike
     out &= good
     # More photos of one point than this add little and cost much.
     too_many = out.sum(axis=1) > SETTINGS.most_photos

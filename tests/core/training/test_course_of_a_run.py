@@ -20,6 +20,7 @@ from dgs.core.imaging.spectrum import NoiseToSignal
 from dgs.core.training import run as run_module
 from dgs.core.training import trainer as trainer_module
 from dgs.core.training.level import round_variance
+from dgs.core.training.ranks import ALONE
 from dgs.core.training.specks import speck_gradient, speck_gradient_in_torch
 from dgs.core.training.trainer import Trainer
 from dgs.core.training.variation import variation_gradient, variation_gradient_in_torch
@@ -56,7 +57,7 @@ class Course:
         settings = replace(SHORT, steps=steps)
         self.run = run_module._Run(self, settings, self.heard, None)  # type: ignore[arg-type]
 
-    optimizer = SimpleNamespace(gaussians=None)
+    optimizer, ranks = SimpleNamespace(gaussians=None), ALONE
 
     def spent(self) -> float:
         return self.time
