@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import os
+import sys
+from collections.abc import Callable
 from pathlib import Path
 
 from .arguments import add_overwrite, add_progress, show_defaults, whole
+from .control import follow_master
 from .progress_choice import Reporting
 
 
@@ -18,7 +22,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     show_defaults(parser)
     add = parser.add_argument
     add("twin", type=Path, metavar="TWIN", help="folder that 'reconstruct --out' wrote")
-    add("points", type=Path, metavar="FILE", help="JSON of places and measures: docs/measure.md")
+    asked = (
+        "JSON of places and measures: docs/measure.md; '-': lines of it from the standard input, each answered by one"
+    )
+    add("points", type=Path, metavar="FILE", help=asked)
     known = "a measure whose length is known, such as edge=120mm or edge=120+-0.5mm; px-equivalents if none is"
     add("--scale", metavar="NAME=LENGTH", help=known)
     add("--out", type=Path, metavar="FILE", help="write them, too: ends with .json or .csv")
@@ -31,15 +38,32 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def measure_command(options: argparse.Namespace, progress: Reporting) -> int:
     """Prints what was measured; writes OUT if it is named."""
-    from ..core.measure.written import MeasureJob, as_text, lines, measure_twin  # heavy: torch
+    from ..core.measure import listening, written  # heavy: torch
 
+    if str(options.points) == "-":
+        return _listening(options, progress, listening.listen)
     asked = (options.twin, options.points, options.scale, options.photos, options.out)
-    findings = measure_twin(MeasureJob(*asked, options.overwrite, options.threads), progress)
+    findings = written.measure_twin(written.MeasureJob(*asked, options.overwrite, options.threads), progress)
     if options.json:
-        print(as_text(findings, ".json"), end="", flush=True)
+        print(written.as_text(findings, ".json"), end="", flush=True)
         return 0
     if options.progress != "json":
-        print("\n".join(lines(findings)), flush=True)
+        print("\n".join(written.lines(findings)), flush=True)
     done = sum(one.value is not None for one in findings.measures)
     progress.finished({"measured": f"{done} of {len(findings.measures)}"})
+    return 0
+
+
+def _listening(options: argparse.Namespace, progress: Reporting, listen: Callable[..., None]) -> int:
+    """Answers until its master has gone."""
+    follow_master()
+    # What libraries print must not come between our lines.
+    answers = os.fdopen(os.dup(1), "w", encoding="utf-8", newline="\n")
+    os.dup2(2, 1)
+
+    def write(line: str) -> None:
+        answers.write(f"{line}\n")
+        answers.flush()
+
+    listen(options.twin, options.photos, options.threads, sys.stdin, write, progress)
     return 0

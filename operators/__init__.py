@@ -29,9 +29,12 @@ from .import_cameras import DGS_OT_import_cameras
 from .import_twin import DGS_OT_import_twin
 from .inspect_photos import DGS_OT_inspect_photos
 from .limit_splats import DGS_OT_limit_splats
+from .make_mesh import DGS_OT_make_mesh
 from .make_test_set import DGS_OT_make_test_set
 from .mark_assets import DGS_OT_mark_assets
+from .measure import DGS_OT_measure, DGS_OT_measure_again
 from .measure_psf import DGS_OT_measure_psf
+from .measures import DGS_OT_export_measures, DGS_OT_forget_length, DGS_OT_know_length, DGS_OT_remove_measure
 from .menus import DGS_MT_add, DGS_MT_object, DGS_MT_select, add_menus, remove_menus
 from .merge_twins import DGS_OT_apply_transform, DGS_OT_merge_twins
 from .open_report import DGS_OT_open_report
@@ -102,6 +105,13 @@ CLASSES: tuple[type, ...] = (
     DGS_OT_merge_twins,
     DGS_OT_apply_transform,
     DGS_OT_mark_assets,
+    DGS_OT_measure,
+    DGS_OT_measure_again,
+    DGS_OT_remove_measure,
+    DGS_OT_know_length,
+    DGS_OT_forget_length,
+    DGS_OT_export_measures,
+    DGS_OT_make_mesh,
     DGS_OT_add_preset,
     DGS_OT_batch,
     DGS_OT_cancel_batch,

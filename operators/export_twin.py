@@ -59,7 +59,7 @@ class DGS_OT_export_twin(bpy.types.Operator, ExportHelper):
         """Writes the file, in the format of its ending."""
         path, twin = Path(bpy.path.abspath(self.filepath)), context.object
         try:
-            _check_place(path, context.scene.dgs)
+            check_place(path, context.scene.dgs)
             cloud = whole = read_twin(twin)
             if self.only_shown:
                 cloud = shown_part(twin, cloud)
@@ -78,7 +78,7 @@ class DGS_OT_export_twin(bpy.types.Operator, ExportHelper):
         return {"FINISHED"}
 
 
-def _check_place(path: Path, settings: Any) -> None:
+def check_place(path: Path, settings: Any) -> None:
     """Refuses what no export may replace, even where the file browser asked: photos, and parts of a twin's folder.
 
     Raises:

@@ -18,6 +18,7 @@ from .import_twin import DGS_OT_import_twin
 _OBJECT = (
     ("dgs.view_twin", "dgs.exact_view", "dgs.split_view", "dgs.render_twin"),
     ("dgs.set_length", "dgs.set_up", "dgs.crop_twin", "dgs.limit_splats"),
+    ("dgs.measure", "dgs.measure_again", "dgs.know_length", "dgs.export_measures", "dgs.make_mesh"),
     ("dgs.edit_splats", "dgs.restore_splats", "dgs.merge_twins", "dgs.apply_transform"),
     ("dgs.show_known", "dgs.suggest_next_views", "dgs.show_next_views", "dgs.show_states"),
     ("dgs.prepare_scene", "dgs.composite_meshes", "dgs.give_back"),

@@ -6,6 +6,7 @@ from .cameras import DGS_PT_cameras
 from .edit import DGS_PT_twin_edit
 from .images import DGS_PT_images
 from .main import DGS_PT_main
+from .measure import DGS_PT_twin_measure, DGS_UL_measures
 from .medium import DGS_PT_medium
 from .optimize import DGS_PT_optimize
 from .presets import DGS_PT_presets
@@ -23,10 +24,14 @@ CLASSES: tuple[type, ...] = (
     DGS_PT_optimize,
     DGS_PT_twin,
     DGS_PT_twin_look,
+    DGS_PT_twin_measure,
     DGS_PT_twin_edit,
     DGS_PT_validate,
     RENDER_PT_descatter,
     VIEWLAYER_PT_descatter_passes,
 )
 
-__all__ = ["CLASSES", "forget_thumbnails"]
+#: Lists that panels draw.
+LISTS: tuple[type, ...] = (DGS_UL_measures,)
+
+__all__ = ["CLASSES", "LISTS", "forget_thumbnails"]

@@ -5,15 +5,23 @@ from __future__ import annotations
 import bpy
 
 from .. import operators
+from ..dgs_addon.drawing import measures as drawn_measures
 from ..dgs_addon.drawing.registration import register_drawing, unregister_drawing
 from ..dgs_addon.engine import install
 from ..dgs_addon.engine.interpreter import reads_heif
 from ..dgs_addon.job import batch, pictures, runner, watching
 from ..dgs_addon.job.properties import DGS_PG_settings, register_properties, unregister_properties
 from ..dgs_addon.photos import ask_about_heif
-from ..dgs_addon.questions import estimate, exact, inspection, next_views, split_view
+from ..dgs_addon.questions import estimate, exact, inspection, measures, meshes, next_views, split_view
+from ..dgs_addon.scene.measures import (
+    DGS_PG_measure,
+    DGS_PG_measures,
+    DGS_PG_place,
+    register_measures,
+    unregister_measures,
+)
 from ..dgs_addon.translations import register_translations, unregister_translations
-from . import CLASSES, forget_thumbnails
+from . import CLASSES, LISTS, forget_thumbnails
 from .preferences import DGS_AP_preferences
 
 #: What is registered now, in order; empty while the add-on is off.
@@ -24,15 +32,18 @@ def register() -> None:
     """Adds classes and menu entries; does nothing if they are there already."""
     if _registered:
         return
-    for kind in (DGS_PG_settings, DGS_AP_preferences, *operators.CLASSES, *operators.GIZMOS, *CLASSES):
+    groups = (DGS_PG_settings, DGS_PG_place, DGS_PG_measure, DGS_PG_measures, DGS_AP_preferences)
+    for kind in (*groups, *operators.CLASSES, *operators.GIZMOS, *LISTS, *CLASSES):
         bpy.utils.register_class(kind)
         _registered.append(kind)
     register_properties()
+    register_measures()
     register_drawing()
     register_translations()
     ask_about_heif(reads_heif)
     operators.add_menus()
     split_view.start()
+    drawn_measures.start()
     bpy.app.handlers.load_post.extend((watching.go_on, exact.go_on))
 
 
@@ -44,11 +55,13 @@ def unregister() -> None:
         bpy.app.handlers.load_post.remove(handler)
     _stop_everything()
     split_view.stop()
+    drawn_measures.stop()
     pictures.clear()
     forget_thumbnails()
     operators.remove_menus()
     unregister_translations()
     unregister_drawing()
+    unregister_measures()
     unregister_properties()
     while _registered:
         bpy.utils.unregister_class(_registered.pop())
@@ -56,6 +69,8 @@ def unregister() -> None:
 
 def _stop_everything() -> None:
     exact.stop()
+    measures.stop()
+    meshes.stop()
     for question in (inspection.effects, inspection.point_spread, estimate.question, next_views.question):
         question.stop()
     watching.stop()

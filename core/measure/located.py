@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from ..camera import Camera
 from ..errors import DgsError
 from ..numbers import number
+from .looking import seen_along
 from .places import PRECISION, SurfacePoint, deviation_of_depth, inside, projected, ray, surface_depth
-from .request import AskedPlace, Point
+from .request import AskedPlace, AskedRay, Point
 from .sights import Sight, Sights
 
 Array = NDArray[np.float64]
@@ -43,11 +44,13 @@ def located(asked: AskedPlace, views: Sights, marks: Mapping[str, Point], camera
         cameras: standard deviation of where cameras look, px.
 
     Raises:
-        NothingThere: there is no surface where a point of one photo lies.
+        NothingThere: there is no surface where a point of one photo lies, or a line of sight leads.
         DgsError: points of several photos are of no common place.
     """
     click = PRECISION.click if asked.click is None else asked.click
     across = float(np.hypot(click, cameras))
+    if asked.ray is not None:
+        return _met_by(asked.ray, views, click, cameras, f"The place '{asked.name}'")
     if asked.position is not None:
         return _snapped(asked, views)
     if len(marks) == 1:
@@ -73,6 +76,18 @@ def on_surface(views: Sights, sight: Sight, point: Point, across: float, called:
     # across the ray a px is a px-equivalent; along it the surface is open
     covariance = across**2 * pixel**2 * (np.eye(3) - np.outer(along, along) / (along @ along))
     return SurfacePoint(position, covariance + (deviation * pixel) ** 2 * np.outer(along, along), pixel, seen)
+
+
+def _met_by(line: AskedRay, views: Sights, click: float, cameras: float, called: str) -> SurfacePoint:
+    """Where a line of sight meets the surface, or the edge that is nearest there."""
+    origin, towards = views.scale.points_to_unit(np.array([line.origin, line.towards]))
+    found = seen_along(views, origin, towards, line.edges)
+    if found is None:
+        raise NothingThere(f"{called} hits nothing: the twin has no surface there", "Set it on something that is seen")
+    sight, point = found
+    set_at = click * line.spread * sight.camera.fx  # (a px of the viewer's is spread * depth wide, ours depth / fx)
+    across = float(np.linalg.norm([set_at, click if line.edges or not line.spread else 0.0, cameras]))
+    return on_surface(views, sight, point, across, called)
 
 
 def _met(name: str, views: Sights, marks: Mapping[str, Point], across: float) -> SurfacePoint:

@@ -13,16 +13,14 @@ from ..errors import DgsError, FormatError
 from ..progress import Progress
 from ..twin.opened import OpenedTwin
 from .located import NothingThere, located, on_surface
-from .places import PRECISION, SurfacePoint
+from .places import PRECISION, SurfacePoint, seen_by
 from .request import AskedMeasure, AskedPlace, MeasureRequest, Point
+from .rows import NO_SCALE
 from .sights import Sights, sights
 from .values import DRAWS, WITHIN, Value, drawn, valued
 from .widths import width_on
 
 Array = NDArray[np.float64]
-
-#: The unit of lengths without a known one.
-NO_SCALE = "px-equivalent"
 
 
 @dataclass(frozen=True)
@@ -62,11 +60,13 @@ class Findings:
         measures: in the order that they were asked in.
         places: position, covariance (world units) and px-equivalent of each place that was found.
         noise: of the photos about the twin, sRGB in [0, 1].
+        missing: why each of the other places was not found.
     """
 
     measures: tuple[Measured, ...]
     places: dict[str, dict[str, Any]]
     noise: float
+    missing: dict[str, str]
 
 
 def measure(twin: OpenedTwin, request: MeasureRequest, cameras: float, progress: Progress) -> Findings:
@@ -79,11 +79,24 @@ def measure(twin: OpenedTwin, request: MeasureRequest, cameras: float, progress:
         FormatError: a photo is none of this twin. DgsError: the known length could not be measured.
         Cancelled: the user asked to stop.
     """
+    check_photos(twin, request)
+    return measured(twin, sights(twin, request.photos, progress), request, cameras, progress)
+
+
+def check_photos(twin: OpenedTwin, request: MeasureRequest) -> None:
+    """Raises FormatError where something is marked on a photo that is none of the twin's."""
     names = {view.name for view in twin.views}
     strange = [photo for photo in request.photos if photo not in names]
     if strange:
         raise FormatError(f"'{strange[0]}' is no photo of this twin with a camera", f"Name one such as '{min(names)}'")
-    views = sights(twin, request.photos, progress)
+
+
+def measured(twin: OpenedTwin, views: Sights, request: MeasureRequest, cameras: float, progress: Progress) -> Findings:
+    """As `measure`, of what the cameras see already.
+
+    Args:
+        views: hold each photo that something is marked on.
+    """
     generator = np.random.default_rng(0)
     places, reasons = dict[str, SurfacePoint](), dict[str, str]()
     for name, asked in request.places.items():
@@ -98,13 +111,15 @@ def measure(twin: OpenedTwin, request: MeasureRequest, cameras: float, progress:
         missing = next((reasons[name] for name in one.of if name in reasons), "")
         if missing:
             values[one.name] = missing
+        elif one.kind == "width" and one.of:
+            values[one.name] = _width_between(one, places, views, generator, progress)
         elif one.kind == "width":
             values[one.name] = _width(twin, views, one, cameras, generator, progress)
         else:
             values[one.name] = valued(one.kind, [places[n] for n in one.of], [draws[n] for n in one.of])
     factor, unit = _scale(request, values, views, generator)
     found = tuple(_said(one, values[one.name], factor, unit, places) for one in request.measures)
-    return Findings(found, {name: _plain(place, views) for name, place in places.items()}, views.noise)
+    return Findings(found, {name: _plain(place, views) for name, place in places.items()}, views.noise, reasons)
 
 
 def _undistorted(twin: OpenedTwin, asked: AskedPlace) -> dict[str, Point]:
@@ -134,6 +149,32 @@ def _width(
         points = (_point(twin, asked.photo, asked.across[0]), _point(twin, asked.photo, asked.across[1]))
         ends = [on_surface(views, sight, point, across, called) for point in points]
         return width_on(sight, points, (ends[0], ends[1]), generator.standard_normal(DRAWS), asked.name)
+    except DgsError as error:
+        progress.note(str(error))
+        return str(error)
+
+
+def _width_between(
+    asked: AskedMeasure,
+    places: Mapping[str, SurfacePoint],
+    views: Sights,
+    generator: np.random.Generator,
+    progress: Progress,
+) -> Value | str:
+    """The width between two places, on the photo that has them farthest apart of those that see both."""
+    ends = (places[asked.of[0]], places[asked.of[1]])
+    best, apart, points = None, 0.0, None
+    for sight in views.views.values():
+        found = seen_by(sight, ends[0].position), seen_by(sight, ends[1].position)
+        if found[0] is None or found[1] is None:
+            continue
+        length = float(np.hypot(found[1][0] - found[0][0], found[1][1] - found[0][1]))
+        if length > apart:
+            best, apart, points = sight, length, (found[0], found[1])
+    try:
+        if best is None or points is None:
+            raise DgsError(f"No photo sees both ends of '{asked.name}'", "Set them where photos show both sides")
+        return width_on(best, points, ends, generator.standard_normal(DRAWS), asked.name)
     except DgsError as error:
         progress.note(str(error))
         return str(error)

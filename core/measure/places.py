@@ -139,6 +139,17 @@ def inside(camera: Camera, x: float, y: float) -> bool:
     return 0 <= x < camera.width and 0 <= y < camera.height
 
 
+def seen_by(sight: Sight, position: Array) -> tuple[float, float] | None:
+    """Where a camera sees a position, px; None where it lies outside the photo or behind something."""
+    camera = sight.camera
+    z = float(camera.rotation[2] @ position + camera.translation[2])
+    u, v = projected(camera, position)
+    if not inside(camera, u, v):
+        return None
+    near = abs(float(sight.depth[int(v), int(u)]) - z) < PRECISION.own * z / camera.fx
+    return (u, v) if near else None
+
+
 def _looked_at(sight: Sight, position: Array, way: Array) -> tuple[float, Array, Array] | None:
     """How far behind a position a camera's surface lies (its px), [2] px that the position moves by along `way` in the
     photo, and G; None where the camera does not see it."""

@@ -2,25 +2,29 @@
 
     {"places": {"a": {"photo": "view_001.png", "at": [120.5, 88.0]},
                 "b": {"marks": {"view_001.png": [200, 90], "view_009.png": [188, 92]}, "click": 0.2},
-                "c": {"position": [0.1, 0.2, 3.0]}},
+                "c": {"position": [0.1, 0.2, 3.0]},
+                "d": {"from": [0, 0, 0], "towards": [0.1, 0.2, 3.0], "spread": 0.001, "edges": true}},
      "measures": [{"name": "edge", "kind": "length", "of": ["a", "b"]},
-                  {"kind": "width", "photo": "view_001.png", "across": [[100, 80], [130, 80]]}],
+                  {"kind": "width", "photo": "view_001.png", "across": [[100, 80], [130, 80]]},
+                  {"kind": "width", "of": ["c", "d"]}],
      "scale": {"measure": "edge", "value": 120, "deviation": 0.5, "unit": "mm"}}
 
-Points are px of the photos as they are in the files; `click` is how exactly they were set, px.
+Points are px of the photos as they are in the files; `click` is how exactly they were set, px. A ray from anywhere in
+the twin's world needs no photo: `spread` is the tangent of the angle that a px of the picture it was set on covers, and
+`edges` moves its place to the edge or corner that is nearest.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from ..errors import FormatError
 from ..files import read_json
-from ..json_shape import check_shape, number, text
+from ..json_shape import check_shape, number, text, truth
 
 #: How many places a measure is of: at least, and at most (None: any number).
 KINDS: Mapping[str, tuple[int, int | None]] = {
@@ -28,13 +32,23 @@ KINDS: Mapping[str, tuple[int, int | None]] = {
     "polyline": (2, None),
     "angle": (3, 3),
     "area": (3, None),
-    "width": (0, 0),
+    "width": (0, 2),
 }
 #: Places and measures that a file may hold.
 MOST_ENTRIES = 100_000
 _CONTENT = {
     "places?": {
-        "*": {"photo?": text, "at?": [number], "marks?": {"*": [number]}, "position?": [number], "click?": number}
+        "*": {
+            "photo?": text,
+            "at?": [number],
+            "marks?": {"*": [number]},
+            "position?": [number],
+            "from?": [number],
+            "towards?": [number],
+            "spread?": number,
+            "edges?": truth,
+            "click?": number,
+        }
     },
     "measures": [{"name?": text, "kind": frozenset(KINDS), "of?": [text], "photo?": text, "across?": [[number]]}],
     "scale?": {"measure": text, "value": number, "deviation?": number, "unit": text},
@@ -42,21 +56,39 @@ _CONTENT = {
 _SCALE = re.compile(r"(?P<measure>.+)=(?P<value>[0-9.eE]+)(?:\+-(?P<deviation>[0-9.eE]+))?\s*(?P<unit>[^\W\d_]+)")
 
 Point = tuple[float, float]
+Position = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class AskedRay:
+    """A line of sight in the twin's world.
+
+    Attributes:
+        origin, towards: where it begins, and a point that it goes through.
+        spread: tangent of the angle that a px of the picture that it was set on covers.
+        edges: whether the place is to lie on the nearest edge.
+    """
+
+    origin: Position
+    towards: Position
+    spread: float = 0.0
+    edges: bool = False
 
 
 @dataclass(frozen=True)
 class AskedPlace:
-    """A place: points of photos by name, or a position in the twin's world; how exactly it was set (px), if given."""
+    """A place: points of photos by name, a position in the twin's world, or a ray; how exactly it was set (px)."""
 
     name: str
     marks: dict[str, Point]
-    position: tuple[float, float, float] | None
+    position: Position | None
     click: float | None
+    ray: AskedRay | None = None
 
 
 @dataclass(frozen=True)
 class AskedMeasure:
-    """A measure of places; a width lies between two points of a photo instead."""
+    """A measure of places; a width may lie between two points of a photo instead."""
 
     name: str
     kind: str
@@ -100,19 +132,30 @@ def read_request(path: Path, scale: str | None = None) -> MeasureRequest:
         FormatError: it is not there, damaged, or asks for what makes no sense.
     """
     try:
-        content = read_json(path)
-        check_shape(content, _CONTENT)
-        return _request(content, scale)
+        return parsed_request(read_json(path), scale)
     except (OSError, ValueError) as error:
         raise FormatError(
             f"'{path}' asks for no measures ({error})", "See docs/measure.md for what it may hold"
         ) from error
 
 
+def parsed_request(content: Any, scale: str | None = None, *, alone: bool = False) -> MeasureRequest:
+    """As `read_request`, of what a file holds; raises ValueError.
+
+    Args:
+        alone: places may stand without a measure of them.
+    """
+    check_shape(content, _CONTENT)
+    request = _request(content, scale)
+    if not request.measures and not (alone and request.places):
+        raise ValueError(f"it holds {len(request.places)} places and 0 measures")
+    return request
+
+
 def _request(content: dict[str, Any], scale: str | None) -> MeasureRequest:
     places = {name: _place(name, found) for name, found in content.get("places", {}).items()}
     measures = [_measure(index, found, places) for index, found in enumerate(content["measures"])]
-    if not measures or max(len(measures), len(places)) > MOST_ENTRIES:
+    if max(len(measures), len(places)) > MOST_ENTRIES:
         raise ValueError(f"it holds {len(places)} places and {len(measures)} measures")
     if len({measure.name for measure in measures}) < len(measures):
         raise ValueError("two measures have the same name")
@@ -128,17 +171,31 @@ def _place(name: str, found: dict[str, Any]) -> AskedPlace:
     click = found.get("click")
     if click is not None and click < 0:
         raise ValueError(f"'{name}' was set less exactly than not at all")
+    if "from" in found or "towards" in found:
+        return AskedPlace(name, {}, None, click, _ray(found, name))
     if "position" in found:
-        if len(found["position"]) != 3:
-            raise ValueError(f"the position of '{name}' has not three coordinates")
-        x, y, z = (float(value) for value in found["position"])
-        return AskedPlace(name, {}, (x, y, z), click)
+        return AskedPlace(name, {}, _position(found["position"], name), click)
     marks = dict(found.get("marks", {}))
     if "photo" in found:
         marks[found["photo"]] = found.get("at", [])
     if not marks:
         raise ValueError(f"'{name}' is marked on no photo and has no position")
     return AskedPlace(name, {photo: _point(at, name) for photo, at in marks.items()}, None, click)
+
+
+def _ray(found: Mapping[str, Any], name: str) -> AskedRay:
+    ends = _position(found.get("from", ()), name), _position(found.get("towards", ()), name)
+    spread = float(found.get("spread", 0.0))
+    if ends[0] == ends[1] or not 0 <= spread < 1:
+        raise ValueError(f"the ray of '{name}' leads nowhere")
+    return AskedRay(*ends, spread, bool(found.get("edges", False)))
+
+
+def _position(values: Sequence[float], name: str) -> Position:
+    if len(values) != 3:
+        raise ValueError(f"a position of '{name}' has not three coordinates")
+    x, y, z = (float(value) for value in values)
+    return x, y, z
 
 
 def _point(values: list[float], name: str) -> Point:
@@ -156,7 +213,7 @@ def _measure(index: int, found: dict[str, Any], places: Mapping[str, AskedPlace]
     missing = [place for place in of if place not in places]
     if missing:
         raise ValueError(f"'{name}' is of '{missing[0]}', which is no place")
-    if kind != "width":
+    if kind != "width" or len(of) == 2:
         return AskedMeasure(name, kind, of)
     across = [_point(point, name) for point in found.get("across", ())]
     if len(across) != 2 or across[0] == across[1] or "photo" not in found:

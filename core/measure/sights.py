@@ -14,6 +14,7 @@ from ..camera import Camera
 from ..errors import Cancelled
 from ..forward import ForwardModel, low_pass_on_grid, shared_medium, sharp_depths, space_of
 from ..frames import Frame
+from ..gaussians import Gaussians
 from ..mesh.surfaces import SURFACE
 from ..numbers import number
 from ..progress import Progress
@@ -64,11 +65,13 @@ class Sights:
     Attributes:
         views: by photo name; scale: of the scene's own units.
         noise: root mean square of what the photos show otherwise than the twin through the blur, sRGB in [0, 1].
+        gaussians: the twin in the scene's own units, for lines of sight that are no photo's.
     """
 
     views: dict[str, Sight]
     scale: SceneScale
     noise: float
+    gaussians: Gaussians | None = None
 
 
 def sights(twin: OpenedTwin, names: Sequence[str], progress: Progress) -> Sights:
@@ -116,7 +119,7 @@ def sights(twin: OpenedTwin, names: Sequence[str], progress: Progress) -> Sights
         )
         progress.advance(index + 1)
     noise = max(float(np.sqrt(np.mean(squares))), kept[0].rounding)
-    return Sights(found, twin.scale, noise)
+    return Sights(found, twin.scale, noise, gaussians.detached())
 
 
 def _tensor(shown: Floats) -> Floats:

@@ -2,38 +2,26 @@
 
 from __future__ import annotations
 
-import csv
-import io
-import json
-from pathlib import Path
+from typing import Any
 
-from ..errors import FormatError
-from .measured import NO_SCALE, Findings, Measured
-
-#: Endings of the files that measures are written to.
-SUFFIXES = (".json", ".csv")
-_COLUMNS = ("name", "kind", "value", "deviation", "low", "high", "unit", "photos", "of", "reason")
+from .measured import Findings, Measured
+from .rows import NO_SCALE, table_text
 
 
-def check_table_name(path: Path) -> None:
-    """Raises FormatError where a name has no ending that can be written."""
-    if path.suffix.lower() not in SUFFIXES:
-        raise FormatError(
-            f"'{path.name}' is no table that can be written", f"End its name with {' or '.join(SUFFIXES)}"
-        )
+def as_plain(findings: Findings) -> dict[str, Any]:
+    """For JSON: measures, places that were found, why others were not, and the photos' noise."""
+    return {
+        "measures": [one.plain() for one in findings.measures],
+        "places": findings.places,
+        "missing": findings.missing,
+        "noise": findings.noise,
+    }
 
 
 def as_text(findings: Findings, suffix: str) -> str:
     """The whole content of a file."""
-    rows = [one.plain() for one in findings.measures]
-    if suffix == ".json":
-        content = {"measures": rows, "places": findings.places, "noise": findings.noise}
-        return json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
-    out = io.StringIO()
-    table = csv.DictWriter(out, _COLUMNS, lineterminator="\n")
-    table.writeheader()
-    table.writerows([{**row, "of": " ".join(row["of"])} for row in rows])
-    return out.getvalue()
+    content = as_plain(findings)
+    return table_text(content.pop("measures"), suffix, **content)
 
 
 def lines(findings: Findings) -> list[str]:

@@ -15,7 +15,8 @@ from ..twin.folder import TwinFolder
 from ..twin.opened import open_twin
 from .measured import Findings, measure
 from .request import read_request
-from .tables import as_text, check_table_name, lines
+from .rows import check_table_name
+from .tables import as_text, lines
 
 __all__ = ["MeasureJob", "as_text", "lines", "measure_twin"]
 

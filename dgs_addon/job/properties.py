@@ -342,6 +342,11 @@ class DGS_PG_settings(bpy.types.PropertyGroup):
             ),
         ),
     )
+    measure_edges: bpy.props.BoolProperty(
+        name="Snap to Edges",
+        default=True,
+        description="A place that is set lies on the edge or corner that is nearest, within four px of the photos",
+    )
     view_kind: bpy.props.EnumProperty(
         name="Show",
         description="What the exact view shows",

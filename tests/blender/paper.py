@@ -24,7 +24,7 @@ class Paper:
     def _part(self, *_: Any, **__: Any) -> Paper:
         return Paper(self)
 
-    row = column = box = split = _part
+    row = column = box = split = grid_flow = _part
 
     def panel(self, _name: str, default_closed: bool = False) -> tuple[Paper, Paper]:
         """A part that can be closed, open."""
@@ -43,6 +43,10 @@ class Paper:
     def prop(self, owner: Any, name: str, **_: Any) -> None:
         assert name.startswith("[") or hasattr(owner, name), f"no property {name}"
         self.props.append(name)
+
+    def template_list(self, kind: str, _name: str, owner: Any, items: str, chosen: Any, index: str, **_: Any) -> None:
+        assert hasattr(bpy.types, kind) and hasattr(owner, items) and hasattr(chosen, index)
+        self.props.append(items)
 
     def progress(self, *, text: str = "", **_: Any) -> None:
         self.bars.append(text)

@@ -130,6 +130,12 @@ class Robot:
         if taking.returncode:
             raise RuntimeError(f"no picture {name}")
 
+    def click(self) -> None:
+        """Presses the left button where the mouse is."""
+        self.clicked = len(self.ticks)
+        _xdotool("click", 1)
+        self.clicks += 1
+
     def press(self, operator: str, across: float = 0.33) -> Story:
         """Clicks the sidebar's button of an operator ('dgs.optimize'); scrolls to it if need be.
 
@@ -139,16 +145,18 @@ class Robot:
         Raises:
             LookupError: there is no such button.
         """
+        yield from self.reach(operator, across)
+        self.click()
+        yield 0.5
+
+    def reach(self, operator: str, across: float = 0.33) -> Story:
+        """Points at the sidebar's button of an operator; scrolls to it if need be. Raises as `press`."""
         for attempt in range(7):
             place: list[int] = []
             yield from self._find(operator, place, across)
             if place:
                 _xdotool("mousemove", *place)
                 yield 0.3
-                self.clicked = len(self.ticks)
-                _xdotool("click", 1)
-                self.clicks += 1
-                yield 0.5
                 return
             _xdotool("mousemove", *self._point(0.5))
             if attempt == 0:  # from the top on, then downwards
