@@ -234,9 +234,9 @@ class DGS_OT_measure(_OfATwin, bpy.types.Operator):
         elif self._ending:
             words = rpt_("Measuring...")
         elif most > least and len(self._lines) >= least:
-            words = rpt_("Place {number}, or Enter").format(number=len(self._lines) + 1)
+            words = rpt_("Set place {number}, or Enter").format(number=len(self._lines) + 1)
         else:
-            words = rpt_("Place {number} of {count}").format(number=len(self._lines) + 1, count=least)
+            words = rpt_("Set place {number} of {count}").format(number=len(self._lines) + 1, count=least)
         keys = rpt_("{words}   |   Click: set   |   Backspace: take back   |   Esc: give up").format(words=words)
         if self._now.words != words:
             self._now.words = words
