@@ -26,7 +26,7 @@ class DGS_UL_measures(bpy.types.UIList):
     ) -> None:
         """One line."""
         row = layout.row(align=True)
-        parts = row.split(factor=0.36, align=True)
+        parts = row.split(factor=0.42, align=True)
         parts.prop(item, "name", text="", emboss=False, icon=KINDS[item.kind][2])
         right = parts.row(align=True)
         right.alert = not item.found

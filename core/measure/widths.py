@@ -34,6 +34,14 @@ class WidthSettings:
         " 7.9 to 8.1 and 13.1 px through 5 px",
         "the painted lines of the rendered ball, README",
     )
+    narrow: float = number(
+        0.5,
+        "px per px of blur",
+        "the same below `blurred` times the blur, falling to `inverted` at once the blur more: black cracks of 3.9, 5.9"
+        " and 9.1 px on a wall of many colours come out 6.9, 8.9 and 8.0 px through 5 px",
+        "draft twin of benchmarks/cracked_wall.py",
+    )
+    blurred: float = number(2.0, "times the blur", "up to which a width has the standard deviation of narrow ones")
 
 
 WIDTHS = WidthSettings()
@@ -78,10 +86,18 @@ def width_on(
     value = float(np.median(widths))
     scatter = 1.2533 * 1.4826 * float(np.median(np.abs(widths - value))) / np.sqrt(len(widths))
     fits = float(np.median([width.uncertainty for width in found])) / np.sqrt(len(widths))
-    pixels = float(np.hypot(max(scatter, fits), WIDTHS.inverted * sight.blur))
+    pixels = float(np.hypot(max(scatter, fits), _left_by_blur(value, sight.blur)))
     pixel = float(np.linalg.norm(ends[1].position - ends[0].position)) / length
     depth = float(np.mean([sight.camera.rotation[2] @ p.position + sight.camera.translation[2] for p in ends]))
     nearer = float(np.mean([np.sqrt(np.trace(p.covariance)) for p in ends])) / depth  # a px is as large as it is far
     spread = np.hypot(pixels * pixel, value * pixel * nearer)
     assert len(draws) == DRAWS
     return Value(value * pixel, value * pixel + spread * draws, pixel, 1)
+
+
+def _left_by_blur(width: float, blur: float) -> float:
+    """Standard deviation (px) of what inverting the blur leaves wrong of a width."""
+    if blur <= 0:
+        return 0.0
+    share = float(np.clip(WIDTHS.blurred + 1.0 - width / blur, 0.0, 1.0))
+    return blur * (share * WIDTHS.narrow + (1.0 - share) * WIDTHS.inverted)

@@ -33,6 +33,8 @@ KIND_ITEMS = [(kind, *KINDS[kind][:3], index) for index, kind in enumerate(KINDS
 #: Units of lengths.
 UNITS = ("mm", "µm", "cm", "m", "km", "in", "ft")
 UNIT_ITEMS = [(unit, unit, "") for unit in UNITS]
+#: From here on figures are written with an exponent.
+_LARGE = 1e5
 #: What is read of the engine's answer.
 ANSWER = {
     "measures": [
@@ -236,8 +238,8 @@ def value_text(item: Any) -> str:
 
 def _rounded(value: float, half: float) -> str:
     """With two digits of `half`, if it has them behind the point, and no more than six in all."""
-    if not half > 0:
-        return f"{value:.6g}"
+    if not half > 0 or half >= _LARGE:
+        return f"{value:.3g}" if half > 0 else f"{value:.6g}"
     digits = min(max(0, 1 - math.floor(math.log10(half))), 6)
     return f"{value:,.{digits}f}"
 

@@ -19,7 +19,7 @@ from dgs.core.measure.places import PRECISION, SurfacePoint, deviation_of_depth,
 from dgs.core.measure.request import AskedMeasure, AskedPlace, KnownLength, MeasureRequest, read_request
 from dgs.core.measure.sights import Sight, Sights
 from dgs.core.measure.values import DRAWS, drawn, valued
-from dgs.core.measure.widths import width_on
+from dgs.core.measure.widths import WIDTHS, _left_by_blur, width_on
 from dgs.core.training.scale import SceneScale
 from dgs.studies.stability.fuzzed_state import write_twin
 from scipy.special import ndtr
@@ -249,3 +249,11 @@ def test_the_command_measures_a_twin_or_says_what_is_not_there(
     file.write_text(json.dumps({**asked, "places": {**asked["places"], "b": {"photo": "z.png", "at": [1, 1]}}}))
     assert run(["measure", str(twin), str(file), "--progress", "none"]) == 2
     assert "'z.png' is no photo of this twin" in capsys.readouterr().err
+
+
+def test_a_width_below_twice_the_blur_is_less_sure() -> None:
+    """An inverted blur leaves lines wrong that it has wiped out; wide ones keep the small deviation."""
+    assert _left_by_blur(3.0, 0.0) == 0.0
+    narrow, between, wide = (_left_by_blur(width, 5.0) for width in (8.0, 12.5, 20.0))
+    assert np.isclose(narrow, 5.0 * WIDTHS.narrow) and np.isclose(wide, 5.0 * WIDTHS.inverted)
+    assert np.isclose(between, (narrow + wide) / 2)
