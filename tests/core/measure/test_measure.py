@@ -184,12 +184,12 @@ def test_width_of_a_line_is_read_across_it() -> None:
     across = np.arange(SIZE) + 0.5
     line = ndtr((across - 26.3) / 0.8) - ndtr((across - 36.7) / 0.8)
     image = np.tile((0.2 + 0.6 * line).astype(np.float32), (3, SIZE, 1))
-    one = replace(sight("a", tilt=0.0), image=image, blur=5.0)
+    one = replace(sight("a", tilt=0.0), image=image, blur=2.5)
     ends = (place_at(-0.24, 0, 2.0, pixel=0.02), place_at(0.24, 0, 2.0, pixel=0.02))
     normal = np.random.default_rng(0).standard_normal(DRAWS)
     width = width_on(one, ((20.0, 30.0), (44.0, 30.0)), ends, normal, "w")
     assert np.isclose(width.value / 0.02, 10.4, atol=0.05)
-    assert np.isclose(width.draws.std() / 0.02, 0.06 * 5.0, rtol=0.2)  # what the blur leaves open
+    assert np.isclose(width.draws.std() / 0.02, 0.06 * 2.5, rtol=0.2)  # what the blur leaves open
     flat = replace(one, image=np.full((3, SIZE, SIZE), 0.5, np.float32))
     with pytest.raises(DgsError, match="no line with two flanks"):
         width_on(flat, ((20.0, 30.0), (44.0, 30.0)), ends, normal, "w")
