@@ -52,12 +52,12 @@ class Adam:
 
         Args:
             rates: a step size per parameter name, and 'sh_rest' for the harmonics of degree >= 1.
-            photos: that the gradients are the mean of. The step is as long as that many steps of single photos whose
-                noise is independent: rates grow with the root, and moments decay as often (Zhao et al. 2024, "On
-                Scaling Up 3D Gaussian Splatting Training").
+            photos: that the gradients are the mean of. The step is as long as so many steps of single photos, and
+                moments decay as often. (Zhao et al. 2024, "On Scaling Up 3D Gaussian Splatting Training", let rates
+                grow with the root only; in runs as short as ours that is worse: docs/scale.md.)
         """
         self.steps += photos
-        first_decay, second_decay, longer = ADAM.first_decay**photos, ADAM.second_decay**photos, photos**1.0
+        first_decay, second_decay = ADAM.first_decay**photos, ADAM.second_decay**photos
         bias1, bias2 = 1 - ADAM.first_decay**self.steps, 1 - ADAM.second_decay**self.steps
         steps: dict[str, AdamStep] = {}
         for name, tensor in self.gaussians.named():
@@ -65,8 +65,8 @@ class Adam:
             tensor.grad = None
             if gradient is None:
                 continue
-            rate = longer * rates[name] / bias1
-            tail = longer * rates["sh_rest"] / bias1 if name == "sh" else rate
+            rate = photos * rates[name] / bias1
+            tail = photos * rates["sh_rest"] / bias1 if name == "sh" else rate
             steps[name] = AdamStep(
                 tensor.detach(),
                 gradient,

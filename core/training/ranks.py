@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import socket
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -186,8 +187,9 @@ def _said(talk: Callable[[], T]) -> T:
     try:
         return talk()
     except (RuntimeError, ValueError) as error:
-        reason = str(error).strip().splitlines()[-1][:160] if str(error).strip() else type(error).__name__
+        # (gloo begins with a place in its own source, and goes on with advice)
+        reason = re.sub(r"^\[[^]]*\]\s*", "", str(error).strip()).split(". ")[0].splitlines() or [type(error).__name__]
         raise RankLost(
-            f"Another rank died or does not answer ({reason})",
+            f"Another rank died or does not answer ({reason[0][:120]})",
             "Start all ranks again with --resume; their number may be another",
         ) from error
