@@ -37,7 +37,7 @@ from scipy.stats import chi2
 #: Px: side of a window; standard deviation of the slow fields of light; within which a surface is the same.
 WINDOW, SLOW, SAME = 11, 25.0, 5.0
 #: Px-equivalents: what is left of every motion; below which no motion is called one.
-FLOOR, LEAST = 0.05, 0.3
+FLOOR, SMALLEST_MOTION = 0.05, 0.3
 #: Of a place that has not changed to be called changed, if all were as modelled.
 LEVEL = 1e-4
 
@@ -155,7 +155,7 @@ def main() -> None:
     by = (other.by - own.by)[held]
     covariance = (own.covariance + other.covariance)[held] + FLOOR**2 * np.eye(3)
     surprise = np.einsum("ni,nij,nj->n", by, np.linalg.inv(covariance), by)
-    changed = (surprise > chi2.ppf(1 - LEVEL, 3)) & (np.linalg.norm(by, axis=1) > LEAST)
+    changed = (surprise > chi2.ppf(1 - LEVEL, 3)) & (np.linalg.norm(by, axis=1) > SMALLEST_MOTION)
     print(f"{held.sum()} of {len(held)} places are held by photos; called changed: {100 * changed.mean():.2f} %")
     print("surprise, median (2.4 if as modelled):", np.round(np.median(surprise), 2))
     print("95 % regions that hold none:", np.round(100 * (surprise < chi2.ppf(0.95, 3)).mean(), 1), "%")
