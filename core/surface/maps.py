@@ -14,6 +14,7 @@ from .union import Samples, joined
 
 
 def wanted_pixels(views: ViewStack, view: int) -> NDArray[np.bool_]:
+    """[H, W] px of a view that count and are not known to be empty: those that a surface is wanted for."""
     return views.counts[view] if views.empty is None else views.counts[view] & ~views.empty[view]
 
 
