@@ -31,6 +31,7 @@ from ..rasterizer import (
 from ..rendering import OPAQUE_ENOUGH
 from .collecting import CollectedLight
 from .medium import MediumModel, SubFrame
+from .surface import surface_depth, where_they_agree
 
 
 class Exposure(Protocol):
@@ -164,8 +165,9 @@ class Exposed:
         for frame, rendered, part in zip(self.frames, self.renders, parts, strict=True):
             derivative = with_gradient(rendered.image, part)
             in_depth = frame.passage.depth_gradient
-            if in_depth is not None:
-                derivative = derivative + _in_depth(rendered, in_depth)
+            surface = frame.passage.shot.depth
+            if in_depth is not None and surface is not None:
+                derivative = derivative + _in_depth(rendered, where_they_agree(in_depth, surface, rendered))
             total = derivative if total is None else total + derivative
         assert total is not None
         total.backward()  # type: ignore[no-untyped-call]
@@ -241,13 +243,20 @@ class ForwardModel:
                 for sub in subs
             )
             weights = [sub.weight for sub in subs]
-            seen = [(rendered.image.detach(), rendered.mean_depth) for rendered in each]
+            seen = [
+                (drawn.image.detach(), self.surface(gaussians, sub, drawn))
+                for drawn, sub in zip(each, subs, strict=True)
+            ]
         size, middle = (camera.height, camera.width), (camera.cx, camera.cy)
         shots = [Shot(exposure.name, *size, overscan + self.margin, middle, depth) for _, depth in seen]
         passages = [self.formation.passage(image, shot) for (image, _), shot in zip(seen, shots, strict=True)]
         frames = tuple(SharpFrame(p, weight) for p, weight in zip(passages, weights, strict=True))
         space = medium.space if poses is None else "linear"  # a sensor collects light
         return Exposed(medium, self.formation, shots[0], frames, renders, space)
+
+    def surface(self, gaussians: Gaussians, frame: SubFrame, rendered: Rendered) -> Tensor | None:
+        """[h, w] depth that effects follow, of a frame as it was rendered; None where no depth was asked for."""
+        return surface_depth(gaussians, frame, self.settings, rendered)
 
     @staticmethod
     def _one_by_one(camera: Camera, poses: Tensor) -> list[SubFrame]:

@@ -110,11 +110,13 @@ class Seen:
     """What the twin shows of a photo without the blur, and the photo.
 
     Attributes:
-        rendered: the sharp view, margin included; photo: [3, H, W] sRGB; counts: [H, W] bool, None for all px.
+        rendered: the sharp view, margin included; depth: [h, w] of its surface; photo: [3, H, W] sRGB.
+        counts: [H, W] bool, None for all px.
         medium: what else blurs; shot: how it is taken.
     """
 
     rendered: Rendered
+    depth: Tensor
     photo: Tensor
     counts: Tensor | None
     medium: MediumModel
@@ -154,14 +156,13 @@ class BlurByDepth:
         """Compared on one photo; None where it shows nothing."""
         margin, (height, width) = seen.shot.margin, seen.photo.shape[1:]
         inside = (slice(margin, margin + height), slice(margin, margin + width))
-        assert seen.rendered.mean_depth is not None
         light = srgb_to_linear(seen.rendered.image.detach())
         use = seen.rendered.alpha.detach()[inside] > OPAQUE_ENOUGH
         if seen.counts is not None:
             use = use & seen.counts
         if int(use.sum()) < settings.classes:
             return None
-        inverse = 1.0 / seen.rendered.mean_depth[inside].clamp(min=FOCUS.nearest_depth)[use].cpu().double().numpy()
+        inverse = 1.0 / seen.depth[inside].clamp(min=FOCUS.nearest_depth)[use].cpu().double().numpy()
         order = np.array_split(np.argsort(inverse, kind="stable"), settings.classes)
         softened, variance = even_blur(srgb_to_linear(seen.photo), LADDER[settings.softened - 1], effect.shape)
         photo = linear_to_srgb(softened)[:, use]

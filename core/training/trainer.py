@@ -17,7 +17,7 @@ from ..constants import SH_COEFFICIENTS
 from ..devices import backend_on
 from ..errors import TrainingError
 from ..evaluation.halves import exposed_by_halves
-from ..forward import Exposed, Exposure, ForwardModel, low_pass_on_grid, margin_for, sharp_view
+from ..forward import Exposed, Exposure, ForwardModel, SubFrame, low_pass_on_grid, margin_for, sharp_view
 from ..forward.compare import mean_square, psnr_of
 from ..frames import Frame
 from ..gaussians import Gaussians
@@ -429,9 +429,12 @@ class Trainer:
         counts = None if view.valid is None else torch.from_numpy(view.valid).to(self.device)
         camera, photo = view.camera, torch.from_numpy(view.planes()).to(self.device)
         with torch.no_grad():
-            sharp = self.model(level).sharp(self.optimizer.gaussians, camera, self.background)
+            model, gaussians = self.model(level), self.optimizer.gaussians
+            sharp = model.sharp(gaussians, camera, self.background)
+            depth = model.surface(gaussians, SubFrame(camera.with_margin(level.margin)), sharp)
+            assert depth is not None
             shot = Shot(view.name, camera.height, camera.width, level.margin, (camera.cx, camera.cy))
-            return BlurByDepth.of(Seen(sharp, photo, counts, medium, shot), focus.effect, focus.settings)
+            return BlurByDepth.of(Seen(sharp, depth, photo, counts, medium, shot), focus.effect, focus.settings)
 
     def follow_unseen(self, level: Level, view: GridView) -> None:
         """Learns a step of a held-out photo's own path and focus; the Gaussians do not see it."""

@@ -112,7 +112,9 @@ def test_even_blurs_of_the_true_view_say_focus_and_strength(scene):
         shot = Shot(view.name, view.camera.height, view.camera.width)
         learned = LearnedFocus(start(views).focus, [v.name for v in views])
         tables[view.name] = BlurByDepth.of(
-            Seen(rendered, photo, None, medium_of(None, frame), shot), learned.effect, learned.settings
+            Seen(rendered, rendered.mean_depth, photo, None, medium_of(None, frame), shot),
+            learned.effect,
+            learned.settings,
         )
     learned.search(tables, 0.5)
     assert learned.common * DIAGONAL == pytest.approx(PX, rel=0.2)

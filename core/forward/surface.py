@@ -1,0 +1,73 @@
+"""How far away effects that follow the depth take to lie what a camera sees.
+
+The mean depth of a px's light is not where its surface is: a few percent of the light that pass through to what lies
+far behind move it by a tenth. Where half of the light is held back is right to a fifth of a percent. No gradient leads
+through such a median. The mean's stands in where both agree, and none does elsewhere: a px whose light comes from
+several depths would be pulled apart by it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from ..camera import Camera
+from ..gaussians import Gaussians
+from ..numbers import number
+from ..rasterizer import RasterSettings, Rendered, blended_depths
+from .medium import SubFrame
+
+
+@dataclass(frozen=True)
+class SurfaceDepthSettings:
+    """Numbers of the depth that effects follow."""
+
+    held: float = number(
+        0.5,
+        "share of the light",
+        "that is held back in front of the surface; depths of twins lie within 0.8 % of the truth (nine in ten px) with"
+        " 0.4 and 0.5 alike, 0.3 % farther with 0.75; the mean lies 5 % too far and up to 47 %",
+        "a rendered depth of field, twins of 1000 steps with and without it",
+    )
+    agreeing: float = number(
+        0.03,
+        "share of the depth",
+        "by which mean and surface may differ where the mean's gradient stands in for the surface's",
+        "a first choice; none at all gave 25.39 dB, this 25.36 (a rendered depth of field, 300 steps)",
+    )
+
+
+SURFACE_DEPTH = SurfaceDepthSettings()
+
+
+def surface_depth(gaussians: Gaussians, frame: SubFrame, settings: RasterSettings, rendered: Rendered) -> Tensor | None:
+    """[h, w] depth of the surface that a frame shows, without gradient; the mean where less is held back.
+
+    Args:
+        rendered: the frame, of these Gaussians; None comes back where its depth was not asked for.
+    """
+    mean = rendered.mean_depth
+    if mean is None:
+        return None
+    with torch.no_grad():
+        there = gaussians.to(device="cpu", dtype=torch.float32)
+        found = blended_depths(there, _camera_of(frame), settings, held=SURFACE_DEPTH.held, centres=True).surface
+        surface = torch.from_numpy(found).to(mean)
+        return torch.where(surface.isfinite(), surface, mean)
+
+
+def where_they_agree(gradient: Tensor, surface: Tensor, rendered: Rendered) -> Tensor:
+    """A gradient [h, w] in the surface's depth as one in the mean depth: zero where the two are not the same place."""
+    mean = rendered.mean_depth
+    assert mean is not None
+    return torch.where((mean - surface).abs() <= SURFACE_DEPTH.agreeing * surface, gradient, 0.0)
+
+
+def _camera_of(frame: SubFrame) -> Camera:
+    if frame.pose is None:
+        return frame.camera
+    pose = frame.pose.detach().cpu().double().numpy()
+    return replace(frame.camera, rotation=np.ascontiguousarray(pose[:, :3]), translation=pose[:, 3].copy())
