@@ -255,7 +255,12 @@ class ForwardModel:
         return Exposed(medium, self.formation, shots[0], frames, renders, space)
 
     def surface(self, gaussians: Gaussians, frame: SubFrame, rendered: Rendered) -> Tensor | None:
-        """[h, w] depth that effects follow, of a frame as it was rendered; None where no depth was asked for."""
+        """[h, w] depth that effects follow, of a frame as it was rendered; None where no depth was asked for.
+
+        Light through haze is that of all that is seen, so its depth is their mean; a blur is its surface's.
+        """
+        if not self.formation.by_surface:
+            return rendered.mean_depth
         return surface_depth(gaussians, frame, self.settings, rendered)
 
     @staticmethod

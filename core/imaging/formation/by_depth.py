@@ -27,6 +27,7 @@ class DepthBlur(Effect):
 
     place = "light"
     by_depth = True
+    by_surface = True
     shape: ClassVar[Shape]
 
     def __init__(self, parameters: dict[str, Tensor]) -> None:

@@ -106,6 +106,11 @@ class Formation:
         return [effect for effect in self.effects if effect.place == "sensor"]
 
     @property
+    def by_surface(self) -> bool:
+        """Whether that is to be the depth of the surface."""
+        return any(effect.by_surface for effect in self.effects)
+
+    @property
     def by_depth(self) -> bool:
         """Whether the render's depth is needed."""
         return any(effect.by_depth for effect in self.effects)

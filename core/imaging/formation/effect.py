@@ -47,7 +47,8 @@ class Effect(ABC):
         name: as `--effects` takes it; physics: one sentence; place: 'camera' where it changes what frames a
             photo collects and leaves their light alone, 'light' before the medium's blur (frames with margin), 'sensor'
             behind it (the photo's own px).
-        by_depth: whether it needs the render's depth.
+        by_depth: whether it needs the render's depth; by_surface: whether that is to be the surface's, not the mean of
+            what is seen (`core.forward.surface`).
         parameters: float32 tensors; gradients: of the loss, of the same shapes, added up by `gradient`.
         depth_gradient: [h, w] of the loss in the render's depth, as `gradient` left it; None where it goes to none.
     """
@@ -56,6 +57,7 @@ class Effect(ABC):
     physics: ClassVar[str]
     place: ClassVar[Literal["camera", "light", "sensor"]]
     by_depth: ClassVar[bool] = False
+    by_surface: ClassVar[bool] = False
     depth_gradient: Tensor | None = None
 
     def __init__(self, parameters: dict[str, Tensor]) -> None:
