@@ -43,10 +43,11 @@ class SamePointsSettings:
     draws: int = number(100, "count", "of regions of space for the standard error (bootstrap)")
     minimum_observations: int = number(150, "count", "for a statement")
     focus_shift: float = number(
-        1.0,
+        0.75,
         "natural log of the energy",
         "by which near points are sharper than far ones here and blurrier there, so that a focus that moves is tried",
-        "drinks (focus moves) 8.0 +- 0.7; sharp photos of copr 0, brighton 0, banana 1.2 +- 0.3; tea (shaken) 0.5",
+        "drinks (focus moves) 8.0 +- 0.7, a rendered depth of field 1.3 +- 0.2; sharp photos of copr 0, brighton 0,"
+        " banana 1.2 +- 0.3; tea (shaken) 0.5",
         NOT_CHECKED,
     )
     sure: float = number(2.0, "standard errors", "by which it must be larger", BY_DEFINITION)
