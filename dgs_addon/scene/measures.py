@@ -226,14 +226,17 @@ def rows_of_table(twin: Any) -> list[dict[str, Any]]:
 
 
 def value_text(item: Any) -> str:
-    """A value and half its 95 % interval: '12.3 ± 0.4 mm'."""
+    """A value and half its 95 % interval: '12.3 ± 0.4 mm'; '< 31 mm' where it is no larger than its error."""
     if not item.found:
         return "–"
     half = max(item.value - item.low, item.high - item.value)
     unit = {"deg": "°", "px-equivalent": "px", "px-equivalent^2": "px²"}.get(item.unit, item.unit.replace("^2", "²"))
     if item.known:
         return f"{item.value:.6g} {unit}"
-    return f"{_rounded(item.value, half)} ± {_rounded(half, half)}{'' if unit == '°' else ' '}{unit}"
+    unit = unit if unit == "°" else f" {unit}"
+    if half >= item.value:  # nothing but a bound is known of it
+        return f"< {_rounded(item.high, half)}{unit}"
+    return f"{_rounded(item.value, half)} ± {_rounded(half, half)}{unit}"
 
 
 def _rounded(value: float, half: float) -> str:

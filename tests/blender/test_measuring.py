@@ -10,6 +10,7 @@ import json
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -175,3 +176,11 @@ def test_an_engine_that_dies_says_of_what() -> None:
     assert talk.wait("a") == {"event": "error", "text": "no more"} and not talk.ready
     talk = Conversation(["/nowhere/python"])
     assert "nowhere" in talk.wait("a")["text"]
+
+
+def test_a_value_that_is_no_larger_than_its_error_is_a_bound():
+    def item(value: float, low: float, high: float) -> SimpleNamespace:
+        return SimpleNamespace(found=True, known=False, unit="mm^2", value=value, low=low, high=high)
+
+    assert value_text(item(44_848.0, 0.0, 2_425_718.0)).startswith("< 2")
+    assert value_text(item(120.0, 100.0, 140.0)) == "120 ± 20 mm²"
