@@ -2,10 +2,10 @@
 
     python -m benchmarks.in_focus PHOTOS TWIN [TWIN ...]
 
-Twice: where a held-out photo's fine detail (the rms of what a Gaussian of 1.5 px takes away, averaged over 8 px) is in its
-upper third, which large letters are even out of focus; and where it is in focus by what no contrast feigns: among the
-half with more texture (1 to 4 px), the third with most detail below 1 px for it. There the sharp render is compared with
-it, each channel's gain matched, as exposures may differ.
+Twice: where a held-out photo's fine detail (the rms of what a Gaussian of 1.5 px takes away, averaged over 8 px) is in
+its upper third, which large letters are even out of focus; and where it is in focus by what no contrast feigns: among
+the half with more texture (1 to 4 px), the third with most detail below 1 px for it. There the sharp render is compared
+with it, each channel's gain matched, as exposures may differ.
 """
 
 from __future__ import annotations
