@@ -151,7 +151,7 @@ class Robot:
 
     def reach(self, operator: str, across: float = 0.33) -> Story:
         """Points at the sidebar's button of an operator; scrolls to it if need be. Raises as `press`."""
-        for attempt in range(7):
+        for attempt in range(14):
             place: list[int] = []
             yield from self._find(operator, place, across)
             if place:
