@@ -4,6 +4,17 @@ from __future__ import annotations
 
 from typing import Any
 
+import bpy
+
+
+def new_material(name: str) -> tuple[Any, Graph]:
+    """A new `bpy` material without nodes, and its tree."""
+    material = bpy.data.materials.new(name)
+    if material.node_tree is None:  # always there from Blender 5 on
+        material.use_nodes = True
+    material.node_tree.nodes.clear()
+    return material, Graph(material.node_tree)
+
 
 class Graph:
     """Adds nodes to a `bpy` node tree; inputs are sockets (linked) or values (set).

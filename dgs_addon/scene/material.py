@@ -19,7 +19,7 @@ from typing import Any
 
 import bpy
 
-from .graph import Graph
+from .graph import Graph, new_material
 
 NAME, CARD_NAME = "Descatter Splat", "Descatter Card"
 #: Attributes that the nodes hand over: a ball's encoded colour or a card's shown one, and a card's own coordinates.
@@ -46,12 +46,13 @@ def card_material() -> Any:
     existing = bpy.data.materials.get(CARD_NAME)
     if existing is not None:
         return existing
-    graph = _empty(CARD_NAME)
+    material, graph = new_material(CARD_NAME)
     shown = graph.node("ShaderNodeAttribute", attribute_name=COLOUR).outputs
     place = graph.node("ShaderNodeAttribute", attribute_name=PLACE).outputs[1]
     power = graph.math("MULTIPLY", graph.vector("DOT_PRODUCT", place, place), -0.5 * REACH**2)
     alpha = graph.math("MULTIPLY", graph.math("EXPONENT", power), shown[3])
-    return _output(graph, shown[0], alpha)
+    _output(graph, shown[0], alpha)
+    return material
 
 
 def prepare_scene(scene: Any, as_trained: bool = False) -> None:
@@ -106,29 +107,20 @@ def colours_fit(scene: Any) -> bool:
     return bool(shown_as_they_are and abs(view.exposure) < 1e-6 and abs(view.gamma - 1.0) < 1e-6)
 
 
-def _empty(name: str) -> Graph:
-    """A new material without nodes."""
-    material = bpy.data.materials.new(name)
-    if material.node_tree is None:  # always there from Blender 5 on
-        material.use_nodes = True
-    material.node_tree.nodes.clear()
-    return Graph(material.node_tree)
-
-
-def _output(graph: Graph, colour: Any, alpha: Any) -> Any:
-    """Light of this colour where the splat is, nothing where it is not; the `bpy` material."""
+def _output(graph: Graph, colour: Any, alpha: Any) -> None:
+    """Light of this colour where the splat is, nothing where it is not."""
     emission = graph.node("ShaderNodeEmission", colour, 1.0).outputs[0]
     clear = graph.node("ShaderNodeBsdfTransparent").outputs[0]
     graph.node("ShaderNodeOutputMaterial", graph.node("ShaderNodeMixShader", alpha, clear, emission).outputs[0])
-    return next(m for m in bpy.data.materials if m.node_tree == graph.tree)
 
 
 def _build() -> Any:
-    graph = _empty(NAME)
+    material, graph = new_material(NAME)
     incoming = graph.node("ShaderNodeNewGeometry").outputs
     towards, back = incoming[4], incoming[6]
     alpha = graph.math("MULTIPLY", _alpha(graph, towards), graph.math("SUBTRACT", 1.0, back))
-    return _output(graph, linear_light(graph, _colour(graph, towards)), alpha)
+    _output(graph, linear_light(graph, _colour(graph, towards)), alpha)
+    return material
 
 
 def _alpha(graph: Graph, towards: Any) -> Any:

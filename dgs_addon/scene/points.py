@@ -10,7 +10,7 @@ import numpy as np
 
 from ...core.formats.colmap import read_colmap_points
 from ..axes import points_to_blender
-from .graph import Graph
+from .graph import Graph, new_material
 
 POINTS = "dgs_points"
 _COLOUR, _NODES, _MATERIAL = "colour", "Descatter Points", "Descatter Points"
@@ -84,11 +84,7 @@ def _material() -> Any:
     existing = bpy.data.materials.get(_MATERIAL)
     if existing is not None:
         return existing
-    material = bpy.data.materials.new(_MATERIAL)
-    if material.node_tree is None:  # always there from Blender 5 on
-        material.use_nodes = True
-    material.node_tree.nodes.clear()
-    graph = Graph(material.node_tree)
+    material, graph = new_material(_MATERIAL)
     colour = graph.node("ShaderNodeAttribute", attribute_name=_COLOUR).outputs[0]
     graph.node("ShaderNodeOutputMaterial", graph.node("ShaderNodeEmission", colour, 1.0).outputs[0])
     return material

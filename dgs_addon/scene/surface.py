@@ -9,7 +9,7 @@ import bpy
 from mathutils import Matrix
 
 from ...core.errors import FormatError
-from .graph import Graph
+from .graph import new_material
 from .measures import from_file
 
 #: Object property that marks a twin's surface.
@@ -71,11 +71,7 @@ def _material(colours: str) -> Any:
     existing = bpy.data.materials.get(_MATERIAL)
     if existing is not None:
         return existing
-    material = bpy.data.materials.new(_MATERIAL)
-    if material.node_tree is None:  # always there from Blender 5 on
-        material.use_nodes = True
-    material.node_tree.nodes.clear()
-    graph = Graph(material.node_tree)
+    material, graph = new_material(_MATERIAL)
     shader = graph.node("ShaderNodeBsdfPrincipled")
     shader.inputs["Roughness"].default_value = 0.9
     if colours:
