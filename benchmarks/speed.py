@@ -65,17 +65,16 @@ def measure(row: Row) -> Row:
     """One row, in this process: medians of the stages of an iteration, in milliseconds."""
 
     import torch
-    from dgs.core import compiled
     from dgs.core.devices import backend_named, tensors_on
     from dgs.core.imaging.operator import BlurOperator
     from dgs.core.imaging.psf import PointSpread
+    from dgs.core.machine import use_machine
     from dgs.core.rasterizer import render
     from dgs.core.training.optimizer import Adam
 
     from . import scene
 
-    torch.set_num_threads(row["threads"])
-    compiled.set_threads(row["threads"])
+    use_machine(row["threads"])
     backend_named(row["backend"]).check()
     device = tensors_on(row["backend"])
     width, height = row["size"]

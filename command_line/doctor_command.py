@@ -21,12 +21,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def doctor_command(options: argparse.Namespace, progress: Reporting) -> int:
     """Prints a line per check; 2 if one fails, with the way out in its line."""
-    from ..core.machine import machine, use_threads, versions  # late: slows --help
+    from ..core.machine import machine, use_machine, versions  # late: slows --help
 
     facts: dict[str, object] = {**versions()}
     for name, value in facts.items():
         print(f"{name:>14}  {value}")
-    threads = use_threads(options.threads)
+    threads = use_machine(options.threads)
     device = choose_device(options.device)
     for name, value in machine(threads, device).items():
         print(f"{name:>14}  {value}")

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from ..core.errors import DgsError
-from ..core.machine import machine, use_threads
+from ..core.machine import machine, use_machine
 from ..core.npy import load_npy
 from ..core.outputs import check_outputs, note_output
 from ..dgs_addon.job.preview import read_preview
@@ -83,7 +83,7 @@ def check_document(document: Path, overwrite: bool) -> None:
 
 def write_document(document: Path, results: list[ReaderFuzz], threads: int | None) -> None:
     """Puts the table between the marks of a document; raises OutputError."""
-    here = table.described(machine(use_threads(threads), "cpu"))
+    here = table.described(machine(use_machine(threads), "cpu"))
     table.write_markdown(document, markdown(results, here))
     note_output(document)
 

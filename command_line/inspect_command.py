@@ -53,12 +53,12 @@ def inspect_command(options: argparse.Namespace, progress: Reporting) -> int:
     from ..core.inspection.cameras import with_cameras  # heavy: torch
     from ..core.inspection.photo_set import PhotoSet  # heavy: torch
     from ..core.inspection.pictures import PICTURES, draw_inspection  # heavy: torch
-    from ..core.machine import use_threads  # late: slows --help
+    from ..core.machine import use_machine  # late: slows --help
     from ..core.photos.load import load_photos  # heavy: torch
     from ..core.photos.uniform import before_background  # heavy: torch
 
     began = time.perf_counter()
-    threads = use_threads(options.threads)
+    threads = use_machine(options.threads)
     if options.out is not None:
         check_writable(options.out)
         files = [options.out / name for name in ("inspection.json", *PICTURES)]

@@ -62,7 +62,7 @@ def next_view_command(options: argparse.Namespace, progress: Reporting) -> int:
 
 
 def _rank_and_write(options: argparse.Namespace, progress: Reporting) -> int:
-    from ..core.machine import use_threads  # late: slows --help
+    from ..core.machine import use_machine  # late: slows --help
     from ..core.report.known import add_chapter  # heavy: torch
     from ..core.twin.folder import TwinFolder  # late: slows --help
     from ..core.twin.opened import open_twin  # heavy: torch
@@ -71,7 +71,7 @@ def _rank_and_write(options: argparse.Namespace, progress: Reporting) -> int:
     from ..core.uncertainty.pictures import draw_expected  # heavy: torch
 
     began = time.perf_counter()
-    use_threads(options.threads)
+    use_machine(options.threads)
     twin = open_twin(options.twin, progress, options.photos)
     cameras = [view.camera for view in twin.views]
     if options.candidates in CAMERA_PATHS:

@@ -41,7 +41,7 @@ def render_command(options: argparse.Namespace, progress: Reporting) -> int:
     from ..core.formats.gaussians import read_gaussians, unusable  # heavy: numpy
     from ..core.imaging.medium import Medium  # heavy: torch
     from ..core.imaging.psf_text import parse_psf  # heavy: torch
-    from ..core.machine import use_threads  # late: slows --help
+    from ..core.machine import use_machine  # late: slows --help
 
     psf = parse_psf(options.psf)
     behind = None if options.background == "transparent" else parse_colour(options.background)
@@ -57,7 +57,7 @@ def render_command(options: argparse.Namespace, progress: Reporting) -> int:
     from ..core.pipeline.views import Viewer, to_pixels  # heavy: torch
     from ..core.training.scale import twin_scale  # heavy: torch
 
-    use_threads(options.threads)
+    use_machine(options.threads)
     model = read_cameras(options.cameras)
     lenses, poses = model.lenses, model.poses
     medium = Medium(psf, options.blur_space)

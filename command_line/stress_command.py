@@ -66,13 +66,13 @@ def stress_command(options: argparse.Namespace, progress: Reporting) -> int:
     """Runs what was asked for; 2 if anything failed."""
     if options.fuzz_files is not None:
         return _damaged_files(options, progress)
-    from ..core.machine import machine, use_threads  # late: slows --help
+    from ..core.machine import machine, use_machine  # late: slows --help
     from ..studies.stability import table  # heavy: torch
     from ..studies.stability.case import backends_for  # heavy: torch
     from ..studies.stability.fuzz import fuzz  # heavy: torch
     from ..studies.stability.registry import all_cases  # heavy: torch
 
-    threads, device = use_threads(options.threads), choose_device(options.device)
+    threads, device = use_machine(options.threads), choose_device(options.device)
     cases = [
         c
         for c in all_cases()

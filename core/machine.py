@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
 
+from .allocator import keep_freed_memory
 from .devices import BackendName, choose_device
 from .version import VERSION
 
@@ -34,8 +35,11 @@ def cores() -> int:
     return os.cpu_count() or 1
 
 
-def use_threads(count: int | None) -> int:
-    """Sets the threads of torch and of the kernels; returns how many. Call before the first kernel."""
+def use_machine(count: int | None) -> int:
+    """Sets the threads of torch and of the kernels, and keeps what steps free; returns how many threads.
+
+    Call before the first kernel.
+    """
     import torch  # heavy: torch
 
     from .compiled import set_threads  # heavy: numba
@@ -43,6 +47,7 @@ def use_threads(count: int | None) -> int:
     threads = count or cores()
     torch.set_num_threads(threads)
     set_threads(threads)
+    keep_freed_memory()
     return threads
 
 
@@ -75,7 +80,7 @@ class Machine:
         Raises:
             DeviceError: the back end that was asked for is not there.
         """
-        return Machine(use_threads(threads), choose_device(device))
+        return Machine(use_machine(threads), choose_device(device))
 
     @property
     def facts(self) -> dict[str, str | int | float | None]:

@@ -11,7 +11,7 @@ from typing import Any
 
 from ..errors import DgsError
 from ..files import parse_json
-from ..machine import use_threads
+from ..machine import use_machine
 from ..progress import Progress, Silent
 from ..twin.folder import TwinFolder
 from ..twin.opened import open_twin
@@ -75,7 +75,7 @@ def listen(
     Raises:
         FormatError: no twin folder, or damaged. Cancelled: the user asked to stop before it was open.
     """
-    use_threads(threads)
+    use_machine(threads)
     measurer = Measurer(folder, photos, progress)
     write(json.dumps({"event": "open", "cameras": measurer.cameras}))
     for line in lines:

@@ -8,7 +8,7 @@ from pathlib import Path
 from ..errors import FormatError
 from ..files import check_writable, write_text
 from ..json_shape import number
-from ..machine import use_threads
+from ..machine import use_machine
 from ..outputs import check_outputs, placing_output
 from ..progress import Progress
 from ..twin.folder import TwinFolder
@@ -56,7 +56,7 @@ def measure_twin(job: MeasureJob, progress: Progress) -> Findings:
         check_table_name(job.out)
         check_outputs([job.out], [job.asked, job.folder / "twin.ply", job.folder / "report.json"], job.overwrite)
         check_writable(job.out.parent)
-    use_threads(job.threads)
+    use_machine(job.threads)
     twin = open_twin(job.folder, progress, job.photos)
     findings = measure(twin, request, looking(TwinFolder(job.folder)), progress)
     if job.out is not None:

@@ -9,7 +9,7 @@ from typing import Any
 from ..errors import FormatError
 from ..files import check_writable
 from ..formats.meshes import check_mesh_name, write_mesh
-from ..machine import use_threads
+from ..machine import use_machine
 from ..numbers import number
 from ..outputs import check_outputs, placing_output
 from ..progress import Progress
@@ -42,7 +42,7 @@ def write_twin_mesh(
     check_mesh_name(out)
     check_outputs([out], [folder / "twin.ply"], overwrite)
     check_writable(out.parent)
-    use_threads(threads)
+    use_machine(threads)
     gaussians, cameras = splats_and_cameras(folder)
     made = build_mesh(gaussians, cameras, settings, progress)
     progress.stage("save")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ..files import check_writable
 from ..lock import working_on
-from ..machine import use_threads
+from ..machine import use_machine
 from ..outputs import claim_output_folder
 from ..photos.movie import is_movie
 from ..progress import Progress
@@ -30,7 +30,7 @@ def only_cameras(run: RunSettings, progress: Progress) -> Reconstruction:
     with working_on(run.out, "cameras", progress.note):
         begun = BegunRun(TwinFolder(run.out), "anew", is_movie(run.photos.photos))
         with begun.until_finished([run.photos.photos]):
-            search = search_for(run.training, use_threads(run.threads), False, False)
+            search = search_for(run.training, use_machine(run.threads), False, False)
             loaded = read_photos(run.photos, begun.folder, progress)
             medium = medium_of(run.medium, given, loaded.photos, progress).medium
             begun.check_photos(loaded.contents, None)

@@ -21,7 +21,7 @@ from ..files import file_digest
 from ..gaussians import Gaussians
 from ..imaging.formation.exposure import Exposure
 from ..imaging.medium import Medium
-from ..machine import use_threads
+from ..machine import use_machine
 from ..photos.load import Photo, load_photos
 from ..photos.undistort import undistorted_views
 from ..photos.uniform import like_the_others
@@ -86,7 +86,7 @@ def _updated(
     settings: UpdateSettings, progress: Progress, waiting: Waiting | None, folder: TwinFolder, change: TwinChange
 ) -> dict[str, Any]:
     began = time.perf_counter()
-    threads, report = use_threads(settings.threads), folder.report()
+    threads, report = use_machine(settings.threads), folder.report()
     on = [effect.get("name") for effect in report.get("effects", []) if isinstance(effect, dict) and effect.get("on")]
     if set(on) - {Exposure.name}:
         raise DgsError(

@@ -15,7 +15,7 @@ from ..camera import Camera
 from ..devices import choose_device
 from ..errors import DgsError
 from ..files import parse_json
-from ..machine import use_threads
+from ..machine import use_machine
 from .messages import PlacedTwin, SharedTwin, View
 from .picture import draw
 from .shared_area import SharedArea
@@ -72,7 +72,7 @@ def serve(lines: Iterable[str], write: Callable[[str], None], device: str, threa
     Raises:
         DeviceError: the device that was asked for is not there.
     """
-    use_threads(threads)
+    use_machine(threads)
     device = choose_device(device)
     _warm_up(device)
     server = PictureServer(device)

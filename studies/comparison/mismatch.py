@@ -20,7 +20,7 @@ from ...core.devices import choose_device
 from ...core.errors import DgsError
 from ...core.files import write_json, write_text
 from ...core.imaging.kernel_samples import disc
-from ...core.machine import use_threads
+from ...core.machine import use_machine
 from ...core.photos.load import Photo
 from ...core.progress import Progress
 from . import degrade, table
@@ -96,7 +96,7 @@ def study(settings: CompareSettings, progress: Progress) -> dict[str, Any]:
         DgsError: the set's medium is not one round Gaussian, or the set cannot be used.
         Cancelled: finished rows stay; --resume goes on from them.
     """
-    threads, device = use_threads(settings.threads), choose_device(settings.device)
+    threads, device = use_machine(settings.threads), choose_device(settings.device)
     data = load_dataset(settings, threads, progress)
     psf = data.medium.psf
     if psf is None or psf.kind != "gaussian" or psf.sigma_x != psf.sigma_y or psf.is_identity:

@@ -16,7 +16,7 @@ from ...core.evaluation.metrics import low_passed_truth_psnr
 from ...core.evaluation.view_scores import mean_of
 from ...core.files import make_folder, read_json, write_json
 from ...core.formats.ply import write_ply
-from ...core.machine import machine, use_threads
+from ...core.machine import machine, use_machine
 from ...core.progress import Progress
 from ...core.training.grid import grid_step
 from ...core.training.settings import TrainingSettings
@@ -134,7 +134,7 @@ def compare(settings: CompareSettings, progress: Progress) -> dict[str, Any]:
         DgsError: the set or a method cannot be used.
         Cancelled: the user asked to stop; finished rows stay, and --resume goes on from them.
     """
-    threads = use_threads(settings.threads)
+    threads = use_machine(settings.threads)
     device = choose_device(settings.device)
     make_folder(settings.out)
     data = load_dataset(settings, threads, progress)

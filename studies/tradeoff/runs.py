@@ -18,7 +18,7 @@ from ...core.evaluation.metrics import psnr
 from ...core.files import make_folder, write_json, write_text
 from ...core.gaussians import Gaussians
 from ...core.imaging.medium import Medium
-from ...core.machine import machine, use_threads
+from ...core.machine import machine, use_machine
 from ...core.numbers import number
 from ...core.pipeline.cameras import CameraSearch, FoundCameras
 from ...core.pipeline.fitted import split_views
@@ -88,7 +88,7 @@ def measure_tradeoff(settings: TradeoffSettings, progress: Progress) -> dict[str
     unknown = [group for group in settings.only if group not in GROUPS]
     if unknown:
         raise DgsError(f"There is no knob '{unknown[0]}'", f"Choose among {', '.join(GROUPS)}")
-    threads, device = use_threads(settings.threads), choose_device(settings.device)
+    threads, device = use_machine(settings.threads), choose_device(settings.device)
     make_folder(settings.out)
     data = load_dataset(settings, threads, progress)
     base = replace(base_settings(settings.quick), threads=threads, device=device)
