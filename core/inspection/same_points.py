@@ -50,6 +50,13 @@ class SamePointsSettings:
         " banana 1.2 +- 0.3; tea (shaken) 0.5",
         NOT_CHECKED,
     )
+    certain_shift: float = number(
+        2.0,
+        "natural log of the energy",
+        "the same, beyond which only a focus that moves explains it: a trial may contradict, and need not confirm",
+        "between drinks, 8.0 +- 0.7, where trials show 0.00 +- 0.05 dB and whole runs gain 0.85, and other sets",
+        "sharp and shaken photos: 1.2 at most",
+    )
     sure: float = number(2.0, "standard errors", "by which it must be larger", BY_DEFINITION)
 
 
@@ -186,6 +193,11 @@ class FocusShift:
     def clear(self) -> bool:
         """Whether a focus that moves is worth a trial."""
         return self.size - SETTINGS.sure * self.error > SETTINGS.focus_shift
+
+    @property
+    def certain(self) -> bool:
+        """Whether it shows a focus that moves without a trial."""
+        return self.size - SETTINGS.sure * self.error > SETTINGS.certain_shift
 
 
 def focus_shift(photos: PhotoSet) -> FocusShift | None:

@@ -107,7 +107,11 @@ class Arm:
 
 @dataclass(frozen=True)
 class Comparison:
-    """Paired differences (dB), one for each judged photo; what else there is to say; and the least gain (dB)."""
+    """Paired differences (dB), one for each judged photo.
+
+    Attributes:
+        seen: what else there is to say; least: gain (dB) that confirms at least.
+    """
 
     differences: Array
     seen: str = ""
@@ -128,6 +132,11 @@ class Comparison:
     def confirms(self) -> bool:
         """Whether the gain is more than chance."""
         return self.mean > max(self.needed * self.error, self.least)
+
+    @property
+    def contradicts(self) -> bool:
+        """Whether the loss is more than chance, or what was tried is not found at all."""
+        return bool(self.seen) or self.mean < -self.needed * self.error
 
     @property
     def needed(self) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Literal
 
 import numpy as np
 
@@ -139,12 +140,15 @@ def choose_effects(
     off = {name.removeprefix("-") for name in forced if name.startswith("-")}
     candidates = proposed(found.values()) if mode == "auto" else []
     ablation = Ablation(views, cameras.points, medium, settings) if mode == "auto" else None
-    choice = _Choice(source, progress, ablation, frozenset(candidates))
+    moves = _focus_moves(source) if mode == "auto" else "no"
+    choice = _Choice(
+        source, progress, ablation, frozenset(candidates), frozenset([LensFocus.name] * (moves == "surely"))
+    )
     for name in sorted(on):
         choice.force(name, everything=mode == "all")
     if mode == "auto" and CameraMotion.name not in candidates and source.motion is not None:
         candidates.append(CameraMotion.name)  # spectra show only paths that differ much from one another
-    if mode == "auto" and LensFocus.name not in candidates and _focus_may_move(source):
+    if LensFocus.name not in candidates and moves != "no":
         # Where points show a focus that moves it comes first: paths would be taken for a part of its blur.
         candidates.insert(len(candidates) if source.observations is None else 0, LensFocus.name)
     tried = [name for name in candidates if name not in on and name not in off]
@@ -203,12 +207,16 @@ def usual_effects(
     return Chosen(Formation([effect]), (), lines, [], time.perf_counter() - began)
 
 
-def _focus_may_move(source: PhotoSet) -> bool:
-    """Whether each photo may have a focus of its own: by the same points, or where there are none, any photos may."""
+def _focus_moves(source: PhotoSet) -> Literal["no", "perhaps", "surely"]:
+    """Whether each photo has a focus of its own: by the same points, or where there are none, any photos may."""
     if source.cameras is None or not any(blur is not None for blur in source.blurs):
-        return False
+        return "no"
+    if source.observations is None:
+        return "perhaps"
     shift = focus_shift(source)
-    return source.observations is None if shift is None else shift.clear
+    if shift is None or not shift.clear:
+        return "no"
+    return "surely" if shift.certain else "perhaps"
 
 
 def proposed(found: Iterable[Evidence]) -> list[str]:
@@ -248,12 +256,19 @@ class _Choice:
 
     Args:
         ablation: None where nothing is tried; called: effects that the evidence calls needed.
+        certain: those that it shows beyond doubt; a trial may contradict, and need not confirm.
     """
 
     def __init__(
-        self, source: PhotoSet, progress: Progress, ablation: Ablation | None, called: frozenset[str] = frozenset()
+        self,
+        source: PhotoSet,
+        progress: Progress,
+        ablation: Ablation | None,
+        called: frozenset[str] = frozenset(),
+        certain: frozenset[str] = frozenset(),
     ) -> None:
-        self._source, self._progress, self._ablation, self._called = source, progress, ablation, called
+        self._source, self._progress, self._ablation = source, progress, ablation
+        self._called, self._certain = called, certain
         self.state = _State()
         self.lines: dict[str, Decision] = {}
 
@@ -311,8 +326,11 @@ class _Choice:
         if len(result.differences) < TRIALS.fewest_judged:
             return Decision(name, False, "the photos call for it, but they are clipped too widely to confirm it")
         shown = result.seen or f"{result.mean:+.3f} +- {result.error:.3f} dB on photos held out of a short training"
-        why = self._settled(name, more if result.confirms else None, shown)
-        return Decision(name, result.confirms, why, None, result.mean, result.error, time.perf_counter() - began)
+        on = result.confirms
+        if not on and name in self._certain and not result.contradicts:
+            on, shown = True, f"the same points show it beyond doubt, and nothing contradicts ({shown})"
+        why = self._settled(name, more if on else None, shown)
+        return Decision(name, on, why, None, result.mean, result.error, time.perf_counter() - began)
 
     def _by_points(self, name: str, effect: Effect | None) -> Decision:
         """Whether the same points are blurrier where the effect says so."""

@@ -20,6 +20,7 @@ from dgs.core.imaging.psf_text import parse_psf
 from dgs.core.inspection.photo_set import PhotoSet
 from dgs.core.inspection.same_points import focus_shift
 from dgs.core.photos.undistort import undistorted_views
+from dgs.core.pipeline.effects.ablation import Ablation
 from dgs.core.pipeline.effects.choose import choose_effects
 from dgs.core.pipeline.effects.confirmed import confirmed_by_points
 from dgs.core.pipeline.views import Viewer
@@ -113,17 +114,23 @@ def test_the_twin_is_sharper_with_it(sets, true_defocus):
     assert found[1] > found[0] + 0.15, found
 
 
-def test_a_focus_that_moves_is_seen_and_none_where_there_is_none(scene, sets):
+def with_a_focus_that_moves(scene, photos, strength):
     """Every second photo focused on the nearest, the others on the farthest."""
-    clean, moving = sets["clean"], []
+    moving = []
     near, far = np.quantile(scene.depth, [0.02, 0.98])
-    for i, photo in enumerate(clean.photos):
+    for i, photo in enumerate(photos):
         depth = torch.from_numpy(np.ascontiguousarray(scene.depth[i][MARGIN:-MARGIN, MARGIN:-MARGIN], np.float32))
-        one = LensFocus([photo.name], torch.tensor([0.02 * far]), torch.tensor([1 / near if i % 2 else 1 / far]))
+        one = LensFocus([photo.name], torch.tensor([strength * far]), torch.tensor([1 / near if i % 2 else 1 / far]))
         light = torch.from_numpy(srgb_to_linear(photo.pixels.transpose(2, 0, 1) / 255.0).astype(np.float32))
         shown = linear_to_srgb(one.forward(light, Shot(photo.name, *depth.shape, depth=depth))).numpy()
         pixels = np.round(shown.clip(0, 1) * 255).astype(np.uint8).transpose(1, 2, 0)
         moving.append(replace(photo, pixels=np.ascontiguousarray(pixels)))
+    return moving
+
+
+def test_a_focus_that_moves_is_seen_and_none_where_there_is_none(scene, sets):
+    clean = sets["clean"]
+    moving = with_a_focus_that_moves(scene, clean.photos, 0.02)
     found = focus_shift(PhotoSet(moving, clean.cameras))
     assert found is not None and found.clear, found
     signs = [found.slopes[photo.name] * (1 if i % 2 else -1) for i, photo in enumerate(moving)]
@@ -131,3 +138,21 @@ def test_a_focus_that_moves_is_seen_and_none_where_there_is_none(scene, sets):
     for kind in ("clean", "field"):  # (one focus for all is seen, too, as photos hold different depths)
         none = focus_shift(sets[kind])
         assert none is not None and not none.clear, (kind, none)
+
+
+@pytest.mark.parametrize(("gain", "simulated"), [(0.0, True), (-0.5, False)])
+def test_a_trial_need_not_confirm_what_points_show_beyond_doubt(scene, sets, monkeypatch, gain, simulated):
+    """The trial shows nothing, as where few photos see what lies behind; or a loss, which contradicts."""
+    photos, cameras = with_a_focus_that_moves(scene, sets["clean"].photos, 0.006), sets["clean"].cameras
+    assert focus_shift(PhotoSet(photos, cameras)).certain
+
+    def scores(self, arm, medium):
+        return np.full(6, 30.0 + gain * arm.formation.learns_focus) + 0.05 * np.arange(6) % 0.1
+
+    monkeypatch.setattr(Ablation, "_scores", scores)
+    asked = "auto,-haze,-exposure,-vignetting,-saturation,-field_blur,-motion"
+    views = undistorted_views(photos, cameras)
+    chosen = choose_effects(asked, photos, cameras, views, MEDIUM, SETTINGS, Silent())
+    line = next(d for d in chosen.decisions if d.name == LensFocus.name)
+    assert chosen.formation.learns_focus is simulated and line.on is simulated, line
+    assert ("beyond doubt" if simulated else "not confirmed") in line.why
