@@ -135,23 +135,13 @@ def choose_effects(
     source = PhotoSet(list(photos), cameras)
     wanted = None if mode == "auto" else {s for switch in there.values() for s in switch.speakers}
     found = {e.name: e for e in inspect_photos(source, progress, wanted)}
-    everything = {name for name, switch in there.items() if not switch.by_name_only}
-    on = {name for name in forced if not name.startswith("-")} | (everything if mode == "all" else set())
-    off = {name.removeprefix("-") for name in forced if name.startswith("-")}
-    candidates = proposed(found.values()) if mode == "auto" else []
+    on, off = _by_name(mode, forced)
+    trials = _Trials.called_for(found.values(), source) if mode == "auto" else _Trials()
     ablation = Ablation(views, cameras.points, medium, settings) if mode == "auto" else None
-    moves = _focus_moves(source) if mode == "auto" else "no"
-    choice = _Choice(
-        source, progress, ablation, frozenset(candidates), frozenset([LensFocus.name] * (moves == "surely"))
-    )
+    choice = _Choice(source, progress, ablation, trials)
     for name in sorted(on):
         choice.force(name, everything=mode == "all")
-    if mode == "auto" and CameraMotion.name not in candidates and source.motion is not None:
-        candidates.append(CameraMotion.name)  # spectra show only paths that differ much from one another
-    if LensFocus.name not in candidates and moves != "no":
-        # Where points show a focus that moves it comes first: paths would be taken for a part of its blur.
-        candidates.insert(len(candidates) if source.observations is None else 0, LensFocus.name)
-    tried = [name for name in candidates if name not in on and name not in off]
+    tried = [name for name in trials.names if name not in on and name not in off]
     progress.stage("effects", len(tried))
     for index, name in enumerate(tried):
         if progress.cancelled():
@@ -161,17 +151,17 @@ def choose_effects(
     for name in there:
         why = "forced off" if name in off else ("not needed" if mode == "auto" else "not asked for")
         choice.lines.setdefault(name, Decision(name, False, why))
-    speaking = {s for switch in there.values() for s in switch.speakers}
-    chosen = Chosen(
-        choice.state.formation(),
-        choice.state.masked(),
-        [_with_evidence(choice.lines[name], found, choice.state.simulated) for name in there],
-        [e for e in found.values() if e.name not in speaking],
-        time.perf_counter() - began,
-    )
+    chosen = choice.chosen(found, time.perf_counter() - began)
     simulated = [d.name for d in chosen.decisions if d.on]
     progress.note(f"Effects besides the blur: {', '.join(simulated) or 'none'}")
     return chosen
+
+
+def _by_name(mode: str, forced: Sequence[str]) -> tuple[set[str], set[str]]:
+    """Effects that are switched on and off without being asked: by name, or as one of all."""
+    everything = {name for name, switch in switches().items() if not switch.by_name_only}
+    on = {name for name in forced if not name.startswith("-")} | (everything if mode == "all" else set())
+    return on, {name.removeprefix("-") for name in forced if name.startswith("-")}
 
 
 def usual_effects(
@@ -230,6 +220,34 @@ def proposed(found: Iterable[Evidence]) -> list[str]:
 
 
 @dataclass(frozen=True)
+class _Trials:
+    """What is tried.
+
+    Attributes:
+        names: effects, in the order of their trials; called: those that the evidence calls needed.
+        certain: those that the same points show beyond doubt: a trial may contradict, and need not confirm.
+    """
+
+    names: tuple[str, ...] = ()
+    called: frozenset[str] = frozenset()
+    certain: frozenset[str] = frozenset()
+
+    @staticmethod
+    def called_for(found: Iterable[Evidence], source: PhotoSet) -> _Trials:
+        """What the evidence calls needed, and what only a trial can show."""
+        called = proposed(found)
+        names = list(called)
+        if CameraMotion.name not in names and source.motion is not None:
+            names.append(CameraMotion.name)  # spectra show only paths that differ much from one another
+        moves = _focus_moves(source)
+        if LensFocus.name not in names and moves != "no":
+            # Where points show a focus that moves it comes first: paths would be taken for a part of its blur.
+            names.insert(len(names) if source.observations is None else 0, LensFocus.name)
+        certain = [LensFocus.name] if moves == "surely" else []
+        return _Trials(tuple(names), frozenset(called), frozenset(certain))
+
+
+@dataclass(frozen=True)
 class _State:
     """What is on: simulations by name, and names of what is masked."""
 
@@ -255,20 +273,11 @@ class _Choice:
     """The decisions so far.
 
     Args:
-        ablation: None where nothing is tried; called: effects that the evidence calls needed.
-        certain: those that it shows beyond doubt; a trial may contradict, and need not confirm.
+        ablation: None where nothing is tried; trials: what is.
     """
 
-    def __init__(
-        self,
-        source: PhotoSet,
-        progress: Progress,
-        ablation: Ablation | None,
-        called: frozenset[str] = frozenset(),
-        certain: frozenset[str] = frozenset(),
-    ) -> None:
-        self._source, self._progress, self._ablation = source, progress, ablation
-        self._called, self._certain = called, certain
+    def __init__(self, source: PhotoSet, progress: Progress, ablation: Ablation | None, trials: _Trials) -> None:
+        self._source, self._progress, self._ablation, self._trials = source, progress, ablation, trials
         self.state = _State()
         self.lines: dict[str, Decision] = {}
 
@@ -303,10 +312,22 @@ class _Choice:
         by_points = switches()[name].confirmed_by == "points"
         line = self._by_points(name, built(name, self._source)) if by_points else self._by_trial(name)
         shared = switches()[name].shared
-        if not line.on and shared is not None and name in self._called:
+        if not line.on and shared is not None and name in self._trials.called:
             other = self._by_points(name, shared(self._source))
             line = other if other.on else line
         self.lines[name] = line
+
+    def chosen(self, found: dict[str, Evidence], seconds: float) -> Chosen:
+        """All decisions, with what the inspection found."""
+        there = switches()
+        speaking = {s for switch in there.values() for s in switch.speakers}
+        return Chosen(
+            self.state.formation(),
+            self.state.masked(),
+            [_with_evidence(self.lines[name], found, self.state.simulated) for name in there],
+            [e for e in found.values() if e.name not in speaking],
+            seconds,
+        )
 
     def _by_trial(self, name: str) -> Decision:
         """A short training with the effect and without."""
@@ -327,7 +348,7 @@ class _Choice:
             return Decision(name, False, "the photos call for it, but they are clipped too widely to confirm it")
         shown = result.seen or f"{result.mean:+.3f} +- {result.error:.3f} dB on photos held out of a short training"
         on = result.confirms
-        if not on and name in self._certain and not result.contradicts:
+        if not on and name in self._trials.certain and not result.contradicts:
             on, shown = True, f"the same points show it beyond doubt, and nothing contradicts ({shown})"
         why = self._settled(name, more if on else None, shown)
         return Decision(name, on, why, None, result.mean, result.error, time.perf_counter() - began)
