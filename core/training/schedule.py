@@ -7,6 +7,7 @@ complete when its time is up, however fast the machine turned out to be.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Literal
 
@@ -25,7 +26,7 @@ class ScheduleSettings:
         0.9, "share of the run", "a resumed run with a time limit begins no later, so that its last phases are not lost"
     )
     plateau_gain: float = number(
-        0.05, "dB on held-out photos", "a plateau: the last share of the work has brought less than this"
+        0.05, "dB on held-out photos", "a plateau: the best score of the last share of the work gains less than this"
     )
     plateau_share: float = number(0.25, "share of the work", "that a plateau is judged by: the last quarter")
     cooling: float = number(
@@ -93,11 +94,14 @@ class Schedule:
             return
         work = self._work(step, spent)
         self._evaluations.append((work, psnr))
-        before = [earlier for at, earlier in self._evaluations if at <= work * (1 - SCHEDULE.plateau_share)]
+        # The best of each part: single scores swing by a dB and more, as Gaussians come and go.
+        quarter = work * (1 - SCHEDULE.plateau_share)
+        before = [earlier for at, earlier in self._evaluations if at <= quarter]
+        gained = max(later for at, later in self._evaluations if at > quarter) - max(before, default=-math.inf)
         # The first phases have rests of their own, before the full grid and the photos themselves take over.
         first = max(self._settings.coarse_share, self._settings.start_share)
-        ripe = work * (1 - SCHEDULE.plateau_share) >= first and step >= self._settings.min_steps
-        if self._cooling is None and ripe and before and psnr - before[-1] < SCHEDULE.plateau_gain:
+        ripe = quarter >= first and step >= self._settings.min_steps
+        if self._cooling is None and ripe and gained < SCHEDULE.plateau_gain:
             self._cooling = work, SCHEDULE.cooling * work
 
     def ended(self, step: int, spent: float) -> Ending | None:

@@ -119,6 +119,14 @@ def test_while_it_rises_there_is_no_plateau():
     assert schedule.ended(1000, 0.0) == "done"
 
 
+def test_scores_that_swing_are_no_plateau_while_the_best_of_them_rise():
+    """As they do where Gaussians come and go: by a dB up and down, and 0.8 dB better in the end."""
+    schedule = Schedule(replace(SETTINGS, steps=1000, until="plateau"), None)
+    for i, step in enumerate(range(25, 1000, 25)):
+        schedule.evaluated(step, 0.0, 20.0 + step / 1000 + (i % 3 - 1.0))
+        assert schedule.share(step, 0.0) == pytest.approx(step / 1000)
+
+
 def test_a_quality_ends_the_run_but_not_before_its_least_steps():
     schedule = Schedule(replace(SETTINGS, until=25.0, min_steps=60), None)
     schedule.evaluated(40, 0.0, 24.9)
