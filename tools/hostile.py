@@ -59,7 +59,7 @@ SUFFIXES |= {
 #: Seconds until a request is asked to stop, and those that it then has.
 PATIENCE, ENDING = 15.0, 15.0
 #: Commands whose right request compiles kernels, and the seconds that each may take for it before the first request.
-COMPILING, COMPILATION = ("reconstruct", "render", "next-view", "inspect", "estimate", "mesh", "measure"), 300.0
+COMPILING, COMPILATION = ("reconstruct", "render", "next-view", "inspect", "estimate", "mesh", "measure", "change"), 300.0
 
 
 @dataclass(frozen=True)
@@ -279,6 +279,7 @@ def valid(folder: Path) -> dict[str, list[str]]:
         "update": [twin, photos],
         "measure": [twin, str(folder / "points.json")],
         "mesh": [twin, "--out", str(folder / "out" / "a.glb")],
+        "change": [twin, twin, "--out", out],
         "serve": [],
     }
 

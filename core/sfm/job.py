@@ -25,6 +25,8 @@ KEPT = "kept.npz"
 KNOWN = "known.json"
 #: What the child leaves of such a job: points and who sees them.
 POINTS = "points.npz"
+#: Of a job that only looks for features: a file that is there.
+ONLY_FEATURES = "only-features"
 #: What the parent writes last: the references' poses and depth.
 PLAN = "place.json"
 

@@ -44,9 +44,9 @@ def main(folder: Path, waiting: bool = False) -> int:
     """Tries recipe after recipe; the best trusted model goes to `folder`/best (COLMAP binary)."""
     # late: the package is mounted where this file starts
     from dgs.core import compiled
-    from dgs.core.sfm import attempts, known_poses, placing
+    from dgs.core.sfm import attempts, described, known_poses, placing
     from dgs.core.sfm.child import GO, wait_for
-    from dgs.core.sfm.job import KNOWN, REFERENCES, read_job
+    from dgs.core.sfm.job import KNOWN, ONLY_FEATURES, REFERENCES, read_job
     from dgs.core.sfm.refine import compile_early
 
     if waiting:
@@ -58,6 +58,8 @@ def main(folder: Path, waiting: bool = False) -> int:
         outcome = placing.run(job, say)
     elif (folder / KNOWN).is_file():
         outcome = known_poses.run(job, say)
+    elif (folder / ONLY_FEATURES).is_file():
+        outcome = described.run(job, say)
     else:
         # Native code extracts features without the GIL meanwhile. No daemon: a process that ends amid a
         # compilation may crash.

@@ -60,7 +60,7 @@ def profile(path: Path, pictures: Mapping[str, Picture], ends: tuple[Picture, Pi
         ends: [2] px each.
         axis: [3] direction in colour space that is shown.
     """
-    from matplotlib import pyplot  # heavy: matplotlib
+    pyplot = _pyplot()
 
     figure, panels = pyplot.subplots(2, 1, figsize=(8, 6.2), layout="constrained", sharex=True, sharey=True)
     for name, picture in pictures.items():
@@ -79,7 +79,7 @@ def profile(path: Path, pictures: Mapping[str, Picture], ends: tuple[Picture, Pi
 
 def widths(path: Path, found: Mapping[str, Any]) -> None:
     """A line's width from every viewpoint, with uncertainties; see `viewpoints.widths_from_everywhere`."""
-    from matplotlib import pyplot  # heavy: matplotlib
+    pyplot = _pyplot()
 
     figure, axes = pyplot.subplots(figsize=(8, 4.2), layout="constrained")
     at = np.arange(len(found["views"]))
@@ -100,7 +100,7 @@ def widths(path: Path, found: Mapping[str, Any]) -> None:
 
 def crops(path: Path, pictures: Mapping[str, Picture], middle: Picture, share: float) -> None:
     """The same square of every picture; its side is `share` of the frame's height."""
-    from matplotlib import pyplot  # heavy: matplotlib
+    pyplot = _pyplot()
 
     window = _window(next(iter(pictures.values())), middle, share)
     columns = 4
@@ -119,7 +119,7 @@ def bands(path: Path, pictures: Mapping[str, Picture], middle: Picture, share: f
 
     All panels of a band share one grey scale; brightness (the mean of R, G, B) is shown.
     """
-    from matplotlib import pyplot  # heavy: matplotlib
+    pyplot = _pyplot()
 
     window = _window(pictures["truth"], middle, share)
     size = (1.75 * len(pictures), 2.0 * len(_BANDS))
@@ -138,11 +138,17 @@ def bands(path: Path, pictures: Mapping[str, Picture], middle: Picture, share: f
 
 def save(figure: Any, path: Path) -> None:
     """Writes the figure whole or not at all, and forgets it."""
-    from matplotlib import pyplot  # heavy: matplotlib
+    pyplot = _pyplot()
 
     with replacing(path) as temporary:
         figure.savefig(temporary, dpi=110, format="png")
     pyplot.close(figure)
+
+
+def _pyplot() -> Any:
+    from matplotlib import pyplot  # heavy: matplotlib
+
+    return pyplot
 
 
 def _window(picture: Picture, middle: Picture, share: float) -> tuple[slice, slice]:

@@ -119,6 +119,7 @@ def commands(folder: Path) -> dict[str, list[object]]:
         "next-view": ["next-view", twin],
         "measure": ["measure", twin, folder / "points.json", "--out", out / "m.csv"],
         "mesh": ["mesh", twin, "--out", out / "a.ply"],
+        "change": ["change", twin, twin, "--out", out],
         "update": ["update", twin, photos],
         "rollback": ["update", twin, "--rollback"],
         "stress": ["stress", "--fuzz-files", "1", "--only", "plan.json", "--record", out / "r.json"],
@@ -143,10 +144,10 @@ CLOSED = [
     ("compare", "photos"),
     ("tradeoff", "photos"),
     ("blend", "twin/twin.ply"),
-    *((name, f"twin{file}") for name in ("next-view", "mesh", "measure", "update", "rollback") for file in ("",)),
+    *((name, f"twin{file}") for name in ("next-view", "mesh", "measure", "change", "update", "rollback") for file in ("",)),
     ("measure", "points.json"),
     *(("mesh", f"twin/{file}") for file in ("report.json", "twin.ply", "cameras")),
-    *((name, f"twin/{file}") for name in ("next-view", "update") for file in ("report.json", "twin.ply", "photos.txt")),
+    *((name, f"twin/{file}") for name in ("next-view", "change", "update") for file in ("report.json", "twin.ply", "photos.txt")),
 ]
 
 

@@ -21,7 +21,7 @@ FLOORS = (
     ("core.report",),
     ("core.twin", "core.effort"),
     ("core.uncertainty", "core.mesh"),
-    ("core.pipeline", "core.measure"),
+    ("core.pipeline", "core.measure", "core.change"),
     ("studies.comparison", "studies.stability", "dgs_addon"),
     ("studies.tradeoff", "studies.paper", "studies.benchmark", "dgs_addon.engine", "dgs_addon.laboratory"),
     ("dgs_addon.scene",),

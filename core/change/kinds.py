@@ -1,0 +1,149 @@
+"""From places that have changed to regions: what became of each, where, and by how much."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+from scipy.spatial import cKDTree
+
+from .evidence import Array, Evidence
+from .findings import Region
+from .motion import CommonMotion, Motion, between, pooled
+from .regions import Tested, components
+from .settings import EVIDENCE, REGIONS
+from .surface import Surface
+
+Indices = NDArray[np.int64]
+#: Standard deviations of a normal distribution for its median absolute deviation.
+_ROBUST = 1.4826
+
+
+@dataclass(frozen=True)
+class Compared:
+    """One surface before the photos of both twins.
+
+    Attributes:
+        surface, beside: that of one twin, and the other's.
+        own, other: what both sets of photos say, rows paired, the common motion taken out of `other`.
+        common: that motion; tested: what was found at each place.
+        gap: [N] how much farther the other twin's surface lies than each place, px-equivalents; NaN where it has none.
+    """
+
+    surface: Surface
+    beside: Surface
+    own: Evidence
+    other: Evidence
+    common: CommonMotion
+    tested: Tested
+    gap: Array = field(repr=False)
+
+
+def regions_of(found: Compared) -> list[Region]:
+    """What has changed of a surface: first what is contradicted, with the motions that its window sees around it."""
+    surface, tested = found.surface, found.tested
+    tree = cKDTree(surface.places.at / np.median(surface.places.pixel))
+    free, regions = tested.moved & ~tested.gone, []
+    for seed in components(tested.gone, surface.edges, surface.area):
+        near = np.unique(np.concatenate(tree.query_ball_point(tree.data[seed], REGIONS.halo)).astype(np.int64))
+        regions.append(_contradicted(found, seed, np.union1d(seed, near[free[near]])))
+        free[near] = False
+    regions += [_moved(found, part) for part in components(free, surface.edges, surface.area)]
+    return sorted(regions, key=lambda region: -region.area)
+
+
+def _contradicted(found: Compared, seed: Indices, places: Indices) -> Region:
+    """Gone, new, wider, narrower, or only painted: by the surfaces' depths, then by how its sides have moved."""
+    gap = found.gap[seed]
+    farther, nearer = (np.nan_to_num(sign * gap, nan=0.0) > REGIONS.front for sign in (1.0, -1.0))
+    for kind, part in (("vanished", farther), ("appeared", nearer)):
+        if part.mean() > REGIONS.stands_out:
+            height = np.abs(gap[part])
+            scatter = _ROBUST * float(np.median(np.abs(height - np.median(height)))) / np.sqrt(len(height))
+            deviation = float(np.hypot(REGIONS.depth, scatter))
+            return _region(found, kind, seed[part], float(np.median(height)), deviation, exact=True)
+    return _grown(found, places) or _region(found, "repainted", places, None, None)
+
+
+def _moved(found: Compared, places: Indices) -> Region:
+    """One motion of all its places, unless its two sides go apart."""
+    grown = _grown(found, places)
+    if grown is not None:
+        return grown
+    motion = _together(found, _within(found, places, EVIDENCE.window))
+    way = motion.by[0]
+    size = float(np.linalg.norm(way))
+    along = way / max(size, 1e-12)
+    deviation = float(np.sqrt(along @ motion.covariance[0] @ along))
+    return _region(found, "moved", places, size, deviation, way)
+
+
+def _within(found: Compared, places: Indices, depth: float) -> Indices:
+    """Those at least `depth` px-equivalents from held places that have not changed; half as far, or all, if too few."""
+    others = found.tested.held.copy()
+    others[places] = False
+    if not others.any():
+        return places
+    at = found.surface.places.at / np.median(found.surface.places.pixel)
+    away = cKDTree(at[others]).query(at[places])[0]
+    for least in (depth, depth / 2):
+        if (away > least).sum() >= REGIONS.side_places:
+            return np.asarray(places[away > least])
+    return places
+
+
+def _together(found: Compared, places: Indices) -> Motion:
+    """[1] motion of places as if they moved as one."""
+    count = len(found.surface.places.at)
+    members = csr_array((np.ones(len(places), np.float32), (np.zeros(len(places), int), places)), shape=(1, count))
+    motion = between(pooled(found.own, members), pooled(found.other, members))
+    return Motion(motion.by, motion.covariance + found.common.spread(members), motion.seen)
+
+
+def _grown(found: Compared, places: Indices) -> Region | None:
+    """A region whose two sides have gone apart (or together), more than both have gone the same way."""
+    at = found.surface.places.at[places] / found.surface.places.pixel[places, None]
+    by = found.tested.motion.by[places]
+    axis = np.linalg.eigh(by.T @ by)[1][:, 2]
+    near = cKDTree(at).query_ball_point(at, REGIONS.radii[-1])
+    beside = (at - np.stack([at[some].mean(axis=0) for some in near])) @ axis
+    sides = places[beside > REGIONS.beside], places[beside < -REGIONS.beside]
+    if min(len(side) for side in sides) < REGIONS.side_places:
+        return None
+    upper, lower = (_together(found, side) for side in sides)
+    apart = float((upper.by[0] - lower.by[0]) @ axis)
+    shared = float((upper.by[0] + lower.by[0]) @ axis) / 2.0
+    deviation = float(np.sqrt(axis @ (upper.covariance[0] + lower.covariance[0]) @ axis))
+    if abs(apart) < max(REGIONS.sure * deviation, REGIONS.smallest, abs(shared)):
+        return None
+    return _region(found, "grew" if apart > 0 else "shrank", places, abs(apart), deviation)
+
+
+def _region(
+    found: Compared,
+    kind: str,
+    places: Indices,
+    value: float | None,
+    deviation: float | None,
+    motion: Array | None = None,
+    exact: bool = False,
+) -> Region:
+    """A region; its border lies half a window inside the places that see it, unless they are `exact`."""
+    surface = found.surface
+    places = places if exact else _within(found, places, EVIDENCE.window / 2)
+    centre = np.average(surface.places.at[places], axis=0, weights=surface.area[places])
+    direction = "" if motion is None else _direction(surface, centre, motion)
+    pixel, area = float(np.median(surface.places.pixel[places])), float(surface.area[places].sum())
+    by = np.zeros(3) if motion is None else motion
+    return Region(kind, centre, pixel, area, value, deviation, by, direction, places)
+
+
+def _direction(surface: Surface, centre: Array, motion: Array) -> str:
+    """In words, for cameras in the middle of all."""
+    towards = np.mean([camera.centre for camera in surface.cameras], axis=0) - centre
+    share = float(motion @ towards / (np.linalg.norm(motion) * np.linalg.norm(towards) + 1e-30))
+    if abs(share) < REGIONS.towards:
+        return "sideways"
+    return "towards the cameras" if share > 0 else "away from the cameras"
