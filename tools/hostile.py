@@ -59,7 +59,8 @@ SUFFIXES |= {
 #: Seconds until a request is asked to stop, and those that it then has.
 PATIENCE, ENDING = 15.0, 15.0
 #: Commands whose right request compiles kernels, and the seconds that each may take for it before the first request.
-COMPILING, COMPILATION = ("reconstruct", "render", "next-view", "inspect", "estimate", "mesh", "measure", "change"), 300.0
+COMPILING = ("reconstruct", "render", "next-view", "inspect", "estimate", "mesh", "measure", "change")
+COMPILATION = 300.0
 
 
 @dataclass(frozen=True)

@@ -41,7 +41,11 @@ def matched_worlds(first: Surface, second: Surface, threads: int, progress: Prog
     Raises:
         NoOverlap: too few do. CameraError: no features could be found. Cancelled: the user asked to stop.
     """
-    found = matches_between(first.twin, second.twin, threads, progress)
+    return agreed_world(matches_between(first.twin, second.twin, threads, progress))
+
+
+def agreed_world(found: Matches) -> tuple[Similarity, int]:
+    """As `matched_worlds`, of matches."""
     world = _drawn(found)
     if world is not None:
         world = _fitted(found, world, np.flatnonzero(_off(found, world) < ALIGNMENT.first_reach))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from ..errors import NoOverlap
 from ..evaluation.poses import Similarity
@@ -42,7 +43,7 @@ def changes(
     found, world = _refined(first, second, own, other, world, progress)
     swapped = _swapped(first, second, world, progress)
     aligned = Alignment(world, how, matches, *_left(found))
-    return _said(found, regions_of(found), _new(swapped, world), aligned), first, second
+    return _said(found, swapped, aligned), first, second
 
 
 def _fits(own: Evidence, other: Evidence) -> bool:
@@ -117,9 +118,12 @@ def _new(swapped: Compared, world: Similarity) -> list[Region]:
     ]
 
 
-def _said(found: Compared, regions: list[Region], new: list[Region], aligned: Alignment) -> Changes:
-    """What is new is said once, as it stands on the second surface if it does there."""
-    kept = [one for one in regions if one.kind != "appeared" or not any(_meet(one, other) for other in new)]
+def _said(found: Compared, swapped: Compared, aligned: Alignment) -> Changes:
+    """What is new is said once, on the second surface: what is behind it is seen by no photo any more."""
+    new = _new(swapped, aligned.similarity)
+    there = np.concatenate([swapped.surface.places.at[one.places] for one in new] or [np.zeros((0, 3))])
+    near = cKDTree(aligned.similarity.points(there))
+    kept = [one for one in regions_of(found) if one.kind == "vanished" or not _beside(found.surface, one, near)]
     held, surface = found.tested.held, found.surface
     touched = np.unique(np.concatenate([one.places for one in kept] or [np.zeros(0, int)]))
     whole = float(surface.area[held].sum())
@@ -137,7 +141,9 @@ def _said(found: Compared, regions: list[Region], new: list[Region], aligned: Al
     )
 
 
-def _meet(one: Region, other: Region) -> bool:
-    """Whether two regions would overlap if they were round."""
-    reach = (np.sqrt(one.area) + np.sqrt(other.area)) * max(one.pixel, other.pixel) / np.sqrt(np.pi)
-    return bool(np.linalg.norm(one.centre - other.centre) < reach)
+def _beside(surface: Surface, region: Region, near: cKDTree) -> bool:
+    """Whether most of a region lies about what is new, where windows and blur see that."""
+    if not near.n:
+        return False
+    away = near.query(surface.places.at[region.places])[0] / region.pixel
+    return bool(np.mean(away < REGIONS.halo) > 0.5)

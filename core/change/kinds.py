@@ -45,8 +45,12 @@ def regions_of(found: Compared) -> list[Region]:
     """What has changed of a surface: first what is contradicted, with the motions that its window sees around it."""
     surface, tested = found.surface, found.tested
     tree = cKDTree(surface.places.at / np.median(surface.places.pixel))
-    free, regions = tested.moved & ~tested.gone, []
-    for seed in components(tested.gone, surface.edges, surface.area):
+    free, gone, regions = tested.moved & ~tested.gone, tested.gone.copy(), list[Region]()
+    for part in components(free | gone, surface.edges, surface.area):
+        if gone[part].mean() < REGIONS.minor:  # the edges of what has moved
+            regions.append(_moved(found, part))
+            free[part] = gone[part] = False
+    for seed in components(gone, surface.edges, surface.area):
         near = np.unique(np.concatenate(tree.query_ball_point(tree.data[seed], REGIONS.halo)).astype(np.int64))
         regions.append(_contradicted(found, seed, np.union1d(seed, near[free[near]])))
         free[near] = False
@@ -105,11 +109,16 @@ def _together(found: Compared, places: Indices) -> Motion:
 def _grown(found: Compared, places: Indices) -> Region | None:
     """A region whose two sides have gone apart (or together), more than both have gone the same way."""
     at = found.surface.places.at[places] / found.surface.places.pixel[places, None]
-    by = found.tested.motion.by[places]
+    explained = places[~found.tested.gone[places]]  # what no motion explains says nothing of the way
+    if len(explained) < REGIONS.side_places:
+        return None
+    motion = found.tested.motion
+    by = motion.by[explained] / np.trace(motion.covariance[explained], axis1=1, axis2=2)[:, None]
     axis = np.linalg.eigh(by.T @ by)[1][:, 2]
     near = cKDTree(at).query_ball_point(at, REGIONS.radii[-1])
     beside = (at - np.stack([at[some].mean(axis=0) for some in near])) @ axis
-    sides = places[beside > REGIONS.beside], places[beside < -REGIONS.beside]
+    asked = np.isin(places, explained)
+    sides = places[asked & (beside > REGIONS.beside)], places[asked & (beside < -REGIONS.beside)]
     if min(len(side) for side in sides) < REGIONS.side_places:
         return None
     upper, lower = (_together(found, side) for side in sides)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter
+from scipy.ndimage import uniform_filter
 
 from .settings import EVIDENCE
 
@@ -34,10 +34,10 @@ class SlowLight:
 
     def without(self, values: Floats) -> Floats:
         """[3, H, W] values less what a gain and an offset that vary slowly explain of them."""
-        slow = gaussian_filter(self.weight, EVIDENCE.slow)
+        slow = _smoothed(self.weight)
 
         def mean(part: Floats) -> Floats:
-            return np.asarray(gaussian_filter(self.weight * part, EVIDENCE.slow) / slow)
+            return np.asarray(_smoothed(self.weight * part) / slow)
 
         left = np.empty_like(values)
         for channel, (a, d) in enumerate(zip(self.shown, values, strict=True)):
@@ -45,6 +45,14 @@ class SlowLight:
             both, own = mean(a * d) - mean_a * mean_d, mean(a * a) - mean_a**2 + _RIDGE
             left[channel] = d - mean_d - both / own * (a - mean_a)
         return left
+
+
+def _smoothed(values: NDArray[np.floating]) -> NDArray[np.floating]:
+    """Three means over squares: nearly a Gaussian's, whose standard deviation is the side's half, and far faster."""
+    side = 2 * round(EVIDENCE.slow) - 1
+    for _ in range(3):
+        values = uniform_filter(values, side)
+    return np.asarray(values)
 
 
 def lit_alike(shown: Floats, photo: Floats) -> tuple[Floats, SlowLight]:
@@ -66,12 +74,12 @@ def _gain(a: Floats, b: Floats) -> tuple[float, float]:
     for _ in range(_ROUNDS):
         mean_x, mean_y = np.average(x, weights=weight), np.average(y, weights=weight)
         spread = np.average((x - mean_x) ** 2, weights=weight)
-        gain = np.average((x - mean_x) * (y - mean_y), weights=weight) / spread if spread > _ROUNDING**2 else 1.0
-        gain = gain if gain > _ROUNDING else 1.0
-        offset = mean_y - gain * mean_x
+        both = np.average((x - mean_x) * (y - mean_y), weights=weight)
+        gain = float(both / spread) if spread > _ROUNDING**2 and both > _ROUNDING * spread else 1.0
+        offset = float(mean_y - gain * mean_x)
         rest = y - offset - gain * x
         weight = _weights(rest)
-    return float(gain), float(offset)
+    return gain, offset
 
 
 def _weights(rest: NDArray[np.floating]) -> NDArray[np.floating]:

@@ -65,6 +65,7 @@ class RegionSettings:
     halo: float = number(
         12.0, "px-equivalents", "about what is contradicted in which windows and blur see it, too", WALL
     )
+    minor: float = number(0.25, "share", "of contradicted places up to which a region has only moved", WALL)
     stands_out: float = number(0.3, "share", "of what is contradicted that must lie in front to be gone or new", WALL)
     beside: float = number(1.0, "px-equivalent", "from a region's middle line from which a place is on one side", WALL)
     side_places: int = number(5, "count", "places on each side of a region that is said to have grown", WALL)

@@ -144,10 +144,11 @@ CLOSED = [
     ("compare", "photos"),
     ("tradeoff", "photos"),
     ("blend", "twin/twin.ply"),
-    *((name, f"twin{file}") for name in ("next-view", "mesh", "measure", "change", "update", "rollback") for file in ("",)),
+    *((name, "twin") for name in ("next-view", "mesh", "measure", "change", "update", "rollback")),
     ("measure", "points.json"),
     *(("mesh", f"twin/{file}") for file in ("report.json", "twin.ply", "cameras")),
-    *((name, f"twin/{file}") for name in ("next-view", "change", "update") for file in ("report.json", "twin.ply", "photos.txt")),
+    *((name, f"twin/{file}") for name in ("next-view", "update") for file in ("report.json", "twin.ply", "photos.txt")),
+    *(("change", f"twin/{file}") for file in ("report.json", "twin.ply", "photos.txt")),
 ]
 
 
