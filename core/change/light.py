@@ -1,4 +1,4 @@
-"""Light told from change: a gain and an offset for each photo and channel, whole and in slow fields."""
+"""Light separated from change: a gain and an offset for each photo and channel, whole and in slow fields."""
 
 from __future__ import annotations
 
