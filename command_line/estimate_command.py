@@ -26,6 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--max-size", type=whole(16), metavar="PIXELS", help="as of the run")
     add("--max-gaussians", type=whole(100), metavar="N", help="as of the run; the preset's if not given")
     add("--sh-degree", type=whole(0, 3), metavar="D", help="as of the run; the preset's if not given")
+    add("--effects", default="usual", metavar="EFFECTS", help="as of the run: auto counts the time of its trials")
     add("--json", action="store_true", help="one JSON object instead of a table")
     add_machine(parser)
     add_memory(parser)
@@ -34,10 +35,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def estimate_command(options: argparse.Namespace, progress: Reporting) -> int:
     """Prints the prediction for every preset."""
-    from ..core.effort.described import RunDescription  # late: slows --help
-    from ..core.effort.estimate import PhotoSample, estimate, table  # heavy: torch
+    from ..core.effort.estimate import PhotoSample, RunDescription, estimate, table  # heavy: torch
     from ..core.effort.model import sample  # heavy: torch
     from ..core.machine import Machine  # late: slows --help
+    from ..core.pipeline.effects.decision import parse_effects  # heavy: torch
     from ..core.pipeline.sampled import sample_photos  # heavy: torch
 
     run = ReconstructSettings(
@@ -53,7 +54,9 @@ def estimate_command(options: argparse.Namespace, progress: Reporting) -> int:
         device=options.device,
         threads=options.threads,
         memory=options.memory,
+        effects=options.effects,
     ).split()
+    parse_effects(run.effects)
     machine = Machine.ready(run.threads, run.device)
     few = sample_photos(run.photos, run.medium, sample, progress)
     found = estimate(PhotoSample(few.files, few.photos, few.medium), RunDescription.of(run), machine, progress)

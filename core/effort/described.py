@@ -22,6 +22,7 @@ class RunDescription:
         preset, loss, max_gaussians, sh_degree: of the training.
         search: whether cameras are to be found; points: whether they are, or come with points of their own.
         effects: whether any besides the blur may be simulated, but for what an ordinary run looks for.
+        trials: whether they are looked for and tried.
         until: whether the training ends at a quality; resume: whether it goes on from a checkpoint, or from
             cameras that were found before.
         time_limit: seconds in all, or None.
@@ -39,6 +40,7 @@ class RunDescription:
     search: bool
     points: bool
     effects: bool
+    trials: bool
     until: bool
     resume: bool
     time_limit: float | None
@@ -60,6 +62,7 @@ class RunDescription:
             search=given is None,
             points=given is None or brings_points(given),
             effects=run.effects not in ("none", "usual") or run.glass is not None,
+            trials=run.effects.split(",")[0].strip() == "auto",
             until=training.until is not None,
             resume=run.resume or run.keep_cameras,
             time_limit=run.time_limit,
@@ -77,4 +80,5 @@ class RunDescription:
         size = (self.max_gaussians, self.sh_degree, self.holdout_every)
         facts = [scene, preset, *size, self.search, self.points, self.loss]
         facts += [] if self.memory is None else [self.memory]
+        facts += ["trials"] if self.trials else []
         return hashlib.sha256(json.dumps(facts).encode()).hexdigest()[:12]

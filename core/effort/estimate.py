@@ -23,6 +23,8 @@ from .model import accuracy, contrast, memory, slowdown, stage_seconds
 from .probe import Speed, made_up, probe
 from .records import RECORDS, Records, Work, photo_work
 
+__all__ = ["PhotoSample", "RunDescription", "estimate", "kernels_compiled", "table"]
+
 PRESETS: tuple[PresetName, ...] = ("draft", "balanced", "fine", "best")
 
 
@@ -47,8 +49,8 @@ def estimate(sample: PhotoSample, run: RunDescription, machine: Machine, progres
 
     Returns:
         'photos', 'size', 'busy' (share of the machine that others use, or None), 'runs' (past runs of this machine that
-        count), 'scenes', 'probe_seconds', and 'presets': by name seconds, stages, memory_mb, psnr (None where not
-        calibrated), steps, gaussians. Ranges hold four of five outcomes.
+        count), 'scenes', 'probe_seconds', 'trials' (whether effects are tried), and 'presets': by name seconds, stages,
+        memory_mb, psnr (None where not calibrated), steps, gaussians. Ranges hold four of five outcomes.
 
     Raises:
         OSError: a photo's file is gone.
@@ -73,7 +75,7 @@ def estimate(sample: PhotoSample, run: RunDescription, machine: Machine, progres
         few = photo_work(sample.photos, search=run.search, hurried=hurried, compiled=compiled, points=run.points)
         work = _scaled(few, len(sample.files)).training(fitted, held, preset.steps, count)
         train = speeds[_degree(sample, run, name)].training(preset.steps, count)
-        stages, seconds = stage_seconds(records.runs, work, train, slowdown(busy))
+        stages, seconds = stage_seconds(records.runs, work, train, slowdown(busy), run.trials)
         expected = accuracy(records.runs, name, scene, own)
         out[name] = {
             "seconds": seconds.plain(),
@@ -94,6 +96,7 @@ def estimate(sample: PhotoSample, run: RunDescription, machine: Machine, progres
         "probe_seconds": round(sum(speed.seconds for speed in speeds.values()), 2),
         "machine": machine.facts,
         "memory_limit": run.memory,
+        "trials": run.trials,
         "presets": out,
     }
 
@@ -133,6 +136,11 @@ def table(found: dict[str, Any]) -> str:
         lines.append(
             "'not calibrated': accuracy is predicted after runs of this preset on 4 other scenes, or on this one."
         )
+    if found["trials"]:
+        lines.append(
+            "With the trials of effects; one that is confirmed makes the training longer: a shake or a focus of"
+        )
+        lines.append("each photo up to five times.")
     lines.append("'best' takes so long at most: it ends as soon as held-out photos gain no more.")
     if found["busy"] is not None and found["busy"] > RECORDS.disturbed_share:
         lines.append(f"Other programs keep {100 * found['busy']:.0f} % of the machine busy: it may take much longer.")

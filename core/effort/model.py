@@ -21,7 +21,7 @@ from .records import RECORDS, PastRun, Work
 
 T = TypeVar("T")
 
-STAGES = ("start", "photos", "sfm", "surface", "compile", "prepare", "train", "save", "page")
+STAGES = ("start", "photos", "sfm", "surface", "effects", "trials", "compile", "prepare", "train", "save", "page")
 #: Half-width in standard deviations of the interval that holds four of five draws of a normal distribution.
 EIGHTY = 1.2816
 #: A normal distribution's standard deviation over its median absolute deviation.
@@ -75,6 +75,20 @@ class Laws:
         _CALIBRATED,
     )
     surface_shrinking: float = number(0.01, "s per megapixel", "making photos small for that", "copr", _CALIBRATED)
+    effects: tuple[float, float] = number(
+        (0.3, 0.03),
+        "s, s per photo",
+        "what a run looks for that asks for nothing: exposures",
+        "0.3 to 2 s of processor time for 14 to 105 photos",
+        _CALIBRATED,
+    )
+    trials: tuple[float, float] = number(
+        (30.0, 2.0),
+        "s, s per photo",
+        "inspecting photos and trying the effects that they call for",
+        "drinks, 32 photos, and a rendered depth of field of 23, on a busy machine: within a factor of two",
+        _CALIBRATED,
+    )
     compile: tuple[float, float, float] = number(
         (0.05, 0.6, 14.0),
         "s",
@@ -161,6 +175,16 @@ def _compile(work: Work) -> float:
     return searching if work.search else cached if work.compiled else whole
 
 
+def _effects(work: Work) -> float:
+    fixed, each = LAWS_OF_TWO_CORES.effects
+    return fixed + each * work.photos
+
+
+def _trials(work: Work) -> float:
+    fixed, each = LAWS_OF_TWO_CORES.trials
+    return fixed + each * work.photos
+
+
 def _photos(work: Work) -> float:
     fixed, each = LAWS_OF_TWO_CORES.photos
     return fixed + each * work.files_megapixels
@@ -181,6 +205,8 @@ LAWS: dict[str, Callable[[Work], float]] = {
     "photos": _photos,
     "sfm": _search,
     "surface": _surface,
+    "effects": _effects,
+    "trials": _trials,
     "compile": _compile,
     "prepare": _prepare,
     "save": _save,
@@ -236,7 +262,7 @@ def slowdown(busy: float | None) -> float:
 
 
 def stage_seconds(
-    runs: Sequence[PastRun], work: Work, train: float, slow: float = 1.0
+    runs: Sequence[PastRun], work: Work, train: float, slow: float = 1.0, trials: bool = False
 ) -> tuple[dict[str, float], Range]:
     """Seconds by stage, and in all.
 
@@ -244,11 +270,14 @@ def stage_seconds(
         runs: past ones; disturbed ones count only where there is no other.
         train: seconds of training that a probe predicts, which feels what else the machine does.
         slow: `slowdown` of all other stages.
+        trials: whether effects are tried, instead of looked for as every run does.
     """
     used = [run for run in runs if run.clean] or list(runs)
     seconds: dict[str, float] = {}
     variance, calibrated = 0.0, True
     for stage in STAGES:
+        if stage == ("effects" if trials else "trials"):
+            continue
         if stage == "train":
             base = train
             past = [run for run in used if run.train_predicted and "train" in run.seconds]

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from ..machine import Machine
@@ -79,36 +80,53 @@ class RunTiming:
         }
 
     def keep(self, report: Mapping[str, Any], photos: Sequence[Photo], fitted: int, page: float) -> None:
-        """Adds a finished run; one that was resumed, stopped or tried effects is like no other and is left out.
+        """Adds a finished run; one that was resumed or stopped is like no other and is left out.
+
+        Of one that tried effects only the trials are kept: its training is like no other.
 
         Args:
             report: content of report.json; fitted: photos that were trained on.
             page: seconds that writing the report itself took.
         """
-        run, budget = self._run, self.budget
-        if run.resume or report["status"] not in ("done", "time limit") or run.effects:
+        run = self._run
+        if run.resume or report["status"] not in ("done", "time limit"):
             return
-        if any(effect["on"] for effect in report["effects"]):
+        if run.trials:
+            self.records.add(self._past(report, photos, fitted, {"trials": report["seconds"]["effects"]}))
+        if run.effects or any(effect["on"] for effect in report["effects"]):
             return
-        held = report["heldout"]
-        hurried = run.preset == "draft" or (budget is not None and budget.hurried)
-        todo = photo_work(photos, search=run.search, hurried=hurried, compiled=self._compiled, points=run.points)
-        work = todo.training(fitted, len(held["names"]), report["steps"], report["gaussians"])
         taken = {**report["seconds"], "page": page}
         seconds = {name: value for name, value in taken.items() if value is not None and name != "total"}
+        held = report["heldout"]
         self.records.add(
-            PastRun(
-                work=work,
-                seconds=seconds,
+            replace(
+                self._past(report, photos, fitted, seconds),
                 train_predicted=self._probed(photos, report),
                 memory_mb=None if run.memory is not None else report["peak_memory_mb"],
-                scene=self._scene(photos),
-                contrast=contrast(photos),
-                preset="" if budget is not None or run.until else run.preset,
+                preset="" if self.budget is not None or run.until else run.preset,
                 psnr=held["degraded"]["psnr"],
                 sharp_psnr=held["sharp"]["psnr"],
-                disturbed=self._others.share(),
             )
+        )
+
+    def _past(
+        self, report: Mapping[str, Any], photos: Sequence[Photo], fitted: int, seconds: dict[str, float]
+    ) -> PastRun:
+        """The stages' seconds of a finished run, and nothing of its training."""
+        run, budget = self._run, self.budget
+        hurried = run.preset == "draft" or (budget is not None and budget.hurried)
+        todo = photo_work(photos, search=run.search, hurried=hurried, compiled=self._compiled, points=run.points)
+        return PastRun(
+            work=todo.training(fitted, len(report["heldout"]["names"]), report["steps"], report["gaussians"]),
+            seconds=seconds,
+            train_predicted=None,
+            memory_mb=None,
+            scene=self._scene(photos),
+            contrast=contrast(photos),
+            preset="",
+            psnr=None,
+            sharp_psnr=None,
+            disturbed=self._others.share(),
         )
 
     def _probed(self, photos: Sequence[Photo], report: Mapping[str, Any]) -> float | None:

@@ -27,6 +27,7 @@ _DECIDING = (
     "max_gaussians",
     "sh_degree",
     "holdout_every",
+    "effects",
     "device",
     "threads",
 )
@@ -37,6 +38,7 @@ _SHARED = (
     "--max-size",
     "--cameras",
     "--holdout-every",
+    "--effects",
     "--max-gaussians",
     "--sh-degree",
     "--device",
@@ -45,7 +47,9 @@ _SHARED = (
 
 _SPAN = {"value": number, "low": number, "high": number}
 _PRESET = {"seconds": {**_SPAN, "calibrated": boolean}, "memory_mb": {"value": number}, "psnr": (_SPAN,)}
-question = Question("presets", {"presets": dict.fromkeys(("draft", "balanced", "fine", "best"), _PRESET)})
+question = Question(
+    "presets", {"trials": boolean, "presets": dict.fromkeys(("draft", "balanced", "fine", "best"), _PRESET)}
+)
 
 
 def signature(settings: Any) -> tuple[Any, ...]:
@@ -74,6 +78,8 @@ def sentences(answer: dict[str, Any], preset: str) -> list[tuple[str, dict[str, 
     else:
         figures = {name: f"{psnr[name]:.1f}" for name in ("value", "low", "high")}
         out.append(("About {value} dB on held-out photos ({low} to {high})", figures))
+    if answer["trials"]:
+        out.append(("Longer if a shake or a focus of each photo is found", {}))
     if not seconds["calibrated"]:
         out.append(("A rough estimate: each finished run improves it", {}))
     return out

@@ -246,6 +246,7 @@ ANSWERS: dict[str, tuple[Question, dict[str, Any], Callable[[dict[str, Any]], ob
     "estimate": (
         estimate.question,
         {
+            "trials": True,
             "presets": dict.fromkeys(
                 ("draft", "balanced", "fine", "best"),
                 {
@@ -253,7 +254,7 @@ ANSWERS: dict[str, tuple[Question, dict[str, Any], Callable[[dict[str, Any]], ob
                     "memory_mb": {"value": 900.0},
                     "psnr": {"value": 25.0, "low": 24.0, "high": 26.0},
                 },
-            )
+            ),
         },
         lambda answer: estimate.sentences(answer, "draft"),
     ),

@@ -42,7 +42,7 @@ def test_every_panel_draws_in_an_empty_scene() -> None:
 def test_an_estimate_is_not_cut_off() -> None:
     span = {"value": 100.0, "low": 60.0, "high": 3700.0}
     preset = {"seconds": {**span, "calibrated": False}, "memory_mb": {"value": 2300.0}, "psnr": span}
-    estimate.question.answer = {"presets": dict.fromkeys(("draft", "balanced", "fine", "best"), preset)}
+    estimate.question.answer = {"trials": True, "presets": dict.fromkeys(("draft", "balanced", "fine", "best"), preset)}
     estimate.question.subject = estimate.signature(bpy.context.scene.dgs)
     try:
         paper = drawn(panels.DGS_PT_optimize, SIDEBAR)

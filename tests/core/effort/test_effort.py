@@ -104,6 +104,17 @@ def test_points_from_nothing_take_longer_than_surfaces_around_points():
     assert stage_seconds(slow, replace(WORK, points=False), 20.0)[0]["surface"] == pytest.approx(whole)
 
 
+def test_trials_of_effects_are_counted_and_set_right_by_their_own_runs():
+    plain, whole = stage_seconds([], WORK, 20.0)
+    tried, more = stage_seconds([], WORK, 20.0, trials=True)
+    assert "trials" not in plain and "effects" not in tried
+    assert more.value - whole.value == pytest.approx(LAWS["trials"](WORK) - LAWS["effects"](WORK))
+    past = run_of(seconds={"trials": 3 * LAWS["trials"](WORK)}, train_predicted=None, memory_mb=None)
+    again, _ = stage_seconds([past], WORK, 20.0, trials=True)
+    assert again["trials"] == pytest.approx(3 * tried["trials"]) and again["train"] == tried["train"]
+    assert described(trials=True).job_key("scene", "fine") != described().job_key("scene", "fine")
+
+
 def test_points_from_nothing_are_hurried_where_time_is_short():
     photos = [photo(f"{i}.png") for i in range(30)]
     given = described(search=False, points=False)
