@@ -97,7 +97,8 @@ class Schedule:
         # The best of each part: single scores swing by a dB and more, as Gaussians come and go.
         quarter = work * (1 - SCHEDULE.plateau_share)
         before = [earlier for at, earlier in self._evaluations if at <= quarter]
-        gained = max(later for at, later in self._evaluations if at > quarter) - max(before, default=-math.inf)
+        later = [latest for at, latest in self._evaluations if at > quarter]
+        gained = max(later, default=psnr) - max(before, default=-math.inf)
         # The first phases have rests of their own, before the full grid and the photos themselves take over.
         first = max(self._settings.coarse_share, self._settings.start_share)
         ripe = quarter >= first and step >= self._settings.min_steps

@@ -208,8 +208,6 @@ def read_row(file: Path, key: str) -> Row | None:
         return None
     if not isinstance(row, dict) or row.get("key") != key:
         return None
-    if "told" in row:  # as earlier versions called it
-        row["estimate"] = row.pop("told")
     return row
 
 

@@ -119,6 +119,12 @@ def test_while_it_rises_there_is_no_plateau():
     assert schedule.ended(1000, 0.0) == "done"
 
 
+def test_a_score_before_any_work_is_no_plateau():
+    schedule = Schedule(replace(SETTINGS, until="plateau"), 10.0)
+    schedule.evaluated(0, 0.0, 20.0)
+    assert schedule.share(0, 0.0) == 0.0 and schedule.ended(0, 0.0) is None
+
+
 def test_scores_that_swing_are_no_plateau_while_the_best_of_them_rise():
     """As they do where Gaussians come and go: by a dB up and down, and 0.8 dB better in the end."""
     schedule = Schedule(replace(SETTINGS, steps=1000, until="plateau"), None)
