@@ -181,10 +181,7 @@ def usual_effects(
     name, switch = Exposure.name, switches()[Exposure.name]
     found = {spec.name: spec.inspect(source) for spec in all_effects() if spec.name in switch.speakers}
     effect = built(name, source) if any(evidence.needed for evidence in found.values()) else None
-    observed = source.observations
-    if observed is None or explained_elsewhere(observed) < USUAL.explained:
-        effect = None
-    if effect is None:
+    if effect is None or not _differs_everywhere(source):
         return Chosen(seconds=time.perf_counter() - began)
     why = "the photos show it"
     decision = Decision(name, True, why, seconds=time.perf_counter() - began)
@@ -195,6 +192,12 @@ def usual_effects(
     simulated = {name: effect}
     lines = [_with_evidence(decision, found, simulated)]
     return Chosen(Formation([effect]), (), lines, [], time.perf_counter() - began)
+
+
+def _differs_everywhere(source: PhotoSet) -> bool:
+    """Whether gains of whole photos explain what differs between photos of the same points, not gloss or shadows."""
+    observations = source.observations
+    return observations is not None and explained_elsewhere(observations) >= USUAL.explained
 
 
 def _focus_moves(source: PhotoSet) -> Literal["no", "perhaps", "surely"]:
@@ -244,6 +247,8 @@ class _Trials:
             # Where points show a focus that moves it comes first: paths would be taken for a part of its blur.
             names.insert(len(names) if source.observations is None else 0, LensFocus.name)
         certain = [LensFocus.name] if moves == "surely" else []
+        if Exposure.name in called and _differs_everywhere(source):
+            certain.append(Exposure.name)  # what a run learns that asks for nothing
         return _Trials(tuple(names), frozenset(called), frozenset(certain))
 
 
@@ -333,13 +338,17 @@ class _Choice:
         """A short training with the effect and without."""
         began = time.perf_counter()
         assert self._ablation is not None
-        if not self._ablation.possible:
+        certain = name in self._trials.certain
+        if not self._ablation.possible and not certain:
             return Decision(name, False, "the photos call for it, but too few are there to confirm it")
         switch = switches()[name]
         effect = built(name, self._source)
         if effect is None and switch.build is not None:
             return Decision(name, False, "the photos call for it, but too few points are seen to estimate its size")
         more = self.state.with_effect(name, effect)
+        if not self._ablation.possible:
+            shown = "the same points show it beyond doubt; too few photos are there to try it"
+            return Decision(name, True, self._settled(name, more, shown), seconds=time.perf_counter() - began)
         # On the trial's coarse grid blurs that vary are below a px: they would cost time and show nothing.
         fine = [n for n, effect in self.state.simulated.items() if isinstance(effect, SpreadingEffect)]
         arms = (Arm(state.formation(fine), state.masked()) for state in (self.state, more))
@@ -348,7 +357,7 @@ class _Choice:
             return Decision(name, False, "the photos call for it, but they are clipped too widely to confirm it")
         shown = result.seen or f"{result.mean:+.3f} +- {result.error:.3f} dB on photos held out of a short training"
         on = result.confirms
-        if not on and name in self._trials.certain and not result.contradicts:
+        if not on and certain and not result.contradicts:
             on, shown = True, f"the same points show it beyond doubt, and nothing contradicts ({shown})"
         why = self._settled(name, more if on else None, shown)
         return Decision(name, on, why, None, result.mean, result.error, time.perf_counter() - began)

@@ -9,6 +9,7 @@ from dgs.core.imaging.formation.chain import Formation
 from dgs.core.imaging.formation.exposure import Exposure
 from dgs.core.imaging.medium import Medium
 from dgs.core.photos.undistort import undistorted_views
+from dgs.core.pipeline.effects.ablation import Ablation
 from dgs.core.pipeline.effects.choose import choose_effects
 from dgs.core.pipeline.effects.unseen import formation_of_all, with_unseen
 from dgs.core.pipeline.fitted import SplitViews
@@ -52,6 +53,32 @@ def test_photos_that_differ_are_said_to_and_learned(scene):
     assert chosen.formation.names == ("exposure",) and len(notes) == 1 and "--effects none" in notes[0]
     (row,) = chosen.plain()
     assert row["name"] == "exposure" and row["on"] and row["evidence"]["needed"] and len(row["parameters"]) == 12
+
+
+@pytest.mark.parametrize(("gain", "learned"), [(0.0, True), (-0.5, False)])
+def test_auto_learns_what_a_run_learns_that_asks_for_nothing(scene, monkeypatch, gain, learned):
+    """The trial shows nothing; or a loss, which contradicts."""
+    photos = validation.photo_set(scene, degrade(scene, Truth(exposure=0.2), seed=1))
+
+    def scores(self, arm, medium):
+        return np.full(6, 30.0 + gain * ("exposure" in arm.formation.names)) + 0.05 * np.arange(6) % 0.1
+
+    monkeypatch.setattr(Ablation, "_scores", scores)
+    views = undistorted_views(list(photos.photos), photos.cameras)
+    asked = "auto,-haze,-vignetting,-saturation,-field_blur,-motion,-defocus"
+    chosen = choose_effects(asked, photos.photos, photos.cameras, views, Medium(), SETTINGS, Silent())
+    line = next(d for d in chosen.decisions if d.name == "exposure")
+    assert ("exposure" in chosen.formation.names) is learned and line.on is learned, line
+    assert ("beyond doubt" if learned else "not confirmed") in line.why
+
+
+def test_auto_learns_it_where_too_few_photos_are_there_for_a_trial(scene):
+    photos = validation.photo_set(scene, degrade(scene, Truth(exposure=0.2), seed=1))
+    views = undistorted_views(list(photos.photos), photos.cameras)[:3]
+    asked = "auto,-haze,-vignetting,-saturation,-field_blur,-motion,-defocus"
+    chosen = choose_effects(asked, photos.photos, photos.cameras, views, Medium(), SETTINGS, Silent())
+    assert chosen.formation.names == ("exposure",)
+    assert "too few photos" in next(d for d in chosen.decisions if d.name == "exposure").why
 
 
 def test_held_out_photos_are_not_looked_at(scene):
