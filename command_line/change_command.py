@@ -21,6 +21,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("later", type=Path, metavar="AFTER", help="another one, of the same object later")
     files = "folder for change.json, change.csv, change.png and change.glb"
     add("--out", type=Path, required=True, metavar="DIR", help=files)
+    known = parser.add_mutually_exclusive_group()
+    measures = "JSON of places on %s and measures of them, as 'measure' takes it; one is the known length"
+    known.add_argument("--measures", type=Path, metavar="FILE", help=measures % "BEFORE")
+    known.add_argument("--measures-after", type=Path, metavar="FILE", help=measures % "AFTER")
+    length = "a measure of that file whose length is known, such as edge=120mm or edge=120+-0.5mm, for changes in mm"
+    add("--scale", metavar="NAME=LENGTH", help=f"{length}; else the file's own, or px-equivalents")
     add("--photos-before", type=Path, metavar="DIR", help="where the photos of BEFORE lie now, if they were moved")
     add("--photos-after", type=Path, metavar="DIR", help="where the photos of AFTER lie now, if they were moved")
     add("--threads", type=whole(1, 1024), metavar="N", help="CPU threads; all cores if not given")
@@ -40,6 +46,9 @@ def change_command(options: argparse.Namespace, progress: Reporting) -> int:
         options.photos_before,
         options.photos_after,
         options.threads,
+        options.measures or options.measures_after,
+        options.measures_after is not None,
+        options.scale,
     )
     found = written.find_changes(job, progress)
     if options.progress != "json":

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..evaluation.poses import Similarity
+from ..measure.known import LengthScale
+from ..measure.rows import NO_SCALE
 from .evidence import Array
 
 #: What may become of a region, and how it is said.
@@ -30,7 +32,7 @@ class Region:
     Attributes:
         kind: of `KINDS`.
         centre: [3] world of the first twin; pixel: size of a px-equivalent there, world units.
-        area: px-equivalents squared.
+        area: px-equivalents squared (or another unit's, see `Changes.said`).
         value, deviation: by how much, px-equivalents: way, width, or height above what is behind; None if repainted.
         motion: [3] px-equivalents along the world's axes, zeros where nothing moved.
         direction: 'towards the cameras', 'away from the cameras', 'sideways' or ''.
@@ -78,6 +80,7 @@ class Changes:
         gain: of the light, median of the second's photos over the first's.
         mediums: of both twins, as text.
         size: [N] of each place's motion, px-equivalents; sure: [N] its standard deviation.
+        scale: of the first world, where a length is known.
     """
 
     regions: tuple[Region, ...]
@@ -89,3 +92,28 @@ class Changes:
     mediums: tuple[str, str]
     size: Array = field(repr=False)
     sure: Array = field(repr=False)
+    scale: LengthScale | None = None
+
+    @property
+    def unit(self) -> str:
+        """Of lengths, as they are said."""
+        return NO_SCALE if self.scale is None else self.scale.known.unit
+
+    def in_unit(self, pixel: Array) -> Array:
+        """[N] how many units a px-equivalent is, where it is `pixel` [N] large in the first world."""
+        return np.ones_like(pixel) if self.scale is None else pixel * self.scale.size
+
+    def said(self, region: Region) -> Region:
+        """A region with all its lengths in the unit that they are said in, and the scale's own deviation in theirs."""
+        if self.scale is None:
+            return region
+        size = region.pixel * self.scale.size
+        value, deviation = region.value, region.deviation
+        if value is not None and deviation is not None:
+            share = self.scale.deviation / self.scale.size
+            # the variance of a product of independent factors
+            deviation = size * float(np.sqrt(deviation**2 * (1 + share**2) + value**2 * share**2))
+            value = size * value
+        return replace(
+            region, value=value, deviation=deviation, area=region.area * size**2, motion=region.motion * size
+        )

@@ -33,19 +33,32 @@ def coloured(found: Changes, first: Surface, second: Surface) -> Mesh:
     mesh = first.mesh
     colours = _pale(mesh)
     colours[~found.held] = PICTURE.unseen
-    most = largest(found)
+    sizes, most = _sizes(found, first), largest(found, first)
     for region in found.regions:
         if not region.after:
-            colours[region.places] = _colour(region, found.size[region.places], most)
+            colours[region.places] = _colour(region, sizes[region.places], most)
     parts = [Mesh(mesh.vertices, mesh.faces, colours)]
     parts += [_new(second.mesh, region, found.alignment.similarity) for region in found.regions if region.after]
     return _joined(parts)
 
 
-def largest(found: Changes) -> float:
-    """The end of the colour bar, px-equivalents: what hardly a moved place exceeds."""
-    sizes = [found.size[r.places] for r in found.regions if not r.after and r.kind not in COLOURS]
-    return float(np.quantile(np.concatenate(sizes), PICTURE.quantile)) if sizes else 1.0
+def largest(found: Changes, first: Surface) -> float:
+    """The end of the colour bar, in the unit of lengths: what hardly a moved place exceeds."""
+    sizes = _sizes(found, first)
+    moved = [sizes[r.places] for r in found.regions if not r.after and r.kind not in COLOURS]
+    return float(np.quantile(np.concatenate(moved), PICTURE.quantile)) if moved else 1.0
+
+
+def legend(found: Changes, first: Surface) -> dict[str, Any]:
+    """For JSON: sRGB of each kind and of what is unseen; those of the colour bar, from 0 to `up_to`."""
+    bar = [_moved_colour(step).tolist() for step in np.linspace(0.0, 1.0, PICTURE.steps)]
+    moved = {"up_to": largest(found, first), "unit": found.unit, "bar": bar}
+    return {**{kind: list(colour) for kind, colour in COLOURS.items()}, "unseen": list(PICTURE.unseen), "moved": moved}
+
+
+def _sizes(found: Changes, first: Surface) -> Array:
+    """[N] how far each place has moved, in the unit of lengths."""
+    return np.asarray(found.size * found.in_unit(first.places.pixel))
 
 
 def _pale(mesh: Mesh) -> NDArray[np.uint8]:
@@ -57,7 +70,12 @@ def _pale(mesh: Mesh) -> NDArray[np.uint8]:
 def _colour(region: Region, sizes: Array, most: float) -> NDArray[np.uint8]:
     if region.kind in COLOURS:
         return np.array(COLOURS[region.kind], np.uint8)
-    return np.asarray(np.round(255 * _SIZES(np.clip(sizes / most, 0.0, 1.0))[:, :3]), np.uint8)
+    return _moved_colour(sizes / most)
+
+
+def _moved_colour(share: float | Array) -> NDArray[np.uint8]:
+    """[..., 3] of the colour bar."""
+    return np.asarray(np.round(255 * np.asarray(_SIZES(np.clip(share, 0.0, 1.0)))[..., :3]), np.uint8)
 
 
 def _new(mesh: Mesh, region: Region, world: Similarity) -> Mesh:
@@ -76,8 +94,9 @@ def _joined(parts: Sequence[Mesh]) -> Mesh:
     return Mesh(np.concatenate([part.vertices for part in parts]), np.concatenate(faces), colours)
 
 
-def draw(path: Path, mesh: Mesh, cameras: Sequence[Camera], found: Changes, title: str) -> None:
-    """Writes a PNG of the coloured mesh from some cameras, with a colour bar."""
+def draw(path: Path, mesh: Mesh, first: Surface, found: Changes, title: str) -> None:
+    """Writes a PNG of the coloured mesh from some of the first twin's cameras, with a colour bar."""
+    cameras = first.cameras
     chosen = [
         cameras[index] for index in np.unique(np.linspace(0, len(cameras) - 1, PICTURE.views).round().astype(int))
     ]
@@ -85,8 +104,8 @@ def draw(path: Path, mesh: Mesh, cameras: Sequence[Camera], found: Changes, titl
     panels = figure.subplots(1, len(chosen), squeeze=False)[0]
     for panel, camera in zip(panels, chosen, strict=True):
         _panel(panel, mesh, camera)
-    sizes = ScalarMappable(Normalize(0.0, largest(found)), _SIZES)
-    figure.colorbar(sizes, ax=list(panels), label="moved by, px-equivalents", shrink=0.8)
+    sizes = ScalarMappable(Normalize(0.0, largest(found, first)), _SIZES)
+    figure.colorbar(sizes, ax=list(panels), label=f"moved by, {found.unit}", shrink=0.8)
     patches = [Patch(color=np.array(colour) / 255, label=kind) for kind, colour in COLOURS.items()]
     patches.append(Patch(color=np.array(PICTURE.unseen) / 255, label="not enough photos"))
     figure.legend(handles=patches, loc="outside lower center", ncols=len(patches), fontsize=8)

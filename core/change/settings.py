@@ -85,6 +85,7 @@ class PictureSettings:
     pale: float = number(0.35, "share", "of its darkness that what has not changed keeps", BY_DEFINITION)
     unseen: tuple[int, int, int] = number((225, 205, 160), "sRGB", "of places that too few photos show", BY_DEFINITION)
     quantile: float = number(0.98, "share", "of the moved places whose motion the colour bar holds", BY_DEFINITION)
+    steps: int = number(9, "count", "colours of that bar that change.json names, evenly chosen", BY_DEFINITION)
 
 
 EVIDENCE, ALIGNMENT, REGIONS, PICTURE = EvidenceSettings(), AlignmentSettings(), RegionSettings(), PictureSettings()

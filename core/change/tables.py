@@ -5,20 +5,24 @@ from __future__ import annotations
 import csv
 import io
 import json
+from collections.abc import Mapping
 from typing import Any
 
 from .findings import KINDS, WITHIN, Changes, Region
 
-#: The unit of lengths: px of the photos on the surface there.
-UNIT = "px-equivalent"
 _COLUMNS = ("kind", "x", "y", "z", "area", "value", "deviation", "low", "high", "unit", "direction", "places")
 
 
-def as_plain(found: Changes) -> dict[str, Any]:
-    """For JSON: regions, how much of the surface was seen and has changed, and what was separated from it."""
+def as_plain(found: Changes, colours: Mapping[str, Any]) -> dict[str, Any]:
+    """For JSON: regions, how much of the surface was seen and has changed, and what was separated from it.
+
+    Args:
+        colours: of the mesh, see `picture.legend`.
+    """
     aligned = found.alignment
     return {
-        "regions": [_plain(region) for region in found.regions],
+        "regions": [_plain(found, region) for region in found.regions],
+        "scale": _scale(found),
         "surface": {"places": found.asked, "held": int(found.held.sum()), "changed": _rounded(found.changed)},
         "alignment": {
             "how": aligned.how,
@@ -31,6 +35,7 @@ def as_plain(found: Changes) -> dict[str, Any]:
         },
         "light": {"gain": _rounded(found.gain)},
         "medium": {"before": found.mediums[0], "after": found.mediums[1]},
+        "colours": dict(colours),
     }
 
 
@@ -38,7 +43,16 @@ def _rounded(value: float | None) -> float | None:
     return None if value is None else round(float(value), 6)
 
 
-def _plain(region: Region) -> dict[str, Any]:
+def _scale(found: Changes) -> dict[str, Any] | None:
+    if found.scale is None:
+        return None
+    known = found.scale.known
+    given = {"measure": known.measure, "value": known.value, "deviation": known.deviation, "unit": known.unit}
+    return {**given, "size": found.scale.size, "size_deviation": found.scale.deviation}
+
+
+def _plain(found: Changes, region: Region) -> dict[str, Any]:
+    region = found.said(region)
     low, high = interval(region)
     return {
         "kind": region.kind,
@@ -49,7 +63,7 @@ def _plain(region: Region) -> dict[str, Any]:
         "deviation": _rounded(region.deviation),
         "low": _rounded(low),
         "high": _rounded(high),
-        "unit": UNIT,
+        "unit": found.unit,
         "motion": [_rounded(value) for value in region.motion],
         "direction": region.direction,
         "places": len(region.places),
@@ -64,9 +78,9 @@ def interval(region: Region) -> tuple[float | None, float | None]:
     return max(0.0, region.value - WITHIN * region.deviation), region.value + WITHIN * region.deviation
 
 
-def json_text(found: Changes) -> str:
-    """The content of change.json."""
-    return json.dumps(as_plain(found), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+def json_text(found: Changes, colours: Mapping[str, Any]) -> str:
+    """The content of change.json, see `as_plain`."""
+    return json.dumps(as_plain(found, colours), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def csv_text(found: Changes) -> str:
@@ -75,7 +89,7 @@ def csv_text(found: Changes) -> str:
     table = csv.DictWriter(out, _COLUMNS, lineterminator="\n", extrasaction="ignore")
     table.writeheader()
     for region in found.regions:
-        row = _plain(region)
+        row = _plain(found, region)
         table.writerow({**row, **dict(zip("xyz", row["centre"], strict=True))})
     return out.getvalue()
 
@@ -86,15 +100,32 @@ def lines(found: Changes) -> list[str]:
     if not found.regions:
         return said
     said += ["", f"{'what':<10} {'by':>7} {'95 % interval':>16}  {'area':>7}  {'where (first world)':<24} how"]
-    for region in found.regions:
+    for region in map(found.said, found.regions):
         low, high = interval(region)
-        by = "-" if region.value is None else f"{region.value:.2f}"
-        between = "-" if low is None else f"{low:.2f} to {high:.2f}"
+        by = "-" if region.value is None else _short(region.value)
+        between = "-" if low is None or high is None else f"{_short(low)} to {_short(high)}"
         where = " ".join(f"{value:.4g}" for value in region.centre)
         how = region.direction or KINDS[region.kind]
-        said.append(f"{region.kind:<10} {by:>7} {between:>16}  {region.area:>7.0f}  {where:<24} {how}")
-    said += ["", "Lengths are px-equivalents: px of the photos on the surface there; areas are their squares"]
-    return said
+        said.append(f"{region.kind:<10} {by:>7} {between:>16}  {region.area:>7,.4g}  {where:<24} {how}")
+    return [*said, "", _units(found)]
+
+
+def _short(value: float) -> str:
+    """Two digits behind the point, or three in all where it is small."""
+    return f"{value:.2f}" if value >= 1 or value == 0 else f"{value:.3g}"
+
+
+def _units(found: Changes) -> str:
+    if found.scale is None:
+        return (
+            "Lengths are px-equivalents: px of the photos on the surface there; areas are their squares. "
+            "A known length gives them a unit: --measures FILE --scale NAME=12mm"
+        )
+    known = found.scale.known
+    length = (
+        f"{known.value:g} +- {known.deviation:g} {known.unit}" if known.deviation else f"{known.value:g} {known.unit}"
+    )
+    return f"Lengths are {known.unit}, for '{known.measure}' is {length}; areas are their squares"
 
 
 def sentence(found: Changes) -> str:

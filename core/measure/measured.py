@@ -69,6 +69,20 @@ class Findings:
     missing: dict[str, str]
 
 
+@dataclass(frozen=True)
+class ValuedMeasures:
+    """What was found, in the scene's own units.
+
+    Attributes:
+        places: by name; reasons: why each of the others was not found.
+        values: by measure's name; a text says why there is none.
+    """
+
+    places: dict[str, SurfacePoint]
+    reasons: dict[str, str]
+    values: dict[str, Value | str]
+
+
 def measure(twin: OpenedTwin, request: MeasureRequest, cameras: float, progress: Progress) -> Findings:
     """Measures what was asked.
 
@@ -98,6 +112,22 @@ def measured(twin: OpenedTwin, views: Sights, request: MeasureRequest, cameras: 
         views: hold each photo that something is marked on.
     """
     generator = np.random.default_rng(0)
+    found = valued_measures(twin, views, request, cameras, generator, progress)
+    factor, unit = scale_of(request, found.values, views, generator)
+    said = tuple(_said(one, found.values[one.name], factor, unit, found.places) for one in request.measures)
+    places = {name: _plain(place, views) for name, place in found.places.items()}
+    return Findings(said, places, views.noise, found.reasons)
+
+
+def valued_measures(
+    twin: OpenedTwin,
+    views: Sights,
+    request: MeasureRequest,
+    cameras: float,
+    generator: np.random.Generator,
+    progress: Progress,
+) -> ValuedMeasures:
+    """All places, and the values of all measures, in the scene's own units; notes what could not be found."""
     places, reasons = dict[str, SurfacePoint](), dict[str, str]()
     for name, asked in request.places.items():
         try:
@@ -117,9 +147,7 @@ def measured(twin: OpenedTwin, views: Sights, request: MeasureRequest, cameras: 
             values[one.name] = _width(twin, views, one, cameras, generator, progress)
         else:
             values[one.name] = valued(one.kind, [places[n] for n in one.of], [draws[n] for n in one.of])
-    factor, unit = _scale(request, values, views, generator)
-    found = tuple(_said(one, values[one.name], factor, unit, places) for one in request.measures)
-    return Findings(found, {name: _plain(place, views) for name, place in places.items()}, views.noise, reasons)
+    return ValuedMeasures(places, reasons, values)
 
 
 def _undistorted(twin: OpenedTwin, asked: AskedPlace) -> dict[str, Point]:
@@ -180,7 +208,7 @@ def _width_between(
         return str(error)
 
 
-def _scale(
+def scale_of(
     request: MeasureRequest, values: Mapping[str, Value | str], views: Sights, generator: np.random.Generator
 ) -> tuple[Array | None, str]:
     """Draws of the unit's size in the scene's own units, the best guess first; None without a known length."""

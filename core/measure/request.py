@@ -53,7 +53,10 @@ _CONTENT = {
     "measures": [{"name?": text, "kind": frozenset(KINDS), "of?": [text], "photo?": text, "across?": [[number]]}],
     "scale?": {"measure": text, "value": number, "deviation?": number, "unit": text},
 }
-_SCALE = re.compile(r"(?P<measure>.+)=(?P<value>[0-9.eE]+)(?:\+-(?P<deviation>[0-9.eE]+))?\s*(?P<unit>[^\W\d_]+)")
+_SCALE = re.compile(
+    r"(?P<measure>.+)=(?P<value>[0-9.eE]+)(?:\s*(?P<first>[^\W\d_]*)\s*\+-\s*(?P<deviation>[0-9.eE]+))?"
+    r"\s*(?P<unit>[^\W\d_]+)"
+)
 
 Point = tuple[float, float]
 Position = tuple[float, float, float]
@@ -230,7 +233,7 @@ def _known_of(found: dict[str, Any] | None) -> KnownLength | None:
 
 def _known(asked: str) -> KnownLength:
     match = _SCALE.fullmatch(asked.strip())
-    if match is None:
+    if match is None or match["first"] not in (None, "", match["unit"]):
         raise ValueError(f"'{asked}' is no known length: write NAME=12.5mm or NAME=12.5+-0.1mm")
     known = KnownLength(match["measure"], float(match["value"]), float(match["deviation"] or 0.0), match["unit"])
     return _sound(known)

@@ -14,7 +14,7 @@ from dgs.command_line import run
 from dgs.core.camera import Camera
 from dgs.core.errors import DgsError, FormatError
 from dgs.core.measure.located import NothingThere, located, on_surface
-from dgs.core.measure.measured import _said, _scale
+from dgs.core.measure.measured import _said, scale_of
 from dgs.core.measure.places import PRECISION, SurfacePoint, deviation_of_depth, surface_depth
 from dgs.core.measure.request import AskedMeasure, AskedPlace, KnownLength, MeasureRequest, read_request
 from dgs.core.measure.sights import Sight, Sights
@@ -161,7 +161,7 @@ def said(scale: KnownLength | None) -> dict[str, Any]:
     asked = (AskedMeasure("edge", "length", ("a", "b")), AskedMeasure("face", "area", ("a", "b", "c")))
     values = {one.name: valued(one.kind, [places[n] for n in one.of], [draws[n] for n in one.of]) for one in asked}
     request = MeasureRequest({}, asked, scale)
-    factor, unit = _scale(request, values, two_views(), generator)
+    factor, unit = scale_of(request, values, two_views(), generator)
     return {one.name: _said(one, values[one.name], factor, unit, places) for one in asked}
 
 
