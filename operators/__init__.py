@@ -7,6 +7,7 @@ from .add_results import DGS_OT_add_results
 from .batch import DGS_OT_batch, DGS_OT_cancel_batch, DGS_OT_take_set
 from .cancel_job import DGS_OT_cancel_job
 from .choose_photos import DGS_OT_choose_photos
+from .compare_earlier import DGS_OT_compare_earlier
 from .compare_truth import DGS_OT_compare_truth
 from .composite_meshes import DGS_OT_composite_meshes
 from .crop_twin import DGS_OT_crop_twin
@@ -53,6 +54,7 @@ from .select_splats import (
     DGS_OT_select_floaters,
 )
 from .show_cameras import DGS_OT_show_cameras
+from .show_changes import DGS_OT_show_changes
 from .show_known import DGS_OT_show_known
 from .show_log import DGS_OT_show_log
 from .show_next_views import DGS_OT_show_next_views
@@ -112,6 +114,8 @@ CLASSES: tuple[type, ...] = (
     DGS_OT_forget_length,
     DGS_OT_export_measures,
     DGS_OT_make_mesh,
+    DGS_OT_compare_earlier,
+    DGS_OT_show_changes,
     DGS_OT_add_preset,
     DGS_OT_batch,
     DGS_OT_cancel_batch,

@@ -9,6 +9,7 @@ from typing import Any
 import bpy
 from bpy.app.translations import pgettext_rpt as rpt_
 
+from ..dgs_addon.job import runner
 from ..dgs_addon.job.record import LOG
 from ..dgs_addon.paths import out_folder
 
@@ -53,7 +54,9 @@ class DGS_OT_show_log(bpy.types.Operator):
 
 
 def _log(context: Any) -> Path | None:
-    out = out_folder(context.scene.dgs)
+    job, out = runner.current(), out_folder(context.scene.dgs)
+    if job is not None and job.request.twin is not None and runner.belongs(job, context.scene):
+        return job.log  # an update's or a comparison's own
     return None if out is None else out / LOG
 
 

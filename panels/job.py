@@ -35,7 +35,7 @@ def draw_job(layout: Any, context: Any) -> None:
             _running(layout.box(), context, job)
         else:
             _elsewhere(layout.box(), context, job)
-    elif job is not None and (job.request.out == out_folder(context.scene.dgs) or _unfinished_set(job, context.scene)):
+    elif job is not None and (job.request.out == out_folder(context.scene.dgs) or _unfinished(job, context.scene)):
         _ended(layout, context, job)
     else:
         _before(layout, context)
@@ -115,6 +115,12 @@ def draw_figures(layout: Any, state: JobState) -> None:
         figures(row, "{value:.2f} dB", "COLORSET_04_VEC", value=accuracy)
 
 
+def _unfinished(job: runner.Job, scene: Any) -> bool:
+    """Whether a job that has a folder of its own has not come to its end."""
+    own = job.request.twin is not None and job.state.phase != "done" and runner.belongs(job, scene)
+    return own or _unfinished_set(job, scene)
+
+
 def _unfinished_set(job: runner.Job, scene: Any) -> bool:
     return job.request.kind == "synthesize" and job.state.phase != "done" and runner.belongs(job, scene)
 
@@ -133,6 +139,8 @@ def _ended(layout: Any, context: Any, job: runner.Job) -> None:
         ).replace = True
     elif _unfinished_set(job, context.scene):
         box.operator("dgs.make_test_set", text="Resume", icon="PLAY")
+    elif job.request.twin is not None:  # it is begun again where it was begun
+        box.operator("dgs.show_log", icon="TEXT")
     else:
         _ways_out(box)
 

@@ -1,4 +1,4 @@
-"""Step 5, folded: measures of the twin."""
+"""Step 5, folded: measures of the twin, its mesh, and what has changed of it."""
 
 from __future__ import annotations
 
@@ -7,13 +7,17 @@ from typing import Any
 import bpy
 from bpy.app.translations import pgettext_iface as iface_
 
+from ..core.measure.rows import NO_SCALE
 from ..dgs_addon.questions import measures, meshes
+from ..dgs_addon.scene.comparison import changed_mesh, changes_of, line_of, shows_changes
 from ..dgs_addon.scene.measures import KINDS, active_measure, known_measure, measures_of, value_text
 from ..dgs_addon.scene.twin import is_twin
 from .layout import Sidebar, figures, sentence
 
 #: Rows of the list, at least and at most.
 _ROWS = (3, 8)
+#: Changes that are listed.
+_CHANGES = 12
 
 
 class DGS_UL_measures(bpy.types.UIList):
@@ -62,6 +66,37 @@ class DGS_PT_twin_measure(Sidebar, bpy.types.Panel):
             column.label(text="Making the mesh...", icon="TIME")
         elif meshes.error and meshes.subject == twin.name:
             sentence(column, context, meshes.error, "ERROR")
+        layout.operator("dgs.compare_earlier", icon="RECOVER_LAST")
+        _draw_changes(layout, context, twin)
+
+
+def _draw_changes(layout: Any, context: Any, twin: Any) -> None:
+    """What has changed since an earlier twin: a line for each region, the largest first."""
+    held = changes_of(twin)
+    if held is None:
+        return
+    box = layout.box()
+    row = box.row()
+    figures(row, "Since {name}", "TIME", name=held["before"])
+    if changed_mesh(twin) is not None:
+        shown = shows_changes(twin)
+        row.operator("dgs.show_changes", text="", icon="HIDE_OFF" if shown else "HIDE_ON", depress=shown)
+    column = box.column(align=True)
+    for region in held["regions"][:_CHANGES]:
+        text, icon, values = line_of(region)
+        sentence(column, context, text, icon, **values)
+    more = len(held["regions"]) - _CHANGES
+    if more > 0:
+        sentence(column, context, "And {count} smaller ones: see change.csv", "BLANK1", count=more)
+    if not held["regions"]:
+        sentence(column, context, "Nothing has changed beyond chance", "CHECKMARK")
+    sentence(column, context, "{held} of {places} places are shown by photos of both", "INFO", **_counts(held))
+    if any(region["unit"] == NO_SCALE for region in held["regions"]):
+        sentence(column, context, "No length is known: px are px-equivalents, px of the photos there", "INFO")
+
+
+def _counts(held: dict[str, Any]) -> dict[str, int]:
+    return {name: held[name] for name in ("held", "places")}
 
 
 def _draw_tools(layout: Any, context: Any) -> None:

@@ -15,14 +15,12 @@ from ..outputs import check_outputs, placing_outputs
 from ..progress import Progress
 from ..twin.opened import open_twin
 from .compared import changes
+from .files import FILES, MESH, PICTURE, REPORT, TABLE
 from .findings import Changes
 from .picture import coloured, draw, legend
 from .tables import csv_text, json_text, lines, sentence
 
 __all__ = ["ChangeJob", "find_changes", "lines"]
-
-#: What is written.
-FILES = ("change.json", "change.csv", "change.png", "change.glb")
 
 
 @dataclass(frozen=True)
@@ -75,10 +73,10 @@ def find_changes(job: ChangeJob, progress: Progress) -> Changes:
     mesh = coloured(found, first, second)
     progress.stage("save")
     with placing_outputs(job.out, "change", progress.note) as folder:
-        write_text(folder / FILES[0], json_text(found, legend(found, first)))
-        write_text(folder / FILES[1], csv_text(found))
-        draw(folder / FILES[2], mesh, first, found, sentence(found))
-        write_mesh(folder / FILES[3], mesh)
+        write_text(folder / REPORT, json_text(found, legend(found, first)))
+        write_text(folder / TABLE, csv_text(found))
+        draw(folder / PICTURE, mesh, first, found, sentence(found))
+        write_mesh(folder / MESH, mesh)
     return found
 
 

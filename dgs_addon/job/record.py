@@ -76,7 +76,7 @@ def _chosen_names(value: object) -> bool:
 
 #: What job.json holds, and nothing else.
 _SHAPE = {
-    "kind": frozenset((*RESUMABLE, "synthesize", "update")),
+    "kind": frozenset((*RESUMABLE, "synthesize", "update", "change")),
     "photos": absolute_path,
     "count": count,
     "options?": {"*": anything},

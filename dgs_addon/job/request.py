@@ -2,23 +2,31 @@
 
 from __future__ import annotations
 
+import itertools
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from hashlib import sha256
 from pathlib import Path
 from typing import Any, Literal
 
-from ...core.errors import DgsError
+from ...core.change.files import FILES
+from ...core.errors import DgsError, ForeignFiles, FormatError
 from ...core.files import make_folder, write_text
+from ...core.outputs import check_outputs
 from ..engine.process import RUN
 from ..paths import absolute, chosen_photos, out_folder, pictures_folder
 from ..photos import PhotoFolder, photo_folder
+from ..scene.measures import known_of
 from ..scene.medium import psf_argument
 from ..scene.scene_cameras import write_scene_cameras
 from .options import RESUMABLE, Options, job_arguments
 from .record import Record
 
-Kind = Literal["cameras", "reconstruct", "synthesize", "update"]
+#: The known length of a twin that is compared, for the engine.
+_KNOWN = "known_length.json"
+
+Kind = Literal["cameras", "reconstruct", "synthesize", "update", "change"]
 
 
 @dataclass(frozen=True)
@@ -27,13 +35,13 @@ class Request:
 
     Attributes:
         kind: what the engine does.
-        photos, out: absolute folders; `photos` may be a movie.
+        photos, out: absolute folders; `photos` may be a movie, and is the earlier twin that one is compared with.
         arguments: of the engine, but for the resumption.
         resume: whether to go on from the checkpoint in `out`.
         count: photos that count; 0 where only the engine can count them, as of a movie.
         selection: their names, one a line; '' for all in the folder.
         program: what runs the arguments, where it is not the engine's Python.
-        twin: folder of the twin that is updated; its own record and log stay as they are.
+        twin: folder of the twin that is updated or compared; its own record and log stay as they are.
         reuse_cameras: whether the cameras in `out` belong to these photos; a new run takes them over.
         options: what `arguments` were made from, where the job can be resumed.
         overwrite: whether the user allowed to replace what this program did not write.
@@ -142,6 +150,42 @@ def update_request(settings: Any, photos: Sequence[Path]) -> Request:
         arguments += ["--cameras", str(model)]
     arguments += ["--progress", "json", "--control"]
     return Request("update", photos[0].parent, own, arguments, len(photos), twin=out)
+
+
+def change_request(settings: Any, twin: Any, later: Path, earlier: Path) -> Request:
+    """What has changed of a twin since an earlier one; all that is written goes to a folder of its own in the twin's.
+
+    Args:
+        twin: its object, whose known length counts; later, earlier: folders of both.
+
+    Raises:
+        DgsError: there is no earlier twin, or it is the same.
+    """
+    if not (earlier / "twin.ply").is_file():
+        raise FormatError(f"There is no twin in '{earlier}'", "Choose the folder of an earlier twin's results")
+    if earlier.resolve() == later.resolve():
+        raise FormatError(f"'{earlier}' is the folder of this very twin", "Choose that of an earlier one")
+    own = make_folder(_free_folder(later))
+    arguments = ["change", str(earlier), str(later), "--out", str(own), *_number("--threads", settings.threads)]
+    known = known_of(twin)
+    if known is not None:
+        write_text(own / _KNOWN, json.dumps(known, indent=1))
+        arguments += ["--measures-after", str(own / _KNOWN)]
+    return Request("change", earlier, own, [*arguments, "--progress", "json", "--control"], twin=later)
+
+
+def _free_folder(twin: Path) -> Path:
+    """Where no file of somebody else stands in the way."""
+    names = itertools.chain(["change"], (f"change-{number}" for number in itertools.count(2)))
+    return next(twin / name for name in names if _is_free(twin / name))
+
+
+def _is_free(folder: Path) -> bool:
+    try:
+        check_outputs([folder / name for name in FILES])
+    except ForeignFiles:
+        return False
+    return True
 
 
 def _list(found: PhotoFolder, out: Path) -> Path:

@@ -22,6 +22,7 @@ from ..paths import absolute
 from ..scene.arrival import frame, hide_startup, stand_upright
 from ..scene.cameras import add_cameras
 from ..scene.changes import noting
+from ..scene.comparison import CHANGED_MESH
 from ..scene.compositing import leave_twins_scene
 from ..scene.crop import crop_box
 from ..scene.medium import PSF
@@ -268,13 +269,17 @@ def add_suggested(out: Path, scene: Any) -> list[Any]:
 
 
 def remove_twin(twin: Any, scene: Any) -> None:
-    """Takes a twin out of the scene with all that came with it: cameras, points, suggestions, crop box.
+    """Takes a twin out of the scene with all that came with it: cameras, points, suggestions, changes, crop box.
 
     A duplicate of it keeps them. What the user has made stays: objects beside them, and those that hang on the twin.
     """
     out, box = Path(str(twin.get(FOLDER, ""))), crop_box(twin)
     others = [thing for thing in scene.objects if thing != twin and is_twin(thing) and thing.get(FOLDER) == str(out)]
-    ours = [thing for thing in twin.children if thing == box or any(mark in thing for mark in (PHOTO, POINTS, ORDER))]
+    ours = [
+        thing
+        for thing in twin.children
+        if thing == box or any(mark in thing for mark in (PHOTO, POINTS, ORDER, CHANGED_MESH))
+    ]
     for thing in twin.children:
         if thing not in ours or (others and thing != box):
             world = thing.matrix_world.copy()

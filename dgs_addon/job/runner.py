@@ -22,9 +22,10 @@ from ...core.kernel_cache import is_compiled
 from ..drawing.live import SHOWN
 from ..drawing.process import warm_up
 from ..paths import out_folder
+from ..scene.comparison import add_changes
 from ..scene.nodes import splat_nodes
 from ..scene.software import SOFTWARE_SPLATS, drawn_by_software
-from ..window import Pace, redraw
+from ..window import Pace, redraw, redraw_views
 from . import pictures
 from .job import Job
 from .options import RESUMABLE
@@ -238,6 +239,8 @@ def _end(job: Job, status: int) -> None:
         job.finishing = _finish(job)
     elif job.request.kind == "update" and phase == "done":
         job.cloud, job.finishing = None, _finish(job)
+    elif job.request.kind == "change" and phase == "done":
+        job.finishing = _finish_comparison(job)
     elif job.request.kind == "synthesize" and phase == "done":
         asking = _asking_scene(job)
         if asking is not None:
@@ -269,10 +272,29 @@ def _finish(job: Job) -> Iterator[None]:
     if not scene.dgs.add_when_done:
         return
     yield from add_results(job, scene)
+    _push_undo("Descatter Twin")
+
+
+def _finish_comparison(job: Job) -> Iterator[None]:
+    """What has changed comes to the twin that was compared, if it is still in a scene."""
+    home, asking = job.request.home, _asking_scene(job)
+    offered = [asking] if asking is not None else bpy.data.scenes
+    scene = next((scene for scene in offered if twin_of(home, scene) is not None), None)
+    while scene is not None and is_edited(home, scene):
+        yield  # until Edit Mode is left
+    twin = None if scene is None else twin_of(home, scene)
+    if twin is not None:
+        add_changes(twin, job.request.out, "/".join(job.request.photos.parts[-2:]), scene)
+        redraw_views()
+        _push_undo("Descatter Changes")
+
+
+def _push_undo(message: str) -> None:
+    """Else the next undo would take out again what has just come."""
     windows = bpy.context.window_manager.windows
-    if windows and not bpy.app.background:  # else the next undo would take the twin out again
+    if windows and not bpy.app.background:
         with bpy.context.temp_override(window=windows[0]):
-            bpy.ops.ed.undo_push(message="Descatter Twin")
+            bpy.ops.ed.undo_push(message=message)
 
 
 def belongs(job: Job, scene: Any) -> bool:

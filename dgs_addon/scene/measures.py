@@ -186,6 +186,17 @@ def asked_of(twin: Any) -> dict[str, Any]:
     return {"places": places, "measures": measures, **scale}
 
 
+def known_of(twin: Any) -> dict[str, Any] | None:
+    """The known length of a twin alone, as a file of the engine's command has it; None without one."""
+    item, held = known_measure(twin), twin.dgs_measures
+    if item is None:
+        return None
+    places = {f"{at}": _asked(place) for at, place in enumerate(item.places)}
+    measure = {"name": item.name, "kind": item.kind, "of": list(places)}
+    length = {"value": _short(held.length), "deviation": _short(held.deviation), "unit": held.unit}
+    return {"places": places, "measures": [measure], "scale": {"measure": item.name, **length}}
+
+
 def take_in(twin: Any, answer: Mapping[str, Any]) -> None:
     """Keeps what the engine has measured.
 
@@ -235,11 +246,11 @@ def value_text(item: Any) -> str:
         return f"{item.value:.6g} {unit}"
     unit = unit if unit == "°" else f" {unit}"
     if half >= item.value:  # nothing but a bound is known of it
-        return f"< {_rounded(item.high, half)}{unit}"
-    return f"{_rounded(item.value, half)} ± {_rounded(half, half)}{unit}"
+        return f"< {rounded(item.high, half)}{unit}"
+    return f"{rounded(item.value, half)} ± {rounded(half, half)}{unit}"
 
 
-def _rounded(value: float, half: float) -> str:
+def rounded(value: float, half: float) -> str:
     """With two digits of `half`, if it has them behind the point, and no more than six in all."""
     if not half > 0 or half >= _LARGE:
         return f"{value:.3g}" if half > 0 else f"{value:.6g}"

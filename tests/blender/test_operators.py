@@ -88,6 +88,8 @@ MISSING = {
     "know_length": "Choose a length",
     "forget_length": "No length is known",
     "make_mesh": "Select a twin",
+    "compare_earlier": "Select a twin",
+    "show_changes": "Select a twin",
     "install_engine": "Only an installed extension",
     "cancel_install": "Nothing is running",
     "open_preferences": "not enabled",

@@ -28,6 +28,7 @@ WITHOUT_TORCH = (
     "formats.gaussians",
     "photos.kinds",
     "measure.rows",
+    "change.files",
     "colour",
 )
 

@@ -166,6 +166,12 @@ class Robot:
             yield 1.5
         raise LookupError(f"the sidebar has no button {operator}")
 
+    def scroll(self, clicks: int) -> Story:
+        """Turns the wheel down over the sidebar."""
+        _xdotool("mousemove", *self._point(0.5))
+        _xdotool("click", "--repeat", clicks, "--delay", 30, 5)
+        yield 1.0
+
     def _find(self, operator: str, place: list[int], across: float) -> Story:
         region, window = self.sidebar(), bpy.context.window_manager.windows[0]
         x = region.x + round(across * region.width)
