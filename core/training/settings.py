@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
@@ -30,6 +31,34 @@ class Rates:
     opacity_logits: float = number(0.1, "logit per step", "of opacities", _RATES)
     sh: float = number(7.5e-3, "per step", "of the colour's constant part", _RATES)
     sh_rest: float = number(4e-4, "per step", "of the colour's dependence on the direction", _RATES)
+
+
+@dataclass(frozen=True)
+class LongRunSettings:
+    """How calm a run is that has many steps."""
+
+    steps_at_par: int = number(
+        2000,
+        "steps",
+        "up to which step sizes are as they are set; of longer runs they fall with the root of the steps, so that what"
+        " a step does at random adds up to the same",
+        "held-out views after 6000 steps, all step sizes times 1, 0.58, 0.41, 0.25: 30 photos of lego (400 px, 64,000"
+        " Gaussians) 29.52, 30.16, 30.22, 30.20 dB; the shelf 32.11, 32.15, 32.19 (not 0.25); after 2000 steps, times 1"
+        " and 0.7: 30.10, 30.15 and 32.25, 32.07",
+        "village, 8 minutes: 33.94 -> 34.99 dB",
+    )
+
+
+LONG_RUN = LongRunSettings()
+
+
+def rates_of_long_runs(steps: int, numbers: LongRunSettings = LONG_RUN) -> float:
+    """Factor in (0, 1] on all step sizes of a run of `steps` steps.
+
+    Adam's steps have a length of their own, and follow one photo each: in long runs of large steps Gaussians wander,
+    and fit the photos of the set rather than the scene.
+    """
+    return min(1.0, math.sqrt(numbers.steps_at_par / max(steps, 1)))
 
 
 #: What the factors below were chosen on; nothing else speaks for them.

@@ -49,7 +49,7 @@ from .overlap import photos_of_one_side
 from .ranks import ALONE, RankLost, Ranks
 from .scale import SceneScale, scene_scale
 from .schedule import harmonics_degree
-from .settings import TrainingSettings, smoothed_for, smoothness, start_share, trust
+from .settings import TrainingSettings, rates_of_long_runs, smoothed_for, smoothness, start_share, trust
 from .through_glass import GlassObjective, behind_glass
 
 
@@ -281,7 +281,9 @@ class Trainer:
     def rates(self, share: float) -> dict[str, float]:
         """Step sizes at a share of the run."""
         r = self.settings.rates
-        return {**asdict(r), "means": r.means * (r.means_end / r.means) ** min(share, 1.0)}
+        means = r.means * (r.means_end / r.means) ** min(share, 1.0)
+        calmer = rates_of_long_runs(self.settings.steps)
+        return {name: calmer * rate for name, rate in {**asdict(r), "means": means}.items()}
 
     def view_at(self, level: Level, step: int) -> GridView:
         """Every photo once per round, in an order that depends on seed and round only."""

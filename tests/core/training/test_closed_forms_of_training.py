@@ -33,7 +33,7 @@ from dgs.core.training.optimizer import Adam
 from dgs.core.training.photometric import FILL, PhotometricLoss, valid_pixels
 from dgs.core.training.scale import SCALE, SceneScale, scene_scale
 from dgs.core.training.schedule import SCHEDULE, Schedule
-from dgs.core.training.settings import TrainingSettings, smoothed_for
+from dgs.core.training.settings import LONG_RUN, TrainingSettings, rates_of_long_runs, smoothed_for
 from dgs.core.training.specks import speck_gradient, speck_price
 from dgs.core.training.trainer import Trainer
 from dgs.core.training.variation import SMOOTH, variation_gradient
@@ -446,6 +446,17 @@ def test_step_sizes_of_places_fall_by_a_power(trainer: Trainer) -> None:
     assert trainer.rates(0.5)["means"] == pytest.approx(math.sqrt(r.means * r.means_end))
     assert trainer.rates(2.0)["means"] == pytest.approx(r.means_end)
     assert trainer.rates(0.7)["log_scales"] == r.log_scales
+
+
+def test_step_sizes_of_long_runs_fall_with_the_root_of_the_steps(
+    trainer: Trainer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    par = LONG_RUN.steps_at_par
+    assert rates_of_long_runs(1) == rates_of_long_runs(par) == 1.0
+    assert rates_of_long_runs(4 * par) == pytest.approx(0.5)
+    short = trainer.rates(0.3)
+    monkeypatch.setattr(trainer, "settings", replace(trainer.settings, steps=4 * par))
+    assert trainer.rates(0.3) == pytest.approx({name: 0.5 * rate for name, rate in short.items()})
 
 
 def test_every_photo_is_asked_once_a_round(trainer: Trainer) -> None:
