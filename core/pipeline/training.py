@@ -9,6 +9,7 @@ from ..machine import Machine
 from ..photos.load import Photo
 from ..progress import Progress
 from ..run_settings import TrainingRequest
+from ..training.budget import supported_gaussians
 from ..training.job import PlannedTraining, TrainingJob
 from ..training.ranks import ALONE, OtherRankFinishes, Ranks
 from ..training.run import Trained, train
@@ -54,7 +55,8 @@ def fit_into_time(
     """The training that the time allows; its plan is kept in the folder.
 
     Args:
-        photos: those with a camera; fixed: Gaussians, where the user wants so many.
+        photos: those with a camera; fixed: Gaussians, where the user wants so many; else no more than the photos can
+            hold.
         resume: go on with the plan in the folder.
 
     Raises:
@@ -63,7 +65,10 @@ def fit_into_time(
     planned = timing.plan(job, photos, fixed, folder.plan() if resume else None)
     if planned.plan is not None:
         folder.save_plan(planned.plan)
-    return planned
+    if fixed is not None:
+        return planned
+    most = supported_gaussians(job.views, planned.settings.sh_degree)
+    return replace(planned, settings=replace(planned.settings, max_gaussians=min(planned.settings.max_gaussians, most)))
 
 
 def train_twin(
