@@ -18,7 +18,6 @@ from ..views import View
 
 #: Of a Gaussian besides its colour: place, size, direction, opacity.
 _SHAPE = 3 + 3 + 4 + 1
-_CHANNELS = 3
 
 
 @dataclass(frozen=True)
@@ -50,8 +49,8 @@ def supported_gaussians(views: Sequence[View], sh_degree: int, settings: BudgetS
     """
     some = views[:: max(1, len(views) // settings.photos)]
     shown = float(np.mean([_shown(view) for view in some])) * len(views) if some else 0.0
-    each = _SHAPE + _CHANNELS * SH_COEFFICIENTS[sh_degree]
-    return max(settings.unquestioned, int(_CHANNELS * shown / (settings.values_for_one * each)))
+    each = _SHAPE + 3 * SH_COEFFICIENTS[sh_degree]
+    return max(settings.unquestioned, int(3 * shown / (settings.values_for_one * each)))
 
 
 def _shown(view: View) -> int:
