@@ -46,6 +46,9 @@ def supported_gaussians(views: Sequence[View], sh_degree: int, settings: BudgetS
     Args:
         views: photos to fit; what is masked or known to be empty says nothing.
         sh_degree: of the Gaussians' colours, 0 to 3.
+
+    Returns:
+        A count, at least `unquestioned`.
     """
     some = views[:: max(1, len(views) // settings.photos)]
     shown = float(np.mean([_shown(view) for view in some])) * len(views) if some else 0.0

@@ -4,9 +4,14 @@ from pathlib import Path
 
 from dgs.core.machine import Machine
 from dgs.core.pipeline.timing import NoteKeeper, Stopwatch, Untimed
-from dgs.core.pipeline.training import UNTIL_STEPS, training_settings, usual_settings
+from dgs.core.pipeline.training import UNTIL_STEPS, fit_into_time, training_settings, usual_settings
 from dgs.core.progress import Silent
 from dgs.core.run_settings import ReconstructSettings
+from dgs.core.training.budget import SETTINGS as BUDGET
+from dgs.core.training.job import TrainingJob
+from dgs.core.training.settings import TrainingSettings
+from dgs.core.twin.folder import TwinFolder
+from dgs.tests.core.training.training_scenes import blurred_scene
 
 ONE = Machine(1, "cpu")
 
@@ -40,6 +45,18 @@ def test_a_run_that_waits_for_a_quality_may_take_more_steps_unless_its_time_is_l
     assert training_settings(request, ONE, limited=True, sigma=5.0).steps == usual.steps
     free = training_settings(request, ONE, limited=False, sigma=5.0)
     assert free.steps == UNTIL_STEPS * usual.steps and free.max_gaussians == 700 and free.until == 28.0
+
+
+def test_a_budget_is_what_the_photos_can_hold_unless_it_is_asked_for(tmp_path):
+    scene, timing = blurred_scene(4), Untimed(ONE, lambda: 0.0)
+    found = {}
+    for name in ("draft", "balanced", "best"):
+        job = TrainingJob(scene.views, [], scene.points, scene.medium, TrainingSettings.preset(name))
+        planned = fit_into_time(job, [], None, False, timing, TwinFolder(tmp_path))
+        found[name] = planned.settings.max_gaussians
+        assert fit_into_time(job, [], 1, False, timing, TwinFolder(tmp_path)).settings == job.settings
+    usual = {name: TrainingSettings.preset(name).max_gaussians for name in ("draft", "balanced")}
+    assert found == {**usual, "best": BUDGET.unquestioned}
 
 
 def test_sharp_photos_get_all_harmonics_unless_a_degree_is_asked_for():
