@@ -1,17 +1,19 @@
-"""The light of several frames collected on one sensor: their mean in linear light, with its gradient."""
+"""The light of several frames collected on one sensor: their mean, with its gradient; without that of torch."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import lru_cache
+from typing import Protocol
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from ..colour import srgb_to_linear
+from ..colour import decoding_derivative, encoding_derivative, linear_to_srgb, srgb_to_linear
 from ..compiled import run
+from ..imaging.medium import BlurSpace
 from .collecting_kernels import STEPS, collect, distribute
 
 #: Rows of all channels that are worth a call to a thread.
@@ -24,8 +26,74 @@ def decoding_table() -> NDArray[np.float32]:
     return np.asarray(srgb_to_linear(np.arange(STEPS + 2) / STEPS), np.float32)
 
 
+class Collected(Protocol):
+    """Frames [3, h, w] sRGB that one exposure collects.
+
+    Attributes:
+        shown: [3, h, w] sRGB their mean.
+    """
+
+    shown: Tensor
+
+    def gradient(self, upstream: Tensor) -> list[Tensor]:
+        """The gradient in each frame, given that in `shown`."""
+        ...
+
+
+def collected(frames: Sequence[Tensor], weights: Sequence[float], space: BlurSpace) -> Collected:
+    """The mean of frames [3, h, w] sRGB, in linear light or of their display values; the very frame where it is one.
+
+    Args:
+        weights: shares of the photo's light, of sum 1.
+    """
+    if len(frames) == 1:
+        return _Single(frames[0])
+    if space == "srgb":
+        return _Displayed(frames, weights)
+    if all(frame.device.type == "cpu" and frame.dtype == torch.float32 for frame in frames):
+        return CollectedLight(frames, weights)
+    return _Light(frames, weights)
+
+
+class _Single:
+    """One frame."""
+
+    def __init__(self, frame: Tensor) -> None:
+        self.shown = frame
+
+    def gradient(self, upstream: Tensor) -> list[Tensor]:
+        return [upstream]
+
+
+class _Displayed:
+    """The mean of display values."""
+
+    def __init__(self, frames: Sequence[Tensor], weights: Sequence[float]) -> None:
+        self._weights = weights
+        self.shown = torch.stack([w * frame for w, frame in zip(weights, frames, strict=True)]).sum(dim=0)
+
+    def gradient(self, upstream: Tensor) -> list[Tensor]:
+        return [weight * upstream for weight in self._weights]
+
+
+class _Light:
+    """The mean in linear light, on any device and of any type."""
+
+    def __init__(self, frames: Sequence[Tensor], weights: Sequence[float]) -> None:
+        self._frames, self._weights = frames, weights
+        light = torch.stack([w * srgb_to_linear(frame) for w, frame in zip(weights, frames, strict=True)])
+        self.shown = linear_to_srgb(light.sum(dim=0))
+
+    def gradient(self, upstream: Tensor) -> list[Tensor]:
+        upstream = upstream * encoding_derivative(srgb_to_linear(self.shown), self.shown)
+        return [
+            weight * upstream * decoding_derivative(frame, srgb_to_linear(frame))
+            for frame, weight in zip(self._frames, self._weights, strict=True)
+        ]
+
+
 class CollectedLight:
-    """Frames [3, h, w] sRGB that one exposure collects, float32 on the CPU; without gradient.
+    """The mean in linear light of frames [3, h, w] sRGB, float32 on the CPU.
 
     Attributes:
         light, shown: [3, h, w] their mean in linear light, and that as display values.

@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from functools import cached_property
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import torch
 from torch import Tensor
 
 from ..camera import Camera
-from ..colour import decoding_derivative, encoding_derivative, linear_to_srgb, srgb_to_linear
 from ..gaussians import Gaussians
 from ..imaging.formation.chain import Formation, Passage
 from ..imaging.formation.effect import Shot
-from ..imaging.medium import BlurSpace
 from ..imaging.psf import PointSpread
 from ..rasterizer import (
     Depths,
@@ -29,7 +26,7 @@ from ..rasterizer import (
     with_gradient,
 )
 from ..rendering import OPAQUE_ENOUGH
-from .collecting import CollectedLight
+from .collecting import Collected, collected
 from .medium import MediumModel, SubFrame
 from .surface import surface_depth, where_they_agree
 
@@ -83,6 +80,21 @@ class SharpFrame:
 
 
 @dataclass(frozen=True)
+class PassedTogether:
+    """Light of the frames along a path that passes the effects once it is collected.
+
+    Light adds up, so that is the same but for depths, which change along the path: they are those of its middle.
+
+    Attributes:
+        passage: of the frames' mean; middle: the frame whose depth the effects go by, with gradient; None where no
+            effect does.
+    """
+
+    passage: Passage
+    middle: Rendered | None
+
+
+@dataclass(frozen=True)
 class Exposed:
     """One photo's light on its way; see `ForwardModel.expose`.
 
@@ -91,7 +103,7 @@ class Exposed:
         shot: how the photo is taken, for effects of the sensor.
         frames: what was rendered: one, or several sub-frames of one exposure.
         renders: the same by the rasterizer, with gradient: frame by frame, or those along a path together.
-        space: in which the light of several frames is collected.
+        collected: the frames' light; together: its way through the effects where frames do not pass them one by one.
     """
 
     medium: MediumModel
@@ -99,7 +111,8 @@ class Exposed:
     shot: Shot
     frames: tuple[SharpFrame, ...] = field(repr=False)
     renders: tuple[Rendered, ...] | RenderedPath = field(repr=False)
-    space: BlurSpace = "linear"
+    collected: Collected = field(repr=False)
+    together: PassedTogether | None = field(repr=False, default=None)
 
     @property
     def mean_depth(self) -> Tensor | None:
@@ -113,27 +126,17 @@ class Exposed:
             return self.renders.screens
         return tuple(rendered.screen for rendered in self.renders)
 
-    @cached_property
+    @property
+    def passages(self) -> list[tuple[Passage, float]]:
+        """Ways through the effects, each with its share of the photo's light."""
+        if self.together is not None:
+            return [(self.together.passage, 1.0)]
+        return [(frame.passage, frame.weight) for frame in self.frames]
+
+    @property
     def reached(self) -> Tensor:
         """[3, H + 2m, W + 2m] sRGB: the light as it reaches the medium, without gradient."""
-        images = [frame.passage.reached for frame in self.frames]
-        if len(images) == 1:
-            return images[0]
-        weights = [frame.weight for frame in self.frames]
-        if self.space == "srgb":
-            return torch.stack([w * image for w, image in zip(weights, images, strict=True)]).sum(dim=0)
-        if self._collected is not None:
-            return self._collected.shown
-        light = torch.stack([w * srgb_to_linear(image) for w, image in zip(weights, images, strict=True)])
-        return linear_to_srgb(light.sum(dim=0))
-
-    @cached_property
-    def _collected(self) -> CollectedLight | None:
-        """What the sensor collects of several frames in linear light; None where torch has to do it."""
-        images = [frame.passage.reached for frame in self.frames]
-        if any(image.device.type != "cpu" or image.dtype != torch.float32 for image in images):
-            return None
-        return CollectedLight(images, [frame.weight for frame in self.frames])
+        return self.collected.shown if self.together is None else self.together.passage.reached
 
     @property
     def degraded(self) -> Tensor:
@@ -155,37 +158,31 @@ class Exposed:
         Args:
             in_sharp: [3, H + 2m, W + 2m] gradient of the loss in the one sharp frame itself, besides.
         """
-        parts = [f.passage.gradient(part) for f, part in zip(self.frames, self._shared(upstream), strict=True)]
+        if self.together is not None:
+            upstream = self.together.passage.gradient(upstream)
+        shares = self.collected.gradient(upstream)
+        parts = [frame.passage.gradient(part) for frame, part in zip(self.frames, shares, strict=True)]
         if isinstance(self.renders, RenderedPath):
-            with_gradient(self.renders.images, torch.stack(parts)).backward()  # type: ignore[no-untyped-call]
+            total = with_gradient(self.renders.images, torch.stack(parts))
+            if self.together is not None:
+                total = _with_depth(total, self.together.passage, self.together.middle)
+            total.backward()  # type: ignore[no-untyped-call]
             return
         if in_sharp is not None:
             parts = [part + in_sharp for part in parts]
-        total: Tensor | None = None
-        for frame, rendered, part in zip(self.frames, self.renders, parts, strict=True):
-            derivative = with_gradient(rendered.image, part)
-            in_depth = frame.passage.depth_gradient
-            surface = frame.passage.shot.depth
-            if in_depth is not None and surface is not None:
-                derivative = derivative + _in_depth(rendered, where_they_agree(in_depth, surface, rendered))
-            total = derivative if total is None else total + derivative
-        assert total is not None
-        total.backward()  # type: ignore[no-untyped-call]
-
-    def _shared(self, upstream: Tensor) -> list[Tensor]:
-        """The gradient in each frame's own light."""
-        if len(self.frames) == 1:
-            return [upstream]
-        if self.space == "srgb":
-            return [frame.weight * upstream for frame in self.frames]
-        if self._collected is not None:
-            return self._collected.gradient(upstream)
-        upstream = upstream * encoding_derivative(srgb_to_linear(self.reached), self.reached)
-        images = [frame.passage.reached for frame in self.frames]
-        return [
-            frame.weight * upstream * decoding_derivative(image, srgb_to_linear(image))
-            for frame, image in zip(self.frames, images, strict=True)
+        each = [
+            _with_depth(with_gradient(rendered.image, part), frame.passage, rendered)
+            for frame, rendered, part in zip(self.frames, self.renders, parts, strict=True)
         ]
+        sum(each[1:], each[0]).backward()  # type: ignore[no-untyped-call]
+
+
+def _with_depth(derivative: Tensor, passage: Passage, rendered: Rendered | None) -> Tensor:
+    """The same zero, which also hands on what the effects' gradient left in the depth of a frame."""
+    in_depth, surface = passage.depth_gradient, passage.shot.depth
+    if in_depth is None or surface is None or rendered is None:
+        return derivative
+    return derivative + _in_depth(rendered, where_they_agree(in_depth, surface, rendered))
 
 
 def _in_depth(rendered: Rendered, upstream: Tensor) -> Tensor:
@@ -230,29 +227,46 @@ class ForwardModel:
         camera, medium, motion = exposure.camera, self.medium(exposure), self.formation.motion
         wide = camera.with_margin(overscan).with_margin(self.margin)
         poses = None if motion is None else motion.poses(exposure.name, camera)
-        renders: tuple[Rendered, ...] | RenderedPath
-        seen: list[tuple[Tensor, Tensor | None]]
-        if poses is not None and len(poses) > 1 and not self.settings.depth:
-            renders = together = render_path(gaussians, wide, poses, background=background, settings=self.settings)
-            weights = [1.0 / len(poses)] * len(poses)
-            seen = [(image, None) for image in together.images.detach()]
-        else:
-            subs = medium.sub_frames(wide) if poses is None else self._one_by_one(wide, poses.to(gaussians.means))
-            renders = each = tuple(
-                render(gaussians, sub.camera, background=background, pose=sub.pose, settings=self.settings)
-                for sub in subs
-            )
-            weights = [sub.weight for sub in subs]
-            seen = [
-                (drawn.image.detach(), self.surface(gaussians, sub, drawn))
-                for drawn, sub in zip(each, subs, strict=True)
-            ]
         size, middle = (camera.height, camera.width), (camera.cx, camera.cy)
-        shots = [Shot(exposure.name, *size, overscan + self.margin, middle, depth) for _, depth in seen]
-        passages = [self.formation.passage(image, shot) for (image, _), shot in zip(seen, shots, strict=True)]
-        frames = tuple(SharpFrame(p, weight) for p, weight in zip(passages, weights, strict=True))
+        shot = Shot(exposure.name, *size, overscan + self.margin, middle)
+        if poses is not None and len(poses) > 1:
+            return self._along_path(gaussians, wide, poses, background, shot, medium)
+        subs = medium.sub_frames(wide) if poses is None else self._one_by_one(wide, poses.to(gaussians.means))
+        renders = tuple(
+            render(gaussians, sub.camera, background=background, pose=sub.pose, settings=self.settings) for sub in subs
+        )
+        depths = [self.surface(gaussians, sub, drawn) for drawn, sub in zip(renders, subs, strict=True)]
+        shots = [replace(shot, depth=depth) for depth in depths]
+        passages = [self.formation.passage(r.image.detach(), one) for r, one in zip(renders, shots, strict=True)]
+        frames = tuple(SharpFrame(p, sub.weight) for p, sub in zip(passages, subs, strict=True))
         space = medium.space if poses is None else "linear"  # a sensor collects light
-        return Exposed(medium, self.formation, shots[0], frames, renders, space)
+        light = collected([p.reached for p in passages], [sub.weight for sub in subs], space)
+        return Exposed(medium, self.formation, shots[0], frames, renders, light)
+
+    def _along_path(
+        self,
+        gaussians: Gaussians,
+        camera: Camera,
+        poses: Tensor,
+        background: Tensor | None,
+        shot: Shot,
+        medium: MediumModel,
+    ) -> Exposed:
+        """What a sensor collects along a path, poses [K, 3, 4]; the effects see its light together."""
+        plain = replace(self.settings, depth=False)
+        renders = render_path(gaussians, camera, poses, background=background, settings=plain)
+        still = Formation()
+        frames = tuple(SharpFrame(still.passage(image, shot), 1.0 / len(poses)) for image in renders.images.detach())
+        light = collected([f.passage.reached for f in frames], [f.weight for f in frames], "linear")
+        if not self.formation.light:
+            return Exposed(medium, self.formation, shot, frames, renders, light)
+        middle: Rendered | None = None
+        if self.settings.depth:
+            sub = SubFrame(camera, poses[len(poses) // 2].to(gaussians.means))
+            middle = render(gaussians, camera, background=background, pose=sub.pose, settings=self.settings)
+            shot = replace(shot, depth=self.surface(gaussians, sub, middle))
+        together = PassedTogether(self.formation.passage(light.shown, shot), middle)
+        return Exposed(medium, self.formation, shot, frames, renders, light, together)
 
     def surface(self, gaussians: Gaussians, frame: SubFrame, rendered: Rendered) -> Tensor | None:
         """[h, w] depth that effects follow, of a frame as it was rendered; None where no depth was asked for.

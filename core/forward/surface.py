@@ -17,7 +17,7 @@ from torch import Tensor
 from ..camera import Camera
 from ..gaussians import Gaussians
 from ..numbers import number
-from ..rasterizer import RasterSettings, Rendered, blended_depths
+from ..rasterizer import RasterSettings, Rendered, surface_of_centres
 from .medium import SubFrame
 
 
@@ -54,7 +54,7 @@ def surface_depth(gaussians: Gaussians, frame: SubFrame, settings: RasterSetting
         return None
     with torch.no_grad():
         there = gaussians.to(device="cpu", dtype=torch.float32)
-        found = blended_depths(there, _camera_of(frame), settings, held=SURFACE_DEPTH.held, centres=True).surface
+        found = surface_of_centres(there, _camera_of(frame), settings, held=SURFACE_DEPTH.held)
         surface = torch.from_numpy(found).to(mean)
         return torch.where(surface.isfinite(), surface, mean)
 

@@ -9,7 +9,7 @@
 from __future__ import annotations
 
 from ..rendering import RasterSettings, Rendered, RenderedPath, ScreenStatistics
-from .depths import Depths, blended_depths
+from .depths import Depths, blended_depths, surface_of_centres
 from .given_gradient import with_gradient
 from .interface import render, render_path
 
@@ -22,5 +22,6 @@ __all__ = [
     "blended_depths",
     "render",
     "render_path",
+    "surface_of_centres",
     "with_gradient",
 ]

@@ -76,8 +76,8 @@ def on_cache_lines(size):  # type: ignore[no-untyped-def]
 
 
 @intrinsic
-def is_opaque(typing_context, state):  # type: ignore[no-untyped-def]
-    """Whether no pixel of the tile takes any more."""
+def passes_less(typing_context, state, limit):  # type: ignore[no-untyped-def]
+    """Whether less than `limit` of the light passes every pixel of the tile."""
 
     def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
         tile = Buffer(context, builder, signature.args[0], arguments[0])
@@ -90,13 +90,13 @@ def is_opaque(typing_context, state):  # type: ignore[no-untyped-def]
         after = builder.add(row, one)
         builder.store(after, index)
         clearest = tile.row(builder.mul(row, ir.Constant(row.type, TILE)), T_).maximum()
-        full = clearest.compare("<", TRANSMITTANCE_STOP)
+        full = clearest.compare("<", Lanes(builder, arguments[1]))
         more = builder.icmp_signed("<", after, ir.Constant(after.type, TILE_ROWS))
         builder.cbranch(builder.and_(full, more), look, done)
         builder.position_at_end(done)
         return full
 
-    return types.boolean(state), generate
+    return types.boolean(state, types.float32), generate
 
 
 def _rows(builder: ir.IRBuilder, at: ir.Value, stride: ir.Value, count: ir.Value) -> Any:
@@ -199,7 +199,7 @@ def blend_tiles(
                 if begin_row < end_row:
                     blend_splat(state, splats, g, x0, y0, begin_row, end_row, stride, alpha_minimum)
                     rows += end_row - begin_row
-            if is_opaque(state):
+            if passes_less(state, f32(TRANSMITTANCE_STOP)):
                 break
         blended[tile] = position - first
         evaluations[tile] = rows * TILE

@@ -10,9 +10,28 @@ import numpy as np
 
 from ..compiled import kernel
 from ..constants import ALPHA_MAXIMUM, TILE, TILE_ROWS, TRANSMITTANCE_STOP
-from .splat_kernels import CONIC, GAUSSIAN, OPACITY, SHEAR, SQUEEZE, X, Y, rows_in_tile
+from .blending_kernels import on_cache_lines, passes_less
+from .splat_kernels import (
+    CONIC,
+    GAUSSIAN,
+    OPACITY,
+    PIXELS,
+    PLANE,
+    S_,
+    SHEAR,
+    SPLAT_WIDTH,
+    SQUEEZE,
+    X,
+    Y,
+    hold_back,
+    prefetch,
+    rows_in_tile,
+)
 
 f32 = np.float32
+
+#: After so many Gaussians a tile is asked whether anything passes it.
+_LOOK = 8
 
 # Layout of a Gaussian's row of `rays`: K [3, 3] row by row, K m [3], and the depths that it may lie between.
 K_M, LOW, HIGH, RAY_WIDTH = 9, 12, 13, 16
@@ -72,4 +91,50 @@ def blend_depths(begin, end, splats, rays, lens, tile_starts, pairs, alpha_minim
                         part[LEVEL, row, column] = depth
 
 
-__all__ = ["TRANSMITTANCE", "EXPECTED", "HIGH", "K_M", "LOW", "LEVEL", "PLANES", "RAY_WIDTH", "SQUARE", "blend_depths"]
+@kernel
+def find_surface(begin, end, splats, tile_starts, pairs, alpha_minimum, level, tiles_x, out):  # type: ignore[no-untyped-def]
+    """Where the light that passes falls through `level` in tiles `begin` to `end`, each Gaussian at its centre's depth.
+
+    Args:
+        splats, tile_starts, pairs: as of `blend_depths`.
+        out: [H, W] output, 0 where it does not.
+    """
+    height, width = out.shape
+    state = on_cache_lines(2 * PLANE)
+    beneath = np.nextafter(level, f32(1.0))
+    for tile in range(begin, end):
+        top, left = (tile // tiles_x) * TILE_ROWS, (tile % tiles_x) * TILE
+        rows, columns = min(TILE_ROWS, height - top), min(TILE, width - left)
+        x0, y0 = f32(left) + f32(0.5), f32(top) + f32(0.5)
+        state[: rows * TILE] = f32(1.0)
+        state[rows * TILE : PIXELS] = f32(0.0)
+        state[S_ : S_ + PIXELS] = f32(0.0)
+        first, last = tile_starts[tile], tile_starts[tile + 1]
+        for position in range(first, last):
+            if (position - first) % _LOOK == 0:
+                if passes_less(state, beneath):
+                    break
+                for i in range(position + _LOOK, min(position + 2 * _LOOK, last)):
+                    prefetch(splats, np.int64(pairs[i, GAUSSIAN]) * SPLAT_WIDTH)
+            g = np.int64(pairs[position, GAUSSIAN])
+            above, below, stride = rows_in_tile(splats, g, x0, y0, np.int64(rows), alpha_minimum)
+            if above < below:
+                hold_back(state, splats, g, x0, y0, above, below, stride, alpha_minimum, level)
+        for row in range(rows):
+            for column in range(columns):
+                out[top + row, left + column] = state[S_ + row * TILE + column]
+
+
+__all__ = [
+    "TRANSMITTANCE",
+    "EXPECTED",
+    "HIGH",
+    "K_M",
+    "LOW",
+    "LEVEL",
+    "PLANES",
+    "RAY_WIDTH",
+    "SQUARE",
+    "blend_depths",
+    "find_surface",
+]

@@ -13,8 +13,20 @@ from ..compiled import run
 from ..errors import DeviceError
 from ..gaussians import Gaussians
 from ..rendering import OPAQUE_ENOUGH, RasterSettings
-from .cpu import numpy_parameters, project_and_sort, view_vector
-from .depth_kernels import EXPECTED, HIGH, K_M, LEVEL, LOW, PLANES, RAY_WIDTH, SQUARE, TRANSMITTANCE, blend_depths
+from .cpu import Projected, numpy_parameters, project_and_sort, view_vector
+from .depth_kernels import (
+    EXPECTED,
+    HIGH,
+    K_M,
+    LEVEL,
+    LOW,
+    PLANES,
+    RAY_WIDTH,
+    SQUARE,
+    TRANSMITTANCE,
+    blend_depths,
+    find_surface,
+)
 from .projection import rotation_matrices
 from .shape_kernels import V_ALPHA_MINIMUM
 
@@ -62,23 +74,12 @@ def blended_depths(
     Raises:
         DeviceError: the tensors are elsewhere.
     """
-    if gaussians.means.device.type != "cpu" or gaussians.means.dtype != torch.float32:
-        raise DeviceError("Depths are blended from float32 tensors on the CPU", "Move the Gaussians there")
-    parts = (
-        gaussians.means,
-        gaussians.log_scales,
-        gaussians.quaternions,
-        gaussians.opacity_logits,
-        gaussians.sh[:, :1],
-    )
-    parameters = numpy_parameters(*parts)
-    view = view_vector(camera, None, settings)
-    found = project_and_sort(view, parameters, camera.width, camera.height, np.empty(len(gaussians), np.float32))
+    found = _projected(gaussians, camera, settings)
     rays = _at_centres(gaussians, camera) if centres else _rays(gaussians, camera)
     out = np.empty((PLANES, camera.height, camera.width), np.float32)
     lens = np.array([camera.fx, camera.fy, camera.cx, camera.cy], np.float32)
     tiles = len(found.tile_starts) - 1
-    least = np.float32(view[V_ALPHA_MINIMUM])
+    least = np.float32(found.view[V_ALPHA_MINIMUM])
     level = np.float32(1.0 - held)
     arguments = (found.splats, rays, lens, found.tile_starts, found.pairs, least, level, found.tiles_x, out)
     run(blend_depths, tiles, *arguments, grain=4)
@@ -89,6 +90,37 @@ def blended_depths(
     spread = np.sqrt(np.maximum(square - mean**2, 0.0))
     surface = np.where(out[LEVEL] > 0, out[LEVEL], np.nan)
     return Depths(*(plane.astype(np.float32) for plane in (mean, surface, spread, alpha)))
+
+
+def surface_of_centres(
+    gaussians: Gaussians, camera: Camera, settings: RasterSettings = RasterSettings(), *, held: float = 0.5
+) -> Floats:
+    """[H, W] `blended_depths(..., centres=True).surface` alone, in a tenth of the time.
+
+    Raises:
+        DeviceError: the tensors are elsewhere.
+    """
+    found = _projected(gaussians, camera, settings)
+    out = np.empty((camera.height, camera.width), np.float32)
+    least, level = np.float32(found.view[V_ALPHA_MINIMUM]), np.float32(1.0 - held)
+    arguments = (found.splats, found.tile_starts, found.pairs, least, level, found.tiles_x, out)
+    run(find_surface, len(found.tile_starts) - 1, *arguments, grain=4)
+    out[out <= 0] = np.nan
+    return out
+
+
+def _projected(gaussians: Gaussians, camera: Camera, settings: RasterSettings) -> Projected:
+    if gaussians.means.device.type != "cpu" or gaussians.means.dtype != torch.float32:
+        raise DeviceError("Depths are blended from float32 tensors on the CPU", "Move the Gaussians there")
+    parts = (
+        gaussians.means,
+        gaussians.log_scales,
+        gaussians.quaternions,
+        gaussians.opacity_logits,
+        gaussians.sh[:, :1],
+    )
+    view, radius = view_vector(camera, None, settings), np.empty(len(gaussians), np.float32)
+    return project_and_sort(view, numpy_parameters(*parts), camera.width, camera.height, radius)
 
 
 def _rays(gaussians: Gaussians, camera: Camera) -> Floats:

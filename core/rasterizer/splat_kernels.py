@@ -41,6 +41,7 @@ GAUSSIAN, SLOT = 0, 1
 PLANE = PIXELS + 128
 T_, R_, G_, B_ = 0, PLANE, 2 * PLANE, 3 * PLANE
 REST_, DR_, DG_, DB_ = PLANE, 2 * PLANE, 3 * PLANE, 4 * PLANE
+S_ = PLANE
 
 #: After so many rows alpha and its ratio are computed anew: never within a tile.
 STRIDE = TILE_ROWS
@@ -84,6 +85,7 @@ class _Splat:
         at = builder.mul(g, ir.Constant(g.type, SPLAT_WIDTH))
         read = lambda column: splats.one(at, column)  # noqa: E731
         self.opacity, self.red, self.green, self.blue = read(OPACITY), read(RED), read(GREEN), read(BLUE)
+        self.depth = read(DEPTH)
         self.top = top - read(Y)
         self.dx = left - read(X) + ramp(builder)
         # a dx^2 + 2 b dx dy + c dy^2 = c ((dy - shear dx)^2 + squeeze dx^2): nothing cancels in a long needle
@@ -140,6 +142,30 @@ def blend_splat(typing_context, state, splats, g, left, top, first, last, stride
 
     f, i = types.float32, types.int64
     return types.void(state, splats, i, f, f, i, i, i, f), generate
+
+
+@intrinsic
+def hold_back(typing_context, state, splats, g, left, top, first, last, stride, alpha_minimum, level):  # type: ignore[no-untyped-def]
+    """Takes the light that Gaussian `g` holds back in rows `first` to `last` of a tile from what passes (plane `T_`).
+
+    Where that falls through `level`, the Gaussian's depth is written (plane `S_`).
+    """
+
+    def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+        tile = Buffer(context, builder, signature.args[0], arguments[0])
+        table = Buffer(context, builder, signature.args[1], arguments[1])
+        splat = _Splat(builder, table, arguments[2], Lanes(builder, arguments[3]), Lanes(builder, arguments[4]))
+        level = Lanes(builder, arguments[9])
+        for row, raw in splat.rows(*arguments[5:8]):
+            before = tile.row(row, T_)
+            after = before - _limited(raw, before, Lanes(builder, arguments[8])) * before
+            falls = builder.and_(before.compare(">", level), after.compare("<=", level))
+            tile.put_row(row, S_, choose(falls, splat.depth.wide(), tile.row(row, S_)))
+            tile.put_row(row, T_, after)
+        return context.get_dummy_value()
+
+    f, i = types.float32, types.int64
+    return types.void(state, splats, i, f, f, i, i, i, f, f), generate
 
 
 @intrinsic

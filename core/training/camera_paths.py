@@ -26,11 +26,12 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from ..camera import Camera
-from ..colour import decoding_derivative, encoding_derivative, srgb_to_linear
+from ..colour import srgb_to_linear
 from ..forward import Exposed
 from ..imaging.formation.motion import CameraMotion
 from ..imaging.formation.path_poses import middles, polynomials
 from ..numbers import BY_DEFINITION, number
+from .path_slopes import Sampled, slopes_along
 
 #: What some of the numbers below were chosen on, by single runs; docs/real_blur.md has the figures.
 _SHAKEN = "27 photos of the rendered ball, shaken by 4 to 16 px (Cycles), one seed"
@@ -117,27 +118,6 @@ def px_units(camera: Camera) -> NDArray[np.float64]:
     px = 1.0 / camera.fx
     corner = 4.0 / math.hypot(camera.width, camera.height)
     return np.array([px, px, corner, px, px, corner])
-
-
-@dataclass(frozen=True)
-class Sampled:
-    """Px of a photo that a step looks at: every so many, away from the border, where differences reach."""
-
-    rows: slice
-    columns: slice
-
-    @staticmethod
-    def of(height: int, width: int, most: int) -> Sampled:
-        """At most about `most` of them."""
-        every = max(1, round(math.sqrt(height * width / most)))
-        return Sampled(slice(1 + every // 2, height - 1, every), slice(1 + every // 2, width - 1, every))
-
-    def of_planes(self, planes: Tensor, down: int = 0, right: int = 0) -> Tensor:
-        """[..., h, w] of planes [..., H, W], or the px so far below and to the right of them."""
-        rows, columns = (
-            slice(s.start + by, s.stop + by, s.step) for s, by in ((self.rows, down), (self.columns, right))
-        )
-        return planes[..., rows, columns]
 
 
 @dataclass(frozen=True)
@@ -380,22 +360,12 @@ class CameraPaths:
         """Jacobian [(M + 1) 6, K] by px, what is left of the photo [K] (sRGB), and which of it counts [K]."""
         photo, counts = visit.photo, visit.counts
         height, width = photo.shape[1:]
-        at, m = Sampled.of(height, width, self.settings.looked_at), (exposed.reached.shape[1] - height) // 2
-        inner = (..., slice(m, m + height), slice(m, m + width))
-        frames = torch.stack([frame.passage.reached[inner] for frame in exposed.frames]).cpu()  # [T, 3, H, W]
-        shown, photo = exposed.degraded.cpu(), photo.cpu()
-        own, seen = at.of_planes(frames), at.of_planes(shown)
-        decode, light = decoding_derivative(own, srgb_to_linear(own)), srgb_to_linear(seen)
-        basis = polynomials(middles(len(frames)), self.settings.order).T / len(frames)  # [M + 1, T]
-        encode = encoding_derivative(light, seen)
-
-        def gradient(down: int, right: int) -> Tensor:
-            """[M + 1, 3, h, w] of the photo along an axis, by the shift of the path's parts."""
-            ahead, behind = (at.of_planes(frames, s * down, s * right) for s in (1, -1))
-            return torch.einsum("mt,tchw->mchw", basis, (ahead - behind) * decode * 0.5) * encode
-
+        at = Sampled.of(height, width, self.settings.looked_at)
+        basis = polynomials(middles(len(exposed.frames)), self.settings.order).T / len(exposed.frames)  # [M + 1, T]
+        slope = slopes_along(exposed, basis, at)
+        photo, seen = photo.cpu(), at.of_planes(exposed.degraded.cpu())
         du, dv = (flow[:, None] for flow in self._flow(visit.index, visit.name, visit.camera, at))
-        jacobian = -(gradient(0, 1)[:, None] * du + gradient(1, 0)[:, None] * dv)
+        jacobian = -(slope(0, 1)[:, None] * du + slope(1, 0)[:, None] * dv)
         rest = (at.of_planes(photo) - seen).reshape(-1)
         weight = torch.ones_like(rest)
         if counts is not None:

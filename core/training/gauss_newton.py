@@ -58,12 +58,11 @@ def normal_equations(
 def shown_with(exposed: Exposed, effect: Effect, other: Effect) -> Tensor:
     """[3, H, W] sRGB: the photo with another effect in the place of one before the blur."""
     total: Tensor | None = None
-    for frame in exposed.frames:
-        passage = frame.passage
+    for passage, weight in exposed.passages:
         place = next(i for i, one in enumerate(passage.effects) if one is effect)
         light = other.forward(passage.stages[place], passage.shot)
         for behind in passage.effects[place + 1 :]:
             light = behind.forward(light, passage.shot)
-        total = light * frame.weight if total is None else total + light * frame.weight
+        total = light * weight if total is None else total + light * weight
     assert total is not None
     return exposed.medium.degraded(linear_to_srgb(total))

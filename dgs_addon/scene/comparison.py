@@ -30,9 +30,9 @@ from .removal import remove_unused
 CHANGES, CHANGED_MESH = "dgs_changes", "dgs_changed_mesh"
 #: Kinds of changes: how each is said, and an icon of its colour.
 KINDS: Mapping[str, tuple[str, str]] = {
-    "moved": ("Moved by {value} {unit} ({low} to {high})", "COLORSET_04_VEC"),
-    "grew": ("Wider by {value} {unit} ({low} to {high})", "COLORSET_04_VEC"),
-    "shrank": ("Narrower by {value} {unit} ({low} to {high})", "COLORSET_04_VEC"),
+    "moved": ("Moved by {value} {unit} ({low} to {high})", "COLORSET_09_VEC"),
+    "grew": ("Wider by {value} {unit} ({low} to {high})", "COLORSET_09_VEC"),
+    "shrank": ("Narrower by {value} {unit} ({low} to {high})", "COLORSET_09_VEC"),
     "vanished": ("Gone: stood out by {value} {unit} ({low} to {high})", "COLORSET_01_VEC"),
     "appeared": ("New: stands out by {value} {unit} ({low} to {high})", "COLORSET_03_VEC"),
     "repainted": ("Looks different where it stood", "COLORSET_06_VEC"),

@@ -20,7 +20,7 @@ from dgs.core.mesh.marching import zero_surface
 from dgs.core.mesh.surfaces import SeenSurface, weights
 from dgs.core.mesh.volume import VolumeSettings, fused, usual_voxel
 from dgs.core.progress import Silent
-from dgs.core.rasterizer import RasterSettings, blended_depths, render
+from dgs.core.rasterizer import RasterSettings, blended_depths, render, surface_of_centres
 from dgs.core.triangles import Mesh
 from dgs.studies.stability.fuzzed_state import write_twin
 from plyfile import PlyData
@@ -81,6 +81,22 @@ def test_depths_of_centres_are_those_of_the_rasterizer() -> None:
     assert solid.sum() > 500
     assert np.allclose(depths.alpha, drawn.alpha.numpy(), atol=1e-4)
     assert np.allclose(depths.expected[solid], (drawn.depth / drawn.alpha).numpy()[solid], rtol=1e-4)
+
+
+@pytest.mark.parametrize("held", [0.3, 0.5, 0.9])
+def test_the_surface_alone_is_that_of_all_depths(held: float) -> None:
+    """Also where the last tiles are cut, and where a tile ends before its Gaussians do."""
+    random = torch.Generator().manual_seed(3)
+    twin, camera = flat_ball(800), looking_at_the_middle(0.4)
+    twin = replace(twin, opacity_logits=torch.randn(len(twin), generator=random) * 2)
+    camera = replace(camera, width=camera.width - 5, height=camera.height - 7)
+    settings = RasterSettings(low_pass=0.5)
+    there = blended_depths(twin, camera, settings, held=held, centres=True).surface
+    found = surface_of_centres(twin, camera, settings, held=held)
+    assert np.isfinite(there).mean() > 0.1
+    assert (np.isfinite(there) != np.isfinite(found)).mean() < 1e-3, "but where the level is just met"
+    both = np.isfinite(there) & np.isfinite(found)
+    assert np.isclose(found[both], there[both], rtol=1e-6).mean() > 0.999
 
 
 def test_one_flat_splat_lies_in_its_plane() -> None:

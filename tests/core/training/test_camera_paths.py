@@ -10,6 +10,7 @@ from dgs.core.errors import CheckpointError
 from dgs.core.forward import ForwardModel, medium_of, sharp_view
 from dgs.core.frames import Frame
 from dgs.core.imaging.formation.chain import Formation
+from dgs.core.imaging.formation.focus import LensFocus
 from dgs.core.imaging.formation.motion import CameraMotion, straight_paths
 from dgs.core.imaging.medium import Medium
 from dgs.core.progress import Silent
@@ -35,9 +36,10 @@ def scene():
     return blurred_scene()
 
 
-def exposed_by(scene, camera, motion):
-    frame = Frame(camera.height, camera.width, 0)
-    model = ForwardModel(SETTINGS, lambda _: medium_of(None, frame), 0, Formation([motion]))
+def exposed_by(scene, camera, *effects):
+    frame, formation = Frame(camera.height, camera.width, 0), Formation(effects)
+    settings = replace(SETTINGS, depth=formation.by_depth)
+    model = ForwardModel(settings, lambda _: medium_of(None, frame), 0, formation)
     with torch.no_grad():
         return model.expose(scene.truth, Photo(camera))
 
@@ -64,12 +66,17 @@ def truly_moved(scene, seed=0, px=5.0):
     return motion, views
 
 
-def test_the_slope_in_every_coefficient_is_that_of_the_renders(scene):
-    """No view is rendered for it; differences of renders say the same wherever depth is smooth."""
+@pytest.mark.parametrize(("out_of_focus", "alike"), [(False, 0.93), (True, 0.8)])
+def test_the_slope_in_every_coefficient_is_that_of_the_renders(scene, out_of_focus, alike):
+    """No view is rendered for it; differences of renders say the same wherever depth is smooth.
+
+    Out of focus a px shows what lies beside it, which flows otherwise: frame by frame they are no more alike (0.84).
+    """
     camera = scene.views[0].camera
+    lens = [LensFocus([camera.name], torch.tensor([0.03]), torch.tensor([0.7]))] if out_of_focus else []
     start = straight_paths({camera.name: (4.0 / camera.fx, 2.0 / camera.fx)}, 4)
     paths = CameraPaths(start, {camera.name: camera}, [camera.name], 1, 0)
-    exposed = exposed_by(scene, camera, paths.motion)
+    exposed = exposed_by(scene, camera, paths.motion, *lens)
     with torch.no_grad():
         drawn = sharp_view(scene.truth, camera, replace(SETTINGS, depth=True)).mean_depth
     paths.see_depth(camera.name, drawn)
@@ -81,12 +88,12 @@ def test_the_slope_in_every_coefficient_is_that_of_the_renders(scene):
         pair = []
         for sign in (1, -1):
             twists[0, part, axis] += sign * 0.25 * units[axis]
-            pair.append(exposed_by(scene, camera, paths.motion).degraded)
+            pair.append(exposed_by(scene, camera, paths.motion, *lens).degraded)
             twists[0, part, axis] -= sign * 0.25 * units[axis]
         true = ((pair[0] - pair[1]) / 0.5)[:, 1 : camera.height - 1, 1 : camera.width - 1]
         own = jacobian[part * 6 + axis]
         assert len(own) == true.numel()
-        assert float(torch.corrcoef(torch.stack([own, true.reshape(-1)]))[0, 1]) > 0.93, (part, axis)
+        assert float(torch.corrcoef(torch.stack([own, true.reshape(-1)]))[0, 1]) > alike, (part, axis)
         assert float((own @ true.reshape(-1)) / (own @ own)) == pytest.approx(1.0, abs=0.3), (part, axis)
 
 

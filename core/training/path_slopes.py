@@ -1,0 +1,86 @@
+"""How a photo that was taken along a path changes along the two axes of the picture, part by part of the path."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from ..colour import decoding_derivative, encoding_derivative, srgb_to_linear
+from ..forward import Exposed
+
+#: Slopes [M + 1, 3, h, w] of the photo (sRGB / px) along an axis: (1, 0) down, (0, 1) to the right.
+Slopes = Callable[[int, int], Tensor]
+
+
+@dataclass(frozen=True)
+class Sampled:
+    """Px of a photo that a step looks at: every so many, away from the border, where differences reach."""
+
+    rows: slice
+    columns: slice
+
+    @staticmethod
+    def of(height: int, width: int, most: int) -> Sampled:
+        """At most about `most` of them."""
+        every = max(1, round(math.sqrt(height * width / most)))
+        return Sampled(slice(1 + every // 2, height - 1, every), slice(1 + every // 2, width - 1, every))
+
+    def of_planes(self, planes: Tensor, down: int = 0, right: int = 0) -> Tensor:
+        """[..., h, w] of planes [..., H, W], or the px so far below and to the right of them."""
+        rows, columns = (
+            slice(s.start + by, s.stop + by, s.step) for s, by in ((self.rows, down), (self.columns, right))
+        )
+        return planes[..., rows, columns]
+
+
+def slopes_along(exposed: Exposed, basis: Tensor, at: Sampled) -> Slopes:
+    """Slopes of the photo by the shift of each part of the path.
+
+    Args:
+        basis: [M + 1, T] share of frame t in part m; the first is the frames' mean.
+    """
+    together = exposed.together
+    seen = at.of_planes(exposed.degraded.cpu())
+    encode = encoding_derivative(srgb_to_linear(seen), seen)
+    if together is not None:
+        parts = _parts_through_effects(exposed, basis)
+        return lambda down, right: (
+            (at.of_planes(parts, down, right) - at.of_planes(parts, -down, -right)) * 0.5 * encode
+        )
+    frames = _photo_px(exposed, torch.stack([frame.passage.reached for frame in exposed.frames]))
+    own = at.of_planes(frames)
+    decode = decoding_derivative(own, srgb_to_linear(own))
+
+    def of_frames(down: int, right: int) -> Tensor:
+        ahead, behind = (at.of_planes(frames, s * down, s * right) for s in (1, -1))
+        return torch.einsum("mt,tchw->mchw", basis, (ahead - behind) * decode * 0.5) * encode
+
+    return of_frames
+
+
+def _parts_through_effects(exposed: Exposed, basis: Tensor) -> Tensor:
+    """[M + 1, 3, H, W] linear light of each part of the path behind the effects.
+
+    Effects are linear in the light but for what they add themselves, which is in the photo once: a part is what it adds
+    to the whole.
+    """
+    assert exposed.together is not None
+    passage = exposed.together.passage
+    light = torch.stack([srgb_to_linear(frame.passage.frame) for frame in exposed.frames])
+    parts = [passage.stages[-1]]
+    for more in torch.einsum("mt,tchw->mchw", basis[1:].to(light), light):
+        through = passage.stages[0] + more
+        for effect in passage.effects:
+            through = effect.forward(through, passage.shot)
+        parts.append(through - passage.stages[-1])
+    return _photo_px(exposed, torch.stack(parts))
+
+
+def _photo_px(exposed: Exposed, planes: Tensor) -> Tensor:
+    """The photo's own px [..., H, W] of planes with their margin, on the CPU."""
+    m, shot = exposed.shot.margin, exposed.shot
+    return planes[..., m : m + shot.height, m : m + shot.width].cpu()
