@@ -14,6 +14,7 @@ from ..machine import Machine
 from ..photos.load import Photo
 from ..progress import Progress
 from ..run_settings import PresetName
+from ..training.budget import supported_gaussians
 from ..training.job import TrainingJob
 from ..training.settings import TrainingSettings, harmonics_for
 from ..views import heldout_names
@@ -70,7 +71,7 @@ def estimate(sample: PhotoSample, run: RunDescription, machine: Machine, progres
     out: dict[str, Any] = {}
     for name in PRESETS:
         preset = TrainingSettings.preset(name)
-        count = run.max_gaussians or preset.max_gaussians
+        count = run.max_gaussians or min(preset.max_gaussians, _supported(sample, run, name, fitted))
         hurried = name == "draft"
         few = photo_work(sample.photos, search=run.search, hurried=hurried, compiled=compiled, points=run.points)
         work = _scaled(few, len(sample.files)).training(fitted, held, preset.steps, count)
@@ -106,6 +107,11 @@ def _degree(sample: PhotoSample, run: RunDescription, name: PresetName) -> int:
     if run.sh_degree is not None:
         return run.sh_degree
     return harmonics_for(TrainingSettings.preset(name), sample.medium.mean_sigma([p.name for p in sample.photos]))
+
+
+def _supported(sample: PhotoSample, run: RunDescription, name: PresetName, fitted: int) -> int:
+    """Gaussians that so many photos can hold."""
+    return supported_gaussians(made_up(sample.photos)[0], _degree(sample, run, name), photos=fitted)
 
 
 def _probed(sample: PhotoSample, run: RunDescription, machine: Machine, photos: tuple[int, int], degree: int) -> Speed:

@@ -10,6 +10,7 @@ from ..errors import Cancelled, PhotoError, PsfError
 from ..imaging.medium import Medium
 from ..photos.load import Photo, load_photo, photo_files
 from ..photos.movie import is_movie
+from ..photos.uniform import before_background
 from ..progress import Progress
 from ..run_settings import MediumSettings, PhotoSettings
 from .blind import Spreads, given_spreads, spreads_of
@@ -52,6 +53,7 @@ def sample_photos(
             raise Cancelled("Stopped while reading photos")
         photos.append(load_photo(file, settings.max_size, settings.background.transparent))
         progress.advance(index + 1)
+    photos = before_background(photos, settings.background, progress)
     spreads = _spreads(given, photos, blur, progress)
     return SampledPhotos(files, photos, medium_with(spreads, blur, photos))
 

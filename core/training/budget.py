@@ -40,18 +40,21 @@ class BudgetSettings:
 SETTINGS = BudgetSettings()
 
 
-def supported_gaussians(views: Sequence[View], sh_degree: int, settings: BudgetSettings = SETTINGS) -> int:
+def supported_gaussians(
+    views: Sequence[View], sh_degree: int, settings: BudgetSettings = SETTINGS, photos: int | None = None
+) -> int:
     """How many Gaussians the photos can say something about.
 
     Args:
         views: photos to fit; what is masked or known to be empty says nothing.
         sh_degree: of the Gaussians' colours, 0 to 3.
+        photos: how many there are, where `views` are only some of them.
 
     Returns:
         A count, at least `unquestioned`.
     """
     some = views[:: max(1, len(views) // settings.photos)]
-    shown = float(np.mean([_shown(view) for view in some])) * len(views) if some else 0.0
+    shown = float(np.mean([_shown(view) for view in some])) * (photos or len(views)) if some else 0.0
     each = _SHAPE + 3 * SH_COEFFICIENTS[sh_degree]
     return max(settings.unquestioned, int(3 * shown / (settings.values_for_one * each)))
 

@@ -203,12 +203,14 @@ def planned(limit: float, spent: float = 0.0, held: int = 9, **changes) -> tuple
 def test_no_more_than_the_longest_training_is_planned():
     budget, settings = planned(3000.0)
     assert budget.plan is not None and settings.time_limit is not None
-    assert budget.plan.enough and budget.plan.steps == settings.steps == longest_steps(4) == PLANNING.longest_steps
+    assert budget.plan.enough and budget.plan.steps == settings.steps == longest_steps(4) == PLANNING.useful_steps
     assert settings.time_limit < 2900.0
-    asked = PLANNING.longest_steps + 500
+    asked = longest_steps(4) + 500
     assert planned(3000.0, min_steps=asked)[1].steps == asked, "steps that are asked for are done"
     budget, settings = planned(3000.0, until=30.0)
-    assert budget.plan is not None and not budget.plan.enough and settings.steps > PLANNING.longest_steps
+    assert budget.plan is not None and not budget.plan.enough and settings.steps > longest_steps(4)
+    assert longest_steps(42) == 42 * PLANNING.longest_visits, "few photos are learned sooner"
+    assert longest_steps(200) == PLANNING.longest_steps
     assert longest_steps(1000) == useful_steps(1000) == 1000 * PLANNING.useful_visits, "many photos want more"
 
 

@@ -35,3 +35,7 @@ def test_what_is_masked_or_empty_says_nothing() -> None:
 
 def test_small_budgets_are_not_questioned() -> None:
     assert supported_gaussians(photos(2), 3) == SETTINGS.unquestioned
+
+
+def test_some_photos_speak_for_all() -> None:
+    assert supported_gaussians(photos(6), 1, FREE, photos=30) == supported_gaussians(photos(30), 1, FREE)
