@@ -16,7 +16,7 @@ from ..progress import Progress
 from ..run_settings import PresetName
 from ..training.budget import supported_gaussians
 from ..training.job import TrainingJob
-from ..training.settings import TrainingSettings, harmonics_for
+from ..training.settings import BLUR_WIDTH, TrainingSettings, harmonics_for, steps_for_sharp
 from ..views import heldout_names
 from .clock import OthersLoad
 from .described import RunDescription
@@ -70,7 +70,7 @@ def estimate(sample: PhotoSample, run: RunDescription, machine: Machine, progres
     own, scene = contrast(sample.photos), run.scene_key(sample.files)
     out: dict[str, Any] = {}
     for name in PRESETS:
-        preset = TrainingSettings.preset(name)
+        preset = _preset(sample, name)
         count = run.max_gaussians or min(preset.max_gaussians, _supported(sample, run, name, fitted))
         hurried = name == "draft"
         few = photo_work(sample.photos, search=run.search, hurried=hurried, compiled=compiled, points=run.points)
@@ -102,11 +102,22 @@ def estimate(sample: PhotoSample, run: RunDescription, machine: Machine, progres
     }
 
 
+def _preset(sample: PhotoSample, name: PresetName) -> TrainingSettings:
+    """As a run takes it that finds no blur but the medium's."""
+    preset = TrainingSettings.preset(name)
+    return steps_for_sharp(preset) if _sigma(sample) <= BLUR_WIDTH.sharp_until else preset
+
+
+def _sigma(sample: PhotoSample) -> float:
+    """Of the blur, px."""
+    return sample.medium.mean_sigma([photo.name for photo in sample.photos])
+
+
 def _degree(sample: PhotoSample, run: RunDescription, name: PresetName) -> int:
     """Of the harmonics of a run with a preset."""
     if run.sh_degree is not None:
         return run.sh_degree
-    return harmonics_for(TrainingSettings.preset(name), sample.medium.mean_sigma([p.name for p in sample.photos]))
+    return harmonics_for(TrainingSettings.preset(name), _sigma(sample))
 
 
 def _supported(sample: PhotoSample, run: RunDescription, name: PresetName, fitted: int) -> int:

@@ -136,10 +136,11 @@ def _stages(run: RunSettings, given: Spreads | None, truth: TruthFolder | None, 
     effects = simulate(run.effects, photos, cameras.reconstruction, views, blur.medium, settings, keeper)
     if run.glass is not None:
         effects = with_glass(effects, run.glass, points, keeper)
-        settings = training_settings(run.training, machine, timing.limited, effects.sigma)
+        sigma = effects.sigma
     if run.effects != "none":
         watch.lap("effects")
     chosen = effects.chosen
+    settings = training_settings(run.training, machine, timing.limited, sigma, not chosen.formation.blurs)
     asked = TrainingJob(effects.fitted, effects.heldout, points, effects.medium, settings, chosen.formation)
     planned = fit_into_time(asked, photos, run.training.max_gaussians, run.resume, timing, folder)
     if planned.enough:

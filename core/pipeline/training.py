@@ -13,7 +13,7 @@ from ..training.budget import supported_gaussians
 from ..training.job import PlannedTraining, TrainingJob
 from ..training.ranks import ALONE, OtherRankFinishes, Ranks
 from ..training.run import Trained, train
-from ..training.settings import TrainingSettings, harmonics_for
+from ..training.settings import BLUR_WIDTH, TrainingSettings, harmonics_for, steps_for_sharp
 from ..twin.folder import TwinFolder
 from .snapshots import Watchers
 from .timing import Timing
@@ -28,14 +28,19 @@ def usual_settings(request: TrainingRequest, machine: Machine) -> TrainingSettin
     return replace(preset, loss=request.loss, seed=request.seed, threads=machine.threads, device=machine.device)
 
 
-def training_settings(request: TrainingRequest, machine: Machine, limited: bool, sigma: float) -> TrainingSettings:
+def training_settings(
+    request: TrainingRequest, machine: Machine, limited: bool, sigma: float, sharp: bool = False
+) -> TrainingSettings:
     """The settings of the optimization.
 
     Args:
         limited: whether a time limit will say how many steps there are.
         sigma: px, of the photos' blur (`Medium.mean_sigma`).
+        sharp: whether nothing else blurs either.
     """
     usual = usual_settings(request, machine)
+    if sharp and sigma <= BLUR_WIDTH.sharp_until:
+        usual = steps_for_sharp(usual)
     degree = harmonics_for(usual, sigma) if request.sh_degree is None else request.sh_degree
     settings = replace(
         usual,

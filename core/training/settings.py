@@ -176,6 +176,16 @@ def harmonics_for(preset: TrainingSettings, sigma: float, numbers: BlurWidthSett
     return max(preset.sh_degree, numbers.sharp_degree) if sigma <= numbers.sharp_until else preset.sh_degree
 
 
+def steps_for_sharp(preset: TrainingSettings) -> TrainingSettings:
+    """The preset for photos that nothing blurs: more steps, and Gaussians that grow with their root."""
+    if preset.until is not None:
+        return preset
+    more = PRESETS.sharp_more
+    return replace(
+        preset, steps=round(more * preset.steps), max_gaussians=round(math.sqrt(more) * preset.max_gaussians)
+    )
+
+
 def smoothed_for(
     settings: TrainingSettings, sigma: float, photos: int, numbers: BlurWidthSettings = BLUR_WIDTH
 ) -> TrainingSettings:
@@ -206,6 +216,13 @@ class PresetSettings:
         12_000, "steps", "of the best preset at most: it ends as soon as held-out photos gain no more"
     )
     best_gaussians: int = number(139_000, "count", "the best preset's budget: it grows with the root of the steps")
+    sharp_more: float = number(
+        1.5,
+        "times",
+        "the steps where nothing blurs: sharp photos go on to gain where blurred ones have shown what they can",
+        "fine beside balanced, held-out views: sharp lego +1.6 dB, shelf +0.3; blurred ball and copr 0.0; the factor"
+        " itself is a first choice",
+    )
 
 
 PRESETS = PresetSettings()

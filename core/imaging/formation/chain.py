@@ -93,6 +93,11 @@ class Formation:
         """The glass before the camera."""
         return next((effect for effect in self.effects if isinstance(effect, FrostedGlass)), None)
 
+    @property
+    def blurs(self) -> bool:
+        """Whether any effect spreads light."""
+        return self.motion is not None or any(effect.reach(1.0) > 0 for effect in self.light)
+
     def scaled(self, factor: float) -> Formation:
         """The same chain in a world that is `factor` times as large; the very same one where nothing moved."""
         kinds = (CameraMotion, FocusBlur, FrostedGlass)

@@ -82,3 +82,13 @@ def test_waiting_is_counted_and_laps_add_up():
     watch.lap("prepare")
     watch.part("prepare", {"train": 5.0})
     assert watch.seconds == {"prepare": 0.0, "train": 5.0} and watch.total() >= 0.0
+
+
+def test_photos_that_nothing_blurs_get_more_steps():
+    def steps(sigma: float, sharp: bool, preset: str = "balanced") -> tuple[int, int]:
+        request = ReconstructSettings(Path("p"), Path("o"), preset=preset).split().training
+        found = training_settings(request, ONE, limited=False, sigma=sigma, sharp=sharp)
+        return found.steps, found.max_gaussians
+
+    assert steps(0.0, True) == (1500, 48990) and steps(0.0, False) == steps(5.0, True) == (1000, 40000)
+    assert steps(0.0, True, "best") == steps(0.0, False, "best"), "ends by evidence anyway"

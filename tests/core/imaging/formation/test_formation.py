@@ -180,3 +180,9 @@ def test_gradients_of_several_photos_add_up():
     for value in (2.0, 3.0, 0.5):
         effect._add("amount", torch.tensor([value, -value]))
     assert effect.gradients["amount"].tolist() == [5.5, -5.5]
+
+
+@pytest.mark.parametrize("name", SIMULATED)
+def test_what_spreads_light_is_called_a_blur(name: str) -> None:
+    assert not Formation().blurs
+    assert Formation([made(name)]).blurs == (name in ("defocus", "field_blur", "glass", "motion"))
