@@ -222,8 +222,8 @@ class PresetSettings:
         "the steps where nothing blurs: sharp photos go on to gain where blurred ones have shown what they can",
         "fine beside balanced, held-out views: sharp lego +1.6 dB, shelf +0.3; blurred ball and copr 0.0; the factor"
         " itself is a first choice; village balanced 2.8 dB below best asked for it",
-        "balanced, held-out views: room 27.20 -> 27.90 dB, plant 27.10 -> 27.34, orrery 29.75 -> 30.08, orrery-front 33.80"
-        " -> 33.85",
+        "balanced, held-out views: room 27.20 -> 27.90 dB, plant 27.10 -> 27.34, orrery 29.75 -> 30.08,"
+        " orrery-front 33.80 -> 33.85",
     )
 
 
