@@ -21,6 +21,7 @@ _FILES = (
     "glass",
     "defocus",
     "field_blur",
+    "kernels",
     "motion",
     "lens",
     "vignetting",

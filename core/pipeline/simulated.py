@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from ..errors import DgsError
 from ..imaging.medium import Medium
 from ..imaging.psf import PointSpread
 from ..photos.load import Photo
@@ -55,8 +56,14 @@ def simulate(
         settings: of the training; trials are like it, but short.
 
     Raises:
-        DgsError: an effect was forced on that these photos say nothing about. Cancelled: the user asked to stop.
+        DgsError: an effect was forced on that these photos say nothing about, or free kernels beside a point spread.
+        Cancelled: the user asked to stop.
     """
     chosen = choose_effects(asked, photos, cameras, views.fitted, medium, settings, progress)
+    if chosen.formation.kernels is not None and medium.blurs:
+        raise DgsError(
+            "Free kernels stand for all of a photo's blur, so none can be given beside them",
+            "Give --psf none with --effects kernels, or leave one of them out",
+        )
     chosen.forget_others([view.name for view in views.fitted])
     return SimulatedEffects(chosen, medium, chosen.corrected(views.fitted), chosen.corrected(views.heldout))

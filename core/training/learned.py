@@ -21,6 +21,7 @@ from .exposures import Asked, LearnedExposures
 from .focus import LearnedFocus
 from .glass import LearnedGlass
 from .grid import GridView
+from .kernels import LearnedKernels
 from .scale import SceneScale
 
 
@@ -34,7 +35,7 @@ class LearnedEffects:
         step: photo px per px of the coarsest grid.
 
     Attributes:
-        exposures, paths, focus, glass: None where none are learned.
+        exposures, paths, focus, kernels, glass: None where none are learned.
         formation: the chain that the forward model goes along; it sees every step of what changes frames and light
             before the sensor. Exposures are undone on the photos instead.
     """
@@ -61,7 +62,10 @@ class LearnedEffects:
         if self.focus is not None:
             effects = self.formation.effects
             self.formation = Formation([self.focus.effect if e is spread else e for e in effects])
-
+        free = self.formation.kernels
+        self.kernels = None if free is None else LearnedKernels(free)
+        if self.kernels is not None:
+            self.formation = Formation([self.kernels.effect if e is free else e for e in self.formation.effects])
         sheet = self.formation.glass
         self.glass = None if sheet is None or not sheet.learned else LearnedGlass(sheet)
 
@@ -90,12 +94,12 @@ class LearnedEffects:
     @property
     def anything(self) -> bool:
         """Whether anything is learned."""
-        return any(part is not None for part in (self.exposures, self.paths, self.focus, self.glass))
+        return any(part is not None for part in (self.exposures, self.paths, self.focus, self.kernels, self.glass))
 
     @property
     def unseen_visits(self) -> int:
         """Steps for a photo that is held out, on the finished twin; 0 where nothing of it is learned."""
-        learned = (part.settings.unseen_visits for part in (self.paths, self.focus) if part is not None)
+        learned = (part.settings.unseen_visits for part in (self.paths, self.focus, self.kernels) if part is not None)
         return max(learned, default=0)
 
     def chain(self) -> Formation:
@@ -109,7 +113,8 @@ class LearnedEffects:
         exposures = {} if self.exposures is None else self.exposures.state()
         paths = {} if self.paths is None else self.paths.state()
         glass = {} if self.glass is None else self.glass.state()
-        return {**exposures, **paths, **glass, **({} if self.focus is None else self.focus.state())}
+        kernels = {} if self.kernels is None else self.kernels.state()
+        return {**exposures, **paths, **glass, **kernels, **({} if self.focus is None else self.focus.state())}
 
     def restore(self, arrays: Mapping[str, NDArray[Any]]) -> None:
         """Goes on from `state`.
@@ -121,6 +126,7 @@ class LearnedEffects:
             ("exposures", self.exposures),
             ("camera paths", self.paths),
             ("focus", self.focus),
+            ("kernels", self.kernels),
             ("glass", self.glass),
         )
         for what, learned in kinds:

@@ -40,6 +40,7 @@ from .footprint import widened
 from .grid import GRID, GridView, grid_step
 from .guards import GUARDS, drop_non_finite, out_of_range
 from .initial import first_gaussians
+from .kernels import SETTINGS as KERNELS
 from .learned import LearnedEffects
 from .level import Level, round_variance
 from .objective import Objective
@@ -124,6 +125,8 @@ class Trainer:
             settings = replace(settings, coarse_share=max(settings.coarse_share, PATHS.coarse_share))
         if formation.learns_focus:
             settings = replace(settings, coarse_share=max(settings.coarse_share, FOCUS.coarse_share))
+        if formation.kernels is not None:
+            settings = replace(settings, coarse_share=max(settings.coarse_share, KERNELS.coarse_share))
         self.settings, self.medium, self._begun = settings, medium, formation
         name = "cpu" if settings.device == "auto" else settings.device
         backend_on(name).check()  # (before torch, whose message names devices of its own)
@@ -171,7 +174,7 @@ class Trainer:
         """
         if not ranks.alone and self.learned.anything:
             raise TrainingError(
-                "What is learned of each photo (exposure, motion, focus, glass) is learned by one process",
+                "What is learned of each photo (exposure, motion, focus, kernel, glass) is learned by one process",
                 "Use --effects none, or start one rank",
             )
         if not ranks.alone and self.device.type != "cpu":
@@ -340,6 +343,8 @@ class Trainer:
         self._collect(exposed)
         self._follow_path(level, view, exposed, wanted, backdrop)
         self._follow_focus(view, exposed, wanted)
+        if share >= KERNELS.begin:
+            self._follow_kernel(view, exposed, wanted)
         if self.learned.glass is not None:
             self.learned.glass.learn(view.name, exposed, wanted, valid, share)
         self.optimizer.step(self.rates(share), self.ranks.count)
@@ -416,6 +421,12 @@ class Trainer:
             counts = None if view.valid is None else torch.from_numpy(view.valid).to(self.device)
             self.learned.focus.learn(view.name, exposed, photo, counts)
 
+    def _follow_kernel(self, view: GridView, exposed: Exposed, photo: torch.Tensor) -> None:
+        """Learns a step of a photo's kernel."""
+        if self.learned.kernels is not None:
+            counts = None if view.valid is None else torch.from_numpy(view.valid).to(self.device)
+            self.learned.kernels.learn(view.name, exposed, photo, counts)
+
     def _find_focus(self, level: Level, share: float) -> None:
         """Compares all photos with the twin where a share of the run makes it due; see `training.focus`."""
         focus = self.learned.focus
@@ -440,11 +451,12 @@ class Trainer:
 
     def follow_unseen(self, level: Level, view: GridView) -> None:
         """Learns a step of a held-out photo's own path and focus; the Gaussians do not see it."""
-        if self.learned.paths is None and self.learned.focus is None:
+        if not self.learned.unseen_visits:
             return
         exposed, photo = self.exposed(level, view), torch.from_numpy(view.planes()).to(self.device)
         self._follow_path(level, view, exposed, photo, self.background)
         self._follow_focus(view, exposed, photo)
+        self._follow_kernel(view, exposed, photo)
 
     def _find_unseen(self, level: Level, view: GridView) -> None:
         """Finds the focus of a photo that is held out from scratch."""

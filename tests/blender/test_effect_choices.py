@@ -36,6 +36,6 @@ dgs.unregister()
 def test_a_new_effect_is_offered_and_asked_for() -> None:
     run = subprocess.run([sys.executable, "-c", CODE], cwd=dgs.__path__[0], capture_output=True, text=True, check=True)
     offered, arguments = [line for line in run.stdout.splitlines() if line.strip()][-2:]
-    names = "none,auto,all,usual,haze,glass,defocus,field_blur,motion,vignetting,exposure,saturation,dust"
+    names = "none,auto,all,usual,haze,glass,defocus,field_blur,kernels,motion,vignetting,exposure,saturation,dust"
     assert offered == f"{names} | Dust | Grains on the lens that take a share of all light"
     assert "--effects dust" in arguments

@@ -12,6 +12,7 @@ from ...colour import decoding_derivative, encoding_derivative, linear_to_srgb, 
 from .effect import Effect, Shot
 from .focus import FocusBlur
 from .glass import FrostedGlass
+from .kernels import PhotoKernels
 from .motion import CameraMotion, motion_of
 
 
@@ -92,6 +93,11 @@ class Formation:
     def glass(self) -> FrostedGlass | None:
         """The glass before the camera."""
         return next((effect for effect in self.effects if isinstance(effect, FrostedGlass)), None)
+
+    @property
+    def kernels(self) -> PhotoKernels | None:
+        """The photos' own kernels."""
+        return next((effect for effect in self.effects if isinstance(effect, PhotoKernels)), None)
 
     @property
     def blurs(self) -> bool:

@@ -78,6 +78,6 @@ def test_only_its_name_switches_it_on(scene, tmp_path):
     """Photos do not show it: 'all' leaves it out."""
     from dgs.core.effects.registry import switches
 
-    assert [name for name, switch in switches().items() if switch.by_name_only] == ["glass"]
+    assert [name for name, switch in switches().items() if switch.by_name_only] == ["glass", "kernels"]
     assert choose_effects("none", [], None, scene.views, Medium(), TrainingSettings(), Silent()).decisions == []
     assert np.isfinite(depths_between(scene.views, scene.points)).all()

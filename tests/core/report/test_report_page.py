@@ -12,6 +12,7 @@ from dgs.core.camera import Camera
 from dgs.core.imaging.psf_text import parse_psf
 from dgs.core.report.charts import Axis, Marker, line_chart
 from dgs.core.report.foci import drawn_foci
+from dgs.core.report.kernels import drawn_kernels
 from dgs.core.report.page import exposures, page, write_page
 from dgs.core.report.paths import drawn_paths
 from dgs.core.report.pictures import ViewPictures, embedded, spread
@@ -345,6 +346,22 @@ def test_learned_foci_are_drawn():
     for error, said in ((0.0, "not identifiable: too flat"), (0.1, "sharp everywhere")):
         row["parameters"]["photos"] = {"a.png": [0.0, 1.0, error, error]}
         assert drawn_foci(report)["a.png"].said == said
+
+
+def test_free_kernels_are_drawn():
+    report = copy.deepcopy(REPORT)
+    assert "Free kernels of all" not in page(report, pictures(), None, cameras())
+    row = {**copy.deepcopy(report["effects"][1]), "name": "kernels", "on": True}
+    sharp, double = [1.0] + [0.0] * 9, [0.0] * 4 + [0.5, 0.0, 0.5] + [0.0] * 3
+    row["parameters"] = {"pitch": 0.01, "photos": {"b.png": double, "a.png": sharp}}
+    report["effects"].append(row)
+    found = drawn_kernels(report)
+    pitch = 0.01 * np.hypot(*report["photos"]["size"])
+    assert list(found) == ["a.png", "b.png"] and found["a.png"].width == 0.0
+    assert found["b.png"].width == pytest.approx(pitch * np.sqrt(0.5))
+    assert found["b.png"].svg.count('fill-opacity="1.00"') == 2 and found["a.png"].svg.count("<rect") == 2
+    text = page(report, pictures(), None, cameras())
+    assert "Free kernels of all 2 photos" in text and text.count('aria-label="kernel"') == 2
 
 
 def test_every_effect_has_its_line():

@@ -14,6 +14,7 @@ from dgs.core.forward import FixedMedium
 from dgs.core.imaging.formation.chain import Formation
 from dgs.core.imaging.formation.effect import Effect, Shot
 from dgs.core.imaging.formation.glass import FrostedGlass, GlassScene
+from dgs.core.imaging.formation.kernels import KERNELS, PhotoKernels
 from dgs.core.imaging.formation.motion import CameraMotion
 from dgs.core.imaging.operator import BlurOperator
 from dgs.core.imaging.psf_text import parse_psf
@@ -46,6 +47,8 @@ def made(name: str) -> Effect:
         return FrostedGlass(near(0.05), near(0.3), GlassScene(1.0, math.hypot(W, H), 0.5, 2.5))
     if name == "field_blur":
         return FieldBlur(near(0.15))
+    if name == "kernels":
+        return PhotoKernels(("a.png", "b.png"), near(0.2, 2, 1 + KERNELS.side**2))
     if name == "motion":
         return CameraMotion(("a.png", "b.png"), near(0.0, 2, 3, 6))
     return {"vignetting": lambda: Vignetting(near(0.4, 3)), "haze": lambda: Haze(near(0.5, 3), near(0.6, 3))}[name]()
@@ -185,4 +188,4 @@ def test_gradients_of_several_photos_add_up():
 @pytest.mark.parametrize("name", SIMULATED)
 def test_what_spreads_light_is_called_a_blur(name: str) -> None:
     assert not Formation().blurs
-    assert Formation([made(name)]).blurs == (name in ("defocus", "field_blur", "glass", "motion"))
+    assert Formation([made(name)]).blurs == (name in ("defocus", "field_blur", "glass", "kernels", "motion"))
