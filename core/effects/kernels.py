@@ -36,6 +36,6 @@ SPEC = EffectSpec(
     ),
     inspect=inspect,
     switch=Switch(
-        speakers=("kernels",), trial_rank=8, simulation=PhotoKernels, build=build, may_be_absent=True, by_name_only=True
+        speakers=("kernels",), trial_rank=9, simulation=PhotoKernels, build=build, may_be_absent=True, by_name_only=True
     ),
 )
