@@ -57,8 +57,7 @@ class Switch:
         shared: what a trial falls back on where it does not confirm the simulation: one that all photos share, which
             the same points in different photos have to confirm; None where there is none.
         may_be_absent: whether a set that does not show it is no error where it was asked for by name.
-        by_name_only: whether neither 'all' nor what the photos show switches it on: they show nothing of it. Its name
-            does, and 'auto' where it tries it on terms of its own.
+        by_name_only: whether only its name switches it on, neither 'all' nor 'auto': photos do not show it.
         unmeasured: why its size may be missing although points are seen in several photos.
     """
 

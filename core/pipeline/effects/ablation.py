@@ -74,9 +74,6 @@ class TrialSettings:
     focus_seen: float = number(
         0.4, "px of the trial's grid", "of blur (standard deviation) off the focus, from which on there is one"
     )
-    kernel_seen: float = number(
-        0.5, "px of the trial's grid", "of blur (standard deviation) from which on a kernel that was learned is one"
-    )
     focus_side: int = number(200, "px", "shorter side of the photos in a trial of a focus at least")
     path_px: float = number(4.0, "px", "that a path must still be long in a trial of it")
     path_side: int = number(200, "px", "shorter side of the photos' middles in a trial of a path")
@@ -185,11 +182,6 @@ class Ablation:
         ]
 
     @property
-    def blurs(self) -> bool:
-        """Whether a point spread was given."""
-        return self._full.blurs
-
-    @property
     def possible(self) -> bool:
         """Whether there are photos enough to judge by."""
         return sum(len(self.judged(pair)) for pair in range(SETTINGS.pairs)) >= SETTINGS.fewest_judged
@@ -199,10 +191,6 @@ class Ablation:
 
         Photos of which no px counts are no part of it.
         """
-        if without.formation.kernels is not with_it.formation.kernels:
-            arms = [Formation([e for e in a.formation.effects if e.place != "sensor"]) for a in (without, with_it)]
-            finer = self._whole(Arm(with_it.formation, without.masked))
-            return finer._compare_kernels(Arm(arms[0]), Arm(arms[1]))
         if without.formation.learns_focus is not with_it.formation.learns_focus:
             arms = [Formation([e for e in a.formation.effects if e.place != "sensor"]) for a in (without, with_it)]
             finer = self._whole(Arm(with_it.formation, without.masked))
@@ -219,15 +207,6 @@ class Ablation:
         long = np.asarray(self._lengths) >= SETTINGS.path_seen
         if len(long) and long.mean() < SETTINGS.photos_moved:
             return Comparison(np.zeros(len(long)), f"a short training finds paths in {long.mean():.0%} of the photos")
-        found = self._compare(without, with_it, through=True)
-        return replace(found, least=SETTINGS.path_gain)
-
-    def _compare_kernels(self, without: Arm, with_it: Arm) -> Comparison:
-        """The same for free kernels: where hardly any photo learns one, nothing else is trained."""
-        self._scores(with_it, self.medium)
-        wide = np.asarray(self._lengths) >= SETTINGS.kernel_seen
-        if len(wide) and wide.mean() < SETTINGS.photos_moved:
-            return Comparison(np.zeros(len(wide)), f"a short training finds kernels in {wide.mean():.0%} of the photos")
         found = self._compare(without, with_it, through=True)
         return replace(found, least=SETTINGS.path_gain)
 
@@ -261,8 +240,8 @@ class Ablation:
         settings = replace(self.settings, seed=self.settings.seed + 1000 + pair)
         judged = self.judged(pair)
         fitted = [view for i, view in enumerate(views) if i not in judged]
-        # Only their own path through the exposure, focus and kernel are read off the photos that judge.
-        learned = formation.motion is not None or formation.learns_focus or formation.kernels is not None
+        # Only their own path through the exposure and their focus are read off the photos that judge.
+        learned = formation.motion is not None or formation.learns_focus
         others = [views[i] for i in judged] if learned else []
         points = self.points if blurred else _fewer(self.points)
         scale = scene_scale([view.camera for view in fitted], points)
@@ -272,9 +251,6 @@ class Ablation:
             self._lengths.extend(lengths)
         if (focus := trained.formation.focus) is not None:
             self._lengths.extend(focus.widest(v.name, math.hypot(v.camera.width, v.camera.height)) for v in fitted)
-        if (kernels := trained.formation.kernels) is not None:
-            diagonal, widths = math.hypot(views[0].camera.width, views[0].camera.height), kernels.widths()
-            self._lengths.extend(diagonal * widths[v.name] for v in fitted)
         device = "cpu" if settings.device == "auto" else settings.device
         viewer = Viewer(trained.gaussians, scale, device, trained.low_pass, trained.background)
         scores = []

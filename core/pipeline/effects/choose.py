@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
@@ -17,7 +17,6 @@ from ...imaging.formation.chain import Formation
 from ...imaging.formation.effect import Effect
 from ...imaging.formation.exposure import Exposure
 from ...imaging.formation.focus import LensFocus
-from ...imaging.formation.kernels import PhotoKernels
 from ...imaging.formation.motion import CameraMotion
 from ...imaging.formation.spreading import SpreadingEffect
 from ...imaging.medium import Medium
@@ -149,8 +148,6 @@ def choose_effects(
             raise Cancelled("Stopped while effects were tried")
         choice.attempt(name)
         progress.advance(index + 1)
-    if mode == "auto" and PhotoKernels.name not in on | off:
-        choice.attempt_kernels(_blur_is_seen(found))
     for name in there:
         why = "forced off" if name in off else ("not needed" if mode == "auto" else "not asked for")
         choice.lines.setdefault(name, Decision(name, False, why))
@@ -201,11 +198,6 @@ def _differs_everywhere(source: PhotoSet) -> bool:
     """Whether gains of whole photos explain what differs between photos of the same points, not gloss or shadows."""
     observations = source.observations
     return observations is not None and explained_elsewhere(observations) >= USUAL.explained
-
-
-def _blur_is_seen(found: Mapping[str, Evidence]) -> bool:
-    """Whether the photos show blur of their own, whatever its shape."""
-    return any(found[name].needed for name in ("blur", CameraMotion.name) if name in found)
 
 
 def _focus_moves(source: PhotoSet) -> Literal["no", "perhaps", "surely"]:
@@ -273,12 +265,6 @@ class _State:
             return _State(self.simulated, (*self.masking, name))
         return _State({**self.simulated, name: effect}, self.masking)
 
-    def less(self, name: str) -> _State:
-        """The same without one simulation; the very same where it is not on."""
-        if name not in self.simulated:
-            return self
-        return _State({other: effect for other, effect in self.simulated.items() if other != name}, self.masking)
-
     def formation(self, without: Iterable[str] = ()) -> Formation:
         """The chain, in the order in which light meets the effects, whatever the order of the decisions."""
         return Formation([self.simulated[n] for n in switches() if n in self.simulated and n not in set(without)])
@@ -335,39 +321,6 @@ class _Choice:
             other = self._by_points(name, shared(self._source))
             line = other if other.on else line
         self.lines[name] = line
-
-    def attempt_kernels(self, seen: bool) -> None:
-        """Tries free kernels in the place of paths, last of all; they stay where they explain clearly more.
-
-        Not where a lens or a glass was found to blur by depth, or a point spread was given: any blur is some kernel,
-        and would be explained twice. Nor where nothing blurs.
-
-        Args:
-            seen: whether the photos show blur of their own.
-        """
-        name, motion, ablation = PhotoKernels.name, CameraMotion.name, self._ablation
-        kernels = built(name, self._source)
-        blurred = seen or motion in self.state.simulated
-        others = {n for n in self.state.simulated if n != motion and self.state.simulated[n].reach(1.0) > 0}
-        if ablation is None or not ablation.possible or ablation.blurs or kernels is None or not blurred or others:
-            return
-        began = time.perf_counter()
-        instead = self.state.less(motion).with_effect(name, kernels)
-        result = ablation.compare(
-            Arm(self.state.formation(), self.state.masked()), Arm(instead.formation(), instead.masked())
-        )
-        if len(result.differences) < TRIALS.fewest_judged:
-            return
-        shown = result.seen or f"{result.mean:+.3f} +- {result.error:.3f} dB on photos held out of a short training"
-        if motion in self.state.simulated:
-            shown += ", against paths of the camera"
-            if result.confirms:
-                self.lines[motion] = replace(
-                    self.lines[motion], on=False, why="a free kernel explains each photo better"
-                )
-        why = self._settled(name, instead if result.confirms else None, shown)
-        seconds = time.perf_counter() - began
-        self.lines[name] = Decision(name, result.confirms, why, None, result.mean, result.error, seconds)
 
     def chosen(self, found: dict[str, Evidence], seconds: float) -> Chosen:
         """All decisions, with what the inspection found."""
