@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 def inspect(photos: PhotoSet) -> Evidence:
     """Nothing: any blur is some kernel, so only what a kernel explains better than all else speaks for one."""
-    return unknown("kernels", "px", 1.0, "Not measured: only a trial can show it")
+    return unknown("kernels", "px", 1.0, "Not measured: any blur is some kernel")
 
 
 def build(photos: PhotoSet) -> PhotoKernels | None:
