@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 import time
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -26,8 +27,9 @@ from .arguments import (
     show_defaults,
     whole,
 )
-from .child_run import run_child, was_stopped
+from .child_run import Ended, run_child, was_stopped
 from .progress_choice import Reporting
+from .workers import Task, Workers, add_workers, chosen
 
 #: Options that every run gets as they were given.
 _PASSED = (
@@ -70,8 +72,8 @@ class Line:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command."""
     parser.description = (
-        "Makes a twin of each set of photos, one after the other, each in a process of its own: one that fails stops "
-        "no other. Asked again, it goes on where it was stopped."
+        "Makes a twin of each set of photos, each in a process of its own: one that fails stops no other. Asked again, "
+        "it goes on where it was stopped."
     )
     show_defaults(parser)
     add = parser.add_argument
@@ -98,6 +100,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--seed", type=whole(0, 2**31 - 1), default=0, metavar="N", help="same seed, same twins (CPU)")
     add("--refine-cameras", action="store_true", help="move cameras by the loss before the training")
     add_machine(parser)
+    add_workers(parser, "twins made")
     add_progress(parser)
 
 
@@ -109,14 +112,9 @@ def batch_command(options: argparse.Namespace, progress: Reporting) -> int:
     twice = next((out for number, out in enumerate(outs) if out in outs[:number]), None)
     if twice is not None:
         raise DgsError(f"Two sets of photos would have the same results' folder '{shown(twice)}'", "Rename one of them")
-    began, lines = time.perf_counter(), list[Line]()
-    for place, (photos, out) in enumerate(zip(options.photos, outs, strict=True), 1):
-        if progress.cancelled():
-            lines.append(Line(str(photos), str(out), "not begun"))
-            continue
-        progress.note(f"{place} of {len(outs)}: {shown(photos)}")
-        lines.append(_one(photos, out, options, progress))
-        progress.note(f"{lines[-1].how}: {shown(photos)}")
+    began, workers = time.perf_counter(), chosen(options)
+    sets = list(zip(options.photos, outs, strict=True))
+    lines = _in_turn(sets, options, progress) if workers is None else _side_by_side(sets, workers, options, progress)
     if options.progress != "json":
         print("\n".join(table(lines)), flush=True)
     good = sum(line.how.startswith("done") for line in lines)
@@ -152,17 +150,58 @@ def table(lines: list[Line]) -> list[str]:
     return shown_lines
 
 
-def _one(photos: Path, out: Path, options: argparse.Namespace, progress: Reporting) -> Line:
-    """One set, whatever happens to it."""
+def _in_turn(sets: Sequence[tuple[Path, Path]], options: argparse.Namespace, progress: Reporting) -> list[Line]:
+    """One set after the other, with the progress of each."""
+    lines = list[Line]()
+    for place, (photos, out) in enumerate(sets, 1):
+        if progress.cancelled():
+            lines.append(Line(str(photos), str(out), "not begun"))
+            continue
+        progress.note(f"{place} of {len(sets)}: {shown(photos)}")
+        there = _before(photos, out, options)
+        lines.append(there or _after(photos, out, run_child(_words(photos, out, options), progress)))
+        progress.note(f"{lines[-1].how}: {shown(photos)}")
+    return lines
+
+
+def _side_by_side(
+    sets: Sequence[tuple[Path, Path]], workers: Workers, options: argparse.Namespace, progress: Reporting
+) -> list[Line]:
+    """All sets by workers; how many are done is the progress."""
+    lines = [_before(photos, out, options) for photos, out in sets]
+    wanted = [place for place, line in enumerate(lines) if line is None]
+    options = argparse.Namespace(**{**vars(options), "threads": workers.threads(options.threads)})
+    tasks = [Task(str(sets[place][0]), tuple(_words(*sets[place], options))) for place in wanted]
+    progress.stage("twins", len(sets))
+    progress.advance(done := len(sets) - len(wanted))
+    for number, ended in workers.run(tasks, progress):
+        photos, out = sets[wanted[number]]
+        line = Line(str(photos), str(out), "not begun") if ended is None else _after(photos, out, ended)
+        lines[wanted[number]] = line
+        progress.note(f"{line.how}: {shown(photos)}")
+        progress.advance(done := done + 1)
+    return [line or Line(str(sets[at][0]), str(sets[at][1]), "stopped") for at, line in enumerate(lines)]
+
+
+def _before(photos: Path, out: Path, options: argparse.Namespace) -> Line | None:
+    """The line of a set that needs no run; None for the others."""
     there = _finished(out)
     if there is not None and not options.again:
         return _line(photos, out, "done before", there)
-    resumed = there is None and ((out / ".run" / ".begun").is_file() or (out / "report.json").is_file())
     try:
         _check(photos, out)
     except DgsError as error:
         return Line(str(photos), str(out), "failed", " ".join(str(error).split()))
-    ended = run_child(child_arguments(photos, out, options, resumed), progress)
+    return None
+
+
+def _words(photos: Path, out: Path, options: argparse.Namespace) -> list[str]:
+    begun = (out / ".run" / ".begun").is_file() or (out / "report.json").is_file()
+    return child_arguments(photos, out, options, _finished(out) is None and begun)
+
+
+def _after(photos: Path, out: Path, ended: Ended) -> Line:
+    """The line of a set whose run has ended, however it did."""
     if was_stopped(ended):
         return Line(str(photos), str(out), "stopped")
     if ended.status:
@@ -195,7 +234,7 @@ def child_arguments(photos: Path, out: Path, options: argparse.Namespace, resume
         if value is True:
             words.append(flag)
         elif value is not None and value is not False:
-            words.append(f"{flag}={value}")
+            words.append(f"{flag}={value.absolute() if isinstance(value, Path) else value}")
     return [*words, "--resume"] if resumed else words
 
 

@@ -7,7 +7,7 @@ import argparse
 from ..studies.comparison.settings import CompareSettings
 from .arguments import whole
 from .progress_choice import Reporting
-from .study_arguments import StudyWords, add_study, asked_of_study, begin_in
+from .study_arguments import StudyWords, add_study, asked_of_study, begin_in, elsewhere
 
 _WORDS = StudyWords(
     results="rows, table and pictures",
@@ -46,7 +46,10 @@ def compare_command(options: argparse.Namespace, progress: Reporting) -> int:
         return 0
     from ..studies.comparison.runs import compare  # heavy: torch
 
-    content = compare(settings, progress)
+    content = compare(settings, progress, elsewhere(options, progress))
+    if settings.rows:
+        progress.finished({"rows": ", ".join(settings.rows)})
+        return 0
     middle = {method: entry["median"]["psnr"] for method, entry in content["methods"]["each"].items()}
     progress.finished({"table": str(settings.out / "compare.md"), **{f"{m} PSNR": middle[m] for m in middle}})
     return 0

@@ -10,7 +10,10 @@ from typing import Any
 
 from ..core.files import check_writable
 from ..core.outputs import check_output_folder, claim_output_folder
+from ..core.progress import Progress
+from ..studies.comparison.settings import Elsewhere
 from .arguments import add_machine, add_overwrite, add_progress, show_defaults, whole
+from .workers import Task, add_workers, chosen, run_all, words_of
 
 
 @dataclass(frozen=True)
@@ -66,10 +69,18 @@ def add_study(parser: argparse.ArgumentParser, words: StudyWords) -> None:
         metavar=words.part,
         help=f"{words.parts}; may be repeated; all if not given",
     )
+    add(
+        "--row",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help=f"make only this row, called {words.part}-SEED as its file in DIR/rows, and no table; may be repeated",
+    )
     add("--quick", action="store_true", help=f"few {words.quick} and short trainings: proves the machinery only")
     add("--resume", action="store_true", help="keep the rows in DIR that belong to the same settings")
     add_overwrite(parser)
     add_machine(parser)
+    add_workers(parser, "trainings run")
     add_progress(parser)
 
 
@@ -77,7 +88,28 @@ def asked_of_study(options: argparse.Namespace) -> dict[str, Any]:
     """Values for the fields of `studies.comparison.settings.StudySettings`."""
     seeds = options.seeds if options.seeds is not None else (1 if options.quick else 3)
     same = ("dataset", "out", "photos", "psf", "blur_space", "cameras", "quick", "resume", "threads", "device")
-    return {**{name: getattr(options, name) for name in same}, "seeds": seeds, "only": tuple(options.only)}
+    return {
+        **{name: getattr(options, name) for name in same},
+        "seeds": seeds,
+        "only": tuple(options.only),
+        "rows": tuple(options.row),
+    }
+
+
+def elsewhere(options: argparse.Namespace, progress: Progress) -> Elsewhere | None:
+    """What has rows of this study made by workers; None where it makes them itself."""
+    workers = chosen(options)
+    if workers is None or options.row:
+        return None
+
+    def make(names: Sequence[str]) -> None:
+        threads = {"threads": workers.threads(options.threads)}
+        leading = (options.command, str(options.dataset.absolute()))
+        words = words_of(argparse.Namespace(**{**vars(options), **threads}), leading, ("dataset",))
+        tasks = [Task(name, (*words, "--resume", "--row", name)) for name in names]
+        run_all(workers, tasks, progress, "trainings")
+
+    return make
 
 
 def begin_in(folder: Path, marks: Sequence[str], overwrite: bool) -> None:

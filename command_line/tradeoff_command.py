@@ -6,7 +6,7 @@ import argparse
 
 from ..studies.tradeoff.settings import TradeoffSettings
 from .progress_choice import Reporting
-from .study_arguments import StudyWords, add_study, asked_of_study, begin_in
+from .study_arguments import StudyWords, add_study, asked_of_study, begin_in, elsewhere
 
 _WORDS = StudyWords(
     results="rows, table, chart and page",
@@ -37,8 +37,11 @@ def tradeoff_command(options: argparse.Namespace, progress: Reporting) -> int:
 
     settings = TradeoffSettings(**asked_of_study(options), target=options.target)
     begin_in(settings.out, ("tradeoff.json",), options.overwrite)
-    content = measure_tradeoff(settings, progress)
+    content = measure_tradeoff(settings, progress, elsewhere(options, progress))
     out = settings.out
+    if settings.rows:
+        progress.finished({"rows": ", ".join(settings.rows)})
+        return 0
     progress.finished(
         {
             "page": str(out / "tradeoff.html"),

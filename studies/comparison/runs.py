@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from ...core.devices import choose_device
-from ...core.errors import Cancelled
+from ...core.errors import Cancelled, DgsError
 from ...core.evaluation.metrics import low_passed_truth_psnr
 from ...core.evaluation.view_scores import mean_of
 from ...core.files import make_folder, read_json, write_json
@@ -25,7 +25,7 @@ from .dataset import Dataset, load_dataset
 from .measure import Measure
 from .methods import CHOSEN, LUCY_MEASURED, MAIN, VARIATION, MethodRunner, searched
 from .pictures import write_pictures
-from .settings import CompareSettings, StudySettings
+from .settings import CompareSettings, Elsewhere, StudySettings
 
 #: Cycles/px up to which the low-passed truths hold everything: what one view holds of the ball, and a goal beyond it.
 CUTOFFS = (0.11, 0.125)
@@ -48,6 +48,7 @@ class Comparison:
         data: the set; measure: measures its twins.
         base: the training's settings for all methods.
         folder: of the rows inside `settings.out`; only those in 'rows' keep their twins and renders.
+        elsewhere: where rows are made; None: here, one after the other.
     """
 
     settings: CompareSettings
@@ -56,6 +57,7 @@ class Comparison:
     base: TrainingSettings
     progress: Progress = field(repr=False)
     folder: str = "rows"
+    elsewhere: Elsewhere | None = None
 
     @property
     def keeps_twins(self) -> bool:
@@ -73,6 +75,10 @@ class Comparison:
         if not todo:
             return []
         key = run_key(self.settings, self.data, self.base)
+        if self.elsewhere is not None:
+            missing = [self.file(*row).stem for row in todo if self._kept(*row, key) is None]
+            self.elsewhere(missing)
+            return replace(self, elsewhere=None, settings=replace(self.settings, resume=True)).rows(wanted, seeds)
         kept = self.settings.out / DECONVOLVED / key if self.keeps_twins else None
         runner = MethodRunner(self.data, self.progress, kept, self.base.threads)
         if self.keeps_twins:
@@ -127,8 +133,13 @@ class Comparison:
                 runner.inputs(method, self.base)
 
 
-def compare(settings: CompareSettings, progress: Progress) -> dict[str, Any]:
+def compare(settings: CompareSettings, progress: Progress, elsewhere: Elsewhere | None = None) -> dict[str, Any]:
     """Runs all methods, writes table (JSON, Markdown) and pictures to `settings.out`, returns the table.
+
+    Where single rows are asked for, only they are written and returned.
+
+    Args:
+        elsewhere: has rows made by others.
 
     Raises:
         DgsError: the set or a method cannot be used.
@@ -142,7 +153,10 @@ def compare(settings: CompareSettings, progress: Progress) -> dict[str, Any]:
     if data.reference is None:
         progress.note("The set has no cameras of its own: no pose errors and no line widths")
     measure = Measure(data)
-    rows = _rows(Comparison(settings, data, measure, base, progress))
+    compared = Comparison(settings, data, measure, base, progress, elsewhere=elsewhere)
+    if settings.rows:
+        return {"rows": [row for name in settings.rows for row in compared.rows(*_of_file(name))]}
+    rows = _rows(compared)
     facts = _facts(settings, data, measure, base, threads, device)
     content = {"facts": facts, "methods": table.summarised(rows, CHOSEN), "rows": rows}
     write_json(settings.out / "compare.json", content)
@@ -166,6 +180,18 @@ def _rows(compared: Comparison) -> list[Row]:
     alike = {name: entry for name, entry in each.items() if name.endswith(VARIATION)}
     best = [name for kind in ("wiener", "rl") if (name := table.best(alike, kind)) in search]
     return rows + compared.rows(best, seeds=range(1, settings.seeds))
+
+
+def _of_file(name: str) -> tuple[list[str], list[int]]:
+    """Method and seed of a row, from its file's name.
+
+    Raises:
+        DgsError: no row is called so.
+    """
+    method, _, seed = name.rpartition("-")
+    if not method or not seed.isdecimal():
+        raise DgsError(f"There is no row '{name}'", "Rows are called METHOD-SEED, such as dgs-0")
+    return [method.replace("_", " ")], [int(seed)]
 
 
 def _count(method: str) -> str:

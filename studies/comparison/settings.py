@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Literal
 
 from ...core.devices import BackendName
 
+#: Has rows made somewhere else, by their names, and comes back when their files are there.
+Elsewhere = Callable[[Sequence[str]], None]
 #: Every 8th view by sorted name is kept out of all trainings.
 EVERY = 8
 
@@ -27,6 +30,7 @@ class StudySettings:
         only: names of methods or of groups of knobs; empty for all.
         quick: few and small: the machinery is proved, the figures say little.
         resume: keep the rows that are there.
+        rows: names of single rows, as those of their files in rows/; the table is not written then.
         threads: None for all cores.
         device: 'auto', 'cpu', 'gpu' or 'cuda'.
     """
@@ -41,11 +45,12 @@ class StudySettings:
     only: tuple[str, ...] = ()
     quick: bool = False
     resume: bool = False
+    rows: tuple[str, ...] = ()
     threads: int | None = None
     device: BackendName = "auto"
 
     #: Fields that decide which rows there are, not what stands in one.
-    NOT_DECIDING: ClassVar[tuple[str, ...]] = ("dataset", "out", "seeds", "only", "resume", "threads")
+    NOT_DECIDING: ClassVar[tuple[str, ...]] = ("dataset", "out", "seeds", "only", "resume", "rows", "threads")
 
     def deciding(self) -> dict[str, Any]:
         """What decides the figures of a row: rows of other settings differ in it."""

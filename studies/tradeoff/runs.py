@@ -37,6 +37,7 @@ from ..comparison.dataset import Dataset, kept_cameras, load_dataset
 from ..comparison.measure import Measure
 from ..comparison.methods import Quiet
 from ..comparison.runs import read_row, run_key
+from ..comparison.settings import Elsewhere
 from .chart import draw
 from .front import points
 from .knobs import GROUPS, Knob, base_settings, knobs
@@ -78,8 +79,15 @@ COLUMNS = (
 )
 
 
-def measure_tradeoff(settings: TradeoffSettings, progress: Progress) -> dict[str, Any]:
+def measure_tradeoff(
+    settings: TradeoffSettings, progress: Progress, elsewhere: Elsewhere | None = None
+) -> dict[str, Any]:
     """Measures all points and writes tradeoff.json, .csv, .svg, .png and .html to `settings.out`.
+
+    Where single rows are asked for, only they are written and returned.
+
+    Args:
+        elsewhere: has rows made by others.
 
     Raises:
         DgsError: the set cannot be used.
@@ -92,7 +100,12 @@ def measure_tradeoff(settings: TradeoffSettings, progress: Progress) -> dict[str
     make_folder(settings.out)
     data = load_dataset(settings, threads, progress)
     base = replace(base_settings(settings.quick), threads=threads, device=device)
+    if elsewhere is not None:
+        elsewhere(_missing(settings, data, base))
+        settings = replace(settings, resume=True)
     rows = _rows(settings, data, base, progress)
+    if settings.rows:
+        return {"rows": rows}
     found, target = points(rows, settings.target)
     content = {
         "set": data.name,
@@ -126,18 +139,48 @@ def table(found: list[dict[str, Any]]) -> str:
     return text.getvalue()
 
 
+def _wanted(settings: TradeoffSettings) -> list[tuple[Knob, int]]:
+    """Seed by seed: whoever stops early has all knobs once, not some of them three times.
+
+    Raises:
+        DgsError: a row was asked for that is not in this study.
+    """
+    every = [(knob, seed) for seed in range(settings.seeds) for knob in knobs(settings.quick, settings.only)]
+    unknown = set(settings.rows) - {_name(*row) for row in every}
+    if unknown:
+        raise DgsError(f"There is no row '{min(unknown)}'", f"Rows are called KNOB-SEED, such as {_name(*every[0])}")
+    return [row for row in every if not settings.rows or _name(*row) in settings.rows]
+
+
+def _name(knob: Knob, seed: int) -> str:
+    return f"{knob.name}-{seed}"
+
+
+def _key(settings: TradeoffSettings, data: Dataset, base: TrainingSettings, knob: Knob) -> str:
+    facts = {name: value for name, value in asdict(knob).items() if name != "changes"}
+    return run_key(settings, data, knob.settings(base)) + json.dumps(facts, sort_keys=True)
+
+
+def _missing(settings: TradeoffSettings, data: Dataset, base: TrainingSettings) -> list[str]:
+    """Names of the rows that are not on disk, or belong to other settings."""
+    return [
+        _name(knob, seed)
+        for knob, seed in _wanted(settings)
+        if not settings.resume
+        or read_row(settings.out / "rows" / f"{_name(knob, seed)}.json", _key(settings, data, base, knob)) is None
+    ]
+
+
 def _rows(
     settings: TradeoffSettings, data: Dataset, base: TrainingSettings, progress: Progress
 ) -> list[dict[str, Any]]:
     sets = _Sets(settings, data, base.threads, progress)
-    # Seed by seed: whoever stops early has all knobs once, not some of them three times.
-    todo = [(knob, seed) for seed in range(settings.seeds) for knob in knobs(settings.quick, settings.only)]
+    todo = _wanted(settings)
     progress.stage("tradeoff", len(todo))
     rows = []
     for run, (knob, seed) in enumerate(todo, start=1):
-        file = settings.out / "rows" / f"{knob.name}-{seed}.json"
-        facts = {name: value for name, value in asdict(knob).items() if name != "changes"}
-        key = run_key(settings, data, knob.settings(base)) + json.dumps(facts, sort_keys=True)
+        file = settings.out / "rows" / f"{_name(knob, seed)}.json"
+        key = _key(settings, data, base, knob)
         row = read_row(file, key) if settings.resume else None
         if row is None:
             if progress.cancelled():
