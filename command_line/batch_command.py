@@ -174,10 +174,10 @@ def _side_by_side(
     tasks = [Task(str(sets[place][0]), tuple(_words(*sets[place], options))) for place in wanted]
     progress.stage("twins", len(sets))
     progress.advance(done := len(sets) - len(wanted))
-    for number, ended in workers.run(tasks, progress):
-        photos, out = sets[wanted[number]]
+    for which, ended in workers.run(tasks, progress):
+        photos, out = sets[wanted[which]]
         line = Line(str(photos), str(out), "not begun") if ended is None else _after(photos, out, ended)
-        lines[wanted[number]] = line
+        lines[wanted[which]] = line
         progress.note(f"{line.how}: {shown(photos)}")
         progress.advance(done := done + 1)
     return [line or Line(str(sets[at][0]), str(sets[at][1]), "stopped") for at, line in enumerate(lines)]

@@ -39,10 +39,13 @@ class Ended:
     result: dict[str, Any] = field(default_factory=dict)
 
 
-def run_child(arguments: Sequence[str], progress: Progress) -> Ended:
+def run_child(arguments: Sequence[str], progress: Progress, folder: str | None = None) -> Ended:
     """Runs `run_dgs.py ARGUMENTS` and waits for its end; asks it to stop where the user asks us.
 
     It ends with this process, however that ends. Ctrl-C on a terminal comes to this process only.
+
+    Args:
+        folder: that relative paths in the arguments start from; this process's if not given.
     """
     command = [sys.executable, str(_RUN), *arguments, "--progress", "json", "--control"]
     with tempfile.TemporaryFile() as words:
@@ -56,6 +59,7 @@ def run_child(arguments: Sequence[str], progress: Progress) -> Ended:
                 encoding="utf-8",
                 errors="replace",
                 start_new_session=True,
+                cwd=folder,
             )
         except OSError as error:
             return Ended(2, f"A process for it cannot be started ({error.strerror}).")

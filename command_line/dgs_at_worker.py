@@ -14,11 +14,12 @@ from typing import Any
 Plain = tuple[int, str, dict[str, Any]]
 
 
-def run_words(program: str, words: Sequence[str], stop: str) -> Plain | None:
+def run_words(program: str, folder: str, words: Sequence[str], stop: str) -> Plain | None:
     """Runs one command to its end, and once more where a signal ended it.
 
     Args:
         program: path of `run_dgs.py`, the same on all machines.
+        folder: that relative paths in the words start from.
         words: behind it.
         stop: name of the event by which the client asks to stop.
 
@@ -51,7 +52,7 @@ def run_words(program: str, words: Sequence[str], stop: str) -> Plain | None:
     progress = Listening()
     if progress.cancelled():
         return None
-    ended = run_child(words, progress)
+    ended = run_child(words, progress, folder)
     if ended.status < 0 and not progress.cancelled():
-        ended = run_child(words, progress)
+        ended = run_child(words, progress, folder)
     return ended.status, ended.line, ended.result

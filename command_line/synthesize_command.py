@@ -7,6 +7,10 @@ import argparse
 from ..core.outputs import check_output_folder, claim_output_folder
 from .arguments import add_overwrite, add_progress, show_defaults
 from .progress_choice import Reporting
+from .workers import Task, add_workers, chosen, run_all, words_of
+
+#: Photos of one task: starting Blender takes as long as rendering one.
+_TOGETHER = 4
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -17,6 +21,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     show_defaults(parser)
     add_settings(parser)
     add_overwrite(parser)
+    add_workers(parser, "photos rendered")
     add_progress(parser)
 
 
@@ -26,4 +31,19 @@ def synthesize_command(options: argparse.Namespace, progress: Reporting) -> int:
 
     check_output_folder(options.out, ("manifest.json", "unfinished.json"), options.overwrite)
     claim_output_folder(options.out)
+    workers = chosen(options)
+    if workers is not None and options.frames is None:
+        run_all(workers, frame_tasks(options), progress, "renders")
     return int(run(options, progress) or 0)
+
+
+def frame_tasks(options: argparse.Namespace) -> list[Task]:
+    """Commands that render all photos, a few each; what is done once for a set is left to the one that gives them."""
+    given = {name: value for name, value in vars(options).items() if name not in ("frames", "media", "denoise")}
+    given["size"] = "{}x{}".format(*options.size)
+    given["object_motion"] = ",".join(f"{one:g}" for one in options.object_motion)
+    given |= {"medium": options.media, "no_denoise": not options.denoise}
+    words = words_of(argparse.Namespace(**given), ("synthesize",))
+    firsts = range(0, options.views, _TOGETHER)
+    spans = [f"{first}-{min(first + _TOGETHER, options.views) - 1}" for first in firsts]
+    return [Task(f"photos {span}", (*words, "--frames", span)) for span in spans]

@@ -2,7 +2,7 @@
 
 Each is a process of its own (`child_run`), started by a Dask worker; whatever kills one is its own. Dask carries words
 and how they ended, never data: folders have to be the same on all machines, as they are on a cluster's shared disk.
-A worker that dies costs what it was at; Dask gives that to another one, and the command goes on from what it kept.
+A worker that dies costs what it was at, which Dask gives to another one.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class Task:
 
     Attributes:
         name: for people.
-        words: behind `run_dgs.py`; paths absolute. Asked twice, it goes on where it was stopped.
+        words: behind `run_dgs.py`. Where its worker dies, the same words are asked for again.
     """
 
     name: str
@@ -150,7 +150,13 @@ def _followed(client: Client, tasks: Sequence[Task], progress: Progress) -> Iter
     stop = Event(f"dgs-stop-{mark}", client=client)
     futures = {
         client.submit(
-            at_worker.run_words, str(_PROGRAM), task.words, stop.name, key=f"dgs-{mark}-{number}", pure=False
+            at_worker.run_words,
+            str(_PROGRAM),
+            str(Path.cwd()),
+            task.words,
+            stop.name,
+            key=f"dgs-{mark}-{number}",
+            pure=False,
         ): number
         for number, task in enumerate(tasks)
     }

@@ -13,6 +13,13 @@ from .settings import BACKGROUNDS, FEWEST_THROUGH_MEDIA, PATH_NAMES, SCENES, Syn
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Adds everything that `SynthesizeSettings` holds, and where to write."""
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder to write the data set into")
+    parser.add_argument(
+        "--frames",
+        type=_frames,
+        metavar="A-B",
+        help="render only photos A to B (from 0), as one of several processes or machines that share DIR; the same "
+        "without it finishes the set",
+    )
     usual = SynthesizeSettings()
     _add_scene(parser.add_argument_group("what is seen, and from where"), usual)
     _add_render(parser.add_argument_group("how it is rendered"), usual)
@@ -137,8 +144,19 @@ def run(args: argparse.Namespace, progress: Progress) -> int:
     """Makes the data set and returns the exit status; errors are `DgsError`s."""
     from .dataset import synthesize  # late: heavy (numpy, files), and `--help` needs none of it
 
-    synthesize(settings_of(args), args.out, progress)
+    synthesize(settings_of(args), args.out, progress, args.frames)
     return 0
+
+
+def _frames(text: str) -> range:
+    first, dash, last = text.partition("-")
+    try:
+        wanted = range(int(first), int(last if dash else first) + 1)
+    except ValueError:
+        wanted = range(0)
+    if not wanted:
+        raise argparse.ArgumentTypeError(f"'{text}' is no range of photos; write the first and the last as 0-9")
+    return wanted
 
 
 def _motion(text: str) -> tuple[float, float, float]:

@@ -14,6 +14,7 @@ from __future__ import annotations
 import hashlib
 import re
 import tempfile
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -58,8 +59,14 @@ _BESIDE = (
 )
 
 
-def synthesize(settings: SynthesizeSettings, out: Path, progress: Progress = Silent()) -> None:
+def synthesize(
+    settings: SynthesizeSettings, out: Path, progress: Progress = Silent(), only: range | None = None
+) -> None:
     """Renders and writes the data set, taking up an interrupted one of the same settings.
+
+    Args:
+        only: numbers of the views whose photos and sharp pictures are rendered, and nothing else; several processes
+            may do so in one folder, and one without it finishes the set.
 
     Raises:
         PsfError: the point spread function makes no sense.
@@ -84,7 +91,10 @@ def synthesize(settings: SynthesizeSettings, out: Path, progress: Progress = Sil
     studio = Studio(settings)
     cameras = studio.cameras()
     through = plan(settings, cameras, studio)
-    _photos(settings, cameras, through, kernel, out, studio, progress)
+    views = [index for index in range(len(cameras)) if only is None or index in only]
+    _photos(_Wanted(cameras, views, through), kernel, out, studio, progress)
+    if only is not None:
+        return
     points = _geometry(settings, cameras, out, studio, progress)
     progress.stage("save")
     files.write_colmap_text(out / "cameras", cameras, points)
@@ -96,29 +106,39 @@ def synthesize(settings: SynthesizeSettings, out: Path, progress: Progress = Sil
     (out / "unfinished.json").unlink()
 
 
-def _photos(
-    settings: SynthesizeSettings,
-    cameras: list[Camera],
-    through: Through,
-    kernel: NDArray[np.float64],
-    out: Path,
-    studio: Studio,
-    progress: Progress,
-) -> None:
+@dataclass(frozen=True)
+class _Wanted:
+    """What is photographed.
+
+    Attributes:
+        cameras: of all views; views: numbers of those that are rendered; through: what each is seen through.
+    """
+
+    cameras: list[Camera]
+    views: list[int]
+    through: Through
+
+    def apart(self, settings: SynthesizeSettings) -> list[int]:
+        """Views whose photo is a render of its own, besides the sharp picture's."""
+        if not settings.rendered_medium:
+            return []
+        return [index for index in self.views if not (settings.media and self.through.is_sharp(index))]
+
+
+def _photos(wanted: _Wanted, kernel: NDArray[np.float64], out: Path, studio: Studio, progress: Progress) -> None:
     """Sharp pictures and photos; where Cycles renders the medium, sharp ones first and photos of their own after."""
-    apart = [
-        settings.rendered_medium and not (settings.media and through.is_sharp(index)) for index in range(len(cameras))
-    ]
+    settings, apart = studio.settings, wanted.apart(studio.settings)
     for folder in ("photos", "sharp", *(["linear"] if settings.keep_linear else [])):
         make_folder(out / folder)
-    progress.stage("render", len(cameras) + sum(apart))
+    progress.stage("render", len(wanted.views) + len(apart))
     with tempfile.TemporaryDirectory(prefix="dgs-render-") as scratch:
-        for index, camera in enumerate(cameras):
+        for count, index in enumerate(wanted.views):
+            camera = wanted.cameras[index]
             kept = out / "linear" / f"{camera.name}.npy"
-            done = [out / "sharp" / camera.name, *([] if apart[index] else [out / "photos" / camera.name])]
+            done = [out / "sharp" / camera.name, *([] if index in apart else [out / "photos" / camera.name])]
             if not all(path.is_file() for path in [*done, *([kept] if settings.keep_linear else [])]):
                 if progress.cancelled():
-                    raise Cancelled(f"Stopped after {index} of {len(cameras)} frames", "Run it again to go on")
+                    raise Cancelled(f"Stopped after {count} of {len(wanted.views)} frames", "Run it again to go on")
                 if kept.is_file():
                     linear = np.load(kept, allow_pickle=False)
                 else:
@@ -126,25 +146,19 @@ def _photos(
                 if settings.keep_linear and not kept.is_file():
                     files.write_array(kept, linear)
                 files.write_png(done[0], _sharp(settings, linear))
-                if not apart[index]:
+                if index not in apart:
                     files.write_png(done[1], _photo(settings, linear, kernel, index))
-            progress.advance(index + 1)
-    wanted = [index for index in range(len(cameras)) if apart[index]]
-    if not all((out / "photos" / cameras[index].name).is_file() for index in wanted):
-        _through_the_medium(cameras, wanted, through, kernel, out, studio, progress)
+            progress.advance(count + 1)
+    if not all((out / "photos" / wanted.cameras[index].name).is_file() for index in apart):
+        _through_the_medium(wanted, kernel, out, studio, progress)
 
 
 def _through_the_medium(
-    cameras: list[Camera],
-    wanted: list[int],
-    through: Through,
-    kernel: NDArray[np.float64],
-    out: Path,
-    studio: Studio,
-    progress: Progress,
+    wanted: _Wanted, kernel: NDArray[np.float64], out: Path, studio: Studio, progress: Progress
 ) -> None:
-    """The `wanted` photos, which Cycles renders through a medium; the rest of the medium comes on top."""
-    settings = studio.settings
+    """Photos that Cycles renders through a medium; the rest of the medium comes on top."""
+    settings, cameras, through = studio.settings, wanted.cameras, wanted.through
+    apart = wanted.apart(settings)
     studio.enter().prepare(settings.samples_through_media, settings.denoise, alone=settings.alone)
     from . import effects, stage  # late: needs bpy
 
@@ -154,18 +168,18 @@ def _through_the_medium(
         effects.rendered_medium(settings, cameras, studio.target),
         through.standing(stage),
     ):
-        for done, index in enumerate(wanted):
+        for done, index in enumerate(apart):
             camera = cameras[index]
             file = out / "photos" / camera.name
             if not file.is_file():
                 if progress.cancelled():
-                    raise Cancelled(f"Stopped after {done} of {len(wanted)} photos", "Run it again to go on")
+                    raise Cancelled(f"Stopped after {done} of {len(apart)} photos", "Run it again to go on")
                 wide = camera.with_margin(settings.overscan)
                 moment = effects.frame(settings, camera, ways[index], studio.target)
                 with moment, through.photo(stage, wide, index):
                     linear = _frame(settings, camera, index, studio, Path(scratch))
                 files.write_png(file, _photo(settings, linear, kernel, index))
-            progress.advance(len(cameras) + done + 1)
+            progress.advance(len(wanted.views) + done + 1)
 
 
 def _frame(

@@ -61,7 +61,9 @@ def compare(
     only = [word for method in rows for word in ("--only", method)] if few else []
     quick = ("--quick", "--cameras", "known", "--steps", 80) if options.quick else ()
     threads = ("--threads", options.threads) if options.threads else ()
-    command("compare", data, "--out", out, "--seeds", options.seeds, "--resume", *quick, *threads, *only, *more)
+    beside = ("--workers", options.workers) if options.workers and "--mismatch" not in more else ()
+    words = ("--seeds", options.seeds, "--resume", *quick, *threads, *beside, *only, *more)
+    command("compare", data, "--out", out, *words)
     return read(out / ("mismatch.json" if "--mismatch" in more else "compare.json"))
 
 
@@ -115,6 +117,7 @@ def main(run: Run) -> int:
     parser.add_argument("--real", type=Path, action="append", default=[], metavar="FOLDER")
     parser.add_argument("--seeds", type=int)
     parser.add_argument("--threads", type=int)
+    parser.add_argument("--workers", type=int, metavar="N", help="trainings at the same time")
     parser.add_argument("--page", type=Path, metavar="FILE", help="docs/paper.md if not given")
     options = parser.parse_args()
     options.seeds = options.seeds or (1 if options.quick else 3)
