@@ -5,10 +5,13 @@ So it uses the standard library and Dask only, until it has found this program w
 
 from __future__ import annotations
 
+import importlib
 import importlib.util
 import time
 from collections.abc import Sequence
 from typing import Any
+
+from distributed import Event, get_client
 
 #: How a command ended, in plain values: status, why, what it made.
 Plain = tuple[int, str, dict[str, Any]]
@@ -26,8 +29,6 @@ def run_words(program: str, folder: str, words: Sequence[str], stop: str) -> Pla
     Returns:
         How it ended; None where it was not begun, as the client had asked to stop.
     """
-    from distributed import Event, get_client  # late: only workers need them
-
     event, heard = Event(stop, client=get_client()), {"stop": False, "at": 0.0}
 
     class Listening:
@@ -47,8 +48,7 @@ def run_words(program: str, folder: str, words: Sequence[str], stop: str) -> Pla
     run_dgs = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(run_dgs)
     run_dgs.mount_package()
-    from dgs.command_line.child_run import run_child  # late: the package has to be mounted first
-
+    run_child = importlib.import_module(f"{run_dgs.PACKAGE}.command_line.child_run").run_child
     progress = Listening()
     if progress.cancelled():
         return None

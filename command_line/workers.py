@@ -113,18 +113,11 @@ class Workers:
 
     @contextmanager
     def _client(self, most: int) -> Iterator[Client]:
-        try:
-            import dask
-            from distributed import Client, LocalCluster  # heavy
-        except ModuleNotFoundError as error:
-            raise DgsError(
-                "Working side by side needs Dask, which is not installed", "Install it: pip install distributed"
-            ) from error
+        distributed = _dask()
         with ExitStack() as stack:
-            dask.config.set({"distributed.comm.timeouts.connect": _ANSWER})
             try:
                 place = self.address or stack.enter_context(
-                    LocalCluster(
+                    distributed.LocalCluster(
                         n_workers=min(self.count, max(1, most)),
                         threads_per_worker=1,
                         memory_limit=0,  # what takes memory are the commands
@@ -133,7 +126,7 @@ class Workers:
                         preload=[_DEAF],
                     )
                 )
-                client = stack.enter_context(Client(place, timeout=_ANSWER))
+                client = stack.enter_context(distributed.Client(place, timeout=_ANSWER))
             except (OSError, ValueError) as error:
                 raise DgsError(
                     f"The Dask scheduler '{self.address}' does not answer", "Start it: dask scheduler"
@@ -141,13 +134,26 @@ class Workers:
             yield client
 
 
-def _followed(client: Client, tasks: Sequence[Task], progress: Progress) -> Iterator[tuple[int, Ended | None]]:
-    from distributed import Event  # late: only where Dask is there
+def _dask() -> Any:
+    """Dask's module for many processes.
 
+    Raises:
+        DgsError: it is not installed.
+    """
+    try:
+        import distributed  # late: heavy, and only where it is asked for
+    except ModuleNotFoundError as error:
+        raise DgsError(
+            "Working side by side needs Dask, which is not installed", "Install it: pip install distributed"
+        ) from error
+    return distributed
+
+
+def _followed(client: Client, tasks: Sequence[Task], progress: Progress) -> Iterator[tuple[int, Ended | None]]:
     client.upload_file(str(_AT_WORKER))
     at_worker = _as_workers_call_it()
     mark = uuid.uuid4().hex
-    stop = Event(f"dgs-stop-{mark}", client=client)
+    stop = _dask().Event(f"dgs-stop-{mark}", client=client)
     futures = {
         client.submit(
             at_worker.run_words,

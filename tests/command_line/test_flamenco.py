@@ -1,4 +1,4 @@
-"""The job types for Blender's render farm, compiled as its manager does, by a real JavaScript engine; tasks then run."""
+"""Job types for Blender's render farm, compiled as its manager does by a real JavaScript engine; tasks then run."""
 
 from __future__ import annotations
 
