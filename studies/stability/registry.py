@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from . import by_depth, files, geometry, loss, paths, poses, psf, rasterizer, scale, sfm  # noqa: F401 (each adds its cases to `CASES`)
+from . import by_depth, files, geometry, kernels, loss, paths, poses, psf, rasterizer, scale, sfm  # noqa: F401 (each adds its cases to `CASES`)
 from .case import CASES, FAMILIES, Case
 
 
