@@ -16,6 +16,7 @@ from ..core.effort.timing import RunTiming
 from ..core.errors import DgsError
 from ..core.files import make_folder, replacing
 from ..core.outputs import check_output_folder
+from ..core.photos.data_set import with_data_set
 from ..core.pipeline.reconstruct import reconstruct as run_stages
 from ..core.progress import Progress, Silent
 from ..core.run_settings import RUN_MARKS, RUN_REPLACES, ReconstructSettings
@@ -59,7 +60,7 @@ def reconstruct(
     if not isinstance(photos, (str, Path)):
         photos = write_photos(place.with_name(f"{place.name}-photos"), photos)
     given = {"photos": str(photos), "out": str(place), "psf": _written(psf, place), "cameras": cameras}
-    run = ReconstructSettings.from_plain({**options, **given}).split()
+    run = with_data_set(ReconstructSettings.from_plain({**options, **given}), progress).split()
     run_stages(run, progress, time.perf_counter(), partial(RunTiming, RunDescription.of(run)))
     return Twin.open(place)
 

@@ -138,7 +138,10 @@ def add_medium(parser: argparse.ArgumentParser) -> None:
 def add_photos(parser: argparse.ArgumentParser) -> None:
     """The photos, and the folder of the results."""
     parser.add_argument(
-        "photos", type=Path, metavar="PHOTOS", help="folder of photos, a list of them (.txt, one a line), or a movie"
+        "photos",
+        type=Path,
+        metavar="PHOTOS",
+        help="folder of photos, or of photos with their cameras, a list of photos (.txt, one a line), or a movie",
     )
     parser.add_argument(
         "--frames",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 
 from ..core.outputs import check_output_folder
+from ..core.photos.data_set import photos_in
 from ..core.run_settings import RUN_MARKS, RUN_REPLACES, ReconstructSettings
 from .arguments import (
     add_machine,
@@ -38,7 +39,7 @@ def cameras_command(options: argparse.Namespace, progress: Reporting) -> int:
 
     check_output_folder(options.out, RUN_MARKS, options.overwrite, RUN_REPLACES)
     settings = ReconstructSettings(
-        photos=options.photos,
+        photos=photos_in(options.photos),
         out=options.out,
         psf=options.psf,
         blur_space=options.blur_space,

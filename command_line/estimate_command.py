@@ -6,6 +6,7 @@ import argparse
 import json
 from pathlib import Path
 
+from ..core.photos.data_set import with_data_set
 from ..core.run_settings import ReconstructSettings
 from .arguments import add_machine, add_medium, add_memory, add_progress, show_defaults, whole
 from .progress_choice import Reporting
@@ -41,7 +42,7 @@ def estimate_command(options: argparse.Namespace, progress: Reporting) -> int:
     from ..core.pipeline.effects.decision import parse_effects  # heavy: torch
     from ..core.pipeline.sampled import sample_photos  # heavy: torch
 
-    run = ReconstructSettings(
+    settings = ReconstructSettings(
         photos=options.photos,
         out=Path("."),
         psf=options.psf,
@@ -55,7 +56,8 @@ def estimate_command(options: argparse.Namespace, progress: Reporting) -> int:
         threads=options.threads,
         memory=options.memory,
         effects=options.effects,
-    ).split()
+    )
+    run = with_data_set(settings, progress).split()
     parse_effects(run.effects)
     machine = Machine.ready(run.threads, run.device)
     few = sample_photos(run.photos, run.medium, sample, progress)

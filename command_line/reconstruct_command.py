@@ -10,6 +10,7 @@ from typing import Any
 from ..core.effects.choices import effects_help
 from ..core.errors import Cancelled
 from ..core.outputs import check_output_folder
+from ..core.photos.data_set import with_data_set
 from ..core.run_settings import RUN_MARKS, RUN_REPLACES, ReconstructSettings
 from .arguments import (
     CAMERAS,
@@ -178,6 +179,7 @@ def reconstruct_command(options: argparse.Namespace, progress: Reporting) -> int
         min_steps=options.min_steps,
         memory=options.memory,
     )
+    settings = with_data_set(settings, progress)
     run = settings.split()
     finished = reconstruct(run, progress, process_began(), partial(RunTiming, RunDescription.of(run)))
     if finished is None:  # another rank says what came out
