@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from ..core.background import BackgroundRequest
 from ..core.files import check_writable, write_json
 from ..core.outputs import check_outputs, placing_outputs
-from ..core.photos.data_set import data_set
+from ..core.photos.data_set import data_set, photos_in
 from .arguments import add_machine, add_masks, add_overwrite, add_progress, show_defaults
 from .progress_choice import Reporting
 
@@ -64,10 +64,9 @@ def inspect_command(options: argparse.Namespace, progress: Reporting) -> int:
         check_writable(options.out)
         files = [options.out / name for name in ("inspection.json", *PICTURES)]
         check_outputs(files, overwrite=options.overwrite)
-    folder = data_set(options.photos)
-    place = options.photos if folder is None else folder.photos
-    model = options.cameras if options.cameras is not None or folder is None else folder.cameras
-    loaded = load_photos(place, None, progress, options.masks, minimum=1)
+    whole = data_set(options.photos)
+    model = whole.cameras if whole is not None and options.cameras is None else options.cameras
+    loaded = load_photos(photos_in(options.photos), None, progress, options.masks, minimum=1)
     loaded = before_background(loaded, BackgroundRequest(), progress)
     photos = PhotoSet(loaded, why="cameras were not asked for" if options.without_cameras else "")
     seconds_cameras = 0.0
