@@ -12,6 +12,7 @@ from ..rendering import RasterSettings, Rendered, RenderedPath, ScreenStatistics
 from .depths import Depths, blended_depths, surface_of_centres
 from .given_gradient import with_gradient
 from .interface import render, render_path
+from .projection import bare_footprints
 
 __all__ = [
     "Depths",
@@ -19,6 +20,7 @@ __all__ = [
     "Rendered",
     "RenderedPath",
     "ScreenStatistics",
+    "bare_footprints",
     "blended_depths",
     "render",
     "render_path",

@@ -166,6 +166,29 @@ def select(gaussians: Gaussians, index: Tensor) -> Gaussians:
     return Gaussians(**{name: tensor[index] for name, tensor in gaussians.named()})
 
 
+def bare_footprints(gaussians: Gaussians, camera: Camera, settings: RasterSettings) -> Tensor:
+    """How many px each Gaussian would cover with nothing before it: its opacity times its ellipse's area.
+
+    Args:
+        gaussians: [N], with finite parameters. settings: low-pass and near plane are read.
+
+    Returns:
+        [N], px, without gradient; at most the frame's. 0 where the centre lies outside of the frame.
+    """
+    pose = camera_pose(camera, gaussians.means)
+    with torch.no_grad():
+        points = camera_points(gaussians.means, pose)
+        x, y, depth = points.unbind(-1)
+        u, v = camera.fx * x / depth + camera.cx, camera.fy * y / depth + camera.cy
+        framed = (depth > settings.near) & (u > 0) & (u < camera.width) & (v > 0) & (v < camera.height)
+        rows = torch.nonzero(framed)[:, 0]
+        ellipses = project(select(gaussians, rows), camera, pose, settings)
+        area = 2.0 * np.pi * ellipses.opacity * ellipses.determinant.sqrt() * ellipses.unit
+        found = torch.zeros_like(depth)
+        found[rows] = area.clamp(max=float(camera.width * camera.height))
+    return found
+
+
 @torch.no_grad()
 def visible(
     gaussians: Gaussians, camera: Camera, pose: Tensor, settings: RasterSettings

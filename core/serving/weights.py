@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..rasterizer import RasterSettings
-from ..training.contribution import contributions
+from ..training.contribution import seen_by
 from .messages import View
 from .shared_area import SharedArea
 from .stage import Stage
@@ -30,6 +30,6 @@ def weigh(stage: Stage, view: View, area: SharedArea) -> int:
     if near is None:
         weights[:] = 0.0
     else:
-        seen = contributions(staged.gaussians, [(camera, None)], RasterSettings(near=near))
+        seen = seen_by(staged.gaussians, [(camera, None)], RasterSettings(near=near)).contribution
         weights[:] = seen.cpu().numpy()
     return count

@@ -3,8 +3,12 @@
 Opacity says little about that: behind a surface, under a plate, in front of one camera alone, Gaussians stay as opaque
 as they were at first, because no photo asks them for anything. They are the shreds that a new view finds. What counts
 is a Gaussian's contribution: the weight with which it is blended, summed over the px of all photos (as the importance
-of Fan et al. 2024, LightGaussian, and Fang and Wang 2024, Mini-Splatting, which add up the same weights). The room that
-is won goes to where the photos ask for more.
+of Fan et al. 2024, LightGaussian, and Fang and Wang 2024, Mini-Splatting, which add up the same weights). The room
+that is won goes to where the photos ask for more.
+
+A large Gaussian under a surface adds up a contribution all the same, out of the hundredth of its light that comes
+through the cracks of what lies above. So it counts as well how much of itself is seen: its weights over the px that it
+would cover with nothing before it.
 """
 
 from __future__ import annotations
@@ -20,7 +24,7 @@ from ..constants import SH_C0
 from ..forward import sharp_view
 from ..gaussians import Gaussians
 from ..numbers import number
-from ..rasterizer import RasterSettings, with_gradient
+from ..rasterizer import RasterSettings, bare_footprints, with_gradient
 
 
 @dataclass(frozen=True)
@@ -33,6 +37,22 @@ class ContributionSettings:
         "a Gaussian with less is not needed by the photos",
         "lego at 400 px, 1000 steps: without 32.2 dB (worst view 27.6), 0.05 32.6 (28.8), 0.15 32.7 (29.5)",
         "copr at 400 px, sharp: without 30.8 dB (24.2), 0.15 30.9 (24.5), 0.4 28.5",
+    )
+    hidden: float = number(
+        0.005,
+        "of itself",
+        "a Gaussian of which photos that have it in the frame see less, in the mean, lies hidden: its light comes"
+        " through cracks, and a view from elsewhere finds it bare",
+        "lego at 400 px, 1500 steps, 2 seeds: without 33.6 dB (worst view 29.8, 30.0), 0.005 33.6 (30.4, 30.6), 0.01"
+        " 33.6 (30.5), 0.02 33.5 (30.4)",
+        "village, room (3 seeds each), plant, orrery-front, copr, banana and brighton blurred: +0.2 to -0.1 dB, as"
+        " seeds",
+    )
+    hidden_photos: int = number(
+        80,
+        "photos",
+        "that hidden Gaussians are counted in at most: of more photos few may be the ones that see something",
+        "the sets at hand have no more in a frame; no other value was tried",
     )
     price: float = number(
         0.1, "share of the run", "that asking may take: of large sets some photos are asked, evenly chosen"
@@ -61,34 +81,65 @@ class ContributionSettings:
 CONTRIBUTION = ContributionSettings()
 
 
-def contributions(
+@dataclass
+class SeenByPhotos:
+    """What photos see of each Gaussian, summed over them.
+
+    Attributes:
+        contribution: [N] float32, px: its blending weights.
+        visibility: [N] float32, photos: of each photo that has its centre in the frame the share of it that is blended;
+            1 where nothing stands before it.
+        framed: [N] float32, how many photos have its centre in the frame.
+    """
+
+    contribution: Tensor
+    visibility: Tensor
+    framed: Tensor
+
+    @staticmethod
+    def nothing(count: int, device: torch.device) -> SeenByPhotos:
+        """Before any photo."""
+        return SeenByPhotos(*torch.zeros(3, count, device=device).unbind())
+
+    def sums(self) -> list[Tensor]:
+        """All of them, for ranks that add up what each of them saw."""
+        return [self.contribution, self.visibility, self.framed]
+
+
+def seen_by(
     gaussians: Gaussians, photos: Iterable[tuple[Camera, Tensor | None]], settings: RasterSettings
-) -> Tensor:
-    """How many px of all photos together each Gaussian is: its blending weights, summed up.
+) -> SeenByPhotos:
+    """What photos see of each Gaussian.
 
     Args:
         gaussians: in the cameras' world.
         photos: camera and [H, W] float32 weight of each px (None: all count); at least one.
-
-    Returns:
-        [N] float32, px.
     """
     # The derivative of one channel by a colour is the weight that the colour is blended with.
     colours = torch.zeros_like(gaussians.sh[:, :1]).requires_grad_()
     plain = gaussians.detached()
     plain.sh = colours
+    found = SeenByPhotos.nothing(len(gaussians), gaussians.means.device)
     for camera, weight in photos:
+        colours.grad = None
         image = sharp_view(plain, camera, settings).image
         upstream = torch.zeros_like(image)
         upstream[0] = 1.0 if weight is None else weight
         with_gradient(image, upstream).backward()  # type: ignore[no-untyped-call]
-    assert colours.grad is not None
-    return colours.grad[:, 0, 0] / SH_C0
+        assert colours.grad is not None
+        blended = colours.grad[:, 0, 0] / SH_C0
+        bare = bare_footprints(plain, camera, settings).to(blended.device)
+        found.contribution += blended
+        found.visibility += torch.where(bare > 0, blended / bare.clamp(min=1e-6), 0.0)
+        found.framed += bare > 0
+    return found
 
 
-def needed(contribution: Tensor) -> Tensor:
-    """[N] bool: the Gaussians whose contribution [N] is not next to nothing."""
-    return contribution > CONTRIBUTION.least * contribution.mean()
+def needed(seen: SeenByPhotos) -> Tensor:
+    """[N] bool: the Gaussians whose contribution is not next to nothing, and that do not lie hidden."""
+    contributes = seen.contribution > CONTRIBUTION.least * seen.contribution.mean()
+    hidden = seen.visibility <= CONTRIBUTION.hidden * seen.framed.clamp(max=CONTRIBUTION.hidden_photos)
+    return contributes & ~(hidden & (seen.framed > 0))
 
 
 def photos_asked(steps: int, photos: int) -> int:

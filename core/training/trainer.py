@@ -32,7 +32,7 @@ from .behind import background_of, colour_behind, without_empty
 from .camera_paths import SETTINGS as PATHS
 from .checkpoint import Checkpoint
 from .contrast import scene_contrast
-from .contribution import contributions, due, needed, photos_asked
+from .contribution import SeenByPhotos, due, needed, photos_asked, seen_by
 from .density import DensityControl
 from .focus import SETTINGS as FOCUS
 from .focus import BlurByDepth, Seen
@@ -487,24 +487,20 @@ class Trainer:
         chosen = [level.views[i * len(level.views) // count] for i in range(count)]
         photos = [(view.camera.with_margin(level.margin), self._counting(view, level.margin)) for view in chosen]
         settings = replace(self.raster_settings(level), depth=False)
-        rows = torch.nonzero(needed(self._contributions(photos, settings)))[:, 0]
+        rows = torch.nonzero(needed(self._seen(photos, settings)))[:, 0]
         before = len(self.optimizer.gaussians)
         if 0 < len(rows) < before:
             self.density.keep(self.optimizer, rows)
             self.asked["unneeded"] += before - len(rows)
         self.asked["photos"] += 1
 
-    def _contributions(
-        self, photos: list[tuple[Camera, torch.Tensor | None]], settings: RasterSettings
-    ) -> torch.Tensor:
-        """[N] how many px of the photos each Gaussian is; every rank looks at some of them."""
-        own = photos[self.ranks.rank :: self.ranks.count]
+    def _seen(self, photos: list[tuple[Camera, torch.Tensor | None]], settings: RasterSettings) -> SeenByPhotos:
+        """What the photos see of each Gaussian; every rank looks at some of them."""
+        own, gaussians = photos[self.ranks.rank :: self.ranks.count], self.optimizer.gaussians
         if self.ranks.alone:
-            return contributions(self.optimizer.gaussians, own, settings)
-        found = torch.zeros(len(self.optimizer.gaussians))
-        if own:
-            found = contributions(self.optimizer.gaussians, own, settings)
-        self.ranks.add([found])
+            return seen_by(gaussians, own, settings)
+        found = seen_by(gaussians, own, settings) if own else SeenByPhotos.nothing(len(gaussians), self.device)
+        self.ranks.add(found.sums())
         return found
 
     def _counting(self, view: GridView, margin: int) -> torch.Tensor | None:
