@@ -15,7 +15,7 @@ from ..core.run_settings import DEFAULT_FRAMES
 #: Which files are meant. The formats themselves are in `core.formats`, whose tables load numpy: no list stands here,
 #: so that `--help` answers at once. A file of no format is refused with the list.
 SPLATS = "file of Gaussians: a twin.ply, or any format that Blender's import of splats reads"
-CAMERAS = "cameras, such as the folder of a COLMAP model or a transforms.json"
+CAMERAS = "cameras, such as the folder of a COLMAP model, a transforms.json or poses_bounds.npy"
 #: Of steps, splats, frames and files, where no option says otherwise: what is larger fits no memory and no lifetime.
 LARGEST_COUNT = 10**9
 #: Bytes: more than any machine has.

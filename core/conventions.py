@@ -2,6 +2,7 @@
 
     COLMAP/OpenCV  camera: x right, y down, z forward.  Pose: world to camera, x_c = R x_w + t.
     OpenGL/NeRF    camera: x right, y up, z backward.   Pose: camera to world, 4x4 matrix.
+    LLFF           camera: x down, y right, z backward. Pose: camera to world, 3x4 matrix.
     Blender        camera: as OpenGL, camera to world.  World: z up, right-handed.
 
 The camera axes differ by AXES = diag(1, -1, -1) (its own inverse). The worlds of NeRF files and of
@@ -47,6 +48,16 @@ def from_opengl(matrix: Floats) -> tuple[Floats, Floats]:
     u, _, vt = np.linalg.svd(linear)
     rotation = (u @ vt @ AXES).T
     return rotation, -rotation @ matrix[:3, 3]
+
+
+def from_llff(matrix: Floats) -> tuple[Floats, Floats]:
+    """[3, 4] camera-to-world with LLFF's axes -> COLMAP's rotation [3, 3], translation [3].
+
+    Raises:
+        ValueError: as of `from_opengl`.
+    """
+    down, right, backward, centre = np.asarray(matrix, float).T
+    return from_opengl(np.stack([right, -down, backward, centre], axis=1))
 
 
 def quaternion_from_rotation(rotation: Floats) -> Floats:

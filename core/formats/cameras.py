@@ -14,6 +14,7 @@ from ..pose import Pose
 from ..reconstruction import no_points
 from ..views import SparsePoints
 from .colmap import COLMAP
+from .llff import LLFF
 from .spec import CameraFormatSpec
 from .transforms import TRANSFORMS
 
@@ -21,6 +22,7 @@ from .transforms import TRANSFORMS
 CAMERA_FORMATS: tuple[CameraFormatSpec, ...] = (
     TRANSFORMS,  # first: it lies in the folder that is named, a COLMAP model may lie below
     COLMAP,
+    LLFF,  # last: the model that it was made of has points, too
 )
 
 

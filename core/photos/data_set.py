@@ -5,6 +5,7 @@
 | NeRF's synthetic scenes, BlenderNeRF | transforms_train.json, transforms_test.json | train/, test/ |
 | instant-ngp, nerfstudio, the laboratory | transforms.json | where its frames say |
 | COLMAP, 3DGS, Mip-NeRF 360, Deblur-NeRF | sparse/0, sparse or colmap/sparse/0 | images/, or input/ |
+| LLFF, Deblur-NeRF | poses_bounds.npy | images/ |
 
 Goes by the names of files, and by what a transforms.json calls its frames; whoever reads the cameras checks them.
 Blender's own Python reads this file, too.
@@ -30,6 +31,8 @@ _OTHERS = ("transforms_test.json", "transforms_val.json")
 #: Where a COLMAP model lies beside its photos, and where these lie.
 _MODELS, _IMAGES = ("sparse/0", "sparse", "colmap/sparse/0"), ("images", "input")
 _MODEL_FILES = ("cameras.bin", "cameras.txt")
+#: What lies beside a model, or alone.
+_LLFF = "poses_bounds.npy"
 
 
 @dataclass(frozen=True)
@@ -115,7 +118,9 @@ def _frames(content: Any) -> Sequence[Any]:
 
 
 def _by_model(folder: Path) -> DataSet | None:
-    model = next((folder / name for name in _MODELS if _is_model(folder / name)), None)
+    models = [folder / name for name in _MODELS if _is_model(folder / name)]
+    models += [folder / _LLFF] if (folder / _LLFF).is_file() else []
+    model = models[0] if models else None
     images = [folder / name for name in _IMAGES if (folder / name).is_dir()]
     photos = next((path for path in images if _holds_photos(path)), None)
     return None if model is None or photos is None else DataSet(photos, model)

@@ -124,6 +124,23 @@ def _transforms() -> Reader:
     return Reader("transforms.json", write, _straightened, "transforms.json", damaged)
 
 
+def _llff() -> Reader:
+    def write(place: Path) -> None:
+        place.mkdir(exist_ok=True)
+        rows = []
+        for camera in cameras().values():
+            down, right, backward = camera.rotation[1], camera.rotation[0], -camera.rotation[2]
+            size = np.array([camera.height, camera.width, camera.fx])
+            pose = np.stack([down, right, backward, -camera.rotation.T @ camera.translation, size], axis=1)
+            rows.append([*pose.ravel(), 0.5, 9.0])
+        np.save(place / "poses_bounds.npy", np.array(rows))
+
+    def read(place: Path) -> object:
+        return read_cameras(place, {Path(name).stem: (40, 30) for name in cameras()})
+
+    return Reader("poses_bounds.npy", write, read, "poses_bounds.npy", damaged_npy)
+
+
 def _movie(suffix: str, codec: str) -> Reader:
     name = f"movie{suffix}"
 
@@ -293,6 +310,7 @@ def readers() -> list[Reader]:
         *(_two_files(file) for file in ("a.gltf", "a b.bin")),
         *(_colmap(f"{name}{suffix}") for suffix in (".bin", ".txt") for name in ("cameras", "images", "points3D")),
         _transforms(),
+        _llff(),
         *(_kernel(suffix) for suffix in (".npy", ".tif", ".png", ".fits")),
         *(_photo(suffix) for suffix in photos),
         *(_deep_photo(suffix) for suffix in (".png", ".tif")),
