@@ -38,7 +38,7 @@ from .focus import SETTINGS as FOCUS
 from .focus import BlurByDepth, Seen
 from .footprint import widened
 from .grid import GRID, GridView, grid_step
-from .guards import GUARDS, drop_non_finite, out_of_range
+from .guards import GUARDS, drop_non_finite, limit_sizes, out_of_range
 from .initial import first_gaussians
 from .kernels import SETTINGS as KERNELS
 from .learned import LearnedEffects
@@ -157,6 +157,8 @@ class Trainer:
         )
         self.optimizer = Adam(gaussians.to(self.device))
         self.density = DensityControl(len(gaussians), self.device)
+        placed = np.stack([-c.rotation.T @ c.translation for c in (cameras[name] for name in names)])
+        self._centres = torch.from_numpy(placed.astype(np.float32)).to(self.device)
         self._known = background_of(views)
         self.background = colour_behind(views).to(self.device)
         self.transparent = any(view.alpha is not None for view in views)
@@ -350,6 +352,10 @@ class Trainer:
         self.optimizer.step(self.rates(share), self.ranks.count)
         self.step += self.ranks.count
         if self._passed(GUARDS.every):
+            limited = limit_sizes(self.optimizer.gaussians, self._centres)
+            self.repairs["limited sizes, most at once"] = max(
+                self.repairs.get("limited sizes, most at once", 0), limited
+            )
             clamped = out_of_range(self.optimizer.gaussians)
             self.repairs["clamped scales, most at once"] = max(
                 self.repairs.get("clamped scales, most at once", 0), clamped

@@ -9,7 +9,7 @@ from dgs.core.errors import NonFiniteParameter
 from dgs.core.gaussians import Gaussians
 from dgs.core.rasterizer import ScreenStatistics
 from dgs.core.training.density import DENSITY, DensityControl
-from dgs.core.training.guards import drop_non_finite
+from dgs.core.training.guards import GUARDS, drop_non_finite, limit_sizes
 from dgs.core.training.optimizer import Adam
 from dgs.tests.core.training.training_scenes import same
 
@@ -103,6 +103,21 @@ def test_non_finite_rows_are_dropped_and_counted(name):
     assert same(optimizer.gaussians.detached(), expected)
     assert torch.equal(optimizer.first["means"], first[kept])
     assert drop_non_finite(optimizer, 100) == {}
+
+
+def test_sizes_end_at_a_share_of_the_distance_to_the_nearest_camera():
+    few = Gaussians(
+        means=torch.tensor([[0.0, 0.0, 4.0], [0.0, 0.0, 4.0], [0.0, 0.0, 400.0]]),
+        log_scales=torch.log(torch.tensor([[9.0, 0.1, 0.02], [0.3, 0.2, 0.1], [60.0, 60.0, 1.0]])),
+        quaternions=torch.tensor([[1.0, 0.0, 0.0, 0.0]] * 3),
+        opacity_logits=torch.zeros(3),
+        sh=torch.zeros(3, 1, 3),
+    ).requires_grad_()
+    before = few.detached()
+    assert limit_sizes(few, torch.tensor([[0.0, 0.0, 0.0], [0.0, 0.0, 2.0]])) == 1  # the nearest is 2 away
+    assert few.log_scales[0].exp().tolist() == pytest.approx([2 * GUARDS.largest, 0.1, 0.02])
+    assert torch.equal(few.log_scales[1:], before.log_scales[1:])
+    assert torch.equal(few.means, before.means)
 
 
 def test_all_rows_lost_is_an_error_that_names_the_parameter():
