@@ -1,8 +1,8 @@
 """poses_bounds.npy of LLFF, as the data sets of Deblur-NeRF and of forward-facing scenes have it.
 
 A row for each photo, sorted by name: [3, 5] and the nearest and farthest depth. Of the [3, 5] the first four columns
-are the pose, camera to world, its axes pointing down, right and backwards; the last is height, width and focal length in
-px. The file has no names: they are those of the photos in the folder `images` beside it, or of the photos at hand.
+are the pose, camera to world, its axes pointing down, right and backwards; the last is height, width and focal length
+in px. The file has no names: they are those of the photos in the folder `images` beside it, or of the photos at hand.
 """
 
 from __future__ import annotations
