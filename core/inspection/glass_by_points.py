@@ -4,27 +4,32 @@ Of a point on a surface, the power of its texture in a band of frequencies *of t
 is seen. A band of width b px at a point's middle depth is one of b z_m / z px in a photo that sees it from the depth z,
 so that no law of scenes' spectra is asked for. What is left between the photos is the blur:
 
-    log power = point + photo + R(sigma(z)^2 / (b z_m / z)^2),     sigma(z) = w k(o) (1 - d / z) / (1 - d)
+    log power = point + photo + c log cos + R(sigma(z)^2 / (b z_m / z)^2),     sigma(z) = w k(o) (1 - d / z) / (1 - d)
 
-with depths in middle depths, w the width at the middle depth, d the distance of the glass, k(o) what rough glass adds off
-the axis. In lengths on the surface the blur is in proportion to z - d: that it grows with z at all says how wide it is,
-and how it grows where the glass stands. The point's own texture drops out, so photos behind the glass are enough.
+with depths in middle depths, w the width at the middle depth, d the distance of the glass, k(o) what rough glass adds
+off the axis. What is seen at a slant (cos: of the angle to the normal) is drawn together, by a power of its own. In
+lengths on the surface the blur is in proportion to z - d: that it grows with z at all says how wide it is, and how it
+grows where the glass stands. The point's own texture drops out, so photos behind the glass are enough where they see
+the same points from depths that differ; where they hardly do, a given width still leaves the distance.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 from scipy import ndimage
+from scipy.spatial import cKDTree
 
 from ..imaging.formation.glass import oblique
 from ..numbers import BY_DEFINITION, NOT_CHECKED, number
-from .photo_set import PhotoSet
 from .spectra import SETTINGS as SPECTRA
+
+if TYPE_CHECKING:
+    from .photo_set import PhotoSet
 
 Array = NDArray[np.float64]
 
@@ -63,6 +68,8 @@ class GlassByPointsSettings:
     stray: float = number(0.02, "share", "of the observations that may be nearer, or farther")
     finer: int = number(7, "count", "of each that are tried around the best, to half a step")
     draws: int = number(100, "count", "of regions of space for the standard errors (bootstrap)")
+    neighbours: int = number(12, "count", "of a point, that its normal is taken from", "a first choice")
+    least_cosine: float = number(0.1, "cosine", "to a normal at least: what is seen flatter is an edge")
     fewest: int = number(300, "count", "of observations in a band for a statement")
     least_rest: float = number(0.02, "natural log", "of power, that is left between photos at least")
     sure: float = number(2.0, "standard errors", "by which glass must explain more than an even blur", BY_DEFINITION)
@@ -127,6 +134,7 @@ class _Band:
     Attributes:
         power: [N] natural log; scale2: [N] squared width of the band, px^2 of the photo.
         depth: [N] in middle depths; wider2: [N] squared widening off the axis.
+        slant: [N] natural log of the cosine between the surface's normal and the view, apart from point and photo.
         point, photo, block: [N] numbers from 0.
     """
 
@@ -134,6 +142,7 @@ class _Band:
     scale2: Array = field(repr=False)
     depth: Array = field(repr=False)
     wider2: Array = field(repr=False)
+    slant: Array = field(repr=False)
     point: NDArray[np.int64] = field(repr=False)
     photo: NDArray[np.int64] = field(repr=False)
     block: NDArray[np.int64] = field(repr=False)
@@ -143,7 +152,9 @@ class _Band:
         s = SETTINGS
         sigma = width / (1.0 - distance) * (1.0 - distance / self.depth)
         lost = _response((s.own_variance + sigma**2 * self.wider2) / self.scale2)
-        return _between(self.power - lost, self.point, self.photo)
+        left = _between(self.power - lost, self.point, self.photo)
+        size = float(self.slant @ self.slant)
+        return left - self.slant * (float(self.slant @ left) / size) if size > 0 else left
 
 
 @dataclass(frozen=True)
@@ -297,7 +308,7 @@ def _nearness(photos: PhotoSet) -> Array:
 
 
 def _powers(light: PhotoSet, photos: PhotoSet, first: float, width: float) -> Array:
-    """[N] log power of the band of a width (px at a point's middle depth) over squared light; NaN where noise has it."""
+    """[N] log power over squared light of a band, width in px at a point's middle depth; NaN where noise has it."""
     s, observations = SETTINGS, photos.observations
     assert observations is not None
     nearer = _nearness(photos)
@@ -343,6 +354,29 @@ def _difference(width: float) -> tuple[Array, Array]:
     return width**2 * (order - k + k * wide), factors
 
 
+def _slants(photos: PhotoSet) -> Array:
+    """[N] natural log of the cosine between a point's normal, by its neighbours, and the view of it."""
+    observations, cameras = photos.observations, photos.cameras
+    assert observations is not None and cameras is not None
+    away = observations.direction
+    where = np.stack([cameras.poses[name].centre for name in observations.names])[observations.photo]
+    poses = [cameras.poses[name] for name in observations.names]
+    # A point's place: along its ray from the photo's middle, as deep as it was seen.
+    axis = np.stack([pose.rotation[2] for pose in poses])[observations.photo]
+    way = observations.depth * observations.median_depth / np.maximum(-(away * axis).sum(axis=1), 1e-6)
+    place = where - away * way[:, None]
+    count = int(observations.point.max()) + 1
+    seen = np.maximum(np.bincount(observations.point, minlength=count), 1)
+    middle = np.stack([np.bincount(observations.point, p, count) / seen for p in place.T], axis=1)
+    cloud = cKDTree(cameras.points.positions)
+    _, near = cloud.query(middle, k=min(SETTINGS.neighbours, len(cameras.points.positions)))
+    local = cameras.points.positions[near]
+    local = local - local.mean(axis=1, keepdims=True)
+    normal = np.linalg.eigh(np.einsum("pki,pkj->pij", local, local))[1][:, :, 0]
+    cosine = np.abs((normal[observations.point] * away).sum(axis=1))
+    return np.asarray(np.log(np.maximum(cosine, SETTINGS.least_cosine)))
+
+
 def _response_table() -> tuple[Array, Array]:
     """Blur's variance over the band's squared width, and the natural log of the power that is left."""
     u = np.linspace(0.002, 1.2, 1200)
@@ -368,16 +402,18 @@ def _band_of(photos: PhotoSet, power: Array, width: float) -> _Band | None:
     use &= np.bincount(point[use], minlength=int(point.max()) + 1)[point] >= 2
     if use.sum() < SETTINGS.fewest:
         return None
+    numbers = np.unique(point[use], return_inverse=True)[1]
     lenses = [cameras.lenses[name] for name in observations.names]
     focal = np.array([math.sqrt(lens.fx * lens.fy) for lens in lenses])[observations.photo]
     half = np.array([math.hypot(lens.width, lens.height) / 2 for lens in lenses])[observations.photo]
-    wider = oblique(torch.from_numpy((observations.radius * half / focal) ** 2)).numpy()
+    wider = oblique((observations.radius * half / focal) ** 2)
     return _Band(
         power[use],
         ((width * _nearness(photos)) ** 2)[use],
         observations.depth[use],
         wider[use] ** 2,
-        np.unique(point[use], return_inverse=True)[1],
+        _between(_slants(photos)[use], numbers, observations.photo[use]),
+        numbers,
         observations.photo[use],
         observations.block[use],
     )
