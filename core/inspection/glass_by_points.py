@@ -56,7 +56,8 @@ class GlassByPointsSettings:
     clear_points: float = number(0.5, "share of the observations", "that must stand clear of the noise in a band")
     clear: float = number(4.0, "noise power", "from which power counts")
     window: float = number(4.0, "first widths", "of the Gaussian over which power is averaged, on the surface")
-    rungs: int = number(7, "count", "of a ladder of distances at which photos are filtered")
+    rung: float = number(0.12, "natural log", "between distances at which photos are filtered; linear in between")
+    most: int = number(8000, "count", "of observations in a band, of whole points: more cost time and say little more")
     own_variance: float = number(0.3, "px^2", "that sharp photos have: px, lens and colours")
     photo_prior: float = number(8.0, "observations", "that a photo's own constant is held at zero by", "a first choice")
     widest: float = number(3.0, "first widths", "at the middle depth that is tried", "a first choice")
@@ -312,7 +313,8 @@ def _powers(light: PhotoSet, photos: PhotoSet, first: float, width: float) -> Ar
     s, observations = SETTINGS, photos.observations
     assert observations is not None
     nearer = _nearness(photos)
-    ladder = np.linspace(math.log(nearer.min()), math.log(nearer.max()) + 1e-9, s.rungs)
+    low, high = math.log(nearer.min()), math.log(nearer.max()) + 1e-9
+    ladder = np.linspace(low, high, 2 + int((high - low) / s.rung))
     out = np.full(len(observations), np.nan)
     for photo, grey, noise in zip(light.looked_at, light.greys, light.grey_noise, strict=True):
         if photo.name not in observations.names:
@@ -321,9 +323,9 @@ def _powers(light: PhotoSet, photos: PhotoSet, first: float, width: float) -> Ar
         if not len(mine):
             continue
         at = observations.pixel[mine].T[::-1] - 0.5
-        place = np.interp(np.log(nearer[mine]), ladder, np.arange(s.rungs))
-        below = np.minimum(place.astype(int), s.rungs - 2)
-        rows = np.full((s.rungs, len(mine)), np.nan)
+        place = np.interp(np.log(nearer[mine]), ladder, np.arange(len(ladder)))
+        below = np.minimum(place.astype(int), len(ladder) - 2)
+        rows = np.full((len(ladder), len(mine)), np.nan)
         for k in np.unique(np.r_[below, below + 1]):
             factor = math.exp(ladder[k])
             rows[k] = _power_at(grey, noise, at, width * factor, s.window * first * factor)
@@ -399,6 +401,7 @@ def _band_of(photos: PhotoSet, power: Array, width: float) -> _Band | None:
     assert observations is not None and cameras is not None
     point = observations.point
     use = np.isfinite(power)
+    use &= point % max(1, -(-int(use.sum()) // SETTINGS.most)) == 0
     use &= np.bincount(point[use], minlength=int(point.max()) + 1)[point] >= 2
     if use.sum() < SETTINGS.fewest:
         return None
