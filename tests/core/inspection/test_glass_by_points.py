@@ -12,7 +12,7 @@ from dgs.core.colour import linear_to_srgb
 from dgs.core.effects.glass import build, inspect
 from dgs.core.imaging.formation.glass import oblique
 from dgs.core.imaging.formation.occluding import OccludingBlur
-from dgs.core.inspection import glass_by_points as points
+from dgs.core.inspection import surface_bands as points
 from dgs.core.inspection.glass_by_points import glass_by_points
 from dgs.core.inspection.photo_set import PhotoSet
 
@@ -96,4 +96,4 @@ def test_the_response_of_a_band_is_that_of_gaussians():
     variances, signs = points._difference(3.0)
     gain = (signs[:, None] * signs / (variances[:, None] + variances)).sum() / (2 * np.pi)
     assert math.exp(power[0]) == pytest.approx(0.05**2 * gain, rel=0.3)
-    assert np.all(np.diff(points._response(np.linspace(0, 4, 50))) < 0) and points._response(np.zeros(1))[0] == 0.0
+    assert np.all(np.diff(points.response(np.linspace(0, 4, 50))) < 0) and points.response(np.zeros(1))[0] == 0.0
