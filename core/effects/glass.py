@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from ..imaging.formation.glass import FrostedGlass, GlassScene
 from ..inspection.evidence import Evidence, judged, shortened, unknown
+from ..inspection.glass_by_points import glass_by_points
 from ..numbers import NOT_CHECKED, number
 from .spec import SMALLEST_CHOSEN, EffectSpec, EffectWords, Switch
 
@@ -37,7 +38,7 @@ def inspect(photos: PhotoSet) -> Evidence:
     smallest = SETTINGS.smallest_visible
     if photos.observations is None:
         return unknown(FrostedGlass.name, "px", smallest, f"Not measured: {photos.no_observations}")
-    seen = photos.glass
+    seen = glass_by_points(photos)
     if seen is None:
         return unknown(FrostedGlass.name, "px", smallest, "Not measured: too few points stand clear of the noise")
     details = {
@@ -68,7 +69,7 @@ def build(photos: PhotoSet) -> FrostedGlass | None:
     lenses = [photos.cameras.lenses[name] for name in sorted(photos.cameras.poses)]
     diagonals = [math.hypot(lens.width, lens.height) for lens in lenses]
     focal = sum(math.sqrt(lens.fx * lens.fy) / d for lens, d in zip(lenses, diagonals, strict=True)) / len(lenses)
-    seen = photos.glass if photos.observations is not None else None
+    seen = glass_by_points(photos)
     if seen is None or not seen.better_than_even:
         return FrostedGlass.of(0.0, 0.0, GlassScene(focal))
     diagonal = math.hypot(*photos.greys[0].shape)

@@ -14,7 +14,6 @@ from ..numbers import number
 from ..photos.empty import background_shows
 from ..photos.load import Photo
 from ..reconstruction import Reconstruction
-from .glass_by_points import GlassShown, glass_by_points
 from .local_blur import LocalBlur, Tiles, fit_local_blur
 from .motion_paths import SETTINGS as PATHS
 from .motion_paths import MotionPath, MotionPathFinder, SetMotion, find_motion_paths, set_motion
@@ -206,11 +205,6 @@ class PhotoSet:
         paths = self.motion_paths if moved is not None and moved.significant else {}
         own = {name: (path.length, path.angle) for name, path in paths.items() if path.length}
         return observe_points(self.photos, self.cameras, self.sigma, paths=own)
-
-    @cached_property
-    def glass(self) -> GlassShown | None:
-        """Blur that grows with the depth alike in all photos; None with too few observations."""
-        return glass_by_points(self)
 
     @cached_property
     def photometry(self) -> Photometry | None:
