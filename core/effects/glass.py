@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 from ..imaging.formation.glass import FrostedGlass, GlassScene
 from ..inspection.evidence import Evidence, judged, shortened, unknown
-from ..inspection.glass_by_points import glass_by_points
 from ..numbers import NOT_CHECKED, number
 from .spec import SMALLEST_CHOSEN, EffectSpec, EffectWords, Switch
 
@@ -35,6 +34,8 @@ SETTINGS = GlassEffectSettings()
 
 def inspect(photos: PhotoSet) -> Evidence:
     """Whether the same points are blurrier the farther away they are, alike in all photos."""
+    from ..inspection.glass_by_points import glass_by_points  # heavy: scipy
+
     smallest = SETTINGS.smallest_visible
     if photos.observations is None:
         return unknown(FrostedGlass.name, "px", smallest, f"Not measured: {photos.no_observations}")
@@ -64,6 +65,8 @@ def build(photos: PhotoSet) -> FrostedGlass | None:
 
     None without cameras.
     """
+    from ..inspection.glass_by_points import glass_by_points  # heavy: scipy
+
     if photos.cameras is None:
         return None
     lenses = [photos.cameras.lenses[name] for name in sorted(photos.cameras.poses)]

@@ -178,7 +178,9 @@ def _shown(
     w, d, cost = fine.best()
     picks = _picks(coarse.costs.shape[2])
     drawn = [np.array([grid.best(p)[:2] for p in picks]) for grid in (coarse, fine)]
-    grown = [np.array([_grows(*pair, ends, here) for pair in draw]) for draw in drawn]
+    grown = [
+        np.array([_grows(float(width), float(distance), ends, here) for width, distance in draw]) for draw in drawn
+    ]
     errors = np.maximum(drawn[0].std(axis=0), drawn[1].std(axis=0))
     even = _Costs(coarse.widths, coarse.distances[:1], coarse.costs[:, :1])
     gains = np.array([even.best(p)[2] - fine.best(p)[2] for p in picks])
