@@ -57,7 +57,9 @@ def inspect(photos: PhotoSet) -> Evidence:
         found = judged(FrostedGlass.name, seen.grows, error, smallest, "px", text, **details)
         if found.needed:
             return found
-    why = "what is sharp lies among what they show" if seen.inside else "one blur for all depths explains nearly as much"
+    why = (
+        "what is sharp lies among what they show" if seen.inside else "one blur for all depths explains nearly as much"
+    )
     text = f"{text}; but {why}: give --psf or --glass (measure-psf, measure-glass) if there is a glass"
     return judged(FrostedGlass.name, 0.0, seen.grows_error, smallest, "px", text, **details)
 
