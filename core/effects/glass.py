@@ -12,6 +12,7 @@ from ..numbers import NOT_CHECKED, number
 from .spec import SMALLEST_CHOSEN, EffectSpec, EffectWords, Switch
 
 if TYPE_CHECKING:
+    from ..inspection.glass_by_points import GlassShown
     from ..inspection.photo_set import PhotoSet
 
 
@@ -32,14 +33,18 @@ class GlassEffectSettings:
 SETTINGS = GlassEffectSettings()
 
 
-def inspect(photos: PhotoSet) -> Evidence:
-    """Whether the same points are blurrier the farther away they are, alike in all photos."""
+def _shown(photos: PhotoSet) -> GlassShown | None:
     from ..inspection.glass_by_points import glass_by_points  # heavy: scipy
 
+    return glass_by_points(photos)
+
+
+def inspect(photos: PhotoSet) -> Evidence:
+    """Whether the same points are blurrier the farther away they are, alike in all photos."""
     smallest = SETTINGS.smallest_visible
     if photos.observations is None:
         return unknown(FrostedGlass.name, "px", smallest, f"Not measured: {photos.no_observations}")
-    seen = glass_by_points(photos)
+    seen = _shown(photos)
     if seen is None:
         return unknown(FrostedGlass.name, "px", smallest, "Not measured: too few points stand clear of the noise")
     details = {
@@ -69,14 +74,12 @@ def build(photos: PhotoSet) -> FrostedGlass | None:
 
     None without cameras.
     """
-    from ..inspection.glass_by_points import glass_by_points  # heavy: scipy
-
     if photos.cameras is None:
         return None
     lenses = [photos.cameras.lenses[name] for name in sorted(photos.cameras.poses)]
     diagonals = [math.hypot(lens.width, lens.height) for lens in lenses]
     focal = sum(math.sqrt(lens.fx * lens.fy) / d for lens, d in zip(lenses, diagonals, strict=True)) / len(lenses)
-    seen = glass_by_points(photos)
+    seen = _shown(photos)
     if seen is None or not seen.better_than_even:
         return FrostedGlass.of(0.0, 0.0, GlassScene(focal))
     diagonal = math.hypot(*photos.greys[0].shape)
