@@ -98,7 +98,7 @@ def glass_of(widths: Sequence[WidthAt], focal: float) -> MeasuredGlass:
     distance = slope / far
     in_distance = np.array([-distance, 1.0]) / far
     distance_error = float(np.sqrt(in_distance @ covariance @ in_distance))
-    if far <= 0 or slope <= 0:
+    if far <= 0 or distance <= 1e-9 * depth.min():  # (rounding leaves a little of a blur that does not grow)
         raise PsfError(
             f"The blur does not grow with the distance (the glass would be at {distance:.3g})",
             "Use --psf with the kernel of measure-psf: the glass is close to the camera, or something else blurs",

@@ -1,4 +1,4 @@
-"""Frosted glass before the camera: its distance is given, or learned with the twin (`core.training.glass`)."""
+"""Frosted glass before the camera: given, shown by points, or its distance learned (`core.training.glass`)."""
 
 from __future__ import annotations
 
@@ -7,11 +7,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from ..imaging.formation.glass import FrostedGlass, GlassScene
-from ..inspection.evidence import Evidence, unknown
-from ..numbers import number
+from ..inspection.evidence import Evidence, judged, shortened, unknown
+from ..numbers import NOT_CHECKED, number
 from .spec import SMALLEST_CHOSEN, EffectSpec, EffectWords, Switch
 
 if TYPE_CHECKING:
+    from ..inspection.glass_by_points import GlassShown
     from ..inspection.photo_set import PhotoSet
 
 
@@ -20,24 +21,71 @@ class GlassEffectSettings:
     """Numbers of the evidence for frosted glass."""
 
     smallest_visible: float = number(1.0, "px", "standard deviation that differs between depths", SMALLEST_CHOSEN)
+    off: float = number(
+        0.2,
+        "share",
+        "of what differs, that it is off by whatever the number of points: sharp renders seem to differ, too",
+        "the rendered ball, sharp: 0.95 +- 0.88 px of growth that is not there",
+        NOT_CHECKED,
+    )
 
 
 SETTINGS = GlassEffectSettings()
 
 
+def _shown(photos: PhotoSet) -> GlassShown | None:
+    from ..inspection.glass_by_points import glass_by_points  # heavy: scipy
+
+    return glass_by_points(photos)
+
+
 def inspect(photos: PhotoSet) -> Evidence:
-    """Where all photos are taken through it, nothing shows how sharp the scene is."""
+    """Whether the same points are blurrier the farther away they are, alike in all photos."""
     smallest = SETTINGS.smallest_visible
-    return unknown("glass", "px", smallest, "Not measured: photos without the glass would be needed beside these")
+    if photos.observations is None:
+        return unknown(FrostedGlass.name, "px", smallest, f"Not measured: {photos.no_observations}")
+    seen = _shown(photos)
+    if seen is None:
+        return unknown(FrostedGlass.name, "px", smallest, "Not measured: too few points stand clear of the noise")
+    details = {
+        "width": shortened(seen.width),
+        "width_error": shortened(seen.width_error),
+        "distance": shortened(seen.distance),
+        "distance_error": shortened(seen.distance_error),
+    }
+    text = (
+        f"The same points in different photos: {seen.grows:.2f} px (sigma) more blur at a depth of {seen.farthest:.3g} "
+        f"than at {seen.nearest:.3g}, alike in all photos; {seen.width:.1f} +- {seen.width_error:.1f} px in between"
+    )
+    if seen.better_than_even:
+        error = math.hypot(seen.grows_error, SETTINGS.off * seen.grows)
+        found = judged(FrostedGlass.name, seen.grows, error, smallest, "px", text, **details)
+        if found.needed:
+            return found
+    why = (
+        "what is sharp lies among what they show" if seen.inside else "one blur for all depths explains nearly as much"
+    )
+    text = f"{text}; but {why}: give --psf or --glass (measure-psf, measure-glass) if there is a glass"
+    return judged(FrostedGlass.name, 0.0, seen.grows_error, smallest, "px", text, **details)
 
 
 def build(photos: PhotoSet) -> FrostedGlass | None:
-    """The glass at the camera itself, which is one point spread, of no width yet; None without cameras."""
+    """The glass that points show, as narrow as their errors allow; where they show none, one at the camera of no width.
+
+    None without cameras.
+    """
     if photos.cameras is None:
         return None
     lenses = [photos.cameras.lenses[name] for name in sorted(photos.cameras.poses)]
-    focal = sum(math.sqrt(lens.fx * lens.fy) / math.hypot(lens.width, lens.height) for lens in lenses) / len(lenses)
-    return FrostedGlass.of(0.0, 0.0, GlassScene(focal))
+    diagonals = [math.hypot(lens.width, lens.height) for lens in lenses]
+    focal = sum(math.sqrt(lens.fx * lens.fy) / d for lens, d in zip(lenses, diagonals, strict=True)) / len(lenses)
+    seen = _shown(photos)
+    if seen is None or not seen.better_than_even:
+        return FrostedGlass.of(0.0, 0.0, GlassScene(focal))
+    diagonal = math.hypot(*photos.greys[0].shape)
+    scene = GlassScene(focal, diagonal, seen.nearest, seen.farthest)
+    far = seen.safe_width / (1.0 - seen.distance / seen.middle) / diagonal
+    return FrostedGlass.of(far, seen.distance, scene)
 
 
 SPEC = EffectSpec(
@@ -49,5 +97,12 @@ SPEC = EffectSpec(
         simulated="Frosted glass before the camera: blur that grows with the depth behind it, and what it hides.",
     ),
     inspect=inspect,
-    switch=Switch(speakers=("glass",), trial_rank=8, simulation=FrostedGlass, build=build, by_name_only=True),
+    switch=Switch(
+        speakers=("glass",),
+        trial_rank=8,
+        simulation=FrostedGlass,
+        build=build,
+        confirmed_by="evidence",
+        by_name_only=True,
+    ),
 )

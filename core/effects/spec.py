@@ -53,11 +53,12 @@ class Switch:
             rest is simulated in every step.
         build: the simulation with the parameters that the photos show; None where they show none.
         counts: (photo [H, W, 3], its levels - 1) -> [H, W] px that still count, for effects that are masked.
-        confirmed_by: 'trial': a short training with it and without; 'points': the same points in different photos.
+        confirmed_by: 'trial': a short training with it and without; 'points': the same points in different photos;
+            'evidence': what calls for it is such a comparison itself, and a short training could not judge it.
         shared: what a trial falls back on where it does not confirm the simulation: one that all photos share, which
             the same points in different photos have to confirm; None where there is none.
         may_be_absent: whether a set that does not show it is no error where it was asked for by name.
-        by_name_only: whether only its name switches it on, neither 'all' nor 'auto': photos do not show it.
+        by_name_only: whether 'all' leaves it out: most photos do not show it.
         unmeasured: why its size may be missing although points are seen in several photos.
     """
 
@@ -66,7 +67,7 @@ class Switch:
     simulation: type[Effect] | None = None
     build: Callable[[PhotoSet], Effect | None] | None = None
     counts: Callable[[NDArray[Any], int], NDArray[np.bool_]] | None = None
-    confirmed_by: Literal["trial", "points"] = "trial"
+    confirmed_by: Literal["trial", "points", "evidence"] = "trial"
     shared: Callable[[PhotoSet], SpreadingEffect | None] | None = None
     may_be_absent: bool = False
     by_name_only: bool = False

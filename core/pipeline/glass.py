@@ -13,6 +13,8 @@ from ..glass import GlassRequest
 from ..imaging.formation.chain import Formation
 from ..imaging.formation.glass import FrostedGlass, GlassScene
 from ..imaging.medium import Medium
+from ..inspection.glass_by_points import glass_by_points
+from ..inspection.photo_set import PhotoSet
 from ..progress import Progress
 from ..training.glass import SETTINGS
 from ..training.scale import scene_scale
@@ -21,13 +23,32 @@ from .effects.decision import Decision
 from .simulated import SimulatedEffects
 
 
+def glass_shown(effects: SimulatedEffects) -> GlassRequest | None:
+    """The glass that was chosen as the same points show it; None where none was.
+
+    Where a point spread was given, that says how wide it blurs.
+    """
+    chosen = effects.chosen.formation.glass
+    if chosen is None or chosen.spread == 0.0:
+        return None
+    return GlassRequest(chosen.distance, None if effects.medium.blurs else chosen.angle)
+
+
 def with_glass(
-    effects: SimulatedEffects, request: GlassRequest, points: SparsePoints, progress: Progress
+    effects: SimulatedEffects,
+    request: GlassRequest,
+    points: SparsePoints,
+    progress: Progress,
+    source: PhotoSet | None = None,
 ) -> SimulatedEffects:
     """The same with a sheet of frosted glass instead of the point spread.
 
     Without an angle the point spread says how wide the glass blurs what lies at the scene's middle depth. Photos whose
-    own point spread is none were taken without the glass.
+    own point spread is none were taken without the glass. A distance that is not given is the one that the same points
+    in different photos show; it is learned with the twin where they show it too roughly.
+
+    Args:
+        source: the photos with their cameras; None to ask no points.
 
     Raises:
         PsfError: nothing says how wide it blurs, or it stands behind what the photos show.
@@ -42,6 +63,7 @@ def with_glass(
     sigma = medium.mean_sigma(behind) if behind else 0.0
     nearest, farthest = depths_between(every, points)
     learned: frozenset[str] = frozenset()
+    error = 0.0
     if request.distance is not None and request.distance >= nearest:
         raise PsfError(
             f"A glass at {request.distance:g} stands behind what the photos show from {nearest:.3g} on",
@@ -54,23 +76,42 @@ def with_glass(
             "Give --psf gaussian:SIGMA (at the scene's middle depth), or --glass DISTANCE,ANGLE (measure-glass)",
         )
     if request.distance is None:
-        learned = frozenset({"distance", "spread"} if clear else {"distance"})
-        distance = min(SETTINGS.begin * size, SETTINGS.nearest * nearest)
+        shown = None if source is None or clear else _distance_shown(source, sigma, size, nearest)
+        if shown is None:
+            learned = frozenset({"distance", "spread"} if clear else {"distance"})
+            distance = min(SETTINGS.begin * size, SETTINGS.nearest * nearest)
+        else:
+            distance, error = shown
     else:
         distance = request.distance
     scene = GlassScene(focal / diagonal, diagonal, nearest, farthest)
     middle = 1.0 - distance / size
     spread = sigma / middle / diagonal if request.angle is None else focal * request.angle / diagonal
     glass = FrostedGlass.of(spread, distance, scene, clear, learned)
-    why = "its distance is learned" if learned else "given"
+    glass.errors = 0.0, error
+    why = "its distance is learned" if learned else "its distance as points show it" if error else "given"
+    before = next((d for d in effects.chosen.decisions if d.name == FrostedGlass.name and d.on), None)
+    if before is not None and request == glass_shown(effects):
+        why = before.why
     progress.note(
         f"Frosted glass ({why}): {glass.sigma(size, diagonal):.2f} px wide at the scene's middle depth of {size:.3g}"
     )
-    line = Decision(FrostedGlass.name, True, why, parameters=dict(glass.described()))
+    evidence = None if before is None else before.evidence
+    line = Decision(FrostedGlass.name, True, why, evidence, parameters=dict(glass.described()))
     others = [effect for effect in effects.chosen.formation.effects if not isinstance(effect, FrostedGlass)]
     lines = [d for d in effects.chosen.decisions if d.name != FrostedGlass.name]
     chosen = replace(effects.chosen, formation=Formation([glass, *others]), decisions=[line, *lines])
     return replace(effects, chosen=chosen, medium=Medium(None, "linear"), sigma=glass.sigma(size, diagonal))
+
+
+def _distance_shown(source: PhotoSet, sigma: float, size: float, nearest: float) -> tuple[float, float] | None:
+    """Distance and its standard error, given the width (px) at a depth; None where points show it too roughly."""
+    shown = glass_by_points(source, sigma, size)
+    if shown is None or shown.inside or not 0.0 < shown.distance < nearest:
+        return None
+    if shown.distance_error > SETTINGS.shown * shown.distance:
+        return None
+    return shown.distance, shown.distance_error
 
 
 def depths_between(views: Sequence[View], points: SparsePoints) -> tuple[float, float]:

@@ -10,6 +10,7 @@ from typing import Any
 from ..errors import DgsError
 from ..files import check_writable
 from ..imaging.medium import Medium
+from ..inspection.photo_set import PhotoSet
 from ..lock import working_on
 from ..machine import Machine
 from ..outputs import claim_output_folder
@@ -31,7 +32,7 @@ from .cameras import FoundCameras, cameras_of, given_cameras, search_for
 from .effects.decision import parse_effects
 from .effects.unseen import formation_of_all
 from .fitted import split_views
-from .glass import with_glass
+from .glass import glass_shown, with_glass
 from .medium import medium_of
 from .photos import LoadedPhotos, read_photos
 from .refinement import RefinementJob, refine
@@ -134,8 +135,8 @@ def _stages(run: RunSettings, given: Spreads | None, truth: TruthFolder | None, 
     sigma = blur.medium.mean_sigma([photo.name for photo in photos])
     settings = training_settings(run.training, machine, timing.limited, sigma)
     effects = simulate(run.effects, photos, cameras.reconstruction, views, blur.medium, settings, keeper)
-    if run.glass is not None:
-        effects = with_glass(effects, run.glass, points, keeper)
+    if (glass := run.glass or glass_shown(effects)) is not None:
+        effects = with_glass(effects, glass, points, keeper, PhotoSet(photos, cameras.reconstruction))
         sigma = effects.sigma
     if run.effects != "none":
         watch.lap("effects")

@@ -41,6 +41,13 @@ class LearnedGlassSettings:
         0.3, "share of the run", "from which on steps are taken: before, the twin is soft", _FIRST
     )
     nearest: float = number(0.95, "of the depth of what is nearest", "that the distance may reach", _FIRST)
+    shown: float = number(
+        0.05,
+        "share",
+        "standard error of a distance that points show, up to which it is not learned with the twin: what is asked of"
+        " the distance",
+        BY_DEFINITION,
+    )
     points: int = number(2000, "count", "points that are looked at for what is nearest", _FIRST)
     stray: float = number(0.01, "share", "of the points that may be nearer than what counts as nearest: strays", _FIRST)
     part: float = number(0.5, "share of a step", "that is taken at each visit: the twin changes, too", _FIRST)

@@ -12,14 +12,19 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Self, TypeVar
 
 from ...numbers import number
 from .by_depth import DepthBlur, occlusion
 from .effect import Shot, radius2
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
     from torch import Tensor
+
+#: Numbers of either kind.
+Values = TypeVar("Values", "Tensor", "NDArray[np.float64]")
 
 
 @dataclass(frozen=True)
@@ -147,8 +152,8 @@ class FrostedGlass(DepthBlur):
         return {key: float(f"{value:.5g}") for key, value in shown.items()}
 
 
-def oblique(tangent2: Tensor) -> Tensor:
-    """[h, w] by how much wider than on the axis an untilted glass blurs in px, at tan^2 of an angle off it.
+def oblique(tangent2: Values) -> Values:
+    """[...] by how much wider than on the axis an untilted glass blurs in px, at tan^2 of an angle off it.
 
     Root mean square of both directions: along the radius light is turned (n cos i / cos o - 1) / (n - 1) times as much,
     across it (n cos i - cos o) / (n - 1) times (o outside the glass, i inside), and a pinhole sees these as another

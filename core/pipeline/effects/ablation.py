@@ -15,6 +15,7 @@ from ...imaging.formation.chain import Formation
 from ...imaging.formation.effect import Shot
 from ...imaging.formation.motion import CameraMotion
 from ...imaging.medium import Medium
+from ...imaging.psf import PointSpread
 from ...lens import Lens
 from ...numbers import BY_DEFINITION, number
 from ...photos.empty import background_shows
@@ -31,6 +32,9 @@ from .corrected import corrected, over_filed
 from .matched import matched_psnr
 
 Array = NDArray[np.float64]
+
+#: Squared length of a straight path over the mean variance of its light along both axes: L^2 / 12 along it, 0 across.
+STRAIGHT = 24.0
 
 
 @dataclass(frozen=True)
@@ -170,7 +174,7 @@ class Ablation:
         )
         self._full, self.medium = medium, medium.on_grid(self.step)
         self._lengths: list[float] = []  # of paths that were learned, or widths off the focus, px of the trial's grid
-        self._scored: dict[tuple[tuple[str, ...], tuple[Switch, ...], bool], Array] = {}
+        self._scored: dict[tuple[tuple[str, ...], tuple[Switch, ...], str], Array] = {}
 
     def judged(self, pair: int) -> list[int]:
         """Which photos a pair of trainings is judged by."""
@@ -207,8 +211,28 @@ class Ablation:
         long = np.asarray(self._lengths) >= SETTINGS.path_seen
         if len(long) and long.mean() < SETTINGS.photos_moved:
             return Comparison(np.zeros(len(long)), f"a short training finds paths in {long.mean():.0%} of the photos")
-        found = self._compare(without, with_it, through=True)
-        return replace(found, least=SETTINGS.path_gain)
+        found = replace(self._compare(without, with_it, through=True), least=SETTINGS.path_gain)
+        blurs = self.medium.blurs or without.formation.blurs
+        return found if blurs or not found.confirms else self._against_even_blur(without, with_it, found)
+
+    def _against_even_blur(self, without: Arm, with_it: Arm, found: Comparison) -> Comparison:
+        """Paths against one round blur of all photos, as wide as they are: the simpler wins where it explains as much.
+
+        Paths can bend until they spread light evenly: blur that all photos share, as frosted glass makes it, is
+        explained by such paths better than by none at all.
+        """
+        lengths = np.asarray(self._lengths)
+        sigma = float(np.sqrt(np.square(lengths).mean() / STRAIGHT))
+        even = Medium(PointSpread(sigma_x=sigma, sigma_y=sigma), "linear")
+        differences = self._scores(with_it, self.medium) - self._scores(without, even)
+        beyond = Comparison(differences[np.isfinite(differences)])
+        if beyond.confirms:
+            return found
+        seen = (
+            f"paths explain {found.mean:+.2f} dB more than none, but {beyond.mean:+.2f} +- {beyond.error:.2f} dB more "
+            f"than a round blur that all photos share ({sigma * self.step:.1f} px): blur of a medium, not of motion"
+        )
+        return replace(found, seen=seen, least=math.inf)
 
     def _compare_foci(self, without: Arm, with_it: Arm) -> Comparison:
         """The same for the photos' focus: where nothing is found out of focus, nothing else is trained."""
@@ -227,7 +251,8 @@ class Ablation:
 
     def _scores(self, arm: Arm, medium: Medium) -> Array:
         """PSNR of every judged photo in dB, photos' own gains matched."""
-        key = (tuple(sorted(arm.formation.names)), arm.masked, medium is self.medium)
+        kind = "own" if medium is self.medium else "even" if medium.blurs else "none"
+        key = (tuple(sorted(arm.formation.names)), arm.masked, kind)
         if key not in self._scored:
             views = [self._coarse(view, medium) for view in corrected(self.views, arm.formation, arm.masked)]
             pairs = [self._of_pair(views, arm.formation, medium, pair) for pair in range(SETTINGS.pairs)]
@@ -236,7 +261,7 @@ class Ablation:
 
     def _of_pair(self, views: list[View], formation: Formation, medium: Medium, pair: int) -> list[float]:
         """Trains on what the pair does not judge, of `views`, and judges by photos as they were filed."""
-        blurred = medium is self.medium
+        blurred = medium is self.medium or medium.blurs
         settings = replace(self.settings, seed=self.settings.seed + 1000 + pair)
         judged = self.judged(pair)
         fitted = [view for i, view in enumerate(views) if i not in judged]

@@ -17,6 +17,7 @@ from ...imaging.formation.chain import Formation
 from ...imaging.formation.effect import Effect
 from ...imaging.formation.exposure import Exposure
 from ...imaging.formation.focus import LensFocus
+from ...imaging.formation.glass import FrostedGlass
 from ...imaging.formation.motion import CameraMotion
 from ...imaging.formation.spreading import SpreadingEffect
 from ...imaging.medium import Medium
@@ -239,17 +240,28 @@ class _Trials:
     def called_for(found: Iterable[Evidence], source: PhotoSet) -> _Trials:
         """What the evidence calls needed, and what only a trial can show."""
         called = proposed(found)
-        names = list(called)
+        names, moves = list(called), _focus_moves(source)
+        if FrostedGlass.name in names:
+            names.remove(FrostedGlass.name)
+            # Blur that differs between photos is not that of a glass.
+            if CameraMotion.name not in called and moves != "surely":
+                # Blur alike in all photos comes first, and alone: paths and foci would be taken for a part of it.
+                names = [FrostedGlass.name, *(name for name in names if name != LensFocus.name)]
+                return _Trials(tuple(names), frozenset(called), _certain(called, "no", source))
         if CameraMotion.name not in names and source.motion is not None:
             names.append(CameraMotion.name)  # spectra show only paths that differ much from one another
-        moves = _focus_moves(source)
         if LensFocus.name not in names and moves != "no":
             # Where points show a focus that moves it comes first: paths would be taken for a part of its blur.
             names.insert(len(names) if source.observations is None else 0, LensFocus.name)
-        certain = [LensFocus.name] if moves == "surely" else []
-        if Exposure.name in called and _differs_everywhere(source):
-            certain.append(Exposure.name)  # what a run learns that asks for nothing
-        return _Trials(tuple(names), frozenset(called), frozenset(certain))
+        return _Trials(tuple(names), frozenset(called), _certain(called, moves, source))
+
+
+def _certain(called: Sequence[str], moves: str, source: PhotoSet) -> frozenset[str]:
+    """Effects that the same points show beyond doubt."""
+    certain = [LensFocus.name] if moves == "surely" else []
+    if Exposure.name in called and _differs_everywhere(source):
+        certain.append(Exposure.name)  # what a run learns that asks for nothing
+    return frozenset(certain)
 
 
 @dataclass(frozen=True)
@@ -314,8 +326,11 @@ class _Choice:
 
     def attempt(self, name: str) -> None:
         """Tries one effect on top of those that are on; switches it on where it is confirmed."""
-        by_points = switches()[name].confirmed_by == "points"
-        line = self._by_points(name, built(name, self._source)) if by_points else self._by_trial(name)
+        kind = switches()[name].confirmed_by
+        if kind == "evidence":
+            self.lines[name] = self._by_evidence(name)
+            return
+        line = self._by_points(name, built(name, self._source)) if kind == "points" else self._by_trial(name)
         shared = switches()[name].shared
         if not line.on and shared is not None and name in self._trials.called:
             other = self._by_points(name, shared(self._source))
@@ -361,6 +376,15 @@ class _Choice:
             on, shown = True, f"the same points show it beyond doubt, and nothing contradicts ({shown})"
         why = self._settled(name, more if on else None, shown)
         return Decision(name, on, why, None, result.mean, result.error, time.perf_counter() - began)
+
+    def _by_evidence(self, name: str) -> Decision:
+        """What the evidence calls needed, where that is a comparison between photos itself."""
+        began = time.perf_counter()
+        effect = built(name, self._source)
+        if effect is None:
+            return Decision(name, False, "the photos call for it, but too few points are seen to estimate its size")
+        why = self._settled(name, self.state.with_effect(name, effect), "the same points in different photos show it")
+        return Decision(name, True, why, seconds=time.perf_counter() - began)
 
     def _by_points(self, name: str, effect: Effect | None) -> Decision:
         """Whether the same points are blurrier where the effect says so."""

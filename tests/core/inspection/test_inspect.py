@@ -23,7 +23,7 @@ def test_clean_photos_call_for_nothing(taken):
     assert list(evidence) == [spec.name for spec in EFFECTS]
     assert [name for name, e in evidence.items() if e.needed] == []
     for name, e in evidence.items():
-        if name in ("glass", "kernels"):  # (photos through them alone never show them)
+        if name == "kernels":  # (photos through them alone never show them)
             assert e.estimate["value"] is None and e.confidence == 0.0 and "Not measured" in e.evidence
             continue
         assert e.estimate["value"] is not None and 0.9 < e.confidence <= 1.0, e

@@ -1,14 +1,21 @@
 """Glass in the row of stages: what takes the place of the point spread, and what is refused."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from dgs.core.errors import PsfError
 from dgs.core.glass import GlassRequest
+from dgs.core.imaging.formation.chain import Formation
+from dgs.core.imaging.formation.glass import FrostedGlass, GlassScene
 from dgs.core.imaging.medium import Medium
 from dgs.core.imaging.psf import PointSpread
+from dgs.core.inspection.glass_by_points import GlassShown
+from dgs.core.inspection.photo_set import PhotoSet
+from dgs.core.pipeline import glass
 from dgs.core.pipeline.effects.choose import Chosen, choose_effects
+from dgs.core.pipeline.effects.decision import Decision
 from dgs.core.pipeline.glass import depths_between, with_glass
 from dgs.core.pipeline.simulated import SimulatedEffects
 from dgs.core.progress import Silent
@@ -25,9 +32,9 @@ def scene():
     return blurred_scene(4)
 
 
-def before(scene, request, medium):
+def before(scene, request, medium, source=None):
     effects = SimulatedEffects(Chosen(), medium, scene.views[:-1], scene.views[-1:])
-    return with_glass(effects, request, scene.points, Silent())
+    return with_glass(effects, request, scene.points, Silent(), source)
 
 
 def test_a_given_width_is_that_of_the_middle_depth(scene):
@@ -74,8 +81,39 @@ def test_what_a_run_asks_for(tmp_path):
     assert run(glass="0.4") == GlassRequest(0.4)
 
 
-def test_only_its_name_switches_it_on(scene, tmp_path):
-    """Photos do not show it: 'all' leaves it out."""
+def test_points_that_show_the_distance_spare_learning_it(scene, monkeypatch):
+    source = PhotoSet([])
+    seen = GlassShown(2.0, 0.0, 1.5, 0.02, 4.0, 3.0, 5.0, 1.0, 0.1, 9.0, 1.0, False)
+    for found, learned in (
+        (seen, frozenset()),
+        (replace(seen, distance_error=0.2), {"distance"}),
+        (replace(seen, inside=True), {"distance"}),
+        (None, {"distance"}),
+    ):
+        monkeypatch.setattr(glass, "glass_by_points", lambda *_, found=found: found)
+        made = before(scene, GlassRequest(), ROUND, source).chosen
+        assert made.formation.glass.learned == learned
+        if not learned:
+            assert made.formation.glass.described()["distance"] == 1.5
+            assert made.formation.glass.described()["distance_error"] == 0.02 and "points" in made.decisions[0].why
+
+
+def test_a_glass_that_was_chosen_takes_the_place_of_the_point_spread(scene):
+    chosen = FrostedGlass.of(0.02, 1.0, GlassScene(FOCAL / DIAGONAL))
+    line = Decision("glass", True, "confirmed: points", {"name": "glass"})
+    effects = SimulatedEffects(Chosen(Formation([chosen]), decisions=[line]), Medium(), scene.views[:-1], [])
+    request = glass.glass_shown(effects)
+    assert request.distance == pytest.approx(1.0) and request.angle == pytest.approx(chosen.angle)
+    made = with_glass(effects, request, scene.points, Silent()).chosen
+    assert made.formation.names == ("glass",) and made.formation.glass.scene.nearest < math.inf
+    assert made.decisions[0].why == line.why and made.decisions[0].evidence == line.evidence
+    assert glass.glass_shown(replace(effects, medium=ROUND)).angle is None  # (a point spread that was given counts)
+    nothing = replace(effects, chosen=Chosen(Formation([FrostedGlass.of(0.0, 0.0, GlassScene(1.0))])))
+    assert glass.glass_shown(nothing) is None
+
+
+def test_only_its_name_or_its_evidence_switches_it_on(scene, tmp_path):
+    """'all' leaves it out."""
     from dgs.core.effects.registry import switches
 
     assert [name for name, switch in switches().items() if switch.by_name_only] == ["glass", "kernels"]

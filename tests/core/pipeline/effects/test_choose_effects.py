@@ -10,9 +10,11 @@ from dgs.core.errors import Cancelled, DgsError
 from dgs.core.imaging.formation.chain import Formation
 from dgs.core.imaging.formation.motion import straight_paths
 from dgs.core.imaging.medium import Medium
+from dgs.core.inspection.evidence import judged
+from dgs.core.inspection.photo_set import PhotoSet
 from dgs.core.photos.undistort import undistorted_views
 from dgs.core.pipeline.effects import ablation
-from dgs.core.pipeline.effects.choose import choose_effects
+from dgs.core.pipeline.effects.choose import _Trials, choose_effects
 from dgs.core.pipeline.effects.decision import parse_effects
 from dgs.core.pipeline.effects.matched import matched_psnr
 from dgs.core.progress import Silent
@@ -180,3 +182,38 @@ def test_motion_may_be_asked_for_where_no_spectrum_shows_any(dim):
     found, _ = chosen("motion", dim)
     line = next(d for d in found.decisions if d.name == "motion")
     assert line.on and line.why == "forced on" and found.formation.motion is not None
+
+
+def path_scores(even, paths):
+    """Scores of trainings of which nothing is run: `even` and `paths` dB above none."""
+
+    def scores(self, arm, medium):
+        self._lengths = [6.0] * 6
+        added = paths if arm.formation.motion is not None else even if medium.blurs else 0.0
+        return 30.0 + added + 0.01 * np.arange(6) * (added > 0)
+
+    return scores
+
+
+@pytest.mark.parametrize(("even", "confirmed"), [(0.0, True), (0.6, True), (0.9, False), (1.4, False)])
+def test_paths_must_explain_more_than_a_round_blur_of_all_photos(dim, monkeypatch, even, confirmed):
+    monkeypatch.setattr(ablation.Ablation, "_scores", path_scores(even, 0.9))
+    views = undistorted_views(list(dim.photos), dim.cameras)
+    trial = ablation.Ablation(views, dim.cameras.points, Medium(), SETTINGS)
+    moved = straight_paths({view.name: (0.01, 0.0) for view in views}, 1)
+    result = trial.compare(ablation.Arm(), ablation.Arm(Formation([moved])))
+    assert result.confirms is confirmed and ("round blur" in result.seen) is not confirmed
+
+
+def glass_called(needed=True):
+    return judged("glass", 3.0 if needed else 0.0, 0.2, 1.0, "px", "")
+
+
+def test_blur_alike_in_all_photos_is_tried_first_and_alone(dim, monkeypatch):
+    """Where the points show glass, neither paths nor foci are tried: they would be taken for a part of it."""
+    source = PhotoSet(list(dim.photos), dim.cameras)
+    trials = _Trials.called_for([glass_called()], source)
+    assert trials.names[0] == "glass" and not {"motion", "defocus"} & set(trials.names)
+    assert "glass" not in _Trials.called_for([glass_called(False)], source).names
+    both = _Trials.called_for([glass_called(), judged("motion", 9.0, 0.1, 3.0, "px", "")], source)
+    assert "motion" in both.names and "glass" not in both.names

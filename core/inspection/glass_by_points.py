@@ -1,0 +1,242 @@
+"""Frosted glass, seen by the same points in several photos: blur that grows with the depth alike in all of them.
+
+Of a point on a surface, the power of its texture in a band of frequencies *of the surface* is the same from wherever it
+is seen. A band of width b px at a point's middle depth is one of b z_m / z px in a photo that sees it from the depth z,
+so that no law of scenes' spectra is asked for. What is left between the photos is the blur:
+
+    log power = point + photo + c log cos + R(sigma(z)^2 / (b z_m / z)^2),     sigma(z) = w k(o) (1 - d / z) / (1 - d)
+
+with depths in middle depths, w the width at the middle depth, d the distance of the glass, k(o) what rough glass adds
+off the axis. What is seen at a slant (cos: of the angle to the normal) is drawn together, by a power of its own. In
+lengths on the surface the blur is in proportion to z - d: that it grows with z at all says how wide it is, and how it
+grows where the glass stands. The point's own texture drops out, so photos behind the glass are enough where they see
+the same points from depths that differ; where they hardly do, a given width still leaves the distance.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..numbers import BY_DEFINITION, NOT_CHECKED, number
+from .surface_bands import DRAWN, Band, between, response, surface_bands
+
+if TYPE_CHECKING:
+    from .photo_set import PhotoSet
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class GlassByPointsSettings:
+    """Numbers of the glass that points show."""
+
+    own_variance: float = number(0.3, "px^2", "that sharp photos have: px, lens and colours")
+    widest: float = number(3.0, "first widths", "at the middle depth that is tried", "a first choice")
+    widths: int = number(13, "count", "that are tried")
+    distances: int = number(11, "count", "that are tried up to what is nearest")
+    beyond: tuple[float, ...] = number(
+        (1.05, 1.2, 1.45), "of what is nearest", "distances that are no glass's but a lens's focus, tried as well"
+    )
+    least_behind: float = number(0.02, "share", "of the far blur, at least, where a width is given: not zero")
+    stray: float = number(0.02, "share", "of the observations that may be nearer, or farther")
+    finer: int = number(7, "count", "of each that are tried around the best, to half a step")
+    draws: int = number(100, "count", "of regions of space for the standard errors (bootstrap)")
+    least_rest: float = number(0.02, "natural log", "of power, that is left between photos at least")
+    sure: float = number(2.0, "standard errors", "by which glass must explain more than an even blur", BY_DEFINITION)
+    off: float = number(
+        0.2,
+        "share",
+        "of the width, that this is off by whatever the number of points",
+        f"{DRAWN}: +5, +12 and -40 % (the even blur, which is safe)",
+        NOT_CHECKED,
+    )
+
+
+SETTINGS = GlassByPointsSettings()
+
+
+@dataclass(frozen=True)
+class GlassShown:
+    """A glass as points show it; depths in the cameras' unit.
+
+    Attributes:
+        width, width_error: px, standard deviation of the blur on the axis at `middle`, and its standard error.
+        distance, distance_error: of the glass.
+        middle, nearest, farthest: median depth of the observations, and depths between which nearly all lie.
+        grows, grows_error: px by which the width differs between nearest and farthest.
+        gain, gain_error: by how much it explains the photos better than the best even blur (log likelihood).
+        inside: whether what is sharp lies among what the photos show, as a lens's focus does.
+    """
+
+    width: float
+    width_error: float
+    distance: float
+    distance_error: float
+    middle: float
+    nearest: float
+    farthest: float
+    grows: float
+    grows_error: float
+    gain: float
+    gain_error: float
+    inside: bool
+
+    @property
+    def better_than_even(self) -> bool:
+        """Whether one point spread for all depths explains less, beyond chance."""
+        return self.gain > SETTINGS.sure * self.gain_error and not self.inside
+
+    @property
+    def safe_width(self) -> float:
+        """px at `middle`: as narrow as the errors allow; too narrow leaves the twin soft, too wide invents detail."""
+        return max(0.0, self.width - math.hypot(self.width_error, SETTINGS.off * self.width))
+
+    def sigma(self, depth: float, width: float | None = None) -> float:
+        """px on the axis at a depth, `width` at the middle instead of its own."""
+        behind = (1.0 - self.distance / depth) / (1.0 - self.distance / self.middle)
+        return (self.width if width is None else width) * max(0.0, behind)
+
+
+@dataclass(frozen=True)
+class _Costs:
+    """What hypotheses leave over, by region of space: widths [W], distances [D], costs [W, D, B]."""
+
+    widths: Array
+    distances: Array
+    costs: Array = field(repr=False)
+
+    def best(self, weights: Array | None = None) -> tuple[float, float, float]:
+        """Width, distance and cost of the best, regions weighted [B]."""
+        total = self.costs.sum(axis=2) if weights is None else self.costs @ weights
+        i, j = np.unravel_index(int(total.argmin()), total.shape)
+        return float(self.widths[i]), float(self.distances[j]), float(total[i, j])
+
+
+@dataclass(frozen=True)
+class _Tried:
+    """What hypotheses are held against: bands, what is left in each at best, and the depth that widths are given at."""
+
+    bands: list[Band]
+    scales: list[float]
+    here: float
+
+    def costs(self, widths: Array, distances: Array) -> _Costs:
+        """Cauchy's cost of each pair, by region of space."""
+        blocks = 1 + max(int(band.block.max()) for band in self.bands)
+        costs = np.zeros((len(widths), len(distances), blocks))
+        for band, scale in zip(self.bands, self.scales, strict=True):
+            for j, distance in enumerate(distances):
+                for i, width in enumerate(widths):
+                    left = _rest(band, width / _behind(distance, self.here), distance) / scale
+                    costs[i, j] += np.bincount(band.block, 2.0 * np.log1p(left**2 / 4.0), blocks)
+        return _Costs(widths, distances, costs)
+
+
+def _rest(band: Band, far: float, distance: float) -> Array:
+    """[N] what a glass leaves of the differences between photos; far: px, its blur of what is far behind it."""
+    sigma2 = (far * (1.0 - distance / band.depth)) ** 2 * band.wider2
+    lost = response((SETTINGS.own_variance + sigma2) / band.scale2)
+    left = between(band.power - lost, band.point, band.photo)
+    size = float(band.slant @ band.slant)
+    return left - band.slant * (float(band.slant @ left) / size) if size > 0 else left
+
+
+def glass_by_points(photos: PhotoSet, width: float | None = None, at: float | None = None) -> GlassShown | None:
+    """Asks the same points in different photos; None where too few are seen.
+
+    Args:
+        width: px at the depth `at` (in the cameras' unit) where it is known: only the distance is asked for then.
+    """
+    observations = photos.observations
+    bands = [] if observations is None else surface_bands(photos)
+    if observations is None or not bands:
+        return None
+    middle = observations.median_depth
+    ends = np.quantile(observations.depth, [SETTINGS.stray, 1.0 - SETTINGS.stray])
+    tried = _Tried(bands, [_scale(band) for band in bands], 1.0 if at is None else at / middle)
+    widths = _widths(bands) if width is None else np.array([width])
+    distances = np.r_[np.linspace(0.0, 0.98, SETTINGS.distances), np.array(SETTINGS.beyond)] * ends[0]
+    coarse = tried.costs(widths, distances)
+    w, d, _ = coarse.best()
+    fine = tried.costs(*_around(coarse, w, d, float(ends[0])))
+    return _shown(coarse, fine, middle, (float(ends[0]), float(ends[1])), tried.here, inside=d > ends[0])
+
+
+def _shown(
+    coarse: _Costs, fine: _Costs, middle: float, ends: tuple[float, float], here: float, inside: bool
+) -> GlassShown:
+    """The best of the fine grid; errors by drawn regions of space, of whichever grid says more.
+
+    Args:
+        middle: median depth in the cameras' unit; ends: nearest and farthest over it; here: where widths count, too.
+    """
+    w, d, cost = fine.best()
+    picks = _picks(coarse.costs.shape[2])
+    drawn = [np.array([grid.best(p)[:2] for p in picks]) for grid in (coarse, fine)]
+    grown = [
+        np.array([_grows(float(width), float(distance), ends, here) for width, distance in draw]) for draw in drawn
+    ]
+    errors = np.maximum(drawn[0].std(axis=0), drawn[1].std(axis=0))
+    even = _Costs(coarse.widths, coarse.distances[:1], coarse.costs[:, :1])
+    gains = np.array([even.best(p)[2] - fine.best(p)[2] for p in picks])
+    factor = _behind(d, 1.0) / _behind(d, here)
+    return GlassShown(
+        width=w * factor,
+        width_error=float(errors[0]) * factor,
+        distance=d * middle,
+        distance_error=float(errors[1]) * middle,
+        middle=middle,
+        nearest=ends[0] * middle,
+        farthest=ends[1] * middle,
+        grows=_grows(w, d, ends, here),
+        grows_error=max(float(grown[0].std()), float(grown[1].std())),
+        gain=even.best()[2] - cost,
+        gain_error=float(gains.std()),
+        inside=bool(inside),
+    )
+
+
+def _behind(distance: float, depth: float) -> float:
+    """What blur at a depth is in proportion to, away from zero (a focus may be tried where the width is given)."""
+    return max(abs(1.0 - distance / depth), SETTINGS.least_behind)
+
+
+def _grows(width: float, distance: float, ends: tuple[float, float], here: float) -> float:
+    """px by which the blur at the far end is wider than at the near one, `width` being that at `here`."""
+    near, far = (abs(1.0 - distance / end) for end in ends)
+    return width * (far - near) / _behind(distance, here)
+
+
+def _widths(bands: list[Band]) -> Array:
+    first = math.sqrt(float(np.median(bands[0].scale2)))
+    return np.linspace(0.0, SETTINGS.widest * first, SETTINGS.widths)
+
+
+def _around(coarse: _Costs, width: float, distance: float, near: float) -> tuple[Array, Array]:
+    """Finer widths and distances, to half a step around the best."""
+
+    def finer(values: Array, best: float, most: float) -> Array:
+        if len(values) == 1:
+            return values
+        i = int(np.abs(values - best).argmin())
+        low, high = values[max(i - 1, 0)], values[min(i + 1, len(values) - 1)]
+        return np.linspace(low, max(min(high, most), low + 1e-6), 2 * SETTINGS.finer - 1)
+
+    return finer(coarse.widths, width, math.inf), finer(coarse.distances, min(distance, near), 0.98 * near)
+
+
+def _picks(blocks: int) -> Array:
+    random = np.random.default_rng(0)
+    return random.multinomial(blocks, np.full(blocks, 1.0 / blocks), size=SETTINGS.draws).astype(float)
+
+
+def _scale(band: Band) -> float:
+    """What is left between photos where the best even blur is taken off, natural log."""
+    wide = [w * math.sqrt(float(np.median(band.scale2))) for w in (0.0, 0.5, 1.0)]
+    left = [1.4826 * float(np.median(np.abs(_rest(band, w, 0.0)))) for w in wide]
+    return max(min(left), SETTINGS.least_rest)

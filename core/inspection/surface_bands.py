@@ -1,0 +1,237 @@
+"""Power of bands of frequencies of the surface, of the same points in several photos.
+
+A band of width b px at a point's middle depth is one of b z_m / z px in a photo that sees the point from the depth z:
+the same lengths on the surface, so that its own texture has the same power in all photos.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+from scipy.spatial import cKDTree
+
+from ..imaging.formation.glass import oblique
+from ..numbers import NOT_CHECKED, number
+from .spectra import SETTINGS as SPECTRA
+
+if TYPE_CHECKING:
+    from .photo_set import PhotoSet
+
+Array = NDArray[np.float64]
+
+#: What the steepness of the bands was chosen on.
+DRAWN = "one drawn scene behind two glasses and one even blur"
+
+
+@dataclass(frozen=True)
+class SurfaceBandSettings:
+    """Numbers of the bands."""
+
+    order: int = number(
+        3,
+        "count",
+        "differences of Gaussians in a row: a steep band asks little of the scene's law within it",
+        f"{DRAWN}: widths 20 to 31 % too wide with 1, 12 to 20 % with 2, 5 % with 3",
+        NOT_CHECKED,
+    )
+    ratio: float = number(1.6, "ratio", "of the two Gaussians of a difference", "a first choice")
+    bands: tuple[float, ...] = number((1.0, 1.6, 2.5), "first widths", "of the bands", "a first choice")
+    first: float = number(2.0, "px", "width of the first band at least")
+    coarser: float = number(1.5, "ratio", "to the next first band, where too few points stand clear of the noise")
+    widest_first: float = number(12.0, "px", "of a first band at most")
+    clear_points: float = number(0.5, "share of the observations", "that must stand clear of the noise in a band")
+    clear: float = number(4.0, "noise power", "from which power counts")
+    window: float = number(4.0, "first widths", "of the Gaussian over which power is averaged, on the surface")
+    rung: float = number(0.12, "natural log", "between distances at which photos are filtered; linear in between")
+    most: int = number(8000, "count", "of observations in a band, of whole points: more cost time and say little more")
+    neighbours: int = number(12, "count", "of a point, that its normal is taken from", "a first choice")
+    least_cosine: float = number(0.1, "cosine", "to a normal at least: what is seen flatter is an edge")
+    fewest: int = number(300, "count", "of observations in a band for a statement")
+    photo_prior: float = number(8.0, "observations", "that a photo's own constant is held at zero by", "a first choice")
+
+
+SETTINGS = SurfaceBandSettings()
+
+
+@dataclass(frozen=True)
+class Band:
+    """Observations of one band that stand clear of the noise, of points that two photos show at least.
+
+    Attributes:
+        power: [N] natural log; scale2: [N] squared width of the band, px^2 of the photo.
+        depth: [N] in middle depths; wider2: [N] squared widening off the axis.
+        slant: [N] natural log of the cosine between the surface's normal and the view, apart from point and photo.
+        point, photo, block: [N] numbers from 0.
+    """
+
+    power: Array = field(repr=False)
+    scale2: Array = field(repr=False)
+    depth: Array = field(repr=False)
+    wider2: Array = field(repr=False)
+    slant: Array = field(repr=False)
+    point: NDArray[np.int64] = field(repr=False)
+    photo: NDArray[np.int64] = field(repr=False)
+    block: NDArray[np.int64] = field(repr=False)
+
+
+def between(values: Array, point: NDArray[np.int64], photo: NDArray[np.int64]) -> Array:
+    """Values without what a point has in all photos, and a photo in all points."""
+    seen = np.bincount(point)
+    values = values - (np.bincount(point, values) / seen)[point]
+    held = np.bincount(photo) + SETTINGS.photo_prior
+    for _ in range(2):
+        values = values - (np.bincount(photo, values) / held)[photo]
+        values = values - (np.bincount(point, values) / seen)[point]
+    return values
+
+
+def surface_bands(photos: PhotoSet) -> list[Band]:
+    """The bands of the finest first width at which most points stand clear of the noise; none where too few do."""
+    s, observations = SETTINGS, photos.observations
+    assert observations is not None
+    light = replace(photos, linear=True)  # its greys are light, which the glass mixes
+    first = s.first
+    while first <= s.widest_first:
+        power = _powers(light, photos, first, first * s.bands[0])
+        looked = np.isin(observations.photo, [i for i, n in enumerate(observations.names) if n in _names(photos)])
+        if np.isfinite(power).sum() >= s.clear_points * max(looked.sum(), 1):
+            break
+        first *= s.coarser
+    else:
+        return []
+    rows = [power, *(_powers(light, photos, first, first * band) for band in s.bands[1:])]
+    found = [_band_of(photos, row, first * band) for row, band in zip(rows, s.bands, strict=True)]
+    return [band for band in found if band is not None]
+
+
+def _names(photos: PhotoSet) -> set[str]:
+    return {photo.name for photo in photos.looked_at}
+
+
+def _nearness(photos: PhotoSet) -> Array:
+    """[N] a point's middle depth over its depth in the photo."""
+    observations = photos.observations
+    assert observations is not None
+    log = np.log(observations.depth)
+    count = np.maximum(np.bincount(observations.point), 1)
+    return np.asarray(np.exp((np.bincount(observations.point, log) / count)[observations.point] - log))
+
+
+def _powers(light: PhotoSet, photos: PhotoSet, first: float, width: float) -> Array:
+    """[N] log power over squared light of a band, width in px at a point's middle depth; NaN where noise has it."""
+    s, observations = SETTINGS, photos.observations
+    assert observations is not None
+    nearer = _nearness(photos)
+    low, high = math.log(nearer.min()), math.log(nearer.max()) + 1e-9
+    ladder = np.linspace(low, high, 2 + int((high - low) / s.rung))
+    out = np.full(len(observations), np.nan)
+    for photo, grey, noise in zip(light.looked_at, light.greys, light.grey_noise, strict=True):
+        if photo.name not in observations.names:
+            continue
+        mine = np.flatnonzero(observations.photo == observations.names.index(photo.name))
+        if not len(mine):
+            continue
+        at = observations.pixel[mine].T[::-1] - 0.5
+        place = np.interp(np.log(nearer[mine]), ladder, np.arange(len(ladder)))
+        below = np.minimum(place.astype(int), len(ladder) - 2)
+        rows = np.full((len(ladder), len(mine)), np.nan)
+        for k in np.unique(np.r_[below, below + 1]):
+            factor = math.exp(ladder[k])
+            rows[k] = _power_at(grey, noise, at, width * factor, s.window * first * factor)
+        share, each = place - below, np.arange(len(mine))
+        out[mine] = (1.0 - share) * rows[below, each] + share * rows[below + 1, each]
+    return out
+
+
+def _power_at(grey: NDArray[np.float32], noise: float, at: Array, width: float, window: float) -> Array:
+    """[n] log power of a band at px [2, n] of a photo."""
+    variances, signs = _difference(width)
+    passed = np.zeros(grey.shape, np.float32)
+    for variance, sign in zip(variances, signs, strict=True):
+        passed += np.float32(sign) * ndimage.gaussian_filter(grey, math.sqrt(variance), truncate=3.5)
+    power, level = (ndimage.gaussian_filter(plane, window, truncate=2.5) for plane in (passed**2, grey))
+    power, level = (ndimage.map_coordinates(plane, at, order=1, mode="nearest") for plane in (power, level))
+    gain = float((signs[:, None] * signs / (variances[:, None] + variances)).sum()) / (2.0 * math.pi)
+    own = noise**2 * gain
+    counts = (power > SETTINGS.clear * own) & (level > 0.005)
+    return np.where(counts, np.log(np.maximum(power - own, 1e-12) / np.maximum(level, 0.005) ** 2), np.nan)
+
+
+def _difference(width: float) -> tuple[Array, Array]:
+    """Variances and factors of the Gaussians that differences in a row are the sum of."""
+    order, wide = SETTINGS.order, SETTINGS.ratio**2
+    k = np.arange(order + 1)
+    factors = np.array([math.comb(order, i) for i in k]) * (-1.0) ** k
+    return width**2 * (order - k + k * wide), factors
+
+
+def _slants(photos: PhotoSet) -> Array:
+    """[N] natural log of the cosine between a point's normal, by its neighbours, and the view of it."""
+    observations, cameras = photos.observations, photos.cameras
+    assert observations is not None and cameras is not None
+    away = observations.direction
+    where = np.stack([cameras.poses[name].centre for name in observations.names])[observations.photo]
+    poses = [cameras.poses[name] for name in observations.names]
+    # A point's place: along its ray from the photo's middle, as deep as it was seen.
+    axis = np.stack([pose.rotation[2] for pose in poses])[observations.photo]
+    way = observations.depth * observations.median_depth / np.maximum(-(away * axis).sum(axis=1), 1e-6)
+    place = where - away * way[:, None]
+    count = int(observations.point.max()) + 1
+    seen = np.maximum(np.bincount(observations.point, minlength=count), 1)
+    middle = np.stack([np.bincount(observations.point, p, count) / seen for p in place.T], axis=1)
+    cloud = cKDTree(cameras.points.positions)
+    _, near = cloud.query(middle, k=min(SETTINGS.neighbours, len(cameras.points.positions)))
+    local = cameras.points.positions[near]
+    local = local - local.mean(axis=1, keepdims=True)
+    normal = np.linalg.eigh(np.einsum("pki,pkj->pij", local, local))[1][:, :, 0]
+    cosine = np.abs((normal[observations.point] * away).sum(axis=1))
+    return np.asarray(np.log(np.maximum(cosine, SETTINGS.least_cosine)))
+
+
+def _response_table() -> tuple[Array, Array]:
+    """Blur's variance over the band's squared width, and the natural log of the power that is left."""
+    u = np.linspace(0.002, 1.2, 1200)
+    passed = np.exp(-2 * np.pi**2 * u**2) - np.exp(-2 * np.pi**2 * (u * SETTINGS.ratio) ** 2)
+    law = u ** (1.0 - SPECTRA.slope) * passed ** (2 * SETTINGS.order)
+    at = np.r_[np.linspace(0.0, 4.0, 300), np.linspace(4.05, 60.0, 500)]
+    left = (law * np.exp(-4 * np.pi**2 * u**2 * at[:, None])).sum(axis=1)
+    return at, np.log(left / left[0])
+
+
+_RESPONSE = _response_table()
+
+
+def response(variance: Array) -> Array:
+    """[N] natural log of the power that a blur leaves of a band, given its variance over the band's squared width."""
+    return np.interp(variance, *_RESPONSE)
+
+
+def _band_of(photos: PhotoSet, power: Array, width: float) -> Band | None:
+    observations, cameras = photos.observations, photos.cameras
+    assert observations is not None and cameras is not None
+    point = observations.point
+    use = np.isfinite(power)
+    use &= point % max(1, -(-int(use.sum()) // SETTINGS.most)) == 0
+    use &= np.bincount(point[use], minlength=int(point.max()) + 1)[point] >= 2
+    if use.sum() < SETTINGS.fewest:
+        return None
+    numbers = np.unique(point[use], return_inverse=True)[1]
+    lenses = [cameras.lenses[name] for name in observations.names]
+    focal = np.array([math.sqrt(lens.fx * lens.fy) for lens in lenses])[observations.photo]
+    half = np.array([math.hypot(lens.width, lens.height) / 2 for lens in lenses])[observations.photo]
+    wider = oblique((observations.radius * half / focal) ** 2)
+    return Band(
+        power[use],
+        ((width * _nearness(photos)) ** 2)[use],
+        observations.depth[use],
+        wider[use] ** 2,
+        between(_slants(photos)[use], numbers, observations.photo[use]),
+        numbers,
+        observations.photo[use],
+        observations.block[use],
+    )
