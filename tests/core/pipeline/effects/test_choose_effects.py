@@ -205,6 +205,27 @@ def test_paths_must_explain_more_than_a_round_blur_of_all_photos(dim, monkeypatc
     assert result.confirms is confirmed and ("round blur" in result.seen) is not confirmed
 
 
+def test_paths_stay_where_a_round_blur_explains_next_to_nothing(dim, monkeypatch):
+    """Few photos may be too few to tell paths from a round blur; but then this one must explain something."""
+
+    def noisy(even):
+        def scores(self, arm, medium):
+            self._lengths = [6.0] * 6
+            spread = np.array([1.6, -1.2, 1.3, -0.9, 1.0, 1.2])
+            paths, rival = 0.5 + 0.02 * spread, (even - 0.5 * spread) * medium.blurs
+            return 30.0 + (paths if arm.formation.motion is not None else rival)
+
+        return scores
+
+    views = undistorted_views(list(dim.photos), dim.cameras)
+    moved = straight_paths({view.name: (0.01, 0.0) for view in views}, 1)
+    for even, confirmed in ((0.0, True), (0.3, False)):
+        monkeypatch.setattr(ablation.Ablation, "_scores", noisy(even + 0.25))
+        trial = ablation.Ablation(views, dim.cameras.points, Medium(), SETTINGS)
+        result = trial.compare(ablation.Arm(), ablation.Arm(Formation([moved])))
+        assert result.confirms is confirmed
+
+
 def glass_called(needed=True):
     return judged("glass", 3.0 if needed else 0.0, 0.2, 1.0, "px", "")
 
