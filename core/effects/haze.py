@@ -113,6 +113,7 @@ def inspect(photos: PhotoSet) -> Evidence:
     added, added_error = float(fit.backscatter.mean()), fit.backscatter_error
     seen = added - SETTINGS.against * added_error > SETTINGS.darkest_veil * max(value, smallest)
     # No medium gives light back, and none is brighter than white: it takes as much as it adds at least.
+    error = float(np.hypot(error, SETTINGS.least_error))
     if seen and added > value:
         value, error = added, added_error
     value = max(value, 0.0)
@@ -127,7 +128,7 @@ def inspect(photos: PhotoSet) -> Evidence:
         "backscatter": [round(float(v), 4) for v in fit.backscatter],
         "veil": [round(float(np.clip(v, 0, 1)), 4) for v in veil],
     }
-    found = judged("haze", value, float(np.hypot(error, SETTINGS.least_error)), smallest, unit, text, **details)
+    found = judged("haze", value, error, smallest, unit, text, **details)
     if seen or not found.needed:
         return found
     excess = SETTINGS.darkest_veil * value - added

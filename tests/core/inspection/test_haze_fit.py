@@ -10,18 +10,23 @@ from dgs.core.inspection.observations import PointObservations
 POINTS, PHOTOS, BLOCKS = 400, 12, 40
 
 
-def fitted(depth: float = 0.0, veil: float = 0.6, turned: float = 0.0, gloss: float = 0.0) -> HazeFit:
+def fitted(
+    depth: float = 0.0, veil: float = 0.6, turned: float = 0.0, gloss: float = 0.0, nearer: float = 5.0
+) -> HazeFit:
     """Of points seen from an arc of cameras at different distances.
 
     Args:
         depth: optical depth at the median distance; veil: the medium's own light.
         turned: relative change of all points' light per radian of the direction of view.
         gloss: the same of each region's own, at random.
+        nearer: how far the arc leads towards the points; 0 leaves their distances nearly alike.
     """
     random = np.random.default_rng(3)
     positions = random.uniform([-2, -2, 4], [2, 2, 8], (POINTS, 3))
     angle = np.linspace(-0.6, 0.6, PHOTOS)
-    cameras = np.stack([4 * np.sin(angle), random.uniform(-0.5, 0.5, PHOTOS), 5 * (1 - np.cos(angle))], axis=1)
+    cameras = np.stack(
+        [(0.8 * nearer) * np.sin(angle), random.uniform(-0.5, 0.5, PHOTOS), nearer * (1 - np.cos(angle))], axis=1
+    )
     point, photo = (a.ravel() for a in np.mgrid[:POINTS, :PHOTOS])
     away = cameras[photo] - positions[point]
     way = np.linalg.norm(away, axis=1)
@@ -57,3 +62,9 @@ def test_gloss_of_regions_shows_in_the_errors() -> None:
     quiet, glossy = fitted(0.2), fitted(0.2, gloss=0.3)
     assert glossy.attenuation_error > 3 * quiet.attenuation_error
     assert abs(glossy.attenuation.mean() - 0.2) < 2.5 * glossy.attenuation_error
+
+
+def test_distances_that_are_nearly_alike_show_no_added_light() -> None:
+    far, near = fitted(0.3), fitted(0.3, nearer=0.3)
+    assert near.backscatter_error > 3 * far.backscatter_error
+    assert near.backscatter.mean() < 2.5 * near.backscatter_error
