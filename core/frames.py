@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from torch import Tensor
 
@@ -30,3 +30,12 @@ class Evaluation(Protocol):
     def apply(self, frame: Tensor) -> Tensor: ...
 
     def adjoint(self, photo: Tensor) -> Tensor: ...
+
+
+@runtime_checkable
+class RowEvaluation(Protocol):
+    """An evaluation that computes each row of the photo by itself."""
+
+    def apply_rows(self, frame: Tensor, rows: range) -> Tensor:
+        """[C, R, W] some rows of `Evaluation.apply`."""
+        ...

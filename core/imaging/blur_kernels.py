@@ -233,6 +233,30 @@ def _add_four(out: Any, a: Any, b: Any, c: Any, d: Any, k0: Any, k1: Any, k2: An
 
 
 @kernel
+def correlate_rows(begin: int, end: int, source: Any, out: Any, taps: Any, first: int, every: int) -> None:
+    """`correlate` of some rows alone: out[c, r, x] = sum taps[j, i] source[c, first + every r + j, x + i]."""
+    rows, width = out.shape[1], out.shape[2]
+    for item in range(begin, end):
+        c, y = item // rows, first + every * (item % rows)
+        line = out[c, item % rows]
+        line[:] = 0
+        for j in range(taps.shape[0]):
+            row = source[c, y + j]
+            for i in range(0, taps.shape[1], 4):
+                _add_four(
+                    line,
+                    row[i : i + width],
+                    row[i + 1 : i + 1 + width],
+                    row[i + 2 : i + 2 + width],
+                    row[i + 3 : i + 3 + width],
+                    taps[j, i],
+                    taps[j, i + 1],
+                    taps[j, i + 2],
+                    taps[j, i + 3],
+                )
+
+
+@kernel
 def correlate(begin: int, end: int, source: Any, out: Any, taps: Any) -> None:
     """Items are rows of all channels: out[c, y, x] = sum taps[j, i] source[c, y + j, x + i].
 

@@ -10,7 +10,7 @@ from torch import Tensor
 from ..compiled import run
 from ..constants import TILE
 from ..frames import Frame
-from .blur_kernels import correlate, separable_adjoint, separable_apply
+from .blur_kernels import correlate, correlate_rows, separable_adjoint, separable_apply
 from .evaluations import blur_matrix, extended, folded
 
 #: Blocks of 16 rows that are worth a call to a thread; changes the time only, not the result.
@@ -87,6 +87,16 @@ class Direct:
         """The blur of a frame [C, H + 2m, W + 2m] -> [C, H, W]."""
         rv, rh = (r - self.frame.margin for r in self.radius)
         return self._correlated(extended(frame, rv, rh), self.forward, self.frame.height, self.frame.width)
+
+    def apply_rows(self, frame: Tensor, rows: range) -> Tensor:
+        """[C, R, W] some rows of `apply(frame)`, in their share of its time."""
+        rv, rh = (r - self.frame.margin for r in self.radius)
+        source = extended(frame, rv, rh)
+        source = torch.nn.functional.pad(source, (0, self.frame.width + self.forward.shape[1] - 1 - source.shape[2]))
+        out = torch.empty((source.shape[0], len(rows), self.frame.width), dtype=source.dtype)
+        arguments = (_numpy(source), out.numpy(), self.forward, rows.start, rows.step)
+        run(correlate_rows, source.shape[0] * len(rows), *arguments, grain=4)
+        return out
 
     def adjoint(self, photo: Tensor) -> Tensor:
         """Its transpose, [C, H, W] -> [C, H + 2m, W + 2m]."""

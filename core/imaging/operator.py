@@ -13,7 +13,7 @@ from torch import Tensor
 from ..compiled import threads
 from ..devices import backend_on
 from ..errors import PsfError
-from ..frames import Evaluation, Frame
+from ..frames import Evaluation, Frame, RowEvaluation
 from ..numbers import number
 from .choices import choice
 from .evaluations import candidates
@@ -106,6 +106,13 @@ class BlurOperator:
             return self._evaluation.apply(frame.detach())
         m = self.frame.margin
         return frame if m == 0 else frame[:, m:-m, m:-m]
+
+    def apply_rows(self, frame: Tensor, rows: range) -> Tensor:
+        """[C, R, W] some rows of `apply(frame)`; sooner where the evaluation computes each row by itself."""
+        self._check(frame, self.frame.rendered)
+        if isinstance(self._evaluation, RowEvaluation):
+            return self._evaluation.apply_rows(frame.detach(), rows)
+        return self.apply(frame)[:, rows.start : rows.stop : rows.step]
 
     def adjoint(self, photo: Tensor) -> Tensor:
         """[C, H, W] -> [C, H + 2m, W + 2m], the transpose of `apply`; without gradient."""

@@ -62,6 +62,7 @@ class PointObservations:
         point, photo: [N] indices; photos in the order of `names`.
         light: [N, 3] linear light around the projection.
         depth: [N] along the optical axis, divided by the median over all observations.
+        distance: [N] way of the light from the point to the camera, in the same unit.
         radius: [N] distance from the photo's middle over half its diagonal.
         direction: [N, 3] unit vector from the point to the camera (world).
         pixel: [N, 2] px.
@@ -74,6 +75,7 @@ class PointObservations:
     photo: NDArray[np.int64] = field(repr=False)
     light: Array = field(repr=False)
     depth: Array = field(repr=False)
+    distance: Array = field(repr=False)
     radius: Array = field(repr=False)
     direction: Array = field(repr=False)
     pixel: Array = field(repr=False)
@@ -134,13 +136,15 @@ def observe_points(
     at = pixels[point, photo]
     size = np.array([p.size for p in used], float)[photo]
     depth = depths[point, photo]
+    way = np.linalg.norm(away, axis=1)
     return PointObservations(
         point,
         photo,
         light,
         depth / float(np.median(depth)),
+        way / float(np.median(depth)),
         np.linalg.norm(at - size / 2, axis=1) / (np.linalg.norm(size, axis=1) / 2),
-        away / np.linalg.norm(away, axis=1, keepdims=True),
+        away / way[:, None],
         at,
         _blocks(positions, random)[point],
         tuple(p.name for p in used),

@@ -14,6 +14,7 @@ from ..numbers import number
 from ..photos.empty import background_shows
 from ..photos.load import Photo
 from ..reconstruction import Reconstruction
+from .haze_fit import HazeFit, fit_haze
 from .local_blur import LocalBlur, Tiles, fit_local_blur
 from .motion_paths import SETTINGS as PATHS
 from .motion_paths import MotionPath, MotionPathFinder, SetMotion, find_motion_paths, set_motion
@@ -208,8 +209,13 @@ class PhotoSet:
 
     @cached_property
     def photometry(self) -> Photometry | None:
-        """Gains, vignetting and haze out of the observations."""
+        """Gains and vignetting out of the observations."""
         return None if self.observations is None else fit_photometry(self.observations)
+
+    @cached_property
+    def haze(self) -> HazeFit | None:
+        """What the way to the camera takes of the light, and adds to it, out of the observations."""
+        return None if self.observations is None else fit_haze(self.observations)
 
     @property
     def no_observations(self) -> str:

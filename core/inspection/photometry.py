@@ -1,4 +1,4 @@
-"""Gains, vignetting and haze together, from the colours of the same points in several photos.
+"""Gains and vignetting, with what haze could do beside, from the colours of the same points in several photos.
 
 For a point seen in several photos, with light I, gain g of the photo, distance r from its middle and depth d,
 all differences from the point's own mean being small:
@@ -6,7 +6,8 @@ all differences from the point's own mean being small:
     I - mean = mean (dg_photo - v d(r^2)) - beta mean d(d) + beta A d(d)
 
 The point's own colour drops out. All unknowns are linear: one robust least squares per channel. What two effects
-could both explain shows in the uncertainty of both, which comes from drawing regions of space again and again.
+could both explain shows in the uncertainty of both, which comes from drawing regions of space again and again. (Haze
+itself is asked about by `haze_fit`, which knows of directions of view, too.)
 """
 
 from __future__ import annotations
@@ -56,20 +57,15 @@ class Photometry:
     Attributes:
         gains: [V, 3] natural log of each photo's gain, mean 0 over the photos.
         vignette: [3] share of light lost where r = 1 (the corner).
-        attenuation: [3] beta, per median depth.
-        backscatter: [3] beta A, light per median depth.
-        gains_draws, vignette_draws, attenuation_draws: the same with a first axis of draws.
+        gains_draws, vignette_draws: the same with a first axis of draws.
         residual: [N, 3] what is left, relative to the point's mean; weight: [N, 3] in [0, 1].
         spread: robust standard deviation of the residuals.
     """
 
     gains: Array = field(repr=False)
     vignette: Array
-    attenuation: Array
-    backscatter: Array
     gains_draws: Array = field(repr=False)
     vignette_draws: Array = field(repr=False)
-    attenuation_draws: Array = field(repr=False)
     residual: Array = field(repr=False)
     weight: Array = field(repr=False)
     spread: float = 0.0
@@ -94,11 +90,8 @@ def fit_photometry(observations: PointObservations, seed: int = 0) -> Photometry
     return Photometry(
         gains - gains.mean(axis=0),
         s[:, photos],
-        s[:, photos + 1],
-        s[:, photos + 2],
         gains_draws - gains_draws.mean(axis=1, keepdims=True),
         d[:, :, photos],
-        d[:, :, photos + 1],
         residual_all,
         weight_all,
         1.4826 * float(np.median(np.abs(residual_all))),

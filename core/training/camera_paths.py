@@ -157,6 +157,16 @@ def common_to(cameras: Sequence[Camera], fewest: int) -> Tensor:
     return torch.from_numpy(columns @ np.linalg.pinv(columns, rcond=1e-3)).float()
 
 
+def _spectra(still: Tensor, photo: Tensor) -> tuple[Tensor, Tensor]:
+    """[h, w / 2 + 1] real part of still* photo, and |still|^2, of windowed light [3, h, w] and summed over channels."""
+    height, width = photo.shape[1:]
+    window = torch.hann_window(height)[:, None] * torch.hann_window(width)[None, :]
+    lights = (srgb_to_linear(planes) for planes in (still, photo))
+    of_still, of_photo = (torch.fft.rfft2((light - light.mean(dim=(1, 2), keepdim=True)) * window) for light in lights)
+    together = of_still.real * of_photo.real + of_still.imag * of_photo.imag
+    return together.sum(dim=0), (of_still.real.square() + of_still.imag.square()).sum(dim=0)
+
+
 class CameraPaths:
     """Paths of photos, fitted and held-out ones.
 
@@ -315,22 +325,20 @@ class CameraPaths:
         The picture without motion is convolved with each, which is nearly what a turn of the camera does, in one
         transform: a path's share of the photo at frequency f is the mean of exp(-2 pi i f . way(t)).
         """
-        s, still, photo, camera = self.settings, still.cpu(), visit.photo.cpu(), visit.camera
+        s, photo, camera = self.settings, visit.photo.cpu(), visit.camera
         height, width = photo.shape[1:]
-        window = torch.hann_window(height)[:, None] * torch.hann_window(width)[None, :]
-        spectra = [
-            torch.fft.rfft2((srgb_to_linear(p) - srgb_to_linear(p).mean(dim=(1, 2), keepdim=True)) * window)
-            for p in (still, photo)
-        ]
+        together, alone = _spectra(still.cpu(), photo)
         fy, fx = torch.fft.fftfreq(height)[:, None], torch.fft.rfftfreq(width)[None, :]
         count = int(math.log(s.longest * math.hypot(height, width)) / math.log(s.again_factor))
         found = []
         for turn in range(s.again_turns):
             x, y = math.cos(math.pi * turn / s.again_turns), math.sin(math.pi * turn / s.again_turns)
-            rests = []
+            along, rests = fx * x + fy * y, []
             for length in (s.again_factor**k for k in range(count)):
-                transfer = torch.sinc(length * (fx * x + fy * y))
-                rests.append((float((spectra[1] - transfer * spectra[0]).abs().square().sum()), length))
+                transfer = torch.sinc(length * along)
+                # |photo - transfer still|^2 without the photo's own power, which is the same for all.
+                left = transfer * (transfer * alone - 2.0 * together)
+                rests.append((float(left.sum(dtype=torch.float64)), length))
             rest, length = min(rests)
             found.append((rest, length * x, length * y))
         beside = [(found[turn - 1][0], found[(turn + 1) % len(found)][0]) for turn in range(len(found))]

@@ -34,7 +34,7 @@ from ..imaging.formation.layered import LADDER
 from ..imaging.formation.occluding import OCCLUDING, even_blur
 from ..numbers import BY_DEFINITION, number
 from ..rendering import OPAQUE_ENOUGH, Rendered
-from .gauss_newton import normal_equations, shown_with
+from .gauss_newton import LookedAt, normal_equations, shown_with
 
 Array = NDArray[np.float64]
 
@@ -376,12 +376,11 @@ class LearnedFocus:
         small = s.change * max(now.strength, self.common), s.change * self._range
         if small[0] <= 0:
             return None
+        others = Focus(now.strength + small[0], now.focus), Focus(now.strength, now.focus + small[1])
+        at = LookedAt.of(photo.shape[1], photo.shape[2], s)
         with torch.no_grad():
             still = exposed.degraded
-            moved = [
-                shown_with(exposed, self.effect, self.effect.alone(name, Focus(now.strength + small[0], now.focus))),
-                shown_with(exposed, self.effect, self.effect.alone(name, Focus(now.strength, now.focus + small[1]))),
-            ]
+            moved = [shown_with(exposed, self.effect, self.effect.alone(name, other), at) for other in others]
         return normal_equations(photo, still, list(zip(moved, small, strict=True)), counts, s)
 
     def state(self) -> dict[str, NDArray[Any]]:

@@ -24,7 +24,7 @@ from torch import Tensor
 from ..forward import Exposed
 from ..imaging.formation.glass import FrostedGlass
 from ..numbers import BY_DEFINITION, number
-from .gauss_newton import normal_equations, shown_with
+from .gauss_newton import LookedAt, normal_equations, shown_with
 
 Array = NDArray[np.float64]
 
@@ -97,10 +97,11 @@ class LearnedGlass:
         if share < s.learn_from or effect.row_of(name) is None:
             return
         now = np.array([effect.distance, math.log(self.middle)])
+        at = LookedAt.of(photo.shape[1], photo.shape[2], s)
         with torch.no_grad():
             still = exposed.degraded
             moved = [
-                (shown_with(exposed, effect, self._with(*(now + np.eye(2)[k] * s.change))), s.change)
+                (shown_with(exposed, effect, self._with(*(now + np.eye(2)[k] * s.change)), at), s.change)
                 for k in range(1 + ("spread" in effect.learned))
             ]
         matrix, vector = normal_equations(photo, still, moved, counts, s)

@@ -20,6 +20,7 @@ class TrainingJob:
         views: photos to fit, with cameras in any world; heldout: photos to watch only.
         points: sparse points in the same world.
         medium, formation: point spreads, and effects besides them.
+        evaluated: whether held-out photos are looked at in the course of the run, too, and not only at its end.
     """
 
     views: Sequence[View]
@@ -28,6 +29,7 @@ class TrainingJob:
     medium: Medium
     settings: TrainingSettings
     formation: Formation = Formation()
+    evaluated: bool = True
 
 
 @dataclass(frozen=True)

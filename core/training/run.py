@@ -128,7 +128,7 @@ def train(
     ranks.agree({"version": VERSION, **trainer.fingerprint(), "settings": agreed}, rank_difference)
     trainer.join(ranks)
     _warn_of_blur(trainer.levels[-1].ratio, progress)
-    run = _Run(trainer, settings, progress, checkpoint)
+    run = _Run(trainer, settings, progress, checkpoint, job.evaluated)
     if resume:
         run.resume()
     prepared = time.perf_counter()
@@ -170,6 +170,7 @@ class _Run:
     Args:
         settings: as they were asked for (the trainer's own follow the number of photos).
         checkpoint: file that the state is kept in; None for none.
+        evaluated: whether held-out photos are looked at.
 
     Attributes:
         history: one row per evaluation, those before a resumption included.
@@ -177,7 +178,12 @@ class _Run:
     """
 
     def __init__(
-        self, trainer: Trainer, settings: TrainingSettings, progress: Progress, checkpoint: Path | None
+        self,
+        trainer: Trainer,
+        settings: TrainingSettings,
+        progress: Progress,
+        checkpoint: Path | None,
+        evaluated: bool = True,
     ) -> None:
         self.trainer, self.settings, self.progress, self.checkpoint = trainer, settings, progress, checkpoint
         self.history: list[dict[str, float]] = []
@@ -186,6 +192,8 @@ class _Run:
         self._loss = 0.0
         self._best = _Best()
         self._evaluations = RUN.evaluations if settings.until is None else RUN.evaluations_until
+        if not evaluated:
+            self._evaluations = 0
         self._evaluated = 0  # evaluations that were due so far
         self._evaluation_seconds = 0.0  # of the last one
 
@@ -254,11 +262,11 @@ class _Run:
 
     def finished(self, stopped: Stop) -> Gaussians:
         """Evaluates and keeps the last state; the twin, of the best state if the run was cancelled."""
-        if not self.history or self.history[-1]["step"] != self.trainer.step:
+        if self._evaluations and (not self.history or self.history[-1]["step"] != self.trainer.step):
             self.history.append(_evaluation(self.trainer, self._loss, self.seconds))
         if self._keeps and self.checkpoint is not None:
             save_checkpoint(self.checkpoint, self.trainer.state(self.seconds, self.history))
-        if stopped == "cancelled" and self._best.better_than(self.history[-1]):
+        if stopped == "cancelled" and self.history and self._best.better_than(self.history[-1]):
             self.progress.note(f"The twin is that of step {self._best.step}, the best on the photos held out")
             self.trainer.optimizer.gaussians = self._best.gaussians
         return self.trainer.result()

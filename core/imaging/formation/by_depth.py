@@ -69,6 +69,13 @@ class DepthBlur(Effect):
         self._last = None if out.requires_grad else (light, shot, self._versions(), blur, out)
         return out
 
+    def rows(self, light: Tensor, shot: Shot, rows: range) -> Tensor:
+        """[C, R, w] some rows of `forward(light, shot)`, without gradient."""
+        row = self.row_of(shot.name)
+        if row is None:
+            return light[:, rows.start : rows.stop : rows.step]
+        return occlusion().OccludingBlur(self.width(light, shot, row), self.shape).apply_rows(light, rows)
+
     def gradient(self, upstream: Tensor, light: Tensor, shot: Shot) -> Tensor:
         """See `Effect`; leaves the gradient in the depth [h, w] in `depth_gradient`."""
         row, self.depth_gradient = self.row_of(shot.name), None

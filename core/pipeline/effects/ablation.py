@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -71,7 +71,7 @@ class TrialSettings:
     round_share: float = number(
         0.33,
         "of what paths gain",
-        "that a round blur of all photos must gain, or it does not stand for paths that gain less than beyond chance more",
+        "that a round blur of all photos must gain to stand for paths that do not beat it beyond chance",
         "a ball behind the engine's own glass: half; tea (really shaken): none of it",
         "no other value was tried",
     )
@@ -99,6 +99,12 @@ class TrialSettings:
         "count",
         "in a trial of a path; with half of them and of the side paths of 12 px on photos of 720 px are not confirmed",
         "drawn scenes with paths of 6 and 12 px, photos of 720 px",
+    )
+    clearly: float = number(
+        2.0,
+        "times",
+        "what confirms after both pairs of trainings: where the first alone gains so much, the second is spared",
+        "a first choice: a pair's photos do not know how far two trainings differ by chance",
     )
     chance: float = number(
         0.0228, "probability", "that chance gives as large a gain: a normal's beyond two standard errors", BY_DEFINITION
@@ -145,6 +151,16 @@ class Comparison:
         return self.mean > max(self.needed * self.error, self.least)
 
     @property
+    def settled(self) -> bool:
+        """Whether a second pair of trainings would hardly change the verdict: far more than needed, or out of reach."""
+        if self.seen:
+            return True
+        if len(self.differences) < SETTINGS.fewest_judged:
+            return False
+        wanted, sure = max(self.needed * self.error, self.least), self.needed * self.error
+        return self.mean > SETTINGS.clearly * wanted or self.mean + sure < self.least
+
+    @property
     def contradicts(self) -> bool:
         """Whether the loss is more than chance, or what was tried is not found at all."""
         return bool(self.seen) or self.mean < -self.needed * self.error
@@ -181,7 +197,11 @@ class Ablation:
         )
         self._full, self.medium = medium, medium.on_grid(self.step)
         self._lengths: list[float] = []  # of paths that were learned, or widths off the focus, px of the trial's grid
+<<<<<<< HEAD
         self._scored: dict[tuple[tuple[str, ...], tuple[Switch, ...], str], Array] = {}
+=======
+        self._scored: dict[tuple[tuple[str, ...], tuple[Switch, ...], bool, int], Array] = {}
+>>>>>>> auto
 
     def judged(self, pair: int) -> list[int]:
         """Which photos a pair of trainings is judged by."""
@@ -214,6 +234,7 @@ class Ablation:
 
     def _compare_paths(self, without: Arm, with_it: Arm) -> Comparison:
         """The same for the camera's motion: where hardly any photo learns a path, nothing else is trained."""
+<<<<<<< HEAD
         self._scores(with_it, self.medium)
         long = np.asarray(self._lengths) >= SETTINGS.path_seen
         if len(long) and long.mean() < SETTINGS.photos_moved:
@@ -241,30 +262,68 @@ class Ablation:
             f"than a round blur that all photos share ({sigma * self.step:.1f} px): blur of a medium, not of motion"
         )
         return replace(found, seen=seen, least=math.inf)
+=======
+
+        def not_found(long: Array) -> str:
+            share = float((long >= SETTINGS.path_seen).mean())
+            return (
+                "" if share >= SETTINGS.photos_moved else f"a short training finds paths in {share:.0%} of the photos"
+            )
+
+        return self._compare(without, with_it, True, SETTINGS.path_gain, not_found)
+>>>>>>> auto
 
     def _compare_foci(self, without: Arm, with_it: Arm) -> Comparison:
         """The same for the photos' focus: where nothing is found out of focus, nothing else is trained."""
-        self._scores(with_it, self.medium)
-        widest = np.asarray(self._lengths)
-        if len(widest) and np.median(widest) < SETTINGS.focus_seen:
-            return Comparison(np.zeros(len(widest)), f"a short training finds {np.median(widest):.2f} px of it")
-        found = self._compare(without, with_it, through=True)
-        return replace(found, least=SETTINGS.focus_gain)
 
-    def _compare(self, without: Arm, with_it: Arm, through: bool) -> Comparison:
+        def not_found(widest: Array) -> str:
+            middle = float(np.median(widest))
+            return "" if middle >= SETTINGS.focus_seen else f"a short training finds {middle:.2f} px of it"
+
+        return self._compare(without, with_it, True, SETTINGS.focus_gain, not_found)
+
+    def _compare(
+        self,
+        without: Arm,
+        with_it: Arm,
+        through: bool,
+        least: float = 0.0,
+        not_found: Callable[[Array], str] = lambda lengths: "",
+    ) -> Comparison:
+        """Pair by pair, until the verdict is settled.
+
+        Args:
+            through: whether photos are tried through the medium; least: see `Comparison`.
+            not_found: (lengths or widths that were learned) -> what to say where they are none.
+        """
         medium = self.medium if through else Medium()
-        first, second = (self._scores(arm, medium) for arm in (without, with_it))
-        differences = second - first
-        return Comparison(differences[np.isfinite(differences)])
+        found: list[Array] = []
+        for pair in range(SETTINGS.pairs):
+            second = self._scores(with_it, medium, pair)
+            lengths = np.asarray(self._lengths)
+            seen = not_found(lengths) if len(lengths) else ""
+            if seen:
+                return Comparison(np.zeros(len(lengths)), seen, least)
+            found.append(second - self._scores(without, medium, pair))
+            differences = np.concatenate(found)
+            so_far = Comparison(differences[np.isfinite(differences)], least=least)
+            if so_far.settled:
+                break
+        return so_far
 
+<<<<<<< HEAD
     def _scores(self, arm: Arm, medium: Medium) -> Array:
         """PSNR of every judged photo in dB, photos' own gains matched."""
         kind = "own" if medium is self.medium else "even" if medium.blurs else "none"
         key = (tuple(sorted(arm.formation.names)), arm.masked, kind)
+=======
+    def _scores(self, arm: Arm, medium: Medium, pair: int) -> Array:
+        """PSNR in dB of every photo that a pair is judged by, photos' own gains matched."""
+        key = (tuple(sorted(arm.formation.names)), arm.masked, medium is self.medium, pair)
+>>>>>>> auto
         if key not in self._scored:
             views = [self._coarse(view, medium) for view in corrected(self.views, arm.formation, arm.masked)]
-            pairs = [self._of_pair(views, arm.formation, medium, pair) for pair in range(SETTINGS.pairs)]
-            self._scored[key] = np.concatenate(pairs)
+            self._scored[key] = np.asarray(self._of_pair(views, arm.formation, medium, pair))
         return self._scored[key]
 
     def _of_pair(self, views: list[View], formation: Formation, medium: Medium, pair: int) -> list[float]:
@@ -278,7 +337,8 @@ class Ablation:
         others = [views[i] for i in judged] if learned else []
         points = self.points if blurred else _fewer(self.points)
         scale = scene_scale([view.camera for view in fitted], points)
-        trained = train(TrainingJob(fitted, others, points, medium, settings, formation), Silent())
+        job = TrainingJob(fitted, others, points, medium, settings, formation, evaluated=False)
+        trained = train(job, Silent())
         if (moved := trained.formation.motion) is not None:
             lengths = [moved.length(v.name, v.camera.fx) for v in fitted]
             self._lengths.extend(lengths)

@@ -23,7 +23,7 @@ def explained(gain: float, gloss: float, noise: float = 0.02, blocks: int = BLOC
     n, names = len(point), tuple(str(i) for i in range(PHOTOS))
     return explained_elsewhere(
         PointObservations(
-            point, photo, light, np.ones(n), np.zeros(n), np.zeros((n, 3)), np.zeros((n, 2)), block, names
+            point, photo, light, np.ones(n), np.ones(n), np.zeros(n), np.zeros((n, 3)), np.zeros((n, 2)), block, names
         )
     )
 

@@ -8,7 +8,7 @@ from dgs.core.effects.registry import built
 from dgs.core.inspection.motion_paths import MotionPathFinder
 from dgs.core.inspection.observations import SETTINGS, _narrowed, observe_points
 from dgs.core.inspection.photo_set import PhotoSet
-from dgs.core.inspection.photometry import fit_photometry
+from dgs.core.inspection.haze_fit import fit_haze
 
 
 @pytest.mark.parametrize("length", [6.0, 12.0])
@@ -62,7 +62,7 @@ def test_motion_is_not_taken_for_haze(taken):
     assert haze.inspect(taken(haze=0.4)).needed
     photos, own = taken(motion=8.0), {n: (p.length, p.angle) for n, p in taken(motion=8.0).motion_paths.items()}
     estimated = [
-        fit_photometry(observe_points(photos.photos, photos.cameras, photos.sigma, paths=paths)).attenuation.mean()
+        fit_haze(observe_points(photos.photos, photos.cameras, photos.sigma, paths=paths)).attenuation.mean()
         for paths in ({}, own)
     ]
     assert abs(estimated[1]) < 0.6 * abs(estimated[0])  # windows of equal blur see less of a haze that is not there

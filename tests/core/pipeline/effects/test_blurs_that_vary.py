@@ -146,7 +146,7 @@ def test_a_trial_need_not_confirm_what_points_show_beyond_doubt(scene, sets, mon
     photos, cameras = with_a_focus_that_moves(scene, sets["clean"].photos, 0.006), sets["clean"].cameras
     assert focus_shift(PhotoSet(photos, cameras)).certain
 
-    def scores(self, arm, medium):
+    def scores(self, arm, medium, pair):
         return np.full(6, 30.0 + gain * arm.formation.learns_focus) + 0.05 * np.arange(6) % 0.1
 
     monkeypatch.setattr(Ablation, "_scores", scores)

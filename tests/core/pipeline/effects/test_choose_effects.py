@@ -77,7 +77,7 @@ def test_forced_effects_undo_what_was_done(dim, scene):
 def test_auto_tries_only_what_the_photos_call_for(dim, monkeypatch):
     tried = []
 
-    def scores(self, arm, medium):
+    def scores(self, arm, medium, pair):
         formation = arm.formation
         tried.append(formation.names)
         n = 6
@@ -100,6 +100,45 @@ def test_a_gain_must_stand_out_of_chance():
     assert not ablation.Comparison(np.array([0.2, -0.3, 0.5, -0.1])).confirms
     assert not ablation.Comparison(np.array([-0.2, -0.21, -0.22])).confirms
     assert ablation.Comparison(np.arange(2)).needed > ablation.Comparison(np.arange(8)).needed > 2.0
+
+
+@pytest.mark.parametrize(
+    ("gains", "least", "pairs", "confirms"),
+    [
+        ([3.0, 3.2, 2.9, 3.1, 3.0, 3.1], 0.3, 1, True),  # far more than chance, and than is asked
+        ([0.0, 0.02, -0.02, 0.01, -0.01, 0.0], 0.3, 1, False),  # out of reach of what is asked
+        ([0.4, 0.42, 0.38, 0.41, 0.39, 0.4], 0.3, 2, True),  # no more than confirms: both pairs are asked
+        ([0.5, -0.4, 0.6, -0.5, 0.4, -0.3], 0.0, 2, False),  # anything yet
+        ([3.0, 3.2, 2.9], 0.3, 2, True),  # too few photos to say
+    ],
+)
+def test_a_trial_ends_where_its_first_pair_has_settled_it(dim, monkeypatch, gains, least, pairs, confirms):
+    asked = []
+
+    def scores(self, arm, medium, pair):
+        asked.append((pair, arm.formation.names))
+        return 30.0 + (np.array(gains) if arm.formation.names else np.zeros(len(gains)))
+
+    monkeypatch.setattr(ablation.Ablation, "_scores", scores)
+    trial = ablation.Ablation(undistorted_views(list(dim.photos), dim.cameras), dim.cameras.points, Medium(), SETTINGS)
+    exposure = chosen("exposure", dim)[0].formation
+    found = trial._compare(ablation.Arm(), ablation.Arm(exposure), through=False, least=least)
+    assert [pair for pair, names in asked if not names] == list(range(pairs))
+    assert found.confirms is confirms and len(found.differences) == pairs * len(gains)
+
+
+def test_where_hardly_any_photo_learns_a_path_no_plain_twin_is_trained(dim, monkeypatch):
+    asked = []
+
+    def scores(self, arm, medium, pair):
+        asked.append(pair)
+        self._lengths.extend([0.5] * 9 + [2.0])
+        return np.full(6, 30.0)
+
+    monkeypatch.setattr(ablation.Ablation, "_scores", scores)
+    trial = ablation.Ablation(undistorted_views(list(dim.photos), dim.cameras), dim.cameras.points, Medium(), SETTINGS)
+    found = trial._compare_paths(ablation.Arm(), ablation.Arm())
+    assert asked == [0] and not found.confirms and "finds paths in 10% of the photos" in found.seen
 
 
 def test_the_trial_trains_and_judges_for_real(dim):

@@ -60,7 +60,7 @@ def test_auto_learns_what_a_run_learns_that_asks_for_nothing(scene, monkeypatch,
     """The trial shows nothing; or a loss, which contradicts."""
     photos = validation.photo_set(scene, degrade(scene, Truth(exposure=0.2), seed=1))
 
-    def scores(self, arm, medium):
+    def scores(self, arm, medium, pair):
         return np.full(6, 30.0 + gain * ("exposure" in arm.formation.names)) + 0.05 * np.arange(6) % 0.1
 
     monkeypatch.setattr(Ablation, "_scores", scores)
