@@ -197,11 +197,8 @@ class Ablation:
         )
         self._full, self.medium = medium, medium.on_grid(self.step)
         self._lengths: list[float] = []  # of paths that were learned, or widths off the focus, px of the trial's grid
-<<<<<<< HEAD
-        self._scored: dict[tuple[tuple[str, ...], tuple[Switch, ...], str], Array] = {}
-=======
-        self._scored: dict[tuple[tuple[str, ...], tuple[Switch, ...], bool, int], Array] = {}
->>>>>>> auto
+        self._scored: dict[tuple[tuple[str, ...], tuple[Switch, ...], str, int], Array] = {}
+        self._compared = 0  # pairs that the last comparison took
 
     def judged(self, pair: int) -> list[int]:
         """Which photos a pair of trainings is judged by."""
@@ -234,17 +231,19 @@ class Ablation:
 
     def _compare_paths(self, without: Arm, with_it: Arm) -> Comparison:
         """The same for the camera's motion: where hardly any photo learns a path, nothing else is trained."""
-<<<<<<< HEAD
-        self._scores(with_it, self.medium)
-        long = np.asarray(self._lengths) >= SETTINGS.path_seen
-        if len(long) and long.mean() < SETTINGS.photos_moved:
-            return Comparison(np.zeros(len(long)), f"a short training finds paths in {long.mean():.0%} of the photos")
-        found = replace(self._compare(without, with_it, through=True), least=SETTINGS.path_gain)
+
+        def not_found(long: Array) -> str:
+            share = float((long >= SETTINGS.path_seen).mean())
+            return (
+                "" if share >= SETTINGS.photos_moved else f"a short training finds paths in {share:.0%} of the photos"
+            )
+
+        found = self._compare(without, with_it, True, SETTINGS.path_gain, not_found)
         blurs = self.medium.blurs or without.formation.blurs
         return found if blurs or not found.confirms else self._against_even_blur(without, with_it, found)
 
     def _against_even_blur(self, without: Arm, with_it: Arm, found: Comparison) -> Comparison:
-        """Paths against one round blur of all photos, as wide as they are.
+        """Paths against one round blur of all photos, as wide as they are, by the pairs that judged them.
 
         Paths stay where they explain more beyond chance, or where the round blur explains next to none of what they do.
         Paths can bend until they spread light evenly: blur that all photos share, as frosted glass makes it, is
@@ -253,7 +252,9 @@ class Ablation:
         lengths = np.asarray(self._lengths)
         sigma = float(np.sqrt(np.square(lengths).mean() / STRAIGHT))
         even = Medium(PointSpread(sigma_x=sigma, sigma_y=sigma), "linear")
-        differences = self._scores(with_it, self.medium) - self._scores(without, even)
+        pairs = range(self._compared)
+        scores = [self._scores(with_it, self.medium, pair) - self._scores(without, even, pair) for pair in pairs]
+        differences = np.concatenate(scores)
         beyond = Comparison(differences[np.isfinite(differences)])
         if beyond.confirms or beyond.mean > (1.0 - SETTINGS.round_share) * found.mean:
             return found
@@ -262,16 +263,6 @@ class Ablation:
             f"than a round blur that all photos share ({sigma * self.step:.1f} px): blur of a medium, not of motion"
         )
         return replace(found, seen=seen, least=math.inf)
-=======
-
-        def not_found(long: Array) -> str:
-            share = float((long >= SETTINGS.path_seen).mean())
-            return (
-                "" if share >= SETTINGS.photos_moved else f"a short training finds paths in {share:.0%} of the photos"
-            )
-
-        return self._compare(without, with_it, True, SETTINGS.path_gain, not_found)
->>>>>>> auto
 
     def _compare_foci(self, without: Arm, with_it: Arm) -> Comparison:
         """The same for the photos' focus: where nothing is found out of focus, nothing else is trained."""
@@ -299,6 +290,7 @@ class Ablation:
         medium = self.medium if through else Medium()
         found: list[Array] = []
         for pair in range(SETTINGS.pairs):
+            self._compared = pair + 1
             second = self._scores(with_it, medium, pair)
             lengths = np.asarray(self._lengths)
             seen = not_found(lengths) if len(lengths) else ""
@@ -311,16 +303,10 @@ class Ablation:
                 break
         return so_far
 
-<<<<<<< HEAD
-    def _scores(self, arm: Arm, medium: Medium) -> Array:
-        """PSNR of every judged photo in dB, photos' own gains matched."""
-        kind = "own" if medium is self.medium else "even" if medium.blurs else "none"
-        key = (tuple(sorted(arm.formation.names)), arm.masked, kind)
-=======
     def _scores(self, arm: Arm, medium: Medium, pair: int) -> Array:
         """PSNR in dB of every photo that a pair is judged by, photos' own gains matched."""
-        key = (tuple(sorted(arm.formation.names)), arm.masked, medium is self.medium, pair)
->>>>>>> auto
+        kind = "own" if medium is self.medium else "even" if medium.blurs else "none"
+        key = (tuple(sorted(arm.formation.names)), arm.masked, kind, pair)
         if key not in self._scored:
             views = [self._coarse(view, medium) for view in corrected(self.views, arm.formation, arm.masked)]
             self._scored[key] = np.asarray(self._of_pair(views, arm.formation, medium, pair))

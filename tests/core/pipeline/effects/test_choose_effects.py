@@ -226,7 +226,7 @@ def test_motion_may_be_asked_for_where_no_spectrum_shows_any(dim):
 def path_scores(even, paths):
     """Scores of trainings of which nothing is run: `even` and `paths` dB above none."""
 
-    def scores(self, arm, medium):
+    def scores(self, arm, medium, pair):
         self._lengths = [6.0] * 6
         added = paths if arm.formation.motion is not None else even if medium.blurs else 0.0
         return 30.0 + added + 0.01 * np.arange(6) * (added > 0)
@@ -248,7 +248,7 @@ def test_paths_stay_where_a_round_blur_explains_next_to_nothing(dim, monkeypatch
     """Few photos may be too few to tell paths from a round blur; but then this one must explain something."""
 
     def noisy(even):
-        def scores(self, arm, medium):
+        def scores(self, arm, medium, pair):
             self._lengths = [6.0] * 6
             spread = np.array([1.6, -1.2, 1.3, -0.9, 1.0, 1.2])
             paths, rival = 0.5 + 0.02 * spread, (even - 0.5 * spread) * medium.blurs
