@@ -93,9 +93,7 @@ def test_a_typed_path_is_as_good(tmp_path: Path, settings: Any) -> None:
     assert out_folder(bpy.context.scene.dgs) == root / "images-twin"
 
 
-def test_a_dropped_file_of_cameras_brings_its_photos(
-    tmp_path: Path, settings: Any, said: Callable[..., str]
-) -> None:
+def test_a_dropped_file_of_cameras_brings_its_photos(tmp_path: Path, settings: Any, said: Callable[..., str]) -> None:
     root = three(tmp_path / "lego")
     assert DGS_FH_data_set.bl_import_operator == "dgs.choose_photos"
     words = said(root, "transforms_train.json")
