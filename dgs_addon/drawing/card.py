@@ -80,7 +80,10 @@ class Card:
                 self._sets.pop(next(iter(self._sets)))
             splats = splats_of(contents)
             harmonics = _texture(splats.harmonics) if splats.coefficients > 1 else None
-            self._sets[keys] = _OnCard(splats, _texture(splats.texels), harmonics)
+            rows = _texture(splats.texels)
+            # (they lie on the card now, and are most of a twin)
+            splats = replace(splats, harmonics=np.zeros((0, *splats.harmonics.shape[1:]), np.float32))
+            self._sets[keys] = _OnCard(splats, rows, harmonics)
         return self._sets[keys]
 
 
@@ -124,7 +127,8 @@ class CardView:
         """[H, W, 4] what was blended last, rows upwards: sRGB multiplied by alpha. Waits for the card."""
         assert self._size is not None
         width, height, _ = self._size
-        return np.array(self._targets[0].read(), np.float32).reshape(height, width, 4)
+        read = self._targets[0].read().to_list()  # (as an array, Blender 4.3 has it in another order)
+        return np.array(read, np.float32).reshape(height, width, 4)
 
     def _blend(self, card: Card, key: object, view: View) -> None:
         deep = view.depth

@@ -150,14 +150,16 @@ def far_to_near(splats: Splats, kept: NDArray[np.intp], rows: Matrix, key: tuple
         kept: rows that are shown; rows: of `Standing`.
     """
     depths = np.empty(len(splats.texels), np.float32)
-    for number, row in enumerate(rows[:, 2].astype(np.float32)):
+    # From the first twin's middle on: a camera that stands far back has depths that float32 cannot tell apart.
+    middle = rows[0, 2, 3] if len(rows) else 0.0
+    for number, row in enumerate(rows[:, 2]):
         part = splats.part(number)
-        depths[part] = splats.texels[part, 0, :3] @ row[:3] + row[3]
+        depths[part] = splats.texels[part, 0, :3] @ row[:3].astype(np.float32) + np.float32(row[3] - middle)
     shown = depths[kept]
-    near = nearest_depth(shown[:: max(1, len(shown) // POINTS)].astype(np.float64))
+    near = nearest_depth(shown[:: max(1, len(shown) // POINTS)].astype(np.float64) + middle)
     if near is None:
         return Order(kept[:0], key)
-    seen = (shown > near) & (shown < FAR_PLANE)
+    seen = (shown > near - middle) & (shown < FAR_PLANE - middle)
     kept, shown = (kept, shown) if seen.all() else (kept[seen], shown[seen])
     return Order(kept[np.argsort(-shown)], key)
 

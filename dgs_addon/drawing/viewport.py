@@ -92,6 +92,7 @@ def draw_twins(context: Any, depsgraph: Any, look: Look) -> str:
 
 def _by_card(shown: Shown, key: object, view: View, window: Any, back: float) -> str:
     if shown.card is None:
+        _forget_closed()
         shown.card = CardView()
         shown.follower.clear()
     try:
@@ -132,9 +133,7 @@ def forget_views() -> None:
 
 def _tick() -> float | None:
     """Takes pictures that have come, and has their views drawn."""
-    regions = {region.as_pointer(): region for region in _regions()}
-    for gone in _views.keys() - regions.keys():
-        del _views[gone]
+    regions = _forget_closed()
     now, waiting = time.monotonic(), False
     for number, shown in _views.items():
         if shown.done:
@@ -151,6 +150,14 @@ def _tick() -> float | None:
             regions[number].tag_redraw()
         waiting |= not shown.follower.done and not server.error
     return _TICK if waiting else None
+
+
+def _forget_closed() -> dict[int, Any]:
+    """Lets go of views that were closed; those that are open, by their numbers."""
+    regions = {region.as_pointer(): region for region in _regions()}
+    for gone in _views.keys() - regions.keys():
+        del _views[gone]
+    return regions
 
 
 def _regions() -> list[Any]:

@@ -109,9 +109,11 @@ def _moved(robot: Robot, view: Any, twin: Any) -> Story:
     preferences = bpy.context.preferences.addons[ADDON].preferences
     twin.rotation_euler, twin.scale = (0.4, -0.3, 1.1), (1.3, 0.7, 0.9)
     yield 0.5
+    others = set(bpy.data.objects)
     bpy.ops.dgs.crop_twin()
-    bpy.context.object.scale.x *= 0.5
-    bpy.context.object.hide_set(True)
+    box = next(thing for thing in bpy.data.objects if thing not in others)
+    box.scale.x *= 0.5
+    box.hide_set(True)
     for name in ("PERSP", "ORTHO"):
         view.view_perspective = name
         for who in ("CARD", "ENGINE"):
@@ -119,7 +121,7 @@ def _moved(robot: Robot, view: Any, twin: Any) -> Story:
             yield from _settled(f"{name} {who}")
             yield from robot.picture(f"moved-{name}-{who}")
     preferences.draw_with = "CARD"
-    bpy.data.objects.remove(bpy.context.object)
+    bpy.data.objects.remove(box)
     twin.matrix_world, view.view_perspective = before, "PERSP"
     yield from _settled("as before")
 

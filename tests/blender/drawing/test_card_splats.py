@@ -10,15 +10,15 @@ import pytest
 
 pytest.importorskip("bpy")
 
-from dgs.core.camera import Camera  # noqa: E402
-from dgs.core.cloud import GaussianCloud  # noqa: E402
-from dgs.core.serving.messages import PlacedTwin, SharedTwin  # noqa: E402
-from dgs.core.serving.stage import Stage, carried, shown  # noqa: E402
-from dgs.dgs_addon.drawing import sorting  # noqa: E402
-from dgs.dgs_addon.drawing.drawer import AUTOMATIC, CARD, ENGINE, choice  # noqa: E402
-from dgs.dgs_addon.drawing.held_twins import HeldTwins  # noqa: E402
-from dgs.dgs_addon.drawing.splats import Order, Splats, far_to_near, kept_rows, splats_of, standing  # noqa: E402
-from dgs.tests.core.serving.test_pictures import crowd  # noqa: E402
+from dgs.core.camera import Camera
+from dgs.core.cloud import GaussianCloud
+from dgs.core.serving.messages import PlacedTwin, SharedTwin
+from dgs.core.serving.stage import Stage, carried, shown
+from dgs.dgs_addon.drawing import sorting
+from dgs.dgs_addon.drawing.drawer import AUTOMATIC, CARD, ENGINE, choice
+from dgs.dgs_addon.drawing.held_twins import HeldTwins
+from dgs.dgs_addon.drawing.splats import Order, Splats, far_to_near, kept_rows, splats_of, standing
+from dgs.tests.core.serving.test_pictures import crowd
 
 TURN = np.array([[0.8, 0.0, 0.6], [0.0, 1.0, 0.0], [-0.6, 0.0, 0.8]])
 CAMERA = Camera("", 60, 40, 50.0, 50.0, 30.0, 20.0, TURN, np.array([0.3, -0.2, 1.5]))
