@@ -6,7 +6,7 @@ that puts one over the other, px by px, by the depths of what is seen:
 
     twin nearer:  twin over meshes        meshes nearer:  meshes over twin        (colours multiplied by alpha)
 
-A mesh that is a holdout leaves no depth. It goes into the twins' scene, too, where Descatter holds out what is behind it.
+A mesh that is a holdout leaves no depth. It goes into the twins' scene, too: there Descatter holds out what is behind.
 
 In 3D views nothing changes: twins stay in the scene, and only its renders leave them to the other one.
 """

@@ -221,7 +221,7 @@ def _region(robot: Robot) -> Any:
     return next(region for region in robot.area().regions if region.type == "WINDOW")
 
 
-def _settled(name: str, seconds: float = 200.0) -> Story:
+def _settled(name: str, seconds: float = 500.0) -> Story:
     """Until all views show what they look at."""
     began = time.monotonic()
     yield 0.5

@@ -16,7 +16,7 @@ from dgs.tests.gui import window
 from dgs.tests.gui.test_drawing import ball, by_command, inside, screen
 from PIL import Image
 
-pytestmark = pytest.mark.timeout(900)
+pytestmark = pytest.mark.timeout(1800)
 
 
 @pytest.fixture(scope="module")
@@ -24,7 +24,7 @@ def work(tmp_path_factory: pytest.TempPathFactory) -> Path:
     window.skip_unless_asked()
     work = tmp_path_factory.mktemp("card")
     write_ply(work / "twin.ply", ball())
-    window.play(work, "card_story.py", 700)
+    window.play(work, "card_story.py", 1500)
     return work
 
 

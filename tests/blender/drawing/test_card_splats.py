@@ -71,7 +71,9 @@ def test_splats_stand_where_the_engine_has_them(matrix: np.ndarray) -> None:
 
 def test_what_is_shown_is_what_the_engine_shows() -> None:
     cloud = crowd(200)
-    box = np.linalg.inv(np.diag([1.0, 1.0, 0.8, 1.0]) + np.array([[0.0] * 4, [0.0] * 4, [0.0, 0.0, 0.0, 5.0], [0.0] * 4]))
+    box = np.linalg.inv(
+        np.diag([1.0, 1.0, 0.8, 1.0]) + np.array([[0.0] * 4, [0.0] * 4, [0.0, 0.0, 0.0, 5.0], [0.0] * 4])
+    )
     for more in ({}, {"faintest": 0.4}, {"most": 30}, {"box": tuple(box.reshape(16))}, {"size": 0.0}):
         twin = placed(np.eye(4), **more)
         kept = kept_rows(splats_of([content(cloud)]), (twin,))
