@@ -72,8 +72,9 @@ def test_moved_stretched_and_cropped_it_is_the_engines_picture(work: Path, seen:
     far = (away > 3).any(axis=2).mean()
     print(f"{lens}: mean difference {away.mean():.4f}, largest {away.max()}, more than 3 in {far:.4%} of the px")
     assert engine.std() > 10 and away.mean() <= 0.5
-    # Without perspective the engine's camera stands far back, where float32 takes depths for equal that are not.
-    assert far <= 0.001 if lens == "ORTHO" else far == 0.0
+    # Without perspective the engine's camera stands a thousand widths back, where float32 has some thousand depths
+    # for all 25,000 splats: it sorts those of one depth by their content, the shader by where they are.
+    assert far <= 0.005 if lens == "ORTHO" else far == 0.0
 
 
 def test_the_order_is_quick(seen: dict[str, Any]) -> None:
