@@ -65,7 +65,7 @@ def _fill(
     inside = (x <= last[:, :1]) & (y <= last[:, 1:])
     for share in shares:
         inside &= share >= 0.0  # (false where there is no area)
-    depth = sum(share * inverse[:, k : k + 1] for k, share in enumerate(shares))
+    depth = np.einsum("ktp,tk->tp", np.stack(shares), inverse)
     np.maximum.at(nearest, (y * width + x)[inside], depth[inside])
 
 
