@@ -12,7 +12,7 @@ from .compare_truth import DGS_OT_compare_truth
 from .composite_meshes import DGS_OT_composite_meshes
 from .crop_twin import DGS_OT_crop_twin
 from .dismiss import DGS_OT_dismiss
-from .drop_files import DGS_FH_photos, DGS_FH_twin
+from .drop_files import DGS_FH_data_set, DGS_FH_photos, DGS_FH_twin
 from .edit_splats import (
     DGS_OT_delete_splats,
     DGS_OT_edit_splats,
@@ -128,6 +128,7 @@ CLASSES: tuple[type, ...] = (
     DGS_OT_cancel_install,
     DGS_OT_check_engine,
     DGS_OT_open_preferences,
+    DGS_FH_data_set,
     DGS_FH_photos,
     DGS_FH_twin,
     DGS_OT_estimate,

@@ -1,4 +1,4 @@
-"""Files dropped onto a 3D view: a photo brings its folder along, splats become a twin."""
+"""Files dropped onto a 3D view: a photo brings its folder along, cameras their photos, splats become a twin."""
 
 from __future__ import annotations
 
@@ -24,6 +24,15 @@ class DGS_FH_photos(_Drop):
     bl_label = "Descatter: Photos"
     bl_import_operator = "dgs.choose_photos"
     bl_file_extensions = ";".join(sorted(SUFFIXES | HEIF | MOVIES))  # whether HEIC can be read is said after the drop
+
+
+class DGS_FH_data_set(_Drop):
+    """Cameras that lie with their photos, such as a transforms.json."""
+
+    bl_idname = "DGS_FH_data_set"
+    bl_label = "Descatter: Photos and Cameras"
+    bl_import_operator = "dgs.choose_photos"
+    bl_file_extensions = ".json"
 
 
 class DGS_FH_twin(_Drop):

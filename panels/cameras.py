@@ -6,6 +6,7 @@ from typing import Any
 
 import bpy
 
+from ..dgs_addon.data_sets import came_with_photos
 from ..dgs_addon.job.steps import cameras_found, results
 from .layout import Step, figures, ready, sentence, split
 
@@ -26,6 +27,8 @@ class DGS_PT_cameras(Step, bpy.types.Panel):
         layout.prop(settings, "cameras", text="Source")
         if settings.cameras == "model":
             layout.prop(settings, "model")
+            if came_with_photos(settings):
+                sentence(layout, context, "They came with the photos", "CHECKMARK")
         elif settings.cameras == "scene":
             sentence(layout, context, "Cameras of this scene that are named as the photos are", "INFO")
         else:

@@ -7,11 +7,19 @@ from typing import Any
 import bpy
 from bpy.app.translations import pgettext_rpt as rpt_
 
+from ..dgs_addon.drawing.drawer import drawer, forget_card
 from ..dgs_addon.engine.folder import engine_folder, is_installed
 from ..dgs_addon.engine.install import errand
+from ..dgs_addon.window import redraw_views
 
 #: Last lines of a check that are shown; the whole of it is in the log.
 _SHOWN = 24
+
+
+def _try_again(_settings: Any, _context: Any) -> None:
+    """Another wish: a card that has failed is tried again."""
+    forget_card()
+    redraw_views()
 
 
 class DGS_AP_preferences(bpy.types.AddonPreferences):
@@ -30,6 +38,17 @@ class DGS_AP_preferences(bpy.types.AddonPreferences):
         description="Folder of downloaded wheels to install from without a network. Empty: from the network",
     )
 
+    draw_with: bpy.props.EnumProperty(
+        name="Draw With",
+        items=(
+            ("AUTO", "Automatic", "The graphics card where there is one, else the engine"),
+            ("CARD", "Graphics Card", "A shader blends the splats on the graphics card"),
+            ("ENGINE", "Engine", "The engine draws pictures in its own process, as it does for final pictures"),
+        ),
+        update=_try_again,
+        description="Who draws splats in 3D views. Final pictures are always the engine's",
+    )
+
     def draw(self, context: Any) -> None:
         """Where the engine is, the button that installs it, and what the last check said."""
         layout = self.layout
@@ -40,6 +59,8 @@ class DGS_AP_preferences(bpy.types.AddonPreferences):
             self._draw_install(layout, context)
         layout.operator("dgs.check_engine", icon="VIEWZOOM")
         self._draw_errand(layout)
+        layout.prop(self, "draw_with")
+        layout.label(text=drawer().why, icon="SHADING_RENDERED", translate=False)
 
     def _draw_install(self, layout: Any, context: Any) -> None:
         layout.prop(self, "wheels")

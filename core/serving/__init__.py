@@ -2,9 +2,10 @@
 
 shared_area   memory that both processes see, which is gone when both have ended
 messages      what is asked and answered, one JSON object a line
+shown_rows    which of a twin's splats are shown
 stage         twins moved, turned, scaled and cropped, as one set of Gaussians
 picture       a camera's view of the stage as rows of pixels
 server        the loop of the process
 
-`shared_area` and `messages` are read by Blender's own Python: they need numpy only.
+`shared_area`, `messages` and `shown_rows` are read by Blender's own Python: they need numpy only.
 """

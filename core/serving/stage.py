@@ -11,23 +11,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..camera import Camera
 from ..cloud import GaussianCloud
-from ..constants import LOG_SCALE_LIMIT, NEAR_PLANE
+from ..constants import LOG_SCALE_LIMIT
 from ..formats.turning import moved, rotated_harmonics
 from ..gaussians import Gaussians
 from .messages import Floats, PlacedTwin, SharedTwin
+from .shown_rows import POINTS, Matrix, logits, matrix_of, nearest_depth, shown_rows
 
-Matrix = NDArray[np.float64]
-
-#: Points that the distance of what a camera sees is estimated from, as `core.training.scale` does it.
-_POINTS = 2000
 #: Axes that differ from a turned and scaled system by less than this share count as one.
 _ROUNDING = 1e-5
-#: Opacities are kept inside (0, 1) by this much: their logits are finite.
-_LEAST_OPACITY = 1e-7
 
 
 @dataclass(frozen=True)
@@ -73,9 +67,7 @@ class Staged:
 
     def near(self, camera: Camera) -> float | None:
         """Nearest depth that is drawn, for a camera in the own units; None where nothing lies before it."""
-        depths = self.points @ camera.rotation[2] + camera.translation[2]
-        ahead = depths[depths > 0]
-        return NEAR_PLANE * float(np.median(ahead)) if len(ahead) else None
+        return nearest_depth(self.points @ camera.rotation[2] + camera.translation[2])
 
 
 class Stage:
@@ -89,12 +81,10 @@ class Stage:
     def put(self, twin: SharedTwin, planes: Sequence[Floats]) -> None:
         """Takes over a twin's Gaussians; the memory is free again afterwards."""
         positions, scales, rotations, base, *rest = planes
-        opacity = np.clip(base[:, 3], _LEAST_OPACITY, 1.0 - _LEAST_OPACITY)
         with np.errstate(divide="ignore", invalid="ignore"):
             log_scales = np.clip(np.log(scales), -LOG_SCALE_LIMIT, LOG_SCALE_LIMIT)
         sh = np.stack([base[:, :3], *rest], axis=1)
-        logits = np.log(opacity / (1.0 - opacity))
-        self._twins[twin.key] = GaussianCloud(positions.copy(), log_scales, rotations.copy(), logits, sh)
+        self._twins[twin.key] = GaussianCloud(positions.copy(), log_scales, rotations.copy(), logits(base[:, 3]), sh)
 
     def forget(self, key: str) -> None:
         """Drops a twin; no error if it is not there."""
@@ -110,10 +100,10 @@ class Stage:
         there = [twin for twin in placed if twin.key in self._twins and np.isfinite(twin.matrix).all()]
         if not there:
             return None
-        first = similarity(_matrix(there[0].matrix))
+        first = similarity(matrix_of(there[0].matrix))
         to_scene = first if first is not None else Similarity(np.eye(3), 1.0, np.zeros(3))
         back = np.linalg.inv(_whole(to_scene))
-        relative = tuple(replace(twin, matrix=_rounded(back @ _matrix(twin.matrix))) for twin in there)
+        relative = tuple(replace(twin, matrix=_rounded(back @ matrix_of(twin.matrix))) for twin in there)
         if relative not in self._staged:
             while len(self._staged) > 1:  # one for the window, one for the final picture
                 self._staged.pop(next(iter(self._staged)))
@@ -138,31 +128,21 @@ class Stage:
             np.concatenate([cloud.opacity_logits for cloud in clouds]),
             np.concatenate(padded),
         )
-        points = means[:: max(1, len(means) // _POINTS)]
+        points = means[:: max(1, len(means) // POINTS)]
         identity = Similarity(np.eye(3), 1.0, np.zeros(3))
         return Staged(Gaussians.from_cloud(cloud, self._device), origin, size, identity, points)
 
 
 def shown(cloud: GaussianCloud, twin: PlacedTwin) -> GaussianCloud:
     """What is shown of a twin, in the axes that its matrix leads to."""
-    kept = np.isfinite(cloud.means).all(axis=1)
-    kept &= cloud.opacity_logits >= _logit(twin.faintest)
-    if twin.most is not None and twin.most < len(cloud):
-        share, index = twin.most / len(cloud), np.arange(len(cloud))
-        kept &= np.floor((index + 1) * share) > np.floor(index * share)
-    if twin.box is not None:
-        box = _matrix(twin.box)
-        inside = cloud.means.astype(np.float64) @ box[:3, :3].T + box[:3, 3]
-        kept &= (np.abs(inside) <= 1.0).all(axis=1)
-    if twin.size <= 0:
-        kept[:] = False
-    elif twin.size != 1.0:
+    kept = shown_rows(cloud.means, cloud.opacity_logits, twin)
+    if twin.size > 0 and twin.size != 1.0:
         cloud = replace(cloud, log_scales=cloud.log_scales + np.float32(np.log(twin.size)))
     if not kept.all():
         cloud = GaussianCloud(
             *(a[kept] for a in (cloud.means, cloud.log_scales, cloud.quaternions, cloud.opacity_logits, cloud.sh))
         )
-    return carried(cloud, _matrix(twin.matrix))
+    return carried(cloud, matrix_of(twin.matrix))
 
 
 def carried(cloud: GaussianCloud, matrix: Matrix) -> GaussianCloud:
@@ -232,17 +212,6 @@ def _quaternions(rotations: Matrix) -> Matrix:
     ):
         k[:, i, j] = k[:, j, i] = value
     return np.linalg.eigh(k)[1][:, [3, 0, 1, 2], -1]
-
-
-def _logit(opacity: float) -> float:
-    opacity = min(max(opacity, 0.0), 1.0)
-    if opacity <= _LEAST_OPACITY:
-        return -np.inf
-    return np.inf if opacity >= 1.0 else float(np.log(opacity / (1.0 - opacity)))
-
-
-def _matrix(values: Sequence[float]) -> Matrix:
-    return np.array(values, np.float64).reshape(4, 4)
 
 
 def _whole(similarity: Similarity) -> Matrix:

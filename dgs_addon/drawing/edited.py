@@ -13,13 +13,11 @@ from typing import Any
 
 import bpy
 
-from ...core.errors import DgsError
 from ..scene.reading import readable
 from ..scene.twin import TWIN, is_twin
 from ..window import redraw_views
 from .contents import content_of
-from .picture_server import PictureServer
-from .process import picture_server
+from .held_twins import TwinStore
 
 #: A read is followed by no other for so many times the time that it took.
 _REST = 3.0
@@ -29,8 +27,9 @@ _STATES = 3
 
 @dataclass
 class _Edit:
-    """One mesh in Edit Mode."""
+    """One mesh in Edit Mode, and who draws it."""
 
+    server: TwinStore
     key: str | None = None
     changed: bool = True
     earlier: deque[str] = field(default_factory=deque)
@@ -40,16 +39,17 @@ class _Edit:
 _edits: dict[int, _Edit] = {}
 
 
-def edited_key(twin: Any, server: PictureServer) -> str | None:
+def edited_key(twin: Any, server: TwinStore) -> str | None:
     """The key of the last state of an edited twin that was read; None where there is none yet, '' if it is empty."""
-    edit = _edits.setdefault(twin.data.session_uid, _Edit())
+    edit = _edits.setdefault(twin.data.session_uid, _Edit(server))
+    edit.server = server
     edit.changed |= bool(edit.key) and not server.has(str(edit.key))
     if edit.changed and not bpy.app.timers.is_registered(_read):
         bpy.app.timers.register(_read, first_interval=max(0.0, edit.rests_until - time.monotonic()))
     return edit.key
 
 
-def final_key(twin: Any, server: PictureServer) -> str | None:
+def final_key(twin: Any, server: TwinStore) -> str | None:
     """The key of an edited twin as it is now, without any tint; None where nothing of it is to be seen."""
     with readable(twin) as mesh:
         content = content_of(mesh, twin.data.session_uid, int(twin[TWIN]))
@@ -72,22 +72,18 @@ def forget_edits() -> None:
 
 
 def _read() -> None:
-    try:
-        server = picture_server()
-    except DgsError:
-        return
     twins = {thing.data.session_uid: thing for thing in bpy.data.objects if is_twin(thing) and thing.data.is_editmode}
     for gone in _edits.keys() - twins.keys():
         del _edits[gone]
     for number, edit in _edits.items():
         if edit.changed:
             began = time.monotonic()
-            _take(edit, twins[number], server)
+            _take(edit, twins[number], edit.server)
             edit.rests_until = time.monotonic() + _REST * (time.monotonic() - began)
             redraw_views()
 
 
-def _take(edit: _Edit, twin: Any, server: PictureServer) -> None:
+def _take(edit: _Edit, twin: Any, server: TwinStore) -> None:
     with readable(twin) as mesh:
         content = content_of(mesh, twin.data.session_uid, int(twin[TWIN]), tinted=True)
     edit.changed = False

@@ -12,11 +12,11 @@ from typing import Any
 
 import bpy
 
-from ..engine.interpreter import why_not
 from ..scene.live import drawn_live, set_drawn_live
 from ..scene.nodes import LIVE_INPUT, set_splat_input, splat_input, splat_modifier, splat_value
 from ..scene.twin import is_twin
 from . import process
+from .drawer import can_draw, card_draws
 from .render_engine import ENGINE
 from .viewport import Look, draw_twins
 
@@ -55,12 +55,12 @@ def stop() -> None:
 
 def wanted() -> bool:
     """Whether twins are to be outlines: their splats are drawn in all viewports there are."""
-    return process.draws() and _possible()
+    return (card_draws() or process.draws()) and _possible()
 
 
 def _possible() -> bool:
     """Whether splats may be drawn over all viewports there are."""
-    if why_not():
+    if not can_draw():
         return False
     for window in bpy.context.window_manager.windows:
         scene = window.scene

@@ -9,10 +9,12 @@ import bpy
 
 from ..scene.hiding import follow
 from . import live, process
+from .drawer import forget_card
 from .edited import forget_edits
 from .meshes import forget_meshes
 from .quad import forget_shaders
 from .render_engine import BACKGROUND, ENGINE, EXPECTED_ERROR, DescatterRenderEngine
+from .splat_shader import forget_splat_shaders
 from .through import THROUGH
 from .twins import changed_twins, forget_twins
 from .viewport import forget_views
@@ -69,7 +71,9 @@ def unregister_drawing() -> None:
     forget_edits()
     process.stop()
     forget_views()
+    forget_card()
     forget_shaders()
+    forget_splat_shaders()
     forget_meshes()
     bpy.app.handlers.load_post.remove(_forget)
     for watcher in (_watch, follow):

@@ -12,6 +12,7 @@ from ...core.colour import srgb_to_linear
 from ...core.errors import CameraError, DgsError
 from ...core.serving.messages import View
 from ..scene.material import OWN_ENGINE
+from .holdouts import held_out, holdout_corners
 from .meshes import draw_meshes, forget_meshes, visible_meshes
 from .picture_server import Picture, PictureServer
 from .process import picture_server
@@ -46,6 +47,7 @@ class DescatterRenderEngine(bpy.types.RenderEngine):
     def update(self, data: Any, depsgraph: Any) -> None:
         """Reads the scene, while nobody else can change it."""
         self._view, self._guessed, self._failure, self._back = None, None, "", 0.0
+        self._holdouts, self._near, self._solid = np.zeros((0, 3, 3)), 0.0, 0.0
         try:
             self._server = picture_server()
             self._view = self._asked(depsgraph)
@@ -63,11 +65,13 @@ class DescatterRenderEngine(bpy.types.RenderEngine):
         if picture is None:
             return
         height, width = picture.pixels.shape[:2]
+        if len(self._holdouts):
+            self._hold_out(picture, guessed)
         layer = depsgraph.view_layer_eval
         result = self.begin_result(0, 0, width, height, layer=layer.name, view=self.active_view_get())
         passes = result.layers[0].passes
         _fill(passes.get("Combined"), picture.pixels)
-        if picture.depth is not None:
+        if picture.depth is not None and layer.use_pass_z:
             _fill(passes.get("Depth"), _depths(picture, self._back))
         if guessed is not None:
             _fill(passes.get(ERROR_PASS), _shares(guessed))
@@ -113,7 +117,23 @@ class DescatterRenderEngine(bpy.types.RenderEngine):
         twins = placed_twins(depsgraph, self._server, fresh=True)
         layer = depsgraph.view_layer_eval
         blur = blur_before(scene, camera, self._back) if is_through(scene) else None
-        return View(twins, camera, layer.use_pass_z, True, background_of(scene), layer.pass_alpha_threshold, blur=blur)
+        self._holdouts = holdout_corners(depsgraph)
+        self._near = scene.camera.data.clip_start + self._back
+        self._solid = layer.pass_alpha_threshold
+        deep = layer.use_pass_z or len(self._holdouts) > 0
+        # Soft edges of twins, too, lie before a holdout or behind it.
+        solid = 0.0 if len(self._holdouts) else self._solid
+        return View(twins, camera, deep, True, background_of(scene), solid, blur=blur)
+
+    def _hold_out(self, picture: Picture, guessed: Picture | None) -> None:
+        """Nothing is seen where a holdout is nearer than the twins, as in Cycles and EEVEE."""
+        assert picture.depth is not None
+        hidden = held_out(self._holdouts, picture.view.camera, self._near) < picture.depth
+        faint = hidden | (picture.pixels[..., 3] <= self._solid)
+        for drawn in (picture, guessed):
+            if drawn is not None:
+                drawn.pixels[hidden] = 0.0
+        picture.depth[faint] = _NOWHERE
 
     def _drawn(self, view: View) -> Picture | None:
         server: PictureServer = self._server

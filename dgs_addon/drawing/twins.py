@@ -15,6 +15,7 @@ from ..scene.reading import readable
 from ..scene.twin import TWIN, is_twin
 from .contents import content_of, guessed_of
 from .edited import edited_key, final_key, note_change
+from .held_twins import TwinStore
 from .picture_server import PictureServer
 
 #: Keys of the meshes that were read, by their number in this session: they hold until the mesh changes. '' where
@@ -22,13 +23,12 @@ from .picture_server import PictureServer
 _keys: dict[int, str] = {}
 
 
-def placed_twins(
-    depsgraph: Any, server: PictureServer, space: Any = None, fresh: bool = False
-) -> tuple[PlacedTwin, ...]:
-    """The twins that are to be seen, handed over to the server where it has not got them.
+def placed_twins(depsgraph: Any, server: TwinStore, space: Any = None, fresh: bool = False) -> tuple[PlacedTwin, ...]:
+    """The twins that are to be seen, handed over to whoever draws them.
 
     Args:
         depsgraph: of the picture; its mode says what is visible.
+        server: who draws it.
         space: the 3D view that they are drawn in, which may hide some; None for a final picture.
         fresh: read meshes again even if nobody said that they had changed.
     """
@@ -97,7 +97,7 @@ def forget_twins() -> None:
     _keys.clear()
 
 
-def _key(twin: Any, server: PictureServer, fresh: bool) -> str | None:
+def _key(twin: Any, server: TwinStore, fresh: bool) -> str | None:
     """The key of a twin's present state; None where its attributes are not those of a twin."""
     mesh = twin.data
     known = _keys.get(mesh.session_uid)

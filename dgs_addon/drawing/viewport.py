@@ -9,8 +9,10 @@ from typing import Any
 import bpy
 
 from ...core.camera import Camera
-from ...core.errors import DgsError
+from ...core.errors import DeviceError, DgsError
 from ...core.serving.messages import Blur, PlacedTwin, View
+from .card import CardView
+from .drawer import drawer, note_failure, the_card
 from .follower import Follower
 from .process import picture_server
 from .quad import Quad
@@ -33,6 +35,12 @@ class Shown:
 
     follower: Follower
     quad: Quad = field(default_factory=Quad)
+    card: CardView | None = None
+
+    @property
+    def done(self) -> bool:
+        """Whether what is drawn is what the view shows."""
+        return self.follower.done if self.card is None else not self.card.waiting
 
 
 @dataclass(frozen=True)
@@ -60,31 +68,60 @@ def draw_twins(context: Any, depsgraph: Any, look: Look) -> str:
         Why there can be none; '' if nothing is wrong.
     """
     region, eye = context.region, context.region_data
+    camera, back = window_camera(eye.view_matrix, eye.window_matrix, region.width, region.height)
+    nearer = _BEFORE_POINTS * eye.view_distance if context.mode == "EDIT_MESH" else 0.0
     try:
-        server = picture_server()
-        twins = placed_twins(depsgraph, server, context.space_data)
-        camera, back = window_camera(eye.view_matrix, eye.window_matrix, region.width, region.height)
         blur = blur_before(context.scene, camera, back) if look.through else None
+        by_card = blur is None and drawer().card
+        server = the_card().twins if by_card else picture_server()
+        twins = placed_twins(depsgraph, server, context.space_data)
     except DgsError as error:
         return str(error)
-    now = time.monotonic()
-    if server.error and now - server.failed < _RETRY:
-        return server.error
     shown = _views.setdefault(region.as_pointer(), Shown(Follower(f"view {region.as_pointer()}")))
     key = twins, look, blur, region.width, region.height, _row(eye.view_matrix), _row(eye.window_matrix)
     if not twins and look.background is None:
         shown.follower.clear()
         return ""
-    shown.follower.show(key, look.of(twins, camera, blur), now)
+    view = look.of(twins, camera, blur)
+    window = eye.window_matrix if look.depth else None
+    if by_card:
+        return _by_card(shown, key, view, window, back + nearer)
+    shown.card = None
+    return _by_engine(shown, key, view, window, back + nearer)
+
+
+def _by_card(shown: Shown, key: object, view: View, window: Any, back: float) -> str:
+    if shown.card is None:
+        _forget_closed()
+        shown.card = CardView()
+        shown.follower.clear()
+    try:
+        shown.card.draw(the_card(), key, view, window, back)
+    except DeviceError as error:
+        note_failure(error)
+        shown.card = None
+        return str(error)
+    if shown.card.waiting:
+        _look_later()
+    return ""
+
+
+def _by_engine(shown: Shown, key: object, view: View, window: Any, back: float) -> str:
+    server, now = picture_server(), time.monotonic()
+    if server.error and now - server.failed < _RETRY:
+        return server.error
+    shown.follower.show(key, view, now)
     shown.follower.step(server, now)
-    if not shown.follower.done and not bpy.app.timers.is_registered(_tick):
-        bpy.app.timers.register(_tick, first_interval=_TICK, persistent=True)
+    if not shown.follower.done:
+        _look_later()
     if shown.follower.picture is not None:
-        size = region.width, region.height
-        if context.mode == "EDIT_MESH":
-            back += _BEFORE_POINTS * eye.view_distance
-        shown.quad.draw(shown.follower.picture, size, eye.window_matrix if look.depth else None, back)
+        shown.quad.draw(shown.follower.picture, (view.camera.width, view.camera.height), window, back)
     return server.error
+
+
+def _look_later() -> None:
+    if not bpy.app.timers.is_registered(_tick):
+        bpy.app.timers.register(_tick, first_interval=_TICK, persistent=True)
 
 
 def forget_views() -> None:
@@ -96,21 +133,31 @@ def forget_views() -> None:
 
 def _tick() -> float | None:
     """Takes pictures that have come, and has their views drawn."""
-    regions = {region.as_pointer(): region for region in _regions()}
-    for gone in _views.keys() - regions.keys():
-        del _views[gone]
-    try:
-        server = picture_server()
-    except DgsError:
-        return None
+    regions = _forget_closed()
     now, waiting = time.monotonic(), False
     for number, shown in _views.items():
-        if shown.follower.done:
+        if shown.done:
+            continue
+        if shown.card is not None:
+            regions[number].tag_redraw()  # (the order is there as soon as a thread has sorted it)
+            waiting = True
+            continue
+        try:
+            server = picture_server()
+        except DgsError:
             continue
         if shown.follower.step(server, now):
             regions[number].tag_redraw()
         waiting |= not shown.follower.done and not server.error
     return _TICK if waiting else None
+
+
+def _forget_closed() -> dict[int, Any]:
+    """Lets go of views that were closed; those that are open, by their numbers."""
+    regions = {region.as_pointer(): region for region in _regions()}
+    for gone in _views.keys() - regions.keys():
+        del _views[gone]
+    return regions
 
 
 def _regions() -> list[Any]:

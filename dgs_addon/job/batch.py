@@ -13,6 +13,7 @@ import bpy
 
 from ...core.errors import DgsError
 from ...core.json_shape import any_text, check_shape, number, text
+from ...core.photos.data_set import photos_in
 from ..engine.process import RUN
 from ..paths import absolute
 from ..photos import photo_folder
@@ -70,7 +71,7 @@ def running() -> bool:
 
 
 def photo_sets(parent: Path) -> list[Path]:
-    """Folders in a folder that hold photos enough for a twin, by name; those of results are none.
+    """Folders in a folder that hold photos enough for a twin, or a data set with them, by name; results are none.
 
     Raises:
         DgsError: it cannot be read.
@@ -79,7 +80,7 @@ def photo_sets(parent: Path) -> list[Path]:
         inner = sorted(path for path in parent.iterdir() if path.is_dir() and not path.name.startswith("."))
     except OSError as error:
         raise DgsError(f"The folder '{parent}' cannot be read ({error.strerror})", "Choose another") from error
-    return [path for path in inner if not path.name.endswith(_RESULTS) and not photo_folder(path).problem]
+    return [path for path in inner if not path.name.endswith(_RESULTS) and not photo_folder(photos_in(path)).problem]
 
 
 def batch_command(python: Path, folders: list[Path], options: Options) -> list[str]:

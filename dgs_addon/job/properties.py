@@ -7,6 +7,7 @@ from typing import Any
 import bpy
 
 from ...core.effects.choices import effect_items
+from ..data_sets import take_data_set
 from ..laboratory.media.registry import MEDIA
 from ..photos import forget
 from ..window import redraw_views
@@ -53,9 +54,10 @@ _CAMERAS = (
 
 
 def _read_photos(settings: Any, _context: Any) -> None:
-    """Another folder: all its photos count, and it has its own results and thumbnails."""
+    """Another folder: all its photos count, it has its own results and thumbnails, and may have cameras of its own."""
     settings.selection = ""
     forget()
+    take_data_set(settings)
 
 
 def _watch(settings: Any, _context: Any) -> None:
@@ -74,7 +76,8 @@ class DGS_PG_settings(bpy.types.PropertyGroup):
         subtype="DIR_PATH",
         options=_RELATIVE,
         update=_read_photos,
-        description="Folder with the photos: PNG, JPEG, TIFF, WebP, BMP or HEIC, at least three. Or a movie",
+        description="Folder with the photos: PNG, JPEG, TIFF, WebP, BMP or HEIC, at least three. Or a movie, or a"
+        " data set with photos and cameras",
     )
     selection: bpy.props.StringProperty(
         name="Chosen Photos",
@@ -125,6 +128,11 @@ class DGS_PG_settings(bpy.types.PropertyGroup):
         subtype="FILE_PATH",
         options=_RELATIVE,
         description="A file of cameras or a folder with one, such as a transforms.json or the folder of a COLMAP model",
+    )
+    model_of_set: bpy.props.StringProperty(
+        name="Cameras of the Photos",
+        options={"HIDDEN"},
+        description="The model that came with the photos; other photos do not keep it",
     )
 
     medium: bpy.props.EnumProperty(

@@ -6,6 +6,8 @@ that puts one over the other, px by px, by the depths of what is seen:
 
     twin nearer:  twin over meshes        meshes nearer:  meshes over twin        (colours multiplied by alpha)
 
+A mesh that is a holdout leaves no depth. It goes into the twins' scene, too: there Descatter holds out what is behind.
+
 In 3D views nothing changes: twins stay in the scene, and only its renders leave them to the other one.
 """
 
@@ -24,6 +26,8 @@ from .twin import is_twin
 GROUP, COLLECTION = "Descatter Depth Composite", "Descatter Twins"
 #: Scene property of the twins' scene: whose twins it renders.
 TWINS_OF = "dgs_twins_of"
+#: The collection of the twins' scene with the meshes' holdouts.
+HOLDOUTS = "Descatter Holdouts"
 _NODE = "Descatter Composite"
 #: Sockets of the group.
 _INPUTS = (("Meshes", "Color"), ("Meshes Depth", "Float"), ("Twin", "Color"), ("Twin Depth", "Float"))
@@ -74,6 +78,7 @@ def _scene_of_twins(scene: Any, twins: Sequence[Any]) -> Any:
     for twin in twins:
         if twin.name not in other.collection.objects:
             other.collection.objects.link(twin)
+    _take_holdouts(scene, other)
     other.camera, other.render.engine = scene.camera, OWN_ENGINE
     other.render.film_transparent = True
     show_colours(other)
@@ -81,6 +86,25 @@ def _scene_of_twins(scene: Any, twins: Sequence[Any]) -> Any:
         # Wherever a twin is seen at all it has a depth: its soft edges, too, lie before something or behind it.
         layer.use_pass_z, layer.pass_alpha_threshold = True, 0.0
     return other
+
+
+def _take_holdouts(scene: Any, other: Any) -> None:
+    """All that holds something out of the scene's pictures holds twins out, too."""
+    layer = scene.view_layers[0]
+    things = [t for t in scene.objects if not is_twin(t) and (t.is_holdout or t.holdout_get(view_layer=layer))]
+    inside = next((child for child in other.collection.children if child.get(TWINS_OF)), None)
+    if inside is None:
+        if not things:
+            return
+        inside = bpy.data.collections.new(HOLDOUTS)
+        inside[TWINS_OF] = True
+        other.collection.children.link(inside)
+    for thing in [t for t in inside.objects if t not in things]:
+        inside.objects.unlink(thing)
+    for thing in [t for t in things if t.name not in inside.objects]:
+        inside.objects.link(thing)
+    for layer in other.view_layers:
+        layer.layer_collection.children[inside.name].holdout = True
 
 
 def _leave_out(scene: Any, twins: Sequence[Any]) -> None:

@@ -90,6 +90,53 @@ def test_a_twin_lies_before_and_behind_meshes(scene: Any, tmp_path: Path) -> Non
     assert np.abs(among - twin)[~inside].max() <= 2
 
 
+@pytest.mark.parametrize("by_collection", [False, True])
+def test_a_holdout_holds_out_what_is_behind_it(scene: Any, tmp_path: Path, by_collection: bool) -> None:
+    """The twin, the mesh behind it and the holdout, which is behind, before and among the splats."""
+    twin = alone(scene, tmp_path / "alone.png")
+    wall((0.0, 1.0, 0.0), 9.0, 30.0)
+    hole = wall((1.0, 0.0, 0.0), 8.0, 5.0)
+    if by_collection:
+        inner = bpy.data.collections.new("held out")
+        scene.collection.children.link(inner)
+        inner.objects.link(hole)
+        scene.collection.objects.unlink(hole)
+        scene.view_layers[0].layer_collection.children["held out"].holdout = True
+    else:
+        hole.is_holdout = True
+    bpy.ops.dgs.composite_meshes()
+    behind = rendered(scene, tmp_path / "behind.png")
+    solid, nothing = twin[..., 3] == 255, twin[..., 3] == 0
+    assert np.abs(behind - twin)[solid].max() <= 2, "the twin is before it"
+    assert (behind[nothing] == (0, 255, 0, 255)).all()
+    soft = (twin[..., 3] > 60) & (twin[..., 3] < 200)
+    held = np.abs(behind - twin)[soft].max(axis=1) <= 2
+    assert 0.1 < held.mean() < 0.9, "nothing is behind it where the wall is held out"
+    assert (behind[soft][~held][:, 3] > twin[soft][~held][:, 3]).all()
+    hole.location.y = 2.0
+    assert not rendered(scene, tmp_path / "before.png").any(), "it is before all"
+    hole.location.y, hole.scale = 4.2, (0.15, 0.15, 0.15)
+    among = rendered(scene, tmp_path / "among.png")
+    away = np.abs(among - twin)[solid].max(axis=1)
+    cut = (among[solid] == 0).all(axis=1)
+    assert 0.01 < cut.mean() < 0.7, "some of the splats are before it, some behind"
+    assert (away[~cut] > 2).mean() < 0.05, "but for its edges, which Cycles smooths"
+
+
+def test_a_holdout_cuts_final_pictures_of_twins_alone(scene: Any, tmp_path: Path) -> None:
+    whole = alone(scene, tmp_path / "alone.png")
+    hole = wall((1.0, 0.0, 0.0), 2.0, 0.5)
+    assert np.array_equal(alone(scene, tmp_path / "mesh.png"), whole), "meshes are not rendered"
+    hole.is_holdout = True
+    cut = alone(scene, tmp_path / "cut.png")
+    gone = (cut == 0).all(axis=2) & (whole[..., 3] > 0)
+    assert gone.any() and np.array_equal(cut[~gone], whole[~gone])
+    scene.render.film_transparent = False
+    scene.render.engine = "DESCATTER"
+    opaque = rendered(scene, tmp_path / "opaque.png")
+    assert (opaque[gone][:, 3] == 0).all() and (opaque[2, 2] == (0, 0, 0, 255)).all()
+
+
 def test_views_keep_the_twin_and_only_renders_leave_it_out(scene: Any, tmp_path: Path) -> None:
     twin = next(thing for thing in scene.objects if "dgs_harmonics" in thing)
     wall((0.0, 1.0, 0.0), 9.0)

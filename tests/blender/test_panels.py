@@ -69,7 +69,7 @@ def test_who_is_offline_sees_the_way_to_the_network(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(preferences, "bpy", SimpleNamespace(app=app))
     monkeypatch.setattr(preferences, "engine_folder", lambda: "somewhere")
     monkeypatch.setattr(preferences, "is_installed", lambda: False)
-    given = SimpleNamespace(python="", wheels="")
+    given = SimpleNamespace(python="", wheels="", draw_with="AUTO")
     paper = drawn(preferences.DGS_AP_preferences, **vars(given))
     assert ("use_online_access" in paper.props) is not override
     assert ("--offline-mode" in paper.words) is override

@@ -6,6 +6,7 @@ Asked for as `test_window.py` is: DGS_WINDOW=sid (Blender 5.2) or DGS_WINDOW=tri
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from dgs.command_line import run
 from dgs.core.camera import Camera
 from dgs.core.formats.colmap import write_model
 from dgs.core.formats.ply import write_ply
+from dgs.core.formats.transforms import write_transforms
 from dgs.core.views import SparsePoints
 from dgs.tests.gui import window
 from dgs.tests.gui.test_drawing import ball
@@ -22,6 +24,8 @@ from PIL import Image
 
 pytestmark = pytest.mark.timeout(900)
 SIZE = 600, 400
+#: Photos, and how far their cameras are turned about the ball, radians.
+ANGLES = (("a", 0.0), ("b", 0.5), ("c", 1.0))
 
 
 def camera(name: str, angle: float) -> Camera:
@@ -37,7 +41,7 @@ def photographed(work: Path) -> None:
     (out / "cameras").mkdir(parents=True)
     cloud = ball()
     write_ply(out / "twin.ply", cloud)
-    cameras = {f"{name}.png": camera(f"{name}.png", angle) for name, angle in (("a", 0.0), ("b", 0.5), ("c", 1.0))}
+    cameras = {f"{name}.png": camera(f"{name}.png", angle) for name, angle in ANGLES}
     write_model(out / "cameras", cameras, SparsePoints(np.array([[0.0, 0, 0]]), np.full((1, 3), 9, np.uint8)))
     report = {"photos": {"folder": str(work / "photos")}, "settings": {"run": {"cameras": None}}}
     report |= {"medium": {"psf": "gaussian:3"}, "heldout": {"degraded": {}, "sharp": {}}}
@@ -52,6 +56,9 @@ def work(tmp_path_factory: pytest.TempPathFactory) -> Path:
     window.skip_unless_asked()
     work = tmp_path_factory.mktemp("view")
     photographed(work)
+    shutil.copytree(work / "photos", work / "set" / "train")
+    cameras = {f"train/{name}.png": camera(f"train/{name}.png", angle) for name, angle in ANGLES}
+    write_transforms(work / "set" / "transforms_train.json", cameras)
     window.play(work, "view_story.py", 600)
     return work
 
@@ -80,6 +87,11 @@ def photo(work: Path, folder: str) -> np.ndarray:
 #: What of the frame is compared: no words, no line, no bars of the window.
 LEFT = slice(60, 340), slice(160, 280)
 RIGHT = slice(60, 340), slice(320, 440)
+
+
+def test_a_dropped_data_set_brings_photos_and_cameras(work: Path, seen: dict[str, Any]) -> None:
+    wanted = [str(work / "set" / "train"), "model", str(work / "set" / "transforms_train.json")]
+    assert seen["data set"] == wanted and seen["without it"] == ["photos", ""]
 
 
 def test_a_twin_arrives_as_the_engine_sees_it(seen: dict[str, Any]) -> None:

@@ -35,7 +35,8 @@ def _addon(module: str) -> Any:
 
 
 def story(robot: Robot) -> Story:
-    """Arrival, View Twin, comparisons."""
+    """A data set, arrival, View Twin, comparisons."""
+    yield from _data_set_is_dropped(robot)
     bpy.ops.wm.save_as_mainfile(filepath=str(FOLDER / "saved.blend"))
     settings = bpy.context.scene.dgs
     settings.photos, settings.out, settings.truth = (f"//{name}" for name in ("photos", "out", "sharp"))
@@ -47,6 +48,24 @@ def story(robot: Robot) -> Story:
     yield from _outdated(robot)
     _saved()
     _among_meshes()
+
+
+def _data_set_is_dropped(robot: Robot) -> Story:
+    """Cameras that lie with their photos are dropped: the panel takes both."""
+    settings, window = bpy.context.scene.dgs, bpy.context.window_manager.windows[0]
+    yield from robot.open_tab("Descatter")
+    with bpy.context.temp_override(window=window, area=robot.area(), region=robot.sidebar()):
+        files = [{"name": "transforms_train.json"}]
+        bpy.ops.wm.drop_import_file("INVOKE_DEFAULT", directory=str(FOLDER / "set"), files=files)
+    yield 1.0
+    if not settings.photos:  # Blender asks which of its handlers is to take it
+        yield from robot.picture("data-set-menu", out_of_the_way=False)
+        robot.key("Return")
+        yield 1.0
+    yield from robot.picture("data-set")
+    seen["data set"] = [settings.photos, settings.cameras, settings.model]
+    settings.photos = ""
+    seen["without it"] = [settings.cameras, settings.model]
 
 
 def _arrives(robot: Robot) -> Story:
