@@ -80,7 +80,7 @@ def test_how_much_of_itself_is_seen() -> None:
     assert float(behind.visibility[1]) == pytest.approx(2 * 0.1, rel=0.15) and float(behind.framed[1]) == 2.0
 
 
-def test_a_centre_outside_of_the_frame_tells_nothing() -> None:
+def test_a_centre_outside_of_the_frame_says_nothing() -> None:
     outside = discs([2.0], 0.9, size=1.0)
     outside.means[0, 0] = 1.3
     found = seen_by(outside, [(camera_at(), None)], SETTINGS)
