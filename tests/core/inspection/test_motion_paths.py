@@ -5,10 +5,10 @@ import pytest
 from dgs.benchmarks.effect_scenes import Truth, own_paths
 from dgs.core.effects import haze
 from dgs.core.effects.registry import built
+from dgs.core.inspection.haze_fit import fit_haze
 from dgs.core.inspection.motion_paths import MotionPathFinder
 from dgs.core.inspection.observations import SETTINGS, _narrowed, observe_points
 from dgs.core.inspection.photo_set import PhotoSet
-from dgs.core.inspection.haze_fit import fit_haze
 
 
 @pytest.mark.parametrize("length", [6.0, 12.0])
