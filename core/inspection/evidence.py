@@ -19,7 +19,7 @@ class EvidenceSettings:
         "probability",
         "with which an effect is larger than the smallest visible one, from which on it is called needed",
         "judgement; set once, before benchmarks/effects.py was run",
-        "benchmarks/effects.py: 0 of 144 decisions on 12 clean drawn sets were false alarms",
+        "benchmarks/effects.py: 0 of 168 decisions on 12 clean drawn sets were false alarms",
     )
 
 

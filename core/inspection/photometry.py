@@ -7,7 +7,7 @@ all differences from the point's own mean being small:
 
 The point's own colour drops out. All unknowns are linear: one robust least squares per channel. What two effects
 could both explain shows in the uncertainty of both, which comes from drawing regions of space again and again. (Haze
-itself is asked about by `haze_fit`, which takes directions of view into account.)
+itself is asked about by `haze_fit`, which has directions of view besides.)
 """
 
 from __future__ import annotations
