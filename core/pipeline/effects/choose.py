@@ -229,7 +229,7 @@ class _Trials:
 
     Attributes:
         names: effects, in the order of their trials; called: those that the evidence calls needed.
-        certain: those that the same points show beyond doubt: a trial may contradict, and need not confirm.
+        certain: those that points or spectra show beyond doubt: a trial may contradict, and need not confirm.
     """
 
     names: tuple[str, ...] = ()
@@ -257,8 +257,10 @@ class _Trials:
 
 
 def _certain(called: Sequence[str], moves: str, source: PhotoSet) -> frozenset[str]:
-    """Effects that the same points show beyond doubt."""
+    """Effects that the same points, or the photos' spectra, show beyond doubt."""
     certain = [LensFocus.name] if moves == "surely" else []
+    if CameraMotion.name in called and source.motion is not None and source.motion.certain:
+        certain.append(CameraMotion.name)
     if Exposure.name in called and _differs_everywhere(source):
         certain.append(Exposure.name)  # what a run learns that asks for nothing
     return frozenset(certain)
@@ -362,7 +364,7 @@ class _Choice:
             return Decision(name, False, "the photos call for it, but too few points are seen to estimate its size")
         more = self.state.with_effect(name, effect)
         if not self._ablation.possible:
-            shown = "the same points show it beyond doubt; too few photos are there to try it"
+            shown = f"{_showing(name)} show it beyond doubt; too few photos are there to try it"
             return Decision(name, True, self._settled(name, more, shown), seconds=time.perf_counter() - began)
         # On the trial's coarse grid blurs that vary are below a px: they would cost time and show nothing.
         fine = [n for n, effect in self.state.simulated.items() if isinstance(effect, SpreadingEffect)]
@@ -373,7 +375,7 @@ class _Choice:
         shown = result.seen or f"{result.mean:+.3f} +- {result.error:.3f} dB on photos held out of a short training"
         on = result.confirms
         if not on and certain and not result.contradicts:
-            on, shown = True, f"the same points show it beyond doubt, and nothing contradicts ({shown})"
+            on, shown = True, f"{_showing(name)} show it beyond doubt, and nothing contradicts ({shown})"
         why = self._settled(name, more if on else None, shown)
         return Decision(name, on, why, None, result.mean, result.error, time.perf_counter() - began)
 
@@ -402,6 +404,11 @@ class _Choice:
         why = f"called for, but not confirmed: {shown}" if state is None else f"confirmed: {shown}"
         self._progress.note(f"{name}: {why}")
         return why
+
+
+def _showing(name: str) -> str:
+    """What shows an effect beyond doubt."""
+    return "the photos' spectra" if name == CameraMotion.name else "the same points"
 
 
 def _with_evidence(decision: Decision, found: dict[str, Evidence], effects: dict[str, Effect]) -> Decision:

@@ -265,6 +265,21 @@ def test_paths_stay_where_a_round_blur_explains_next_to_nothing(dim, monkeypatch
         assert result.confirms is confirmed
 
 
+@pytest.mark.parametrize(("gain", "on"), [(0.1, True), (-0.5, False)])
+def test_motion_that_spectra_show_beyond_doubt_need_only_not_be_contradicted(scene, monkeypatch, gain, on):
+    def scores(self, arm, medium, pair):
+        self._lengths = [6.0] * 6
+        return 30.0 + (gain + 0.1 * np.array([2, -2, 1, -1, 1.5, -1.5])) * (arm.formation.motion is not None)
+
+    monkeypatch.setattr(ablation.Ablation, "_scores", scores)
+    shaken = validation.photo_set(scene, degrade(scene, Truth(motion=12.0), seed=1))
+    assert shaken.motion is not None and shaken.motion.certain
+    found, _ = chosen("auto", shaken)
+    line = next(d for d in found.decisions if d.name == "motion")
+    assert line.on is on, line.why
+    assert ("spectra show it beyond doubt" in line.why) is on
+
+
 def glass_called(needed=True):
     return judged("glass", 3.0 if needed else 0.0, 0.2, 1.0, "px", "")
 
