@@ -25,6 +25,7 @@ FILE = "poses_bounds.npy"
 _IMAGES = ("images", "images_4", "images_8", ".")
 #: Endings that such data sets use.
 _SUFFIXES = frozenset({".png", ".jpg", ".jpeg"})
+#: Numbers in a row: a [3, 5], and two depths.
 _COLUMNS = 17
 
 
