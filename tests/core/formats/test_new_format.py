@@ -103,7 +103,7 @@ def test_a_new_camera_format_is_found_and_named(toy: None, tmp_path: Path) -> No
     model = read_cameras(tmp_path / "a.toycam")
     assert model.spec is TOY_CAMERAS and list(model.pinholes()) == ["a.png", "b.png"]
     assert len(model.points().positions) == 0
-    with pytest.raises(FormatError, match=r"COLMAP model, toy cameras"):
+    with pytest.raises(FormatError, match=r"COLMAP model, poses_bounds.npy, toy cameras"):
         read_cameras(tmp_path)
     (tmp_path / "none.toycam").write_text("{}")
     with pytest.raises(FormatError, match="places no camera"):
