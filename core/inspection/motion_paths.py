@@ -50,7 +50,7 @@ class MotionPathSettings:
         "above the smallest visible, from which on spectra show motion beyond doubt: a trial need not confirm it, as"
         " one of few steps may see nothing in photos from far apart",
         "sharp photos of the room, blurred along paths of 4 to 16 px: 10, trial 0.13 +- 0.09 dB, whole run 1.1 dB",
-        "no motion is called for on 11 sharp sets and on drawn ones without it (benchmarks/false_alarms.py, effects.py)",
+        "no motion is called for on 11 sharp sets and drawn ones without it (benchmarks/false_alarms.py)",
     )
     unseen: float = number(
         0.3, "px", "what the lengths of a whole set leave uncertain: paths of 1 or 2 px are neither seen nor excluded"
