@@ -46,7 +46,7 @@ def with_surface(
 
     Args:
         given: cameras with random points.
-        photos: that may be looked at; hurried: fewer of them.
+        photos: that may be looked at; hurried: on smaller views.
         resumed: whether the folder's points are taken, if it has such.
 
     Raises:

@@ -87,18 +87,15 @@ class KnownScene:
 
 
 def found_features(
-    scene: KnownScene, work_dir: Path, threads: int, progress: Progress, count: int | None = None
+    scene: KnownScene, work_dir: Path, threads: int, progress: Progress
 ) -> tuple[Triangulated | None, str]:
     """Features triangulated at the known poses, and what the user should know of the cameras ('' for nothing).
-
-    Args:
-        count: photos in which they are sought; None for as many as usual.
 
     Raises:
         Cancelled: the user asked to stop.
     """
     views, psf = scene.views, scene.medium.psf
-    chosen = chosen_references(views, count=SETTINGS.feature_photos if count is None else count)
+    chosen = chosen_references(views, count=SETTINGS.feature_photos)
     pairs = sorted({pair for view in chosen for pair in _pairs(view, scene, chosen)})
     if not pairs:
         return None, ""

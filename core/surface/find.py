@@ -27,7 +27,7 @@ from .hull import Hull, carved_hull
 from .hull_points import hull_samples
 from .maps import samples_of, wanted_pixels
 from .speckles import without_speckles
-from .stack import stack_views
+from .stack import StackSettings, stack_views
 from .sweep import DepthMap, swept
 from .union import evened
 
@@ -37,11 +37,17 @@ class SurfaceSettings:
     """Of what becomes of the steps' findings.
 
     Attributes:
-        hurried: fewer views are swept, and features are sought in these only.
+        hurried: depths are sought on smaller views.
     """
 
     hurried: bool = False
-    hurried_references: int = number(12, "views", "that are swept where time is short", FIRST_TRIED, LOOKED_AT)
+    hurried_side: int = number(
+        160,
+        "px",
+        "of a small view where time is short. Fewer views, 12 of 48, saved as much, and lost the surfaces: none of them"
+        " had two witnesses (photos agreed on 6 % of a room's depths instead of 49)",
+        "a room rendered by Cycles: 5.1 s for 8.4, photos agree on 52 % of the depths",
+    )
     trusted: float = number(
         0.2, "confidence", "that a sample which several views see has at least", FIRST_TRIED, LOOKED_AT
     )
@@ -99,13 +105,12 @@ def surface_points(
     """
     seen = [photo for photo in photos if photo.name in cameras.poses]
     progress.stage("surface")
-    views = stack_views(seen, cameras, medium)
+    small = StackSettings(longest_side=settings.hurried_side) if settings.hurried else StackSettings()
+    views = stack_views(seen, cameras, medium, small)
     scene = KnownScene(seen, cameras, medium, views, carved_hull(views))
-    count = settings.hurried_references if settings.hurried else None
-    features, warning = found_features(scene, work_dir, threads, progress, count)
+    features, warning = found_features(scene, work_dir, threads, progress)
     warnings = (warning,) if warning else ()
-    references = chosen_references(views, count=count)
-    maps = _maps(scene, references, features, progress)
+    maps = _maps(scene, chosen_references(views), features, progress)
     checked = without_speckles(agreed(maps, views))
     trusted = samples_of(checked, views, settings.trusted)
     if len(trusted) < settings.minimum_samples:

@@ -8,8 +8,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image
 
 from .. import compiled
+from ..compositing import Pixels
 from ..imaging.medium import Medium
 from ..numbers import number
 from ..photos.empty import background_shows
@@ -41,6 +43,13 @@ class StackSettings:
         "of the Wiener filter on small views; larger: less noise, less fine detail",
         FIRST_TRIED,
         LOOKED_AT,
+    )
+    shown: float = number(
+        0.01,
+        "share",
+        "of a small px that shows more than background: less is none. With half of it wires vanished, and the hull that"
+        " is carved had no room for them",
+        "the orrery with small views of 160 px, 20 s: 24.2 dB -> 29.7; drafts of lego and plant: -0.08 to +0.07",
     )
 
 
@@ -151,8 +160,21 @@ def _shrunk(photo: Photo, longest: int) -> Photo:
     if (width, height) == photo.size:
         return photo
     mask = None if photo.mask is None else resized_mask(photo.mask, width, height)
-    alpha = None if photo.alpha is None else resized(photo.alpha, width, height)
-    return replace(photo, pixels=resized(photo.pixels, width, height), mask=mask, alpha=alpha)
+    return replace(photo, pixels=resized(photo.pixels, width, height), mask=mask, alpha=_anything(photo, width, height))
+
+
+def _anything(photo: Photo, width: int, height: int) -> Pixels | None:
+    """[height, width] alpha, opaque where a photo shows anything within a small px: wires are thinner than those.
+
+    None where the photo does not say what is empty.
+    """
+    nothing = background_shows(photo)
+    if nothing is None:
+        return None
+    share = Image.fromarray((~nothing).astype(np.float32)).resize((width, height), Image.Resampling.BOX)
+    alpha = np.zeros((height, width), photo.pixels.dtype)
+    alpha[np.asarray(share) > SETTINGS.shown] = np.iinfo(photo.pixels.dtype).max
+    return alpha
 
 
 def _sharpened(view: View, shrunk: float, medium: Medium, settings: StackSettings) -> NDArray[np.float32]:

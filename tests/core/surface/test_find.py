@@ -97,10 +97,11 @@ def test_an_object_seen_from_around(tmp_path):
     assert np.bincount(octant, minlength=8).min() > 0.05 * len(radius)
 
 
-def test_in_a_hurry_fewer_views_are_swept(tmp_path):
-    scene, heard = drawn(around(16), (48, 36), 50.0, plane=False), _Stages()
-    found = surface_points(scene.photos, scene.cameras, Medium(), tmp_path, 1, heard, SurfaceSettings(hurried=True))
-    assert ("surface", 12) in heard.stages and len(found.points.positions) > 500
+def test_in_a_hurry_views_are_smaller_and_none_is_left_out(tmp_path):
+    scene, heard = drawn(around(16), (192, 144), 200.0, plane=False), _Stages()
+    hurried = SurfaceSettings(hurried=True, hurried_side=48)
+    found = surface_points(scene.photos, scene.cameras, Medium(), tmp_path, 1, heard, hurried)
+    assert ("surface", 16) in heard.stages and 500 < len(found.points.positions) < 8000
 
 
 def test_photos_that_show_nothing_give_no_points(tmp_path):

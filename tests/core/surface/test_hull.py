@@ -4,10 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from dgs.core.background import Background
 from dgs.core.imaging.medium import Medium
 from dgs.core.surface.hull import EMPTY, FILLED, HullSettings, carved_hull
 from dgs.core.surface.hull_points import hull_samples
-from dgs.core.surface.stack import stack_views
+from dgs.core.surface.stack import StackSettings, stack_views
 from dgs.core.surface.sweep import DepthMap
 from dgs.core.surface.union import Samples, UnionSettings, evened
 from dgs.tests.core.surface.scenes import RADIUS, arc, around, drawn, texture
@@ -130,3 +131,18 @@ def test_a_cell_has_the_median_colour_and_the_weighted_place():
     assert points.colours.tolist() == [[20, 0, 0]] and points.confidence.tolist() == [np.float32(0.6)]
     np.testing.assert_allclose(points.positions, [[0.14, 0, 0]], rtol=1e-6)
     assert len(evened([_samples(np.zeros((0, 3)))]).positions) == 0
+
+
+def test_a_wire_thinner_than_a_small_px_is_not_empty():
+    """A wire one px wide in photos five times as large as the small views: with alpha, and on a plain background."""
+    scene = drawn(around(8), (240, 180), 250.0, plane=False)
+    wired, plain = [], []
+    for photo in scene.photos:
+        pixels, alpha = photo.pixels.copy(), photo.alpha.copy()
+        pixels[alpha == 0] = 255
+        pixels[:, 23], alpha[:, 23] = 30, 255
+        wired.append(replace(photo, pixels=pixels, alpha=alpha))
+        plain.append(replace(photo, pixels=pixels, alpha=None, background=Background(tolerance=0.01)))
+    for photos in (wired, plain):
+        views = stack_views(photos, scene.cameras, Medium(), StackSettings(longest_side=48))
+        assert not views.empty[:, :, 4].any() and views.empty[:, 10, 5].all()
