@@ -172,7 +172,7 @@ def _anything(photo: Photo, width: int, height: int) -> Pixels | None:
     if nothing is None:
         return None
     share = Image.fromarray((~nothing).astype(np.float32)).resize((width, height), Image.Resampling.BOX)
-    alpha = np.zeros((height, width), photo.pixels.dtype)
+    alpha: Pixels = np.zeros((height, width), photo.pixels.dtype)
     alpha[np.asarray(share) > SETTINGS.shown] = np.iinfo(photo.pixels.dtype).max
     return alpha
 
