@@ -172,9 +172,8 @@ def _anything(photo: Photo, width: int, height: int) -> Pixels | None:
     if nothing is None:
         return None
     share = Image.fromarray((~nothing).astype(np.float32)).resize((width, height), Image.Resampling.BOX)
-    alpha: Pixels = np.zeros((height, width), photo.pixels.dtype)
-    alpha[np.asarray(share) > SETTINGS.shown] = np.iinfo(photo.pixels.dtype).max
-    return alpha
+    alpha = np.asarray(share) > SETTINGS.shown
+    return alpha * np.uint16(65535) if photo.pixels.dtype == np.uint16 else alpha * np.uint8(255)
 
 
 def _sharpened(view: View, shrunk: float, medium: Medium, settings: StackSettings) -> NDArray[np.float32]:
