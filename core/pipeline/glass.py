@@ -76,9 +76,13 @@ def with_glass(
             "Give --psf gaussian:SIGMA (at the scene's middle depth), or --glass DISTANCE,ANGLE (measure-glass)",
         )
     if request.distance is None:
-        shown = None if source is None or clear else _distance_shown(source, sigma, size, nearest)
+        ask = (
+            source is not None and not clear and not request.tilted
+        )  # (points are asked of a glass that faces the camera)
+        shown = _distance_shown(source, sigma, size, nearest) if ask and source is not None else None
         if shown is None:
             learned = frozenset({"distance", "spread"} if clear else {"distance"})
+            learned |= {"tilt"} if request.tilted else set()
             distance = min(SETTINGS.begin * size, SETTINGS.nearest * nearest)
         else:
             distance, error = shown
@@ -87,9 +91,18 @@ def with_glass(
     scene = GlassScene(focal / diagonal, diagonal, nearest, farthest)
     middle = 1.0 - distance / size
     spread = sigma / middle / diagonal if request.angle is None else focal * request.angle / diagonal
-    glass = FrostedGlass.of(spread, distance, scene, clear, learned)
+    tilt = None if request.tilt is None else (math.tan(request.tilt[0]), math.tan(request.tilt[1]))
+    glass = FrostedGlass.of(spread, distance, scene, clear, learned, (0.0, 0.0) if request.tilted else tilt)
     glass.errors = 0.0, error
-    why = "its distance is learned" if learned else "its distance as points show it" if error else "given"
+    why = (
+        "its distance and tilt are learned"
+        if request.tilted
+        else "its distance is learned"
+        if learned
+        else "its distance as points show it"
+        if error
+        else "given"
+    )
     before = next((d for d in effects.chosen.decisions if d.name == FrostedGlass.name and d.on), None)
     if before is not None and request == glass_shown(effects):
         why = before.why

@@ -1,8 +1,9 @@
-"""The distance of frosted glass, learned with the Gaussians.
+"""The distance of frosted glass, and how it leans, learned with the Gaussians.
 
 Where every photo was taken through the glass, the twin can take up any blur evenly: nothing shows how sharp the scene
 is. What shows is how the blur differs with the depth. So the width at the scene's middle depth stays as it was given,
-and the distance is learned; where some photos were taken without the glass, the width, too.
+and the distance is learned; where some photos were taken without the glass, the width, too. A glass that may lean is
+met nearer on one side of the frame than on the other: its two angles are learned alike.
 
 Whenever a photo is visited, it says by how much the two should change, the twin as it is (Gauss and Newton). For a
 twin that fits the photos as well as it can, that is the slope of what it cannot fit (the envelope theorem): however
@@ -22,6 +23,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from ..forward import Exposed
+from ..glass import STEEPEST_TILT
 from ..imaging.formation.glass import FrostedGlass
 from ..numbers import BY_DEFINITION, number
 from .gauss_newton import LookedAt, normal_equations, shown_with
@@ -68,6 +70,9 @@ class LearnedGlassSettings:
         "residuals beyond count as their size (95 % efficient on normal noise)",
         BY_DEFINITION,
     )
+    steepest: float = number(
+        math.tan(math.radians(STEEPEST_TILT)), "tangent", "of the angle by which a glass may lean", BY_DEFINITION
+    )
     looked_at: int = number(20_000, "px", "of a photo that a step looks at, evenly over it", _FIRST)
 
 
@@ -75,7 +80,7 @@ SETTINGS = LearnedGlassSettings()
 
 
 class LearnedGlass:
-    """Distance and width of a glass.
+    """Distance of a glass, its width, and how it leans.
 
     Args:
         start: the effect in the scene's unit, where learning begins; `start.learned` says what is learned.
@@ -90,57 +95,65 @@ class LearnedGlass:
         self._nearest = settings.nearest * min(start.scene.nearest, 1.0)
         self._normal: dict[str, tuple[Array, Array]] = {}
         self._before: Array | None = None  # what the twin has been trained with, of late
+        #: Which of distance, logarithm of the width, and the two tangents of the tilt are learned.
+        self._free = [0, *([1] if "spread" in start.learned else []), *([2, 3] if "tilt" in start.learned else [])]
 
     def learn(self, name: str, exposed: Exposed, photo: Tensor, counts: Tensor | None, share: float) -> None:
         """Takes a part of a step; arguments as of `CameraPaths.learn`; share: of the run."""
         s, effect = self.settings, self.effect
         if share < s.learn_from or effect.row_of(name) is None:
             return
-        now = np.array([effect.distance, math.log(self.middle)])
-        at = LookedAt.of(photo.shape[1], photo.shape[2], s)
+        now = np.array([effect.distance, math.log(self.middle), *effect.tilt])
+        at, free = LookedAt.of(photo.shape[1], photo.shape[2], s), self._free
         with torch.no_grad():
             still = exposed.degraded
             moved = [
-                (shown_with(exposed, effect, self._with(*(now + np.eye(2)[k] * s.change)), at), s.change)
-                for k in range(1 + ("spread" in effect.learned))
+                (shown_with(exposed, effect, self._with(*(now + np.eye(len(now))[k] * s.change)), at), s.change)
+                for k in free
             ]
         matrix, vector = normal_equations(photo, still, moved, counts, s)
-        used = len(vector)
-        self._normal[name] = matrix, vector + matrix @ now[:used]
-        together = sum((m for m, _ in self._normal.values()), np.zeros((used, used))) + 1e-9 * np.eye(used)
-        target = sum((t for _, t in self._normal.values()), np.zeros(used))
+        self._normal[name] = matrix, vector + matrix @ now[free]
+        none = np.zeros((len(free), len(free)))
+        together = sum((m for m, _ in self._normal.values()), none) + 1e-9 * np.eye(len(free))
+        target = sum((t for _, t in self._normal.values()), np.zeros(len(free)))
         best = np.linalg.solve(together, target)
         if self._before is None:
-            self._before = now[:used].copy()
-        self._before += s.forgets * (now[:used] - self._before)
-        step = s.part * (best + s.ahead * (best - self._before) - now[:used])
+            self._before = now[free].copy()
+        self._before += s.forgets * (now[free] - self._before)
+        step = s.part * (best + s.ahead * (best - self._before) - now[free])
         if not np.isfinite(step).all():
             return
-        errors = np.sqrt(np.diag(np.linalg.inv(together)))
-        now[:used] += np.clip(step, -s.longest_step, s.longest_step)
-        self._set(float(now[0]), float(now[1]), errors)
+        errors = np.zeros(len(now))
+        errors[free] = np.sqrt(np.diag(np.linalg.inv(together)))
+        now[free] += np.clip(step, -s.longest_step, s.longest_step)
+        self._set(*now, errors=errors)
 
-    def _with(self, distance: float, log_middle: float) -> FrostedGlass:
-        """Another distance and width at the scene's unit of depth."""
+    def _with(self, distance: float, log_middle: float, *tilt: float) -> FrostedGlass:
+        """Another distance, width at the scene's unit of depth, and tilt."""
         effect, like = self.effect, self.effect.parameters["distance"]
         spread = math.exp(log_middle) / (1.0 - distance)
-        return FrostedGlass(like.new_tensor(spread), like.new_tensor(distance), effect.scene, effect.clear)
+        lean = like.new_tensor(tilt) if "tilt" in effect.parameters else None
+        return FrostedGlass(like.new_tensor(spread), like.new_tensor(distance), effect.scene, effect.clear, tilt=lean)
 
-    def _set(self, distance: float, log_middle: float, errors: Array) -> None:
+    def _set(self, distance: float, log_middle: float, *tilt: float, errors: Array) -> None:
         distance = min(max(distance, 0.0), self._nearest)
         self.middle = math.exp(log_middle)
         spread = self.middle / (1.0 - distance)
-        self.effect.parameters["distance"].fill_(distance)
-        self.effect.parameters["spread"].fill_(spread)
-        own = float(errors[1]) if len(errors) > 1 else 0.0
-        self.effect.errors = spread * math.hypot(own, float(errors[0]) / (1.0 - distance)), float(errors[0])
+        effect = self.effect
+        effect.parameters["distance"].fill_(distance)
+        effect.parameters["spread"].fill_(spread)
+        if "tilt" in effect.parameters:
+            steepest = self.settings.steepest
+            effect.parameters["tilt"].copy_(torch.tensor([min(max(lean, -steepest), steepest) for lean in tilt]))
+            effect.tilt_errors = float(errors[2]), float(errors[3])
+        effect.errors = spread * math.hypot(float(errors[1]), float(errors[0]) / (1.0 - distance)), float(errors[0])
 
     def state(self) -> dict[str, NDArray[Any]]:
         """What a checkpoint keeps."""
-        names = list(self._normal)
+        names, effect = list(self._normal), self.effect
         rows = [np.concatenate([m.ravel(), t]) for m, t in self._normal.values()]
         return {
-            "glass": np.array([self.effect.distance, self.middle, *self.effect.errors]),
+            "glass": np.array([effect.distance, self.middle, *effect.errors, *effect.tilt, *effect.tilt_errors]),
             "glass.before": np.zeros(0) if self._before is None else self._before,
             "glass.normal": np.array(rows),
             "glass.normal_of": np.array(names),
@@ -150,11 +163,11 @@ class LearnedGlass:
         """Goes on from `state`; whether it is there."""
         if any(key not in arrays for key in ("glass", "glass.before", "glass.normal", "glass.normal_of")):
             return False
-        distance, middle, *errors = (float(value) for value in arrays["glass"])
-        self._set(distance, math.log(middle), np.zeros(1))
+        distance, middle, *kept = (float(value) for value in arrays["glass"])
+        self._set(distance, math.log(middle), *kept[2:4], errors=np.zeros(4))
         self._before = arrays["glass.before"].copy() if len(arrays["glass.before"]) else None
-        self.effect.errors = errors[0], errors[1]
-        used = 1 + ("spread" in self.effect.learned)
+        self.effect.errors, self.effect.tilt_errors = (kept[0], kept[1]), (kept[4], kept[5])
+        used = len(self._free)
         rows = dict(zip(arrays["glass.normal_of"].tolist(), arrays["glass.normal"], strict=True))
         self._normal = {
             name: (row[: used**2].reshape(used, used).copy(), row[used**2 :].copy()) for name, row in rows.items()

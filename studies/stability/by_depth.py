@@ -41,6 +41,12 @@ def _glass(spread: float, distance: float) -> FrostedGlass:
     return FrostedGlass(torch.tensor(spread), torch.tensor(distance), scene)
 
 
+def _tilted_glass(right: float, down: float) -> FrostedGlass:
+    """At half of the depth on the axis, through a wide lens: its corners are seen 45 degrees off the axis."""
+    scene = GlassScene(0.5, _DIAGONAL)
+    return FrostedGlass(torch.tensor(0.05), torch.tensor(0.5), scene, tilt=torch.tensor([right, down]))
+
+
 def _passed(effect: DepthBlur, depth: Tensor) -> tuple[Tensor, bool]:
     """The light behind an effect, and whether it, its gradient and those of depth and parameters are finite."""
     light, shot = _light(), Shot("a", _HEIGHT, _WIDTH, depth=depth)
@@ -90,6 +96,13 @@ def glass_touched(site: Site) -> float:
     found, finite = _passed(_glass(0.05, 1.0), _hard_depths())
     touching = _passed(_glass(0.05, 1.0), torch.ones(_HEIGHT, _WIDTH))[0]
     return float(not finite) + float(not torch.equal(touching, _light())) + float(bool((found < 0).any()))
+
+
+@case("psf", "a glass that rays run along", "finite, no light below zero", 0.0, "a count of violations")
+def glass_on_edge(site: Site) -> float:
+    """1 + a x goes through zero within the frame: the glass is infinitely far, then behind the camera."""
+    found, finite = _passed(_tilted_glass(3.0, -2.0), _hard_depths())
+    return float(not finite) + float(bool((found < 0).any()))
 
 
 @case(

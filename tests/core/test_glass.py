@@ -11,6 +11,8 @@ def test_what_it_takes():
     assert parse_glass("auto") == GlassRequest()
     assert parse_glass("0.38") == GlassRequest(0.38)
     assert parse_glass("0.38,0.8") == GlassRequest(0.38, math.radians(0.8))
+    assert parse_glass("tilted") == GlassRequest(tilted=True)
+    assert parse_glass("1,0.8,-30,5") == GlassRequest(1.0, math.radians(0.8), (math.radians(-30), math.radians(5)))
 
 
 @pytest.mark.parametrize(
@@ -25,6 +27,7 @@ def test_what_it_takes():
         ("1,0", "above 0"),
         ("1,-2", "above 0"),
         ("1,50", "up to 15"),
+        ("1,0.8,0,70", "up to 60"),
     ],
 )
 def test_what_it_refuses(text, way_out):

@@ -101,10 +101,16 @@ def index_of(names: Sequence[str], name: str) -> int | None:
 
 def radius2(shot: Shot, like: Tensor) -> Tensor:
     """[h, w] squared distance from the photo's middle over half its diagonal, on a frame [3, h, w] with its margin."""
+    y, x = off_axis(shot, like)
+    return ((y**2)[:, None] + (x**2)[None, :]) / (shot.diagonal / 2) ** 2
+
+
+def off_axis(shot: Shot, like: Tensor) -> tuple[Tensor, Tensor]:
+    """Px from the photo's middle of the rows [h] and of the columns [w] of a frame [3, h, w] with its margin."""
     import torch  # heavy
 
     x0, y0 = shot.middle or (shot.width / 2, shot.height / 2)
     margin_y, margin_x = (like.shape[1] - shot.height) // 2, (like.shape[2] - shot.width) // 2
     y = torch.arange(like.shape[1], device=like.device, dtype=like.dtype) + 0.5 - margin_y - y0
     x = torch.arange(like.shape[2], device=like.device, dtype=like.dtype) + 0.5 - margin_x - x0
-    return ((y**2)[:, None] + (x**2)[None, :]) / (shot.diagonal / 2) ** 2
+    return y, x

@@ -5,6 +5,13 @@
 f: focal length in px, s: standard deviation in rad of the angle by which light is turned, along each axis, z_d: depth
 of the glass. k(o) >= 1 says by how much more that is at an angle o off the axis. One point spread is the case z_d = 0:
 everything is far behind the glass.
+
+A glass that leans towards the camera is met at another depth on each ray (x, y, 1):
+
+    z_d(x, y) = d / (1 + a x + b y)
+
+where a and b are the tangents of the angles by which its normal (a, b, 1) leans towards the right and downwards, and d
+is its depth on the axis. Light then meets the glass at another angle than the axis.
 """
 
 from __future__ import annotations
@@ -16,7 +23,7 @@ from typing import TYPE_CHECKING, Self, TypeVar
 
 from ...numbers import number
 from .by_depth import DepthBlur, occlusion
-from .effect import Shot, radius2
+from .effect import Shot, off_axis, radius2
 
 if TYPE_CHECKING:
     import numpy as np
@@ -32,6 +39,9 @@ class GlassSettings:
     """Numbers of a sheet of rough glass."""
 
     index: float = number(1.5, "refractive index", "of window glass", "definition", "rendered glass")
+    grazing: float = number(
+        0.05, "share of the distance on the axis", "over the depth of a tilted glass, at least: no ray runs along it"
+    )
 
 
 GLASS = GlassSettings()
@@ -61,11 +71,15 @@ class FrostedGlass(DepthBlur):
 
     Args:
         spread: [] f s, standard deviation far behind the glass, as a share of the photo's diagonal.
-        distance: [] depth of the glass, in the unit of the render's depth.
+        distance: [] depth of the glass on the axis, in the unit of the render's depth.
         scene: before which it stands.
         clear: names of photos that were taken without it.
         errors: standard errors of both, 0 where they were given.
         learned: names of the parameters that a training learns.
+        tilt: [2] a and b above; None for a glass that faces the camera and stays so.
+
+    Attributes:
+        tilt_errors: standard errors of a and b, 0 where they were given.
     """
 
     name = "glass"
@@ -80,9 +94,11 @@ class FrostedGlass(DepthBlur):
         clear: frozenset[str] = frozenset(),
         errors: tuple[float, float] = (0.0, 0.0),
         learned: frozenset[str] = frozenset(),
+        tilt: Tensor | None = None,
     ) -> None:
-        super().__init__({"spread": spread, "distance": distance})
+        super().__init__({"spread": spread, "distance": distance, **({} if tilt is None else {"tilt": tilt})})
         self.scene, self.clear, self.errors, self.learned = scene, clear, errors, learned
+        self.tilt_errors = 0.0, 0.0
 
     @classmethod
     def of(
@@ -92,10 +108,12 @@ class FrostedGlass(DepthBlur):
         scene: GlassScene,
         clear: frozenset[str] = frozenset(),
         learned: frozenset[str] = frozenset(),
+        tilt: tuple[float, float] | None = None,
     ) -> Self:
         """From numbers."""
         far, where = occlusion().scalars(spread, distance)
-        return cls(far, where, scene, clear, learned=learned)
+        lean = None if tilt is None else far.new_tensor(tilt)
+        return cls(far, where, scene, clear, learned=learned, tilt=lean)
 
     @property
     def distance(self) -> float:
@@ -106,6 +124,14 @@ class FrostedGlass(DepthBlur):
     def spread(self) -> float:
         """Standard deviation far behind it, as a share of the photo's diagonal."""
         return float(self.parameters["spread"].detach())
+
+    @property
+    def tilt(self) -> tuple[float, float]:
+        """Tangents of the angles by which its normal leans towards the right and downwards."""
+        if "tilt" not in self.parameters:
+            return 0.0, 0.0
+        right, down = (float(value) for value in self.parameters["tilt"].detach())
+        return right, down
 
     @property
     def angle(self) -> float:
@@ -122,10 +148,17 @@ class FrostedGlass(DepthBlur):
 
     def widths(self, values: Sequence[Tensor], depth: Tensor, row: int, shot: Shot) -> Tensor:
         """See `DepthBlur`: negative, as all of it lies behind the glass."""
-        spread, distance = (value.to(depth) for value in values)
-        behind = (1.0 - distance / depth.clamp(min=1e-6)).clamp(min=0.0)
+        spread, distance, *tilted = (value.to(depth) for value in values)
         tangent2 = radius2(shot, depth[None]) * (0.5 / self.scene.focal) ** 2
-        return -spread * shot.diagonal * oblique(tangent2) * behind
+        if not tilted:
+            behind = (1.0 - distance / depth.clamp(min=1e-6)).clamp(min=0.0)
+            return -spread * shot.diagonal * oblique(tangent2) * behind
+        right, down = tilted[0]
+        y, x = (place / (self.scene.focal * shot.diagonal) for place in off_axis(shot, depth[None]))
+        along = (1.0 + right * x[None, :] + down * y[:, None]).clamp(min=GLASS.grazing)
+        behind = (1.0 - distance / (along * depth.clamp(min=1e-6))).clamp(min=0.0)
+        cosine = along / ((1.0 + right.square() + down.square()) * (1.0 + tangent2)).sqrt()
+        return -spread * shot.diagonal * oblique(tangent2, cosine) * behind
 
     def reach(self, diagonal: float) -> float:
         """See `Effect`: that of what is far behind the glass."""
@@ -136,7 +169,9 @@ class FrostedGlass(DepthBlur):
         values = {key: value.detach().clone() for key, value in self.parameters.items()}
         errors = self.errors[0], self.errors[1] * factor
         scene, distance = self.scene.scaled(factor), values["distance"] * factor
-        return type(self)(values["spread"], distance, scene, self.clear, errors, self.learned)
+        found = type(self)(values["spread"], distance, scene, self.clear, errors, self.learned, values.get("tilt"))
+        found.tilt_errors = self.tilt_errors
+        return found
 
     def described(self) -> Mapping[str, object]:
         """Angle in degrees, depth of the glass in the cameras' unit, standard errors (0 where given), widths in px."""
@@ -149,19 +184,28 @@ class FrostedGlass(DepthBlur):
             "width_nearest": self.sigma(scene.nearest, scene.diagonal),
             "width_farthest": self.sigma(scene.farthest, scene.diagonal),
         }
+        if "tilt" in self.parameters:
+            names = ("tilt_right", "tilt_down")
+            shown |= {name: math.degrees(math.atan(lean)) for name, lean in zip(names, self.tilt, strict=True)}
+            shown |= {f"{name}_error": math.degrees(error) for name, error in zip(names, self.tilt_errors, strict=True)}
         return {key: float(f"{value:.5g}") for key, value in shown.items()}
 
 
-def oblique(tangent2: Values) -> Values:
-    """[...] by how much wider than on the axis an untilted glass blurs in px, at tan^2 of an angle off it.
+def oblique(tangent2: Values, incidence: Values | None = None) -> Values:
+    """[...] by how much wider than on the axis a glass blurs in px, at tan^2 of an angle off it.
+
+    Args:
+        incidence: [...] cosine of the angle at which light meets the glass; None for a glass that faces the camera.
 
     Root mean square of both directions: along the radius light is turned (n cos i / cos o - 1) / (n - 1) times as much,
     across it (n cos i - cos o) / (n - 1) times (o outside the glass, i inside), and a pinhole sees these as another
-    1 / cos^2 o and 1 / cos o.
+    1 / cos^2 and 1 / cos of the angle off the axis. That a tilted glass turns light along its own tilt and not along
+    the radius is left out: the mean over both directions is nearly the same.
     """
     n = GLASS.index
     cosine = (1.0 + tangent2) ** -0.5
-    inside = n * (1.0 - (1.0 - cosine**2) / n**2) ** 0.5
-    along = (inside / cosine - 1.0) / cosine**2
-    across = (inside - cosine) / cosine
+    outside = cosine if incidence is None else incidence
+    inside = n * (1.0 - (1.0 - outside**2) / n**2) ** 0.5
+    along = (inside / outside - 1.0) / cosine**2
+    across = (inside - outside) / cosine
     return ((along**2 + across**2) / 2.0) ** 0.5 / (n - 1.0)

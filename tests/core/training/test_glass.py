@@ -34,14 +34,11 @@ def learned(distance: float, **more) -> FrostedGlass:
     return glass(distance, learned=frozenset({"distance"}), **more)
 
 
-@pytest.mark.parametrize("free", [{"distance"}, {"distance", "spread"}])
-def test_a_true_twin_says_distance_and_width_at_once(scene, free):
-    views = through(scene, glass(DISTANCE))[:4]
-    start = glass(1.1, px=2.0 if len(free) == 1 else 1.6, learned=frozenset(free)).scaled(1 / MIDDLE)
-    sheet = LearnedGlass(start, replace(SETTINGS, part=1.0, ahead=0.0))
+def follow(scene, views, start, sheet, times):
+    """The sheet learns from the photos of a twin that is true."""
     truth = scene.truth.detached()
     truth.means, truth.log_scales = truth.means / MIDDLE, truth.log_scales - float(np.log(MIDDLE))
-    for _ in range(6):
+    for _ in range(times):
         for view in views:
             camera = view.camera.moved(view.camera.rotation, view.camera.translation / MIDDLE)
             frame = Frame(camera.height, camera.width, 0)
@@ -50,15 +47,36 @@ def test_a_true_twin_says_distance_and_width_at_once(scene, free):
             with torch.no_grad():
                 exposed = model.expose(truth, Photo(camera))
             sheet.learn(view.name, exposed, torch.from_numpy(view.planes()), None, 0.5)
+
+
+@pytest.mark.parametrize("free", [{"distance"}, {"distance", "spread"}])
+def test_a_true_twin_says_distance_and_width_at_once(scene, free):
+    views = through(scene, glass(DISTANCE))[:4]
+    start = glass(1.1, px=2.0 if len(free) == 1 else 1.6, learned=frozenset(free)).scaled(1 / MIDDLE)
+    sheet = LearnedGlass(start, replace(SETTINGS, part=1.0, ahead=0.0))
+    follow(scene, views, start, sheet, 6)
     assert start.distance * MIDDLE == pytest.approx(DISTANCE, rel=0.03)
     assert start.sigma(1.0, DIAGONAL) == pytest.approx(2.0, rel=0.03)
+
+
+def test_a_true_twin_says_how_the_glass_leans(scene):
+    """From a glass that is thought to face the camera, and stands too near."""
+    tilt = torch.tensor([0.35, -0.2])
+    views = through(scene, glass(DISTANCE, tilt=tilt))[:4]
+    free = frozenset({"distance", "tilt"})
+    start = glass(1.1, learned=free, tilt=torch.zeros(2)).scaled(1 / MIDDLE)
+    sheet = LearnedGlass(start, replace(SETTINGS, part=1.0, ahead=0.0))
+    follow(scene, views, start, sheet, 30)
+    assert start.distance * MIDDLE == pytest.approx(DISTANCE, rel=0.04)
+    assert start.tilt == pytest.approx((0.35, -0.2), abs=0.05)
+    assert 0 < max(start.tilt_errors) < 0.1
 
 
 def test_it_stays_before_what_is_nearest_and_before_the_camera(scene):
     start = learned(1.1).scaled(1 / MIDDLE)
     sheet = LearnedGlass(start)
     for asked, stays in ((5.0, SETTINGS.nearest * 2.0 / MIDDLE), (-1.0, 0.0)):
-        sheet._set(asked, float(np.log(sheet.middle)), np.array([0.1]))
+        sheet._set(asked, float(np.log(sheet.middle)), 0.0, 0.0, errors=np.array([0.1, 0.0, 0.0, 0.0]))
         assert start.distance == pytest.approx(stays) and np.isfinite(start.spread)
 
 

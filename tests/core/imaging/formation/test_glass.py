@@ -44,6 +44,48 @@ def test_off_the_axis_it_is_as_much_wider_as_rendered_glass():
     assert float(width.min()) < 1.05 * float(width.max())
 
 
+def test_a_tilted_glass_is_met_at_another_depth_on_each_ray():
+    """Its plane is (a, b, 1) X = d; on the axis light meets it at the angle of the tilt."""
+    a, b, distance = np.tan(np.radians(35.0)), -0.3, 0.5
+    depth = torch.full((H, W), 2.0, dtype=torch.float64)
+    light, shot = torch.zeros(3, H, W, dtype=torch.float64), Shot("a", H, W, depth=depth)
+    lean = torch.tensor([a, b], dtype=torch.float64)
+    tilted, straight = (
+        glass(0.02, distance, tilt=lean).width(light, shot, 0),
+        glass(0.02, distance).width(light, shot, 0),
+    )
+    none = glass(0.02, distance, tilt=0 * lean).width(light, shot, 0)
+    torch.testing.assert_close(none, straight, rtol=1e-12, atol=0)
+    for row, column in ((0, 0), (H // 2, W - 1), (H - 1, 3)):
+        ray = np.array([(column + 0.5 - W / 2) / FOCAL, (row + 0.5 - H / 2) / FOCAL, 1.0])
+        normal = np.array([a, b, 1.0])
+        met = distance / (normal @ ray)
+        meets = normal @ ray / np.linalg.norm(normal) / np.linalg.norm(ray)
+        tangent2 = np.array(ray[0] ** 2 + ray[1] ** 2)
+        wanted = FOCAL * 0.02 * float(oblique(tangent2, np.array(meets))) * (1 - met / 2.0)
+        assert float(-tilted[row, column]) == pytest.approx(wanted, rel=1e-9)
+    # What a rendered glass that leans by 35 degrees does on its axis: 1.38 times along its tilt, 1.13 across it.
+    assert float(oblique(np.array(0.0), np.cos(np.array(np.radians(35.0))))) == pytest.approx(
+        np.hypot(1.38, 1.13) / np.sqrt(2), rel=0.01
+    )
+    assert glass(0.02, distance, tilt=lean).described()["tilt_right"] == pytest.approx(35.0, rel=1e-4)
+
+
+def test_gradients_of_a_tilt_against_differences():
+    light, weight, depth = smooth(0, 0.5), smooth(1, 0.5), 0.6 + smooth(4, 5.0)[0]
+    one, shot = glass(0.03, 0.4, tilt=torch.tensor([0.4, -0.2], dtype=torch.float64)), Shot("a", H, W, depth=depth)
+    one.forward(light, shot)
+    one.gradient(weight, light, shot)
+    for axis in range(2):
+        by = torch.zeros(2, dtype=torch.float64)
+        by[axis] = 1e-6
+        ends = []
+        for side in (-1, 1):
+            moved = glass(0.03, 0.4, tilt=one.parameters["tilt"] + side * by)
+            ends.append(float((moved.forward(light, Shot("a", H, W, depth=depth)) * weight).sum()))
+        assert float(one.gradients["tilt"][axis]) == pytest.approx((ends[1] - ends[0]) / 2e-6, rel=1e-5)
+
+
 def test_gradients_against_differences():
     light, weight = smooth(0, 0.5), smooth(1, 0.5)
     depth = 0.6 + smooth(4, 5.0)[0]
