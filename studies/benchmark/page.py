@@ -43,6 +43,7 @@ def page(content: Mapping[str, Any], scenes: Sequence[BenchmarkScene], by_hand: 
         if own:
             parts += [f"## {part.capitalize()}", meaning, "\n".join(table(own, rows, presets))]
     parts += _doublings(scenes, rows, [name for name in content["efforts"] if name.endswith(" min")])
+    parts += _fronts(scenes, rows, content["efforts"])
     if presets:
         parts += ["## What it took, and what the run said of itself", "\n".join(details(scenes, rows, presets[-1]))]
     if content["pictures"]:
@@ -132,6 +133,44 @@ def _doublings(
         " held-out photos gained no more, is marked with the seconds it took."
     )
     return ["## Does longer bring more?", words, "\n".join(lines)]
+
+
+def _fronts(scenes: Sequence[BenchmarkScene], rows: Mapping[tuple[str, str], Row], efforts: Sequence[str]) -> list[str]:
+    """Presets and time limits of each scene side by side; nothing where no scene has both."""
+    lines = ["| scene | all runs, the quickest first | presets that a quicker run beats |", "|---|---|---|"]
+    for scene in scenes:
+        runs = [row for effort in efforts if (row := rows.get((scene.name, effort))) and not row["failed"]]
+        if len({_is_limit(row) for row in runs}) == 2:
+            scored = on_common_views(runs)
+            shown = "; ".join(f"{row['effort']} {row['seconds']:.0f} s {psnr:.2f}" for row, psnr in scored)
+            lines.append(f"| {scene.name} | {shown} | {', '.join(beaten(scored)) or 'none'} |")
+    words = (
+        "Seconds from the command to the report, and the mean PSNR over the held-out views that all these runs scored"
+        " (a run with a short limit scores fewer). A preset is beaten where a quicker run of this table is more than"
+        f" {GAINS:g} dB better."
+    )
+    return ["## Are presets worth their time?", words, "\n".join(lines)] if len(lines) > 2 else []
+
+
+def _is_limit(row: Row) -> bool:
+    return str(row["effort"]).endswith(" min")
+
+
+def on_common_views(runs: Sequence[Row]) -> list[tuple[Row, float]]:
+    """Runs of a scene, the quickest first, each with its mean PSNR over the views that all of them scored."""
+    common = sorted(set.intersection(*(set(row["views"]) for row in runs)))
+    means = [(row, sum(row["views"][name] for name in common) / max(1, len(common))) for row in runs]
+    return sorted(means, key=lambda found: float(found[0]["seconds"]))
+
+
+def beaten(scored: Sequence[tuple[Row, float]]) -> list[str]:
+    """Presets that a quicker run is better than, with that run."""
+    found = []
+    for place, (row, psnr) in enumerate(scored):
+        best = max(scored[:place], key=lambda other: other[1], default=None)
+        if not _is_limit(row) and best is not None and best[1] > psnr + GAINS:
+            found.append(f"{row['effort']} ({best[0]['effort']}: {best[1] - psnr:+.2f} dB)")
+    return found
 
 
 def _limited(row: Row | None) -> str:

@@ -26,6 +26,7 @@ def row(scene, effort="balanced", psnr=30.0, worst=28.0, **more):
         "psnr": psnr,
         "ssim": 0.9,
         "worst": {"name": "view_008.png", "psnr": worst},
+        "views": {"view_000.png": 2 * psnr - worst, "view_008.png": worst},
         "seconds": 40.4,
         "gaussians": 20000,
         "sh_degree": 1,
@@ -117,6 +118,21 @@ def test_doublings_that_gain_nothing_are_said(psnrs, last, words):
     rows = [row("plant", e, p, status=s) for e, p, s in zip(limits, psnrs, states, strict=True)]
     assert words in pages.rises(rows)
     assert "| plant |" in pages.page(content(rows, limits), SCENES)
+
+
+def test_a_preset_that_a_quicker_run_beats_is_named_on_the_views_that_both_scored():
+    """The limit's own mean is lower: it has scored the hard view alone."""
+    hard, both = {"a": 28.0}, {"a": 27.8, "b": 36.0}
+    rows = [
+        row("plant", "draft", 27.0, seconds=10.0, views={"a": 25.0, "b": 29.0}),
+        row("plant", "0.5 min", 28.0, seconds=30.0, views=hard),
+        row("plant", "fine", 31.9, seconds=50.0, views=both),
+    ]
+    scored = pages.on_common_views(rows[::-1])
+    assert [(found["effort"], psnr) for found, psnr in scored] == [("draft", 25.0), ("0.5 min", 28.0), ("fine", 27.8)]
+    assert pages.beaten(scored) == ["fine (0.5 min: +0.20 dB)"]
+    text = pages.page(content(rows, ["draft", "fine", "0.5 min"]), SCENES)
+    assert "| plant | draft 10 s 25.00; 0.5 min 30 s 28.00; fine 50 s 27.80 | fine (0.5 min: +0.20 dB) |" in text
 
 
 def test_figures_take_the_sharp_truth_where_there_is_one():
