@@ -24,22 +24,25 @@ class GlassRequest:
         tilt: rad by which its normal leans towards the right and downwards, seen from the camera; None for a glass that
             faces the camera.
         tilted: whether it may lean, by angles that are to be learned.
+        standing: whether it stands in the world, instead of moving with the camera.
     """
 
     distance: float | None = None
     angle: float | None = None
     tilt: tuple[float, float] | None = None
     tilted: bool = False
+    standing: bool = False
 
 
 def parse_glass(text: str) -> GlassRequest:
-    """Reads `auto`, `tilted` or `DISTANCE[,ANGLE[,RIGHT,DOWN]]` (the cameras' unit, degrees).
+    """Reads `auto`, `tilted`, `standing` or `DISTANCE[,ANGLE[,RIGHT,DOWN]]` (the cameras' unit, degrees).
 
     Raises:
         PsfError: the text makes no sense; it says why.
     """
-    if text.strip() in ("auto", "tilted"):
-        return GlassRequest(tilted=text.strip() == "tilted")
+    word = text.strip()
+    if word in ("auto", "tilted", "standing"):
+        return GlassRequest(tilted=word != "auto", standing=word == "standing")
     try:
         values = [float(value) for value in text.split(",")]
     except ValueError:
@@ -47,7 +50,7 @@ def parse_glass(text: str) -> GlassRequest:
     if len(values) not in (1, 2, 4) or not all(map(math.isfinite, values)):
         raise PsfError(
             f"The glass '{text}' is none",
-            "Write --glass auto, tilted or DISTANCE[,ANGLE[,RIGHT,DOWN]] (the cameras' unit, degrees)",
+            "Write --glass auto, tilted, standing or DISTANCE[,ANGLE[,RIGHT,DOWN]] (the cameras' unit, degrees)",
         )
     if values[0] <= 0:
         raise PsfError(

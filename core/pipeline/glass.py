@@ -11,7 +11,7 @@ import numpy as np
 from ..errors import PsfError
 from ..glass import GlassRequest
 from ..imaging.formation.chain import Formation
-from ..imaging.formation.glass import FrostedGlass, GlassScene
+from ..imaging.formation.glass import FrostedGlass, GlassScene, Stand
 from ..imaging.medium import Medium
 from ..inspection.glass_by_points import glass_by_points
 from ..inspection.photo_set import PhotoSet
@@ -88,11 +88,13 @@ def with_glass(
             distance, error = shown
     else:
         distance = request.distance
-    scene = GlassScene(focal / diagonal, diagonal, nearest, farthest)
+    stands = _stands(every) if request.standing else None
+    scene = GlassScene(focal / diagonal, diagonal, nearest, farthest, stands)
     middle = 1.0 - distance / size
     spread = sigma / middle / diagonal if request.angle is None else focal * request.angle / diagonal
     tilt = None if request.tilt is None else (math.tan(request.tilt[0]), math.tan(request.tilt[1]))
-    glass = FrostedGlass.of(spread, distance, scene, clear, learned, (0.0, 0.0) if request.tilted else tilt)
+    lean = (0.0, 0.0) if request.tilted else tilt
+    glass = FrostedGlass.of(spread, distance, scene, clear, learned, lean)
     glass.errors = 0.0, error
     why = (
         "its distance and tilt are learned"
@@ -115,6 +117,19 @@ def with_glass(
     lines = [d for d in effects.chosen.decisions if d.name != FrostedGlass.name]
     chosen = replace(effects.chosen, formation=Formation([glass, *others]), decisions=[line, *lines])
     return replace(effects, chosen=chosen, medium=Medium(None, "linear"), sigma=glass.sigma(size, diagonal))
+
+
+def _stands(views: Sequence[View]) -> dict[str, Stand]:
+    """Where all cameras stand against the one in their middle."""
+    centres = np.array([view.camera.centre for view in views])
+    first = views[int(np.linalg.norm(centres - np.median(centres, axis=0), axis=1).argmin())].camera
+    return {
+        view.name: Stand(
+            np.asarray(first.rotation @ view.camera.rotation.T),
+            np.asarray(first.rotation @ (view.camera.centre - first.centre)),
+        )
+        for view in views
+    }
 
 
 def _distance_shown(source: PhotoSet, sigma: float, size: float, nearest: float) -> tuple[float, float] | None:

@@ -3,7 +3,8 @@
 Where every photo was taken through the glass, the twin can take up any blur evenly: nothing shows how sharp the scene
 is. What shows is how the blur differs with the depth. So the width at the scene's middle depth stays as it was given,
 and the distance is learned; where some photos were taken without the glass, the width, too. A glass that may lean is
-met nearer on one side of the frame than on the other: its two angles are learned alike.
+met nearer on one side of the frame than on the other: its two angles are learned alike. Of a glass that stands in the
+world distance and angles are those before one of the cameras, and follow for all others.
 
 Whenever a photo is visited, it says by how much the two should change, the twin as it is (Gauss and Newton). For a
 twin that fits the photos as well as it can, that is the slope of what it cannot fit (the envelope theorem): however

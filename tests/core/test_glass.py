@@ -12,6 +12,7 @@ def test_what_it_takes():
     assert parse_glass("0.38") == GlassRequest(0.38)
     assert parse_glass("0.38,0.8") == GlassRequest(0.38, math.radians(0.8))
     assert parse_glass("tilted") == GlassRequest(tilted=True)
+    assert parse_glass("standing") == GlassRequest(tilted=True, standing=True)
     assert parse_glass("1,0.8,-30,5") == GlassRequest(1.0, math.radians(0.8), (math.radians(-30), math.radians(5)))
 
 

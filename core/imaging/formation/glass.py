@@ -12,13 +12,17 @@ A glass that leans towards the camera is met at another depth on each ray (x, y,
 
 where a and b are the tangents of the angles by which its normal (a, b, 1) leans towards the right and downwards, and d
 is its depth on the axis. Light then meets the glass at another angle than the axis.
+
+A glass that stands in the world is such a plane for each photo. Its distance and tilt are those before one of the
+cameras; before another one, turned by R and moved by t against it (X_first = R X + t), the plane m X_first = 1 with
+m = (a, b, 1) / d is v X = 1 with v = R^T m / (1 - m t), and 1 / z_d(x, y) = v (x, y, 1).
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Self, TypeVar
 
 from ...numbers import number
@@ -48,22 +52,41 @@ GLASS = GlassSettings()
 
 
 @dataclass(frozen=True)
+class Stand:
+    """Where a camera stands against the first one: X_first = turn @ X + moved.
+
+    Attributes:
+        turn: [3, 3]; moved: [3], in the unit of the render's depth.
+    """
+
+    turn: NDArray[np.float64] = field(repr=False)
+    moved: NDArray[np.float64] = field(repr=False)
+
+    def scaled(self, factor: float) -> Stand:
+        """The same in a world that is `factor` times as large."""
+        return replace(self, moved=self.moved * factor)
+
+
+@dataclass(frozen=True)
 class GlassScene:
     """What the photos behind a glass have in common.
 
     Attributes:
         focal: length in diagonals of the photo; diagonal: of the photos, px.
         nearest, farthest: depths between which nearly all lies, in the unit of the render's depth.
+        stands: of each photo, where a tilted glass stands in the world; None where it moves with the camera.
     """
 
     focal: float
     diagonal: float = 0.0
     nearest: float = math.inf
     farthest: float = math.inf
+    stands: Mapping[str, Stand] | None = field(default=None, repr=False)
 
     def scaled(self, factor: float) -> GlassScene:
         """The same in a world that is `factor` times as large."""
-        return replace(self, nearest=self.nearest * factor, farthest=self.farthest * factor)
+        stands = None if self.stands is None else {name: stand.scaled(factor) for name, stand in self.stands.items()}
+        return replace(self, nearest=self.nearest * factor, farthest=self.farthest * factor, stands=stands)
 
 
 class FrostedGlass(DepthBlur):
@@ -153,12 +176,22 @@ class FrostedGlass(DepthBlur):
         if not tilted:
             behind = (1.0 - distance / depth.clamp(min=1e-6)).clamp(min=0.0)
             return -spread * shot.diagonal * oblique(tangent2) * behind
-        right, down = tilted[0]
         y, x = (place / (self.scene.focal * shot.diagonal) for place in off_axis(shot, depth[None]))
-        along = (1.0 + right * x[None, :] + down * y[:, None]).clamp(min=GLASS.grazing)
-        behind = (1.0 - distance / (along * depth.clamp(min=1e-6))).clamp(min=0.0)
-        cosine = along / ((1.0 + right.square() + down.square()) * (1.0 + tangent2)).sqrt()
+        plane = self._plane(distance, tilted[0], shot.name)
+        nearness = plane[0] * x[None, :] + plane[1] * y[:, None] + plane[2]  # 1 / depth of the glass on each ray
+        met = nearness.clamp(min=GLASS.grazing * plane[2].detach().abs())
+        behind = (1.0 - 1.0 / (met * depth.clamp(min=1e-6))).clamp(min=0.0)
+        cosine = met / (plane.square().sum() * (1.0 + tangent2)).sqrt()
         return -spread * shot.diagonal * oblique(tangent2, cosine) * behind
+
+    def _plane(self, distance: Tensor, tilt: Tensor, name: str) -> Tensor:
+        """[3] v of the glass before a photo's camera: v X = 1."""
+        plane = occlusion().plane_of(distance, tilt)
+        stand = None if self.scene.stands is None else self.scene.stands.get(name)
+        if stand is None:
+            return plane
+        turn, moved = plane.new_tensor(stand.turn), plane.new_tensor(stand.moved)
+        return (turn.T @ plane) / (1.0 - moved @ plane)
 
     def reach(self, diagonal: float) -> float:
         """See `Effect`: that of what is far behind the glass."""

@@ -219,6 +219,11 @@ def scalars(*values: float) -> list[Tensor]:
     return [torch.tensor(value) for value in values]
 
 
+def plane_of(distance: Tensor, tilt: Tensor) -> Tensor:
+    """[3] m of the plane m X = 1 at a depth on the axis, with a normal that leans by tangents [2]."""
+    return torch.cat([tilt, tilt.new_ones(1)]) / distance.clamp(min=1e-6)
+
+
 def pulled_back(function: Callable[..., Tensor], given: Sequence[Tensor], upstream: Tensor) -> tuple[Tensor, ...]:
     """Gradients in what a function is given, given that in its value."""
     with torch.enable_grad():

@@ -11,6 +11,7 @@ from dgs.core.frames import Frame
 from dgs.core.imaging.formation.chain import Formation
 from dgs.core.imaging.formation.glass import FrostedGlass, GlassScene
 from dgs.core.imaging.medium import Medium
+from dgs.core.pipeline.glass import _stands
 from dgs.core.rasterizer import RasterSettings
 from dgs.core.training.glass import SETTINGS, LearnedGlass
 from dgs.core.training.trainer import Trainer
@@ -23,10 +24,10 @@ LINEAR = Medium(None, "linear")
 DISTANCE, MIDDLE = 1.5, 3.0
 
 
-def glass(distance: float, px: float = 2.0, **more) -> FrostedGlass:
+def glass(distance: float, px: float = 2.0, stands=None, **more) -> FrostedGlass:
     """So wide at the middle depth."""
     spread = px / (1 - distance / MIDDLE) / DIAGONAL
-    geometry = GlassScene(FOCAL / DIAGONAL, DIAGONAL, 2.0, 4.5)
+    geometry = GlassScene(FOCAL / DIAGONAL, DIAGONAL, 2.0, 4.5, stands)
     return FrostedGlass(torch.tensor(spread), torch.tensor(distance), geometry, **more)
 
 
@@ -70,6 +71,17 @@ def test_a_true_twin_says_how_the_glass_leans(scene):
     assert start.distance * MIDDLE == pytest.approx(DISTANCE, rel=0.04)
     assert start.tilt == pytest.approx((0.35, -0.2), abs=0.05)
     assert 0 < max(start.tilt_errors) < 0.1
+
+
+def test_a_true_twin_says_where_a_glass_stands_in_the_world(scene):
+    """The cameras move before it: it is nearer to some, and leans towards them otherwise."""
+    tilt, stands = torch.tensor([0.3, 0.1]), _stands(scene.views)
+    views = through(scene, glass(DISTANCE, tilt=tilt, stands=stands))[:4]
+    start = glass(1.1, learned=frozenset({"distance", "tilt"}), tilt=torch.zeros(2), stands=stands).scaled(1 / MIDDLE)
+    sheet = LearnedGlass(start, replace(SETTINGS, part=1.0, ahead=0.0))
+    follow(scene, views, start, sheet, 30)
+    assert start.distance * MIDDLE == pytest.approx(DISTANCE, rel=0.04)
+    assert start.tilt == pytest.approx((0.3, 0.1), abs=0.05)
 
 
 def test_it_stays_before_what_is_nearest_and_before_the_camera(scene):

@@ -1,11 +1,13 @@
 """Frosted glass: its widths, its gradients, its special cases."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
 from dgs.core.imaging.formation.chain import Formation
 from dgs.core.imaging.formation.effect import Shot
-from dgs.core.imaging.formation.glass import FrostedGlass, GlassScene, oblique
+from dgs.core.imaging.formation.glass import FrostedGlass, GlassScene, Stand, oblique
 from dgs.core.imaging.operator import BlurOperator
 from dgs.core.imaging.psf import PointSpread
 from dgs.tests.core.imaging.formation.test_focus import H, W, smooth
@@ -15,10 +17,10 @@ FOCAL = 80.0
 SCENE = GlassScene(FOCAL / DIAGONAL, DIAGONAL, 0.6, 2.0)
 
 
-def glass(angle: float, distance: float, **more) -> FrostedGlass:
+def glass(angle: float, distance: float, stands=None, **more) -> FrostedGlass:
     """Angle in rad."""
     values = (torch.tensor(value, dtype=torch.float64) for value in (FOCAL * angle / DIAGONAL, distance))
-    return FrostedGlass(*values, SCENE, **more)
+    return FrostedGlass(*values, replace(SCENE, stands=stands), **more)
 
 
 def test_widths_are_those_of_the_formula():
@@ -69,6 +71,30 @@ def test_a_tilted_glass_is_met_at_another_depth_on_each_ray():
         np.hypot(1.38, 1.13) / np.sqrt(2), rel=0.01
     )
     assert glass(0.02, distance, tilt=lean).described()["tilt_right"] == pytest.approx(35.0, rel=1e-4)
+
+
+def test_a_glass_in_the_world_is_one_plane_for_all_cameras():
+    """Points of the plane before the first camera lie on the glass of a camera that stands elsewhere."""
+    angle = np.radians(20.0)
+    turn = np.array([[np.cos(angle), 0, np.sin(angle)], [0, 1, 0], [-np.sin(angle), 0, np.cos(angle)]])
+    moved = np.array([-0.3, 0.1, 0.05])
+    lean = torch.tensor([0.2, -0.1], dtype=torch.float64)
+    stands = {"b": Stand(turn, moved)}
+    one = glass(0.02, 0.5, tilt=lean, stands=stands)
+    plane = one._plane(*(one.parameters[key] for key in ("distance", "tilt")), "b").numpy()
+    for x, y in ((0.0, 0.0), (0.3, -0.2), (-0.4, 0.5)):
+        ray = np.array([x, y, 1.0])
+        assert np.array([0.4, -0.2, 2.0]) @ (turn @ (ray / (plane @ ray)) + moved) == pytest.approx(1.0)
+    depth, light = torch.full((H, W), 2.0, dtype=torch.float64), torch.zeros(3, H, W, dtype=torch.float64)
+    own = glass(0.02, 1.0 / plane[2], tilt=torch.tensor(plane[:2] / plane[2]))
+    seen = one.width(light, Shot("b", H, W, depth=depth), 0)
+    torch.testing.assert_close(seen, own.width(light, Shot("b", H, W, depth=depth), 0))
+    assert (one.width(light, Shot("a", H, W, depth=depth), 0) - seen).abs().max() > 0.1
+    larger = one.scaled(3.0).width(light, Shot("b", H, W, depth=3 * depth), 0)
+    torch.testing.assert_close(larger, seen)
+    # A camera between the glass and the scene sees nothing through it.
+    beyond = glass(0.02, 0.5, tilt=0 * lean, stands={"b": Stand(np.eye(3), np.array([0, 0, 0.8]))})
+    assert float(beyond.width(light, Shot("b", H, W, depth=depth), 0).abs().max()) == 0.0
 
 
 def test_gradients_of_a_tilt_against_differences():
