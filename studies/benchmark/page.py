@@ -181,12 +181,14 @@ def _limited(row: Row | None) -> str:
 
 
 def rises(found: Sequence[Row | None]) -> str:
-    """Whether every doubling gains, or the run ended by evidence."""
+    """Whether every doubling gains, or the run ended by evidence; on the views that all of them scored."""
     there = [row for row in found if row is not None and not row["failed"]]
+    scores = {row["effort"]: psnr for row, psnr in on_common_views(there)} if there else {}
     for before, after in zip(there[:-1], there[1:], strict=True):
-        if after["psnr"] < before["psnr"] - GAINS:
+        gained = scores[after["effort"]] - scores[before["effort"]]
+        if gained < -GAINS:
             return f"**falls** at {after['effort']}"
-        if after["psnr"] < before["psnr"] + GAINS and after["status"] != "plateau":
+        if gained < GAINS and after["status"] != "plateau":
             return f"nothing gained at {after['effort']}"
     return "rises, or ended by evidence" if len(there) > 1 else "-"
 
