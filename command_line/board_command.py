@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from .arguments import add_overwrite, add_progress, show_defaults
+from .arguments import above_zero, add_overwrite, add_progress, show_defaults
 from .progress_choice import Reporting
 
 
@@ -20,7 +20,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("board", metavar="BOARD", help="what is printed; lengths in mm, cm, m or in")
     add("--out", type=Path, required=True, metavar="FILE", help="ends with .pdf (exact) or .png")
-    add("--dpi", type=float, default=300.0, metavar="DOTS", help="of a .png: dots per inch that it is printed with")
+    add(
+        "--dpi", type=above_zero, default=300.0, metavar="DOTS", help="of a .png: dots per inch that it is printed with"
+    )
     add_overwrite(parser)
     add_progress(parser)
 

@@ -133,10 +133,10 @@ def _weighted(groups: Sequence[Group], left_out: int) -> BoardFit:
     lower = sum(float((one.true**2 / one.variances).sum()) for one in pairs)
     units, variance = upper / lower, 0.0
     for group, one in zip(groups, pairs, strict=True):
-        pull = (one.true / one.variances / lower)[:, None] * one.ways
+        share = (one.true / one.variances / lower)[:, None] * one.ways
         slopes = np.zeros((len(group.names), 3))
-        np.add.at(slopes, one.second, pull)
-        np.add.at(slopes, one.first, -pull)
+        np.add.at(slopes, one.second, share)
+        np.add.at(slopes, one.first, -share)
         variance += sum(float(s @ place.covariance @ s) for s, place in zip(slopes, group.places, strict=True))
     off = np.concatenate([one.measured - units * one.true for one in pairs])
     disagreement = max(1.0, float(np.mean(off**2 / np.concatenate([one.variances for one in pairs]))))

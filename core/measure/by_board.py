@@ -133,7 +133,7 @@ def board_scale(board: MarkerBoard, twin: OpenedTwin, views: Sights, cameras: fl
         if best is None or sightings > best[0]:
             best = (sightings, replace(found, pictures=name))
     if best is None:
-        raise _most_telling(reasons)
+        raise _of_most_found(reasons)
     return best[1]
 
 
@@ -156,7 +156,7 @@ def _usual_blur(views: Sights) -> float:
     return float(np.median([sight.blur for sight in views.views.values()]))
 
 
-def _most_telling(reasons: Mapping[str, DgsError]) -> DgsError:
+def _of_most_found(reasons: Mapping[str, DgsError]) -> DgsError:
     """Of why the kinds of pictures gave no scale: that of most that was found."""
     return max(reasons.values(), key=lambda error: getattr(error, "found", 0))
 
@@ -292,7 +292,7 @@ def _agreeing(points: dict[str, Point], views: Sights) -> tuple[dict[str, Point]
         others = {photo: at for photo, at in left.items() if photo != worst}
         if sizes.max() <= SETTINGS.off and len(others) == 1:
             return left, off
-        # a wild point pulls the place towards itself: it is held against where the others' rays meet
+        # a wild point draws the place towards itself: it is held against where the others' rays meet
         rest = None if len(others) == 1 else _off(others, left, views)
         if rest is not None:
             alone = {photo: float(size) for photo, size in zip(left, np.linalg.norm(rest, axis=1), strict=True)}

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from ..errors import FormatError
+from ..files import check_writable
 from ..numbers import BY_DEFINITION, number
 from ..outputs import check_outputs, placing_output
 from .boards import DICTIONARIES, MarkerBoard, chessboard_of, code_of, dictionary_of
@@ -33,6 +34,7 @@ class SheetSettings:
     loose: int = number(6, "count", "markers on a sheet where no numbers are given", BY_DEFINITION)
     gap: float = number(0.5, "sides", "of white between loose markers: each must be cut out, or seen apart")
     margin: float = number(0.25, "sides", "of white around all: a marker is found by the white about it")
+    smallest: float = number(1.0, "mm", "shortest side of a sheet", BY_DEFINITION)
     largest: float = number(2000.0, "mm", "longest side of a sheet: what plotters print", BY_DEFINITION)
     most_px: int = number(20_000, "px", "along a side of a picture", BY_DEFINITION)
     fewest: float = number(4.0, "px", "of a marker's cell: fewer lose its size to rounding")
@@ -77,9 +79,13 @@ def sheet_of(board: MarkerBoard) -> Sheet:
     for marker, (x, y) in placed.items():
         boxes += _marker(board, marker, x + margin, y + margin, side)
     sheet = Sheet(inner[0] + 2 * margin, inner[1] + 2 * margin, tuple(boxes), side / cells)
-    if max(sheet.width, sheet.height) > SHEET.largest:
-        size = f"{sheet.width:.0f} x {sheet.height:.0f} mm"
-        raise FormatError(f"The sheet of '{board.text}' is {size} large", "Give a smaller board, or fewer markers")
+    sides = sorted((sheet.width, sheet.height))
+    if not SHEET.smallest <= sides[0] <= sides[1] <= SHEET.largest:
+        size = f"{sheet.width:.3g} x {sheet.height:.3g} mm"
+        raise FormatError(
+            f"The sheet of '{board.text}' has {size}, not {SHEET.smallest:g} to {SHEET.largest:g} mm along a side",
+            "Give a board of another size, or other markers",
+        )
     return sheet
 
 
@@ -96,6 +102,7 @@ def write_sheet(board: MarkerBoard, out: Path, dpi: float, overwrite: bool = Fal
         raise FormatError(f"'{out.name}' is nothing that a board is written as", f"End it with {' or '.join(SUFFIXES)}")
     sheet = sheet_of(board)
     check_outputs([out], (), overwrite)
+    check_writable(out.parent)
     picture = None if out.suffix.lower() == ".pdf" else picture_of(sheet, dpi)
     with placing_output(out) as temporary:
         if picture is None:
@@ -111,9 +118,11 @@ def picture_of(sheet: Sheet, dpi: float) -> NDArray[np.uint8]:
     if sheet.cell * scale < SHEET.fewest:
         least = math.ceil(SHEET.fewest * _INCH / sheet.cell)
         raise FormatError(f"At {dpi:g} dpi a marker's cell is {sheet.cell * scale:.1f} px", f"Give --dpi {least}")
+    if max(sheet.width, sheet.height) * scale > SHEET.most_px:
+        raise FormatError(
+            f"The picture would have more than {SHEET.most_px} px along a side", "Give a lower --dpi, or write a PDF"
+        )
     width, height = round(sheet.width * scale), round(sheet.height * scale)
-    if max(width, height) > SHEET.most_px:
-        raise FormatError(f"The picture would have {width} x {height} px", "Give a lower --dpi, or write a PDF")
     picture = np.full((height, width), 255, np.uint8)
     for box in sheet.boxes:
         left, top = round(box.x * scale), round(box.y * scale)

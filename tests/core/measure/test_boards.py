@@ -133,7 +133,8 @@ def test_the_command_writes_a_picture_or_a_page_of_exact_size(
     ("text", "dpi", "why"),
     [
         ("aruco:4fathoms", 300.0, "whose size is not known"),
-        ("aruco:3m", 300.0, "Give a smaller board"),
+        ("aruco:3m", 300.0, "Give a board of another size"),
+        ("aruco:0.0001mm", 300.0, "Give a board of another size"),
         ("aruco:4mm", 72.0, "Give --dpi 153"),
         ("aruco:300mm,0-3", 2400.0, "lower --dpi"),
     ],
