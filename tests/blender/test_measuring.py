@@ -140,7 +140,8 @@ def test_a_board_that_was_found_is_said_and_asked_for(twin: Any) -> None:
     held = twin.dgs_measures
     held.board = "aruco:40mm"
     held.answer = json.dumps({"scale": {"markers": 6, "photos": 20, "size": 50.0, "deviation": 0.1}})
-    assert "Scale by aruco:40mm: 6 markers on 20 photos, known to 0.2 %" in drawn(panels.DGS_PT_twin_measure).words
+    words = " ".join(drawn(panels.DGS_PT_twin_measure).words.split())
+    assert "Scale by aruco:40mm: 6 markers on 20 photos, known to 0.2 %" in words
     assert parsed_request(asked_of(twin)).board is not None
     alone = known_of(twin)
     assert alone is not None and parsed_request(alone).board is not None
