@@ -28,6 +28,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("points", type=Path, metavar="FILE", help=asked)
     known = "a measure whose length is known, such as edge=120mm or edge=120+-0.5mm; px-equivalents if none is"
     add("--scale", metavar="NAME=LENGTH", help=known)
+    printed = "printed markers that give the scale, such as aruco:4x4_50,40mm or charuco:7x5,30mm,22mm ('board' prints)"
+    add("--board", metavar="BOARD", help=printed)
     add("--out", type=Path, metavar="FILE", help="write them, too: ends with .json or .csv")
     add("--photos", type=Path, metavar="DIR", help="where the twin's photos lie now, if they were moved")
     add("--json", action="store_true", help="print JSON instead of the table")
@@ -43,7 +45,9 @@ def measure_command(options: argparse.Namespace, progress: Reporting) -> int:
     if str(options.points) == "-":
         return _listening(options, progress, listening.listen)
     asked = (options.twin, options.points, options.scale, options.photos, options.out)
-    findings = written.measure_twin(written.MeasureJob(*asked, options.overwrite, options.threads), progress)
+    findings = written.measure_twin(
+        written.MeasureJob(*asked, options.overwrite, options.threads, options.board), progress
+    )
     if options.json:
         print(written.as_text(findings, ".json"), end="", flush=True)
         return 0

@@ -96,7 +96,7 @@ def stress_command(options: argparse.Namespace, progress: Reporting) -> int:
     if options.fuzz is not None or not (options.torture or options.only):
         found = fuzz(500 if options.fuzz is None else options.fuzz, device, report=lambda done: _look(progress))
         say(table.fuzz_line(found))
-    outcomes = _torture(say, progress) if options.torture else []
+    outcomes = _torture(table.torture_line, say, progress) if options.torture else []
     seconds, here = time.perf_counter() - began, machine(threads, device)
     failed = table.failures(results, found, outcomes)
     if options.json:
@@ -138,15 +138,14 @@ def _table(cases, backends: tuple[BackendName, ...], say, progress: Reporting) -
     return results
 
 
-def _torture(say, progress: Reporting) -> list[TortureResult]:  # type: ignore[no-untyped-def]
-    from ..studies.stability import table  # heavy: torch
+def _torture(line, say, progress: Reporting) -> list[TortureResult]:  # type: ignore[no-untyped-def]
     from ..studies.stability.torture import tortured, tortures  # heavy: torch
 
     outcomes = []
     for one in tortures():
         _look(progress)
         outcomes.append(tortured(one))
-        say(table.torture_line(outcomes[-1]))
+        say(line(outcomes[-1]))
     return outcomes
 
 

@@ -72,6 +72,7 @@ COMMANDS = (
     Command("next-view", "which photo to take next"),
     Command("update", "new photos into a twin"),
     Command("measure", "lengths, widths, angles and areas on a twin, with error bars", saves=False),
+    Command("board", "a marker board to print, that gives a twin its scale", saves=False),
     Command("mesh", "a twin's surface as a mesh"),
     Command("change", "what has changed between two twins, with error bars"),
     Command("serve", "draw twins for another program", saves=False),

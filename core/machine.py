@@ -19,6 +19,7 @@ _LIBRARIES = (
     "numba",
     "scipy",
     "scikit-image",
+    "opencv-python-headless",
     "pycolmap",
     "plyfile",
     "pillow",

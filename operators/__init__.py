@@ -35,7 +35,13 @@ from .make_test_set import DGS_OT_make_test_set
 from .mark_assets import DGS_OT_mark_assets
 from .measure import DGS_OT_measure, DGS_OT_measure_again
 from .measure_psf import DGS_OT_measure_psf
-from .measures import DGS_OT_export_measures, DGS_OT_forget_length, DGS_OT_know_length, DGS_OT_remove_measure
+from .measures import (
+    DGS_OT_export_measures,
+    DGS_OT_forget_length,
+    DGS_OT_know_length,
+    DGS_OT_remove_measure,
+    DGS_OT_scale_by_board,
+)
 from .menus import DGS_MT_add, DGS_MT_object, DGS_MT_select, add_menus, remove_menus
 from .merge_twins import DGS_OT_apply_transform, DGS_OT_merge_twins
 from .open_report import DGS_OT_open_report
@@ -111,6 +117,7 @@ CLASSES: tuple[type, ...] = (
     DGS_OT_measure_again,
     DGS_OT_remove_measure,
     DGS_OT_know_length,
+    DGS_OT_scale_by_board,
     DGS_OT_forget_length,
     DGS_OT_export_measures,
     DGS_OT_make_mesh,

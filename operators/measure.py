@@ -18,7 +18,7 @@ from ..dgs_addon.scene.twin import is_twin
 from ..dgs_addon.window import redraw, redraw_views
 
 #: Seconds between two looks whether the engine has answered.
-_TICK = 0.03
+TICK = 0.03
 #: Events that turn the view, or move it, while something is measured.
 _VIEW = {"MIDDLEMOUSE", "WHEELUPMOUSE", "WHEELDOWNMOUSE", "TRACKPADPAN", "TRACKPADZOOM", "MOUSEROTATE"}
 
@@ -27,7 +27,9 @@ _VIEW = {"MIDDLEMOUSE", "WHEELUPMOUSE", "WHEELDOWNMOUSE", "TRACKPADPAN", "TRACKP
 _PARTS = {"UI", "TOOLS", "HEADER", "TOOL_HEADER"}
 
 
-class _OfATwin:
+class OfATwin:
+    """What needs a twin that can be measured."""
+
     @classmethod
     def poll(cls, context: Any) -> bool:
         """The active object is a twin that comes from a folder of results, and there is an engine."""
@@ -36,7 +38,7 @@ class _OfATwin:
         return not reason
 
 
-class DGS_OT_measure(_OfATwin, bpy.types.Operator):
+class DGS_OT_measure(OfATwin, bpy.types.Operator):
     """Measure between places on the twin: click on its surface, Esc gives up. Values come with their 95 % interval"""
 
     bl_idname = "dgs.measure"
@@ -94,7 +96,7 @@ class DGS_OT_measure(_OfATwin, bpy.types.Operator):
         self._ending = False
         self._now = Pending(context.object, self.kind, region=self._region)
         set_pending(self._now)
-        self._timer = context.window_manager.event_timer_add(_TICK, window=context.window)
+        self._timer = context.window_manager.event_timer_add(TICK, window=context.window)
         context.window_manager.modal_handler_add(self)
         context.window.cursor_modal_set("CROSSHAIR")
         self._say(context)
@@ -247,7 +249,7 @@ class DGS_OT_measure(_OfATwin, bpy.types.Operator):
         return self.name or str(rpt_(KINDS[self.kind][0]))
 
 
-class DGS_OT_measure_again(_OfATwin, bpy.types.Operator):
+class DGS_OT_measure_again(OfATwin, bpy.types.Operator):
     """Measure all places again, on the twin as its folder has it now"""
 
     bl_idname = "dgs.measure_again"
@@ -273,14 +275,14 @@ def again(operator: Any, twin: Any) -> set[str]:
         def check() -> float | None:
             answer = talk.take("all")
             if answer is None:
-                return _TICK
+                return TICK
             with contextlib.suppress(DgsError, ReferenceError):  # the twin may have gone meanwhile
                 answered(twin, answer)
             redraw()
             redraw_views()
             return None
 
-        bpy.app.timers.register(check, first_interval=_TICK)
+        bpy.app.timers.register(check, first_interval=TICK)
     return {"FINISHED"}
 
 

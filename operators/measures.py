@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,9 @@ from bpy_extras.io_utils import ExportHelper
 
 from ..core.errors import DgsError
 from ..core.files import write_text
+from ..core.measure.boards import parsed_board
 from ..core.measure.rows import check_table_name, table_text
+from ..dgs_addon.questions.measures import answered, ask_again
 from ..dgs_addon.scene.measures import (
     UNIT_ITEMS,
     active_measure,
@@ -22,12 +25,14 @@ from ..dgs_addon.scene.measures import (
     remove_measure,
     rows_of_table,
 )
-from ..dgs_addon.window import redraw_views
+from ..dgs_addon.window import redraw, redraw_views
 from .export_twin import check_place
-from .measure import again
+from .measure import TICK, OfATwin, again
 
 #: Kinds that a known length can be of.
 _LENGTHS = ("length", "polyline", "width")
+#: The board that is offered first.
+USUAL_BOARD = "charuco:4x4_50,7x5,30mm,22mm"
 
 
 class _OfAMeasure:
@@ -93,26 +98,100 @@ class DGS_OT_know_length(_OfAMeasure, bpy.types.Operator):
         held, item = twin.dgs_measures, active_measure(twin)
         for other in held.items:
             other.known = other == item
+        held.board = held.trouble = ""
         held.length, held.deviation, held.unit = self.length, min(self.deviation, 0.99 * self.length), self.unit
         return again(self, twin)
+
+
+class DGS_OT_scale_by_board(OfATwin, bpy.types.Operator):
+    """Find printed markers of known size on the twin's photos: they set the scale of all measures"""
+
+    bl_idname = "dgs.scale_by_board"
+    bl_label = "Scale by Board"
+    bl_options = {"UNDO"}
+
+    board: bpy.props.StringProperty(  # type: ignore[valid-type]
+        name="Marker Board",
+        default=USUAL_BOARD,
+        description="What was printed: aruco:DICTIONARY,SIDE or charuco:DICTIONARY,COLUMNSxROWS,SQUARE,MARKER",
+    )
+
+    def invoke(self, context: Any, _event: Any) -> set[str]:
+        """Asks what was printed."""
+        self.board = measures_of(context.object).board or self.board
+        answer: set[str] = context.window_manager.invoke_props_dialog(self)
+        return answer
+
+    def execute(self, context: Any) -> set[str]:
+        """Asks; without a window the engine is waited for. What was known before is known again if it finds nothing."""
+        twin = context.object
+        held, known = measures_of(twin), known_measure(twin)
+        former = held.board, "" if known is None else known.name
+        try:
+            board = parsed_board(self.board).text
+            held.board, held.trouble = board, ""
+            if known is not None:
+                known.known = False
+            talk = ask_again(twin)
+        except DgsError as error:
+            _taken_back(twin, former, error)
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        if bpy.app.background:
+            _take_board(twin, former, talk.wait("all"))
+            if held.trouble:
+                self.report({"ERROR"}, held.trouble)
+            return {"CANCELLED"} if held.trouble else {"FINISHED"}
+
+        def check() -> float | None:
+            answer = talk.take("all")
+            if answer is None:
+                return TICK
+            with contextlib.suppress(ReferenceError):  # the twin may have gone meanwhile
+                _take_board(twin, former, answer)
+            redraw()
+            return None
+
+        bpy.app.timers.register(check, first_interval=TICK)
+        return {"FINISHED"}
+
+
+def _take_board(twin: Any, former: tuple[str, str], answer: dict[str, Any]) -> None:
+    """Takes the answer in; the panel shows why where there is no scale."""
+    try:
+        answered(twin, answer)
+    except DgsError as error:
+        _taken_back(twin, former, error)
+    redraw_views()
+
+
+def _taken_back(twin: Any, former: tuple[str, str], error: DgsError) -> None:
+    held = measures_of(twin)
+    held.board, held.trouble = former[0], str(error)
+    for item in held.items:
+        item.known = bool(former[1]) and item.name == former[1]
 
 
 class DGS_OT_forget_length(bpy.types.Operator):
     """Measure in px-equivalents again: px of the photos on the surface there"""
 
     bl_idname = "dgs.forget_length"
-    bl_label = "Forget Known Length"
+    bl_label = "Forget Scale"
     bl_options = {"UNDO"}
 
     @classmethod
     def poll(cls, context: Any) -> bool:
-        """A length is known."""
+        """A length or a board is known."""
         cls.poll_message_set("No length is known")
-        return measures_of(context.object) is not None and known_measure(context.object) is not None
+        held = measures_of(context.object)
+        return held is not None and (known_measure(context.object) is not None or bool(held.board))
 
     def execute(self, context: Any) -> set[str]:
         """Forgets it."""
-        known_measure(context.object).known = False
+        known = known_measure(context.object)
+        if known is not None:
+            known.known = False
+        measures_of(context.object).board = measures_of(context.object).trouble = ""
         return again(self, context.object)
 
 

@@ -10,7 +10,7 @@ from bpy.app.translations import pgettext_iface as iface_
 from ..core.measure.rows import NO_SCALE
 from ..dgs_addon.questions import measures, meshes
 from ..dgs_addon.scene.comparison import changed_mesh, changes_of, line_of, shows_changes
-from ..dgs_addon.scene.measures import KINDS, active_measure, known_measure, measures_of, value_text
+from ..dgs_addon.scene.measures import KINDS, active_measure, board_of, known_measure, measures_of, value_text
 from ..dgs_addon.scene.twin import is_twin
 from .layout import Sidebar, figures, sentence
 
@@ -130,9 +130,30 @@ def _draw_list(layout: Any, context: Any, twin: Any, held: Any) -> None:
         sentence(layout, context, item.reason, "ERROR")
     row = layout.row(align=True)
     row.operator("dgs.know_length", icon="DRIVER_DISTANCE")
-    if known is not None:
+    row.operator("dgs.scale_by_board", text="Marker Board", icon="MESH_GRID")
+    if known is not None or held.board:
         row.operator("dgs.forget_length", text="", icon="X")
+    _draw_scale(layout, context, held, known, board_of(twin))
+
+
+def _draw_scale(layout: Any, context: Any, held: Any, known: Any, board: Any) -> None:
+    """Where the scale comes from."""
+    if held.trouble:
+        sentence(layout, context, held.trouble, "ERROR")
+    if known is not None:
         length = {"name": known.name, "length": f"{held.length:.6g}", "unit": held.unit}
         figures(layout, "Scale: {name} is {length} {unit}", "CHECKMARK", **length)
+    elif board is not None:
+        share = f"{100 * board['deviation'] / board['size']:.2g}"
+        counts = {name: board[name] for name in ("markers", "photos")}
+        sentence(
+            layout,
+            context,
+            "Scale by {board}: {markers} markers on {photos} photos, known to {share} %",
+            "CHECKMARK",
+            board=board["board"],
+            share=share,
+            **counts,
+        )
     else:
         sentence(layout, context, iface_("No length is known: px are px-equivalents, px of the photos there"), "INFO")

@@ -279,6 +279,7 @@ def valid(folder: Path) -> dict[str, list[str]]:
         "next-view": [twin],
         "update": [twin, photos],
         "measure": [twin, str(folder / "points.json")],
+        "board": ["aruco:40mm", "--out", str(folder / "out" / "board.png")],
         "mesh": [twin, "--out", str(folder / "out" / "a.glb")],
         "change": [twin, twin, "--out", out],
         "serve": [],

@@ -15,8 +15,9 @@ from ..machine import use_machine
 from ..progress import Progress, Silent
 from ..twin.folder import TwinFolder
 from ..twin.opened import open_twin
+from .by_board import BoardScale, board_scale
 from .measured import check_photos, measured
-from .request import parsed_request
+from .request import MeasureRequest, parsed_request
 from .sights import sights
 from .tables import as_plain
 from .written import looking
@@ -37,6 +38,7 @@ class Measurer:
         self._twin = open_twin(folder, progress, photos)
         self._cameras = looking(TwinFolder(folder))
         self._views = sights(self._twin, (), progress)
+        self._boards = dict[str, BoardScale]()
 
     @property
     def cameras(self) -> int:
@@ -50,13 +52,23 @@ class Measurer:
             message: what a file of places and measures holds; measures may be missing.
 
         Raises:
-            ValueError, DgsError: it makes no sense, or the known length could not be measured.
+            ValueError, DgsError: it makes no sense, or the known length could not be measured, or the board not found.
         """
         request = parsed_request({"measures": [], **message} if isinstance(message, dict) else message, alone=True)
         check_photos(self._twin, request)
         if any(photo not in self._views.views for photo in request.photos):  # one that was held out
             self._views = sights(self._twin, [*self._views.views, *request.photos], Silent())
-        return as_plain(measured(self._twin, self._views, request, self._cameras, Silent()))
+        board = self._board(request)
+        return as_plain(measured(self._twin, self._views, request, self._cameras, Silent(), board))
+
+    def _board(self, request: MeasureRequest) -> BoardScale | None:
+        """The scale of the board that is asked for: photos are searched once for each."""
+        if request.board is None:
+            return None
+        text = request.board.text
+        if text not in self._boards:
+            self._boards[text] = board_scale(request.board, self._twin, self._views, self._cameras, Silent())
+        return self._boards[text]
 
 
 def listen(

@@ -56,7 +56,7 @@ def located(asked: AskedPlace, views: Sights, marks: Mapping[str, Point], camera
     if len(marks) == 1:
         ((photo, point),) = marks.items()
         return on_surface(views, views.views[photo], point, across, f"The place '{asked.name}' on '{photo}'")
-    return _met(asked.name, views, marks, across)
+    return met(asked.name, views, marks, across)
 
 
 def on_surface(views: Sights, sight: Sight, point: Point, across: float, called: str) -> SurfacePoint:
@@ -90,7 +90,7 @@ def _met_by(line: AskedRay, views: Sights, click: float, cameras: float, called:
     return on_surface(views, sight, point, across, called)
 
 
-def _met(name: str, views: Sights, marks: Mapping[str, Point], across: float) -> SurfacePoint:
+def met(name: str, views: Sights, marks: Mapping[str, Point], across: float) -> SurfacePoint:
     """Where the rays of several photos' points meet, by least squares of their distances in px."""
     rays = [(views.views[photo].camera, point) for photo, point in marks.items()]
     position = _nearest_to(rays)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ..errors import DgsError, FormatError
 from ..progress import Progress
 from ..twin.opened import OpenedTwin
+from .by_board import BoardScale, board_scale
 from .located import NothingThere, located, on_surface
 from .places import PRECISION, SurfacePoint, seen_by
 from .request import AskedMeasure, AskedPlace, MeasureRequest, Point
@@ -61,12 +62,16 @@ class Findings:
         places: position, covariance (world units) and px-equivalent of each place that was found.
         noise: of the photos about the twin, sRGB in [0, 1].
         missing: why each of the other places was not found.
+        scale: from printed markers, in the twin's world; None where it is another or there is none.
+        said: what that rests on, for a terminal.
     """
 
     measures: tuple[Measured, ...]
     places: dict[str, dict[str, Any]]
     noise: float
     missing: dict[str, str]
+    scale: dict[str, Any] | None = None
+    said: str = ""
 
 
 @dataclass(frozen=True)
@@ -90,11 +95,13 @@ def measure(twin: OpenedTwin, request: MeasureRequest, cameras: float, progress:
         cameras: standard deviation of where cameras look, px; 0 where they are known.
 
     Raises:
-        FormatError: a photo is none of this twin. DgsError: the known length could not be measured.
-        Cancelled: the user asked to stop.
+        FormatError: a photo is none of this twin. DgsError: the known length could not be measured, or the board not
+            found. Cancelled: the user asked to stop.
     """
     check_photos(twin, request)
-    return measured(twin, sights(twin, request.photos, progress), request, cameras, progress)
+    views = sights(twin, request.photos, progress)
+    board = None if request.board is None else board_scale(request.board, twin, views, cameras, progress)
+    return measured(twin, views, request, cameras, progress, board)
 
 
 def check_photos(twin: OpenedTwin, request: MeasureRequest) -> None:
@@ -105,18 +112,27 @@ def check_photos(twin: OpenedTwin, request: MeasureRequest) -> None:
         raise FormatError(f"'{strange[0]}' is no photo of this twin with a camera", f"Name one such as '{min(names)}'")
 
 
-def measured(twin: OpenedTwin, views: Sights, request: MeasureRequest, cameras: float, progress: Progress) -> Findings:
+def measured(
+    twin: OpenedTwin,
+    views: Sights,
+    request: MeasureRequest,
+    cameras: float,
+    progress: Progress,
+    board: BoardScale | None = None,
+) -> Findings:
     """As `measure`, of what the cameras see already.
 
     Args:
         views: hold each photo that something is marked on.
+        board: what was found of the printed markers that the request names, if it names some.
     """
     generator = np.random.default_rng(0)
     found = valued_measures(twin, views, request, cameras, generator, progress)
-    factor, unit = scale_of(request, found.values, views, generator)
+    factor, unit = scale_of(request, found.values, views, generator, board)
     said = tuple(_said(one, found.values[one.name], factor, unit, found.places) for one in request.measures)
     places = {name: _plain(place, views) for name, place in found.places.items()}
-    return Findings(said, places, views.noise, found.reasons)
+    plain = None if board is None else board.plain(views.scale.size)
+    return Findings(said, places, views.noise, found.reasons, plain, "" if board is None else board.sentence())
 
 
 def valued_measures(
@@ -209,9 +225,15 @@ def _width_between(
 
 
 def scale_of(
-    request: MeasureRequest, values: Mapping[str, Value | str], views: Sights, generator: np.random.Generator
+    request: MeasureRequest,
+    values: Mapping[str, Value | str],
+    views: Sights,
+    generator: np.random.Generator,
+    board: BoardScale | None = None,
 ) -> tuple[Array | None, str]:
-    """Draws of the unit's size in the scene's own units, the best guess first; None without a known length."""
+    """Draws of the unit's size in the scene's own units, the best guess first; None where nothing is known."""
+    if board is not None:
+        return board.drawn(DRAWS, generator), board.board.unit
     known = request.scale
     if known is None:
         return None, NO_SCALE

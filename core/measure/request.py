@@ -1,4 +1,4 @@
-"""What is asked: places on photos or in space, measures of them, and one known length; as JSON.
+"""What is asked: places on photos or in space, measures of them, and what is known of their scale; as JSON.
 
     {"places": {"a": {"photo": "view_001.png", "at": [120.5, 88.0]},
                 "b": {"marks": {"view_001.png": [200, 90], "view_009.png": [188, 92]}, "click": 0.2},
@@ -9,6 +9,8 @@
                   {"kind": "width", "of": ["c", "d"]}],
      "scale": {"measure": "edge", "value": 120, "deviation": 0.5, "unit": "mm"}}
 
+The scale may come from printed markers instead: {"board": "aruco:4x4_50,40mm"} (`core.measure.boards`).
+
 Points are px of the photos as they are in the files; `click` is how exactly they were set, px. A ray from anywhere in
 the twin's world needs no photo: `spread` is the tangent of the angle that a px of the picture it was set on covers, and
 `edges` moves its place to the edge or corner that is nearest.
@@ -16,7 +18,6 @@ the twin's world needs no photo: `spread` is the tangent of the angle that a px 
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,6 +26,8 @@ from typing import Any
 from ..errors import FormatError
 from ..files import read_json
 from ..json_shape import check_shape, number, text, truth
+from .boards import MarkerBoard, parsed_board
+from .lengths import parsed_length
 
 #: How many places a measure is of: at least, and at most (None: any number).
 KINDS: Mapping[str, tuple[int, int | None]] = {
@@ -51,12 +54,8 @@ _CONTENT = {
         }
     },
     "measures": [{"name?": text, "kind": frozenset(KINDS), "of?": [text], "photo?": text, "across?": [[number]]}],
-    "scale?": {"measure": text, "value": number, "deviation?": number, "unit": text},
+    "scale?": {"measure?": text, "value?": number, "deviation?": number, "unit?": text, "board?": text},
 }
-_SCALE = re.compile(
-    r"(?P<measure>.+)=(?P<value>[0-9.eE]+)(?:\s*(?P<first>[^\W\d_]*)\s*\+-\s*(?P<deviation>[0-9.eE]+))?"
-    r"\s*(?P<unit>[^\W\d_]+)"
-)
 
 Point = tuple[float, float]
 Position = tuple[float, float, float]
@@ -112,11 +111,12 @@ class KnownLength:
 
 @dataclass(frozen=True)
 class MeasureRequest:
-    """All that is asked."""
+    """All that is asked; the scale comes from a known length, from a printed board, or there is none."""
 
     places: dict[str, AskedPlace]
     measures: tuple[AskedMeasure, ...]
     scale: KnownLength | None
+    board: MarkerBoard | None = None
 
     @property
     def photos(self) -> tuple[str, ...]:
@@ -125,44 +125,54 @@ class MeasureRequest:
         return tuple(sorted(marked | {m.photo for m in self.measures if m.photo}))
 
 
-def read_request(path: Path, scale: str | None = None) -> MeasureRequest:
+def read_request(path: Path, scale: str | None = None, board: str | None = None) -> MeasureRequest:
     """Reads a file of measures.
 
     Args:
         scale: 'NAME=12.5mm' or 'NAME=12.5+-0.1mm', in the place of the file's.
+        board: what was printed, as `core.measure.boards` has it, in the place of the file's scale.
 
     Raises:
         FormatError: it is not there, damaged, or asks for what makes no sense.
     """
     try:
-        return parsed_request(read_json(path), scale)
+        return parsed_request(read_json(path), scale, board)
     except (OSError, ValueError) as error:
         raise FormatError(
             f"'{path}' asks for no measures ({error})", "See docs/measure.md for what it may hold"
         ) from error
 
 
-def parsed_request(content: Any, scale: str | None = None, *, alone: bool = False) -> MeasureRequest:
-    """As `read_request`, of what a file holds; raises ValueError.
+def parsed_request(
+    content: Any, scale: str | None = None, board: str | None = None, *, alone: bool = False
+) -> MeasureRequest:
+    """As `read_request`, of what a file holds; raises ValueError, or FormatError of a board.
 
     Args:
         alone: places may stand without a measure of them.
     """
     check_shape(content, _CONTENT)
-    request = _request(content, scale)
-    if not request.measures and not (alone and request.places):
+    request = _request(content, scale, board)
+    if not request.measures and request.board is None and not (alone and request.places):
         raise ValueError(f"it holds {len(request.places)} places and 0 measures")
     return request
 
 
-def _request(content: dict[str, Any], scale: str | None) -> MeasureRequest:
+def _request(content: dict[str, Any], scale: str | None, board: str | None) -> MeasureRequest:
     places = {name: _place(name, found) for name, found in content.get("places", {}).items()}
     measures = [_measure(index, found, places) for index, found in enumerate(content["measures"])]
     if max(len(measures), len(places)) > MOST_ENTRIES:
         raise ValueError(f"it holds {len(places)} places and {len(measures)} measures")
     if len({measure.name for measure in measures}) < len(measures):
         raise ValueError("two measures have the same name")
-    known = _known(scale) if scale else _known_of(content.get("scale"))
+    if scale and board:
+        raise ValueError("its scale is to come from a known length and from a board")
+    given = {"board": board} if board else content.get("scale") or {}
+    if not scale and "board" in given:
+        if "measure" in given or "value" in given:
+            raise ValueError("its scale is a known length and a board")
+        return MeasureRequest(places, tuple(measures), None, parsed_board(given["board"]))
+    known = _known(scale) if scale else _known_of(given)
     if known is not None:
         found = {measure.name: measure.kind for measure in measures}.get(known.measure)
         if found not in ("length", "polyline", "width"):
@@ -224,19 +234,24 @@ def _measure(index: int, found: dict[str, Any], places: Mapping[str, AskedPlace]
     return AskedMeasure(name, kind, of, found["photo"], (across[0], across[1]))
 
 
-def _known_of(found: dict[str, Any] | None) -> KnownLength | None:
-    if found is None:
+def _known_of(found: dict[str, Any]) -> KnownLength | None:
+    if not found:
         return None
+    missing = next((name for name in ("measure", "value", "unit") if name not in found), "")
+    if missing:
+        raise ValueError(f"scale.{missing} is missing")
     value, deviation = float(found["value"]), float(found.get("deviation", 0.0))
     return _sound(KnownLength(found["measure"], value, deviation, found["unit"]))
 
 
 def _known(asked: str) -> KnownLength:
-    match = _SCALE.fullmatch(asked.strip())
-    if match is None or match["first"] not in (None, "", match["unit"]):
-        raise ValueError(f"'{asked}' is no known length: write NAME=12.5mm or NAME=12.5+-0.1mm")
-    known = KnownLength(match["measure"], float(match["value"]), float(match["deviation"] or 0.0), match["unit"])
-    return _sound(known)
+    name, _, length = asked.strip().rpartition("=")
+    try:
+        if not name:
+            raise ValueError("it names no measure")
+        return _sound(KnownLength(name, *parsed_length(length)))
+    except ValueError as error:
+        raise ValueError(f"'{asked}' is no known length: write NAME=12.5mm or NAME=12.5+-0.1mm ({error})") from error
 
 
 def _sound(known: KnownLength) -> KnownLength:

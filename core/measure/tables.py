@@ -9,12 +9,14 @@ from .rows import NO_SCALE, table_text
 
 
 def as_plain(findings: Findings) -> dict[str, Any]:
-    """For JSON: measures, places that were found, why others were not, and the photos' noise."""
+    """For JSON: measures, places that were found, why others were not, the photos' noise, and the scale of a board."""
+    scale = {} if findings.scale is None else {"scale": findings.scale}
     return {
         "measures": [one.plain() for one in findings.measures],
         "places": findings.places,
         "missing": findings.missing,
         "noise": findings.noise,
+        **scale,
     }
 
 
@@ -27,10 +29,12 @@ def as_text(findings: Findings, suffix: str) -> str:
 def lines(findings: Findings) -> list[str]:
     """A table for a terminal, and a word where there is no scale."""
     found = [f"{'measure':<20} {'kind':<9} {'value':>12} {'+-':>10}   95 % interval"]
-    found += [_line(one) for one in findings.measures]
+    found = [*found, *map(_line, findings.measures)] if findings.measures else []
+    found += [findings.said] if findings.said else []
     if any(one.unit.startswith(NO_SCALE) for one in findings.measures):
         found.append(
-            "No length is known: px-equivalents are px of the photos on the surface there. Give one: --scale NAME=12mm"
+            "No length is known: px-equivalents are px of the photos on the surface there. Give one: --scale NAME=12mm,"
+            " or print markers: --board aruco:40mm"
         )
     return found
 

@@ -27,7 +27,7 @@ class MeasureJob:
 
     Attributes:
         folder: of the twin; asked: file of places and measures.
-        scale: known length as text, in the place of the file's.
+        scale: known length as text, in the place of the file's; board: printed markers as text, likewise.
         photos: where the twin's photos lie now, if they were moved.
         out: file that is written as well, if any; overwrite: even if it is somebody else's.
         threads: all cores if None.
@@ -40,6 +40,7 @@ class MeasureJob:
     out: Path | None = None
     overwrite: bool = False
     threads: int | None = None
+    board: str | None = None
 
 
 def measure_twin(job: MeasureJob, progress: Progress) -> Findings:
@@ -47,11 +48,12 @@ def measure_twin(job: MeasureJob, progress: Progress) -> Findings:
 
     Raises:
         FormatError: no twin folder, a damaged file, or one that asks for what makes no sense. OutputError: it cannot be
-            written. DgsError: the known length could not be measured. Cancelled: the user asked to stop.
+            written. DgsError: the known length could not be measured, or the board not found. Cancelled: the user asked
+            to stop.
     """
     if not job.folder.is_dir():
         raise FormatError(f"There is no folder '{job.folder}'", "Give the --out folder of 'reconstruct'")
-    request = read_request(job.asked, job.scale)
+    request = read_request(job.asked, job.scale, job.board)
     if job.out is not None:
         check_table_name(job.out)
         check_outputs([job.out], [job.asked, job.folder / "twin.ply", job.folder / "report.json"], job.overwrite)

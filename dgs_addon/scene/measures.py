@@ -42,6 +42,7 @@ ANSWER = {
     ],
     "places": {"*": {"position": [number], "photos": number}},
     "missing": {"*": anything},
+    "scale?": {"markers": number, "photos": number, "size": number, "deviation": number},
 }
 
 
@@ -89,6 +90,8 @@ class DGS_PG_measures(bpy.types.PropertyGroup):
     length: bpy.props.FloatProperty()  # type: ignore[valid-type]
     deviation: bpy.props.FloatProperty()  # type: ignore[valid-type]
     unit: bpy.props.StringProperty()  # type: ignore[valid-type]
+    board: bpy.props.StringProperty(description="Printed markers that give the scale; empty without")  # type: ignore[valid-type]
+    trouble: bpy.props.StringProperty(description="Why no printed markers were found")  # type: ignore[valid-type]
     answer: bpy.props.StringProperty(description="The engine's last answer, as JSON")  # type: ignore[valid-type]
 
 
@@ -183,18 +186,32 @@ def asked_of(twin: Any) -> dict[str, Any]:
         chosen = next(index for index, item in enumerate(held.items) if item == known)
         length = {"value": _short(held.length), "deviation": _short(held.deviation), "unit": held.unit}
         scale = {"scale": {"measure": str(chosen), **length}}
+    elif held.board:
+        scale = {"scale": {"board": held.board}}
     return {"places": places, "measures": measures, **scale}
 
 
 def known_of(twin: Any) -> dict[str, Any] | None:
-    """The known length of a twin alone, as a file of the engine's command has it; None without one."""
+    """What is known of a twin's scale alone, as a file of the engine's command has it; None where nothing is."""
     item, held = known_measure(twin), twin.dgs_measures
     if item is None:
-        return None
+        return {"measures": [], "scale": {"board": held.board}} if held.board else None
     places = {f"{at}": _asked(place) for at, place in enumerate(item.places)}
     measure = {"name": item.name, "kind": item.kind, "of": list(places)}
     length = {"value": _short(held.length), "deviation": _short(held.deviation), "unit": held.unit}
     return {"places": places, "measures": [measure], "scale": {"measure": item.name, **length}}
+
+
+def board_of(twin: Any) -> dict[str, Any] | None:
+    """What the engine has found of the printed markers that give a twin's scale; None where they do not."""
+    held = twin.dgs_measures
+    if not held.board or known_measure(twin) is not None:
+        return None
+    try:
+        found = json.loads(held.answer)["scale"]
+        return {"board": held.board, **{name: found[name] for name in ("markers", "photos", "size", "deviation")}}
+    except (ValueError, KeyError, TypeError):
+        return None
 
 
 def take_in(twin: Any, answer: Mapping[str, Any]) -> None:

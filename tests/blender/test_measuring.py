@@ -24,7 +24,7 @@ from dgs.core.measure.request import parsed_request  # noqa: E402
 from dgs.dgs_addon.engine.conversation import Conversation  # noqa: E402
 from dgs.dgs_addon.job.results import add_twin_of  # noqa: E402
 from dgs.dgs_addon.questions import measures  # noqa: E402
-from dgs.dgs_addon.scene.measures import asked_of, from_file, sight_line, value_text  # noqa: E402
+from dgs.dgs_addon.scene.measures import asked_of, from_file, known_of, sight_line, value_text  # noqa: E402
 from dgs.dgs_addon.scene.surface import SURFACE  # noqa: E402
 from dgs.tests.blender.paper import drawn  # noqa: E402
 from dgs.tests.card_twin import DEPTH, FOCAL, LINE, RECTANGLE, write_card_twin  # noqa: E402
@@ -119,6 +119,32 @@ def test_a_known_length_scales_all_and_is_forgotten_again(twin: Any) -> None:
     bpy.ops.dgs.know_length(length=90.0, unit="mm")
     assert bpy.ops.dgs.remove_measure() == {"FINISHED"} and len(twin.dgs_measures.items) == 1
     assert twin.dgs_measures.items[0].unit == "px-equivalent", "nothing is known any more"
+
+
+def test_a_board_that_is_not_there_changes_nothing(twin: Any) -> None:
+    edge = measured(twin, "length", *SIDE, name="edge")
+    bpy.ops.dgs.know_length(length=90.0, unit="mm")
+    with pytest.raises(RuntimeError, match="No marker of 'aruco:40mm' is found"):
+        bpy.ops.dgs.scale_by_board(board="aruco:40mm")
+    held = twin.dgs_measures
+    assert edge.known and edge.unit == "mm" and held.board == ""
+    paper = drawn(panels.DGS_PT_twin_measure)
+    assert "Scale: edge is 90 mm" in paper.words and "No marker of" in paper.words
+    with pytest.raises(RuntimeError, match="Write aruco:"):
+        bpy.ops.dgs.scale_by_board(board="40mm")
+    assert bpy.ops.dgs.forget_length() == {"FINISHED"} and "No marker" not in drawn(panels.DGS_PT_twin_measure).words
+
+
+def test_a_board_that_was_found_is_said_and_asked_for(twin: Any) -> None:
+    measured(twin, "length", *SIDE, name="edge")
+    held = twin.dgs_measures
+    held.board = "aruco:40mm"
+    held.answer = json.dumps({"scale": {"markers": 6, "photos": 20, "size": 50.0, "deviation": 0.1}})
+    words = " ".join(drawn(panels.DGS_PT_twin_measure).words.split())
+    assert "Scale by aruco:40mm: 6 markers on 20 photos, known to 0.2 %" in words
+    assert parsed_request(asked_of(twin)).board is not None
+    alone = known_of(twin)
+    assert alone is not None and parsed_request(alone).board is not None
 
 
 def test_a_file_keeps_them_and_they_can_be_measured_again(twin: Any, tmp_path: Path) -> None:

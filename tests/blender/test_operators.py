@@ -86,6 +86,7 @@ MISSING = {
     "remove_measure": "Measure something first",
     "export_measures": "Measure something first",
     "know_length": "Choose a length",
+    "scale_by_board": "Select a twin",
     "forget_length": "No length is known",
     "make_mesh": "Select a twin",
     "compare_earlier": "Select a twin",

@@ -27,6 +27,7 @@ WITHOUT_TORCH = (
     "formats.cameras",
     "formats.gaussians",
     "photos.kinds",
+    "measure.boards",
     "measure.rows",
     "change.files",
     "colour",
