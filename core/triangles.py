@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,8 +50,7 @@ class Mesh:
         place[used] = np.arange(len(used))
         colours = None if self.colours is None else self.colours[used]
         deviation = None if self.deviation is None else self.deviation[used]
-        kept = {"colours": colours, "deviation": deviation, "texture": None}
-        return replace(self, vertices=self.vertices[used], faces=place[faces], **kept)
+        return Mesh(self.vertices[used], place[faces], colours, deviation)
 
     def normals(self) -> NDArray[np.float64]:
         """[N, 3] unit normals at the corners: means of their faces', by area."""

@@ -101,8 +101,8 @@ def build_mesh(gaussians: Gaussians, cameras: Sequence[Camera], settings: MeshSe
     painting, texel = _texture(whole, surfaces, volume.voxel, settings.texture, progress)
     texture, unseen = (painting.texture, painting.unseen) if painting is not None else (None, 0.0)
     mesh = Mesh(whole.vertices * scale.size + scale.origin, whole.faces, colours, deviation, texture)
-    lengths = (length * scale.size for length in (volume.voxel, pixel))
-    return TwinMesh(mesh, *lengths, volume.far, made, texel * scale.size, unseen)
+    voxel, pixel, texel = (length * scale.size for length in (volume.voxel, pixel, texel))
+    return TwinMesh(mesh, voxel, pixel, volume.far, made, texel, unseen)
 
 
 def _go_on(progress: Progress) -> None:
