@@ -1,8 +1,9 @@
 """Meshes with colours at their corners and with textures, seen from held-out cameras, against the sharp truth.
 
     python -m benchmarks.textured TWIN SET                        # SET: a set of the laboratory's, with sharp/
-    python -m benchmarks.textured TWIN SET --faces 50000 --texture 1024 2048 --picture FILE.jpg
+    python -m benchmarks.textured TWIN SET --mesh 500000:0 50000:1024 50000:2048 --picture FILE.png
 
+A mesh is FACES:TEXTURE, texels each way, and 0 for none; each is seen in its corners' colours, too.
 Each mesh is drawn by 4 x 4 rays a px, unlit, and compared where the truth is opaque and every mesh covers the whole px:
 there the difference is that of the colours, and of nothing else.
 """
@@ -105,8 +106,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("twin", type=Path)
     parser.add_argument("set", type=Path)
-    parser.add_argument("--faces", type=int, nargs="+", default=[500_000, 50_000, 10_000])
-    parser.add_argument("--texture", type=int, nargs="+", default=[1024, 2048])
+    parser.add_argument("--mesh", nargs="+", default=["500000:0", "50000:1024", "50000:2048"])
     parser.add_argument("--picture", type=Path)
     options = parser.parse_args()
     gaussians, cameras = splats_and_cameras(options.twin)
@@ -114,13 +114,14 @@ def main() -> None:
     pinholes = read_cameras(options.set / "transforms.json").pinholes()
     held_out = [camera for name, camera in sorted(pinholes.items()) if name not in trained]
     ways: dict[str, tuple[Mesh, bool]] = {}
-    for faces in options.faces:
-        for size in options.texture:
-            before, spent = time.monotonic(), time.process_time()
-            made = build_mesh(gaussians, cameras, MeshSettings(faces=faces, texture=size), Silent())
-            took = f"{time.process_time() - spent:.0f} s of a core, {time.monotonic() - before:.0f} s"
-            print(f"{len(made.mesh.faces)} faces, {size}: texel {made.texel / made.pixel:.2f} px, {took}", flush=True)
-            ways[f"{faces} corners"] = made.mesh, False
+    for asked in options.mesh:
+        faces, size = map(int, asked.split(":"))
+        before, spent = time.monotonic(), time.process_time()
+        made = build_mesh(gaussians, cameras, MeshSettings(faces=faces, texture=size), Silent())
+        took = f"{time.process_time() - spent:.0f} s of a core, {time.monotonic() - before:.0f} s"
+        print(f"{len(made.mesh.faces)} faces, {size}: texel {made.texel / made.pixel:.2f} px, {took}", flush=True)
+        ways[f"{faces} corners"] = made.mesh, False
+        if size:
             ways[f"{faces} texture {size}"] = made.mesh, True
     rows = compared(ways, held_out, options.set / "sharp", options.picture)
     for name, values in rows.items():

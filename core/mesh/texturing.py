@@ -27,7 +27,7 @@ class TexturingSettings:
     attempts: int = number(4, "count", "of that; the last one takes views from behind, too, as for corners' colours")
     facing: float = number(0.1, "cosine", "between normal and view, at least: thin things have another colour behind")
     spread: float = number(0.1, "sRGB", "of views about their mean: those much farther off are of something else")
-    rounds: int = number(3, "count", "of the robust mean: it moves by less than a grey level after")
+    rounds: int = number(3, "count", "of the robust mean, after the plain one")
     unseen: float = number(0.5, "sRGB", "of texels that no view shows: grey, as corners are")
 
 
