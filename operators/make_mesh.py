@@ -22,6 +22,13 @@ from ..dgs_addon.window import redraw
 
 #: Seconds between two looks whether it is done.
 _TICK = 0.2
+#: Texels each way.
+_TEXTURES = (
+    ("0", "Off", "Colours at the corners of the mesh"),
+    ("1024", "1024 px", "1024 x 1024 px"),
+    ("2048", "2048 px", "2048 x 2048 px"),
+    ("4096", "4096 px", "4096 x 4096 px"),
+)
 
 
 class DGS_OT_make_mesh(bpy.types.Operator):
@@ -40,6 +47,12 @@ class DGS_OT_make_mesh(bpy.types.Operator):
     faces: bpy.props.IntProperty(  # type: ignore[valid-type]
         name="Faces", min=0, default=200_000, description="At most so many; 0 for all that there are"
     )
+    texture: bpy.props.EnumProperty(  # type: ignore[valid-type]
+        name="Texture",
+        items=_TEXTURES,
+        default="0",
+        description="Paint a picture and lay out UVs: a mesh of few faces then shows as much as one of many",
+    )
 
     @classmethod
     def poll(cls, context: Any) -> bool:
@@ -54,8 +67,11 @@ class DGS_OT_make_mesh(bpy.types.Operator):
         """Starts the engine; without a window it is waited for."""
         twin, scene = context.object, context.scene
         place = Path(tempfile.mkdtemp(prefix="descatter-mesh-", dir=bpy.app.tempdir or None)) / "surface.ply"
+        size = int(self.texture)
+        if size:
+            place = place.with_suffix(".obj")  # (what Blender reads welded, with its UVs; a PLY holds no texture)
         try:
-            command = mesh_command(find_python(), folder_of(twin), place, self.detail, self.faces)
+            command = mesh_command(find_python(), folder_of(twin), place, self.detail, self.faces, size)
         except DgsError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}

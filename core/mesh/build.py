@@ -16,10 +16,12 @@ from ..numbers import number
 from ..progress import Progress
 from ..training.scale import twin_scale
 from ..triangles import Mesh
-from .cleaning import decimated, without_crumbs
+from .cleaning import decimated, face_areas, without_crumbs
 from .colour_kernels import gather_colours
 from .marching import zero_surface
 from .surfaces import SeenSurface, seen_surfaces
+from .texturing import Painted, painted
+from .unwrapping import check_unwrapping, unwrapped
 from .volume import Volume, flattened, fused, usual_voxel
 
 
@@ -28,8 +30,17 @@ class MeshSettings:
     """What a user may ask of a mesh."""
 
     detail: float = number(1.0, "px", "side of a voxel: of a px on the surface, in the middle of all views")
-    faces: int = number(500_000, "count", "at most; as many as there are if 0")
+    faces: int | None = number(None, "count", "at most; as many as there are if 0; the next two if not given")
+    coloured_faces: int = number(500_000, "count", "whose corners carry the colours: detail of both is lost together")
+    textured_faces: int = number(50_000, "count", "where a texture carries the colours, and faces the shape alone")
     views: int = number(60, "count", "cameras at most, evenly chosen: more of them hardly see anything else")
+    texture: int = number(0, "texels", "side of the texture; 0: corners have colours, and there is none")
+
+    @property
+    def most_faces(self) -> int:
+        """What is left of the faces at most; 0: all."""
+        usual = self.textured_faces if self.texture else self.coloured_faces
+        return usual if self.faces is None else self.faces
 
 
 @dataclass(frozen=True)
@@ -41,6 +52,7 @@ class TwinMesh:
         voxel: side of a voxel, world units; pixel: size of a px on the surface, in the middle of all views.
         far: share of what cameras see that is too far off for voxels of this size.
         made: faces before they were thinned out.
+        texel: side of a texel on the surface, world units; unseen: share of the texels that no view shows. 0 without.
     """
 
     mesh: Mesh
@@ -48,6 +60,8 @@ class TwinMesh:
     pixel: float
     far: float
     made: int
+    texel: float = 0.0
+    unseen: float = 0.0
 
 
 def build_mesh(gaussians: Gaussians, cameras: Sequence[Camera], settings: MeshSettings, progress: Progress) -> TwinMesh:
@@ -57,8 +71,11 @@ def build_mesh(gaussians: Gaussians, cameras: Sequence[Camera], settings: MeshSe
         gaussians: on the CPU; cameras: that it was trained on, in the same world.
 
     Raises:
-        DgsError: there is no surface. Cancelled: the user asked to stop.
+        DgsError: there is no surface. OutputError: nothing that makes textures is installed.
+        Cancelled: the user asked to stop.
     """
+    if settings.texture:
+        check_unwrapping()
     if not len(gaussians):
         raise DgsError("The twin holds no Gaussians", "Reconstruct it first")
     chosen = np.unique(np.linspace(0, len(cameras) - 1, min(len(cameras), settings.views)).round().astype(int))
@@ -75,18 +92,36 @@ def build_mesh(gaussians: Gaussians, cameras: Sequence[Camera], settings: MeshSe
         raise DgsError("The cameras see no surface that hangs together", "Train longer, or give more photos")
     _go_on(progress)
     made = len(whole.faces)
-    if settings.faces:
-        whole = decimated(whole, settings.faces)
+    if settings.most_faces:
+        whole = decimated(whole, settings.most_faces)
     _go_on(progress)
     progress.stage("colour")
     deviation = np.asarray(_deviations(whole, volume) * np.float32(scale.size))
-    mesh = Mesh(whole.vertices * scale.size + scale.origin, whole.faces, _colours(whole, surfaces, volume), deviation)
-    return TwinMesh(mesh, volume.voxel * scale.size, pixel * scale.size, volume.far, made)
+    colours = _colours(whole, surfaces, volume)
+    painting, texel = _texture(whole, surfaces, volume.voxel, settings.texture, progress)
+    texture, unseen = (painting.texture, painting.unseen) if painting is not None else (None, 0.0)
+    mesh = Mesh(whole.vertices * scale.size + scale.origin, whole.faces, colours, deviation, texture)
+    voxel, pixel, texel = (length * scale.size for length in (volume.voxel, pixel, texel))
+    return TwinMesh(mesh, voxel, pixel, volume.far, made, texel, unseen)
 
 
 def _go_on(progress: Progress) -> None:
     if progress.cancelled():
         raise Cancelled("Stopped while the mesh was made; nothing was written")
+
+
+def _texture(
+    mesh: Mesh, surfaces: Sequence[SeenSurface], voxel: float, size: int, progress: Progress
+) -> tuple[Painted | None, float]:
+    """A texture of `size` texels, None if that is 0; and the side of a texel in the mesh's unit, in the mean."""
+    if not size:
+        return None, 0.0
+    progress.stage("unwrap")
+    charts = unwrapped(mesh, size)
+    _go_on(progress)
+    progress.stage("texture")
+    covered = max(float(charts.areas().sum()), 1e-12) * size**2
+    return painted(mesh, charts, size, surfaces, voxel), float(np.sqrt(face_areas(mesh).sum() / covered))
 
 
 def _colours(mesh: Mesh, surfaces: Sequence[SeenSurface], volume: Volume) -> NDArray[np.uint8]:

@@ -27,6 +27,8 @@ STAGES = {
     "fuse": "Joining surfaces",
     "mesh": "Making the mesh",
     "colour": "Colouring the mesh",
+    "unwrap": "Unwrapping the mesh",
+    "texture": "Painting the texture",
     "look": "Measuring",
     "features": "Matching photos",
     "compare": "Comparing",

@@ -33,9 +33,10 @@ def measure_command(python: Path, folder: Path) -> list[str]:
     return [str(python), str(RUN), "measure", str(folder), "-", "--progress", "none"]
 
 
-def mesh_command(python: Path, folder: Path, out: Path, detail: float, faces: int) -> list[str]:
-    """The engine's command that makes a mesh."""
+def mesh_command(python: Path, folder: Path, out: Path, detail: float, faces: int, texture: int) -> list[str]:
+    """The engine's command that makes a mesh; `texture`: texels each way, 0 for none."""
     options = ["--out", str(out), "--detail", str(detail), "--faces", str(faces), "--overwrite"]
+    options += ["--texture", str(texture)] if texture else []
     return [str(python), str(RUN), "mesh", str(folder), *options, "--progress", "none", "--control"]
 
 
