@@ -114,6 +114,16 @@ def test_texels_have_the_colours_of_their_sides() -> None:
     assert (error > 0.3).mean() < 0.04, "half a texel along the edges at most"
 
 
+def test_thin_things_are_not_seen_from_behind() -> None:
+    """Voxels as large as the cube: the depth test lets its far sides pass."""
+    mesh = cube()
+    charts = unwrapped(mesh, SIZE)
+    found = painted(mesh, charts, SIZE, [seen_cube(camera) for camera in cameras()], 1.0)
+    world, colours = middles(mesh, found.texture, texel_owners(charts, SIZE))
+    inner = np.sort(np.abs(world), axis=1)[:, 1] < 0.4
+    assert np.abs(colours - SIDES[side_of(world)])[inner].max() < 0.02
+
+
 def test_between_charts_colours_go_on() -> None:
     mesh = cube()
     charts = unwrapped(mesh, SIZE)
