@@ -62,8 +62,30 @@ def with_glass(
     behind = [view.name for view in every if view.name not in clear]
     sigma = medium.mean_sigma(behind) if behind else 0.0
     nearest, farthest = depths_between(every, points)
-    learned: frozenset[str] = frozenset()
-    error = 0.0
+    _check(request, sigma, nearest)
+    # (points are asked of a glass that faces the camera, and that all photos were taken through)
+    ask = request.distance is None and source is not None and not clear and not request.tilted
+    shown = _distance_shown(source, sigma, size, nearest) if ask and source is not None else None
+    distance, error = shown or (request.distance or min(SETTINGS.begin * size, SETTINGS.nearest * nearest), 0.0)
+    learned = _learned(request, bool(clear)) if request.distance is None and shown is None else frozenset[str]()
+    scene = GlassScene(focal / diagonal, diagonal, nearest, farthest, stands_of(every) if request.standing else None)
+    far = sigma / (1.0 - distance / size) if request.angle is None else focal * request.angle
+    glass = FrostedGlass.of(far / diagonal, distance, scene, clear, learned, _lean(request))
+    glass.errors = 0.0, error
+    before = next((d for d in effects.chosen.decisions if d.name == FrostedGlass.name and d.on), None)
+    why = _why(request, learned, error)
+    if before is not None and request == glass_shown(effects):
+        why = before.why
+    progress.note(
+        f"Frosted glass ({why}): {glass.sigma(size, diagonal):.2f} px wide at the scene's middle depth of {size:.3g}"
+    )
+    evidence = None if before is None else before.evidence
+    line = Decision(FrostedGlass.name, True, why, evidence, parameters=dict(glass.described()))
+    return _in_its_place(effects, glass, line, glass.sigma(size, diagonal))
+
+
+def _check(request: GlassRequest, sigma: float, nearest: float) -> None:
+    """Raises PsfError where a glass cannot be made of what was given."""
     if request.distance is not None and request.distance >= nearest:
         raise PsfError(
             f"A glass at {request.distance:g} stands behind what the photos show from {nearest:.3g} on",
@@ -75,51 +97,38 @@ def with_glass(
             "scene is",
             "Give --psf gaussian:SIGMA (at the scene's middle depth), or --glass DISTANCE,ANGLE (measure-glass)",
         )
-    if request.distance is None:
-        ask = (
-            source is not None and not clear and not request.tilted
-        )  # (points are asked of a glass that faces the camera)
-        shown = _distance_shown(source, sigma, size, nearest) if ask and source is not None else None
-        if shown is None:
-            learned = frozenset({"distance", "spread"} if clear else {"distance"})
-            learned |= {"tilt"} if request.tilted else set()
-            distance = min(SETTINGS.begin * size, SETTINGS.nearest * nearest)
-        else:
-            distance, error = shown
-    else:
-        distance = request.distance
-    stands = _stands(every) if request.standing else None
-    scene = GlassScene(focal / diagonal, diagonal, nearest, farthest, stands)
-    middle = 1.0 - distance / size
-    spread = sigma / middle / diagonal if request.angle is None else focal * request.angle / diagonal
-    tilt = None if request.tilt is None else (math.tan(request.tilt[0]), math.tan(request.tilt[1]))
-    lean = (0.0, 0.0) if request.tilted else tilt
-    glass = FrostedGlass.of(spread, distance, scene, clear, learned, lean)
-    glass.errors = 0.0, error
-    why = (
-        "its distance and tilt are learned"
-        if request.tilted
-        else "its distance is learned"
-        if learned
-        else "its distance as points show it"
-        if error
-        else "given"
-    )
-    before = next((d for d in effects.chosen.decisions if d.name == FrostedGlass.name and d.on), None)
-    if before is not None and request == glass_shown(effects):
-        why = before.why
-    progress.note(
-        f"Frosted glass ({why}): {glass.sigma(size, diagonal):.2f} px wide at the scene's middle depth of {size:.3g}"
-    )
-    evidence = None if before is None else before.evidence
-    line = Decision(FrostedGlass.name, True, why, evidence, parameters=dict(glass.described()))
+
+
+def _learned(request: GlassRequest, some_clear: bool) -> frozenset[str]:
+    """What a training finds; the width only where some photos were taken without the glass."""
+    return frozenset({"distance", *(["spread"] if some_clear else []), *(["tilt"] if request.tilted else [])})
+
+
+def _lean(request: GlassRequest) -> tuple[float, float] | None:
+    """Tangents of the tilt, where learning begins or as given; None for a glass that faces the camera."""
+    if request.tilted:
+        return 0.0, 0.0
+    return None if request.tilt is None else (math.tan(request.tilt[0]), math.tan(request.tilt[1]))
+
+
+def _why(request: GlassRequest, learned: frozenset[str], error: float) -> str:
+    """Where distance and tilt come from."""
+    if request.standing:
+        return "it stands in the world; its distance and tilt are learned"
+    if learned:
+        return "its distance and tilt are learned" if request.tilted else "its distance is learned"
+    return "its distance as points show it" if error else "given"
+
+
+def _in_its_place(effects: SimulatedEffects, glass: FrostedGlass, line: Decision, sigma: float) -> SimulatedEffects:
+    """The glass instead of the point spread, and of a glass that was chosen before."""
     others = [effect for effect in effects.chosen.formation.effects if not isinstance(effect, FrostedGlass)]
     lines = [d for d in effects.chosen.decisions if d.name != FrostedGlass.name]
     chosen = replace(effects.chosen, formation=Formation([glass, *others]), decisions=[line, *lines])
-    return replace(effects, chosen=chosen, medium=Medium(None, "linear"), sigma=glass.sigma(size, diagonal))
+    return replace(effects, chosen=chosen, medium=Medium(None, "linear"), sigma=sigma)
 
 
-def _stands(views: Sequence[View]) -> dict[str, Stand]:
+def stands_of(views: Sequence[View]) -> dict[str, Stand]:
     """Where all cameras stand against the one in their middle."""
     centres = np.array([view.camera.centre for view in views])
     first = views[int(np.linalg.norm(centres - np.median(centres, axis=0), axis=1).argmin())].camera

@@ -11,7 +11,7 @@ from dgs.core.frames import Frame
 from dgs.core.imaging.formation.chain import Formation
 from dgs.core.imaging.formation.glass import FrostedGlass, GlassScene
 from dgs.core.imaging.medium import Medium
-from dgs.core.pipeline.glass import _stands
+from dgs.core.pipeline.glass import stands_of
 from dgs.core.rasterizer import RasterSettings
 from dgs.core.training.glass import SETTINGS, LearnedGlass
 from dgs.core.training.trainer import Trainer
@@ -75,7 +75,7 @@ def test_a_true_twin_says_how_the_glass_leans(scene):
 
 def test_a_true_twin_says_where_a_glass_stands_in_the_world(scene):
     """The cameras move before it: it is nearer to some, and leans towards them otherwise."""
-    tilt, stands = torch.tensor([0.3, 0.1]), _stands(scene.views)
+    tilt, stands = torch.tensor([0.3, 0.1]), stands_of(scene.views)
     views = through(scene, glass(DISTANCE, tilt=tilt, stands=stands))[:4]
     start = glass(1.1, learned=frozenset({"distance", "tilt"}), tilt=torch.zeros(2), stands=stands).scaled(1 / MIDDLE)
     sheet = LearnedGlass(start, replace(SETTINGS, part=1.0, ahead=0.0))
