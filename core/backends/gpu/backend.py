@@ -13,10 +13,11 @@ from ...devices import AdamStep
 from ...frames import Evaluation, Frame
 from ...gaussians import Gaussians
 from ...rendering import RasterSettings, Rendered
-from ..cpu import CpuBackend
+from ..cpu import CPU, CpuBackend
 from ..reference import ReferenceBackend
-from . import arithmetic  # noqa: F401  (torch's operations find it)
+from . import arithmetic, reductions, rows, transforms  # noqa: F401  (torch's operations find them)
 from .adam import adam_steps
+from .blurs import blurs_on_card
 from .card import card
 from .losses import photometric_on_card, variation_on_card
 from .rasterizer import render_gpu
@@ -55,7 +56,9 @@ class GpuBackend(ReferenceBackend):
         self, kernel: NDArray, taps: tuple[NDArray, NDArray] | None, frame: Frame, dtype: torch.dtype
     ) -> dict[str, Evaluation]:
         """See `Backend`."""
-        return {name: ThroughHost(found) for name, found in self._host.blurs(kernel, taps, frame, dtype).items()}
+        if dtype != torch.float32:
+            return {name: ThroughHost(found) for name, found in self._host.blurs(kernel, taps, frame, dtype).items()}
+        return dict(blurs_on_card(kernel, taps, frame, CPU.direct_taps))
 
     def photometric(
         self, image: Tensor, photo: Tensor, valid: Tensor | None, ssim_weight: float

@@ -27,8 +27,22 @@ UNSEEN = 0xFFFFFFFF
 #: Groups that may stand beside each other in one dimension (WebGPU's least limit).
 GROUPS_ACROSS = 65535
 
-#: What a shader does with every value: scale a + shift, a b, a + scale b.
-SCALED, PRODUCT, SUM = range(3)
+#: What is done with every value: a itself, a + p b, a b, a / b, max, min, a within [p, q], a^p, sqrt, |a|, sign, exp,
+#: 1 / (1 + exp(-a)), a where a condition holds and else b.
+(COPY, SUM, PRODUCT, QUOTIENT, LARGER, SMALLER, LIMITED, POWER, ROOT, SIZE, SIGN, EXPONENTIAL, LOGISTIC, WHERE) = range(
+    14
+)
+#: What makes a truth value of every two.
+(GREATER, LESS, GREATER_EQUAL, LESS_EQUAL, EQUAL, UNEQUAL, BOTH, EITHER, NEITHER, IS_NUMBER, NOT_INFINITE) = range(11)
+#: What an order's operands are, added up: a number, truth values in bytes; the result is the first one; a conjugate.
+A_NUMBER, A_BYTES, B_NUMBER, B_BYTES, IN_PLACE, CONJUGATED = (1 << bit for bit in range(6))
+#: Axes of tensors that shaders go along.
+AXES = 4
+#: Lengths of Fourier transforms are products of numbers up to this one, as `scipy.fft.next_fast_len` makes them.
+LARGEST_RADIX = 5
+#: What a pass of a transform reads and writes: complex numbers, real ones, the first half of a spectrum whose rest are
+#: conjugates.
+WHOLE, REAL, HALF = range(3)
 #: What becomes of a Gaussian, as the compiled kernels count it.
 STATUSES = {
     "SEEN": SEEN,

@@ -62,6 +62,11 @@ class Values:
         self.host, self._memory = host, memory
         self._on_host, self.on_card = on_host or memory is None, memory is not None
 
+    @property
+    def only_on_card(self) -> bool:
+        """Whether the computer's memory does not hold them as they are now."""
+        return self.on_card and not self._on_host
+
     def for_host(self, overwrite: bool = False) -> None:
         """Brings them to the computer's memory."""
         if not self._on_host and not overwrite:
@@ -148,10 +153,10 @@ def from_host(local: Tensor) -> CardTensor:
     return CardTensor(local, Values(local.reshape(-1)))
 
 
-def empty(*shape: int) -> CardTensor:
-    """[shape] float32 on the card, whatever stands in it; for a shader to write."""
-    local = torch.empty(shape)
-    return CardTensor(local, Values(local.reshape(-1), card().memory(4 * local.numel())))
+def empty(*shape: int, dtype: torch.dtype = torch.float32) -> CardTensor:
+    """[shape] on the card, whatever stands in it; for a shader to write."""
+    local = torch.empty(shape, dtype=dtype)
+    return CardTensor(local, Values(local.reshape(-1), card().memory(local.element_size() * local.numel())))
 
 
 def for_shader(tensor: Tensor) -> Memory:
@@ -165,7 +170,8 @@ def for_shader(tensor: Tensor) -> Memory:
     if tensor.dtype != torch.float32:
         tensor = tensor.float()
     if not tensor.is_contiguous() or tensor.storage_offset():
-        tensor = tensor.contiguous().clone()
+        # (below torch's own dispatch, where this may be called, `contiguous` would be taken for a view)
+        tensor = tensor.clone(memory_format=torch.contiguous_format)
     assert isinstance(tensor, CardTensor)
     return tensor.held.for_card()
 
@@ -224,17 +230,6 @@ def _local(tensor: CardTensor) -> Tensor:
 
 def _card_tensors(tree: Any) -> Any:
     return (leaf for leaf in trees.tree_leaves(tree) if isinstance(leaf, CardTensor))
-
-
-@on_card(_aten.clone.default)
-def _clone(tensor: Tensor, memory_format: Any = None) -> Any:
-    """A copy on the card, where the values are there and one behind the other."""
-    assert isinstance(tensor, CardTensor)
-    if not tensor.held.on_card or not tensor.is_contiguous() or tensor.dtype != torch.float32:
-        return NotImplemented
-    made, size = empty(*tensor.shape), 4 * tensor.numel()
-    card().copy(tensor.held.for_card(), made.held.for_card(), size, 4 * tensor.local.storage_offset())
-    return made
 
 
 @cache

@@ -1,0 +1,57 @@
+"""Rows of tables on the card: chosen, and put together; what density control does with parameters and moments."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import torch
+
+from .card import card
+from .layout import GROUP
+from .operands import belongs_on_card
+from .tensors import CardTensor, empty, for_shader, on_card, written
+
+_aten = torch.ops.aten
+
+
+def _is_table(tensor: Any) -> bool:
+    return isinstance(tensor, CardTensor) and tensor.dtype == torch.float32 and tensor.ndim > 0
+
+
+@on_card(_aten.index.Tensor)
+def _chosen(table: Any, indices: Sequence[Any]) -> Any:
+    """table[rows] for whole numbers `rows` [K]."""
+    rows = indices[0]
+    if len(indices) != 1 or not _is_table(table) or not belongs_on_card(table) or rows is None:
+        return NotImplemented
+    if rows.dtype != torch.int64 or rows.ndim != 1 or not rows.numel():
+        return NotImplemented
+    where = rows.cpu().numpy()
+    where = np.where(where < 0, where + len(table), where)
+    if where.min() < 0 or where.max() >= len(table):
+        return NotImplemented  # (torch says so)
+    made, width = empty(len(where), *table.shape[1:]), table.numel() // len(table)
+    chosen = card().memory(4 * len(where))
+    card().write(chosen, where.astype(np.uint32))
+    memories = for_shader(table), chosen, made.held.for_card(overwrite=True)
+    card().for_each("rows", made.numel(), GROUP, struct.pack("2I", made.numel(), width), *memories)
+    return written(made)
+
+
+@on_card(_aten.cat.default)
+def _joined(tables: Sequence[Any], axis: int = 0) -> Any:
+    """Tables one below the other."""
+    if axis != 0 or not all(_is_table(table) for table in tables):
+        return NotImplemented
+    present = [table for table in tables if table.numel()]
+    if not present or any(t.shape[1:] != present[0].shape[1:] for t in tables) or not belongs_on_card(*present):
+        return NotImplemented
+    made, at = empty(sum(len(table) for table in present), *present[0].shape[1:]), 0
+    into = made.held.for_card(overwrite=True)
+    for table in present:
+        card().copy(for_shader(table), into, 4 * table.numel(), 0, at)
+        at += 4 * table.numel()
+    return written(made)
