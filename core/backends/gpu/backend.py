@@ -19,9 +19,9 @@ from . import arithmetic, reductions, rows, transforms  # noqa: F401  (torch's o
 from .adam import adam_steps
 from .blurs import blurs_on_card
 from .card import card
-from .losses import photometric_on_card, variation_on_card
+from .losses import photometric_on_card, specks_on_card, variation_on_card
 from .rasterizer import render_gpu
-from .tensors import DEVICE, register
+from .tensors import register
 from .through_host import ThroughHost
 
 
@@ -64,12 +64,7 @@ class GpuBackend(ReferenceBackend):
         self, image: Tensor, photo: Tensor, valid: Tensor | None, ssim_weight: float
     ) -> tuple[float, Tensor]:
         """See `Backend`."""
-        taken = photo.cpu()
-        if valid is None and bool(torch.isfinite(taken.sum())):
-            return photometric_on_card(image, photo, ssim_weight)
-        counts = None if valid is None else valid.cpu()
-        loss, gradient = self._host.photometric(image.cpu(), taken, counts, ssim_weight)
-        return loss, gradient.to(DEVICE)
+        return photometric_on_card(image, photo, valid, ssim_weight)
 
     def variation_gradient(self, image: Tensor, knee: float) -> Tensor:
         """See `Backend`."""
@@ -77,7 +72,7 @@ class GpuBackend(ReferenceBackend):
 
     def speck_gradient(self, image: Tensor) -> Tensor:
         """See `Backend`."""
-        return self._host.speck_gradient(image.cpu()).to(DEVICE)
+        return specks_on_card(image)
 
     def adam(self, steps: Sequence[AdamStep]) -> list[int]:
         """See `Backend`."""

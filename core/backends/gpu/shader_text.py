@@ -9,6 +9,8 @@ from pathlib import Path
 from ... import constants
 from ...rasterizer.projection import SMOOTH_ALPHA_EDGE
 from ...training import photometric_kernels as window
+from ...training.photometric import FILL
+from ...training.variation import SMOOTH
 from .layout import LAYOUT
 
 _FOLDER = Path(__file__).parent / "shaders"
@@ -27,7 +29,8 @@ def constants_text() -> str:
             lines += [f"const {key} = {number!r};" for key, number in values.items()]
     lines += [f"const {name} = {value}u;" for name, value in LAYOUT.items()]
     lines += [f"const SSIM_C1 = {window.C1!r};", f"const SSIM_C2 = {window.C2!r};"]
-    lines += [f"const WINDOW_REACH = {window.REACH};"]
+    lines += [f"const WINDOW_REACH = {window.REACH};", f"const PHOTO_FILL = {FILL!r};"]
+    lines += [f"const SMOOTH_SQUARED = {SMOOTH**2!r};"]
     return "\n".join(lines) + "\n"
 
 

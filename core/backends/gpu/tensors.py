@@ -176,6 +176,15 @@ def for_shader(tensor: Tensor) -> Memory:
     return tensor.held.for_card()
 
 
+def bytes_for_shader(tensor: Tensor) -> Memory:
+    """The memory of a tensor of truth values, a byte each, row by row; they come from the computer's memory if need be."""
+    tensor = tensor.detach()
+    if not isinstance(tensor, CardTensor) or not tensor.is_contiguous() or tensor.storage_offset():
+        tensor = from_host(tensor.cpu())
+    assert isinstance(tensor, CardTensor) and tensor.dtype == torch.bool
+    return tensor.held.for_card()
+
+
 def in_place(tensor: Tensor) -> Memory:
     """The memory of a float32 tensor that a shader reads and changes."""
     if not isinstance(tensor, CardTensor) or not tensor.is_contiguous() or tensor.storage_offset():

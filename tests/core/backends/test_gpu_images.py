@@ -14,6 +14,10 @@ from dgs.core.frames import Frame
 from dgs.core.imaging.operator import BlurOperator
 from dgs.core.imaging.psf import PointSpread, point_spread_from_samples
 from dgs.core.imaging.psf_text import parse_psf
+from dgs.core.imaging.spectrum import BINS, NoiseToSignal
+from dgs.core.training.objective import Inverse, Objective
+from dgs.core.training.settings import TrainingSettings
+from dgs.core.training.specks import speck_price
 
 
 from dgs.tests.back_ends import or_skip
@@ -117,3 +121,91 @@ def test_lengths_with_large_factors_are_torch_s_own(card):
     image = drawn(2, 14, 22)
     spectrum = torch.fft.rfft2(brought_up(image))
     torch.testing.assert_close(torch.fft.irfft2(spectrum, s=(14, 22)).cpu(), image, rtol=1e-5, atol=1e-5)
+
+
+@pytest.mark.parametrize("masked", ["nothing", "a plane", "each value", "all", "not finite"])
+def test_photos_with_masks(card, masked):
+    """Value and gradient; what does not count has a gradient of exactly 0, whatever stands there."""
+    image = drawn(3, 37, 50)
+    photo = 0.7 * image + 0.3 * drawn(3, 37, 50, seed=1)
+    keep = {"a plane": drawn(37, 50, seed=2) > 0.3, "each value": drawn(3, 37, 50, seed=2) > 0.3}.get(masked)
+    if masked == "all":
+        keep = torch.zeros(37, 50, dtype=torch.bool)
+    if masked in ("each value", "not finite"):
+        photo[1, 3:9, 4:30] = torch.nan
+        photo[0, 20, 20] = torch.inf
+    wanted, slope_wanted = backend_named("reference").photometric(image.double(), photo.double(), keep, 0.2)
+    on_card, taken = brought_up(image), brought_up(photo)
+    mask = None if keep is None else brought_up(keep)
+    with nothing_crosses(card, bytes_down=16):
+        value, slope = backend_named("gpu").photometric(on_card, taken, mask, 0.2)
+    assert value == pytest.approx(wanted, rel=CLOSE)
+    if masked == "all":
+        assert not slope.cpu().any()
+        return
+    agrees(slope, slope_wanted, CLOSE_GRADIENT)
+    counts = torch.isfinite(photo) if keep is None else torch.isfinite(photo) & keep
+    assert not slope.cpu()[~counts].any()
+
+
+def test_the_price_of_specks(card):
+    image = drawn(3, 37, 50)
+    image[:, :12, :12] = 0.25  # flat
+    image[:, 20:, 30:] = 0.8  # and an edge
+    leaf = image.double().requires_grad_()
+    (wanted,) = torch.autograd.grad(speck_price(leaf), leaf)
+    on_card = brought_up(image)
+    with nothing_crosses(card):
+        found = backend_named("gpu").speck_gradient(on_card)
+    agrees(found, wanted, CLOSE_GRADIENT)
+
+
+HEIGHT, WIDTH, MARGIN = 40, 54, 9
+
+
+def ratio(colour: float = 3e-4) -> NoiseToSignal:
+    return NoiseToSignal(np.full(BINS, 1e-4), np.full(BINS, colour), 0.001)
+
+
+def test_the_inverted_residual_itself(card):
+    psf, size = spread("gaussian:2"), (HEIGHT, WIDTH)
+    residual = drawn(3, *size) - 0.5
+    residual[:, -3:] = 0.0
+    mine, theirs = (Inverse(psf, *size, ratio(), torch.device(device)) for device in ("gpu", "cpu"))
+    for name in ("_colour", "_difference"):
+        setattr(theirs, name, getattr(theirs, name).double())
+    on_card = brought_up(residual)
+    mine.apply(on_card)
+    with nothing_crosses(card):
+        found = mine.apply(on_card)
+    agrees(found, theirs.apply(residual.double()))
+
+
+@pytest.mark.parametrize("phase", ["loss", "start_loss"])
+@pytest.mark.parametrize("space", ["srgb", "linear"])
+@pytest.mark.parametrize("masked", [False, True])
+def test_the_objective_of_blurred_photos(card, phase, space, masked):
+    """All that drives a render: the photo (and its mask) goes up once, with its margin where it is sharpened; nothing
+    comes down but the loss."""
+    frame, psf = Frame(HEIGHT, WIDTH, MARGIN), spread("gaussian:2")
+    image, photo = drawn(3, *frame.rendered), drawn(3, HEIGHT, WIDTH, seed=1)
+    image = torch.nn.functional.avg_pool2d(image, 5, 1, 2)
+    valid = None
+    if masked:
+        valid = torch.ones(HEIGHT, WIDTH, dtype=torch.bool)
+        valid[5:15, 20:44] = False
+    settings = TrainingSettings(blur_evaluation="separable")
+    found = {}
+    for device in ("cpu", "gpu"):
+        objective = Objective(psf, frame, space, settings, torch.device(device), ratio())
+        rendered = image if device == "cpu" else brought_up(image)
+        for _ in range(2):  # (tables go up once)
+            card.traffic.up = card.traffic.down = 0
+            mask = None if valid is None else valid.to(device)
+            found[device] = getattr(objective, phase)(rendered, photo.to(device), mask)
+    pixels = HEIGHT * WIDTH
+    assert card.traffic.up == 12 * pixels + (pixels if masked else 0) and card.traffic.down == 16
+    assert found["gpu"].loss == pytest.approx(found["cpu"].loss, rel=CLOSE)
+    # (sums in another order turn the sign of a few differences next to zero; all others agree)
+    off = (found["gpu"].gradient.cpu() - found["cpu"].gradient).abs() / found["cpu"].gradient.abs().max()
+    assert off.max() < CLOSE_GRADIENT

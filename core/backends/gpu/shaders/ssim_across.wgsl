@@ -1,8 +1,8 @@
 // Windows along rows, SSIM and its derivatives by the windowed means of x, x^2 and x y; each group's sums of SSIM and of
-// |x - y|.
+// |x - y|, of the values that count.
 // uses: window
-@group(0) @binding(1) var<storage, read> image: array<f32>;
-@group(0) @binding(2) var<storage, read> photo: array<f32>;
+@group(0) @binding(1) var<storage, read> filled: array<vec2f>;
+@group(0) @binding(2) var<storage, read> weights: array<f32>;
 @group(0) @binding(3) var<storage, read> fields: array<f32>;
 @group(0) @binding(4) var<storage, read_write> derivatives: array<f32>;
 @group(0) @binding(5) var<storage, read_write> sums: array<vec2f>;
@@ -32,12 +32,13 @@ fn similarity(i: u32) -> vec2f {
     let below_variance = variance + other_variance + SSIM_C2;
     let inverse = 1.0 / (below_mean * below_variance);
     let value = top_mean * top_variance * inverse;
+    let weight = weights[i];
     let by_mean = value * below_variance * inverse;
     let by_variance = value * below_mean * inverse;
-    derivatives[i] = 2.0 * (n * (top_variance - top_mean) * inverse + m * (by_variance - by_mean));
-    derivatives[params.count + i] = -by_variance;
-    derivatives[2u * params.count + i] = 2.0 * top_mean * inverse;
-    return vec2f(value, abs(image[i] - photo[i]));
+    derivatives[i] = weight * 2.0 * (n * (top_variance - top_mean) * inverse + m * (by_variance - by_mean));
+    derivatives[params.count + i] = -weight * by_variance;
+    derivatives[2u * params.count + i] = weight * 2.0 * top_mean * inverse;
+    return weight * vec2f(value, abs(filled[i].x - filled[i].y));
 }
 
 @compute @workgroup_size(GROUP)

@@ -1,9 +1,10 @@
 // Windows along rows, and the gradient of the loss.
 // uses: window
-@group(0) @binding(1) var<storage, read> image: array<f32>;
-@group(0) @binding(2) var<storage, read> photo: array<f32>;
+@group(0) @binding(1) var<storage, read> filled: array<vec2f>;
+@group(0) @binding(2) var<storage, read> weights: array<f32>;
 @group(0) @binding(3) var<storage, read> windows: array<f32>;
-@group(0) @binding(4) var<storage, read_write> gradient: array<f32>;
+@group(0) @binding(4) var<storage, read> totals: array<vec2f>; // the first: how many values count
+@group(0) @binding(5) var<storage, read_write> gradient: array<f32>;
 
 @compute @workgroup_size(GROUP)
 fn main(
@@ -23,6 +24,9 @@ fn main(
             w += tap(t) * vec3f(windows[source], windows[params.count + source], windows[2u * params.count + source]);
         }
     }
-    let structure = w.x + 2.0 * image[i] * w.y + photo[i] * w.z;
-    gradient[i] = params.error_weight * sign(image[i] - photo[i]) - params.structure_weight * structure;
+    let x = filled[i].x;
+    let y = filled[i].y;
+    let structure = w.x + 2.0 * x * w.y + y * w.z;
+    let slope = params.error_weight * sign(x - y) - params.structure_weight * structure;
+    gradient[i] = weights[i] * slope / max(totals[0].x, 1.0);
 }

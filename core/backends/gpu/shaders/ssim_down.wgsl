@@ -1,8 +1,7 @@
 // Windows along columns of x, y, x^2, y^2 and x y, into fields[5][3][height][width].
 // uses: window
-@group(0) @binding(1) var<storage, read> image: array<f32>;
-@group(0) @binding(2) var<storage, read> photo: array<f32>;
-@group(0) @binding(3) var<storage, read_write> fields: array<f32>;
+@group(0) @binding(1) var<storage, read> filled: array<vec2f>;
+@group(0) @binding(2) var<storage, read_write> fields: array<f32>;
 
 @compute @workgroup_size(GROUP)
 fn main(
@@ -19,8 +18,8 @@ fn main(
     for (var t = -WINDOW_REACH; t <= WINDOW_REACH; t++) {
         if (row + t >= 0 && row + t < i32(params.height)) {
             let source = u32(i32(i) + t * i32(params.width));
-            let x = image[source];
-            let y = photo[source];
+            let x = filled[source].x;
+            let y = filled[source].y;
             let k = tap(t);
             sums[0] += k * x;
             sums[1] += k * y;

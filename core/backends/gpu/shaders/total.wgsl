@@ -1,5 +1,5 @@
-// The sum of pairs of numbers, by one group, always in the same order.
-struct Params { count: u32 }
+// The sum of pairs of numbers, by one group, always in the same order; it goes to a place of its own.
+struct Params { count: u32, place: u32 }
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> parts: array<vec2f>;
 @group(0) @binding(2) var<storage, read_write> total: array<vec2f>;
@@ -20,6 +20,6 @@ fn main(@builtin(local_invocation_index) thread: u32) {
         }
     }
     if (thread == 0u) {
-        total[0] = own[0];
+        total[params.place] = own[0];
     }
 }
