@@ -83,7 +83,7 @@ class DensityControl:
         living = int(alive.sum())
         wanted = max(0, min(target - living, int(math.ceil(DENSITY.growth * living)), int((score > 0).sum())))
         chosen = torch.topk(score, wanted).indices if wanted else torch.zeros(0, dtype=torch.long, device=self.device)
-        size = g.log_scales.max(dim=1).values
+        size = g.log_scales.amax(dim=1)
         large = size[chosen] > torch.quantile(size[alive][:_QUANTILE_SAMPLE], DENSITY.split_quantile)
         keep_mask = alive.clone()
         keep_mask[chosen[large]] = False

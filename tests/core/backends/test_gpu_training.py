@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
+import pytest
 import torch
 from dgs.core.forward.compare import psnr_of
 from dgs.core.training.trainer import Trainer
-from dgs.studies.stability.photographed import small_set, trained_steps
+from dgs.studies.stability.photographed import SIGMA, small_set, trained_steps
 from dgs.tests.back_ends import or_skip
 
 
@@ -33,18 +36,47 @@ def test_a_short_training_ends_where_the_cpu_s_does():
     assert abs(np.median(apart)) < 0.05, apart
 
 
-def test_a_step_brings_up_its_photo_and_little_else():
-    """Sharp photos: parameters, moments, images and gradients stay on the card."""
+#: What comes down in a step besides images: pairs and culled ones, the loss, how many gradients were refused.
+COUNTS = 200
+
+
+@pytest.mark.parametrize("sigma", [0.0, SIGMA])
+@pytest.mark.parametrize("masked", [False, True])
+def test_a_step_brings_up_its_photo_and_nothing_else(sigma, masked):
+    """Through a blur as without one: no image comes down, and none goes up but the photo and its mask."""
     or_skip("gpu")
     from dgs.core.backends.gpu.card import card
 
-    trainer = trained_steps(*small_set(2, 0.0), 3, device="gpu", density_every=1000, sh_degree=0, coarse_share=0.0)
-    traffic, count = card().traffic, len(trainer.optimizer.gaussians)
-    traffic.up = traffic.down = traffic.waits = 0
-    trainer.advance(0.5)
-    photo, screen = trainer.views[0].camera, 3 * 4 * count
-    assert traffic.up == 3 * 4 * photo.width * photo.height
-    assert screen <= traffic.down <= screen + 200 and traffic.waits <= 5
+    views, points, medium = small_set(2, sigma)
+    if masked:
+        mask = np.ones(views[0].photo.shape[:2], bool)
+        mask[10:20, 15:30] = False
+        views = [replace(view, mask=mask) for view in views]
+    options = {"density_every": 1000, "sh_degree": 0, "coarse_share": 0.0, "blur_evaluation": "separable"}
+    trainer = trained_steps(views, points, medium, 3, device="gpu", start_share=0.3, **options)
+    traffic, pixels = card().traffic, views[0].camera.width * views[0].camera.height
+    for share in (0.1, 0.5):  # towards photos that were sharpened, then with the inverted residual
+        traffic.up = traffic.down = traffic.waits = 0
+        trainer.advance(share)
+        assert traffic.up == pixels * (12 + masked), share
+        assert traffic.down <= COUNTS and traffic.waits <= 5, share
+
+
+def test_what_density_control_counts_stays_on_the_card():
+    """It reads opacities, sizes and its scores; parameters and moments are chosen and put together on the card."""
+    or_skip("gpu")
+    from dgs.core.backends.gpu.card import card
+
+    trainer = trained_steps(*small_set(2), 6, device="gpu", density_every=1000)
+    before = len(trainer.optimizer.gaussians)
+    assert trainer.density.gradients.held.only_on_card and trainer.density.views.held.only_on_card
+    card().traffic.down = 0
+    trainer.density.act(trainer.optimizer, before + 60, np.random.default_rng(0))
+    count = len(trainer.optimizer.gaussians)
+    assert before < count <= before + 60
+    assert card().traffic.down <= 12 * before + 40 * 60, card().traffic
+    assert all(tensor.held.only_on_card for tensor in trainer.optimizer.first.values())
+    assert all(len(tensor) == count for tensor in trainer.optimizer.second.values())
 
 
 def test_the_same_seed_gives_the_same_twin():
