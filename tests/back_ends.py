@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
+import torch
 from dgs.core.devices import backend_named
 from dgs.core.errors import DeviceError
 from dgs.core.rasterizer.cuda import available
@@ -18,3 +21,11 @@ def or_skip(backend: str) -> str:
         except DeviceError as error:
             pytest.skip(f"no graphics card, and no driver that stands in for one (mesa-vulkan-drivers): {error}")
     return backend
+
+
+def brought_up(tensor: torch.Tensor) -> torch.Tensor:
+    """A tensor whose values lie on the card and nowhere else, as those that shaders make."""
+    found: Any = tensor.to("gpu")
+    found.held.for_card()
+    found.held.changed_on_card()
+    return found  # type: ignore[no-any-return]

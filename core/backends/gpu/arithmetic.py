@@ -258,7 +258,7 @@ def _truth(operation: int, a: Any, b: Any) -> Any:
         return NotImplemented
     shape = _shape(*values)
     made = empty(*shape, dtype=torch.bool)
-    done = order("compare", operation, shape, (*_operands(values, False), None), operand(made), per_thread=4)
+    done = order("compare", operation, shape, (*_operands(values, False), None), operand(made))
     return made if done else NotImplemented
 
 

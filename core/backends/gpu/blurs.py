@@ -36,7 +36,7 @@ class SeparableOnCard:
 
     @cached_property
     def _memories(self) -> list[tuple[Memory, int]]:
-        """Of each axis the taps from the middle on, what each has beyond it added up, and the number beside the middle."""
+        """Of each axis the taps from the middle on with their sums from each on outwards, and its radius in px."""
         found = []
         for taps in self._taps:
             half = taps[taps.size // 2 :]

@@ -93,12 +93,12 @@ def order(
     out: Operand,
     numbers: tuple[float, float] = (0.0, 0.0),
     flags: int = 0,
-    per_thread: int = 1,
 ) -> bool:
     """Orders a shader of `operands.wgsl`; False where tensors have too many axes for it.
 
     Args:
-        operands: a, b and c: tensors, plain numbers, or None. out: the result, of `shape`.
+        operands: a, b and c: tensors, plain numbers, or None. out: the result, of `shape`; truth values are made four
+            by a thread.
     """
     nothing = Operand(out.held, (), (), 0)
     seen = [one if isinstance(one, Operand) else nothing for one in operands]
@@ -119,7 +119,7 @@ def order(
     count = prod(shape)
     target = out.held.for_card(overwrite=not flags & IN_PLACE and count == out.held.host.numel())
     ending = struct.pack("3I", count, operation, flags)
-    card().for_each(kernel, count, GROUP * per_thread, packed + ending, *memories, target)
+    card().for_each(kernel, count, GROUP * (4 if out.bytes else 1), packed + ending, *memories, target)
     out.held.changed_on_card()
     return True
 

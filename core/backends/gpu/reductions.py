@@ -68,7 +68,7 @@ def _total(a: Any, *, dtype: Any = None) -> Any:
 def _mean(a: Any, axes: Sequence[int] | None, keep: bool = False, *, dtype: Any = None) -> Any:
     if dtype not in (None, torch.float32) or not _suits(a):
         return NotImplemented
-    every = range(a.ndim) if not axes else axes
+    every = axes if axes else range(a.ndim)
     return _reduced(SUM, a, axes, keep, 1.0 / prod(a.shape[axis] for axis in every))
 
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 import torch
 
-from .card import card
+from .card import Memory, card
 from .layout import GROUP
 from .operands import belongs_on_card
 from .tensors import CardTensor, empty, for_shader, on_card, written
@@ -19,6 +20,14 @@ _aten = torch.ops.aten
 
 def _is_table(tensor: Any) -> bool:
     return isinstance(tensor, CardTensor) and tensor.dtype == torch.float32 and tensor.ndim > 0
+
+
+@lru_cache(maxsize=1)
+def _on_card(rows: bytes) -> Memory:
+    """Row numbers, uint32; the last ones are kept: the same are chosen of all parameters and moments."""
+    memory = card().memory(len(rows))
+    card().write(memory, np.frombuffer(rows, np.uint8))
+    return memory
 
 
 @on_card(_aten.index.Tensor)
@@ -34,9 +43,7 @@ def _chosen(table: Any, indices: Sequence[Any]) -> Any:
     if where.min() < 0 or where.max() >= len(table):
         return NotImplemented  # (torch says so)
     made, width = empty(len(where), *table.shape[1:]), table.numel() // len(table)
-    chosen = card().memory(4 * len(where))
-    card().write(chosen, where.astype(np.uint32))
-    memories = for_shader(table), chosen, made.held.for_card(overwrite=True)
+    memories = for_shader(table), _on_card(where.astype(np.uint32).tobytes()), made.held.for_card(overwrite=True)
     card().for_each("rows", made.numel(), GROUP, struct.pack("2I", made.numel(), width), *memories)
     return written(made)
 

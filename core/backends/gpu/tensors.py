@@ -177,7 +177,7 @@ def for_shader(tensor: Tensor) -> Memory:
 
 
 def bytes_for_shader(tensor: Tensor) -> Memory:
-    """The memory of a tensor of truth values, a byte each, row by row; they come from the computer's memory if need be."""
+    """The memory of a tensor of truth values, a byte each, row by row."""
     tensor = tensor.detach()
     if not isinstance(tensor, CardTensor) or not tensor.is_contiguous() or tensor.storage_offset():
         tensor = from_host(tensor.cpu())

@@ -17,7 +17,7 @@ from dgs.core.devices import AdamStep, backend_named, choose_device, tensors_on
 from dgs.core.errors import DeviceError
 from dgs.core.rasterizer import render
 from dgs.studies.stability.scenes import drawn, make_camera, random_scene
-from dgs.tests.back_ends import or_skip
+from dgs.tests.back_ends import brought_up, or_skip
 
 ROOT = Path(__file__).resolve().parents[3]
 
@@ -205,13 +205,8 @@ def test_its_step_of_adam_is_the_reference_s(card, leading):
 
 def test_sums_and_products_on_the_card(card):
     """Each as torch's own, and nothing crosses the bus."""
-    from dgs.core.backends.gpu.tensors import written
-
     plain = torch.rand(2, 3, 5, 7, generator=torch.Generator().manual_seed(0))
-    a, b = (one.to("gpu") for one in plain)
-    for tensor in (a, b):
-        tensor.held.for_card()
-        written(tensor)
+    a, b = (brought_up(one) for one in plain)
     card.traffic.up = card.traffic.down = 0
     found = [1.0 - a, a * 2.0, a * b, a + b, a - b, a + 3.0, torch.zeros_like(a)]
     total = a.clone()
@@ -221,6 +216,67 @@ def test_sums_and_products_on_the_card(card):
     wanted = [1.0 - one, one * 2.0, one * other, one + other, one - other, one + 3.0, torch.zeros_like(one)]
     for ours, theirs in zip((*found, total), (*wanted, one + other), strict=True):
         torch.testing.assert_close(ours.cpu(), theirs)
+
+
+#: What is done with tensors of the card, as torch does it: a, b [3, 5, 7], row [7], mask [5, 7], spectrum [3, 5, 4].
+OPERATIONS = {
+    "broadcast": lambda a, b, row, mask, s: a * row + row / 2 - b,
+    "divided": lambda a, b, row, mask, s: 1.0 / (a + 1.0) / b.clamp(min=0.1),
+    "limited": lambda a, b, row, mask, s: torch.maximum(a.clamp(0.2, 0.7), torch.minimum(b, row)),
+    "powers": lambda a, b, row, mask, s: a.square() + a**2.4 + b.sqrt() + (b - 0.5).abs() + (b - 0.5).sign(),
+    "exponentials": lambda a, b, row, mask, s: a.exp() + torch.sigmoid(4 * b - 2) - (-a),
+    "where": lambda a, b, row, mask, s: torch.where(mask & (a > 0.3), a, torch.where(~mask | (b <= 0.5), b, 0.5)),
+    "truths": lambda a, b, row, mask, s: (mask * (a >= b) * a.isfinite()).to(torch.float32) + (a < row) * 2.0,
+    "sums": lambda a, b, row, mask, s: a.sum(dim=1)[:, None] + b.mean(dim=(1, 2), keepdim=True) + (a + b).mean(),
+    "lengths": lambda a, b, row, mask, s: (a - b).norm(dim=2) + a.amax(dim=-1),
+    "matrices": lambda a, b, row, mask, s: (a.transpose(1, 2) @ b) @ a[0, :3].T,
+    "slices": lambda a, b, row, mask, s: a[:, 1:4, 2:].contiguous() * b[:, :3, :5],
+    "rows": lambda a, b, row, mask, s: torch.cat([a[torch.tensor([2, 0, 2, 1])], b])[torch.tensor([-1, 0])],
+    "pads": lambda a, b, row, mask, s: torch.nn.functional.pad(a[:, 1:], (2, -1, 0, 3), value=0.5),
+    "spectra": lambda a, b, row, mask, s: torch.fft.irfft2(
+        (s * s.conj() * a[:, :, :4] + s).sum(dim=0) / 3.0 + s - s[0], s=(5, 6)
+    ),
+}
+
+
+@pytest.mark.parametrize("name", OPERATIONS)
+def test_torch_s_operations_on_values_on_the_card(card, name):
+    """Each as torch's own, and nothing crosses the bus but the numbers of rows."""
+    plain = torch.rand(2, 3, 5, 7, generator=torch.Generator().manual_seed(0))
+    given = [*plain, plain[0, 0, 0], plain[1, 1] > 0.4, torch.fft.rfft2(plain[0, :, :, :6])]
+    ours = [brought_up(one) for one in given]
+    OPERATIONS[name](*ours)
+    card.traffic.up = card.traffic.down = 0
+    found = OPERATIONS[name](*ours)
+    assert card.traffic.up <= 24 and card.traffic.down == 0 and found.held.only_on_card
+    torch.testing.assert_close(found.cpu(), OPERATIONS[name](*given), rtol=2e-5, atol=1e-5)
+
+
+def test_a_part_is_changed_on_the_card(card):
+    plain = torch.rand(3, 6, 8, generator=torch.Generator().manual_seed(0))
+    found, wanted = brought_up(plain), plain.clone()
+    other = brought_up(plain[:, 2:, 3:])
+    card.traffic.up = card.traffic.down = 0
+    for whole, part in ((found, other), (wanted, plain[:, 2:, 3:])):
+        whole[:, :4, 1:6] -= 0.3 * part
+        whole[0] *= 2.0
+        whole[1:, 5:] = part[:2, :1, :1]
+        whole /= 1.5
+    assert card.traffic.up == 0 and card.traffic.down == 0
+    torch.testing.assert_close(found.cpu(), wanted)
+
+
+def test_what_is_not_finite_is_seen_on_the_card(card):
+    plain = torch.tensor([0.0, torch.nan, torch.inf, -torch.inf, 1.0, -1.0, 3e38])
+    ours = brought_up(plain)
+    for found, wanted in (
+        (ours.isfinite(), plain.isfinite()),
+        (ours.isnan(), plain.isnan()),
+        (ours > 0.5, plain > 0.5),
+        (ours <= 0.5, plain <= 0.5),
+        (torch.where(ours.isfinite(), ours, 0.0), torch.where(plain.isfinite(), plain, 0.0)),
+    ):
+        assert torch.equal(found.cpu(), wanted)
 
 
 def test_memory_goes_back_to_the_card(card):

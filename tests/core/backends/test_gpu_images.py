@@ -18,9 +18,7 @@ from dgs.core.imaging.spectrum import BINS, NoiseToSignal
 from dgs.core.training.objective import Inverse, Objective
 from dgs.core.training.settings import TrainingSettings
 from dgs.core.training.specks import speck_price
-
-
-from dgs.tests.back_ends import or_skip
+from dgs.tests.back_ends import brought_up, or_skip
 
 #: Of float64's largest value; single precision and other orders of sums.
 CLOSE, CLOSE_GRADIENT = 1e-4, 1e-3
@@ -45,14 +43,6 @@ def nothing_crosses(card, bytes_down: int = 0) -> Iterator[None]:
 
 def drawn(*shape: int, seed: int = 0) -> torch.Tensor:
     return torch.rand(*shape, generator=torch.Generator().manual_seed(seed))
-
-
-def brought_up(tensor: torch.Tensor) -> torch.Tensor:
-    """A tensor whose values lie on the card and nowhere else, as those that shaders make."""
-    found = tensor.to("gpu")
-    found.held.for_card()  # type: ignore[attr-defined]
-    found.held.changed_on_card()  # type: ignore[attr-defined]
-    return found
 
 
 def agrees(found: torch.Tensor, wanted: torch.Tensor, limit: float = CLOSE) -> None:

@@ -5,13 +5,14 @@
 
 fn result(x: f32, y: f32) -> bool {
     let bits = bitcast<u32>(x) & 0x7fffffffu;
+    let numbers = bits <= 0x7f800000u && (bitcast<u32>(y) & 0x7fffffffu) <= 0x7f800000u;
     switch (params.operation) {
-        case GREATER: { return x > y && bits <= 0x7f800000u; }
-        case LESS: { return x < y && bits <= 0x7f800000u; }
-        case GREATER_EQUAL: { return x >= y && bits <= 0x7f800000u; }
-        case LESS_EQUAL: { return x <= y && bits <= 0x7f800000u; }
-        case EQUAL: { return x == y; }
-        case UNEQUAL: { return x != y; }
+        case GREATER: { return x > y && numbers; }
+        case LESS: { return x < y && numbers; }
+        case GREATER_EQUAL: { return x >= y && numbers; }
+        case LESS_EQUAL: { return x <= y && numbers; }
+        case EQUAL: { return x == y && numbers; }
+        case UNEQUAL: { return x != y || !numbers; }
         case BOTH: { return x != 0.0 && y != 0.0; }
         case EITHER: { return x != 0.0 || y != 0.0; }
         case NEITHER: { return x == 0.0 && y == 0.0; }
