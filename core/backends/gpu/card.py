@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import weakref
-from collections import OrderedDict
+from collections import OrderedDict, deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache, wraps
@@ -88,6 +88,7 @@ class Card:
         self._bound: OrderedDict[tuple[Any, ...], Any] = OrderedDict()
         self._bound_to: dict[int, set[tuple[Any, ...]]] = {}
         self._spare: dict[int, list[Any]] = {}
+        self._returned: deque[Any] = deque()
         self._in_use = self._most = self._kept = 0
         self._ring = self._device.create_buffer(size=_PLACE * _PLACES, usage="UNIFORM|COPY_DST")
         self._numbers = np.zeros(_PLACE * _PLACES, np.uint8)
@@ -116,6 +117,7 @@ class Card:
                 f" {room / 1e6:.0f} are needed",
                 "Train fewer Gaussians (--max-gaussians) or smaller photos (--max-size), or use --device cpu",
             )
+        self._sort_returned()
         spare = self._spare.pop(room, None)
         if spare:
             self._kept -= room
@@ -129,19 +131,32 @@ class Card:
         return Memory(self, buffer, size)
 
     def give_back(self, buffer: Any) -> None:
-        """Keeps a buffer that nobody holds any more for the next one of its size; lets go of those not used longest."""
-        with self.lock:
+        """Takes a buffer that nobody holds any more; never waits.
+
+        Python may call this in any thread, that of the driver included, while another one holds the lock and waits
+        for the driver.
+        """
+        self._returned.append(buffer)
+
+    def _sort_returned(self) -> None:
+        """Keeps returned buffers for the next one of their size; lets go of those not used longest."""
+        while self._returned:
+            buffer = self._returned.popleft()
             self._in_use -= buffer.size
             self._kept += buffer.size
             self._spare[buffer.size] = [*self._spare.pop(buffer.size, []), buffer]
             while self._kept > _SPARE * self._most:
-                size = next(iter(self._spare))
-                gone = self._spare[size].pop(0)
-                self._kept -= size
-                if not self._spare[size]:
-                    del self._spare[size]
-                for key in self._bound_to.pop(id(gone), ()):
-                    self._bound.pop(key, None)
+                self._let_go()
+
+    def _let_go(self) -> None:
+        """Frees one of the buffers whose size was not used for longest."""
+        size = next(iter(self._spare))
+        gone = self._spare[size].pop(0)
+        self._kept -= size
+        if not self._spare[size]:
+            del self._spare[size]
+        for key in self._bound_to.pop(id(gone), ()):
+            self._bound.pop(key, None)
 
     @_explained
     def write(self, memory: Memory, values: NDArray[Any]) -> None:
