@@ -205,6 +205,11 @@ def _negative(a: Any) -> Any:
     return _elementwise(PRODUCT, (a, -1.0, None)) if a.dtype == torch.float32 else NotImplemented
 
 
+@on_card(_aten.neg_.default)
+def _negative_in_place(a: Any) -> Any:
+    return _elementwise(PRODUCT, (a, -1.0, None), out=a) if a.dtype == torch.float32 else NotImplemented
+
+
 @on_card(_aten.maximum.default)
 def _larger(a: Any, b: Any) -> Any:
     return _elementwise(LARGER, (a, b, None))

@@ -1,4 +1,4 @@
-"""What the card has no shader for yet is done by the compiled kernels of the CPU, on copies."""
+"""What the card has no shader for, as frames in double precision, is done by the CPU's compiled kernels, on copies."""
 
 from __future__ import annotations
 

@@ -263,6 +263,7 @@ def test_a_part_is_changed_on_the_card(card):
         whole[0] *= 2.0
         whole[1:, 5:] = part[:2, :1, :1]
         whole /= 1.5
+        whole[1].neg_()
     assert card.traffic.up == 0 and card.traffic.down == 0
     torch.testing.assert_close(found.cpu(), wanted)
 

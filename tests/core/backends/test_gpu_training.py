@@ -40,9 +40,11 @@ def test_a_short_training_ends_where_the_cpu_s_does():
 COUNTS = 200
 
 
-@pytest.mark.parametrize("sigma", [0.0, SIGMA])
+@pytest.mark.parametrize(
+    ("sigma", "evaluation"), [(0.0, "auto"), (SIGMA, "separable"), (SIGMA, "fourier"), (SIGMA, "direct")]
+)
 @pytest.mark.parametrize("masked", [False, True])
-def test_a_step_brings_up_its_photo_and_nothing_else(sigma, masked):
+def test_a_step_brings_up_its_photo_and_nothing_else(sigma, evaluation, masked):
     """Through a blur as without one: no image comes down, and none goes up but the photo and its mask."""
     or_skip("gpu")
     from dgs.core.backends.gpu.card import card
@@ -52,7 +54,7 @@ def test_a_step_brings_up_its_photo_and_nothing_else(sigma, masked):
         mask = np.ones(views[0].photo.shape[:2], bool)
         mask[10:20, 15:30] = False
         views = [replace(view, mask=mask) for view in views]
-    options = {"density_every": 1000, "sh_degree": 0, "coarse_share": 0.0, "blur_evaluation": "separable"}
+    options = {"density_every": 1000, "sh_degree": 0, "coarse_share": 0.0, "blur_evaluation": evaluation}
     trainer = trained_steps(views, points, medium, 3, device="gpu", start_share=0.3, **options)
     traffic, pixels = card().traffic, views[0].camera.width * views[0].camera.height
     for share in (0.1, 0.5):  # towards photos that were sharpened, then with the inverted residual
