@@ -54,8 +54,9 @@ fn transposed(base: u32, at: i32) -> f32 {
         }
         return sum;
     }
-    for (var k = max(0, at - params.margin - params.radius); k <= min(end - 1, at - params.margin + params.radius); k++) {
-        sum += taps[abs(at - params.margin - k)] * value(base, k);
+    let middle = at - params.margin;
+    for (var k = max(0, middle - params.radius); k < min(end, middle + params.radius + 1); k++) {
+        sum += taps[abs(middle - k)] * value(base, k);
     }
     return sum;
 }

@@ -1,5 +1,5 @@
-// Truth values of tensors, one byte each: a thread makes four of them. What is not a number, or infinite, is seen by its
-// bits: a compiler may take for granted that no number is.
+// Truth values of tensors, one byte each: a thread makes four of them. What is not a number, or infinite, is seen by
+// its bits: a compiler may take for granted that no number is.
 // uses: operands
 @group(0) @binding(4) var<storage, read_write> out: array<u32>;
 

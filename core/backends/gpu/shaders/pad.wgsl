@@ -1,7 +1,17 @@
 // Planes grown or cut at their borders; beyond the border stands a number, or the border itself is repeated.
 // uses: items
-struct Params { width: u32, height: u32, count: u32, repeated: u32, columns: u32, rows: u32, left: i32, top: i32, beyond: f32 }
-@group(0) @binding(0) var<uniform> params: Params; // width, height: of the result; columns, rows: of the source
+struct Params {
+    width: u32, // of the result
+    height: u32,
+    count: u32,
+    repeated: u32,
+    columns: u32, // of the source
+    rows: u32,
+    left: i32,
+    top: i32,
+    beyond: f32,
+}
+@group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> source: array<f32>;
 @group(0) @binding(2) var<storage, read_write> out: array<f32>;
 

@@ -1,5 +1,5 @@
-// Windows along rows, SSIM and its derivatives by the windowed means of x, x^2 and x y; each group's sums of SSIM and of
-// |x - y|, of the values that count.
+// Windows along rows, SSIM and its derivatives by the windowed means of x, x^2 and x y; each group's sums of SSIM and
+// of |x - y|, of the values that count.
 // uses: window
 @group(0) @binding(1) var<storage, read> filled: array<vec2f>;
 @group(0) @binding(2) var<storage, read> weights: array<f32>;

@@ -1,6 +1,6 @@
 // One pass of Stockham's Fourier transform along one axis (radix up to 5; Govindaraju et al. 2008, "High performance
-// discrete Fourier transforms on graphics processors"): its input is complex, real, or the first half of a spectrum whose
-// rest are conjugates; so is its output.
+// discrete Fourier transforms on graphics processors"): its input is complex, real, or the first half of a spectrum
+// whose rest are conjugates; so is its output.
 // uses: items
 struct Params {
     length: u32,
