@@ -45,9 +45,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--glass",
         metavar="GLASS",
         help="frosted glass before the camera: auto (its distance is learned), tilted (how it leans, too), standing "
-        "(the same of a sheet that stands still while the camera moves) or DISTANCE[,ANGLE[,RIGHT,DOWN]] (the cameras' "
-        "unit, degrees; what its normal leans by); without an angle --psf gaussian:SIGMA says how wide it blurs at the "
-        "scene's middle depth",
+        "(the same of a sheet that stands still while the camera moves) or [standing,]DISTANCE[,ANGLE[,RIGHT,DOWN]] "
+        "(the cameras' unit, degrees; what its normal leans by; of a standing sheet before the camera in the middle of "
+        "all); without an angle --psf gaussian:SIGMA says how wide it blurs at the scene's middle depth",
     )
     parser.add_argument("--effects", default="usual", metavar="EFFECTS", help=effects_help())
     _add_given(parser.add_argument_group("what is given"))

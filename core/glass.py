@@ -24,7 +24,8 @@ class GlassRequest:
         tilt: rad by which its normal leans towards the right and downwards, seen from the camera; None for a glass that
             faces the camera.
         tilted: whether it may lean, by angles that are to be learned.
-        standing: whether it stands in the world, instead of moving with the camera.
+        standing: whether it stands in the world, instead of moving with the camera; distance and tilt are then those
+            before the camera in the middle of all (`core.pipeline.glass.middle_camera`).
     """
 
     distance: float | None = None
@@ -35,7 +36,7 @@ class GlassRequest:
 
 
 def parse_glass(text: str) -> GlassRequest:
-    """Reads `auto`, `tilted`, `standing` or `DISTANCE[,ANGLE[,RIGHT,DOWN]]` (the cameras' unit, degrees).
+    """Reads `auto`, `tilted`, `standing` or `[standing,]DISTANCE[,ANGLE[,RIGHT,DOWN]]` (the cameras' unit, degrees).
 
     Raises:
         PsfError: the text makes no sense; it says why.
@@ -43,15 +44,32 @@ def parse_glass(text: str) -> GlassRequest:
     word = text.strip()
     if word in ("auto", "tilted", "standing"):
         return GlassRequest(tilted=word != "auto", standing=word == "standing")
+    first, comma, rest = word.partition(",")
+    standing = bool(comma) and first == "standing"
+    values = _numbers(text, rest if standing else word)
+    _check(values)
+    angle = math.radians(values[1]) if len(values) > 1 else None
+    tilt = (math.radians(values[2]), math.radians(values[3])) if len(values) > 2 else None
+    return GlassRequest(values[0], angle, tilt, standing=standing)
+
+
+def _numbers(text: str, numbers: str) -> list[float]:
+    """One, two or four finite numbers between commas; text: the whole, for the message."""
     try:
-        values = [float(value) for value in text.split(",")]
+        values = [float(value) for value in numbers.split(",")]
     except ValueError:
         values = []
     if len(values) not in (1, 2, 4) or not all(map(math.isfinite, values)):
         raise PsfError(
             f"The glass '{text}' is none",
-            "Write --glass auto, tilted, standing or DISTANCE[,ANGLE[,RIGHT,DOWN]] (the cameras' unit, degrees)",
+            "Write --glass auto, tilted, standing or [standing,]DISTANCE[,ANGLE[,RIGHT,DOWN]] (the cameras' unit, "
+            "degrees)",
         )
+    return values
+
+
+def _check(values: list[float]) -> None:
+    """Raises PsfError where no glass is at that distance, or has that angle or tilt."""
     if values[0] <= 0:
         raise PsfError(
             f"A glass at {values[0]:g} is not before the camera",
@@ -66,6 +84,3 @@ def parse_glass(text: str) -> GlassRequest:
         raise PsfError(
             f"A glass that leans by {steepest:g} degrees is seen from its edge", f"Give a tilt up to {STEEPEST_TILT:g}"
         )
-    angle = math.radians(values[1]) if len(values) > 1 else None
-    tilt = (math.radians(values[2]), math.radians(values[3])) if len(values) > 2 else None
-    return GlassRequest(values[0], angle, tilt)

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..camera import Camera
 from ..errors import PsfError
 from ..glass import GlassRequest
 from ..imaging.formation.chain import Formation
@@ -105,8 +106,8 @@ def _learned(request: GlassRequest, some_clear: bool) -> frozenset[str]:
 
 
 def _lean(request: GlassRequest) -> tuple[float, float] | None:
-    """Tangents of the tilt, where learning begins or as given; None for a glass that faces the camera."""
-    if request.tilted:
+    """Tangents of the tilt, where learning begins or as given; None for a glass that faces every camera."""
+    if request.tilted or (request.standing and request.tilt is None):
         return 0.0, 0.0
     return None if request.tilt is None else (math.tan(request.tilt[0]), math.tan(request.tilt[1]))
 
@@ -114,7 +115,7 @@ def _lean(request: GlassRequest) -> tuple[float, float] | None:
 def _why(request: GlassRequest, learned: frozenset[str], error: float) -> str:
     """Where distance and tilt come from."""
     if request.standing:
-        return "it stands in the world; its distance and tilt are learned"
+        return f"it stands in the world; {'its distance and tilt are learned' if learned else 'given'}"
     if learned:
         return "its distance and tilt are learned" if request.tilted else "its distance is learned"
     return "its distance as points show it" if error else "given"
@@ -128,10 +129,15 @@ def _in_its_place(effects: SimulatedEffects, glass: FrostedGlass, line: Decision
     return replace(effects, chosen=chosen, medium=Medium(None, "linear"), sigma=sigma)
 
 
+def middle_camera(cameras: Sequence[Camera]) -> Camera:
+    """The one that is nearest to the median of all centres: a standing glass is said as it stands before this one."""
+    centres = np.array([camera.centre for camera in cameras])
+    return cameras[int(np.linalg.norm(centres - np.median(centres, axis=0), axis=1).argmin())]
+
+
 def stands_of(views: Sequence[View]) -> dict[str, Stand]:
     """Where all cameras stand against the one in their middle."""
-    centres = np.array([view.camera.centre for view in views])
-    first = views[int(np.linalg.norm(centres - np.median(centres, axis=0), axis=1).argmin())].camera
+    first = middle_camera([view.camera for view in views])
     return {
         view.name: Stand(
             np.asarray(first.rotation @ view.camera.rotation.T),

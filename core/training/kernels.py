@@ -21,51 +21,64 @@ from typing import Any
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from scipy.optimize import nnls
 from torch import Tensor
 
 from ..colour import encoding_derivative, linear_to_srgb, srgb_to_linear
 from ..forward import Exposed
-from ..imaging.formation.kernel_convolution import places, seen_through_tents
+from ..imaging.formation.kernel_convolution import seen_through_tents
 from ..imaging.formation.kernels import KERNELS, PhotoKernels
-from ..numbers import BY_DEFINITION, number
+from .kernel_errors import errors_of, tile_of
+from .kernel_weights import SETTINGS, LearnedKernelsSettings, best_weights
 
 Array = NDArray[np.float64]
 
-#: What most of the numbers below rest on.
-_FIRST = "a first choice; no other value was compared"
-
 
 @dataclass(frozen=True)
-class LearnedKernelsSettings:
-    """Numbers of the kernels that are learned."""
+class SeenThroughTents:
+    """A photo's problem of least squares at P values (channels, rows, columns), in display values to first order.
 
-    begin: float = number(
-        0.05, "share of the run", "from which on kernels are learned: before, the twin is a fog", _FIRST
-    )
-    coarse_share: float = number(0.5, "share of the run", "on the grid of half the resolution at least", _FIRST)
-    part: float = number(0.3, "share of the way", "that is taken at each visit: the twin changes, too", _FIRST)
-    independent: float = number(400.0, "px", "that a photo's px count as: neighbours err alike", _FIRST)
-    huber: float = number(
-        1.345,
-        "standard deviations",
-        "residuals beyond count as their size (95 % efficient on normal noise)",
-        BY_DEFINITION,
-    )
-    looked_at: int = number(8_000, "px", "of a photo that a step looks at, evenly over it", _FIRST)
-    price: float = number(
-        0.5, "natural log per squared distance of tents", "of width: what all photos share is the twin's", _FIRST
-    )
-    firm: float = number(
-        1e4,
-        "natural log",
-        "that a kernel's sum off 1, or its middle off by one distance of tents, costs",
-        BY_DEFINITION,
-    )
-    unseen_visits: int = number(6, "visits", "of a photo that is held out, on the finished twin", _FIRST)
+    Attributes:
+        jacobian: [K, P]; target: [P]; trust: [P] Huber's weights over the noise, as if of so many independent px.
+        tiles: [P] which tile of the photo each value lies in.
+    """
 
+    jacobian: Tensor
+    target: Tensor
+    trust: Tensor
+    tiles: Tensor
 
-SETTINGS = LearnedKernelsSettings()
+    @staticmethod
+    def of(
+        through: Tensor, photo: Tensor, weights: Tensor, counts: Tensor | None, settings: LearnedKernelsSettings
+    ) -> SeenThroughTents:
+        """Of the light through each tent [3, K, h, w], the photo [3, h, w] and the kernel [K] as it is."""
+        wanted = srgb_to_linear(photo.clamp(0.0, 1.0))
+        shown = torch.einsum("ckhw,k->chw", through, weights).clamp(min=0.0)
+        slope = encoding_derivative(shown, linear_to_srgb(shown))
+        rest = (linear_to_srgb(wanted) - linear_to_srgb(shown)).reshape(-1).double()
+        weight = torch.ones_like(rest)
+        if counts is not None:
+            weight = counts.expand(3, *counts.shape).reshape(-1).to(rest)
+        limit = max(settings.huber * 1.4826 * float(rest.abs().median()), 1e-3)
+        weight = weight * (limit / rest.abs().clamp(min=1e-12)).clamp(max=1.0)
+        noise = float((weight * rest.square()).sum() / weight.sum().clamp(min=1.0))
+        trust = settings.independent / max(float(weight.numel()), 1.0) / max(noise, 1e-8)
+        jacobian = (through * slope[:, None]).transpose(0, 1).reshape(through.shape[1], -1).double()
+        target = (wanted * slope).reshape(-1).double()
+        tiles = torch.from_numpy(tile_of(*photo.shape[1:])).expand(3, *photo.shape[1:]).reshape(-1).to(rest.device)
+        return SeenThroughTents(jacobian, target, weight * trust, tiles)
+
+    def normal_equations(self) -> tuple[Array, Array]:
+        """[K, K] and [K] of F without its last terms."""
+        weighted = self.jacobian * self.trust
+        return (weighted @ self.jacobian.T).cpu().numpy(), (weighted @ self.target).cpu().numpy()
+
+    def slopes(self, weights: Array) -> Array:
+        """[T, K] how F falls with each weight in each tile, at some weights [K]."""
+        rest = self.target - torch.from_numpy(weights).to(self.target) @ self.jacobian
+        of_px = (self.jacobian * (self.trust * rest)).T
+        tiles = of_px.new_zeros(int(self.tiles.max()) + 1, of_px.shape[1])
+        return tiles.index_add(0, self.tiles, of_px).cpu().numpy()
 
 
 class LearnedKernels:
@@ -100,8 +113,30 @@ class LearnedKernels:
         weights = self.effect.parameters["weights"]
         weights[row] += self.settings.part * (torch.from_numpy(found).to(weights) - weights[row])
 
+    def measure(self, name: str, exposed: Exposed, photo: Tensor, counts: Tensor | None = None) -> None:
+        """Finds how well a photo determines its kernel, on the finished twin; arguments as of `learn`."""
+        row = self.effect.row_of(name)
+        if row is None:
+            return
+        seen = self._seen(exposed, photo, counts)
+        matrix, vector = seen.normal_equations()
+        if not (np.isfinite(matrix).all() and np.isfinite(vector).all()):
+            return
+        best = best_weights(matrix, vector, self.settings)
+        if best is None:
+            return
+        now = self.effect.parameters["weights"][row].double().numpy()
+        found = errors_of(matrix, vector, seen.slopes(best), now, self.settings)
+        if found is not None:
+            self.effect.errors[row] = torch.from_numpy(found.weights).to(self.effect.errors)
+            self.effect.variance_errors[row] = found.variance
+
     def normal_equations(self, exposed: Exposed, photo: Tensor, counts: Tensor | None) -> tuple[Array, Array]:
         """[K, K] and [K] of F without its last terms: half of w . matrix w - vector . w."""
+        return self._seen(exposed, photo, counts).normal_equations()
+
+    def _seen(self, exposed: Exposed, photo: Tensor, counts: Tensor | None) -> SeenThroughTents:
+        """The photo, and the twin's light through each tent, at the px looked at."""
         s, total = self.settings, None
         every = max(1, round(math.sqrt(photo.shape[1] * photo.shape[2] / s.looked_at)))
         for passage, share in exposed.passages:
@@ -112,22 +147,9 @@ class LearnedKernels:
             total = seen if total is None else total + seen
         assert total is not None
         thin = (..., slice(every // 2, None, every), slice(every // 2, None, every))
-        wanted = srgb_to_linear(photo[thin].clamp(0.0, 1.0))
         weights = self.effect.parameters["weights"][self.effect.row_of(exposed.shot.name)].to(total)
-        shown = torch.einsum("ckhw,k->chw", total, weights).clamp(min=0.0)
-        slope = encoding_derivative(shown, linear_to_srgb(shown))
-        rest = (linear_to_srgb(wanted) - linear_to_srgb(shown)).reshape(-1).double()
-        weight = torch.ones_like(rest)
-        if counts is not None:
-            weight = counts[thin].expand(3, *counts[thin].shape).reshape(-1).to(rest)
-        limit = max(s.huber * 1.4826 * float(rest.abs().median()), 1e-3)
-        weight = weight * (limit / rest.abs().clamp(min=1e-12)).clamp(max=1.0)
-        noise = float((weight * rest.square()).sum() / weight.sum().clamp(min=1.0))
-        trust = s.independent / max(float(weight.numel()), 1.0) / max(noise, 1e-8)
-        jacobian = (total * slope[:, None]).transpose(0, 1).reshape(total.shape[1], -1).double()
-        target = (wanted * slope).reshape(-1).double()
-        weighted = jacobian * (weight * trust)
-        return (weighted @ jacobian.T).cpu().numpy(), (weighted @ target).cpu().numpy()
+        counted = None if counts is None else counts[thin]
+        return SeenThroughTents.of(total, photo[thin], weights, counted, s)
 
     def state(self) -> dict[str, NDArray[Any]]:
         """What a checkpoint keeps."""
@@ -141,14 +163,3 @@ class LearnedKernels:
             return False
         weights.copy_(torch.from_numpy(kept.astype(np.float32)))
         return True
-
-
-def best_weights(matrix: Array, vector: Array, settings: LearnedKernelsSettings = SETTINGS) -> Array | None:
-    """[K] weights of the least F, of which `matrix` [K, K] and `vector` [K] are the photo's part; None without any."""
-    at = np.vstack([np.zeros((1, 2)), places(KERNELS.side, torch.zeros(1, dtype=torch.float64)).numpy()])
-    held = settings.firm * (np.ones((len(at), len(at))) + at @ at.T)
-    pull = settings.firm * np.ones(len(at)) - settings.price * (at**2).sum(axis=1)
-    total = matrix + held + 1e-6 * np.eye(len(at))
-    root = np.linalg.cholesky(total)
-    weights: Array = nnls(root.T, np.linalg.solve(root, vector + pull))[0]
-    return weights / weights.sum() if weights.sum() > 0 else None

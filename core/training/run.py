@@ -139,6 +139,7 @@ def train(
     if not ranks.alone:
         progress.note(f"{ranks.count} ranks; {run.traffic() / 1e6:.2f} MB each way for each of them in a step")
     trainer.finish_unseen()
+    trainer.measure_kernels()
     behind = trainer.background.cpu()
     return Trained(
         gaussians=gaussians,

@@ -482,6 +482,18 @@ class Trainer:
             for _ in range(visits):
                 self.follow_unseen(level, view)
 
+    def measure_kernels(self) -> None:
+        """Finds how well each photo determines its kernel, on the Gaussians as they are."""
+        kernels, level = self.learned.kernels, self.levels[-1]
+        if kernels is None:
+            return
+        for view in [*level.views, *self._on_grid(self.heldout, level.step)]:
+            with torch.no_grad():
+                exposed, photo = self.exposed(level, view), torch.from_numpy(view.planes()).to(self.device)
+                asked = self.learned.asked(view, exposed, photo, 0.0)  # (at the beginning of a run nothing is learned)
+                counts = None if view.valid is None else torch.from_numpy(view.valid).to(self.device)
+                kernels.measure(view.name, exposed, photo if asked is None else asked.photo, counts)
+
     def ask_photos(self, share: float) -> None:
         """Asks all photos what they see of each Gaussian, where a share in [0, 1] of the run makes it due, and goes on
         without those that none of them needs."""

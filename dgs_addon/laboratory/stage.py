@@ -140,10 +140,37 @@ def sheet(corners: NDArray[np.float64], thickness: float, slope: float, index: f
     scene = bpy.context.scene
     away = np.cross(corners[1] - corners[0], corners[2] - corners[0])
     away *= thickness * np.sign(away[2]) / np.linalg.norm(away)
-    both = np.concatenate([corners, corners + away]) @ CAMERA_FLIP
+    with _pane(corners @ CAMERA_FLIP, away @ CAMERA_FLIP, slope, index) as item:
+        item.parent = scene.camera
+        item.cycles.use_motion_blur, item.cycles.motion_steps = True, scene.camera.cycles.motion_steps
+        yield
+
+
+@contextmanager
+def standing_sheet(
+    corners: NDArray[np.float64], away: NDArray[np.float64], slope: float, index: float
+) -> Iterator[None]:
+    """A sheet of glass that stands in the scene, seen by the camera only, as `sheet`.
+
+    Args:
+        corners: [4, 3] of its smooth side, Blender's world, in order.
+        away: [3] from there to the rough side, Blender's world.
+        slope, index: as of `sheet`.
+    """
+    with _pane(corners, away, slope, index):
+        yield
+
+
+@contextmanager
+def _pane(
+    corners: NDArray[np.float64], away: NDArray[np.float64], slope: float, index: float
+) -> Iterator[bpy.types.Object]:
+    """A sheet of glass: smooth at `corners` ([4, 3] in its own space), rough `away` ([3]) from there."""
+    scene = bpy.context.scene
+    both = np.concatenate([corners, corners + away])
     mesh = bpy.data.meshes.new("sheet")
     faces = [(0, 1, 2, 3), (7, 6, 5, 4)]
-    outwards = np.cross(both[1] - both[0], both[2] - both[0]) @ CAMERA_FLIP @ away < 0
+    outwards = np.cross(both[1] - both[0], both[2] - both[0]) @ away < 0
     mesh.from_pydata(both.tolist(), [], faces if outwards else [face[::-1] for face in faces])
     # Beckmann's width is sqrt(2) times the slopes' deviation, and Blender's roughness its root.
     materials = [_refracting("smooth", 0.0, index), _refracting("rough", float(np.sqrt(np.sqrt(2) * slope)), index)]
@@ -152,15 +179,13 @@ def sheet(corners: NDArray[np.float64], thickness: float, slope: float, index: f
     mesh.polygons[1].material_index = 1
     item = bpy.data.objects.new("sheet", mesh)
     item.visible_diffuse = item.visible_glossy = item.visible_volume_scatter = item.visible_shadow = False
-    item.parent = scene.camera
-    item.cycles.use_motion_blur, item.cycles.motion_steps = True, scene.camera.cycles.motion_steps
     scene.collection.objects.link(item)
     cycles = scene.cycles
     kept = cycles.max_bounces, cycles.film_transparent_glass, cycles.film_transparent_roughness
     # Where objects stand alone, what the glass lets through has their alpha.
     cycles.max_bounces, cycles.film_transparent_glass, cycles.film_transparent_roughness = kept[0] + len(faces), True, 1
     try:
-        yield
+        yield item
     finally:
         cycles.max_bounces, cycles.film_transparent_glass, cycles.film_transparent_roughness = kept
         bpy.data.objects.remove(item, do_unlink=True)

@@ -8,12 +8,13 @@ same on every grid; besides them there is the light as it is. The kernel is the 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import ModuleType
 from typing import TYPE_CHECKING
 
-from ...numbers import number
+from ...numbers import BY_DEFINITION, number
 from .effect import Effect, Shot
 
 if TYPE_CHECKING:
@@ -28,6 +29,7 @@ class KernelSettings:
     pitch: float = number(
         0.0035, "of the photo's diagonal", "between tents: 2.5 px of 600 x 400, and kernels up to 20 px wide"
     )
+    sure: float = number(2.0, "standard errors", "to either side of a width: 95 % of a normal", BY_DEFINITION)
     reach: float = number(
         0.0055, "of the photo's diagonal", "standard deviation that light from beyond the border is kept for"
     )
@@ -46,6 +48,10 @@ class PhotoKernels(Effect):
     """Kernels of V photos; photos that are not named pass unchanged.
 
     `weights` [V, 1 + side^2]: of the light as it is, then of the tents, row by row from the upper left.
+
+    Attributes:
+        errors: [V, 1 + side^2] standard errors of the weights, nan where unknown.
+        variance_errors: [V] of the mean variance along both axes, squared distances between tents.
     """
 
     name = "kernels"
@@ -55,6 +61,8 @@ class PhotoKernels(Effect):
     def __init__(self, names: Sequence[str], weights: Tensor) -> None:
         super().__init__({"weights": weights})
         self.names = tuple(names)
+        self.errors = weights.new_full(weights.shape, math.nan)
+        self.variance_errors = weights.new_full(weights.shape[:1], math.nan)
         self._rows = {name: i for i, name in enumerate(self.names)}
 
     @classmethod
@@ -105,11 +113,29 @@ class PhotoKernels(Effect):
         return {name: KERNELS.pitch * float(v) ** 0.5 for name, v in zip(self.names, spreads, strict=True)}
 
     def described(self) -> Mapping[str, object]:
-        """Distance of the tents (share of the diagonal), and weights by photo."""
-        rows = self.parameters["weights"].detach().cpu().double().tolist()
-        photos = {name: [round(v, 5) for v in row] for name, row in zip(self.names, rows, strict=True)}
-        return {"pitch": KERNELS.pitch, "photos": photos}
+        """Distance of the tents (share of the diagonal), and by photo weights, their errors, and between which widths.
+
+        `widths` are the root mean square radius along one axis, and the ends of its interval of 95 %, shares of the
+        diagonal. What is unknown of a photo is left out.
+        """
+        weights = self.parameters["weights"].detach()
+        photos = {name: _rounded(row) for name, row in zip(self.names, weights.tolist(), strict=True)}
+        known = [name for name, error in zip(self.names, self.variance_errors.tolist(), strict=True) if error >= 0]
+        errors = {name: _rounded(self.errors[self._rows[name]].tolist()) for name in known}
+        widths = {name: _rounded(self._interval(self._rows[name])) for name in known}
+        return {"pitch": KERNELS.pitch, "photos": photos, "errors": errors, "widths": widths}
+
+    def _interval(self, row: int) -> list[float]:
+        """Width of a photo's kernel, the least and the most that it may be, shares of the diagonal."""
+        variance = float(_mathematics().variances(self.parameters["weights"].detach(), KERNELS.side)[row])
+        reach = KERNELS.sure * float(self.variance_errors[row])
+        ends = (variance, max(variance - reach, 0.0), variance + reach)
+        return [KERNELS.pitch * end**0.5 for end in ends]
 
     @staticmethod
     def _pitch(diagonal: float) -> float:
         return KERNELS.pitch * diagonal
+
+
+def _rounded(values: Sequence[float]) -> list[float]:
+    return [round(value, 5) for value in values]

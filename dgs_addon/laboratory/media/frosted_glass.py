@@ -26,9 +26,9 @@ FORM = "DISTANCE,ANGLE[,TILT]"
 #: Refractive index of window glass.
 INDEX = 1.5
 #: Thickness as a share of the distance: it moves no ray by a hundredth of a pixel.
-_THICKNESS = 0.0005
+THICKNESS = 0.0005
 #: Side of the sheet against what the frame needs.
-_SPARE = 1.5
+SPARE = 1.5
 #: Smallest distance, in the scene's units: nearer things are cut away by the camera.
 _NEAREST = 0.02
 #: Largest angles in degrees: beyond, light is turned by more than slopes of facets explain.
@@ -81,7 +81,7 @@ class FrostedGlass(Medium):
     def photo(self, stage: Stage, camera: Camera, truth: Truth) -> AbstractContextManager[None]:
         """The sheet before the camera."""
         slope = float(np.radians(self.angle)) / (INDEX - 1)
-        return stage.sheet(self._corners(camera), _THICKNESS * self.distance, slope, INDEX)
+        return stage.sheet(self._corners(camera), THICKNESS * self.distance, slope, INDEX)
 
     def _normal(self) -> NDArray[np.float64]:
         tilt = np.radians(self.tilt)
@@ -108,7 +108,7 @@ class FrostedGlass(Medium):
         if facing.min() < 0.1:
             raise DgsError(f"A glass tilted by {self.tilt:g} degrees does not cover the photo", "Give less tilt")
         there = rays * (normal @ middle / facing)[:, None] - middle
-        wide, high = _SPARE * np.abs(there @ along).max(), _SPARE * np.abs(there[:, 1]).max()
+        wide, high = SPARE * np.abs(there @ along).max(), SPARE * np.abs(there[:, 1]).max()
         down = np.array([0.0, 1.0, 0.0])
         return np.array([middle + a * wide * along + b * high * down for a, b in ((-1, -1), (-1, 1), (1, 1), (1, -1))])
 
@@ -128,8 +128,13 @@ def oblique(cosine: float) -> tuple[float, float]:
     return (INDEX * inside / cosine - 1) / (INDEX - 1), (INDEX * inside - cosine) / (INDEX - 1)
 
 
-def _parse(text: str) -> Medium:
-    values = numbers("frosted-glass", FORM, text, 2, 3)
+def values_of(name: str, text: str) -> tuple[float, float, float]:
+    """Distance, angle and tilt (degrees) of 'DISTANCE,ANGLE[,TILT]'.
+
+    Raises:
+        DgsError: they make no sense; it says what to write after `name`.
+    """
+    values = numbers(name, FORM, text, 2, 3)
     distance, angle, tilt = (*values, 0.0)[:3]
     if distance < _NEAREST:
         raise DgsError(f"A glass at {distance:g} is not before the camera", f"Give a distance of at least {_NEAREST}")
@@ -139,7 +144,11 @@ def _parse(text: str) -> Medium:
         )
     if abs(tilt) > _STEEPEST:
         raise DgsError(f"A tilt of {tilt:g} degrees is too much", f"Give at most {_STEEPEST:g} either way")
-    return FrostedGlass(distance, angle, tilt)
+    return distance, angle, tilt
+
+
+def _parse(text: str) -> Medium:
+    return FrostedGlass(*values_of("frosted-glass", text))
 
 
 SPEC = MediumSpec(

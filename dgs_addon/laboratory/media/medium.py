@@ -54,6 +54,11 @@ class Stage(Protocol):
     ) -> AbstractContextManager[None]:
         """Glass before the camera, moving with it, [4, 3] corners in its axes (engine's); rough on the other side."""
 
+    def standing_sheet(
+        self, corners: NDArray[np.float64], away: NDArray[np.float64], slope: float, index: float
+    ) -> AbstractContextManager[None]:
+        """Glass that stands where it is, [4, 3] corners (Blender's world); rough on the side `away` ([3]) from them."""
+
     def fog(
         self, density: float, anisotropy: float, middle: NDArray[np.float64], reach: float
     ) -> AbstractContextManager[None]:

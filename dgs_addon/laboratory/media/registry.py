@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from ....core.errors import DgsError
-from . import defocus, fog, frosted_glass, shake
+from . import defocus, fog, frosted_glass, shake, standing_glass
 from .medium import Medium, MediumSpec
 
-MEDIA: tuple[MediumSpec, ...] = (shake.SPEC, defocus.SPEC, frosted_glass.SPEC, fog.SPEC)
+MEDIA: tuple[MediumSpec, ...] = (shake.SPEC, defocus.SPEC, frosted_glass.SPEC, standing_glass.SPEC, fog.SPEC)
 
 
 def medium_of(text: str) -> Medium:

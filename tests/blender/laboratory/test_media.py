@@ -12,8 +12,10 @@ import pytest
 
 pytest.importorskip("bpy")
 
+import bpy
 from dgs.core.camera import Camera
 from dgs.core.errors import Cancelled, DgsError
+from dgs.core.formats.cameras import read_cameras
 from dgs.core.progress import Silent
 from dgs.dgs_addon.laboratory import command
 from dgs.dgs_addon.laboratory.dataset import synthesize
@@ -131,6 +133,83 @@ def test_tilted_glass_blurs_by_the_angle_that_light_meets_it_at(tmp_path: Path) 
     assert along > 1.3 and 1.1 < across < 1.2
 
 
+def test_standing_glass_blurs_by_where_each_camera_looks_through_it(tmp_path: Path) -> None:
+    """Two cameras at different distances and angles before one sheet, against the plane of the manifest."""
+    settings = two_cameras(tmp_path / "a.blend", media=("standing-glass:0.5,0.8,20",))
+    synthesize(settings, tmp_path / "set")
+    written = manifest(tmp_path / "set")
+    poses = read_cameras(tmp_path / "set/transforms.json").poses
+    sigmas = []
+    for view, pose in enumerate(poses[f"view_{index:03d}.png"] for index in range(2)):
+        truth = written["through"][f"view_{view:03d}.png"]["standing-glass"]
+        normal, offset = np.array(truth["normal"]), truth["offset"]
+        assert np.array(truth["corners"]) @ normal == pytest.approx([offset] * 4)
+        centre = -pose.rotation.T @ pose.translation
+        cosine = normal @ pose.rotation[2]
+        depth = float(np.linalg.norm(centre - [0.0, 0.0, 1.0]))
+        glass = (offset - normal @ centre) / cosine
+        added = moments(light(tmp_path / "set", view=view))[1] - moments(light(tmp_path / "set", "sharp", view))[1]
+        sigma = FOCAL * written["media"]["standing-glass"]["scattering_rad"] * (1 - glass / depth)
+        assert np.sqrt(np.diag(added)) == pytest.approx([sigma * more for more in oblique(cosine)], rel=0.05)
+        sigmas.append(sigma)
+    assert sigmas[1] > 1.15 * sigmas[0], "the sheet stands, so the nearer camera sees it nearer, and blurs more"
+
+
+def two_cameras(file: Path, **changes: object) -> SynthesizeSettings:
+    """A lamp at 1 m in the middle of two photos, from 1.16 m on the left and 0.86 m on the right."""
+    settings = lamps(file, [(48.0, 32.0, 1.0, 6.0)], 0.9, views=2, **changes)
+    eye = bpy.context.scene.camera
+    for moment, aside, on in ((1, -0.15, -0.15), (2, 0.15, 0.15)):
+        eye.location = aside, on, 0.0
+        eye.rotation_euler = np.pi / 2, 0.0, np.arctan2(aside, 1.0 - on)
+        for channel in ("location", "rotation_euler"):
+            eye.keyframe_insert(channel, frame=moment)
+    bpy.ops.wm.save_as_mainfile(filepath=str(file))
+    return settings
+
+
+def test_standing_glass_stays_where_it_is_while_the_camera_shakes() -> None:
+    """It is planned in the world, so a photo's own plan sets nothing that moves with the camera."""
+    camera = Camera("view_000.png", WIDTH, HEIGHT, FOCAL, FOCAL, WIDTH / 2, HEIGHT / 2, np.eye(3), np.zeros(3))
+    aside = camera.moved(np.eye(3), np.array([-0.3, 0.0, 0.0]))
+    wall = np.full((8, 12), 3.0, np.float32)
+    views = Views([camera, aside], np.array([0.0, 0.0, 3.0]), [False] * 2, 0, lambda: [wall, wall])
+    first, second = medium_of("standing-glass:0.5,1").plan(views)
+    assert first == second
+    assert first["normal"] == pytest.approx([0, 0, 1]) and first["offset"] == pytest.approx(0.5)
+    corners = np.array(first["corners"])
+    frame = 0.5 * WIDTH / FOCAL * 0.5
+    assert corners[:, 0].min() < -frame and corners[:, 0].max() > 0.3 + frame, "both look through it"
+
+
+def looking(*ways: tuple[float, float, float]) -> Views:
+    """Cameras at places along z and aside, turned by an angle about the vertical, before a wall at z = 2."""
+    cameras = []
+    for index, (aside, on, angle) in enumerate(ways):
+        turn = np.array([[np.cos(angle), 0, -np.sin(angle)], [0, 1, 0], [np.sin(angle), 0, np.cos(angle)]])
+        pinhole = FOCAL, FOCAL, WIDTH / 2, HEIGHT / 2
+        cameras.append(
+            Camera(f"view_{index:03d}.png", WIDTH, HEIGHT, *pinhole, turn, -turn @ np.array([aside, 0.0, on]))
+        )
+    depths = [np.full((8, 12), 2.0 - on, np.float32) for _, on, _ in ways]
+    return Views(cameras, np.array([0.0, 0.0, 2.0]), [False] * len(ways), 0, lambda: depths)
+
+
+@pytest.mark.parametrize(
+    ("views", "medium", "message"),
+    [
+        (looking((0, 0, 0), (0, 0.8, 0)), "0.1,1", r"before view_001.*between 0\.4 and 1\.6"),
+        (looking((0, 0, 0), (0, 0.8, 0)), "1.7,1", r"behind what is nearest in view_00.*between 0\.4 and 1\.6"),
+        (looking((0, 0, 0), (0, 0, np.pi)), "0.5,1", "all around.*--path front"),
+        (looking((0, 0, 0), (0, 2.5, 0)), "0.5,1", "beyond what .* no sheet fits.*--path front"),
+        (looking((0, 0, -1.3), (0, 0, 1.3)), "0.5,1", "along the glass.*--path front"),
+    ],
+)
+def test_standing_glass_that_does_not_fit_is_refused_in_a_line(views: Views, medium: str, message: str) -> None:
+    with pytest.raises(DgsError, match=message):
+        medium_of(f"standing-glass:{medium}").plan(views)
+
+
 @pytest.mark.parametrize("depth", [0.6, 2.0])
 def test_a_lamp_out_of_focus_is_a_disc_as_large_as_the_formula_says(depth: float, tmp_path: Path) -> None:
     squares = [(48.0, 32.0, depth, 4.0)]
@@ -228,6 +307,8 @@ def test_held_out_and_some_other_photos_stay_sharp_and_the_bits_repeat(tmp_path:
         (("frosted-glass:-0.5,1",), "distance of at least"),
         (("frosted-glass:0.5,-1",), "angle above 0"),
         (("frosted-glass:0.5,1,80",), "at most 45"),
+        (("standing-glass:0.5",), "Write standing-glass:DISTANCE"),
+        (("standing-glass:0.5,99",), "angle above 0"),
         (("fog:-1",), "leave the medium out"),
         (("fog:1,2",), "G from -0.99"),
         (("fog:nan",), "Write fog:PER_METRE"),

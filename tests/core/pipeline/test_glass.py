@@ -16,7 +16,7 @@ from dgs.core.inspection.photo_set import PhotoSet
 from dgs.core.pipeline import glass
 from dgs.core.pipeline.effects.choose import Chosen, choose_effects
 from dgs.core.pipeline.effects.decision import Decision
-from dgs.core.pipeline.glass import depths_between, with_glass
+from dgs.core.pipeline.glass import depths_between, middle_camera, with_glass
 from dgs.core.pipeline.simulated import SimulatedEffects
 from dgs.core.progress import Silent
 from dgs.core.run_settings import ReconstructSettings
@@ -51,6 +51,22 @@ def test_a_given_width_is_that_of_the_middle_depth(scene):
 def test_an_angle_needs_no_width(scene):
     sheet = before(scene, GlassRequest(1.0, 0.02), Medium()).chosen.formation.glass
     assert sheet.angle == pytest.approx(0.02) and sheet.reach(DIAGONAL) == pytest.approx(FOCAL * 0.02, rel=1e-5)
+
+
+def test_a_standing_glass_that_is_given_is_one_plane_for_all_photos(scene):
+    """Where it is given without a tilt it faces the middle camera, and leans before the others."""
+    made = before(scene, GlassRequest(1.0, 0.02, standing=True), Medium()).chosen
+    sheet = made.formation.glass
+    assert not sheet.learned and sheet.tilt == (0.0, 0.0) and "given" in made.decisions[0].why
+    middle = middle_camera([view.camera for view in scene.views])
+    still = np.append(middle.rotation[2], -1.0 - middle.rotation[2] @ middle.centre)  # normal . x = offset
+    for view in scene.views:
+        camera, stand = view.camera, sheet.scene.stands[view.name]
+        plane = np.asarray(sheet._plane(sheet.parameters["distance"], sheet.parameters["tilt"], view.name))
+        # v . (R x + t) = 1 is the same plane, whichever camera says it.
+        world = np.append(plane @ camera.rotation, plane @ camera.translation - 1.0)
+        assert world / np.linalg.norm(world[:3]) == pytest.approx(still, abs=1e-5)
+        assert (camera is middle) == np.allclose(stand.moved, 0.0)
 
 
 def test_without_a_distance_it_is_learned_and_sharp_photos_say_the_width_too(scene):

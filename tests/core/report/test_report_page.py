@@ -362,6 +362,28 @@ def test_free_kernels_are_drawn():
     assert found["b.png"].svg.count('fill-opacity="1.00"') == 2 and found["a.png"].svg.count("<rect") == 2
     text = page(report, pictures(), None, cameras())
     assert "Free kernels of all 2 photos" in text and text.count('aria-label="kernel"') == 2
+    assert found["b.png"].said == f"{pitch * np.sqrt(0.5):.1f} px"  # (a report of before: no errors)
+
+
+def test_a_kernel_says_how_sure_it_is():
+    """An interval, no more than a bound where none may be, or that nothing is known; what may be dark is a frame."""
+    report = copy.deepcopy(REPORT)
+    row = {**copy.deepcopy(report["effects"][1]), "name": "kernels", "on": True}
+    double = [0.0] * 4 + [0.5, 0.1, 0.4] + [0.0] * 3
+    row["parameters"] = {
+        "pitch": 0.01,
+        "photos": dict.fromkeys(("a.png", "b.png", "c.png"), double),
+        "errors": dict.fromkeys(("a.png", "b.png", "c.png"), [0.06] * 10),
+        "widths": {"a.png": [0.006, 0.005, 0.007], "b.png": [0.002, 0.0, 0.004], "c.png": [0.005, 0.001, 0.007]},
+    }
+    report["effects"].append(row)
+    found, diagonal = drawn_kernels(report), np.hypot(*report["photos"]["size"])
+    assert found["a.png"].said == f"{0.006 * diagonal:.1f} px ({0.005 * diagonal:.1f} to {0.007 * diagonal:.1f})"
+    assert found["b.png"].said == f"at most {0.004 * diagonal:.1f} px"
+    assert found["c.png"].said == "not identifiable"
+    # The middle holds two weights: 0.1 is within twice their error.
+    assert found["a.png"].svg.count('fill="currentColor"') == 2 and found["a.png"].svg.count("<rect") == 4
+    assert found["a.png"].said in page(report, pictures(), None, cameras())
 
 
 def test_every_effect_has_its_line():

@@ -120,7 +120,12 @@ def test_kernels_are_found_and_the_twin_is_sharper_for_it(scene):
         assert (weights >= 0).all() and weights.sum() == pytest.approx(1.0, abs=1e-4)
     widths = found.widths()
     assert max(widths[v.name] for v in held) < 0.5 * np.median([widths[v.name] for v in fitted])
-    assert set(found.described()["photos"]) == {v.name for v in scene.views}
+    described = found.described()
+    for part in ("photos", "errors", "widths"):
+        assert set(described[part]) == {v.name for v in scene.views}
+    for name, (width, least, most) in described["widths"].items():
+        assert least <= width <= most and width == pytest.approx(widths[name], abs=2e-5)
+        assert most > least, "no width is known exactly"
 
 
 def test_a_run_that_is_resumed_goes_on_to_the_bit(scene):
