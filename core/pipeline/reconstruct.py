@@ -38,6 +38,7 @@ from .photos import LoadedPhotos, read_photos
 from .refinement import RefinementJob, refine
 from .report import camera_facts, medium_facts, photo_facts, write_report
 from .scores import ViewScorer, resolvable_period, score_views
+from .shutter import with_shutter
 from .simulated import simulate
 from .surface import with_samples
 from .timing import MakeTiming, NoteKeeper, Stopwatch, Timing, Untimed
@@ -138,6 +139,8 @@ def _stages(run: RunSettings, given: Spreads | None, truth: TruthFolder | None, 
     if (glass := run.glass or glass_shown(effects)) is not None:
         effects = with_glass(effects, glass, points, keeper, PhotoSet(photos, cameras.reconstruction))
         sigma = effects.sigma
+    if run.shutter is not None:
+        effects = with_shutter(effects, run.shutter, points, settings, keeper)
     if run.effects != "none":
         watch.lap("effects")
     chosen = effects.chosen

@@ -162,6 +162,10 @@ class CameraMotion(Effect):
         other.parameters["twists"][:, 1:] *= other.exposures / self.exposures
         return other
 
+    def read_in(self, share: float) -> CameraMotion:
+        """Of photos that are cut down to a share of their height around the middle; the very same without a readout."""
+        return self if self.readout == 0.0 else self.rolling(self.readout * share)
+
     def for_photos(self, names: Iterable[str]) -> CameraMotion:
         """Of these photos only."""
         wanted = set(names)
