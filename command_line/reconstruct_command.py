@@ -52,8 +52,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--rolling-shutter",
         metavar="READOUT",
-        help="rows are exposed one after the other: the time from the first to the last one, in exposures (below 0: from "
-        "below), or auto to try some; with --effects motion or auto",
+        help="rows are exposed one after the other: the time from the first to the last one, in exposures (below 0: "
+        "from below), or auto to try some; with --effects motion or auto",
     )
     parser.add_argument("--effects", default="usual", metavar="EFFECTS", help=effects_help())
     _add_given(parser.add_argument_group("what is given"))

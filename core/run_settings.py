@@ -9,7 +9,6 @@ from typing import Any, Literal
 
 from .background import BackgroundRequest, parse_background
 from .devices import BackendName
-from .errors import DgsError
 from .glass import GlassRequest, parse_glass
 from .shutter import ShutterRequest, parse_shutter
 
@@ -106,7 +105,8 @@ class RunSettings:
 
     Attributes:
         out, resume, keep_cameras, snapshots, time_limit: as in `ReconstructSettings`.
-        effects: as `--effects` takes it; glass, shutter: None for none; truth: folder of sharp photos, only for scoring.
+        effects: as `--effects` takes it; glass, shutter: None for none; truth: folder of sharp photos, only for
+            scoring.
         device, threads: as in `ReconstructSettings`.
         asked: every setting by its flat name, as report.json repeats it.
     """
@@ -210,17 +210,6 @@ class ReconstructSettings:
             return parse_glass(self.glass)
         return GlassRequest() if FROSTED_GLASS in effects else None
 
-    def _shutter(self, motion: bool) -> ShutterRequest | None:
-        """See `split`; motion: whether the camera's may be simulated."""
-        if self.rolling_shutter is None:
-            return None
-        if not motion:
-            raise DgsError(
-                "A rolling shutter shows only where the camera moves, and no motion is simulated",
-                "Add --effects motion (or auto), or leave --rolling-shutter out",
-            )
-        return parse_shutter(self.rolling_shutter)
-
     def split(self) -> RunSettings:
         """Each stage's own settings.
 
@@ -239,7 +228,7 @@ class ReconstructSettings:
             cameras=CameraSettings(self.cameras, self.refine_cameras, self.reference_cameras),
             effects=self.effects,
             glass=self._glass(words),
-            shutter=self._shutter(motion_apart),
+            shutter=None if self.rolling_shutter is None else parse_shutter(self.rolling_shutter),
             training=TrainingRequest(
                 self.preset, self.loss, self.until, self.min_steps, self.max_gaussians, self.sh_degree, self.seed
             ),

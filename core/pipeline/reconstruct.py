@@ -38,7 +38,7 @@ from .photos import LoadedPhotos, read_photos
 from .refinement import RefinementJob, refine
 from .report import camera_facts, medium_facts, photo_facts, write_report
 from .scores import ViewScorer, resolvable_period, score_views
-from .shutter import with_shutter
+from .shutter import check_shutter, with_shutter
 from .simulated import simulate
 from .surface import with_samples
 from .timing import MakeTiming, NoteKeeper, Stopwatch, Timing, Untimed
@@ -89,6 +89,7 @@ def reconstruct(
     # What can be wrong with the request is found out before any work.
     given = given_spreads(run.medium.psf)
     parse_effects(run.effects)
+    check_shutter(run.shutter, run.medium.motion_apart)
     if run.training.until is not None and run.photos.holdout_every == 0:
         raise DgsError("Quality is judged on photos held out, and none are", "Use --holdout-every 8")
     truth = TruthFolder(run.truth) if run.truth is not None else None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+from ..errors import DgsError
 from ..imaging.formation.chain import Formation
 from ..imaging.formation.motion import CameraMotion
 from ..numbers import number
@@ -28,6 +29,15 @@ class ShutterSettings:
 
 
 SETTINGS = ShutterSettings()
+
+
+def check_shutter(request: ShutterRequest | None, motion: bool) -> None:
+    """Raises a DgsError where a shutter is asked to roll and no motion of the camera may be simulated."""
+    if request is not None and not motion:
+        raise DgsError(
+            "A rolling shutter shows only where the camera moves, and no motion is simulated",
+            "Add --effects motion (or auto), or leave --rolling-shutter out",
+        )
 
 
 def with_shutter(

@@ -6,8 +6,9 @@ derivative of the photo y(c) by a path's coefficient c_ma (`CameraMotion`; a: ax
 
     dy / dc_ma = - sum over frames k of w_k P_m(2 t_k) (grad I_k . flow_a),
 
-with the frames I_k that the photo is the mean of; where the shutter rolls, w_k differs from row to row. Everything is in px of the photo at the scene's distance, which
-makes one prior fit turns and translations. At no motion the photo has no slope in the path: paths begin away from it.
+with the frames I_k that the photo is the mean of; where the shutter rolls, w_k differs from row to row. Everything is
+in px of the photo at the scene's distance, which makes one prior fit turns and translations. At no motion the photo
+has no slope in the path: paths begin away from it.
 
 What photos cannot say is settled by convention: a path may be run in either direction, and what all offsets have in
 common, or what follows the cameras' places, is a motion or a bend of the whole scene: it is taken out (`common_to`).

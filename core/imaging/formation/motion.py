@@ -7,10 +7,10 @@ A camera that moves while its shutter is open collects what it sees on its way, 
 with Legendre's polynomials P_m and twists c_m in the camera's own axes. They are orthogonal over the exposure, so that
 c_0 alone says where the camera was on average; c_1 is half of the straight way, the others bend it.
 
-A rolling shutter exposes the rows one after the other, the last one `readout` exposures after the first. Then t is the
-time of the whole photo, 1 + |readout| exposures long, and each row is the mean over its own window of it (`row_windows`):
-c_0 is the mean over the whole time, and at t = 0 the middle row is half exposed. Photos do not say whether rows are read
-from above or from below: read from below, what the camera did backwards makes the same photo.
+A rolling shutter exposes the rows one after the other, the last one `readout` exposures after the first. Then t is
+the time of the whole photo, 1 + |readout| exposures long, and each row is the mean over its own window of it
+(`row_windows`): c_0 is the mean over the whole time, and at t = 0 the middle row is half exposed. Photos do not say
+whether rows are read from above or from below: from below, what the camera did backwards makes the same photo.
 """
 
 from __future__ import annotations

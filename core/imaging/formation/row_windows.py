@@ -10,9 +10,9 @@ def row_weights(count: int, height: int, readout: Tensor, margin: int = 0) -> Te
     """[count, height + 2 margin] shares of a row's light that so many frames of equal length have; columns sum to 1.
 
     The photo takes 1 + |readout| exposures, from -1/2 to 1/2. The row whose middle is at the share v of the height sees
-    an exposure's length of it around sign (v - 1/2) |readout| / (1 + |readout|). Between the middles of two frames light
-    is mixed of both, so that weights are smooth in row and readout; before the first middle and behind the last it is
-    that frame's. Rows of the margin, which no sensor reads, see what the photo's first and last row do.
+    an exposure's length of it around (v - 1/2) readout / (1 + |readout|). Between the middles of two frames light is
+    mixed of both, so that weights are smooth in row and readout; before the first middle and behind the last it is that
+    frame's. Rows of the margin, which no sensor reads, see what the photo's first and last row do.
 
     Args:
         readout: [] time from the first row's exposure to the last row's, in exposures; below 0 the last row is first.

@@ -1,4 +1,4 @@
-"""Shares that frames along a path have of each row's light: all of it, from the rows' own time, smooth in the readout."""
+"""Shares that frames along a path have of each row's light: all of it, of its own time, smooth in the readout."""
 
 import pytest
 import torch
