@@ -84,11 +84,7 @@ class CameraMotion(Effect):
         """[count, height + 2 margin] shares that frames have of each row's light; None where all rows see all alike."""
         if self.readout == 0.0 or count < 2:
             return None
-        import torch  # heavy
-
-        from .row_windows import row_weights  # heavy: torch
-
-        return row_weights(count, height, torch.tensor(self.readout), margin)
+        return cast("Tensor", _mathematics().shares_of_rows(count, height, self.readout, margin))
 
     def poses(self, name: str, camera: Camera, times: Tensor | None = None) -> Tensor | None:
         """[T, 3, 4] world to camera at times [T] of the exposure; None for a photo that stood still.
