@@ -65,7 +65,7 @@ class _Single:
         return [upstream]
 
 
-def _over_planes(weights: Sequence[float] | Tensor, like: Tensor) -> Sequence[float] | list[Tensor]:
+def _over_planes(weights: Sequence[float] | Tensor, like: Tensor) -> Sequence[float | Tensor]:
     """Weights that multiply a frame: numbers, or [h, 1] for each."""
     return [row[:, None] for row in weights.to(like)] if isinstance(weights, Tensor) else weights
 
@@ -74,8 +74,8 @@ class _Displayed:
     """The mean of display values."""
 
     def __init__(self, frames: Sequence[Tensor], weights: Sequence[float] | Tensor) -> None:
-        self._weights = weights = _over_planes(weights, frames[0])
-        self.shown = torch.stack([w * frame for w, frame in zip(weights, frames, strict=True)]).sum(dim=0)
+        self._weights = _over_planes(weights, frames[0])
+        self.shown = torch.stack([w * frame for w, frame in zip(self._weights, frames, strict=True)]).sum(dim=0)
 
     def gradient(self, upstream: Tensor) -> list[Tensor]:
         return [weight * upstream for weight in self._weights]
@@ -85,9 +85,8 @@ class _Light:
     """The mean in linear light, on any device and of any type."""
 
     def __init__(self, frames: Sequence[Tensor], weights: Sequence[float] | Tensor) -> None:
-        weights = _over_planes(weights, frames[0])
-        self._frames, self._weights = frames, weights
-        light = torch.stack([w * srgb_to_linear(frame) for w, frame in zip(weights, frames, strict=True)])
+        self._frames, self._weights = frames, _over_planes(weights, frames[0])
+        light = torch.stack([w * srgb_to_linear(frame) for w, frame in zip(self._weights, frames, strict=True)])
         self.shown = linear_to_srgb(light.sum(dim=0))
 
     def gradient(self, upstream: Tensor) -> list[Tensor]:

@@ -253,14 +253,14 @@ class Ablation:
     def _compare_shutters(self, without: Arm, with_it: Arm) -> Comparison:
         """The same for two readouts of photos whose paths are learned with both."""
         finer = self._finer(Arm(with_it.formation, without.masked))
-        height = self.views[0].camera.height
-        share = finer.views[0].camera.height / height
-        arms = []
-        for arm in (without, with_it):
+        # The middle of a photo takes so much less time from its first row to its last one.
+        share = finer.views[0].camera.height / self.views[0].camera.height
+
+        def cut(arm: Arm) -> Arm:
             kept = [e for e in arm.formation.effects if e.place != "sensor"]
-            # The middle of a photo takes so much less time from its first row to its last one.
-            arms.append(Arm(Formation([e.read_in(share) if isinstance(e, CameraMotion) else e for e in kept])))
-        return finer._compare(*arms, True, SETTINGS.shutter_gain)
+            return Arm(Formation([e.read_in(share) if isinstance(e, CameraMotion) else e for e in kept]))
+
+        return finer._compare(cut(without), cut(with_it), True, SETTINGS.shutter_gain)
 
     def _against_even_blur(self, without: Arm, with_it: Arm, found: Comparison) -> Comparison:
         """Paths against one round blur of all photos, as wide as they are, by the pairs that judged them.
