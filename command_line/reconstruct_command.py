@@ -49,6 +49,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "(the cameras' unit, degrees; what its normal leans by; of a standing sheet before the camera in the middle of "
         "all); without an angle --psf gaussian:SIGMA says how wide it blurs at the scene's middle depth",
     )
+    parser.add_argument(
+        "--rolling-shutter",
+        metavar="READOUT",
+        help="rows are exposed one after the other: the time from the first to the last one, in exposures (below 0: "
+        "from below), or auto to try some; with --effects motion or auto",
+    )
     parser.add_argument("--effects", default="usual", metavar="EFFECTS", help=effects_help())
     _add_given(parser.add_argument_group("what is given"))
     _add_effort(parser.add_argument_group("effort"))
@@ -177,6 +183,7 @@ def reconstruct_command(options: argparse.Namespace, progress: Reporting) -> int
         snapshots=options.snapshots,
         effects=options.effects,
         glass=options.glass,
+        rolling_shutter=options.rolling_shutter,
         until=options.until_quality,
         min_steps=options.min_steps,
         memory=options.memory,

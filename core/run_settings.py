@@ -10,6 +10,7 @@ from typing import Any, Literal
 from .background import BackgroundRequest, parse_background
 from .devices import BackendName
 from .glass import GlassRequest, parse_glass
+from .shutter import ShutterRequest, parse_shutter
 
 PresetName = Literal["draft", "balanced", "fine", "best"]
 #: Frames of a movie if nobody says how many: dense enough around an object, and a minute of cameras at most.
@@ -104,7 +105,8 @@ class RunSettings:
 
     Attributes:
         out, resume, keep_cameras, snapshots, time_limit: as in `ReconstructSettings`.
-        effects: as `--effects` takes it; glass: None for none; truth: folder of sharp photos, only for scoring.
+        effects: as `--effects` takes it; glass, shutter: None for none; truth: folder of sharp photos, only for
+            scoring.
         device, threads: as in `ReconstructSettings`.
         asked: every setting by its flat name, as report.json repeats it.
     """
@@ -115,6 +117,7 @@ class RunSettings:
     cameras: CameraSettings
     effects: str
     glass: GlassRequest | None
+    shutter: ShutterRequest | None
     training: TrainingRequest
     truth: Path | None
     device: BackendName
@@ -152,6 +155,7 @@ class ReconstructSettings:
         keep_cameras: take the cameras that are in `out`, and train anew.
         effects: besides the blur: 'usual', 'auto', 'none', 'all' or names (see `effects.decision.parse_effects`).
         glass: frosted glass before the camera (`core.glass.parse_glass`).
+        rolling_shutter: rows that are exposed one after the other (`core.shutter.parse_shutter`).
         memory: bytes that the run should hold at most; photos are then kept on disk, in `out`/.run. None: in memory.
         refine_cameras: move the cameras by the loss before the training (`pipeline.refinement`).
         reference_cameras: true cameras, only for reporting errors.
@@ -183,6 +187,7 @@ class ReconstructSettings:
     keep_cameras: bool = False
     effects: str = "usual"
     glass: str | None = None
+    rolling_shutter: str | None = None
     snapshots: bool = False
     refine_cameras: bool = False
     reference_cameras: Path | None = None
@@ -206,7 +211,11 @@ class ReconstructSettings:
         return GlassRequest() if FROSTED_GLASS in effects else None
 
     def split(self) -> RunSettings:
-        """Each stage's own settings."""
+        """Each stage's own settings.
+
+        Raises:
+            DgsError: what was asked makes no sense.
+        """
         words = [word.strip() for word in self.effects.split(",")]
         motion_apart = "-motion" not in words and bool({"auto", "all", "motion"} & set(words))
         background = parse_background(self.background, "srgb" if self.psf == "none" else self.blur_space)
@@ -219,6 +228,7 @@ class ReconstructSettings:
             cameras=CameraSettings(self.cameras, self.refine_cameras, self.reference_cameras),
             effects=self.effects,
             glass=self._glass(words),
+            shutter=None if self.rolling_shutter is None else parse_shutter(self.rolling_shutter),
             training=TrainingRequest(
                 self.preset, self.loss, self.until, self.min_steps, self.max_gaussians, self.sh_degree, self.seed
             ),

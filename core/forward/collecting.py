@@ -40,11 +40,11 @@ class Collected(Protocol):
         ...
 
 
-def collected(frames: Sequence[Tensor], weights: Sequence[float], space: BlurSpace) -> Collected:
+def collected(frames: Sequence[Tensor], weights: Sequence[float] | Tensor, space: BlurSpace) -> Collected:
     """The mean of frames [3, h, w] sRGB, in linear light or of their display values; the very frame where it is one.
 
     Args:
-        weights: shares of the photo's light, of sum 1.
+        weights: shares of the photo's light, of sum 1: one for each frame, or [K, h] for each of its rows.
     """
     if len(frames) == 1:
         return _Single(frames[0])
@@ -65,12 +65,17 @@ class _Single:
         return [upstream]
 
 
+def _over_planes(weights: Sequence[float] | Tensor, like: Tensor) -> Sequence[float | Tensor]:
+    """Weights that multiply a frame: numbers, or [h, 1] for each."""
+    return [row[:, None] for row in weights.to(like)] if isinstance(weights, Tensor) else weights
+
+
 class _Displayed:
     """The mean of display values."""
 
-    def __init__(self, frames: Sequence[Tensor], weights: Sequence[float]) -> None:
-        self._weights = weights
-        self.shown = torch.stack([w * frame for w, frame in zip(weights, frames, strict=True)]).sum(dim=0)
+    def __init__(self, frames: Sequence[Tensor], weights: Sequence[float] | Tensor) -> None:
+        self._weights = _over_planes(weights, frames[0])
+        self.shown = torch.stack([w * frame for w, frame in zip(self._weights, frames, strict=True)]).sum(dim=0)
 
     def gradient(self, upstream: Tensor) -> list[Tensor]:
         return [weight * upstream for weight in self._weights]
@@ -79,9 +84,9 @@ class _Displayed:
 class _Light:
     """The mean in linear light, on any device and of any type."""
 
-    def __init__(self, frames: Sequence[Tensor], weights: Sequence[float]) -> None:
-        self._frames, self._weights = frames, weights
-        light = torch.stack([w * srgb_to_linear(frame) for w, frame in zip(weights, frames, strict=True)])
+    def __init__(self, frames: Sequence[Tensor], weights: Sequence[float] | Tensor) -> None:
+        self._frames, self._weights = frames, _over_planes(weights, frames[0])
+        light = torch.stack([w * srgb_to_linear(frame) for w, frame in zip(self._weights, frames, strict=True)])
         self.shown = linear_to_srgb(light.sum(dim=0))
 
     def gradient(self, upstream: Tensor) -> list[Tensor]:
@@ -99,10 +104,14 @@ class CollectedLight:
         light, shown: [3, h, w] their mean in linear light, and that as display values.
     """
 
-    def __init__(self, frames: Sequence[Tensor], weights: Sequence[float]) -> None:
+    def __init__(self, frames: Sequence[Tensor], weights: Sequence[float] | Tensor) -> None:
         self._frames = np.stack([frame.detach().numpy() for frame in frames])
-        self._weights = np.asarray(weights, np.float32)
         shape = self._frames.shape[1:]
+        rows = np.asarray(weights, np.float32).reshape(len(frames), -1)
+        # [K, 3 h]: of the rows of all channels.
+        self._weights = np.ascontiguousarray(
+            np.tile(np.broadcast_to(rows, (len(frames), shape[1])), (1, shape[0])), np.float32
+        )
         light, shown = np.empty(shape, np.float32), np.empty(shape, np.float32)
         self._rows = shape[0] * shape[1]
         run(collect, self._rows, *self._flat(), self._of(light), self._of(shown), grain=_GRAIN)

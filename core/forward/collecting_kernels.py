@@ -32,12 +32,15 @@ def decoded(value: Any, table: Any) -> Any:
 
 @kernel
 def collect(begin: int, end: int, frames: Any, weights: Any, table: Any, light: Any, shown: Any) -> None:
-    """Items are rows of all channels: light [R, W] = the mean of frames [K, R, W], decoded; shown: the same encoded."""
+    """Items are rows of all channels: light [R, W] = the mean of frames [K, R, W], decoded; shown: the same encoded.
+
+    weights: [K, R] shares of each row's light.
+    """
     for row in range(begin, end):
         to, out = light[row], shown[row]
         to[:] = np.float32(0.0)
         for k in range(frames.shape[0]):
-            source, weight = frames[k, row], weights[k]
+            source, weight = frames[k, row], weights[k, row]
             for x in range(to.shape[0]):
                 to[x] += weight * decoded(source[x], table)
         for x in range(to.shape[0]):
@@ -62,7 +65,7 @@ def distribute(
             else:
                 scale[x] = came[x] * np.float32(12.92)
         for k in range(frames.shape[0]):
-            source, weight, to = frames[k, row], weights[k], out[k, row]
+            source, weight, to = frames[k, row], weights[k, row], out[k, row]
             for x in range(scale.shape[0]):
                 v = source[x]
                 if v > KNEE:

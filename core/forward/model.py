@@ -72,7 +72,8 @@ class SharpFrame:
     """One of the frames that a photo's light is collected from.
 
     Attributes:
-        passage: of its light through the effects, without gradient; weight: share of the photo's light.
+        passage: of its light through the effects, without gradient; weight: share of the photo's light, the mean of
+            all rows.
     """
 
     passage: Passage
@@ -256,8 +257,12 @@ class ForwardModel:
         plain = replace(self.settings, depth=False)
         renders = render_path(gaussians, camera, poses, background=background, settings=plain)
         still = Formation()
-        frames = tuple(SharpFrame(still.passage(image, shot), 1.0 / len(poses)) for image in renders.images.detach())
-        light = collected([f.passage.reached for f in frames], [f.weight for f in frames], "linear")
+        assert self.formation.motion is not None
+        rows = self.formation.motion.row_weights(len(poses), shot.height, shot.margin)
+        shares = [1.0 / len(poses)] * len(poses) if rows is None else rows.mean(dim=1).tolist()
+        images = renders.images.detach()
+        frames = tuple(SharpFrame(still.passage(i, shot), share) for i, share in zip(images, shares, strict=True))
+        light = collected([f.passage.reached for f in frames], shares if rows is None else rows, "linear")
         if not self.formation.light:
             return Exposed(medium, self.formation, shot, frames, renders, light)
         middle: Rendered | None = None

@@ -38,6 +38,7 @@ from .photos import LoadedPhotos, read_photos
 from .refinement import RefinementJob, refine
 from .report import camera_facts, medium_facts, photo_facts, write_report
 from .scores import ViewScorer, resolvable_period, score_views
+from .shutter import check_shutter, with_shutter
 from .simulated import simulate
 from .surface import with_samples
 from .timing import MakeTiming, NoteKeeper, Stopwatch, Timing, Untimed
@@ -88,6 +89,7 @@ def reconstruct(
     # What can be wrong with the request is found out before any work.
     given = given_spreads(run.medium.psf)
     parse_effects(run.effects)
+    check_shutter(run.shutter, run.medium.motion_apart)
     if run.training.until is not None and run.photos.holdout_every == 0:
         raise DgsError("Quality is judged on photos held out, and none are", "Use --holdout-every 8")
     truth = TruthFolder(run.truth) if run.truth is not None else None
@@ -138,6 +140,8 @@ def _stages(run: RunSettings, given: Spreads | None, truth: TruthFolder | None, 
     if (glass := run.glass or glass_shown(effects)) is not None:
         effects = with_glass(effects, glass, points, keeper, PhotoSet(photos, cameras.reconstruction))
         sigma = effects.sigma
+    if run.shutter is not None:
+        effects = with_shutter(effects, run.shutter, points, settings, keeper)
     if run.effects != "none":
         watch.lap("effects")
     chosen = effects.chosen

@@ -6,8 +6,9 @@ derivative of the photo y(c) by a path's coefficient c_ma (`CameraMotion`; a: ax
 
     dy / dc_ma = - sum over frames k of w_k P_m(2 t_k) (grad I_k . flow_a),
 
-with the frames I_k that the photo is the mean of. Everything is in px of the photo at the scene's distance, which
-makes one prior fit turns and translations. At no motion the photo has no slope in the path: paths begin away from it.
+with the frames I_k that the photo is the mean of; where the shutter rolls, w_k differs from row to row. Everything is
+in px of the photo at the scene's distance, which makes one prior fit turns and translations. At no motion the photo
+has no slope in the path: paths begin away from it.
 
 What photos cannot say is settled by convention: a path may be run in either direction, and what all offsets have in
 common, or what follows the cameras' places, is a motion or a bend of the whole scene: it is taken out (`common_to`).
@@ -195,13 +196,13 @@ class CameraPaths:
         twists = torch.zeros(len(names), settings.order + 1, 6)
         known = min(start.order, settings.order) + 1
         twists[:, :known] = start.for_photos(names).parameters["twists"][:, :known]
-        self.motion = CameraMotion(names, twists)
+        self.motion = CameraMotion(names, twists, readout=start.readout)
         self._index = {name: i for i, name in enumerate(names)}
         self._fitted = [self._index[name] for name in fitted if name in self._index]
         self._common = common_to([cameras[names[i]] for i in self._fitted], settings.photos_per_bend)
         self._visits = np.zeros(len(names), np.int64)
         self._depths: dict[str, SampledDepth] = {}
-        self._begin(cameras, settings.start * step, seed)
+        self._begin(cameras, settings.start * step * self.motion.exposures, seed)
 
     def _begin(self, cameras: Mapping[str, Camera], px: float, seed: int) -> None:
         """Short paths get a length to begin with: their own direction, or any."""
@@ -297,7 +298,7 @@ class CameraPaths:
         i, s = self._index[name], self.settings
         visit, own = Visit(i, name, camera, photo, counts), self._twists[i].clone()
         best, chosen = math.inf, own
-        for k, start in enumerate([own, *self._straight(visit, still)]):
+        for k, start in enumerate([own, *self._others(own, self._straight(visit, still))]):
             self._twists[i] = start
             for _ in range(s.again_steps):
                 exposed = expose()
@@ -308,6 +309,16 @@ class CameraPaths:
                 best, chosen = left, self._twists[i].clone()
         self._twists[i] = chosen
         self._settle(i)
+
+    def _others(self, own: Tensor, straight: list[Tensor]) -> list[Tensor]:
+        """Paths [M + 1, 6] that are compared with a photo's own: straight ones, and all the other way round.
+
+        Where all rows are exposed at once, the direction of time makes no difference.
+        """
+        if self.motion.readout == 0.0:
+            return straight
+        backwards = torch.tensor([(-1.0) ** m for m in range(len(own))])[:, None]
+        return [own * backwards, *straight, *(start * backwards for start in straight)]
 
     def _left(self, visit: Visit, exposed: Exposed) -> float:
         """Mean size of what a path leaves of a photo where it counts."""
@@ -348,6 +359,7 @@ class CameraPaths:
             start = torch.zeros_like(self._twists[visit.index])
             start[0] = self._twists[visit.index, 0]
             start[1, 4], start[1, 3] = x / camera.fx / 2, -y / camera.fx / 2
+            start[1] *= self.motion.exposures
             starts.append(start)
         return starts
 
@@ -360,7 +372,7 @@ class CameraPaths:
     def _prior(self, name: str) -> Tensor:
         """[(M + 1) 6] standard deviations, px."""
         s = self.settings
-        way = s.prior_path * self._diagonal[name]
+        way = s.prior_path * self._diagonal[name] * self.motion.exposures
         each = [s.prior_offset, *(way / m**s.prior_fall for m in range(1, s.order + 1))]
         return torch.tensor(each, dtype=torch.float64).repeat_interleave(6)
 
@@ -369,7 +381,11 @@ class CameraPaths:
         photo, counts = visit.photo, visit.counts
         height, width = photo.shape[1:]
         at = Sampled.of(height, width, self.settings.looked_at)
-        basis = polynomials(middles(len(exposed.frames)), self.settings.order).T / len(exposed.frames)  # [M + 1, T]
+        count = len(exposed.frames)
+        basis = polynomials(middles(count), self.settings.order).T / count  # [M + 1, T]
+        rows = self.motion.row_weights(count, height, exposed.shot.margin)
+        if rows is not None:
+            basis = basis[..., None] * (count * rows)  # [M + 1, T, H + 2m]
         slope = slopes_along(exposed, basis, at)
         photo, seen = photo.cpu(), at.of_planes(exposed.degraded.cpu())
         du, dv = (flow[:, None] for flow in self._flow(visit.index, visit.name, visit.camera, at))

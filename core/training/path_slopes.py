@@ -41,7 +41,7 @@ def slopes_along(exposed: Exposed, basis: Tensor, at: Sampled) -> Slopes:
     """Slopes of the photo by the shift of each part of the path.
 
     Args:
-        basis: [M + 1, T] share of frame t in part m; the first is the frames' mean.
+        basis: [M + 1, T] share of frame t in part m, or [M + 1, T, H + 2m] in each row of it; the first is the photo.
     """
     together = exposed.together
     seen = at.of_planes(exposed.degraded.cpu())
@@ -54,25 +54,34 @@ def slopes_along(exposed: Exposed, basis: Tensor, at: Sampled) -> Slopes:
     frames = _photo_px(exposed, torch.stack([frame.passage.reached for frame in exposed.frames]))
     own = at.of_planes(frames)
     decode = decoding_derivative(own, srgb_to_linear(own))
+    shares = basis
+    if basis.dim() == 3:
+        shares = basis[..., exposed.shot.margin :][..., : exposed.shot.height][..., at.rows]
 
     def of_frames(down: int, right: int) -> Tensor:
         ahead, behind = (at.of_planes(frames, s * down, s * right) for s in (1, -1))
-        return torch.einsum("mt,tchw->mchw", basis, (ahead - behind) * decode * 0.5) * encode
+        return _parts(shares, (ahead - behind) * decode * 0.5) * encode
 
     return of_frames
+
+
+def _parts(basis: Tensor, frames: Tensor) -> Tensor:
+    """[M + 1, 3, h, w]: parts of a path, given shares [M + 1, T] or [M + 1, T, h] of frames [T, 3, h, w]."""
+    return torch.einsum("mt,tchw->mchw" if basis.dim() == 2 else "mth,tchw->mchw", basis, frames)
 
 
 def _parts_through_effects(exposed: Exposed, basis: Tensor) -> Tensor:
     """[M + 1, 3, H, W] linear light of each part of the path behind the effects.
 
     Effects are linear in the light but for what they add themselves, which is in the photo once: a part is what it adds
-    to the whole.
+    to the whole. Where the shutter rolls, the rows' shares move along with the picture here, which errs by the path's
+    length over the photo's height.
     """
     assert exposed.together is not None
     passage = exposed.together.passage
     light = torch.stack([srgb_to_linear(frame.passage.frame) for frame in exposed.frames])
     parts = [passage.stages[-1]]
-    for more in torch.einsum("mt,tchw->mchw", basis[1:].to(light), light):
+    for more in _parts(basis[1:].to(light), light):
         through = passage.stages[0] + more
         for effect in passage.effects:
             through = effect.forward(through, passage.shot)

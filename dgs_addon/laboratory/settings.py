@@ -181,6 +181,8 @@ class SynthesizeSettings:
             raise DgsError(f"The medium {twice} is asked for twice", "Give each medium once")
         if media and (self.aperture > 0 or self.fog > 0 or self.moves):
             raise DgsError("Media are given in two ways", "Give --medium, or --aperture, --camera-motion and --fog")
+        if self.overscan and any(medium.by_rows for medium in media):
+            raise DgsError("A rolling shutter reads the rows of the photo only", "Leave out --overscan, or give 0")
         if self.sharp_share and all(medium.every_photo for medium in media):
             raise DgsError(
                 "Photos differ in shake and defocus only", "Leave out --sharp-share, or add --medium shake:8"

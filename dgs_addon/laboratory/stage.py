@@ -107,19 +107,28 @@ def _animated(item: Any) -> Iterator[None]:
 
 
 @contextmanager
-def open_shutter() -> Iterator[None]:
-    """Motion blur over the two frames around the present one, for nothing but what is animated inside."""
+def open_shutter(readout: float = 0.0) -> Iterator[None]:
+    """Motion blur over the two frames around the present one, for nothing but what is animated inside.
+
+    Args:
+        readout: exposures from the first row to the last one; both together take the two frames.
+    """
     scene = bpy.context.scene
     render = scene.render
     place = render if hasattr(render, "motion_blur_position") else scene.cycles  # Cycles' own before 4.2
     kept = render.use_motion_blur, render.motion_blur_shutter, place.motion_blur_position
+    cycles = scene.cycles
+    rolling = cycles.rolling_shutter_type, cycles.rolling_shutter_duration
     still = {item: item.cycles.use_motion_blur for item in scene.objects}
     for item in still:
         item.cycles.use_motion_blur = False
     render.use_motion_blur, render.motion_blur_shutter, place.motion_blur_position = True, 2.0, "CENTER"
+    # Cycles means by the duration a row's share of the time that the shutter is open.
+    cycles.rolling_shutter_type, cycles.rolling_shutter_duration = "TOP" if readout else "NONE", 1.0 / (1.0 + readout)
     try:
         yield
     finally:
+        cycles.rolling_shutter_type, cycles.rolling_shutter_duration = rolling
         render.use_motion_blur, render.motion_blur_shutter, place.motion_blur_position = kept
         for item, was in still.items():
             item.cycles.use_motion_blur = was

@@ -1,4 +1,4 @@
-"""Paths of the camera in an exposure: none at all, and one that is longer than the photo."""
+"""Paths of the camera in an exposure: none at all, one longer than the photo, and shutters that roll."""
 
 from __future__ import annotations
 
@@ -61,3 +61,38 @@ def endless_path(site: Site) -> float:
     found.sum().backward()  # type: ignore[no-untyped-call]
     finite = all(tensor.grad is not None and bool(tensor.grad.isfinite().all()) for _, tensor in twin.named())
     return float((found - alone).detach().abs().mean()) if finite else math.inf
+
+
+@case(
+    "poses",
+    "a rolling shutter that reads all rows at once",
+    "the photo is that of a shutter that does not roll",
+    1e-5,
+    "rounding of the rows' weights",
+)
+def no_readout(site: Site) -> float:
+    """Rows' weights with a readout of nearly 0 are those of equal frames."""
+    camera, twin = make_camera(), random_scene(40, 1)
+    plain = straight_paths({camera.name: (6.0 / camera.fx, 0.0)}, 4)
+    shown, still = (_exposed(twin, camera, m).degraded for m in (plain.rolling(1e-9), plain))
+    return float((shown - still).abs().max())
+
+
+@case(
+    "poses",
+    "a readout of a hundred exposures",
+    "all rows have all their light; a gradient in the photo is finite in the Gaussians",
+    1e-4,
+    "rounding of the shares",
+)
+def endless_readout(site: Site) -> float:
+    """A row's exposure is shorter than the time between two frames."""
+    camera, twin = make_camera(), random_scene(40, 1).detached().requires_grad_()
+    motion = straight_paths({camera.name: (6.0 / camera.fx, 0.0)}, 4).rolling(100.0)
+    exposed = _exposed(twin, camera, motion)
+    weights = motion.row_weights(len(exposed.frames), camera.height)
+    assert weights is not None
+    exposed.backward(torch.ones_like(exposed.reached))
+    finite = all(tensor.grad is not None and bool(tensor.grad.isfinite().all()) for _, tensor in twin.named())
+    wrong = float((weights.sum(dim=0) - 1.0).abs().max()) + float((-weights).clamp(min=0.0).max())
+    return wrong if finite and bool(exposed.degraded.isfinite().all()) else math.inf

@@ -6,6 +6,11 @@ A camera that moves while its shutter is open collects what it sees on its way, 
 
 with Legendre's polynomials P_m and twists c_m in the camera's own axes. They are orthogonal over the exposure, so that
 c_0 alone says where the camera was on average; c_1 is half of the straight way, the others bend it.
+
+A rolling shutter exposes the rows one after the other, the last one `readout` exposures after the first. Then t is
+the time of the whole photo, 1 + |readout| exposures long, and each row is the mean over its own window of it
+(`row_windows`): c_0 is the mean over the whole time, and at t = 0 the middle row is half exposed. Photos do not say
+whether rows are read from above or from below: from below, what the camera did backwards makes the same photo.
 """
 
 from __future__ import annotations
@@ -52,22 +57,34 @@ class CameraMotion(Effect):
     """Paths of V photos; photos that are not named stood still.
 
     `twists` [V, M + 1, 6]: coefficients c_m, translation (unit of the world that is drawn) and rotation (radians); the
-    scene is `unit` of the world's units away.
+    scene is `unit` of the world's units away. `readout`: exposures from the first row to the last one, of all photos;
+    below 0 the last row is read first; 0 for all rows at once.
     """
 
     name = "motion"
     physics = "A camera that moves while its shutter is open smears each photo along the path that it took."
     place = "camera"
 
-    def __init__(self, names: Sequence[str], twists: Tensor, unit: float = 1.0) -> None:
+    def __init__(self, names: Sequence[str], twists: Tensor, unit: float = 1.0, readout: float = 0.0) -> None:
         super().__init__({"twists": twists})
-        self.names, self.unit = tuple(names), unit
+        self.names, self.unit, self.readout = tuple(names), unit, readout
         self._index = {name: i for i, name in enumerate(self.names)}
 
     @property
     def order(self) -> int:
         """Degree of the paths."""
         return int(self.parameters["twists"].shape[1]) - 1
+
+    @property
+    def exposures(self) -> float:
+        """How many exposures a photo takes, from the opening of its first row to the closing of its last one."""
+        return 1.0 + abs(self.readout)
+
+    def row_weights(self, count: int, height: int, margin: int = 0) -> Tensor | None:
+        """[count, height + 2 margin] shares that frames have of each row's light; None where all rows see all alike."""
+        if self.readout == 0.0 or count < 2:
+            return None
+        return cast("Tensor", _mathematics().shares_of_rows(count, height, self.readout, margin))
 
     def poses(self, name: str, camera: Camera, times: Tensor | None = None) -> Tensor | None:
         """[T, 3, 4] world to camera at times [T] of the exposure; None for a photo that stood still.
@@ -86,7 +103,9 @@ class CameraMotion(Effect):
     def frames(self, name: str, camera: Camera) -> int:
         """How many frames a photo is the mean of, on the grid of `camera`."""
         px = self.length(name, camera.fx)
-        return 1 if px < SETTINGS.still else min(max(SETTINGS.fewest, math.ceil(px) + 1), SETTINGS.most)
+        # An exposure of each row is a part of the frames only, where the shutter rolls.
+        most = round(SETTINGS.most * self.exposures)
+        return 1 if px < SETTINGS.still else min(max(SETTINGS.fewest, math.ceil(px) + 1), most)
 
     def length(self, name: str, focal: float) -> float:
         """About how many px a path crosses in the middle of the photo, at the scene's distance.
@@ -131,13 +150,24 @@ class CameraMotion(Effect):
         """The same paths in a world that is `factor` times as large."""
         twists = self.parameters["twists"].detach().clone()
         twists[..., :3] *= factor
-        return CameraMotion(self.names, twists, self.unit * factor)
+        return CameraMotion(self.names, twists, self.unit * factor, self.readout)
+
+    def rolling(self, readout: float) -> CameraMotion:
+        """The same with another readout: at the speeds that paths have, they are as much longer as the photo takes."""
+        other = CameraMotion(self.names, self.parameters["twists"].detach().clone(), self.unit, readout)
+        other.parameters["twists"][:, 1:] *= other.exposures / self.exposures
+        return other
+
+    def read_in(self, share: float) -> CameraMotion:
+        """Of photos that are cut down to a share of their height around the middle; the very same without a readout."""
+        return self if self.readout == 0.0 else self.rolling(self.readout * share)
 
     def for_photos(self, names: Iterable[str]) -> CameraMotion:
         """Of these photos only."""
         wanted = set(names)
         kept = [i for i, name in enumerate(self.names) if name in wanted]
-        return CameraMotion([self.names[i] for i in kept], self.parameters["twists"].detach()[kept].clone(), self.unit)
+        twists = self.parameters["twists"].detach()[kept].clone()
+        return CameraMotion([self.names[i] for i in kept], twists, self.unit, self.readout)
 
     def forward(self, light: Tensor, shot: Shot) -> Tensor:
         """The very same light: the path is in the frames."""
@@ -148,12 +178,13 @@ class CameraMotion(Effect):
         return upstream
 
     def described(self) -> Mapping[str, object]:
-        """The unit, and by photo the twists, [M + 1][6]."""
+        """The unit, by photo the twists, [M + 1][6], and the readout where the shutter rolls."""
         twists = self.parameters["twists"].detach().cpu().double().numpy()
         rows = zip(self.names, twists, strict=True)
         return {
             "unit": float(f"{self.unit:.6g}"),
             "twists": {name: [[float(f"{v:.5g}") for v in part] for part in row] for name, row in rows},
+            **({"readout": self.readout} if self.readout else {}),
         }
 
 

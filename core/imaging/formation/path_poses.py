@@ -9,6 +9,7 @@ from torch import Tensor
 from ...camera import Camera
 from ...pose import Pose
 from ...rigid_motion import moved_pose
+from .row_windows import row_weights
 
 
 def polynomials(times: Tensor, order: int) -> Tensor:
@@ -23,6 +24,11 @@ def polynomials(times: Tensor, order: int) -> Tensor:
 def middles(count: int) -> Tensor:
     """[count] times of so many frames of equal length, in [-1/2, 1/2]."""
     return (torch.arange(count, dtype=torch.float32) + 0.5) / count - 0.5
+
+
+def shares_of_rows(count: int, height: int, readout: float, margin: int) -> Tensor:
+    """[count, height + 2 margin] float32 of `row_weights`."""
+    return row_weights(count, height, torch.tensor(readout), margin)
 
 
 def poses_on(twists: Tensor, camera: Camera, times: Tensor) -> Tensor:

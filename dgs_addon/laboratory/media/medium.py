@@ -46,8 +46,8 @@ class Stage(Protocol):
     def camera_path(self, camera: Camera, poses: NDArray[np.float64]) -> AbstractContextManager[None]:
         """The camera goes through poses [2^n + 1, 3, 4] (world to camera, engine's axes) at even times."""
 
-    def open_shutter(self) -> AbstractContextManager[None]:
-        """What moves blurs."""
+    def open_shutter(self, readout: float = 0.0) -> AbstractContextManager[None]:
+        """What moves blurs; rows are exposed one after the other, the last one `readout` exposures after the first."""
 
     def sheet(
         self, corners: NDArray[np.float64], thickness: float, slope: float, index: float
@@ -70,6 +70,11 @@ class Medium(ABC):
 
     #: Whether it stands before every photo, held-out ones included; otherwise photos differ, and some may be clear.
     every_photo: ClassVar[bool]
+
+    @property
+    def by_rows(self) -> bool:
+        """Whether rows of a photo differ by their place in the frame that is rendered."""
+        return False
 
     @abstractmethod
     def constants(self) -> Truth:

@@ -4,6 +4,9 @@ The path is a sum of Legendre polynomials of the time, for three angles and thre
 every direction; at the object, turning and moving blur alike. Each has the mean zero, so that the camera of the sharp
 picture is the path's mean. It is not the exponential of a low-order polynomial, which an estimator might assume.
 Cycles goes straight and at even speed between `NODES` poses of it.
+
+With a rolling shutter every row is exposed for the same time, one after the other from the top. The path then covers
+all of it, from the opening of the first row to the closing of the last one.
 """
 
 from __future__ import annotations
@@ -19,7 +22,7 @@ from ....core.camera import Camera
 from ....core.errors import DgsError
 from .medium import Medium, MediumSpec, Stage, Truth, Views, generator, numbers, span
 
-FORM = "PX[,CURVE]"
+FORM = "PX[,CURVE[,READOUT]]"
 #: Poses of a path; Cycles takes 2^n + 1.
 NODES = 17
 #: Bends of the second, third and fourth order, as shares of CURVE.
@@ -29,6 +32,8 @@ _BENDS = (1.0, 0.6, 0.35)
 _LEAST = 0.7
 #: How exactly a path is as long as wanted, as a share.
 _EXACT = 0.01
+#: Exposures from the first row to the last one at most; beyond, a row's own blur is lost between the path's nodes.
+_LONGEST_READOUT = 10.0
 #: Passes that scale a path to its length: it is nearly linear.
 _PASSES = 5
 
@@ -38,23 +43,38 @@ class Shake(Medium):
     """Camera shake.
 
     Attributes:
-        shortest, longest: px that the object's middle travels over the frame during an exposure.
+        shortest, longest: px that the object's middle travels over the frame while the photo is taken.
         curve: size of the bends against the straight part; 0 is straight at even speed.
+        readout: time from the first row's exposure to the last row's, in exposures; 0 for all rows at once.
     """
 
     shortest: float
     longest: float
     curve: float
+    readout: float = 0.0
     every_photo = False
 
+    @property
+    def by_rows(self) -> bool:
+        """Rows are exposed one after the other."""
+        return self.readout > 0
+
     def constants(self) -> Truth:
-        """Conventions of the paths."""
+        """Conventions of the paths, and of the shutter where it rolls."""
+        rolling: Truth = {}
+        if self.readout:
+            rolling = {
+                "readout": self.readout,
+                "rows": "times then cover the whole photo: the row whose middle is at the share v of the height, from "
+                "the top, is exposed from -0.5 + v readout / (1 + readout) on, for 1 / (1 + readout)",
+            }
         return {
             "path_px": [self.shortest, self.longest],
             "curve": self.curve,
             "times": np.linspace(-0.5, 0.5, NODES).tolist(),
             "poses": "for each photo, [times, 3, 4] world to camera (R|t), x right, y down, z away; in shares of the "
             "exposure; straight and at even speed between them; cameras/ has the path's mean",
+            **rolling,
         }
 
     def plan(self, views: Views) -> list[Truth]:
@@ -77,7 +97,7 @@ class Shake(Medium):
 
     def standing(self, stage: Stage, plan: list[Truth]) -> AbstractContextManager[None]:
         """The shutter stays open while the camera moves."""
-        return stage.open_shutter()
+        return stage.open_shutter(self.readout)
 
     def photo(self, stage: Stage, camera: Camera, truth: Truth) -> AbstractContextManager[None]:
         """The camera runs along the photo's path."""
@@ -152,14 +172,19 @@ def _length(places: NDArray[np.float64]) -> float:
 
 
 def _parse(text: str) -> Medium:
-    length, comma, curve = text.partition(",")
+    length, comma, rest = text.partition(",")
     shortest, longest = span("shake", FORM, length)
-    bend = numbers("shake", FORM, curve, 1, 1)[0] if comma else 0.5
+    bend, readout = [*(numbers("shake", FORM, rest, 1, 2) if comma else [0.5]), 0.0][:2]
     if shortest < 0 or longest == 0:
         raise DgsError("A path is longer than 0 px", "Give shake a length such as 8, or a range such as 4..16")
     if not 0 <= bend <= 10:
         raise DgsError(f"A path's bends are at least 0 and at most 10, not {bend:g}", "Give shake:8,0.5")
-    return Shake(shortest, longest, bend)
+    if not 0 <= readout <= _LONGEST_READOUT:
+        raise DgsError(
+            f"A readout takes 0 to {_LONGEST_READOUT:g} exposures, not {readout:g}",
+            "Give shake:8,0.5,1, or leave it out for all rows at once",
+        )
+    return Shake(shortest, longest, bend, readout)
 
 
 SPEC = MediumSpec(

@@ -68,6 +68,34 @@ def test_a_shaken_lamp_draws_the_path_of_the_manifest(medium: str, tmp_path: Pat
     assert (bend[1] < 0.03 * bend[0]) == medium.endswith(",0")
 
 
+@pytest.mark.parametrize("readout", [0.5, 2.0])
+def test_rows_of_a_rolling_shutter_see_their_own_part_of_the_path(readout: float, tmp_path: Path) -> None:
+    """A lamp in each corner, row by row, is the sharp lamp moved along what its row saw; the top row is first."""
+    squares = [(column, row, 2.0, 4.0) for column in (24.0, 72.0) for row in (14.0, 50.0)]
+    settings = lamps(tmp_path / "a.blend", squares, 0.9, media=(f"shake:14,0.5,{readout}",), views=2, samples=1000)
+    synthesize(settings, tmp_path / "set")
+    assert manifest(tmp_path / "set")["media"]["shake"]["readout"] == readout
+    begins = -0.5 + (np.arange(HEIGHT) + 0.5) / HEIGHT * readout / (1 + readout)
+    times = np.linspace(-0.5, 0.5, 193)
+    seen = (times >= begins[:, None]) & (times <= begins[:, None] + 1 / (1 + readout))
+    for view, truth in enumerate(manifest(tmp_path / "set")["through"].values()):
+        poses = np.array(truth["shake"]["poses"])
+        for half, (column, row, depth, _) in zip((LEFT, RIGHT), (squares[0], squares[2]), strict=True):
+            for rows, at in ((np.s_[: HEIGHT // 2], row), (np.s_[HEIGHT // 2 :], 50.0)):
+                point = np.array([(column - WIDTH / 2) / FOCAL * depth, (at - HEIGHT / 2) / FOCAL * depth, depth])
+                path, near = between(poses, point, len(times))
+                path -= [column, at]
+                sharp, photo = np.zeros((HEIGHT, WIDTH // 2)), np.zeros((HEIGHT, WIDTH // 2))
+                sharp[rows] = light(tmp_path / "set", "sharp", view)[half][rows]
+                photo[rows] = light(tmp_path / "set", view=view)[half][rows]
+                frames = np.array([w * shift(sharp, (y, x), order=1) for (x, y), w in zip(path, near, strict=True)])
+                moved = np.einsum("rt,trc->rc", seen / seen.sum(axis=1, keepdims=True), frames)
+                left = np.abs(moved - photo).sum()
+                assert left < 0.25 * photo.sum()
+                assert moments(photo)[0] == pytest.approx(moments(moved)[0], abs=0.15)
+                assert np.abs(frames.mean(axis=0) - photo).sum() > 2 * left, "not what all rows at once would see"
+
+
 def between(poses: np.ndarray, point: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
     """Places at `count` even times at which a point is seen, and how much larger it is than on average."""
     nodes, times = np.linspace(0, 1, len(poses)), np.linspace(0, 1, count)
@@ -300,6 +328,7 @@ def test_held_out_and_some_other_photos_stay_sharp_and_the_bits_repeat(tmp_path:
         (("shake:0",), "such as 4..16"),
         (("shake:9..4",), "smaller number first"),
         (("shake:9,-1",), "Give shake:8,0.5"),
+        (("shake:9,0.5,-1",), "leave it out for all rows"),
         (("defocus:0",), "leave the medium out"),
         (("defocus:1e6",), "at most 1000 px"),
         (("defocus:9,-1..3",), "depths above 0"),
@@ -318,6 +347,12 @@ def test_held_out_and_some_other_photos_stay_sharp_and_the_bits_repeat(tmp_path:
 def test_what_makes_no_sense_is_said_in_a_line(media: tuple[str, ...], way_out: str) -> None:
     with pytest.raises(DgsError, match=way_out):
         SynthesizeSettings(media=media)
+
+
+def test_a_rolling_shutter_reads_no_overscan() -> None:
+    SynthesizeSettings(media=("shake:9,0.5,0",), overscan=8)
+    with pytest.raises(DgsError, match="Leave out --overscan"):
+        SynthesizeSettings(media=("shake:9,0.5,1",), overscan=8)
 
 
 def test_the_command_line_leaves_photos_as_cycles_renders_them() -> None:

@@ -3,7 +3,7 @@
 import pytest
 import torch
 from dgs.core.colour import linear_to_srgb, srgb_to_linear
-from dgs.core.forward.collecting import CollectedLight
+from dgs.core.forward.collecting import CollectedLight, collected
 
 
 def reference(frames, weights):
@@ -24,6 +24,24 @@ def test_values_and_gradients_are_those_of_the_formula(count):
     (shown * upstream.double()).sum().backward()
     for frame, gradient in zip(doubles, found.gradient(upstream), strict=True):
         assert torch.allclose(gradient.double(), frame.grad, rtol=2e-4, atol=1e-5)
+
+
+def test_rows_may_have_shares_of_their_own():
+    """The kernels, and torch in double precision: each row as if it were a photo of its own with its shares."""
+    random = torch.Generator().manual_seed(7)
+    frames = [torch.rand(3, 6, 9, generator=random) for _ in range(4)]
+    shares = torch.rand(4, 6, generator=random)
+    shares = shares / shares.sum(dim=0)
+    upstream = torch.randn(3, 6, 9, generator=random)
+    for kind, tolerance in ((torch.float32, 2e-4), (torch.float64, 1e-12)):
+        one = [frame.to(kind) for frame in frames]
+        found = collected(one, shares.to(kind), "linear")
+        gradients = found.gradient(upstream.to(kind))
+        for row in range(6):
+            alone = collected([f[:, row : row + 1] for f in one], shares[:, row].to(kind).tolist(), "linear")
+            assert torch.allclose(found.shown[:, row], alone.shown[:, 0], rtol=0, atol=max(tolerance / 100, 1e-7))
+            for mine, own in zip(gradients, alone.gradient(upstream[:, row : row + 1].to(kind)), strict=True):
+                assert torch.allclose(mine[:, row], own[:, 0], rtol=tolerance, atol=1e-6)
 
 
 def test_the_very_ends_of_the_curve():

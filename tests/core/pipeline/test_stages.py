@@ -27,7 +27,7 @@ def test_every_setting_goes_to_a_stage():
     plain = ReconstructSettings(Path("p"), Path("o"))
     other = {"psf": "auto", "blur_space": "linear", "frames": 7, "holdout_every": 3, "preset": "draft", "loss": "paper"}
     other |= {"photos": Path("q"), "out": Path("r"), "min_steps": 9, "seed": 4, "effects": "auto", "device": "cpu"}
-    other |= {"background": "none", "glass": "0.4,1"}
+    other |= {"background": "none", "glass": "0.4,1", "rolling_shutter": "1"}
     for name, value in plain.plain().items():
         new = other.get(name, (not value) if isinstance(value, bool) else Path("x") if value is None else None)
         changed = ReconstructSettings(**{**vars(plain), name: new}).split()

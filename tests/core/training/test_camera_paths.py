@@ -66,16 +66,19 @@ def truly_moved(scene, seed=0, px=5.0):
     return motion, views
 
 
-@pytest.mark.parametrize(("out_of_focus", "alike"), [(False, 0.93), (True, 0.8)])
-def test_the_slope_in_every_coefficient_is_that_of_the_renders(scene, out_of_focus, alike):
+@pytest.mark.parametrize(
+    ("out_of_focus", "readout", "alike"), [(False, 0.0, 0.93), (True, 0.0, 0.8), (False, 1.5, 0.93), (True, -1.5, 0.75)]
+)
+def test_the_slope_in_every_coefficient_is_that_of_the_renders(scene, out_of_focus, readout, alike):
     """No view is rendered for it; differences of renders say the same wherever depth is smooth.
 
     Out of focus a px shows what lies beside it, which flows otherwise: frame by frame they are no more alike (0.84).
     """
     camera = scene.views[0].camera
     lens = [LensFocus([camera.name], torch.tensor([0.03]), torch.tensor([0.7]))] if out_of_focus else []
-    start = straight_paths({camera.name: (4.0 / camera.fx, 2.0 / camera.fx)}, 4)
+    start = straight_paths({camera.name: (4.0 / camera.fx, 2.0 / camera.fx)}, 4).rolling(readout)
     paths = CameraPaths(start, {camera.name: camera}, [camera.name], 1, 0)
+    assert paths.motion.readout == readout
     exposed = exposed_by(scene, camera, paths.motion, *lens)
     with torch.no_grad():
         drawn = sharp_view(scene.truth, camera, replace(SETTINGS, depth=True)).mean_depth
