@@ -35,8 +35,8 @@ class BudgetSettings:
         40_000,
         "count",
         "Gaussians that any photos may have: the balanced preset's budget, chosen before",
-        "lego, 12 to 36 photos of 200 and 400 px, balanced and best: 20,000 lose 0.1 dB in the mean of eight runs (-0.33"
-        " to +0.10), 10,000 lose 0.6",
+        "lego, 12 to 36 photos of 200 and 400 px, balanced and best: 20,000 lose 0.1 dB in the mean of eight runs ("
+        "-0.33 to +0.10), 10,000 lose 0.6",
         "20,000 to 28,700 gain 0.07 to 0.25 dB on orrery, plant and orrery-front: the sets disagree, and it stays",
     )
     photos: int = number(12, "photos", "whose px are counted, evenly over the set; more say little new")
