@@ -196,7 +196,7 @@ def two_cameras(file: Path, **changes: object) -> SynthesizeSettings:
     return settings
 
 
-def test_standing_glass_stays_where_it_is_while_the_camera_shakes() -> None:
+def test_standing_glass_is_planned_at_one_place_for_all_cameras() -> None:
     """It is planned in the world, so a photo's own plan sets nothing that moves with the camera."""
     camera = Camera("view_000.png", WIDTH, HEIGHT, FOCAL, FOCAL, WIDTH / 2, HEIGHT / 2, np.eye(3), np.zeros(3))
     aside = camera.moved(np.eye(3), np.array([-0.3, 0.0, 0.0]))
