@@ -112,7 +112,9 @@ def surface_points(
     features, warning = found_features(scene, work_dir, threads, progress)
     warnings = (warning,) if warning else ()
     maps = _maps(scene, chosen_references(views), features, progress)
-    checked = without_speckles(agreed(maps, views))
+    checked = agreed(maps, views)
+    if scene.object is None:  # a hull leaves chance no room before the object, and wires of a px are islands, too
+        checked = without_speckles(checked)
     trusted = samples_of(checked, views, settings.trusted)
     if len(trusted) < settings.minimum_samples:
         points, words = _without_maps(scene, features, settings)

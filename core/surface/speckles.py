@@ -1,7 +1,7 @@
 """Small islands in a depth map are taken away: a match that is mistaken stands alone (the speckle filter of stereo).
 
 Views that agree by chance do so in a few px; a surface goes on beside them. For sweeps over all depths: in a narrow
-band around known points less is chance, and thin things are islands, too.
+band around known points less is chance, and thin things are islands, too; so it is within the hull of an object.
 """
 
 from __future__ import annotations

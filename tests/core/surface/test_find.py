@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from dgs.core.errors import Cancelled
 from dgs.core.imaging.medium import Medium
+from dgs.core.photos.load import Photo
 from dgs.core.photos.scale import resized
 from dgs.core.pose import Pose
 from dgs.core.progress import Silent
@@ -14,7 +15,7 @@ from dgs.core.sfm.triangulate import triangulate
 from dgs.core.surface.depths import KnownScene, found_features
 from dgs.core.surface.find import SurfaceSettings, surface_points
 from dgs.core.surface.stack import stack_views
-from dgs.tests.core.surface.scenes import BEHIND, RADIUS, arc, around, drawn
+from dgs.tests.core.surface.scenes import BEHIND, RADIUS, arc, around, drawn, texture
 
 
 class _Stages(Silent):
@@ -95,6 +96,33 @@ def test_an_object_seen_from_around(tmp_path):
     # All round: every octant has its share.
     octant = (found.points.positions > 0) @ [1, 2, 4]
     assert np.bincount(octant, minlength=8).min() > 0.05 * len(radius)
+
+
+def _with_hoop(scene, hoop: np.ndarray) -> list[Photo]:
+    """The photos with an opaque wire of 2 px through the points [N, 3] where the ball does not hide them."""
+    colours, photos = (255 * texture(hoop, 5, finest=0.3)).astype(np.uint8), []
+    for photo, depth in zip(scene.photos, scene.depths, strict=True):
+        pose, lens = scene.cameras.poses[photo.name], scene.cameras.lenses[photo.name]
+        pixels, alpha = photo.pixels.copy(), photo.alpha.copy()
+        seen = hoop @ pose.rotation.T + pose.translation
+        places = (seen[:, :2] / seen[:, 2:] * lens.fx + (lens.cx, lens.cy)).astype(int)
+        for index in np.argsort(-seen[:, 2]):
+            column, row = places[index]
+            at = np.s_[row : row + 2, column : column + 2]
+            if (depth[at] > seen[index, 2]).all():
+                pixels[at], alpha[at] = colours[index], 255
+        photos.append(replace(photo, pixels=pixels, alpha=alpha))
+    return photos
+
+
+def test_wires_are_believed_within_a_hull(tmp_path):
+    """They are islands of a few px: hoops of an orrery never began where they were taken for speckles."""
+    scene = drawn(around(20), plane=False)
+    turn = np.linspace(0, 2 * np.pi, 600, endpoint=False)
+    hoop = 1.5 * np.stack([np.cos(turn), 0.3 * np.sin(turn), 0.95 * np.sin(turn)], axis=1)
+    found = surface_points(_with_hoop(scene, hoop), scene.cameras, Medium(), tmp_path, 1, Silent()).points
+    near = np.linalg.norm(found.positions[:, None] - hoop[::10], axis=2) < 0.06
+    assert near.any(axis=0).mean() > 0.75 and near[found.confidence > 0.2].any(axis=0).mean() > 0.6
 
 
 def test_in_a_hurry_views_are_smaller_and_none_is_left_out(tmp_path):
