@@ -30,7 +30,7 @@ _APART = ("photos", "out", "psf", "cameras")
 def reconstruct(
     photos: Path | str | Mapping[str, Picture] | Sequence[Picture],
     out: Path | str,
-    psf: str | float | NDArray[np.floating] = "none",
+    psf: str | float | NDArray[np.floating] | None = None,
     cameras: Path | str | None = None,
     options: Mapping[str, object] | None = None,
     progress: Progress = Silent(),
@@ -65,9 +65,9 @@ def reconstruct(
     return Twin.open(place)
 
 
-def _written(psf: str | float | NDArray[np.floating], out: Path) -> str:
+def _written(psf: str | float | NDArray[np.floating] | None, out: Path) -> str | None:
     """The point spread as `--psf` takes it."""
-    if isinstance(psf, str):
+    if psf is None or isinstance(psf, str):
         return psf
     if not isinstance(psf, np.ndarray):
         return f"gaussian:{float(psf)}"

@@ -121,9 +121,9 @@ def add_medium(parser: argparse.ArgumentParser) -> None:
     medium = parser.add_argument_group("what blurs the photos")
     medium.add_argument(
         "--psf",
-        default="none",
         metavar="PSF",
-        help="point spread function: none | gaussian:SIGMA | gaussian:SX,SY,ANGLE (px of the photos as they "
+        help="point spread function (if not given none, or with --effects auto what the photos show): none | "
+        "gaussian:SIGMA | gaussian:SX,SY,ANGLE (px of the photos as they "
         "are, degrees) | file:PATH (.npy, .tif, .png, .fits) | per-photo:FILE.json (by photo name, '*' for others) | "
         "auto (reconstruct only: estimated from the photos) | auto-each (and each photo's own width around it)",
     )

@@ -41,7 +41,7 @@ def cameras_command(options: argparse.Namespace, progress: Reporting) -> int:
     settings = ReconstructSettings(
         photos=photos_in(options.photos),
         out=options.out,
-        psf=options.psf,
+        psf=options.psf or "none",
         blur_space=options.blur_space,
         masks=options.masks,
         frames=options.frames,

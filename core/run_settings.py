@@ -20,6 +20,7 @@ _PATHS = ("photos", "out", "cameras", "truth", "masks", "reference_cameras")
 
 #: The effect's name.
 FROSTED_GLASS = "glass"
+FREE_KERNELS = "kernels"
 
 #: Names that only a run leaves in its folder, and those that it replaces there (of `core.twin.folder.PARTS`).
 RUN_MARKS = ("report.json", "checkpoint.npz", "plan.json", "sfm", "job.json")
@@ -70,11 +71,13 @@ class MediumSettings:
     Attributes:
         psf, blur_space: as in `ReconstructSettings`.
         motion_apart: whether the camera's motion may be simulated as an effect, so that it is no part of the blur.
+        decided: whether the photos decide on effects: a blur that they do not show is then none, and no error.
     """
 
     psf: str = "none"
     blur_space: Literal["srgb", "linear"] = "srgb"
     motion_apart: bool = False
+    decided: bool = False
 
 
 @dataclass(frozen=True)
@@ -136,7 +139,8 @@ class ReconstructSettings:
     Attributes:
         photos: folder of photos, a list of them (.txt), or a movie.
         out: folder for all results.
-        psf: point spread function, in px of the photos' files (see `core.imaging.psf.parse_psf`).
+        psf: point spread function, in px of the photos' files (see `core.imaging.psf.parse_psf`); None: what the photos
+            show where they decide on effects, none elsewhere.
         blur_space: the values that the blur acts on.
         cameras: COLMAP model folder or transforms.json; None to find them from the photos.
         truth: folder of sharp photos of the same names, only for scoring.
@@ -164,7 +168,7 @@ class ReconstructSettings:
 
     photos: Path
     out: Path
-    psf: str = "none"
+    psf: str | None = None
     blur_space: Literal["srgb", "linear"] = "srgb"
     cameras: Path | None = None
     truth: Path | None = None
@@ -210,6 +214,13 @@ class ReconstructSettings:
             return parse_glass(self.glass)
         return GlassRequest() if FROSTED_GLASS in effects else None
 
+    def _psf(self, effects: list[str], glass: GlassRequest | None) -> str:
+        """As given; else asked of the photos where they decide on effects and nothing else tells the blur."""
+        if self.psf is not None:
+            return self.psf
+        told = FREE_KERNELS in effects or (glass is not None and glass.angle is not None)
+        return "auto" if "auto" in effects and not told else "none"
+
     def split(self) -> RunSettings:
         """Each stage's own settings.
 
@@ -218,16 +229,18 @@ class ReconstructSettings:
         """
         words = [word.strip() for word in self.effects.split(",")]
         motion_apart = "-motion" not in words and bool({"auto", "all", "motion"} & set(words))
-        background = parse_background(self.background, "srgb" if self.psf == "none" else self.blur_space)
+        glass = self._glass(words)
+        psf = self._psf(words, glass)
+        background = parse_background(self.background, "srgb" if psf == "none" else self.blur_space)
         return RunSettings(
             out=self.out,
             photos=PhotoSettings(
                 self.photos, self.masks, self.frames, self.holdout_every, self.max_size, background, self.memory
             ),
-            medium=MediumSettings(self.psf, self.blur_space, motion_apart),
+            medium=MediumSettings(psf, self.blur_space, motion_apart, "auto" in words),
             cameras=CameraSettings(self.cameras, self.refine_cameras, self.reference_cameras),
             effects=self.effects,
-            glass=self._glass(words),
+            glass=glass,
             shutter=None if self.rolling_shutter is None else parse_shutter(self.rolling_shutter),
             training=TrainingRequest(
                 self.preset, self.loss, self.until, self.min_steps, self.max_gaussians, self.sh_degree, self.seed

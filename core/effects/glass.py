@@ -34,9 +34,14 @@ SETTINGS = GlassEffectSettings()
 
 
 def _shown(photos: PhotoSet) -> GlassShown | None:
+    """By points, with the width that edges show where they show one: points alone hardly know it."""
+    from ..inspection.edge_depth import width_of_edges  # heavy: scipy
     from ..inspection.glass_by_points import glass_by_points  # heavy: scipy
 
-    return glass_by_points(photos)
+    edges = width_of_edges(photos)
+    if edges is None:
+        return glass_by_points(photos)
+    return glass_by_points(photos, edges.width, edges.depth)
 
 
 def inspect(photos: PhotoSet) -> Evidence:
@@ -55,7 +60,8 @@ def inspect(photos: PhotoSet) -> Evidence:
     }
     text = (
         f"The same points in different photos: {seen.grows:.2f} px (sigma) more blur at a depth of {seen.farthest:.3g} "
-        f"than at {seen.nearest:.3g}, alike in all photos; {seen.width:.1f} +- {seen.width_error:.1f} px in between"
+        f"than at {seen.nearest:.3g}, alike in all photos; {seen.width:.1f}"
+        + (" px in between, as edges show" if seen.given else f" +- {seen.width_error:.1f} px in between")
     )
     if seen.better_than_even:
         error = math.hypot(seen.grows_error, SETTINGS.off * seen.grows)

@@ -155,8 +155,7 @@ class BlindPsf:
 def blind_psf(photos: PhotoSet) -> BlindPsf:
     """Estimates the blur that all photos share; see the module."""
     spectrum = _spectrum(photos)
-    guess = np.array([4.0, 4.0, 0.0]) if spectrum is None else spectrum.covariance
-    edges = edge_blur(photos, guess)
+    edges = _edges(photos, spectrum)
     found = _together(spectrum, edges)
     if found is None:
         if spectrum is None:
@@ -179,6 +178,15 @@ def blind_psf(photos: PhotoSet) -> BlindPsf:
         return _nothing(f"the photos allow any blur from {low:.1f} to {high:.1f} px: not identifiable")
     text = f"estimated from the photos' edges and spectra: sigma {sigma:.2f} px, 95 % interval {low:.2f} to {high:.2f}"
     return BlindPsf(sigma, error, low, high, sx, sy, angle, "estimated", text)
+
+
+def edges_of(photos: PhotoSet) -> LowerMode | None:
+    """The lower mode of the photos' edges, wherever it is; `shared_width` says what it is worth."""
+    return _edges(photos, _spectrum(photos))
+
+
+def _edges(photos: PhotoSet, spectrum: _Spectrum | None) -> LowerMode | None:
+    return edge_blur(photos, np.array([4.0, 4.0, 0.0]) if spectrum is None else spectrum.covariance)
 
 
 @dataclass(frozen=True)
@@ -244,7 +252,7 @@ def _bound(spectrum: _Spectrum, edges: LowerMode | None, photos: PhotoSet) -> Bl
         # No edge is narrower than the blur but by chance.
         largest = max(largest, math.sqrt(edges.variance) * (1 + 1.96 * math.hypot(edges.error, SETTINGS.step_error)))
     if sigma < SETTINGS.smallest_sigma:
-        return _sharp(sigma, error, largest)
+        return _by_edges_alone(edges) or _sharp(sigma, error, largest)
     sx, sy, angle = _axes(spectrum.covariance, sigma**2)
     text = (
         f"no sharp edges stand out, so the scene may be soft itself: at most {largest:.2f} px of blur"
@@ -253,6 +261,34 @@ def _bound(spectrum: _Spectrum, edges: LowerMode | None, photos: PhotoSet) -> Bl
     return BlindPsf(
         sigma, error, 0.0, largest, sx, sy, angle, "upper bound", text, spectrum.slope <= SETTINGS.steepest_slope
     )
+
+
+def shared_width(edges: LowerMode | None) -> tuple[float, float] | None:
+    """px, standard deviation of the blur that edges clearly share, and its error; None where there is none to undo."""
+    if edges is None or edges.number < SETTINGS.minimum_edges or edges.gain < SETTINGS.certain_gain:
+        return None
+    sigma = math.sqrt(max(edges.variance - SETTINGS.own_variance, 0.0))
+    error = math.hypot(edges.error, SETTINGS.unclear_error) * sigma
+    error = math.hypot(error, SETTINGS.own_spread / (2 * max(sigma, 0.4)))
+    return (sigma, error) if sigma - error >= SETTINGS.smallest_sigma else None
+
+
+def _by_edges_alone(edges: LowerMode | None) -> BlindPsf | None:
+    """What clear edges say where spectra would call the photos sharp; None where they do not contradict.
+
+    Blur that grows with the depth, as frosted glass makes it, hardly bends the law of spectra, or too steeply to tell
+    it from the scene. But no edge is narrower than the blur.
+    """
+    found = shared_width(edges)
+    if edges is None or found is None:
+        return None
+    sigma, error = found
+    largest = sigma + 1.96 * error
+    text = (
+        f"spectra show no blur, but hardly an edge is narrower than {sigma:.2f} px: at most {largest:.2f} px that all "
+        "share"
+    )
+    return BlindPsf(sigma, error, 0.0, largest, *_axes(edges.covariance, sigma**2), "upper bound", text, guess=True)
 
 
 def _sharp(sigma: float, error: float, largest: float) -> BlindPsf:

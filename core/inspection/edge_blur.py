@@ -64,7 +64,7 @@ def _settled(photos: PhotoSet, guess: Array, most: int) -> LowerMode | None:
     found = None
     for _ in range(3):
         sigma = max(math.sqrt(float(guess[:2].mean())), SETTINGS.narrowest_guess)
-        mode = find_lower_mode(_edges(photos, sigma, most), guess * sigma**2 / float(guess[:2].mean()))
+        mode = find_lower_mode(edges_as_wide(photos, sigma, most), guess * sigma**2 / float(guess[:2].mean()))
         if mode is None:
             break
         found = mode
@@ -77,8 +77,8 @@ def _settled(photos: PhotoSet, guess: Array, most: int) -> LowerMode | None:
     return found
 
 
-def _edges(photos: PhotoSet, sigma: float, looked: int) -> Edges:
-    """Edges of evenly spread photos, until there are enough."""
+def edges_as_wide(photos: PhotoSet, sigma: float, looked: int) -> Edges:
+    """Edges about `sigma` px wide of evenly spread photos, `looked` of `looked_at` at most, until there are enough."""
     count = min(looked, len(photos.greys))
     order = np.linspace(0, len(photos.greys) - 1, count).round().astype(int)
     step = max(1, count // SETTINGS.first_photos)

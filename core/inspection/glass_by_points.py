@@ -16,7 +16,7 @@ the same points from depths that differ; where they hardly do, a given width sti
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -71,6 +71,7 @@ class GlassShown:
         grows, grows_error: px by which the width differs between nearest and farthest.
         gain, gain_error: by how much it explains the photos better than the best even blur (log likelihood).
         inside: whether what is sharp lies among what the photos show, as a lens's focus does.
+        given: whether the width was, and only the distance is asked of the points.
     """
 
     width: float
@@ -85,6 +86,7 @@ class GlassShown:
     gain: float
     gain_error: float
     inside: bool
+    given: bool = False
 
     @property
     def better_than_even(self) -> bool:
@@ -94,7 +96,8 @@ class GlassShown:
     @property
     def safe_width(self) -> float:
         """px at `middle`: as narrow as the errors allow; too narrow leaves the twin soft, too wide invents detail."""
-        return max(0.0, self.width - math.hypot(self.width_error, SETTINGS.off * self.width))
+        off = 0.0 if self.given else SETTINGS.off * self.width
+        return max(0.0, self.width - math.hypot(self.width_error, off))
 
     def sigma(self, depth: float, width: float | None = None) -> float:
         """px on the axis at a depth, `width` at the middle instead of its own."""
@@ -164,7 +167,8 @@ def glass_by_points(photos: PhotoSet, width: float | None = None, at: float | No
     coarse = tried.costs(widths, distances)
     w, d, _ = coarse.best()
     fine = tried.costs(*_around(coarse, w, d, float(ends[0])))
-    return _shown(coarse, fine, middle, (float(ends[0]), float(ends[1])), tried.here, inside=d > ends[0])
+    shown = _shown(coarse, fine, middle, (float(ends[0]), float(ends[1])), tried.here, inside=d > ends[0])
+    return replace(shown, given=width is not None)
 
 
 def _shown(

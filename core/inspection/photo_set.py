@@ -150,7 +150,7 @@ class PhotoSet:
         ys = np.linspace(0, height - side, max(1, round(height / side * 1.5))).round().astype(int)
         xs = np.linspace(0, width - side, max(1, round(width / side * 1.5))).round().astype(int)
         for index, (grey, noise) in enumerate(zip(self.greys, self.grey_noise, strict=True)):
-            pixel, depth = self._seen(index)
+            pixel, depth = self.seen(index)
             for y in ys:
                 for x in xs:
                     blur = fit_blur(polar_power(grey[y : y + side, x : x + side]), (side, side), noise**2)
@@ -162,7 +162,7 @@ class PhotoSet:
         table = np.array(rows, float).reshape(-1, 6)
         return Tiles(table[:, 0].astype(int), table[:, 1], table[:, 2], table[:, 3], table[:, 4], table[:, 5])
 
-    def _seen(self, index: int) -> tuple[Array, Array]:
+    def seen(self, index: int) -> tuple[Array, Array]:
         """px [n, 2] and relative depth [n] of the observed points in one of `looked_at`."""
         observations, name = self.observations, self.looked_at[index].name
         if observations is None or name not in observations.names:

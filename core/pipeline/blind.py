@@ -130,9 +130,14 @@ def _estimated(photos: Sequence[Photo], settings: MediumSettings) -> Spreads:
     source = PhotoSet(photos, linear=linear)
     found = blind_psf(source)
     moved = _motion_seen(source, settings)
+    if moved and settings.motion_apart and found.verdict == "upper bound":
+        # (a guess would take for blur that all share what their paths are tried for)
+        return Spreads(None, notes=(found.text, moved))
     try:
         shared = found.point_spread()
     except PsfError as error:
+        if settings.decided:
+            return Spreads(None, notes=(f"{found.text}; none is taken", *([moved] if moved else [])))
         if not moved:
             raise
         raise PsfError(f"{error.what}. {moved[0].upper()}{moved[1:]}", error.way_out) from error

@@ -24,15 +24,18 @@ from .effects.decision import Decision
 from .simulated import SimulatedEffects
 
 
-def glass_shown(effects: SimulatedEffects) -> GlassRequest | None:
+def glass_shown(effects: SimulatedEffects, estimated: bool = False) -> GlassRequest | None:
     """The glass that was chosen as the same points show it; None where none was.
 
     Where a point spread was given, that says how wide it blurs.
+
+    Args:
+        estimated: whether the point spread was read off the photos, like the glass, but as if all were equally far.
     """
     chosen = effects.chosen.formation.glass
     if chosen is None or chosen.spread == 0.0:
         return None
-    return GlassRequest(chosen.distance, None if effects.medium.blurs else chosen.angle)
+    return GlassRequest(chosen.distance, None if effects.medium.blurs and not estimated else chosen.angle)
 
 
 def with_glass(
@@ -75,7 +78,7 @@ def with_glass(
     glass.errors = 0.0, error
     before = next((d for d in effects.chosen.decisions if d.name == FrostedGlass.name and d.on), None)
     why = _why(request, learned, error)
-    if before is not None and request == glass_shown(effects):
+    if before is not None and request in (glass_shown(effects), glass_shown(effects, estimated=True)):
         why = before.why
     progress.note(
         f"Frosted glass ({why}): {glass.sigma(size, diagonal):.2f} px wide at the scene's middle depth of {size:.3g}"

@@ -137,7 +137,7 @@ def _stages(run: RunSettings, given: Spreads | None, truth: TruthFolder | None, 
     sigma = blur.medium.mean_sigma([photo.name for photo in photos])
     settings = training_settings(run.training, machine, timing.limited, sigma)
     effects = simulate(run.effects, photos, cameras.reconstruction, views, blur.medium, settings, keeper)
-    if (glass := run.glass or glass_shown(effects)) is not None:
+    if (glass := run.glass or glass_shown(effects, given is None)) is not None:
         effects = with_glass(effects, glass, points, keeper, PhotoSet(photos, cameras.reconstruction))
         sigma = effects.sigma
     if run.shutter is not None:

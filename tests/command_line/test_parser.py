@@ -49,7 +49,7 @@ def test_all_arguments_of_a_reconstruction():
     assert (options.holdout_every, options.time_limit, options.max_size, options.resume) == (5, 120.0, 400, True)
     words = ["reconstruct", "photos", "--out", "d"]
     defaults = build_parser(words).parse_args(words)
-    assert (defaults.psf, defaults.blur_space, defaults.holdout_every, defaults.seed) == ("none", "srgb", 8, 0)
+    assert (defaults.psf, defaults.blur_space, defaults.holdout_every, defaults.seed) == (None, "srgb", 8, 0)
     assert (defaults.preset, defaults.device, defaults.progress, defaults.loss) == ("balanced", "auto", "auto", "dgs")
 
 

@@ -128,3 +128,28 @@ def test_sharp_photos_are_said_to_be_sharp_and_still(still, psf):
     text = " ".join(spreads.notes)
     assert "no blur beyond what sharp photos have" in text and "moved" not in text
     assert ("no photo gets a Gaussian of its own" in text) == (psf == "auto-each")
+
+
+def test_photos_that_decide_on_effects_decide_on_the_blur_as_well(shaken, still):
+    """Where nobody says what blurs them; a wall that shows nothing is no error then, and blur by paths none of all."""
+    wall = [Photo(f"{i}.png", None, np.full((120, 160, 3), 128, np.uint8)) for i in range(3)]
+    assert asked(None).psf == "none" and asked("none", "auto").psf == "none"
+    unasked = asked(None, "auto,-haze")
+    assert unasked.psf == "auto" and asked(None, "auto,kernels").psf == "none"
+    for photos in (shaken, still, wall):
+        assert spreads_of(None, photos, unasked).psf is None
+    with pytest.raises(PsfError):
+        spreads_of(None, wall, asked("auto"))
+
+
+def test_blur_that_all_share_is_found_where_photos_decide():
+    scene = make_scene(3, width=240, height=160, views=8, finer=2)
+    photos = photo_set(scene, degrade(scene, Truth(psf=(2.0, 2.0, 0.0)), seed=1)).photos
+    found = spreads_of(None, photos, asked(None, "auto")).psf
+    assert found is not None and found.sigma_x == pytest.approx(2.0, rel=0.15)
+
+
+@pytest.mark.parametrize("glass, psf", [(None, "auto"), ("auto", "auto"), ("0.3", "auto"), ("0.3,0.8", "none")])
+def test_glass_of_a_known_angle_needs_no_blur(glass, psf):
+    asked = ReconstructSettings(Path("p"), Path("o"), effects="auto", glass=glass)
+    assert asked.split().medium.psf == psf

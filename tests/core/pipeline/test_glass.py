@@ -124,6 +124,8 @@ def test_a_glass_that_was_chosen_takes_the_place_of_the_point_spread(scene):
     assert made.formation.names == ("glass",) and made.formation.glass.scene.nearest < math.inf
     assert made.decisions[0].why == line.why and made.decisions[0].evidence == line.evidence
     assert glass.glass_shown(replace(effects, medium=ROUND)).angle is None  # (a point spread that was given counts)
+    # (but none that was read off the photos as if all were equally far)
+    assert glass.glass_shown(replace(effects, medium=ROUND), estimated=True).angle == request.angle
     nothing = replace(effects, chosen=Chosen(Formation([FrostedGlass.of(0.0, 0.0, GlassScene(1.0))])))
     assert glass.glass_shown(nothing) is None
 
