@@ -117,7 +117,7 @@ def _with_hoop(scene, hoop: np.ndarray) -> list[Photo]:
 
 def test_wires_are_believed_within_a_hull(tmp_path):
     """They are islands of a few px: hoops of an orrery never began where they were taken for speckles."""
-    scene = drawn(around(20), plane=False)
+    scene = drawn(around(20), (128, 96), 100.0, plane=False)
     turn = np.linspace(0, 2 * np.pi, 600, endpoint=False)
     hoop = 1.5 * np.stack([np.cos(turn), 0.3 * np.sin(turn), 0.95 * np.sin(turn)], axis=1)
     found = surface_points(_with_hoop(scene, hoop), scene.cameras, Medium(), tmp_path, 1, Silent()).points
