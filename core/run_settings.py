@@ -215,11 +215,11 @@ class ReconstructSettings:
         return GlassRequest() if FROSTED_GLASS in effects else None
 
     def _psf(self, effects: list[str], glass: GlassRequest | None) -> str:
-        """As given; else asked of the photos where they decide on effects and nothing else tells the blur."""
+        """As given; else asked of the photos where they decide on effects and nothing else says what blurs them."""
         if self.psf is not None:
             return self.psf
-        told = FREE_KERNELS in effects or (glass is not None and glass.angle is not None)
-        return "auto" if "auto" in effects and not told else "none"
+        known = FREE_KERNELS in effects or (glass is not None and glass.angle is not None)
+        return "auto" if "auto" in effects and not known else "none"
 
     def split(self) -> RunSettings:
         """Each stage's own settings.

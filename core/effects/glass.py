@@ -34,14 +34,9 @@ SETTINGS = GlassEffectSettings()
 
 
 def _shown(photos: PhotoSet) -> GlassShown | None:
-    """By points, with the width that edges show where they show one: points alone hardly know it."""
-    from ..inspection.edge_depth import width_of_edges  # heavy: scipy
-    from ..inspection.glass_by_points import glass_by_points  # heavy: scipy
+    from ..inspection.glass_by_points import glass_of  # heavy: scipy
 
-    edges = width_of_edges(photos)
-    if edges is None:
-        return glass_by_points(photos)
-    return glass_by_points(photos, edges.width, edges.depth)
+    return glass_of(photos)
 
 
 def inspect(photos: PhotoSet) -> Evidence:
@@ -54,7 +49,8 @@ def inspect(photos: PhotoSet) -> Evidence:
         return unknown(FrostedGlass.name, "px", smallest, "Not measured: too few points stand clear of the noise")
     details = {
         "width": shortened(seen.width),
-        "width_error": shortened(seen.width_error),
+        # (the error of a width that edges show is that of thin lines among them, which nothing here measures)
+        **({} if seen.given else {"width_error": shortened(seen.width_error)}),
         "distance": shortened(seen.distance),
         "distance_error": shortened(seen.distance_error),
     }

@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..numbers import BY_DEFINITION, NOT_CHECKED, number
+from .edge_depth import width_of_edges
 from .surface_bands import DRAWN, Band, between, response, surface_bands
 
 if TYPE_CHECKING:
@@ -147,6 +148,12 @@ def _rest(band: Band, far: float, distance: float) -> Array:
     left = between(band.power - lost, band.point, band.photo)
     size = float(band.slant @ band.slant)
     return left - band.slant * (float(band.slant @ left) / size) if size > 0 else left
+
+
+def glass_of(photos: PhotoSet) -> GlassShown | None:
+    """By points, with the width that edges show where they show one: points alone hardly know it."""
+    edges = width_of_edges(photos)
+    return glass_by_points(photos) if edges is None else glass_by_points(photos, edges.width, edges.depth)
 
 
 def glass_by_points(photos: PhotoSet, width: float | None = None, at: float | None = None) -> GlassShown | None:
