@@ -87,7 +87,9 @@ def build(photos: PhotoSet) -> FrostedGlass | None:
     diagonal = math.hypot(*photos.greys[0].shape)
     scene = GlassScene(focal, diagonal, seen.nearest, seen.farthest)
     far = seen.safe_width / (1.0 - seen.distance / seen.middle) / diagonal
-    return FrostedGlass.of(far, seen.distance, scene)
+    sheet = FrostedGlass.of(far, seen.distance, scene)
+    sheet.errors = 0.0, seen.distance_error
+    return sheet
 
 
 SPEC = EffectSpec(

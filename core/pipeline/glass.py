@@ -75,11 +75,12 @@ def with_glass(
     scene = GlassScene(focal / diagonal, diagonal, nearest, farthest, stands_of(every) if request.standing else None)
     far = sigma / (1.0 - distance / size) if request.angle is None else focal * request.angle
     glass = FrostedGlass.of(far / diagonal, distance, scene, clear, learned, _lean(request))
-    glass.errors = 0.0, error
     before = next((d for d in effects.chosen.decisions if d.name == FrostedGlass.name and d.on), None)
     why = _why(request, learned, error)
     if before is not None and request in (glass_shown(effects), glass_shown(effects, estimated=True)):
-        why = before.why
+        why, chosen = before.why, effects.chosen.formation.glass
+        error = error if chosen is None else chosen.errors[1]
+    glass.errors = 0.0, error
     progress.note(
         f"Frosted glass ({why}): {glass.sigma(size, diagonal):.2f} px wide at the scene's middle depth of {size:.3g}"
     )

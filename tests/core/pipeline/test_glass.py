@@ -116,12 +116,14 @@ def test_points_that_show_the_distance_spare_learning_it(scene, monkeypatch):
 
 def test_a_glass_that_was_chosen_takes_the_place_of_the_point_spread(scene):
     chosen = FrostedGlass.of(0.02, 1.0, GlassScene(FOCAL / DIAGONAL))
+    chosen.errors = 0.0, 0.05
     line = Decision("glass", True, "confirmed: points", {"name": "glass"})
     effects = SimulatedEffects(Chosen(Formation([chosen]), decisions=[line]), Medium(), scene.views[:-1], [])
     request = glass.glass_shown(effects)
     assert request.distance == pytest.approx(1.0) and request.angle == pytest.approx(chosen.angle)
     made = with_glass(effects, request, scene.points, Silent()).chosen
     assert made.formation.names == ("glass",) and made.formation.glass.scene.nearest < math.inf
+    assert made.formation.glass.errors == chosen.errors  # (how sure the points are of it goes along)
     assert made.decisions[0].why == line.why and made.decisions[0].evidence == line.evidence
     assert glass.glass_shown(replace(effects, medium=ROUND)).angle is None  # (a point spread that was given counts)
     # (but none that was read off the photos as if all were equally far)
