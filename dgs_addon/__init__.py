@@ -1,6 +1,6 @@
 """The Blender side below its buttons and panels.
 
-axes, paths, photos, window, translations   what all packages here use
+axes, paths, photos, window, translations, manual   what all packages here use
 engine/       the engine's own Python: where it is, how it is installed, how it is started and asked
 scene/        a twin as an object: attributes, geometry nodes, material, cameras, size and up
 drawing/      what the engine sees, in Blender: the picture server, the render engine, live splats

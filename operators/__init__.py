@@ -44,6 +44,7 @@ from .measures import (
 )
 from .menus import DGS_MT_add, DGS_MT_object, DGS_MT_select, add_menus, remove_menus
 from .merge_twins import DGS_OT_apply_transform, DGS_OT_merge_twins
+from .open_manual import DGS_OT_open_manual
 from .open_report import DGS_OT_open_report
 from .optimize import DGS_OT_optimize
 from .pause_job import DGS_OT_pause_job
@@ -131,6 +132,7 @@ CLASSES: tuple[type, ...] = (
     DGS_OT_render_twin,
     DGS_OT_composite_meshes,
     DGS_OT_open_report,
+    DGS_OT_open_manual,
     DGS_OT_install_engine,
     DGS_OT_cancel_install,
     DGS_OT_check_engine,

@@ -90,6 +90,7 @@ def _entries() -> tuple[tuple[Any, Any], ...]:
         (kinds.VIEW3D_MT_object, _object_entries),
         (kinds.VIEW3D_MT_object_apply, _apply_entries),
         (kinds.VIEW3D_MT_select_edit_mesh, _select_entries),
+        (kinds.TOPBAR_MT_help, _help_entries),
     )
 
 
@@ -125,6 +126,11 @@ def _select_entries(menu: Any, context: Any) -> None:
     if is_twin(context.object):
         menu.layout.separator()
         menu.layout.menu(DGS_MT_select.bl_idname, icon="POINTCLOUD_DATA")
+
+
+def _help_entries(menu: Any, _context: Any) -> None:
+    menu.layout.separator()
+    menu.layout.operator("dgs.open_manual", text="Descatter Manual", icon="HELP")
 
 
 def _groups(layout: Any, groups: tuple[tuple[str, ...], ...]) -> None:

@@ -23,6 +23,10 @@ class DGS_PT_main(Sidebar, bpy.types.Panel):
     bl_idname = "DGS_PT_main"
     bl_label = "Descatter"
 
+    def draw_header_preset(self, context: Any) -> None:
+        """The way to the manual."""
+        self.layout.operator("dgs.open_manual", text="", icon="HELP", emboss=False)
+
     def draw(self, context: Any) -> None:
         """The job, or the missing engine with the button that brings it; else nothing: the steps speak."""
         missing = why_not()

@@ -61,6 +61,7 @@ class DGS_AP_preferences(bpy.types.AddonPreferences):
         self._draw_errand(layout)
         layout.prop(self, "draw_with")
         layout.label(text=drawer().why, icon="SHADING_RENDERED", translate=False)
+        layout.operator("dgs.open_manual", icon="HELP")
 
     def _draw_install(self, layout: Any, context: Any) -> None:
         layout.prop(self, "wheels")

@@ -11,6 +11,7 @@ from ..dgs_addon.engine import install
 from ..dgs_addon.engine.interpreter import reads_heif
 from ..dgs_addon.job import batch, pictures, runner, watching
 from ..dgs_addon.job.properties import DGS_PG_settings, register_properties, unregister_properties
+from ..dgs_addon.manual import register_manual, unregister_manual
 from ..dgs_addon.photos import ask_about_heif
 from ..dgs_addon.questions import estimate, exact, inspection, measures, meshes, next_views, split_view
 from ..dgs_addon.scene.measures import (
@@ -40,6 +41,7 @@ def register() -> None:
     register_measures()
     register_drawing()
     register_translations()
+    register_manual()
     ask_about_heif(reads_heif)
     operators.add_menus()
     split_view.start()
@@ -59,6 +61,7 @@ def unregister() -> None:
     pictures.clear()
     forget_thumbnails()
     operators.remove_menus()
+    unregister_manual()
     unregister_translations()
     unregister_drawing()
     unregister_measures()

@@ -9,6 +9,8 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
+from tools import manual
+
 ROOT = Path(__file__).resolve().parent.parent
 DIST = ROOT / "dist"
 
@@ -55,6 +57,7 @@ def main() -> int:
     """Validates the manifest, builds the zip, validates the zip."""
     manifest = tomllib.loads((ROOT / "blender_manifest.toml").read_text("utf-8"))
     fetch_wheels(manifest)
+    manual.main()
     DIST.mkdir(exist_ok=True)
     archive = DIST / f"{manifest['id']}-{manifest['version']}.zip"
     tool = [sys.executable, str(blender_tool())]

@@ -39,7 +39,7 @@ print("installed")
 
 @pytest.fixture(scope="module")
 def package() -> Path:
-    subprocess.run([sys.executable, str(ROOT / "tools" / "extension.py")], check=True, capture_output=True)
+    subprocess.run([sys.executable, "-m", "tools.extension"], cwd=ROOT, check=True, capture_output=True)
     return ROOT / "dist" / f"dgs-{VERSION}.zip"
 
 

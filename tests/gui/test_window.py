@@ -54,7 +54,7 @@ def seen(tmp_path_factory: pytest.TempPathFactory) -> dict[str, object]:
         check=True,
     )
     shutil.move(work / "set" / "photos", work / "photos")
-    subprocess.run([sys.executable, str(ROOT / "tools" / "extension.py")], check=True, capture_output=True)
+    subprocess.run([sys.executable, "-m", "tools.extension"], cwd=ROOT, check=True, capture_output=True)
     package = shutil.copy(ROOT / "dist" / f"dgs-{VERSION}.zip", work)
     for name in ("robot.py", "story.py"):
         shutil.copy(ROOT / "tests" / "gui" / name, work)

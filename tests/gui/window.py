@@ -143,7 +143,7 @@ def play(work: Path, story: str, seconds: float) -> None:
     Raises:
         RuntimeError: as `run`.
     """
-    subprocess.run([sys.executable, str(ROOT / "tools" / "extension.py")], check=True, capture_output=True)
+    subprocess.run([sys.executable, "-m", "tools.extension"], cwd=ROOT, check=True, capture_output=True)
     package = shutil.copy(ROOT / "dist" / f"dgs-{VERSION}.zip", work)
     for name in ("robot.py", story):
         shutil.copy(ROOT / "tests" / "gui" / name, work)
