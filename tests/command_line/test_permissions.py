@@ -25,15 +25,19 @@ pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="permissions and
 
 #: Root may read and write everything, so that tests of root become this user.
 NOBODY = 65534
+#: What commands load, on Blender's side too.
+_LOADED = ("co*/**/*.py", "studies/**/*.py", "dgs_addon/scene/*.py", "dgs_addon/laboratory/**/*.py")
 
 
 @pytest.fixture(scope="module", autouse=True)
 def loaded() -> None:
     """What commands load is loaded once, as the tests' own user: nobody may not read every user's Python."""
     package = Path(dgs.__file__).parent
-    for file in sorted(package.glob("co*/**/*.py")):
+    with contextlib.suppress(ImportError):
+        importlib.import_module("bpy")
+    for file in sorted(file for pattern in _LOADED for file in package.glob(pattern)):
         name = ".".join(file.relative_to(package).with_suffix("").parts)
-        if name.endswith(("worker", "__init__")) or "cuda" in name:
+        if name.endswith(("worker", "__init__", "__main__")):
             continue
         with contextlib.suppress(ImportError):
             importlib.import_module(f"dgs.{name}")

@@ -85,7 +85,8 @@ def twin(folder: Path, rank: int) -> list:
 def two(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("two")
     done = started(folder, 2)
-    assert done.returncode == 0, done.stderr[-3000:]
+    said = [file.read_text() for file in folder.glob("error_*.txt")]
+    assert done.returncode == 0, (said, done.stderr[-3000:])
     assert "2 ranks; " in done.stdout
     return folder
 
