@@ -244,7 +244,7 @@ def _another_file(robot: Robot) -> Story:
 def _ended_early(robot: Robot) -> Story:
     """The job is cancelled, and its engine killed at random moments; the panel says so and has the way on."""
     settings, runner = bpy.context.scene.dgs, _addon("job.runner")
-    settings.live, settings.preset, settings.max_gaussians = True, "balanced", 5000
+    settings.live, settings.preset, settings.max_gaussians = True, "fine", 5000  # long enough to be killed twice
     yield from robot.press("dgs.optimize")
     first = robot.clicked
     yield from _until(lambda: runner.running() and len(runner.current().state.marks) > 3, 300)
