@@ -46,6 +46,11 @@ def text(value: object) -> bool:
     return all(len(part.encode("utf-8", "replace")) <= _LONGEST_NAME for part in value.split("/"))
 
 
+def sentence(value: object) -> bool:
+    """A text that is read, not opened: of any length, as a reason may be longer than a file's name."""
+    return isinstance(value, str) and "\0" not in value
+
+
 def boolean(value: object) -> bool:
     """True or false."""
     return isinstance(value, bool)

@@ -14,7 +14,7 @@ from typing import Any, cast
 
 from ...core.errors import FormatError
 from ...core.files import read_json, write_json
-from ...core.json_shape import anything, check_shape, count, text
+from ...core.json_shape import anything, check_shape, count, sentence, text
 from ...core.names import fault_of, shown
 from .options import RESUMABLE, Options, absolute_path, check_options, options_of
 
@@ -84,8 +84,8 @@ _SHAPE = {
     "phase?": frozenset(("running", "paused", "cancelling", "done", "cancelled", "failed")),
     "selection?": _chosen_names,
     "pid?": (_process,),
-    "error?": text,
-    "result?": {"registered?": text, "*": anything},
+    "error?": sentence,
+    "result?": {"registered?": sentence, "*": anything},
 }
 _NAMES = {key.rstrip("?") for key in _SHAPE}
 #: What was read last, or what was wrong with it, by file and time of its last change: a panel asks at every redraw.

@@ -7,7 +7,7 @@ import time
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from ...core.json_shape import anything, check_shape, count, number, text
+from ...core.json_shape import anything, check_shape, count, number, sentence, text
 
 Phase = Literal["running", "paused", "cancelling", "done", "cancelled", "failed"]
 
@@ -61,9 +61,9 @@ _EVENTS = {
         "loss?": (number,),
         "heldout_psnr?": (number,),
     },
-    "note": {"text": text},
-    "done": {"result?": ({"registered?": text, "*": anything},)},
-    "error": {"text": text},
+    "note": {"text": sentence},
+    "done": {"result?": ({"registered?": sentence, "*": anything},)},
+    "error": {"text": sentence},
 }
 #: Exit status of a run that stopped because it was asked to, as of a shell's Ctrl-C.
 _CANCELLED = 130

@@ -8,7 +8,7 @@ from typing import Any
 
 from ...core.errors import DgsError
 from ...core.files import read_json
-from ...core.json_shape import check_shape, count, number, text
+from ...core.json_shape import check_shape, count, number, sentence, text
 from ..paths import absolute, out_folder
 from ..photos import photo_folder
 from .record import Record, read_record
@@ -38,7 +38,7 @@ _REPORT = {
     "photos": {"registered": count, "given": count},
     "gaussians": count,
     "resolvable_period_px": number,
-    "verdict?": {"level": text, "sentence": text, "help": [text]},
+    "verdict?": {"level": text, "sentence": sentence, "help": [sentence]},
     "heldout": {
         "names": [text],
         "degraded": _SCORE,

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ...core.effects.registry import switches
-from ...core.json_shape import anything, boolean, number, text
+from ...core.json_shape import anything, boolean, number, sentence, text
 from ..engine.process import RUN
 from ..engine.question import QUIETLY, Question
 
@@ -16,7 +16,7 @@ from ..engine.question import QUIETLY, Question
 _BLUR, _USUAL = "blur", ("exposure", "white_balance")
 
 effects = Question(
-    "effects", {"effects": [{"name": text, "needed": boolean, "evidence": text, "estimate": {"value": anything}}]}
+    "effects", {"effects": [{"name": text, "needed": boolean, "evidence": sentence, "estimate": {"value": anything}}]}
 )
 point_spread = Question("sigma", {"sigma": number, "sigma_uncertainty": number})
 

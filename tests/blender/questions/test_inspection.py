@@ -53,6 +53,20 @@ def test_a_photo_of_nothing_says_so(tmp_path: Path) -> None:
     assert bpy.context.scene.dgs.medium == "auto"
 
 
+def test_a_reason_longer_than_a_files_name_is_understood() -> None:
+    from dgs.core.json_shape import check_shape
+    from dgs.dgs_addon.job.state import JobState
+    from dgs.dgs_addon.questions import inspection
+
+    reason = "give --psf or --glass (measure-psf, measure-glass) if there is a glass; " * 5
+    evidence = {"name": "glass", "needed": False, "evidence": reason, "estimate": {"value": 0.0}}
+    check_shape({"effects": [evidence]}, inspection.effects.shape, "the engine's answer")
+    state = JobState()
+    state.apply({"event": "note", "text": reason})
+    state.apply({"event": "error", "text": reason, "status": 2})
+    assert state.error == reason
+
+
 def test_photos_are_inspected(tmp_path: Path) -> None:
     (tmp_path / "set").mkdir()
     random = np.random.default_rng(0)
