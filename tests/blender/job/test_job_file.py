@@ -96,7 +96,7 @@ HOSTILE = {
     "a chosen path": ({"selection": "a.png\n../b.png"}, "selection is no chosen names"),
     "no phase": ({"phase": 3}, "phase is none of"),
     "no process": ({"pid": -1}, "pid is no process"),
-    "no result": ({"result": {"registered": [1]}}, "result.registered is no text"),
+    "no result": ({"result": {"registered": [1]}}, "result.registered is no sentence"),
 }
 
 
