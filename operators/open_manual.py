@@ -15,14 +15,14 @@ class DGS_OT_open_manual(bpy.types.Operator):
     bl_idname = "dgs.open_manual"
     bl_label = "Manual"
 
-    place: bpy.props.StringProperty(
-        name="Place", default=FIRST, description="Page, and heading after a '#'", options={"SKIP_SAVE", "HIDDEN"}
+    page: bpy.props.StringProperty(
+        name="Page", default=FIRST, description="Page, and heading after a '#'", options={"SKIP_SAVE", "HIDDEN"}
     )
 
     def execute(self, context: Any) -> set[str]:
         """Hands the page to the system."""
-        page = address(self.place)
+        place = address(self.page)
         if bpy.app.background:
-            self.report({"INFO"}, page)
+            self.report({"INFO"}, place)
             return {"FINISHED"}
-        return bpy.ops.wm.url_open(url=page)
+        return bpy.ops.wm.url_open(url=place)

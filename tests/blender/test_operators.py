@@ -99,6 +99,7 @@ MISSING = {
 ALWAYS = {
     "add_preset",
     "batch",
+    "open_manual",
     "import_twin",
     "import_cameras",
     "prepare_scene",
