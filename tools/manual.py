@@ -27,8 +27,6 @@ PAGES = {
     "laboratory": "The laboratory",
     "glossary": "Glossary",
 }
-#: The page that is first.
-_FIRST = "blender"
 
 
 def main() -> int:
@@ -43,7 +41,6 @@ def main() -> int:
         for picture in pictures:
             (MANUAL / picture).parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(DOCS / picture, MANUAL / picture)
-    shutil.copyfile(MANUAL / f"{_FIRST}.html", MANUAL / "index.html")
     print(f"Wrote {len(PAGES)} pages of the manual")
     return 0
 

@@ -12,7 +12,7 @@ from typing import Any
 import bpy
 
 from ...core.errors import DgsError
-from ...core.json_shape import any_text, check_shape, number, text
+from ...core.json_shape import check_shape, number, sentence, text
 from ...core.photos.data_set import photos_in
 from ..engine.process import RUN
 from ..paths import absolute
@@ -30,7 +30,7 @@ _SHARED = (
     *("refine_cameras", "time_limit", "sh_degree", "device", "threads"),
 )
 #: What is read of a line of the table.
-_LINE = {"photos": text, "out": text, "how": text, "why": any_text, "registered": any_text, "psnr?": (number,)}
+_LINE = {"photos": text, "out": text, "how": text, "why": sentence, "registered": sentence, "psnr?": (number,)}
 #: Endings of folders that hold results, and not photos.
 _RESULTS = "-twin"
 
