@@ -36,7 +36,7 @@ SETTINGS = GlassEffectSettings()
 def _shown(photos: PhotoSet) -> GlassShown | None:
     from ..inspection.glass_by_points import glass_of  # heavy: scipy
 
-    return glass_of(photos)
+    return photos.once(glass_of)
 
 
 def inspect(photos: PhotoSet) -> Evidence:

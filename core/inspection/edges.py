@@ -121,8 +121,7 @@ def find_edges(
         most: edges that are fitted, strongest first.
     """
     by = max(1, int(sigma / SETTINGS.finest_width))
-    h, w = (n // by * by for n in grey.shape)
-    small = np.ascontiguousarray(_averaged(grey[:h, :w], by), np.float32)
+    small = np.ascontiguousarray(averaged(grey, by), np.float32)
     noise = noise / by
     width = math.sqrt(sigma**2 + (by * by - 1) / 12.0) / by
     radius = max(SETTINGS.radius * width, 3.2)
@@ -130,7 +129,7 @@ def find_edges(
         small, width, max(SETTINGS.minimum_contrast * noise, SETTINGS.minimum_height), math.ceil(radius) + 1
     )
     if clipped is not None and len(rows):
-        near = ndimage.maximum_filter(_averaged(clipped[:h, :w].astype(np.float32), by), 2 * math.floor(radius) + 1)
+        near = ndimage.maximum_filter(averaged(clipped.astype(np.float32), by), 2 * math.floor(radius) + 1)
         free = near[rows, columns] == 0
         rows, columns, angles = rows[free], columns[free], angles[free]
     rows, columns, angles = rows[:most], columns[:most], angles[:most]
@@ -171,9 +170,12 @@ def find_edges(
     )
 
 
-def _averaged(values: NDArray[np.float32], by: int) -> NDArray[np.float32]:
-    h, w = values.shape
-    return values if by == 1 else values.reshape(h // by, by, w // by, by).mean(axis=(1, 3), dtype=np.float32)
+def averaged(values: NDArray[np.float32], by: int) -> NDArray[np.float32]:
+    """[H // by, W // by] means of `by` x `by` px each; what is left over at the right and below is not in it."""
+    h, w = (n // by for n in values.shape)
+    if by == 1:
+        return values
+    return values[: h * by, : w * by].reshape(h, by, w, by).mean(axis=(1, 3), dtype=np.float32)
 
 
 def _candidates(

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +25,7 @@ from .photometry import Photometry, fit_photometry
 from .spectra import Blur, fit_blur, polar_power
 
 Array = NDArray[np.float64]
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -59,6 +61,14 @@ class PhotoSet:
     why: str = ""
     linear: bool = False
     blur: float | None = None
+    _answers: dict[Callable[..., Any], Any] = field(default_factory=dict, init=False, repr=False, compare=False)
+
+    def once(self, look: Callable[[PhotoSet], T]) -> T:
+        """What `look` says of these photos, however often it is asked."""
+        if look not in self._answers:
+            self._answers[look] = look(self)
+        answer: T = self._answers[look]
+        return answer
 
     @cached_property
     def looked_at(self) -> list[Photo]:

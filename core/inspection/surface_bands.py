@@ -17,6 +17,7 @@ from scipy.spatial import cKDTree
 
 from ..imaging.formation.glass import oblique
 from ..numbers import NOT_CHECKED, number
+from .edges import averaged
 from .spectra import SETTINGS as SPECTRA
 
 if TYPE_CHECKING:
@@ -46,6 +47,7 @@ class SurfaceBandSettings:
     widest_first: float = number(12.0, "px", "of a first band at most")
     clear_points: float = number(0.5, "share of the observations", "that must stand clear of the noise in a band")
     clear: float = number(4.0, "noise power", "from which power counts")
+    finest: float = number(1.7, "px", "photos are averaged until the narrowest Gaussian is so wide: time only")
     window: float = number(4.0, "first widths", "of the Gaussian over which power is averaged, on the surface")
     rung: float = number(0.12, "natural log", "between distances at which photos are filtered; linear in between")
     most: int = number(8000, "count", "of observations in a band, of whole points: more cost time and say little more")
@@ -151,11 +153,15 @@ def _powers(light: PhotoSet, photos: PhotoSet, first: float, width: float) -> Ar
 def _power_at(grey: NDArray[np.float32], noise: float, at: Array, width: float, window: float) -> Array:
     """[n] log power of a band at px [2, n] of a photo."""
     variances, signs = _difference(width)
-    passed = np.zeros(grey.shape, np.float32)
+    by = max(1, int(math.sqrt(variances[0]) / SETTINGS.finest))
+    small = averaged(grey, by)
+    passed = np.zeros(small.shape, np.float32)
     for variance, sign in zip(variances, signs, strict=True):
-        passed += np.float32(sign) * ndimage.gaussian_filter(grey, math.sqrt(variance), truncate=3.5)
-    power, level = (ndimage.gaussian_filter(plane, window, truncate=2.5) for plane in (passed**2, grey))
-    power, level = (ndimage.map_coordinates(plane, at, order=1, mode="nearest") for plane in (power, level))
+        done = (by * by - 1) / 12.0  # that averaging has blurred already
+        passed += np.float32(sign) * ndimage.gaussian_filter(small, math.sqrt(variance - done) / by, truncate=3.5)
+    power, level = (ndimage.gaussian_filter(plane, window / by, truncate=2.5) for plane in (passed**2, small))
+    place = (at + 0.5) / by - 0.5
+    power, level = (ndimage.map_coordinates(plane, place, order=1, mode="nearest") for plane in (power, level))
     gain = float((signs[:, None] * signs / (variances[:, None] + variances)).sum()) / (2.0 * math.pi)
     own = noise**2 * gain
     counts = (power > SETTINGS.clear * own) & (level > 0.005)
