@@ -1,16 +1,19 @@
 """Frosted glass, seen by the same points in several photos: blur that grows with the depth alike in all of them.
 
 Of a point on a surface, the power of its texture in a band of frequencies *of the surface* is the same from wherever it
-is seen. A band of width b px at a point's middle depth is one of b z_m / z px in a photo that sees it from the depth z,
-so that no law of scenes' spectra is asked for. What is left between the photos is the blur:
+is seen. A band of width b px at a point's middle depth is one of b z_m / z px in a photo that sees it from the depth z.
+What is left between the photos is the blur:
 
-    log power = point + photo + c log cos + R(sigma(z)^2 / (b z_m / z)^2),     sigma(z) = w k(o) (1 - d / z) / (1 - d)
+    log power = point + photo + c log cos + R(sigma(z)^2 / (b z_m / z)^2; a)
+    sigma(z) = w k(o) (1 - d / z) / (1 - d)
 
 with depths in middle depths, w the width at the middle depth, d the distance of the glass, k(o) what rough glass adds
-off the axis. What is seen at a slant (cos: of the angle to the normal) is drawn together, by a power of its own. In
-lengths on the surface the blur is in proportion to z - d: that it grows with z at all says how wide it is, and how it
-grows where the glass stands. The point's own texture drops out, so photos behind the glass are enough where they see
-the same points from depths that differ; where they hardly do, a given width still leaves the distance.
+off the axis. How much a blur takes of a band depends on the law of the texture within it (its exponent a), which the
+bands' own powers say once the blur is taken off; both are found by turns. What is seen at a slant (cos: of the angle to
+the normal) is drawn together, by a power of its own. In lengths on the surface the blur is in proportion to z - d: that
+it grows with z at all says how wide it is, and how it grows where the glass stands. The point's own texture drops out,
+so photos behind the glass are enough where they see the same points from depths that differ; where they hardly do, a
+given width still leaves the distance.
 """
 
 from __future__ import annotations
@@ -24,7 +27,8 @@ from numpy.typing import NDArray
 
 from ..numbers import BY_DEFINITION, NOT_CHECKED, number
 from .edge_depth import width_of_edges
-from .surface_bands import DRAWN, Band, between, response, surface_bands
+from .spectra import SETTINGS as SPECTRA
+from .surface_bands import Band, between, response, surface_bands, texture_slope
 
 if TYPE_CHECKING:
     from .photo_set import PhotoSet
@@ -46,6 +50,8 @@ class GlassByPointsSettings:
     least_behind: float = number(0.02, "share", "of the far blur, at least, where a width is given: not zero")
     stray: float = number(0.02, "share", "of the observations that may be nearer, or farther")
     finer: int = number(7, "count", "of each that are tried around the best, to half a step")
+    rounds: int = number(5, "count", "in which the texture's law and the glass are found by turns, at most")
+    settled: float = number(0.05, "exponent", "by which the law changes in a round that is the last")
     draws: int = number(100, "count", "of regions of space for the standard errors (bootstrap)")
     least_rest: float = number(0.02, "natural log", "of power, that is left between photos at least")
     sure: float = number(2.0, "standard errors", "by which glass must explain more than an even blur", BY_DEFINITION)
@@ -53,7 +59,7 @@ class GlassByPointsSettings:
         0.2,
         "share",
         "of the width, that this is off by whatever the number of points",
-        f"{DRAWN}: +5, +12 and -40 % (the even blur, which is safe)",
+        "six drawn sets behind glass: -6 to +12 %; of the texture by its own law",
         NOT_CHECKED,
     )
 
@@ -123,11 +129,23 @@ class _Costs:
 
 @dataclass(frozen=True)
 class _Tried:
-    """What hypotheses are held against: bands, what is left in each at best, and the depth that widths are given at."""
+    """What hypotheses are held against.
+
+    Attributes:
+        bands, scales: of the photos, and what is left in each at best.
+        here: depth that widths are given at, over the middle one.
+        slope: exponent of the texture's power.
+    """
 
     bands: list[Band]
     scales: list[float]
     here: float
+    slope: float
+
+    @classmethod
+    def of(cls, bands: list[Band], here: float, slope: float) -> _Tried:
+        """With what the best even blur leaves in each band."""
+        return cls(bands, [_scale(band, slope) for band in bands], here, slope)
 
     def costs(self, widths: Array, distances: Array) -> _Costs:
         """Cauchy's cost of each pair, by region of space."""
@@ -136,16 +154,25 @@ class _Tried:
         for band, scale in zip(self.bands, self.scales, strict=True):
             for j, distance in enumerate(distances):
                 for i, width in enumerate(widths):
-                    left = _rest(band, width / _behind(distance, self.here), distance) / scale
+                    left = _rest(band, width / _behind(distance, self.here), distance, self.slope) / scale
                     costs[i, j] += np.bincount(band.block, 2.0 * np.log1p(left**2 / 4.0), blocks)
         return _Costs(widths, distances, costs)
 
+    def texture(self, width: float, distance: float) -> float:
+        """Exponent of the texture's power as a glass leaves it."""
+        far = width / _behind(distance, self.here)
+        return texture_slope(self.bands, [_lost(band, far, distance, self.slope) for band in self.bands])
 
-def _rest(band: Band, far: float, distance: float) -> Array:
-    """[N] what a glass leaves of the differences between photos; far: px, its blur of what is far behind it."""
+
+def _lost(band: Band, far: float, distance: float, slope: float) -> Array:
+    """[N] natural log of the power that a glass leaves of a band; far: px, its blur of what is far behind it."""
     sigma2 = (far * (1.0 - distance / band.depth)) ** 2 * band.wider2
-    lost = response((SETTINGS.own_variance + sigma2) / band.scale2)
-    left = between(band.power - lost, band.point, band.photo)
+    return response((SETTINGS.own_variance + sigma2) / band.scale2, slope)
+
+
+def _rest(band: Band, far: float, distance: float, slope: float) -> Array:
+    """[N] what a glass leaves of the differences between photos."""
+    left = between(band.power - _lost(band, far, distance, slope), band.point, band.photo)
     size = float(band.slant @ band.slant)
     return left - band.slant * (float(band.slant @ left) / size) if size > 0 else left
 
@@ -168,11 +195,16 @@ def glass_by_points(photos: PhotoSet, width: float | None = None, at: float | No
         return None
     middle = observations.median_depth
     ends = np.quantile(observations.depth, [SETTINGS.stray, 1.0 - SETTINGS.stray])
-    tried = _Tried(bands, [_scale(band) for band in bands], 1.0 if at is None else at / middle)
     widths = _widths(bands) if width is None else np.array([width])
     distances = np.r_[np.linspace(0.0, 0.98, SETTINGS.distances), np.array(SETTINGS.beyond)] * ends[0]
-    coarse = tried.costs(widths, distances)
-    w, d, _ = coarse.best()
+    slope = SPECTRA.slope
+    for _ in range(SETTINGS.rounds):
+        tried = _Tried.of(bands, 1.0 if at is None else at / middle, slope)
+        coarse = tried.costs(widths, distances)
+        w, d, _ = coarse.best()
+        slope, before = tried.texture(w, d), slope
+        if abs(slope - before) < SETTINGS.settled:
+            break
     fine = tried.costs(*_around(coarse, w, d, float(ends[0])))
     shown = _shown(coarse, fine, middle, (float(ends[0]), float(ends[1])), tried.here, inside=d > ends[0])
     return replace(shown, given=width is not None)
@@ -246,8 +278,8 @@ def _picks(blocks: int) -> Array:
     return random.multinomial(blocks, np.full(blocks, 1.0 / blocks), size=SETTINGS.draws).astype(float)
 
 
-def _scale(band: Band) -> float:
+def _scale(band: Band, slope: float) -> float:
     """What is left between photos where the best even blur is taken off, natural log."""
     wide = [w * math.sqrt(float(np.median(band.scale2))) for w in (0.0, 0.5, 1.0)]
-    left = [1.4826 * float(np.median(np.abs(_rest(band, w, 0.0)))) for w in wide]
+    left = [1.4826 * float(np.median(np.abs(_rest(band, w, 0.0, slope)))) for w in wide]
     return max(min(left), SETTINGS.least_rest)

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 #: What the steepness of the bands was chosen on.
-DRAWN = "one drawn scene behind two glasses and one even blur"
+_DRAWN = "one drawn scene behind two glasses and one even blur"
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class SurfaceBandSettings:
         3,
         "count",
         "differences of Gaussians in a row: a steep band asks little of the scene's law within it",
-        f"{DRAWN}: widths 20 to 31 % too wide with 1, 12 to 20 % with 2, 5 % with 3",
+        f"{_DRAWN}: widths 20 to 31 % too wide with 1, 12 to 20 % with 2, 5 % with 3",
         NOT_CHECKED,
     )
     ratio: float = number(1.6, "ratio", "of the two Gaussians of a difference", "a first choice")
@@ -55,6 +55,8 @@ class SurfaceBandSettings:
     least_cosine: float = number(0.1, "cosine", "to a normal at least: what is seen flatter is an edge")
     fewest: int = number(300, "count", "of observations in a band for a statement")
     photo_prior: float = number(8.0, "observations", "that a photo's own constant is held at zero by", "a first choice")
+    slopes: tuple[float, float] = number((0.0, 4.0), "exponent", "of a texture's power over frequency that it may have")
+    slope_step: float = number(0.25, "exponent", "between those for which what a blur leaves is kept; linear between")
 
 
 SETTINGS = SurfaceBandSettings()
@@ -68,7 +70,8 @@ class Band:
         power: [N] natural log; scale2: [N] squared width of the band, px^2 of the photo.
         depth: [N] in middle depths; wider2: [N] squared widening off the axis.
         slant: [N] natural log of the cosine between the surface's normal and the view, apart from point and photo.
-        point, photo, block: [N] numbers from 0.
+        point, photo, block: [N] numbers from 0; observation: [N] which of the photos' observations.
+        width: px at a point's middle depth.
     """
 
     power: Array = field(repr=False)
@@ -79,6 +82,8 @@ class Band:
     point: NDArray[np.int64] = field(repr=False)
     photo: NDArray[np.int64] = field(repr=False)
     block: NDArray[np.int64] = field(repr=False)
+    observation: NDArray[np.int64] = field(repr=False)
+    width: float
 
 
 def between(values: Array, point: NDArray[np.int64], photo: NDArray[np.int64]) -> Array:
@@ -199,22 +204,52 @@ def _slants(photos: PhotoSet) -> Array:
     return np.asarray(np.log(np.maximum(cosine, SETTINGS.least_cosine)))
 
 
-def _response_table() -> tuple[Array, Array]:
-    """Blur's variance over the band's squared width, and the natural log of the power that is left."""
+def _response_tables() -> tuple[Array, Array, Array]:
+    """Exponents of textures' power, blur's variance over the band's squared width, natural log of the power left."""
     u = np.linspace(0.002, 1.2, 1200)
     passed = np.exp(-2 * np.pi**2 * u**2) - np.exp(-2 * np.pi**2 * (u * SETTINGS.ratio) ** 2)
-    law = u ** (1.0 - SPECTRA.slope) * passed ** (2 * SETTINGS.order)
+    slopes = np.linspace(*SETTINGS.slopes, 1 + round((SETTINGS.slopes[1] - SETTINGS.slopes[0]) / SETTINGS.slope_step))
     at = np.r_[np.linspace(0.0, 4.0, 300), np.linspace(4.05, 60.0, 500)]
-    left = (law * np.exp(-4 * np.pi**2 * u**2 * at[:, None])).sum(axis=1)
-    return at, np.log(left / left[0])
+    laws = u ** (1.0 - slopes[:, None]) * passed ** (2 * SETTINGS.order)
+    left = laws @ np.exp(-4 * np.pi**2 * u[:, None] ** 2 * at)
+    return slopes, at, np.log(left / left[:, :1])
 
 
-_RESPONSE = _response_table()
+_RESPONSES = _response_tables()
 
 
-def response(variance: Array) -> Array:
-    """[N] natural log of the power that a blur leaves of a band, given its variance over the band's squared width."""
-    return np.interp(variance, *_RESPONSE)
+def response(variance: Array, slope: float = SPECTRA.slope) -> Array:
+    """[N] natural log of the power that a blur leaves of a band, given its variance over the band's squared width.
+
+    Args:
+        slope: exponent by which the texture's power falls with the frequency: a flat one loses more of a band.
+    """
+    slopes, at, left = _RESPONSES
+    place = float(np.clip(np.interp(slope, slopes, np.arange(len(slopes))), 0, len(slopes) - 1.0001))
+    below, share = int(place), place - int(place)
+    return np.interp(variance, at, (1.0 - share) * left[below] + share * left[below + 1])
+
+
+def texture_slope(bands: list[Band], lost: list[Array]) -> float:
+    """Exponent by which the texture's power falls with the frequency, by what bands hold without blur.
+
+    Args:
+        lost: for each band [N] natural log of the power that the blur has left of it.
+
+    Returns:
+        The prior's where bands share too few observations.
+    """
+    common = bands[0].observation
+    for band in bands[1:]:
+        common = np.intersect1d(common, band.observation, assume_unique=True)
+    if len(bands) < 2 or len(common) < SETTINGS.fewest:
+        return SPECTRA.slope
+    levels = [
+        float(np.mean((band.power - less)[np.searchsorted(band.observation, common)]))
+        for band, less in zip(bands, lost, strict=True)
+    ]
+    rise = np.polyfit(np.log([band.width for band in bands]), levels, 1)[0]
+    return float(np.clip(2.0 + rise, *SETTINGS.slopes))
 
 
 def _band_of(photos: PhotoSet, power: Array, width: float) -> Band | None:
@@ -240,4 +275,6 @@ def _band_of(photos: PhotoSet, power: Array, width: float) -> Band | None:
         numbers,
         observations.photo[use],
         observations.block[use],
+        np.flatnonzero(use),
+        width,
     )
