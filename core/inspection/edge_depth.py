@@ -15,7 +15,7 @@ from scipy.spatial import KDTree
 
 from ..imaging.formation.glass import oblique
 from ..numbers import NOT_CHECKED, number
-from .blind_psf import SETTINGS as OWN
+from .blind_psf import SETTINGS as PHOTOS
 from .blind_psf import edges_of, shared_width
 from .edge_blur import edges_as_wide
 from .lone_edges import lone_edges
@@ -78,7 +78,7 @@ def width_of_edges(photos: PhotoSet) -> EdgeWidth | None:
     depths = _depths(photos, alone)
     known = np.isfinite(depths)
     if known.sum() >= SETTINGS.fewest:
-        widths = np.sqrt(np.maximum(alone.variance - OWN.own_variance, 0.0)) / _off_axis(photos, alone)
+        widths = np.sqrt(np.maximum(alone.variance - PHOTOS.own_variance, 0.0)) / _off_axis(photos, alone)
         return EdgeWidth(float(np.median(widths[known])), float(np.median(depths[known])))
     edges = edges_as_wide(photos, float(np.sqrt(mode.variance)), len(photos.greys))
     depths = _depths(photos, edges)
