@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from ...core.devices import choose_device
-from ...core.files import make_folder, write_json, write_text
+from ...core.files import make_folder, read_json, write_json, write_text
 from ...core.machine import cores, machine
 from ..comparison.commands import Failed, Run, checked
 from .page import cell, kept_by_hand, page
@@ -86,8 +86,8 @@ def _picture_file(scene: str, places: Places) -> Path:
 
 
 def write(scenes: Sequence[BenchmarkScene], missing: list[str], bench: Bench, quick: bool, places: Places) -> None:
-    """benchmark.json and the page, from all rows that are there."""
-    found = bench.rows([scene.name for scene in scenes])
+    """benchmark.json and the page, from all rows that are there, and those of the page so far."""
+    found = bench.rows([scene.name for scene in scenes], _published(places.content))
     efforts = _ordered({row["effort"] for row in found})
     rows = [row for effort in efforts for row in found if row["effort"] == effort]
     content: dict[str, Any] = {
@@ -103,6 +103,12 @@ def write(scenes: Sequence[BenchmarkScene], missing: list[str], bench: Bench, qu
     make_folder(places.page.parent)
     write_text(places.page, page(content, scenes, kept_by_hand(before)))
     print(f"wrote {places.page.relative_to(ROOT) if places.page.is_relative_to(ROOT) else places.page}")
+
+
+def _published(content: Path) -> list[Row]:
+    """Rows of the page so far."""
+    rows: list[Row] = read_json(content)["rows"] if content.is_file() else []
+    return rows
 
 
 def _ordered(efforts: set[str]) -> list[str]:

@@ -94,11 +94,16 @@ class Bench:
         """Folder of a run's twin."""
         return self.out / "twins" / f"{scene}_{effort.replace(' ', '_')}"
 
-    def rows(self, scenes: Sequence[str]) -> list[Row]:
-        """All rows that are there, scene by scene in this order."""
+    def rows(self, scenes: Sequence[str], published: Sequence[Row] = ()) -> list[Row]:
+        """All rows that are there, scene by scene in this order.
+
+        Args:
+            published: rows of the page so far, which stay where this folder has none: a fresh clone has no folder.
+        """
         files = sorted((self.out / "rows").glob("*.json"))
-        found = [read_json(file) for file in files]
-        return sorted((row for row in found if row["scene"] in scenes), key=lambda row: scenes.index(row["scene"]))
+        found = {(row["scene"], row["effort"]): row for row in [*published, *(read_json(file) for file in files)]}
+        known = [row for row in found.values() if row["scene"] in scenes]
+        return sorted(known, key=lambda row: scenes.index(row["scene"]))
 
 
 def kept(file: Path, key: str) -> Row | None:

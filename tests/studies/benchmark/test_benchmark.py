@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 from dgs.studies.benchmark import page as pages
-from dgs.studies.benchmark.runs import figures, kept
+from dgs.studies.benchmark.runs import Bench, figures, kept
 from dgs.studies.benchmark.scenes import CHECKED, CHOSEN, SCENES, PhotoSet, RenderedSet
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -161,6 +161,19 @@ def test_figures_take_the_sharp_truth_where_there_is_one():
         one["sharp"] = None
     report["heldout"]["sharp"] = {"psnr": None, "ssim": None}
     assert figures(report)["psnr"] == 40.0
+
+
+def test_rows_of_the_page_stay_where_a_clone_has_no_runs(tmp_path: Path):
+    (tmp_path / "rows").mkdir()
+    (tmp_path / "rows" / "tea_draft.json").write_text(json.dumps(row("tea", "draft", psnr=31.0)))
+    published = [row("tea", "draft", psnr=30.0), row("tea", "best", psnr=32.0), row("lego", "draft", psnr=33.0)]
+    found = Bench(tmp_path).rows(["lego", "tea"], published)
+    assert [(r["scene"], r["effort"], r["psnr"]) for r in found] == [
+        ("lego", "draft", 33.0),
+        ("tea", "draft", 31.0),
+        ("tea", "best", 32.0),
+    ]
+    assert [r["psnr"] for r in Bench(tmp_path).rows(["tea"])] == [31.0]
 
 
 def test_a_row_of_other_words_or_cut_off_is_not_taken(tmp_path: Path):
