@@ -90,6 +90,10 @@ class Edges:
     def __len__(self) -> int:
         return len(self.x)
 
+    def chosen(self, which: NDArray[np.bool_]) -> Edges:
+        """Some of them, [N]."""
+        return Edges(*(getattr(self, f.name)[which] for f in fields(self)))
+
     @property
     def group(self) -> NDArray[np.int64]:
         """[N] number of the region of its picture, side `region` px."""

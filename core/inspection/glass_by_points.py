@@ -26,9 +26,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..numbers import BY_DEFINITION, NOT_CHECKED, number
-from .edge_depth import width_of_edges
 from .spectra import SETTINGS as SPECTRA
-from .surface_bands import Band, between, response, surface_bands, texture_slope
+from .surface_bands import Band, response, surface_bands, texture_slope
 
 if TYPE_CHECKING:
     from .photo_set import PhotoSet
@@ -46,6 +45,13 @@ class GlassByPointsSettings:
     distances: int = number(11, "count", "that are tried up to what is nearest")
     beyond: tuple[float, ...] = number(
         (1.05, 1.2, 1.45), "of what is nearest", "distances that are no glass's but a lens's focus, tried as well"
+    )
+    narrow: float = number(
+        0.25,
+        "quantile",
+        "of the widths of edges that stand alone: some are soft themselves",
+        "four sets behind Cycles' glass",
+        NOT_CHECKED,
     )
     least_behind: float = number(0.02, "share", "of the far blur, at least, where a width is given: not zero")
     stray: float = number(0.02, "share", "of the observations that may be nearer, or farther")
@@ -68,8 +74,30 @@ SETTINGS = GlassByPointsSettings()
 
 
 @dataclass(frozen=True)
+class GlassPlane:
+    """A sheet that leans, or that stands in the world, as points show it.
+
+    Attributes:
+        far: px, standard deviation of the blur far behind it.
+        distance, distance_error: on the axis, in the cameras' unit; of a standing one before the middle camera.
+        lean, lean_error: [2] tangents of the angles by which its normal leans towards the right and downwards.
+        standing: whether it stands in the world instead of moving with the camera.
+        gain, gain_error: by how much it explains the photos better than a parallel sheet (log likelihood).
+    """
+
+    far: float
+    distance: float
+    distance_error: float
+    lean: tuple[float, float]
+    lean_error: tuple[float, float]
+    standing: bool
+    gain: float
+    gain_error: float
+
+
+@dataclass(frozen=True)
 class GlassShown:
-    """A glass as points show it; depths in the cameras' unit.
+    """A glass as points show it, parallel to the sensor; depths in the cameras' unit.
 
     Attributes:
         width, width_error: px, standard deviation of the blur on the axis at `middle`, and its standard error.
@@ -78,7 +106,9 @@ class GlassShown:
         grows, grows_error: px by which the width differs between nearest and farthest.
         gain, gain_error: by how much it explains the photos better than the best even blur (log likelihood).
         inside: whether what is sharp lies among what the photos show, as a lens's focus does.
+        slope: exponent of the texture's power.
         given: whether the width was, and only the distance is asked of the points.
+        plane: the sheet where it leans or stands beyond chance; None where a parallel one explains as much.
     """
 
     width: float
@@ -93,7 +123,9 @@ class GlassShown:
     gain: float
     gain_error: float
     inside: bool
+    slope: float
     given: bool = False
+    plane: GlassPlane | None = None
 
     @property
     def better_than_even(self) -> bool:
@@ -135,17 +167,32 @@ class _Tried:
         bands, scales: of the photos, and what is left in each at best.
         here: depth that widths are given at, over the middle one.
         slope: exponent of the texture's power.
+        edges: (widths on the axis [E] px, depths [E] over the middle one) that say how wide each glass blurs; None
+            where the widths do that are tried.
     """
 
     bands: list[Band]
     scales: list[float]
     here: float
     slope: float
+    edges: tuple[Array, Array] | None = None
 
-    @classmethod
-    def of(cls, bands: list[Band], here: float, slope: float) -> _Tried:
-        """With what the best even blur leaves in each band."""
-        return cls(bands, [_scale(band, slope) for band in bands], here, slope)
+    def of_texture(self, slope: float) -> _Tried:
+        """The same of another texture."""
+        return replace(self, scales=[even_rest(band, slope) for band in self.bands], slope=slope)
+
+    def far(self, width: float, distance: float) -> float:
+        """px, blur far behind a glass."""
+        if self.edges is None:
+            return width / _behind(distance, self.here)
+        widths, depths = self.edges
+        behind = np.maximum(np.abs(1.0 - distance / depths), SETTINGS.least_behind)
+        return narrow(widths / behind)
+
+    def grows(self, width: float, distance: float, ends: tuple[float, float]) -> float:
+        """px by which the blur at the far end is wider than at the near one."""
+        near, far = (abs(1.0 - distance / end) for end in ends)
+        return self.far(width, distance) * (far - near)
 
     def costs(self, widths: Array, distances: Array) -> _Costs:
         """Cauchy's cost of each pair, by region of space."""
@@ -154,40 +201,45 @@ class _Tried:
         for band, scale in zip(self.bands, self.scales, strict=True):
             for j, distance in enumerate(distances):
                 for i, width in enumerate(widths):
-                    left = _rest(band, width / _behind(distance, self.here), distance, self.slope) / scale
-                    costs[i, j] += np.bincount(band.block, 2.0 * np.log1p(left**2 / 4.0), blocks)
+                    less = _lost(band, self.far(width, distance), distance, self.slope)
+                    costs[i, j] += np.bincount(band.block, cauchy(band.unexplained(less), scale), blocks)
         return _Costs(widths, distances, costs)
 
     def texture(self, width: float, distance: float) -> float:
         """Exponent of the texture's power as a glass leaves it."""
-        far = width / _behind(distance, self.here)
+        far = self.far(width, distance)
         return texture_slope(self.bands, [_lost(band, far, distance, self.slope) for band in self.bands])
+
+
+def narrow(widths: Array) -> float:
+    """Of the widths that edges show: some are soft themselves, none that stands alone is narrower than the blur."""
+    return float(np.quantile(widths, SETTINGS.narrow))
+
+
+def lost(band: Band, sigma2: Array, slope: float) -> Array:
+    """[N] natural log of the power that a blur leaves of a band; sigma2: [N] px^2, without the photos' own."""
+    return response((SETTINGS.own_variance + sigma2) / band.scale2, slope)
+
+
+def cauchy(left: Array, scale: float) -> Array:
+    """[N] cost of what is left."""
+    return 2.0 * np.log1p((left / scale) ** 2 / 4.0)
 
 
 def _lost(band: Band, far: float, distance: float, slope: float) -> Array:
     """[N] natural log of the power that a glass leaves of a band; far: px, its blur of what is far behind it."""
-    sigma2 = (far * (1.0 - distance / band.depth)) ** 2 * band.wider2
-    return response((SETTINGS.own_variance + sigma2) / band.scale2, slope)
+    return lost(band, (far * (1.0 - distance / band.depth)) ** 2 * band.wider2, slope)
 
 
-def _rest(band: Band, far: float, distance: float, slope: float) -> Array:
-    """[N] what a glass leaves of the differences between photos."""
-    left = between(band.power - _lost(band, far, distance, slope), band.point, band.photo)
-    size = float(band.slant @ band.slant)
-    return left - band.slant * (float(band.slant @ left) / size) if size > 0 else left
-
-
-def glass_of(photos: PhotoSet) -> GlassShown | None:
-    """By points, with the width that edges show where they show one: points alone hardly know it."""
-    edges = width_of_edges(photos)
-    return glass_by_points(photos) if edges is None else glass_by_points(photos, edges.width, edges.depth)
-
-
-def glass_by_points(photos: PhotoSet, width: float | None = None, at: float | None = None) -> GlassShown | None:
+def glass_by_points(
+    photos: PhotoSet, width: float | None = None, at: float | None = None, edges: tuple[Array, Array] | None = None
+) -> GlassShown | None:
     """Asks the same points in different photos; None where too few are seen.
 
     Args:
         width: px at the depth `at` (in the cameras' unit) where it is known: only the distance is asked for then.
+        edges: widths [E] (px, on the axis) of edges at depths [E] (in the cameras' unit), which say instead how wide
+            a glass blurs.
     """
     observations = photos.observations
     bands = [] if observations is None else surface_bands(photos)
@@ -195,64 +247,60 @@ def glass_by_points(photos: PhotoSet, width: float | None = None, at: float | No
         return None
     middle = observations.median_depth
     ends = np.quantile(observations.depth, [SETTINGS.stray, 1.0 - SETTINGS.stray])
-    widths = _widths(bands) if width is None else np.array([width])
+    given = width is not None or edges is not None
+    widths = np.array([width or 0.0]) if given else _widths(bands)
     distances = np.r_[np.linspace(0.0, 0.98, SETTINGS.distances), np.array(SETTINGS.beyond)] * ends[0]
     slope = SPECTRA.slope
+    places = None if edges is None else (edges[0], edges[1] / middle)
+    tried = _Tried(bands, [], 1.0 if at is None else at / middle, slope, places)
     for _ in range(SETTINGS.rounds):
-        tried = _Tried.of(bands, 1.0 if at is None else at / middle, slope)
+        tried = tried.of_texture(slope)
         coarse = tried.costs(widths, distances)
         w, d, _ = coarse.best()
         slope, before = tried.texture(w, d), slope
         if abs(slope - before) < SETTINGS.settled:
             break
     fine = tried.costs(*_around(coarse, w, d, float(ends[0])))
-    shown = _shown(coarse, fine, middle, (float(ends[0]), float(ends[1])), tried.here, inside=d > ends[0])
-    return replace(shown, given=width is not None)
+    shown = _shown(coarse, fine, middle, (float(ends[0]), float(ends[1])), tried, inside=d > ends[0])
+    return replace(shown, given=given)
 
 
 def _shown(
-    coarse: _Costs, fine: _Costs, middle: float, ends: tuple[float, float], here: float, inside: bool
+    coarse: _Costs, fine: _Costs, middle: float, ends: tuple[float, float], tried: _Tried, inside: bool
 ) -> GlassShown:
     """The best of the fine grid; errors by drawn regions of space, of whichever grid says more.
 
     Args:
-        middle: median depth in the cameras' unit; ends: nearest and farthest over it; here: where widths count, too.
+        middle: median depth in the cameras' unit; ends: nearest and farthest over it.
     """
     w, d, cost = fine.best()
-    picks = _picks(coarse.costs.shape[2])
+    picks = drawn_regions(coarse.costs.shape[2])
     drawn = [np.array([grid.best(p)[:2] for p in picks]) for grid in (coarse, fine)]
-    grown = [
-        np.array([_grows(float(width), float(distance), ends, here) for width, distance in draw]) for draw in drawn
-    ]
+    grown = [np.array([tried.grows(float(width), float(distance), ends) for width, distance in draw]) for draw in drawn]
     errors = np.maximum(drawn[0].std(axis=0), drawn[1].std(axis=0))
     even = _Costs(coarse.widths, coarse.distances[:1], coarse.costs[:, :1])
     gains = np.array([even.best(p)[2] - fine.best(p)[2] for p in picks])
-    factor = _behind(d, 1.0) / _behind(d, here)
+    behind = _behind(d, 1.0)
     return GlassShown(
-        width=w * factor,
-        width_error=float(errors[0]) * factor,
+        width=tried.far(w, d) * behind,
+        width_error=float(errors[0]) * behind / _behind(d, tried.here),
         distance=d * middle,
         distance_error=float(errors[1]) * middle,
         middle=middle,
         nearest=ends[0] * middle,
         farthest=ends[1] * middle,
-        grows=_grows(w, d, ends, here),
+        grows=tried.grows(w, d, ends),
         grows_error=max(float(grown[0].std()), float(grown[1].std())),
         gain=even.best()[2] - cost,
         gain_error=float(gains.std()),
         inside=bool(inside),
+        slope=tried.slope,
     )
 
 
 def _behind(distance: float, depth: float) -> float:
     """What blur at a depth is in proportion to, away from zero (a focus may be tried where the width is given)."""
     return max(abs(1.0 - distance / depth), SETTINGS.least_behind)
-
-
-def _grows(width: float, distance: float, ends: tuple[float, float], here: float) -> float:
-    """px by which the blur at the far end is wider than at the near one, `width` being that at `here`."""
-    near, far = (abs(1.0 - distance / end) for end in ends)
-    return width * (far - near) / _behind(distance, here)
 
 
 def _widths(bands: list[Band]) -> Array:
@@ -273,13 +321,14 @@ def _around(coarse: _Costs, width: float, distance: float, near: float) -> tuple
     return finer(coarse.widths, width, math.inf), finer(coarse.distances, min(distance, near), 0.98 * near)
 
 
-def _picks(blocks: int) -> Array:
+def drawn_regions(blocks: int) -> Array:
+    """[draws, blocks] how often each region of space counts, by chance (bootstrap)."""
     random = np.random.default_rng(0)
     return random.multinomial(blocks, np.full(blocks, 1.0 / blocks), size=SETTINGS.draws).astype(float)
 
 
-def _scale(band: Band, slope: float) -> float:
+def even_rest(band: Band, slope: float) -> float:
     """What is left between photos where the best even blur is taken off, natural log."""
     wide = [w * math.sqrt(float(np.median(band.scale2))) for w in (0.0, 0.5, 1.0)]
-    left = [1.4826 * float(np.median(np.abs(_rest(band, w, 0.0, slope)))) for w in wide]
+    left = [1.4826 * float(np.median(np.abs(band.unexplained(_lost(band, w, 0.0, slope))))) for w in wide]
     return max(min(left), SETTINGS.least_rest)

@@ -6,7 +6,7 @@ fifth too narrow. A larger piece reaches across the line, and no step describes 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,8 +66,8 @@ def _of_photo(photos: PhotoSet, index: int) -> Edges:
 def _confirmed(own: Edges, fits: NDArray[np.bool_], wider: Edges) -> Edges:
     """Those of the wider pieces that stand where one of the others does that fits, and are as wide."""
     if not len(wider) or not fits.any():
-        return Edges(*(getattr(wider, f.name)[:0] for f in fields(Edges)))
+        return wider.chosen(np.zeros(len(wider), bool))
     away, other = KDTree(np.stack([own.x[fits], own.y[fits]], axis=1)).query(np.stack([wider.x, wider.y], axis=1))
     ratio = np.maximum(wider.variance, 1e-6) / np.maximum(own.variance[fits][other], 1e-6)
     good = (away < SETTINGS.near) & (np.abs(0.5 * np.log(ratio)) < SETTINGS.alike)
-    return Edges(*(getattr(wider, f.name)[good] for f in fields(Edges)))
+    return wider.chosen(good)

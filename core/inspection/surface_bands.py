@@ -85,6 +85,12 @@ class Band:
     observation: NDArray[np.int64] = field(repr=False)
     width: float
 
+    def unexplained(self, lost: Array) -> Array:
+        """[N] what differs between photos of a point beside a blur that leaves `lost` [N] (log power) and the slant."""
+        left = between(self.power - lost, self.point, self.photo)
+        size = float(self.slant @ self.slant)
+        return left - self.slant * (float(self.slant @ left) / size) if size > 0 else left
+
 
 def between(values: Array, point: NDArray[np.int64], photo: NDArray[np.int64]) -> Array:
     """Values without what a point has in all photos, and a photo in all points."""

@@ -12,10 +12,11 @@ from ..camera import Camera
 from ..errors import PsfError
 from ..glass import GlassRequest
 from ..imaging.formation.chain import Formation
-from ..imaging.formation.glass import FrostedGlass, GlassScene, Stand
+from ..imaging.formation.glass import FrostedGlass, GlassScene, Stand, middle_of, stands_between
 from ..imaging.medium import Medium
 from ..inspection.glass_by_points import glass_by_points
 from ..inspection.photo_set import PhotoSet
+from ..pose import Pose
 from ..progress import Progress
 from ..training.glass import SETTINGS
 from ..training.scale import scene_scale
@@ -35,7 +36,9 @@ def glass_shown(effects: SimulatedEffects, estimated: bool = False) -> GlassRequ
     chosen = effects.chosen.formation.glass
     if chosen is None or chosen.spread == 0.0:
         return None
-    return GlassRequest(chosen.distance, None if effects.medium.blurs and not estimated else chosen.angle)
+    angle = None if effects.medium.blurs and not estimated else chosen.angle
+    lean = None if "tilt" not in chosen.parameters else (math.atan(chosen.tilt[0]), math.atan(chosen.tilt[1]))
+    return GlassRequest(chosen.distance, angle, lean, standing=chosen.scene.stands is not None)
 
 
 def with_glass(
@@ -72,15 +75,17 @@ def with_glass(
     shown = _distance_shown(source, sigma, size, nearest) if ask and source is not None else None
     distance, error = shown or (request.distance or min(SETTINGS.begin * size, SETTINGS.nearest * nearest), 0.0)
     learned = _learned(request, bool(clear)) if request.distance is None and shown is None else frozenset[str]()
-    scene = GlassScene(focal / diagonal, diagonal, nearest, farthest, stands_of(every) if request.standing else None)
+    own = effects.chosen.formation.glass
+    seen = own if request in (glass_shown(effects), glass_shown(effects, estimated=True)) else None
+    stands = None if not request.standing else stands_of(every) if seen is None else seen.scene.stands
+    scene = GlassScene(focal / diagonal, diagonal, nearest, farthest, stands)
     far = sigma / (1.0 - distance / size) if request.angle is None else focal * request.angle
     glass = FrostedGlass.of(far / diagonal, distance, scene, clear, learned, _lean(request))
     before = next((d for d in effects.chosen.decisions if d.name == FrostedGlass.name and d.on), None)
     why = _why(request, learned, error)
-    if before is not None and request in (glass_shown(effects), glass_shown(effects, estimated=True)):
-        why, chosen = before.why, effects.chosen.formation.glass
-        error = error if chosen is None else chosen.errors[1]
     glass.errors = 0.0, error
+    if before is not None and seen is not None:
+        why, glass.errors, glass.tilt_errors = before.why, (0.0, seen.errors[1]), seen.tilt_errors
     progress.note(
         f"Frosted glass ({why}): {glass.sigma(size, diagonal):.2f} px wide at the scene's middle depth of {size:.3g}"
     )
@@ -134,21 +139,13 @@ def _in_its_place(effects: SimulatedEffects, glass: FrostedGlass, line: Decision
 
 
 def middle_camera(cameras: Sequence[Camera]) -> Camera:
-    """The one that is nearest to the median of all centres: a standing glass is said as it stands before this one."""
-    centres = np.array([camera.centre for camera in cameras])
-    return cameras[int(np.linalg.norm(centres - np.median(centres, axis=0), axis=1).argmin())]
+    """A standing glass is said as it stands before this one."""
+    return cameras[middle_of(np.array([camera.centre for camera in cameras]))]
 
 
 def stands_of(views: Sequence[View]) -> dict[str, Stand]:
     """Where all cameras stand against the one in their middle."""
-    first = middle_camera([view.camera for view in views])
-    return {
-        view.name: Stand(
-            np.asarray(first.rotation @ view.camera.rotation.T),
-            np.asarray(first.rotation @ (view.camera.centre - first.centre)),
-        )
-        for view in views
-    }
+    return stands_between({view.name: Pose(view.camera.rotation, view.camera.translation) for view in views})
 
 
 def _distance_shown(source: PhotoSet, sigma: float, size: float, nearest: float) -> tuple[float, float] | None:
