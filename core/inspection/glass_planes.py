@@ -309,11 +309,13 @@ def _plane(question: _Question, values: Array, gain: float, error: float) -> Gla
 
 
 def _errors(question: _Question, values: Array) -> Array:
-    """Standard errors: by how differently regions of space pull (sandwich), with differences for derivatives."""
+    """Standard errors: by how much gradients differ between regions of space (sandwich), with differences for derivatives."""
     near, lean, share = SETTINGS.small
     steps = np.diag([near, lean, lean, share * values[3]] if len(values) > 3 else [near, lean, lean])
     size = np.diag(steps)
-    pulls = np.array([(question.costs(values + s) - question.costs(values - s)) for s in steps]) / (2 * size[:, None])
+    gradients = np.array([(question.costs(values + s) - question.costs(values - s)) for s in steps]) / (
+        2 * size[:, None]
+    )
     bends = np.array(
         [
             [sum(i * j * question.costs(values + i * a + j * b).sum() for i in (1, -1) for j in (1, -1)) for b in steps]
@@ -321,4 +323,4 @@ def _errors(question: _Question, values: Array) -> Array:
         ]
     ) / (4 * np.outer(size, size))
     inverse = np.linalg.pinv(bends)
-    return np.asarray(np.sqrt(np.maximum(np.diag(inverse @ (pulls @ pulls.T) @ inverse.T), 0.0)))
+    return np.asarray(np.sqrt(np.maximum(np.diag(inverse @ (gradients @ gradients.T) @ inverse.T), 0.0)))

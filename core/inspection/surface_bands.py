@@ -55,7 +55,13 @@ class SurfaceBandSettings:
     least_cosine: float = number(0.1, "cosine", "to a normal at least: what is seen flatter is an edge")
     fewest: int = number(300, "count", "of observations in a band for a statement")
     photo_prior: float = number(8.0, "observations", "that a photo's own constant is held at zero by", "a first choice")
-    slopes: tuple[float, float] = number((0.0, 4.0), "exponent", "of a texture's power over frequency that it may have")
+    slopes: tuple[float, float] = number(
+        (0.0, SPECTRA.slope),
+        "exponent",
+        "of a texture's power over frequency that it may have: a steeper one is blur that is not taken off",
+        "three drawn scenes behind an even blur of 4 px: 2.5 to 3.4 without a limit, and growth that is not there",
+        NOT_CHECKED,
+    )
     slope_step: float = number(0.25, "exponent", "between those for which what a blur leaves is kept; linear between")
 
 
