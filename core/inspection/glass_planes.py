@@ -309,7 +309,7 @@ def _plane(question: _Question, values: Array, gain: float, error: float) -> Gla
 
 
 def _errors(question: _Question, values: Array) -> Array:
-    """Standard errors: by how much gradients differ between regions of space (sandwich), with differences for derivatives."""
+    """Standard errors by how much gradients differ between regions of space (sandwich), by differences."""
     near, lean, share = SETTINGS.small
     steps = np.diag([near, lean, lean, share * values[3]] if len(values) > 3 else [near, lean, lean])
     size = np.diag(steps)
