@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from ..imaging.formation.glass import FrostedGlass, GlassScene, stands_between
+from ..imaging.formation.glass import FrostedGlass, GlassScene
 from ..inspection.evidence import Evidence, judged, shortened, unknown
 from ..numbers import NOT_CHECKED, number
 from .spec import SMALLEST_CHOSEN, EffectSpec, EffectWords, Switch
@@ -108,7 +108,7 @@ def build(photos: PhotoSet) -> FrostedGlass | None:
         sheet.errors = 0.0, seen.distance_error
         return sheet
     far = plane.far * (seen.safe_width / seen.width) / diagonal
-    scene = replace(scene, stands=stands_between(photos.cameras.poses) if plane.standing else None)
+    scene = replace(scene, stands=plane.stands)
     sheet = FrostedGlass.of(far, plane.distance, scene, tilt=plane.lean)
     sheet.errors, sheet.tilt_errors = (0.0, plane.distance_error), plane.lean_error
     return sheet

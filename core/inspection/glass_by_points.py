@@ -30,6 +30,9 @@ from .spectra import SETTINGS as SPECTRA
 from .surface_bands import Band, response, surface_bands, texture_slope
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from ..imaging.formation.glass import Stand
     from .photo_set import PhotoSet
 
 Array = NDArray[np.float64]
@@ -83,6 +86,7 @@ class GlassPlane:
         lean, lean_error: [2] tangents of the angles by which its normal leans towards the right and downwards.
         standing: whether it stands in the world instead of moving with the camera.
         gain, gain_error: by how much it explains the photos better than a parallel sheet (log likelihood).
+        stands: where all cameras stand against the middle one, of a standing sheet.
     """
 
     far: float
@@ -93,6 +97,7 @@ class GlassPlane:
     standing: bool
     gain: float
     gain_error: float
+    stands: Mapping[str, Stand] | None = field(default=None, repr=False)
 
 
 @dataclass(frozen=True)

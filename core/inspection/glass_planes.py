@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from ..imaging.formation.glass import GLASS, middle_of, oblique
+from ..imaging.formation.glass import GLASS, oblique
+from ..imaging.formation.stands import middle_of, stands_between
 from ..numbers import NOT_CHECKED, number
 from .edge_depth import EdgeWidth, width_of_edges
 from .glass_by_points import GlassPlane, GlassShown, cauchy, drawn_regions, even_rest, glass_by_points, lost, narrow
@@ -205,7 +206,10 @@ def glass_of(photos: PhotoSet) -> GlassShown | None:
         seen = None if seen is None else replace(seen, width_error=edges.off * seen.width)
     if seen is None or not seen.better_than_even:
         return seen
-    return replace(seen, plane=glass_plane(photos, seen, edges))
+    plane = glass_plane(photos, seen, edges)
+    if plane is not None and plane.standing and photos.cameras is not None:
+        plane = replace(plane, stands=stands_between(photos.cameras.poses))
+    return replace(seen, plane=plane)
 
 
 def glass_plane(photos: PhotoSet, parallel: GlassShown, edges: EdgeWidth | None) -> GlassPlane | None:

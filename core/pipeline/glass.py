@@ -12,7 +12,8 @@ from ..camera import Camera
 from ..errors import PsfError
 from ..glass import GlassRequest
 from ..imaging.formation.chain import Formation
-from ..imaging.formation.glass import FrostedGlass, GlassScene, Stand, middle_of, stands_between
+from ..imaging.formation.glass import FrostedGlass, GlassScene, Stand
+from ..imaging.formation.stands import middle_of, stands_between
 from ..imaging.medium import Medium
 from ..inspection.glass_by_points import glass_by_points
 from ..inspection.photo_set import PhotoSet

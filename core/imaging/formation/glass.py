@@ -25,17 +25,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Self, TypeVar
 
-import numpy as np
-
 from ...numbers import number
 from .by_depth import DepthBlur, occlusion
 from .effect import Shot, off_axis, radius2
 
 if TYPE_CHECKING:
+    import numpy as np
     from numpy.typing import NDArray
     from torch import Tensor
-
-    from ...pose import Pose
 
 #: Numbers of either kind.
 Values = TypeVar("Values", "Tensor", "NDArray[np.float64]")
@@ -225,22 +222,6 @@ class FrostedGlass(DepthBlur):
             shown |= {name: math.degrees(math.atan(lean)) for name, lean in zip(names, self.tilt, strict=True)}
             shown |= {f"{name}_error": math.degrees(error) for name, error in zip(names, self.tilt_errors, strict=True)}
         return {key: float(f"{value:.5g}") for key, value in shown.items()}
-
-
-def middle_of(centres: NDArray[np.float64]) -> int:
-    """Which of the cameras [V, 3] a standing glass is said before: the one nearest to the median of all centres."""
-    away = centres - np.median(centres, axis=0)
-    return int(np.linalg.norm(away, axis=1).argmin())
-
-
-def stands_between(poses: Mapping[str, Pose]) -> dict[str, Stand]:
-    """Where all cameras stand against the one in their middle."""
-    first = list(poses.values())[middle_of(np.array([pose.centre for pose in poses.values()]))]
-    turn, at = first.rotation, first.centre
-    return {
-        name: Stand(np.asarray(turn @ pose.rotation.T), np.asarray(turn @ (pose.centre - at)))
-        for name, pose in poses.items()
-    }
 
 
 def oblique(tangent2: Values, incidence: Values | None = None) -> Values:

@@ -10,8 +10,9 @@ from dgs.benchmarks import effects as drawn
 from dgs.benchmarks.effect_scenes import MARGIN, make_scene
 from dgs.core.colour import linear_to_srgb
 from dgs.core.effects.glass import build, inspect
-from dgs.core.imaging.formation.glass import middle_of, oblique
+from dgs.core.imaging.formation.glass import oblique
 from dgs.core.imaging.formation.occluding import OccludingBlur
+from dgs.core.imaging.formation.stands import middle_of
 from dgs.core.inspection.glass_planes import glass_of
 
 #: px far behind the glass.
