@@ -66,24 +66,32 @@ SETTINGS = EdgeDepthSettings()
 
 
 @dataclass(frozen=True)
+class LoneWidths:
+    """Edges that stand alone, of `looked_at`, and how far they are.
+
+    Attributes:
+        depths: [N] in the cameras' unit; widths: [N] px, standard deviation of the blur where the edge is.
+        on_axis: [N] px, as wide as a glass would blur it on the axis.
+    """
+
+    edges: Edges = field(repr=False)
+    depths: NDArray[np.float64] = field(repr=False)
+    widths: NDArray[np.float64] = field(repr=False)
+    on_axis: NDArray[np.float64] = field(repr=False)
+
+
+@dataclass(frozen=True)
 class EdgeWidth:
     """The blur of edges where they are.
 
     Attributes:
         width: px, standard deviation of the blur on the axis; depth: in the cameras' unit.
-        alone: the edges that say so, of `looked_at`, where these stand alone.
-        depths: [N] in the cameras' unit, of each.
-        widths: [N] px, of each, where it is; on_axis: [N] as wide as a glass blurs on the axis.
-        off: share of the width that it may be off by.
+        alone: the edges that say so, where these stand alone.
     """
 
     width: float
     depth: float
-    alone: Edges | None = field(default=None, repr=False)
-    depths: NDArray[np.float64] | None = field(default=None, repr=False)
-    widths: NDArray[np.float64] | None = field(default=None, repr=False)
-    on_axis: NDArray[np.float64] | None = field(default=None, repr=False)
-    off: float = 0.0
+    alone: LoneWidths | None = None
 
 
 def width_of_edges(photos: PhotoSet) -> EdgeWidth | None:
@@ -94,16 +102,9 @@ def width_of_edges(photos: PhotoSet) -> EdgeWidth | None:
     shared = shared_width(mode)
     if mode is None or shared is None:
         return None
-    alone = lone_edges(photos)
-    depths = _depths(photos, alone)
-    known = np.isfinite(depths)
-    if known.sum() >= SETTINGS.fewest:
-        alone, depths = alone.chosen(known), depths[known]
-        widths = np.sqrt(np.maximum(alone.variance - PHOTOS.own_variance, 0.0))
-        on_axis = widths / _off_axis(photos, alone)
-        return EdgeWidth(
-            float(np.median(on_axis)), float(np.median(depths)), alone, depths, widths, on_axis, SETTINGS.off
-        )
+    alone = _alone(photos)
+    if alone is not None:
+        return EdgeWidth(float(np.median(alone.on_axis)), float(np.median(alone.depths)), alone)
     edges = edges_as_wide(photos, float(np.sqrt(mode.variance)), len(photos.greys))
     depths = _depths(photos, edges)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -112,6 +113,18 @@ def width_of_edges(photos: PhotoSet) -> EdgeWidth | None:
     if len(near) < SETTINGS.fewest:
         return None
     return EdgeWidth(shared[0], float(np.median(near)))
+
+
+def _alone(photos: PhotoSet) -> LoneWidths | None:
+    """Edges that stand alone and have a depth; None where they are too few."""
+    edges = lone_edges(photos)
+    depths = _depths(photos, edges)
+    known = np.isfinite(depths)
+    if known.sum() < SETTINGS.fewest:
+        return None
+    edges = edges.chosen(known)
+    widths = np.sqrt(np.maximum(edges.variance - PHOTOS.own_variance, 0.0))
+    return LoneWidths(edges, depths[known], widths, widths / _off_axis(photos, edges))
 
 
 def _off_axis(photos: PhotoSet, edges: Edges) -> NDArray[np.float64]:

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from ..imaging.formation.glass import Stand
+    from .edge_depth import LoneWidths
     from .photo_set import PhotoSet
 
 Array = NDArray[np.float64]
@@ -172,15 +173,16 @@ class _Tried:
         bands, scales: of the photos, and what is left in each at best.
         here: depth that widths are given at, over the middle one.
         slope: exponent of the texture's power.
-        edges: (widths on the axis [E] px, depths [E] over the middle one) that say how wide each glass blurs; None
-            where the widths do that are tried.
+        alone: edges that say how wide each glass blurs; None where the widths do that are tried.
+        middle: depth in the cameras' unit.
     """
 
     bands: list[Band]
     scales: list[float]
     here: float
     slope: float
-    edges: tuple[Array, Array] | None = None
+    middle: float
+    alone: LoneWidths | None = None
 
     def of_texture(self, slope: float) -> _Tried:
         """The same of another texture."""
@@ -188,11 +190,10 @@ class _Tried:
 
     def far(self, width: float, distance: float) -> float:
         """px, blur far behind a glass."""
-        if self.edges is None:
+        if self.alone is None:
             return width / _behind(distance, self.here)
-        widths, depths = self.edges
-        behind = np.maximum(np.abs(1.0 - distance / depths), SETTINGS.least_behind)
-        return narrow(widths / behind)
+        behind = np.maximum(np.abs(1.0 - distance * self.middle / self.alone.depths), SETTINGS.least_behind)
+        return narrow(self.alone.on_axis / behind)
 
     def grows(self, width: float, distance: float, ends: tuple[float, float]) -> float:
         """px by which the blur at the far end is wider than at the near one."""
@@ -237,27 +238,25 @@ def _lost(band: Band, far: float, distance: float, slope: float) -> Array:
 
 
 def glass_by_points(
-    photos: PhotoSet, width: float | None = None, at: float | None = None, edges: tuple[Array, Array] | None = None
+    photos: PhotoSet, width: float | None = None, at: float | None = None, alone: LoneWidths | None = None
 ) -> GlassShown | None:
     """Asks the same points in different photos; None where too few are seen.
 
     Args:
         width: px at the depth `at` (in the cameras' unit) where it is known: only the distance is asked for then.
-        edges: widths [E] (px, on the axis) of edges at depths [E] (in the cameras' unit), which say instead how wide
-            a glass blurs.
+        alone: edges that say instead how wide a glass blurs.
     """
     observations = photos.observations
-    bands = [] if observations is None else surface_bands(photos)
+    bands = [] if observations is None else photos.once(surface_bands)
     if observations is None or not bands:
         return None
     middle = observations.median_depth
     ends = np.quantile(observations.depth, [SETTINGS.stray, 1.0 - SETTINGS.stray])
-    given = width is not None or edges is not None
+    given = width is not None or alone is not None
     widths = np.array([width or 0.0]) if given else _widths(bands)
     distances = np.r_[np.linspace(0.0, 0.98, SETTINGS.distances), np.array(SETTINGS.beyond)] * ends[0]
     slope = SPECTRA.slope
-    places = None if edges is None else (edges[0], edges[1] / middle)
-    tried = _Tried(bands, [], 1.0 if at is None else at / middle, slope, places)
+    tried = _Tried(bands, [], 1.0 if at is None else at / middle, slope, middle, alone)
     for _ in range(SETTINGS.rounds):
         tried = tried.of_texture(slope)
         coarse = tried.costs(widths, distances)

@@ -17,13 +17,18 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from ..imaging.formation.glass import GLASS, oblique
-from ..imaging.formation.stands import middle_of, stands_between
+from ..imaging.formation.stands import stands_between
 from ..numbers import NOT_CHECKED, number
-from .edge_depth import EdgeWidth, width_of_edges
+from .edge_depth import SETTINGS as EDGES
+from .edge_depth import width_of_edges
 from .glass_by_points import GlassPlane, GlassShown, cauchy, drawn_regions, even_rest, glass_by_points, lost, narrow
 from .surface_bands import Band, surface_bands, texture_slope
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from ..imaging.formation.glass import Stand
+    from .edge_depth import LoneWidths
     from .photo_set import PhotoSet
 
 Array = NDArray[np.float64]
@@ -94,9 +99,15 @@ class _Seen:
 
 @dataclass(frozen=True)
 class _Rig:
-    """The cameras, lengths in middle depths: turn [V, 3, 3] and moved [V, 3] into the middle camera's axes."""
+    """The cameras, in the order of the observations' names.
 
-    names: tuple[str, ...]
+    Attributes:
+        stands: of each against the middle one, in the cameras' unit.
+        turn, moved: [V, 3, 3] and [V, 3], the same in middle depths.
+        focal, half: [V, 2] px, focal lengths and half the photo's size; middle: depth in the cameras' unit.
+    """
+
+    stands: Mapping[str, Stand] = field(repr=False)
     turn: Array = field(repr=False)
     moved: Array = field(repr=False)
     focal: Array = field(repr=False)
@@ -109,11 +120,11 @@ class _Rig:
         assert observations is not None and cameras is not None
         poses = [cameras.poses[name] for name in observations.names]
         lenses = [cameras.lenses[name] for name in observations.names]
-        first = poses[middle_of(np.array([pose.centre for pose in poses]))]
+        stands = stands_between(dict(zip(observations.names, poses, strict=True)))
         return cls(
-            observations.names,
-            np.array([first.rotation @ pose.rotation.T for pose in poses]),
-            np.array([first.rotation @ (pose.centre - first.centre) for pose in poses]) / observations.median_depth,
+            stands,
+            np.array([stand.turn for stand in stands.values()]),
+            np.array([stand.moved for stand in stands.values()]) / observations.median_depth,
             np.array([(lens.fx, lens.fy) for lens in lenses]),
             np.array([(lens.width, lens.height) for lens in lenses]) / 2.0,
             observations.median_depth,
@@ -128,13 +139,19 @@ class _Rig:
         """[V, 3] v of each camera."""
         first = np.array([*lean, 1.0]) / distance
         if not standing:
-            return np.tile(first, (len(self.names), 1))
+            return np.tile(first, (len(self.turn), 1))
         return np.asarray(np.einsum("nij,i->nj", self.turn, first) / (1.0 - self.moved @ first)[:, None])
 
 
 @dataclass(frozen=True)
 class _Question:
-    """What a plane (distance, two leans, and the blur far behind it where no edges say that) leaves unexplained."""
+    """What a plane (distance, two leans, and the blur far behind it where no edges say that) leaves unexplained.
+
+    Attributes:
+        bands, scales, points: of the photos, what is left in each at best, and where its observations are seen.
+        nearest: in middle depths; slope: exponent of the texture's power; standing: the kind of sheet.
+        edges: where they are seen, and their widths [E] px; None where none say how wide a sheet blurs.
+    """
 
     rig: _Rig
     bands: list[Band]
@@ -143,8 +160,7 @@ class _Question:
     nearest: float
     slope: float
     standing: bool
-    edges: _Seen | None
-    widths: Array | None
+    edges: tuple[_Seen, Array] | None
 
     def asked_again(self, slope: float, standing: bool) -> _Question:
         """Of another texture, or another kind of sheet."""
@@ -156,10 +172,10 @@ class _Question:
 
     def far(self, values: Array) -> float:
         """px, blur far behind the plane."""
-        if self.edges is None or self.widths is None:
+        if self.edges is None:
             return float(values[3])
-        behind = np.maximum(self.edges.behind(self.planes(values)), SETTINGS.least_behind)
-        return narrow(self.widths / behind)
+        seen, widths = self.edges
+        return narrow(widths / np.maximum(seen.behind(self.planes(values)), SETTINGS.least_behind))
 
     def possible(self, values: Array) -> bool:
         """Whether the plane stands before all cameras, and before what they see."""
@@ -201,54 +217,50 @@ def glass_of(photos: PhotoSet) -> GlassShown | None:
     if edges is None:
         seen = glass_by_points(photos)
     else:
-        alone = None if edges.depths is None or edges.on_axis is None else (edges.on_axis, edges.depths)
-        seen = glass_by_points(photos, edges.width, edges.depth, alone)
-        seen = None if seen is None else replace(seen, width_error=edges.off * seen.width)
+        seen = glass_by_points(photos, edges.width, edges.depth, edges.alone)
+    alone = None if edges is None else edges.alone
+    if seen is not None and alone is not None:
+        seen = replace(seen, width_error=EDGES.off * seen.width)
     if seen is None or not seen.better_than_even:
         return seen
-    plane = glass_plane(photos, seen, edges)
-    if plane is not None and plane.standing and photos.cameras is not None:
-        plane = replace(plane, stands=stands_between(photos.cameras.poses))
-    return replace(seen, plane=plane)
+    return replace(seen, plane=glass_plane(photos, seen, alone))
 
 
-def glass_plane(photos: PhotoSet, parallel: GlassShown, edges: EdgeWidth | None) -> GlassPlane | None:
+def glass_plane(photos: PhotoSet, parallel: GlassShown, alone: LoneWidths | None) -> GlassPlane | None:
     """The sheet that leans, or the one that stands, where it explains more than a parallel one, beyond chance."""
-    asked = _asked(photos, parallel, edges)
+    asked = _asked(photos, parallel, alone)
     flat = _flat(asked, parallel)
-    leaning = asked.costs(flat)
+    before = least = asked.costs(flat)
     found = None
     for standing in (False, True):
         question, values = _found(asked, standing, flat)
-        gained = leaning - _comparable(question, asked).costs(values)
-        error = _spread(gained)
-        if gained.sum() > SETTINGS.sure * error:
-            found = _plane(question, values, float(gained.sum()) + (0.0 if found is None else found.gain), error)
-            leaning = leaning - gained
+        # (all by the scales and the texture of the parallel one)
+        costs = replace(asked, standing=standing).costs(values)
+        if _clearly(least - costs):
+            found, least = _plane(question, values, before - costs), costs
     return found
 
 
-def _comparable(question: _Question, asked: _Question) -> _Question:
-    """The same plane's question by the scales and the texture of another."""
-    return replace(asked, standing=question.standing)
+def _clearly(gained: Array) -> bool:
+    """Whether what is explained more in each region of space is so beyond chance."""
+    return float(gained.sum()) > SETTINGS.sure * _spread(gained)
 
 
-def _asked(photos: PhotoSet, parallel: GlassShown, edges: EdgeWidth | None) -> _Question:
+def _asked(photos: PhotoSet, parallel: GlassShown, alone: LoneWidths | None) -> _Question:
     """What is asked of planes, of sheets that move with the camera first."""
     observations = photos.observations
     assert observations is not None
-    rig, bands = _Rig.of(photos), surface_bands(photos)
+    rig, bands = _Rig.of(photos), photos.once(surface_bands)
     depth = observations.depth * observations.median_depth
     points = rig.seen(observations.pixel, depth, observations.photo)
-    places = widths = None
-    if edges is not None and edges.alone is not None and edges.depths is not None:
-        rows = np.array([rig.names.index(photos.looked_at[i].name) for i in edges.alone.photo], np.int64)
-        places = rig.seen(np.stack([edges.alone.x, edges.alone.y], axis=1), edges.depths, rows)
-        widths = edges.widths
+    edges = None
+    if alone is not None:
+        names, at = list(rig.stands), alone.edges
+        rows = np.array([names.index(photos.looked_at[i].name) for i in at.photo], np.int64)
+        edges = rig.seen(np.stack([at.x, at.y], axis=1), alone.depths, rows), alone.widths
     each = [points.chosen(band.observation) for band in bands]
     scales = [even_rest(band, parallel.slope) for band in bands]
-    nearest = parallel.nearest / parallel.middle
-    return _Question(rig, bands, scales, each, nearest, parallel.slope, False, places, widths)
+    return _Question(rig, bands, scales, each, parallel.nearest / parallel.middle, parallel.slope, False, edges)
 
 
 def _flat(asked: _Question, parallel: GlassShown) -> Array:
@@ -297,8 +309,8 @@ def _spread(gained: Array) -> float:
     return float((drawn_regions(len(gained)) @ gained).std())
 
 
-def _plane(question: _Question, values: Array, gain: float, error: float) -> GlassPlane:
-    """A plane in the cameras' unit, with its errors."""
+def _plane(question: _Question, values: Array, gained: Array) -> GlassPlane:
+    """A plane in the cameras' unit, with its errors; gained: [B] over a parallel sheet, by region of space."""
     errors, middle = _errors(question, values), question.rig.middle
     return GlassPlane(
         far=question.far(values),
@@ -307,8 +319,9 @@ def _plane(question: _Question, values: Array, gain: float, error: float) -> Gla
         lean=(float(values[1]), float(values[2])),
         lean_error=(float(errors[1]), float(errors[2])),
         standing=question.standing,
-        gain=gain,
-        gain_error=error,
+        gain=float(gained.sum()),
+        gain_error=_spread(gained),
+        stands=question.rig.stands if question.standing else None,
     )
 
 

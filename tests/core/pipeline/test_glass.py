@@ -16,7 +16,7 @@ from dgs.core.inspection.photo_set import PhotoSet
 from dgs.core.pipeline import glass
 from dgs.core.pipeline.effects.choose import Chosen, choose_effects
 from dgs.core.pipeline.effects.decision import Decision
-from dgs.core.pipeline.glass import depths_between, middle_camera, with_glass
+from dgs.core.pipeline.glass import depths_between, middle_camera, stands_of, with_glass
 from dgs.core.pipeline.simulated import SimulatedEffects
 from dgs.core.progress import Silent
 from dgs.core.run_settings import ReconstructSettings
@@ -130,6 +130,22 @@ def test_a_glass_that_was_chosen_takes_the_place_of_the_point_spread(scene):
     assert glass.glass_shown(replace(effects, medium=ROUND), estimated=True).angle == request.angle
     nothing = replace(effects, chosen=Chosen(Formation([FrostedGlass.of(0.0, 0.0, GlassScene(1.0))])))
     assert glass.glass_shown(nothing) is None
+
+
+@pytest.mark.parametrize("standing", [False, True])
+def test_a_glass_that_points_saw_lean_or_stand_is_trained_as_it_was_seen(scene, standing):
+    stands = stands_of(scene.views) if standing else None
+    chosen = FrostedGlass.of(0.02, 1.0, GlassScene(FOCAL / DIAGONAL, stands=stands), tilt=(0.3, -0.1))
+    chosen.errors, chosen.tilt_errors = (0.0, 0.05), (0.02, 0.03)
+    line = Decision("glass", True, "confirmed: points", {"name": "glass"})
+    effects = SimulatedEffects(Chosen(Formation([chosen]), decisions=[line]), Medium(), scene.views[:-1], [])
+    request = glass.glass_shown(effects)
+    assert request.standing == standing and np.tan(request.tilt) == pytest.approx((0.3, -0.1))
+    made = with_glass(effects, request, scene.points, Silent()).chosen.formation.glass
+    assert made.tilt == pytest.approx((0.3, -0.1)) and not made.learned
+    assert made.errors == chosen.errors and made.tilt_errors == chosen.tilt_errors
+    # (the stands that it was seen with: all cameras were there then, and not all are fitted)
+    assert made.scene.stands is stands
 
 
 def test_only_its_name_or_its_evidence_switches_it_on(scene, tmp_path):
