@@ -86,7 +86,8 @@ def said(photos: PhotoSet) -> str:
     if seen is None:
         return "nothing"
     text = f"{'glass' if needed else 'no glass'}: grows {seen.grows:.2f} +- {seen.grows_error:.2f} px, "
-    text += f"{seen.gain / max(seen.gain_error, 1e-9):.1f} errors over an even blur"
+    text += f"{seen.over_even.errors:.1f} errors over an even blur, "
+    text += f"{seen.over_camera.errors:.1f} over a glass at the camera"
     if seen.plane is None:
         return f"{text}; parallel at {seen.distance:.3f} +- {seen.distance_error:.3f}"
     plane = seen.plane
@@ -95,7 +96,7 @@ def said(photos: PhotoSet) -> str:
     return (
         f"{text}; {'stands' if plane.standing else 'leans'} at {plane.distance:.3f} +- {plane.distance_error:.3f}, "
         f"{angles[0]:.1f} +- {errors[0]:.1f} and {angles[1]:.1f} +- {errors[1]:.1f} degrees, "
-        f"{plane.gain / plane.gain_error:.1f} errors over a parallel one"
+        f"{plane.over_parallel.errors:.1f} errors over a parallel one, {plane.over_even.errors:.1f} over an even blur"
     )
 
 

@@ -28,13 +28,6 @@ class GlassEffectSettings:
         "widths of edges on four sets behind Cycles' glass: -7 to +14 %; distances -15 to +6 %",
         NOT_CHECKED,
     )
-    off_alone: float = number(
-        0.3,
-        "share",
-        "the same where no edges show a width, and points alone are asked",
-        "a drawn scene behind an even blur of 4 px, which seemed to grow by 1.7 +- 0.3 px",
-        NOT_CHECKED,
-    )
 
 
 SETTINGS = GlassEffectSettings()
@@ -68,7 +61,7 @@ def inspect(photos: PhotoSet) -> Evidence:
         + ("" if seen.plane is None else f"; {_words(seen.plane)}")
     )
     if seen.better_than_even:
-        error = math.hypot(seen.grows_error, (SETTINGS.off if seen.given else SETTINGS.off_alone) * seen.grows)
+        error = math.hypot(seen.grows_error, SETTINGS.off * seen.grows)
         found = judged(FrostedGlass.name, seen.grows, error, smallest, "px", text, **details)
         if found.needed:
             return found

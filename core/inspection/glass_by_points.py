@@ -14,6 +14,9 @@ the normal) is drawn together, by a power of its own. In lengths on the surface 
 it grows with z at all says how wide it is, and how it grows where the glass stands. The point's own texture drops out,
 so photos behind the glass are enough where they see the same points from depths that differ; where they hardly do, a
 given width still leaves the distance.
+
+It is held against two blurs that do not grow: one point spread for all photos and places, of whichever width and
+texture, and what a glass right at the camera would make of them, which is wider off the axis.
 """
 
 from __future__ import annotations
@@ -27,7 +30,7 @@ from numpy.typing import NDArray
 
 from ..numbers import BY_DEFINITION, NOT_CHECKED, number
 from .spectra import SETTINGS as SPECTRA
-from .surface_bands import Band, response, surface_bands, texture_slope
+from .surface_bands import TEXTURES, Band, response, surface_bands, texture_slope
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -64,7 +67,10 @@ class GlassByPointsSettings:
     settled: float = number(0.05, "exponent", "by which the law changes in a round that is the last")
     draws: int = number(100, "count", "of regions of space for the standard errors (bootstrap)")
     least_rest: float = number(0.02, "natural log", "of power, that is left between photos at least")
-    sure: float = number(2.0, "standard errors", "by which glass must explain more than an even blur", BY_DEFINITION)
+    sure: float = number(
+        2.0, "standard errors", "by which glass must explain more than what does not grow", BY_DEFINITION
+    )
+    even_widths: int = number(25, "count", "of an even point spread, that are tried up to the widest")
     off: float = number(
         0.2,
         "share",
@@ -78,6 +84,25 @@ SETTINGS = GlassByPointsSettings()
 
 
 @dataclass(frozen=True)
+class Gain:
+    """By how much one hypothesis explains the photos better than another, and its standard error (log likelihood)."""
+
+    value: float
+    error: float
+
+    @classmethod
+    def over(cls, other: Array, costs: Array, picks: Array) -> Gain:
+        """Of costs [B] by region of space over another's; picks: [draws, B] of `drawn_regions`."""
+        gained = other - costs
+        return cls(float(gained.sum()), float((picks @ gained).std()))
+
+    @property
+    def errors(self) -> float:
+        """In standard errors."""
+        return self.value / max(self.error, 1e-9)
+
+
+@dataclass(frozen=True)
 class GlassPlane:
     """A sheet that leans, or that stands in the world, as points show it.
 
@@ -86,7 +111,8 @@ class GlassPlane:
         distance, distance_error: on the axis, in the cameras' unit; of a standing one before the middle camera.
         lean, lean_error: [2] tangents of the angles by which its normal leans towards the right and downwards.
         standing: whether it stands in the world instead of moving with the camera.
-        gain, gain_error: by how much it explains the photos better than a parallel sheet (log likelihood).
+        over_parallel: over the best parallel sheet.
+        over_even: over the best point spread that is the same in all photos and places.
         stands: where all cameras stand against the middle one, of a standing sheet.
     """
 
@@ -96,8 +122,8 @@ class GlassPlane:
     lean: tuple[float, float]
     lean_error: tuple[float, float]
     standing: bool
-    gain: float
-    gain_error: float
+    over_parallel: Gain
+    over_even: Gain
     stands: Mapping[str, Stand] | None = field(default=None, repr=False)
 
 
@@ -110,7 +136,8 @@ class GlassShown:
         distance, distance_error: of the glass.
         middle, nearest, farthest: median depth of the observations, and depths between which nearly all lie.
         grows, grows_error: px by which the width differs between nearest and farthest.
-        gain, gain_error: by how much it explains the photos better than the best even blur (log likelihood).
+        over_even: over the best point spread that is the same in all photos and places.
+        over_camera: over the best glass right at the camera, whose blur does not grow.
         inside: whether what is sharp lies among what the photos show, as a lens's focus does.
         slope: exponent of the texture's power.
         given: whether the width was, and only the distance is asked of the points.
@@ -126,8 +153,8 @@ class GlassShown:
     farthest: float
     grows: float
     grows_error: float
-    gain: float
-    gain_error: float
+    over_even: Gain
+    over_camera: Gain
     inside: bool
     slope: float
     given: bool = False
@@ -135,8 +162,14 @@ class GlassShown:
 
     @property
     def better_than_even(self) -> bool:
-        """Whether one point spread for all depths explains less, beyond chance."""
-        return self.gain > SETTINGS.sure * self.gain_error and not self.inside
+        """Whether blurs that do not grow explain less, beyond chance."""
+        over_even = self.over_even if self.plane is None else self.plane.over_even
+        return self.may_grow and over_even.errors > SETTINGS.sure
+
+    @property
+    def may_grow(self) -> bool:
+        """Whether a glass right at the camera explains less, beyond chance."""
+        return self.over_camera.errors > SETTINGS.sure and not self.inside
 
     @property
     def safe_width(self) -> float:
@@ -163,6 +196,11 @@ class _Costs:
         total = self.costs.sum(axis=2) if weights is None else self.costs @ weights
         i, j = np.unravel_index(int(total.argmin()), total.shape)
         return float(self.widths[i]), float(self.distances[j]), float(total[i, j])
+
+    def least(self) -> Array:
+        """[B] costs of the best."""
+        total = self.costs.sum(axis=2)
+        return np.asarray(self.costs.reshape(-1, self.costs.shape[2])[int(total.argmin())])
 
 
 @dataclass(frozen=True)
@@ -202,14 +240,13 @@ class _Tried:
 
     def costs(self, widths: Array, distances: Array) -> _Costs:
         """Cauchy's cost of each pair, by region of space."""
-        blocks = 1 + max(int(band.block.max()) for band in self.bands)
-        costs = np.zeros((len(widths), len(distances), blocks))
-        for band, scale in zip(self.bands, self.scales, strict=True):
-            for j, distance in enumerate(distances):
-                for i, width in enumerate(widths):
-                    less = _lost(band, self.far(width, distance), distance, self.slope)
-                    costs[i, j] += np.bincount(band.block, cauchy(band.unexplained(less), scale), blocks)
-        return _Costs(widths, distances, costs)
+        costs = [[self._cost(float(width), float(distance)) for distance in distances] for width in widths]
+        return _Costs(widths, distances, np.array(costs))
+
+    def _cost(self, width: float, distance: float) -> Array:
+        """[B] of one pair."""
+        far = self.far(width, distance)
+        return left_over(self.bands, self.scales, [_lost(band, far, distance, self.slope) for band in self.bands])
 
     def texture(self, width: float, distance: float) -> float:
         """Exponent of the texture's power as a glass leaves it."""
@@ -230,6 +267,25 @@ def lost(band: Band, sigma2: Array, slope: float) -> Array:
 def cauchy(left: Array, scale: float) -> Array:
     """[N] cost of what is left."""
     return 2.0 * np.log1p((left / scale) ** 2 / 4.0)
+
+
+def left_over(bands: list[Band], scales: list[float], less: list[Array]) -> Array:
+    """[B] cost by region of space of what differs between photos beside a blur; less: its loss of each band [N]."""
+    blocks = 1 + max(int(band.block.max()) for band in bands)
+    total = np.zeros(blocks)
+    for band, scale, lost_of_band in zip(bands, scales, less, strict=True):
+        total += np.bincount(band.block, cauchy(band.unexplained(lost_of_band), scale), blocks)
+    return total
+
+
+def even_costs(bands: list[Band], scales: list[float]) -> Array:
+    """[B] cost by region of space of the best point spread that is the same everywhere, of whichever texture."""
+
+    def of(width: float, slope: float) -> Array:
+        return left_over(bands, scales, [lost(band, np.full(len(band.power), width**2), slope) for band in bands])
+
+    widths = _widths(bands, SETTINGS.even_widths)
+    return min((of(float(w), float(a)) for a in TEXTURES for w in widths), key=lambda costs: float(costs.sum()))
 
 
 def _lost(band: Band, far: float, distance: float, slope: float) -> Array:
@@ -253,7 +309,7 @@ def glass_by_points(
     middle = observations.median_depth
     ends = np.quantile(observations.depth, [SETTINGS.stray, 1.0 - SETTINGS.stray])
     given = width is not None or alone is not None
-    widths = np.array([width or 0.0]) if given else _widths(bands)
+    widths = np.array([width or 0.0]) if given else _widths(bands, SETTINGS.widths)
     distances = np.r_[np.linspace(0.0, 0.98, SETTINGS.distances), np.array(SETTINGS.beyond)] * ends[0]
     slope = SPECTRA.slope
     tried = _Tried(bands, [], 1.0 if at is None else at / middle, slope, middle, alone)
@@ -277,13 +333,13 @@ def _shown(
     Args:
         middle: median depth in the cameras' unit; ends: nearest and farthest over it.
     """
-    w, d, cost = fine.best()
+    w, d, _ = fine.best()
     picks = drawn_regions(coarse.costs.shape[2])
     drawn = [np.array([grid.best(p)[:2] for p in picks]) for grid in (coarse, fine)]
     grown = [np.array([tried.grows(float(width), float(distance), ends) for width, distance in draw]) for draw in drawn]
     errors = np.maximum(drawn[0].std(axis=0), drawn[1].std(axis=0))
-    even = _Costs(coarse.widths, coarse.distances[:1], coarse.costs[:, :1])
-    gains = np.array([even.best(p)[2] - fine.best(p)[2] for p in picks])
+    camera = _Costs(coarse.widths, coarse.distances[:1], coarse.costs[:, :1])
+    over_camera = np.array([camera.best(p)[2] - fine.best(p)[2] for p in picks])
     behind = _behind(d, 1.0)
     return GlassShown(
         width=tried.far(w, d) * behind,
@@ -295,8 +351,8 @@ def _shown(
         farthest=ends[1] * middle,
         grows=tried.grows(w, d, ends),
         grows_error=max(float(grown[0].std()), float(grown[1].std())),
-        gain=even.best()[2] - cost,
-        gain_error=float(gains.std()),
+        over_even=Gain.over(even_costs(tried.bands, tried.scales), fine.least(), picks),
+        over_camera=Gain(camera.best()[2] - fine.best()[2], float(over_camera.std())),
         inside=bool(inside),
         slope=tried.slope,
     )
@@ -307,9 +363,9 @@ def _behind(distance: float, depth: float) -> float:
     return max(abs(1.0 - distance / depth), SETTINGS.least_behind)
 
 
-def _widths(bands: list[Band]) -> Array:
+def _widths(bands: list[Band], count: int) -> Array:
     first = math.sqrt(float(np.median(bands[0].scale2)))
-    return np.linspace(0.0, SETTINGS.widest * first, SETTINGS.widths)
+    return np.linspace(0.0, SETTINGS.widest * first, count)
 
 
 def _around(coarse: _Costs, width: float, distance: float, near: float) -> tuple[Array, Array]:

@@ -21,7 +21,18 @@ from ..imaging.formation.stands import stands_between
 from ..numbers import NOT_CHECKED, number
 from .edge_depth import SETTINGS as EDGES
 from .edge_depth import width_of_edges
-from .glass_by_points import GlassPlane, GlassShown, cauchy, drawn_regions, even_rest, glass_by_points, lost, narrow
+from .glass_by_points import (
+    Gain,
+    GlassPlane,
+    GlassShown,
+    drawn_regions,
+    even_costs,
+    even_rest,
+    glass_by_points,
+    left_over,
+    lost,
+    narrow,
+)
 from .surface_bands import Band, surface_bands, texture_slope
 
 if TYPE_CHECKING:
@@ -193,11 +204,7 @@ class _Question:
 
     def costs(self, values: Array) -> Array:
         """[B] by region of space."""
-        blocks = 1 + max(int(band.block.max()) for band in self.bands)
-        total = np.zeros(blocks)
-        for band, scale, less in zip(self.bands, self.scales, self.lost(values), strict=True):
-            total += np.bincount(band.block, cauchy(band.unexplained(less), scale), blocks)
-        return total
+        return left_over(self.bands, self.scales, self.lost(values))
 
     def cost(self, values: Array) -> float:
         """Of all; beyond all others where it is no plane."""
@@ -211,7 +218,7 @@ class _Question:
 def glass_of(photos: PhotoSet) -> GlassShown | None:
     """By points, with the width that edges show where they show one: points alone hardly know it.
 
-    Where a parallel sheet explains more than an even blur, one that leans and one that stands are tried.
+    Where a parallel sheet explains more than one right at the camera, one that leans and one that stands are tried.
     """
     edges = width_of_edges(photos)
     if edges is None:
@@ -221,7 +228,7 @@ def glass_of(photos: PhotoSet) -> GlassShown | None:
     alone = None if edges is None else edges.alone
     if seen is not None and alone is not None:
         seen = replace(seen, width_error=EDGES.off * seen.width)
-    if seen is None or not seen.better_than_even:
+    if seen is None or not seen.may_grow:
         return seen
     return replace(seen, plane=glass_plane(photos, seen, alone))
 
@@ -231,19 +238,17 @@ def glass_plane(photos: PhotoSet, parallel: GlassShown, alone: LoneWidths | None
     asked = _asked(photos, parallel, alone)
     flat = _flat(asked, parallel)
     before = least = asked.costs(flat)
-    found = None
+    picks, found = drawn_regions(len(before)), None
     for standing in (False, True):
         question, values = _found(asked, standing, flat)
         # (all by the scales and the texture of the parallel one)
         costs = replace(asked, standing=standing).costs(values)
-        if _clearly(least - costs):
-            found, least = _plane(question, values, before - costs), costs
-    return found
-
-
-def _clearly(gained: Array) -> bool:
-    """Whether what is explained more in each region of space is so beyond chance."""
-    return float(gained.sum()) > SETTINGS.sure * _spread(gained)
+        if Gain.over(least, costs, picks).errors > SETTINGS.sure:
+            found, least = (question, values), costs
+    if found is None:
+        return None
+    even = even_costs(asked.bands, asked.scales)
+    return _plane(*found, Gain.over(before, least, picks), Gain.over(even, least, picks))
 
 
 def _asked(photos: PhotoSet, parallel: GlassShown, alone: LoneWidths | None) -> _Question:
@@ -304,13 +309,8 @@ def _searched(question: _Question, start: Array) -> Array:
     return np.asarray(minimize(question.cost, start, method="Nelder-Mead", options=options).x)
 
 
-def _spread(gained: Array) -> float:
-    """Standard error of a sum over regions of space."""
-    return float((drawn_regions(len(gained)) @ gained).std())
-
-
-def _plane(question: _Question, values: Array, gained: Array) -> GlassPlane:
-    """A plane in the cameras' unit, with its errors; gained: [B] over a parallel sheet, by region of space."""
+def _plane(question: _Question, values: Array, over_parallel: Gain, over_even: Gain) -> GlassPlane:
+    """A plane in the cameras' unit, with its errors."""
     errors, middle = _errors(question, values), question.rig.middle
     return GlassPlane(
         far=question.far(values),
@@ -319,8 +319,8 @@ def _plane(question: _Question, values: Array, gained: Array) -> GlassPlane:
         lean=(float(values[1]), float(values[2])),
         lean_error=(float(errors[1]), float(errors[2])),
         standing=question.standing,
-        gain=float(gained.sum()),
-        gain_error=_spread(gained),
+        over_parallel=over_parallel,
+        over_even=over_even,
         stands=question.rig.stands if question.standing else None,
     )
 

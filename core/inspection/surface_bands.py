@@ -216,15 +216,18 @@ def _slants(photos: PhotoSet) -> Array:
     return np.asarray(np.log(np.maximum(cosine, SETTINGS.least_cosine)))
 
 
+#: [S] exponents of textures' power for which what a blur leaves is kept.
+TEXTURES = np.linspace(*SETTINGS.slopes, 1 + round((SETTINGS.slopes[1] - SETTINGS.slopes[0]) / SETTINGS.slope_step))
+
+
 def _response_tables() -> tuple[Array, Array, Array]:
     """Exponents of textures' power, blur's variance over the band's squared width, natural log of the power left."""
     u = np.linspace(0.002, 1.2, 1200)
     passed = np.exp(-2 * np.pi**2 * u**2) - np.exp(-2 * np.pi**2 * (u * SETTINGS.ratio) ** 2)
-    slopes = np.linspace(*SETTINGS.slopes, 1 + round((SETTINGS.slopes[1] - SETTINGS.slopes[0]) / SETTINGS.slope_step))
     at = np.r_[np.linspace(0.0, 4.0, 300), np.linspace(4.05, 60.0, 500)]
-    laws = u ** (1.0 - slopes[:, None]) * passed ** (2 * SETTINGS.order)
+    laws = u ** (1.0 - TEXTURES[:, None]) * passed ** (2 * SETTINGS.order)
     left = laws @ np.exp(-4 * np.pi**2 * u[:, None] ** 2 * at)
-    return slopes, at, np.log(left / left[:, :1])
+    return TEXTURES, at, np.log(left / left[:, :1])
 
 
 _RESPONSES = _response_tables()

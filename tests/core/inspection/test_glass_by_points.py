@@ -81,6 +81,15 @@ def test_no_glass_where_there_is_none(scene, truth):
     assert build(others(scene, Truth())).spread == 0.0
 
 
+def test_an_even_blur_is_no_glass_though_a_glass_is_wider_off_the_axis():
+    """Held against a glass right at the camera alone, this one grows by 2 px, five errors from zero."""
+    scene = make_scene(2, width=288, height=192, views=10, finer=1)
+    photos = others(scene, Truth(psf=(4.0, 4.0, 0.0)))
+    seen = glass_by_points(photos)
+    assert seen.over_camera.errors > 4.0 and seen.over_even.errors < 0.0
+    assert not seen.better_than_even and not inspect(photos).needed
+
+
 def test_too_little_to_say_anything(scene, behind):
     assert glass_by_points(PhotoSet(behind.photos)) is None
     black = [replace(photo, pixels=np.zeros_like(photo.pixels)) for photo in behind.photos]

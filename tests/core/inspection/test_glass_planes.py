@@ -34,7 +34,7 @@ def test_widths_are_those_that_a_training_simulates(standing: bool):
 def test_a_leaning_glass_is_found_with_its_angles_and_its_distance():
     photos, distance = behind_sheet(1, Sheet(0.7, (25.0, -10.0)))
     found = glass_of(photos).plane
-    assert not found.standing and found.gain > 2.0 * found.gain_error
+    assert not found.standing and found.over_parallel.errors > 2.0
     assert found.distance == pytest.approx(distance, rel=0.1) and found.far == pytest.approx(FAR, rel=0.1)
     angles = np.degrees(np.arctan(found.lean))
     assert angles == pytest.approx([25.0, -10.0], abs=6.0)

@@ -11,7 +11,7 @@ from dgs.core.imaging.formation.chain import Formation
 from dgs.core.imaging.formation.glass import FrostedGlass, GlassScene
 from dgs.core.imaging.medium import Medium
 from dgs.core.imaging.psf import PointSpread
-from dgs.core.inspection.glass_by_points import GlassShown
+from dgs.core.inspection.glass_by_points import Gain, GlassShown
 from dgs.core.inspection.photo_set import PhotoSet
 from dgs.core.pipeline import glass
 from dgs.core.pipeline.effects.choose import Chosen, choose_effects
@@ -99,7 +99,7 @@ def test_what_a_run_asks_for(tmp_path):
 
 def test_points_that_show_the_distance_spare_learning_it(scene, monkeypatch):
     source = PhotoSet([])
-    seen = GlassShown(2.0, 0.0, 1.5, 0.02, 4.0, 3.0, 5.0, 1.0, 0.1, 9.0, 1.0, False, 2.3)
+    seen = GlassShown(2.0, 0.0, 1.5, 0.02, 4.0, 3.0, 5.0, 1.0, 0.1, Gain(9.0, 1.0), Gain(9.0, 1.0), False, 2.3)
     for found, learned in (
         (seen, frozenset()),
         (replace(seen, distance_error=0.2), {"distance"}),
