@@ -26,7 +26,6 @@ from .glass_by_points import (
     GlassPlane,
     GlassShown,
     drawn_regions,
-    even_costs,
     even_rest,
     glass_by_points,
     left_over,
@@ -247,8 +246,7 @@ def glass_plane(photos: PhotoSet, parallel: GlassShown, alone: LoneWidths | None
             found, least = (question, values), costs
     if found is None:
         return None
-    even = even_costs(asked.bands, asked.scales)
-    return _plane(*found, Gain.over(before, least, picks), Gain.over(even, least, picks))
+    return _plane(*found, Gain.over(before, least, picks), Gain.over(parallel.even, least, picks))
 
 
 def _asked(photos: PhotoSet, parallel: GlassShown, alone: LoneWidths | None) -> _Question:
