@@ -33,7 +33,7 @@ from pathlib import Path
 from dgs.core.errors import DgsError
 from dgs.core.progress import Silent
 from dgs.core.training.job import TrainingJob
-from dgs.core.training.ranks import join_ranks
+from dgs.core.training.ranks import join_ranks, leave_ranks
 from dgs.core.training.run import train
 from dgs.tests.core.training.training_scenes import SHORT, blurred_scene
 
@@ -62,6 +62,7 @@ except DgsError as error:
     os._exit(2)
 digests = [float(t.double().sum()) for _, t in trained.gaussians.named()]
 (place / f"twin_{{ranks.rank}}.json").write_text(json.dumps([digests, trained.steps, trained.history[-1]]))
+leave_ranks()  # (as the command does: gloo's threads must have ended before the process does)
 """
 
 
