@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from ..imaging.formation.glass import FrostedGlass, GlassScene
 from ..inspection.evidence import Evidence, judged, shortened, unknown
 from ..numbers import NOT_CHECKED, number
-from .spec import SMALLEST_CHOSEN, EffectSpec, EffectWords, Switch
+from .spec import EffectSpec, EffectWords, Switch
 
 if TYPE_CHECKING:
     from ..inspection.glass_by_points import GlassPlane, GlassShown
@@ -20,7 +20,13 @@ if TYPE_CHECKING:
 class GlassEffectSettings:
     """Numbers of the evidence for frosted glass."""
 
-    smallest_visible: float = number(1.0, "px", "standard deviation that differs between depths", SMALLEST_CHOSEN)
+    smallest_visible: float = number(
+        0.7,
+        "px",
+        "standard deviation that differs between depths",
+        "two sets behind Cycles' glass that leans, and that stands: 1.5 and 1.2 px, found with 0.7, not with 1",
+        "none of 133 and 36 drawn sets, and of 8 real ones without a glass, is taken for one",
+    )
     off: float = number(
         0.2,
         "share",

@@ -29,6 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..numbers import BY_DEFINITION, NOT_CHECKED, number
+from .edge_depth import SETTINGS as EDGES
 from .spectra import SETTINGS as SPECTRA
 from .surface_bands import TEXTURES, Band, response, surface_bands, texture_slope
 
@@ -74,9 +75,9 @@ class GlassByPointsSettings:
     even_of_edges: tuple[float, float] = number(
         (0.85, 1.25),
         "ratio",
-        "to the width that edges show, between which an even point spread may be",
-        "what edges are off by: up to a fifth too narrow, 7 % besides",
-        "two sets behind Cycles' glass, 2.8 and 3.6 errors over an even blur; 0 of 36 drawn even blurs taken for glass",
+        "to the width that edges show, between which an even point spread may be, where none stand alone",
+        "what such edges are off by: up to a fifth too narrow, 7 % besides",
+        "0 of 36 drawn even blurs taken for glass",
     )
     off: float = number(
         0.2,
@@ -287,22 +288,28 @@ def left_over(bands: list[Band], scales: list[float], less: list[Array]) -> Arra
     return total
 
 
-def _even_costs(tried: _Tried, width: float | None) -> Array:
-    """[B] cost by region of space of the best point spread that is the same everywhere, of whichever texture.
-
-    Args:
-        width: px that edges show; None where they do not say.
-    """
+def _even_costs(tried: _Tried, widths: Array) -> Array:
+    """[B] cost by region of space of the best point spread that is the same everywhere, of whichever texture."""
 
     def of(width: float, slope: float) -> Array:
         less = [lost(band, np.full(len(band.power), width**2), slope) for band in tried.bands]
         return left_over(tried.bands, tried.scales, less)
 
-    if width is None:
-        widths = _widths(tried.bands, SETTINGS.even_widths)
-    else:
-        widths = width * np.linspace(*SETTINGS.even_of_edges, SETTINGS.finer)
     return min((of(float(w), float(a)) for a in TEXTURES for w in widths), key=lambda costs: float(costs.sum()))
+
+
+def _even_widths(tried: _Tried, width: float | None) -> Array:
+    """px that an even point spread may have: what edges show, as far as they may be off (two standard errors).
+
+    Args:
+        width: that edges show of which none stand alone; None where they do not say.
+    """
+    if tried.alone is not None:
+        off = 2.0 * EDGES.off
+        return narrow(tried.alone.widths) * np.linspace(1.0 - off, 1.0 + off, SETTINGS.finer)
+    if width is not None:
+        return width * np.linspace(*SETTINGS.even_of_edges, SETTINGS.finer)
+    return _widths(tried.bands, SETTINGS.even_widths)
 
 
 def _lost(band: Band, far: float, distance: float, slope: float) -> Array:
@@ -338,7 +345,7 @@ def glass_by_points(
         if abs(slope - before) < SETTINGS.settled:
             break
     fine = tried.costs(*_around(coarse, w, d, float(ends[0])))
-    even = _even_costs(tried, width if alone is None else narrow(alone.widths))
+    even = _even_costs(tried, _even_widths(tried, width))
     shown = _shown(coarse, fine, even, middle, (float(ends[0]), float(ends[1])), tried, inside=d > ends[0])
     return replace(shown, given=given)
 
