@@ -119,8 +119,8 @@ class GlassPlane:
         distance, distance_error: on the axis, in the cameras' unit; of a standing one before the middle camera.
         lean, lean_error: [2] tangents of the angles by which its normal leans towards the right and downwards.
         standing: whether it stands in the world instead of moving with the camera.
-        over_parallel: over the best parallel sheet.
-        over_even: over the best point spread that is the same in all photos and places.
+        over_parallel: gain over the best parallel sheet.
+        over_even: gain over the best point spread that is the same in all photos and places.
         stands: where all cameras stand against the middle one, of a standing sheet.
     """
 
@@ -144,8 +144,8 @@ class GlassShown:
         distance, distance_error: of the glass.
         middle, nearest, farthest: median depth of the observations, and depths between which nearly all lie.
         grows, grows_error: px by which the width differs between nearest and farthest.
-        over_even: over the best point spread that is the same in all photos and places.
-        over_camera: over the best glass right at the camera, whose blur does not grow.
+        over_even: gain over the best point spread that is the same in all photos and places.
+        over_camera: gain over the best glass right at the camera, whose blur does not grow.
         inside: whether what is sharp lies among what the photos show, as a lens's focus does.
         slope: exponent of the texture's power.
         even: [B] cost of the best point spread that is the same everywhere, by region of space.
