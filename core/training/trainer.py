@@ -34,6 +34,7 @@ from .checkpoint import Checkpoint
 from .contrast import scene_contrast
 from .contribution import SeenByPhotos, due, needed, photos_asked, seen_by
 from .density import DensityControl
+from .finest import hold_sizes, narrowest_blur
 from .focus import SETTINGS as FOCUS
 from .focus import BlurByDepth, Seen
 from .footprint import widened
@@ -356,6 +357,7 @@ class Trainer:
             self.repairs["limited sizes, most at once"] = max(
                 self.repairs.get("limited sizes, most at once", 0), limited
             )
+            self._hold_sizes()
             clamped = out_of_range(self.optimizer.gaussians)
             self.repairs["clamped scales, most at once"] = max(
                 self.repairs.get("clamped scales, most at once", 0), clamped
@@ -367,6 +369,13 @@ class Trainer:
             self.density.act(self.optimizer, s.max_gaussians, np.random.default_rng([s.seed, 2, self.step]))
             self.follow_first()
         return loss
+
+    def _hold_sizes(self) -> None:
+        """Nothing is finer than the photo that has it most in focus shows (`training.finest`)."""
+        focus = self.learned.focus
+        if focus is not None and focus.begun:
+            gaussians = self.optimizer.gaussians
+            hold_sizes(gaussians, narrowest_blur(gaussians.means, self.levels[-1].views, focus.effect))
 
     def _passed(self, every: int) -> bool:
         """Whether the last step came to a multiple of `every`, or went beyond it."""

@@ -86,7 +86,8 @@ class TrialSettings:
         "dB",
         "that a focus of each photo must gain besides being no chance: held-out photos have theirs, too",
         "a rendered depth of field 0.21 +- 0.05",
-        "sharp photos of banana 0.04 +- 0.12 and copr 0.03 +- 0.06, forced to be tried",
+        "sharp photos of banana 0.04 +- 0.12 and copr 0.03 +- 0.06, forced to be tried; as a loss that contradicts what"
+        " points show: drinks, where the trial has 0.00, -0.05 or -0.10 +- 0.04 and the whole run gains 0.85",
     )
     focus_seen: float = number(
         0.4, "px of the trial's grid", "of blur (standard deviation) off the focus, from which on there is one"
@@ -134,11 +135,13 @@ class Comparison:
 
     Attributes:
         seen: what else there is to say; least: gain (dB) that confirms at least.
+        least_lost: loss (dB) that contradicts at least.
     """
 
     differences: Array
     seen: str = ""
     least: float = 0.0
+    least_lost: float = 0.0
 
     @property
     def mean(self) -> float:
@@ -169,7 +172,7 @@ class Comparison:
     @property
     def contradicts(self) -> bool:
         """Whether the loss is more than chance, or what was tried is not found at all."""
-        return bool(self.seen) or self.mean < -self.needed * self.error
+        return bool(self.seen) or self.mean < -self.least_lost - self.needed * self.error
 
     @property
     def needed(self) -> float:
@@ -291,7 +294,9 @@ class Ablation:
             middle = float(np.median(widest))
             return "" if middle >= SETTINGS.focus_seen else f"a short training finds {middle:.2f} px of it"
 
-        return self._compare(without, with_it, True, SETTINGS.focus_gain, not_found)
+        # A loss counts from where a gain does: most of a small photo may be a background that hides either.
+        found = self._compare(without, with_it, True, SETTINGS.focus_gain, not_found)
+        return replace(found, least_lost=SETTINGS.focus_gain)
 
     def _compare(
         self,
