@@ -28,6 +28,11 @@ _REAL = (
     "Sharp photos of a camera, blurred virtually by 5 px in sRGB values, cut by 24 px afterwards (so that light from"
     " beyond the border is in them), 8 bit. The reference cameras were found from the sharp photos."
 )
+#: Who took the photos of a real set, and under which licence its pictures are shown.
+_CREDITS = {
+    "copr": " Photos: Michele M. Tobias and Alex Mandel (OpenDroneMap, odm_data_copr), CC BY-SA 4.0; the pictures of this"
+    " chapter, which are made from them, are under the same licence."
+}
 
 
 def read(path: Path) -> dict[str, Any]:
@@ -102,7 +107,7 @@ def write(options: argparse.Namespace, command: Callable[..., None]) -> None:
     for folder in options.real:
         out = work / f"compare_{folder.name}"
         real = compare(command, folder, out, options, "--psf", "gaussian:5", few=True)
-        more.append(Chapter(f"Real photos: {folder.name}", _REAL, real, pictures(out, target, folder.name)))
+        more.append(Chapter(f"Real photos: {folder.name}", _REAL + _CREDITS.get(folder.name, ""), real, pictures(out, target, folder.name)))
     wrong = compare(command, encoded, work / "compare_ball", one_seed, "--mismatch")
     write_text(target, page(main, more, wrong, options.quick))
     print(f"wrote {target.relative_to(ROOT) if target.is_relative_to(ROOT) else target}")
