@@ -30,8 +30,8 @@ _REAL = (
 )
 #: Who took the photos of a real set, and under which licence its pictures are shown.
 _CREDITS = {
-    "copr": " Photos: Michele M. Tobias and Alex Mandel (OpenDroneMap, odm_data_copr), CC BY-SA 4.0; the pictures of this"
-    " chapter, which are made from them, are under the same licence."
+    "copr": " Photos: Michele M. Tobias and Alex Mandel (OpenDroneMap, odm_data_copr), CC BY-SA 4.0; the pictures of"
+    " this chapter, which are made from them, are under the same licence."
 }
 
 
@@ -107,7 +107,8 @@ def write(options: argparse.Namespace, command: Callable[..., None]) -> None:
     for folder in options.real:
         out = work / f"compare_{folder.name}"
         real = compare(command, folder, out, options, "--psf", "gaussian:5", few=True)
-        more.append(Chapter(f"Real photos: {folder.name}", _REAL + _CREDITS.get(folder.name, ""), real, pictures(out, target, folder.name)))
+        words = _REAL + _CREDITS.get(folder.name, "")
+        more.append(Chapter(f"Real photos: {folder.name}", words, real, pictures(out, target, folder.name)))
     wrong = compare(command, encoded, work / "compare_ball", one_seed, "--mismatch")
     write_text(target, page(main, more, wrong, options.quick))
     print(f"wrote {target.relative_to(ROOT) if target.is_relative_to(ROOT) else target}")
