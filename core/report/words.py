@@ -6,7 +6,11 @@ from collections.abc import Mapping
 from typing import Any
 
 from ..effects.registry import all_effects, effect_named
+from ..imaging.formation.focus import OUT_OF_FOCUS
 from ..run_settings import FROSTED_GLASS
+
+#: The share of the Gaussians that no photo has in focus, from which on a report speaks of them.
+WORTH_SAYING = 0.05
 
 
 def simulated(report: Mapping[str, Any]) -> list[str]:
@@ -60,6 +64,18 @@ def _background(photos: Mapping[str, Any]) -> list[str]:
     return [f"Empty space where the photos show the plain background; {colour} stands behind the twin."]
 
 
+def _out_of_focus(report: Mapping[str, Any]) -> list[str]:
+    """What no photo has in focus, and what would show it; nothing where that is next to none of the twin."""
+    share = report["counters"].get(OUT_OF_FOCUS, 0) / max(1, report["gaussians"])
+    if share < WORTH_SAYING:
+        return []
+    return [
+        f"{share:.0%} of the twin's Gaussians lie where no photo is in focus (a blur of 1 px or more in all of them), "
+        "and are kept as soft as the sharpest photo shows them. Photos that are focused there, or a smaller aperture, "
+        "would show more."
+    ]
+
+
 def _glass(found: Mapping[str, Any]) -> str:
     """Where the glass stands and how wide it blurs."""
     error = found["distance_error"]
@@ -111,6 +127,7 @@ def limits(report: Mapping[str, Any]) -> list[str]:
         )
     else:
         lines.append("Nothing was blurred, so the pixel grid itself (2 px) is the limit of one photo.")
+    lines += _out_of_focus(report)
     if heldout["names"] and heldout["in_sfm"]:
         lines.append(
             "The held-out photos were kept out of the training, but they took part in finding the cameras: "

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import torch
 
 from ..gaussians import Gaussians
-from ..imaging.formation.focus import FocusBlur
+from ..imaging.formation.focus import Focus, FocusBlur
 from ..numbers import number
 from .grid import GridView
 
@@ -38,38 +38,58 @@ class FinestSettings:
 FINEST = FinestSettings()
 
 
-def narrowest_blur(means: torch.Tensor, views: Sequence[GridView], focus: FocusBlur) -> torch.Tensor:
-    """[N] the narrowest blur (standard deviation, in the world's units) that a photo has at each place.
+@dataclass(frozen=True)
+class Narrowest:
+    """The narrowest blur (standard deviation) that a photo has at each place; on the host.
+
+    Attributes:
+        size: [N] in the world's units; infinite where no photo sees the place: none says anything about it.
+        px: [N] the same in px of that photo's grid.
+    """
+
+    size: torch.Tensor
+    px: torch.Tensor
+
+    @property
+    def out_of_focus(self) -> int:
+        """How many places every photo that sees them shows blurred, by a px or more."""
+        return int((self.px.isfinite() & (self.px >= 1.0)).sum())
+
+
+def narrowest_blur(means: torch.Tensor, views: Sequence[GridView], focus: FocusBlur) -> Narrowest:
+    """Asks all photos.
 
     Args:
         means: [N, 3] places. views: photos on one grid; focus: of each, learned in the same world.
-
-    Returns:
-        On the host. Infinite where no photo sees the place: none says anything about it.
     """
     means = means.detach().cpu()
-    found = torch.full_like(means[:, 0], torch.inf)
+    size = torch.full_like(means[:, 0], torch.inf)
+    px = size.clone()
     for view in views:
-        values = focus.of(view.name)
         camera = view.camera
         rotation, translation = (torch.from_numpy(part).to(means) for part in (camera.rotation, camera.translation))
         x, y, z = (means @ rotation.T + translation).unbind(dim=1)
         seen = (z > 0) & ((x / z * camera.fx + camera.cx - camera.width / 2).abs() < camera.width / 2)
         seen &= (y / z * camera.fy + camera.cy - camera.height / 2).abs() < camera.height / 2
-        if values is None:
-            found = torch.where(seen, torch.zeros_like(found), found)
-            continue
-        strength, at = (z.new_tensor(value) for value in (values.strength, values.focus))
-        width = focus.spread(strength, at, z, math.hypot(camera.width, camera.height)).abs() * z / camera.fx
-        found = torch.where(seen, torch.minimum(found, width), found)
-    return found
+        width = _width(focus.of(view.name), focus, z, math.hypot(camera.width, camera.height))
+        narrower = seen & (width * z / camera.fx < size)
+        size, px = torch.where(narrower, width * z / camera.fx, size), torch.where(narrower, width, px)
+    return Narrowest(size, px)
+
+
+def _width(values: Focus | None, focus: FocusBlur, depth: torch.Tensor, diagonal: float) -> torch.Tensor:
+    """[N] standard deviation (px) in a photo at each depth; 0 in one that has no blur of its own."""
+    if values is None:
+        return torch.zeros_like(depth)
+    strength, at = (depth.new_tensor(value) for value in (values.strength, values.focus))
+    return focus.spread(strength, at, depth, diagonal).abs()
 
 
 def hold_sizes(gaussians: Gaussians, narrowest: torch.Tensor) -> int:
     """Makes what is finer than the sharpest photo shows as large as that; returns how many.
 
     Args:
-        gaussians: changed in place, on any device. narrowest: [N] on the host, see `narrowest_blur`.
+        gaussians: changed in place, on any device. narrowest: [N] on the host, `Narrowest.size`.
     """
     with torch.no_grad():
         bounded = narrowest.isfinite() & (narrowest > 0)

@@ -23,6 +23,7 @@ from ..frames import Frame
 from ..gaussians import Gaussians
 from ..imaging.formation.chain import Formation
 from ..imaging.formation.effect import Shot
+from ..imaging.formation.focus import OUT_OF_FOCUS
 from ..imaging.medium import Medium
 from ..imaging.spectrum import NoiseToSignal, noise_to_signal
 from ..numbers import number
@@ -357,7 +358,6 @@ class Trainer:
             self.repairs["limited sizes, most at once"] = max(
                 self.repairs.get("limited sizes, most at once", 0), limited
             )
-            self._hold_sizes()
             clamped = out_of_range(self.optimizer.gaussians)
             self.repairs["clamped scales, most at once"] = max(
                 self.repairs.get("clamped scales, most at once", 0), clamped
@@ -365,6 +365,8 @@ class Trainer:
             for name, count in drop_non_finite(self.optimizer, self.step).items():
                 self.repairs[f"dropped, non-finite {name}"] = self.repairs.get(f"dropped, non-finite {name}", 0) + count
                 self.density = DensityControl(len(self.optimizer.gaussians), self.device)
+        if self._passed(max(GUARDS.every, len(self.views))):  # (every photo is asked: of many, less often)
+            self._hold_sizes()
         if self._passed(s.density_every) and share < s.density_until:
             self.density.act(self.optimizer, s.max_gaussians, np.random.default_rng([s.seed, 2, self.step]))
             self.follow_first()
@@ -375,7 +377,9 @@ class Trainer:
         focus = self.learned.focus
         if focus is not None and focus.begun:
             gaussians = self.optimizer.gaussians
-            hold_sizes(gaussians, narrowest_blur(gaussians.means, self.levels[-1].views, focus.effect))
+            narrowest = narrowest_blur(gaussians.means, self.levels[-1].views, focus.effect)
+            hold_sizes(gaussians, narrowest.size)
+            self.repairs[OUT_OF_FOCUS] = narrowest.out_of_focus
 
     def _passed(self, every: int) -> bool:
         """Whether the last step came to a multiple of `every`, or went beyond it."""

@@ -45,6 +45,9 @@ class FocusSettings:
 
 FOCUS = FocusSettings()
 
+#: The counter (report.json) of a twin's Gaussians that every photo shows blurred, by a px or more.
+OUT_OF_FOCUS = "in focus in no photo"
+
 
 @dataclass(frozen=True)
 class Focus:

@@ -9,6 +9,7 @@ import dgs
 import numpy as np
 import pytest
 from dgs.core.camera import Camera
+from dgs.core.imaging.formation.focus import OUT_OF_FOCUS
 from dgs.core.imaging.psf_text import parse_psf
 from dgs.core.report.charts import Axis, Marker, line_chart
 from dgs.core.report.foci import drawn_foci
@@ -17,7 +18,7 @@ from dgs.core.report.page import exposures, page, write_page
 from dgs.core.report.paths import drawn_paths
 from dgs.core.report.pictures import ViewPictures, embedded, spread
 from dgs.core.report.schema import FIELDS, markdown_table, problems
-from dgs.core.report.words import simulated
+from dgs.core.report.words import limits, simulated
 
 REPORT = {
     "schema": 1,
@@ -402,3 +403,11 @@ def test_glass_says_where_it_stands():
     blur = simulated(report)[0]
     for words in ("0.371 ± 0.002", "0.79 degrees", "1.50 px wide on what is nearest", "5.00 px"):
         assert words in blur, words
+
+
+def test_a_report_says_how_much_of_the_twin_was_never_in_focus():
+    report = copy.deepcopy(REPORT)
+    report["effects"][0] |= {"name": "defocus", "on": True}
+    assert not any("no photo is in focus" in line for line in limits(report))
+    report["counters"] = {**report["counters"], OUT_OF_FOCUS: report["gaussians"] // 4}
+    assert any(line.startswith("25% of the twin's Gaussians lie where no photo is in focus") for line in limits(report))

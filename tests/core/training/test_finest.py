@@ -37,14 +37,15 @@ PLACES = torch.tensor([[0.0, 0.0, -1.0], [0.0, 0.0, 0.0], [0.0, 0.0, 2.0], [0.0,
 
 def test_the_narrowest_blur_is_that_of_the_photo_which_has_the_place_most_in_focus():
     found = narrowest_blur(PLACES, photos("near", "far"), lens(near=2.0, far=4.0))
-    expected = [0.0, 12.0 * (1 / 3 - 1 / 4) * 3.0 / FOCAL, 12.0 * (1 / 4 - 1 / 5) * 5.0 / FOCAL]
-    assert found[:3].tolist() == pytest.approx(expected, rel=1e-5)
-    assert found[3:].isinf().all()
+    px = [0.0, 12.0 * (1 / 3 - 1 / 4), 12.0 * (1 / 4 - 1 / 5)]
+    assert found.px[:3].tolist() == pytest.approx(px, rel=1e-5)
+    assert found.size[:3].tolist() == pytest.approx([0.0, px[1] * 3.0 / FOCAL, px[2] * 5.0 / FOCAL], rel=1e-5)
+    assert found.size[3:].isinf().all() and found.out_of_focus == 1
 
 
 def test_a_photo_without_a_lens_is_sharp_everywhere():
     found = narrowest_blur(PLACES, photos("near", "sharp"), lens(near=2.0))
-    assert (found[:3] == 0).all() and found[3:].isinf().all()
+    assert (found.size[:3] == 0).all() and found.size[3:].isinf().all() and found.out_of_focus == 0
 
 
 def test_only_what_is_finer_grows():
