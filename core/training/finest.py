@@ -16,7 +16,8 @@ import torch
 
 from ..gaussians import Gaussians
 from ..imaging.formation.focus import Focus, FocusBlur
-from ..numbers import number
+from ..numbers import BY_DEFINITION, number
+from .footprint import seen_in
 from .grid import GridView
 
 
@@ -33,6 +34,9 @@ class FinestSettings:
         "an orrery rendered with foci before its far half: 27.54, 27.83 with 1, 27.97 with 1.5; a shelf so: 22.72,"
         " 22.73",
     )
+    out_of_focus: float = number(
+        1.0, "px of the photo", "of blur (standard deviation) from which on a place is out of focus", BY_DEFINITION
+    )
 
 
 FINEST = FinestSettings()
@@ -44,16 +48,15 @@ class Narrowest:
 
     Attributes:
         size: [N] in the world's units; infinite where no photo sees the place: none says anything about it.
-        px: [N] the same in px of that photo's grid.
+        px: [N] the same in px of the grid.
     """
 
     size: torch.Tensor
     px: torch.Tensor
 
-    @property
-    def out_of_focus(self) -> int:
-        """How many places every photo that sees them shows blurred, by a px or more."""
-        return int((self.px.isfinite() & (self.px >= 1.0)).sum())
+    def out_of_focus(self, step: int) -> int:
+        """How many places all photos that see them have out of focus; of a grid of `step` photo px."""
+        return int((self.px.isfinite() & (step * self.px >= FINEST.out_of_focus)).sum())
 
 
 def narrowest_blur(means: torch.Tensor, views: Sequence[GridView], focus: FocusBlur) -> Narrowest:
@@ -67,10 +70,7 @@ def narrowest_blur(means: torch.Tensor, views: Sequence[GridView], focus: FocusB
     px = size.clone()
     for view in views:
         camera = view.camera
-        rotation, translation = (torch.from_numpy(part).to(means) for part in (camera.rotation, camera.translation))
-        x, y, z = (means @ rotation.T + translation).unbind(dim=1)
-        seen = (z > 0) & ((x / z * camera.fx + camera.cx - camera.width / 2).abs() < camera.width / 2)
-        seen &= (y / z * camera.fy + camera.cy - camera.height / 2).abs() < camera.height / 2
+        z, seen = seen_in(means, camera)
         width = _width(focus.of(view.name), focus, z, math.hypot(camera.width, camera.height))
         narrower = seen & (width * z / camera.fx < size)
         size, px = torch.where(narrower, width * z / camera.fx, size), torch.where(narrower, width, px)

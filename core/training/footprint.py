@@ -18,16 +18,23 @@ from ..constants import LOW_PASS_VARIANCE
 from ..gaussians import Gaussians
 
 
+def seen_in(means: torch.Tensor, camera: Camera) -> tuple[torch.Tensor, torch.Tensor]:
+    """[N] depth of places [N, 3] before a camera, and [N] bool: which lie in its frame, hidden or not."""
+    p = means @ torch.from_numpy(camera.rotation.T.copy()).to(means) + torch.from_numpy(camera.translation.copy()).to(
+        means
+    )
+    z = p[:, 2]
+    u = camera.fx * p[:, 0] / z + camera.cx
+    v = camera.fy * p[:, 1] / z + camera.cy
+    return z, (z > 0) & (u > 0) & (u < camera.width) & (v > 0) & (v < camera.height)
+
+
 def pixel_sizes(gaussians: Gaussians, cameras: Sequence[Camera]) -> torch.Tensor:
     """[N] median size of a photo's pixel at each Gaussian, over the views that see it (world units)."""
     means = gaussians.means.detach().double().cpu()
     sizes = torch.full((len(cameras), len(means)), torch.nan, dtype=torch.float64)
     for row, camera in enumerate(cameras):
-        p = means @ torch.from_numpy(camera.rotation.T.copy()) + torch.from_numpy(camera.translation.copy())
-        z = p[:, 2]
-        u = camera.fx * p[:, 0] / z + camera.cx
-        v = camera.fy * p[:, 1] / z + camera.cy
-        seen = (z > 0) & (u > 0) & (u < camera.width) & (v > 0) & (v < camera.height)
+        z, seen = seen_in(means, camera)
         sizes[row] = torch.where(seen, z / (0.5 * (camera.fx + camera.fy)), torch.nan)
     median = sizes.nanmedian(dim=0).values
     seen_ones = median[median.isfinite()]

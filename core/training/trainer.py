@@ -376,10 +376,10 @@ class Trainer:
         """Nothing is finer than the photo that has it most in focus shows (`training.finest`)."""
         focus = self.learned.focus
         if focus is not None and focus.begun:
-            gaussians = self.optimizer.gaussians
-            narrowest = narrowest_blur(gaussians.means, self.levels[-1].views, focus.effect)
+            gaussians, level = self.optimizer.gaussians, self.levels[-1]
+            narrowest = narrowest_blur(gaussians.means, level.views, focus.effect)
             hold_sizes(gaussians, narrowest.size)
-            self.repairs[OUT_OF_FOCUS] = narrowest.out_of_focus
+            self.repairs[OUT_OF_FOCUS] = narrowest.out_of_focus(level.step)
 
     def _passed(self, every: int) -> bool:
         """Whether the last step came to a multiple of `every`, or went beyond it."""
