@@ -139,6 +139,18 @@ class Backend(Protocol):
         """
         ...
 
+    def layer_returned(
+        self, together: Tensor, seen: Tensor | None, behind: tuple[Tensor, Tensor] | None, hides: Tensor
+    ) -> Tensor:
+        """[C + 1, h, w] what comes back to a level that hides others behind it, before its blur; the last one negative.
+
+        Args:
+            together: [C + 1, h, w] what comes back to all levels; seen: [h, w] share of this one that is (None: all).
+            behind: planes [C + 1, h, w] of the next level that this one hides, and the share [h, w] of it that is seen.
+            hides: [h, w] gradient in what the levels behind are covered by; this level's part is added.
+        """
+        ...
+
 
 @dataclass(frozen=True)
 class Entry:

@@ -39,3 +39,12 @@ class RowEvaluation(Protocol):
     def apply_rows(self, frame: Tensor, rows: range) -> Tensor:
         """[C, R, W] some rows of `Evaluation.apply`."""
         ...
+
+
+@runtime_checkable
+class PartialAdjoint(Protocol):
+    """An evaluation whose transpose costs less where only a part of it is wanted."""
+
+    def adjoint_at(self, photo: Tensor, wanted: Tensor) -> Tensor:
+        """`Evaluation.adjoint` where `wanted` [H + 2m, W + 2m] is true; elsewhere it may be anything."""
+        ...

@@ -16,8 +16,9 @@ from ..compiled import Task, run, run_all
 from ..devices import AdamStep, Tent
 from ..frames import Evaluation, Frame
 from ..gaussians import Gaussians
-from ..imaging.compiled_blurs import Direct, Separable
-from ..imaging.formation.layered_kernels import gathered, weighed
+from ..imaging.compiled_blurs import Direct, Runs, Separable, has_runs
+from ..imaging.formation.layered_kernels import gathered, returned, returned_through, weighed
+from ..imaging.run_kernels import BLOCK
 from ..numbers import number
 from ..rasterizer.cpu import render_cpu
 from ..rasterizer.path_cpu import render_path_cpu
@@ -75,6 +76,8 @@ class CpuBackend(ReferenceBackend):
             found["direct"] = Direct(kernel, frame, dtype)
         if taps is not None:
             found["separable"] = Separable(*taps, frame, dtype)
+        elif dtype == torch.float32 and frame.width >= BLOCK and has_runs(kernel):
+            found["runs"] = Runs(kernel, frame)
         return found
 
     def photometric(
@@ -127,6 +130,20 @@ class CpuBackend(ReferenceBackend):
         arrays = back.contiguous().numpy(), light.contiguous().numpy(), variance.numpy()
         outputs = [gradient.numpy() for gradient in gradients]
         run(gathered, light.shape[1], *arrays, *np.asarray(tent, np.float32), *outputs, grain=CPU.rows)
+
+    def layer_returned(
+        self, together: Tensor, seen: Tensor | None, behind: tuple[Tensor, Tensor] | None, hides: Tensor
+    ) -> Tensor:
+        """See `Backend`."""
+        came = torch.empty_like(together)
+        everything = torch.ones_like(hides) if seen is None else seen.reshape(hides.shape)
+        if behind is None:
+            run(returned, len(hides), together.numpy(), everything.numpy(), came.numpy(), grain=CPU.rows)
+            return came
+        planes, part = behind[0], behind[1].reshape(hides.shape)
+        arrays = (tensor.numpy() for tensor in (together, everything, planes, part, hides, came))
+        run(returned_through, len(hides), *arrays, grain=CPU.rows)
+        return came
 
 
 def _adam_task(step: AdamStep) -> Task:

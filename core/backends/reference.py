@@ -12,7 +12,7 @@ from ..camera import Camera
 from ..devices import AdamStep, Tent
 from ..frames import Evaluation, Frame
 from ..gaussians import Gaussians
-from ..imaging.formation.layered import layer_gathered, layer_weighed
+from ..imaging.formation.layered import layer_gathered, layer_returned, layer_weighed
 from ..rasterizer.reference import render_reference
 from ..rendering import RasterSettings, Rendered, RenderedPath
 from ..training.photometric import photometric_reference
@@ -100,6 +100,12 @@ class ReferenceBackend:
     ) -> None:
         """See `Backend`."""
         layer_gathered(back, light, variance, tent, gradients)
+
+    def layer_returned(
+        self, together: Tensor, seen: Tensor | None, behind: tuple[Tensor, Tensor] | None, hides: Tensor
+    ) -> Tensor:
+        """See `Backend`."""
+        return layer_returned(together, seen, behind, hides)
 
 
 BACKEND = ReferenceBackend()

@@ -1,6 +1,8 @@
-"""Ways to evaluate one blur in compiled code on the CPU: separable and direct; see `evaluations`."""
+"""Ways to evaluate one blur in compiled code on the CPU: separable, direct and by runs; see `evaluations`."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -12,9 +14,12 @@ from ..constants import TILE
 from ..frames import Frame
 from .blur_kernels import correlate, correlate_rows, separable_adjoint, separable_apply
 from .evaluations import blur_matrix, extended, folded
+from .run_kernels import BLOCK, CELL, add_up, lay_out
 
 #: Blocks of 16 rows that are worth a call to a thread; changes the time only, not the result.
 _GRAIN = 4
+#: Rows of one channel that are.
+_ROWS = 16
 
 Array = NDArray[np.float64]
 
@@ -104,3 +109,133 @@ class Direct:
         embedded = torch.nn.functional.pad(photo, (2 * rh, 2 * rh, 2 * rv, 2 * rv))
         spread = self._correlated(embedded, self.backward, f.height + 2 * rv, f.width + 2 * rh)
         return folded(spread, rv - f.margin, rh - f.margin).contiguous()
+
+
+@dataclass(frozen=True)
+class KernelRows:
+    """Rows of a kernel as weighted reads, see `add_up`.
+
+    Attributes:
+        starts: [K + 1] of each row's reads.
+        offsets: of reads, bytes from the first float of a laid-out row; weights: of reads.
+        reach: columns of the kernel, less one.
+    """
+
+    starts: NDArray[np.int64]
+    offsets: NDArray[np.int64]
+    weights: NDArray[np.float32]
+    reach: int
+
+    @staticmethod
+    def of(kernel: Array, length: int) -> KernelRows:
+        """Of each row the longest run of equal taps is two reads of sums, and the others are a read each.
+
+        Args:
+            length: px of a laid-out row.
+        """
+        starts: list[int] = [0]
+        reads: list[tuple[int, float]] = []
+        for row in kernel:
+            begin, end = _longest_run(row)
+            if end - begin <= 2:
+                begin = end = 0
+            else:
+                reads += [(length + end, row[begin]), (length + begin, -row[begin])]
+            reads += [(int(i), row[i]) for i in np.flatnonzero(row) if not begin <= i < end]
+            starts.append(len(reads))
+        offsets, weights = zip(*reads, strict=True)
+        whole = np.array(starts, np.int64), 4 * np.array(offsets, np.int64)
+        return KernelRows(*whole, np.array(weights, np.float32), kernel.shape[1] - 1)
+
+
+def has_runs(kernel: Array) -> bool:
+    """Whether runs save half of a kernel's taps."""
+    return 4 * len(KernelRows.of(kernel, 0).weights) <= 3 * np.count_nonzero(kernel)
+
+
+def _longest_run(row: Array) -> tuple[int, int]:
+    """Begin and end of the longest stretch of equal taps that are not zero."""
+    ends = np.flatnonzero(np.diff(row, append=np.nan) != 0) + 1
+    begins = np.concatenate([[0], ends[:-1]])
+    lengths = np.where(row[begins] != 0, ends - begins, 0)
+    longest = int(lengths.argmax())
+    return int(begins[longest]), int(begins[longest] + lengths[longest])
+
+
+class Runs:
+    """A two-dimensional kernel whose rows hold long runs of equal taps, as a disk's; float32, at least 64 columns.
+
+    Where a frame holds nothing but zeros, as one of what lies at some depth does nearly everywhere, nothing is done.
+    """
+
+    name = "runs"
+
+    def __init__(self, kernel: Array, frame: Frame) -> None:
+        self.frame = frame
+        self.radius = kernel.shape[0] // 2, kernel.shape[1] // 2
+        rh = self.radius[1]
+        self._lengths = frame.width + 2 * rh, frame.width + 4 * rh
+        self.forward = KernelRows.of(kernel[::-1, ::-1], self._lengths[0])
+        self.backward = KernelRows.of(kernel, self._lengths[1])
+
+    def apply(self, frame: Tensor) -> Tensor:
+        """The blur of a frame [C, H + 2m, W + 2m] -> [C, H, W]."""
+        return self.apply_rows(frame, range(self.frame.height))
+
+    def apply_rows(self, frame: Tensor, rows: range) -> Tensor:
+        """[C, R, W] some rows of `apply(frame)`, in little more than their share of its time."""
+        f, (rv, rh) = self.frame, self.radius
+        larger = f.height + 2 * rv, self._lengths[0]
+        shift = rv - f.margin, rh - f.margin
+        wanted = np.ones((len(rows), -(-f.width // BLOCK)), np.uint8)
+        return _added(frame, (shift, True, larger), self.forward, rows, f.width, wanted)
+
+    def adjoint(self, photo: Tensor) -> Tensor:
+        """Its transpose, [C, H, W] -> [C, H + 2m, W + 2m]."""
+        f = self.frame
+        return self.adjoint_at(photo, torch.ones(f.rendered, dtype=torch.bool))
+
+    def adjoint_at(self, photo: Tensor, wanted: Tensor) -> Tensor:
+        """The transpose where `wanted` [H + 2m, W + 2m] is true; elsewhere it may be anything."""
+        f, (rv, rh) = self.frame, self.radius
+        larger = f.height + 4 * rv, self._lengths[1]
+        rows, width = range(f.height + 2 * rv), f.width + 2 * rh
+        shift = 2 * rv, 2 * rh
+        spread = _added(photo, (shift, False, larger), self.backward, rows, width, self._blocks(wanted))
+        return folded(spread, rv - f.margin, rh - f.margin).contiguous()
+
+    def _blocks(self, wanted: Tensor) -> NDArray[np.uint8]:
+        """[H + 2r, blocks] which of the larger frame, that beyond the margin folds back, are wanted."""
+        rv, rh = (r - self.frame.margin for r in self.radius)
+        there = wanted.numpy()
+        rows = np.clip(np.arange(-rv, there.shape[0] + rv), 0, there.shape[0] - 1)
+        width = there.shape[1] + 2 * rh
+        count = -(-width // BLOCK)
+        lefts = np.minimum(np.arange(count) * BLOCK, width - BLOCK)
+        found = np.zeros((there.shape[0], count), np.uint8)
+        for block, left in enumerate(lefts):
+            first, last = (min(max(x - rh, 0), there.shape[1] - 1) for x in (left, left + BLOCK - 1))
+            found[:, block] = there[:, first : last + 1].any(axis=1)
+        return found[rows]
+
+
+def _added(
+    source: Tensor,
+    layout: tuple[tuple[int, int], bool, tuple[int, int]],
+    kernel: KernelRows,
+    rows: range,
+    width: int,
+    wanted: NDArray[np.uint8],
+) -> Tensor:
+    """[C, R, width] `add_up` of a source; layout: shift, whether its edge is repeated, and size of what is laid out."""
+    shift, repeats, (height, length) = layout
+    channels = source.shape[0]
+    lines = np.empty((channels, height, 2 * length + 1), np.float32)
+    filled = np.empty((channels, height, -(-length // CELL) + 1), np.int32)
+    run(lay_out, channels * height, _numpy(source), shift, repeats, lines, filled, grain=_ROWS)
+    out = torch.empty((channels, len(rows), width))
+    tables = np.empty((channels * len(rows), 2, len(kernel.starts) - 1), np.int64)
+    taps = kernel.starts, kernel.offsets, kernel.weights
+    arguments = (lines, filled, kernel.reach, taps, (rows.start, rows.step), wanted, tables, out.numpy())
+    run(add_up, channels * len(rows), *arguments, grain=4)
+    return out

@@ -13,14 +13,14 @@ from torch import Tensor
 from ..compiled import threads
 from ..devices import backend_on
 from ..errors import PsfError
-from ..frames import Evaluation, Frame, RowEvaluation
+from ..frames import Evaluation, Frame, PartialAdjoint, RowEvaluation
 from ..numbers import number
 from .choices import choice
 from .evaluations import candidates
 from .psf import PointSpread
 
 #: What an evaluation may be asked for by.
-EVALUATIONS = ("auto", "direct", "separable", "fourier", "reduced")
+EVALUATIONS = ("auto", "direct", "separable", "fourier", "reduced", "runs")
 
 
 @dataclass(frozen=True)
@@ -53,8 +53,8 @@ class BlurOperator:
         margin: px that the rendered frame is larger on each side; beyond it the frame's edge is
             repeated. A margin of `psf.radius` makes borders exact.
         dtype: float32 or float64, of every tensor that comes in.
-        evaluation: 'auto' takes the one that measured fastest, once per machine (see `choices`), so that
-            the same job takes the same one every time; a name forces one.
+        evaluation: 'auto' takes 'runs' where the kernel has them, else the one that measured fastest, once per
+            machine (see `choices`), so that the same job takes the same one every time; a name forces one.
 
     Raises:
         PsfError: the PSF is wider than the photo, or the forced evaluation does not fit it.
@@ -96,7 +96,7 @@ class BlurOperator:
 
     @property
     def evaluation(self) -> str:
-        """How it is computed: 'identity', 'direct', 'separable', 'fourier' or 'reduced'."""
+        """How it is computed: 'identity', 'direct', 'separable', 'fourier', 'reduced' or 'runs'."""
         return "identity" if self._evaluation is None else self._evaluation.name
 
     def apply(self, frame: Tensor) -> Tensor:
@@ -122,6 +122,13 @@ class BlurOperator:
         m = self.frame.margin
         return photo if m == 0 else torch.nn.functional.pad(photo, (m, m, m, m))
 
+    def adjoint_at(self, photo: Tensor, wanted: Tensor) -> Tensor:
+        """`adjoint` where `wanted` [H + 2m, W + 2m] is true, sooner where that can be; elsewhere it may be anything."""
+        if not isinstance(self._evaluation, PartialAdjoint):
+            return self.adjoint(photo)
+        self._check(photo, (self.frame.height, self.frame.width))
+        return self._evaluation.adjoint_at(photo.detach(), wanted)
+
     def __call__(self, frame: Tensor) -> Tensor:
         """`apply` with gradients; the very same tensor where there is neither PSF nor margin."""
         if self._evaluation is None:
@@ -135,6 +142,8 @@ class BlurOperator:
 
     def _measured(self, found: dict[str, Evaluation], device: torch.device, dtype: torch.dtype) -> str:
         assert self.psf is not None
+        if "runs" in found:  # about as fast as any on a full frame, and by far the fastest on one that is nearly empty
+            return "runs"
         wide = min(self.psf.sigma_x, self.psf.sigma_y) >= CHOICE.wide
         offered = {name: found[name] for name in found if name != "reduced" or wide}
 

@@ -162,6 +162,19 @@ def layer_gathered(back: Tensor, light: Tensor, variance: Tensor, tent: Tent, gr
     gradients[1].add_(steepness * (torch.minimum(rising, falling) >= 0) * share)
 
 
+def layer_returned(
+    together: Tensor, seen: Tensor | None, behind: tuple[Tensor, Tensor] | None, hides: Tensor
+) -> Tensor:
+    """What comes back to a level that hides others, in plain torch; see `Backend`."""
+    came = together.clone() if seen is None else seen * together
+    if behind is not None:
+        planes, part = behind
+        hides.add_((together * planes).sum(dim=0) * (part > 0))
+        came[-1] -= hides
+    came[-1].neg_()
+    return came
+
+
 def tent_of(variances: Sequence[float], k: int) -> Tent:
     """r0, r1, f0, f1 of a level's weight max(0, min(r0 + r1 v, f0 + f1 v))."""
     r1 = 1.0 / (variances[k] - variances[k - 1]) if k > 0 else 0.0

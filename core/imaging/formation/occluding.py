@@ -24,11 +24,11 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from ...devices import backend_on
+from ...devices import Tent, backend_on
 from ...numbers import BY_DEFINITION, number
 from ..operator import BlurOperator
 from ..psf import PointSpread
-from .layered import LADDER, LAYERED, LadderBlur, tent_of
+from .layered import LADDER, LAYERED, LadderBlur, layer_returned, tent_of
 
 #: What a point of light becomes: the image of a lens's round hole, or a Gaussian.
 Shape = Literal["disk", "gaussian"]
@@ -52,6 +52,7 @@ class OccludingSettings:
         " 40.4 and 40.7 dB, 1.2 (and hiding from the third on) 40.8, this 40.8",
     )
     finer_rungs: int = number(18, "count", "of that ladder, up to 22 px; only those that a frame needs cost anything")
+    rounded: float = number(1e-5, "share", "a px's weight in a level that is zero but for rounding", BY_DEFINITION)
     least: float = number(1e-4, "share", "of a px that must be covered by something, or it keeps its own light")
 
 
@@ -190,19 +191,28 @@ class OccludingBlur(LadderBlur):
         torch.sum(together[:-1] * out, dim=0, out=together[-1])
         together[-1].neg_()
         gradient, in_signed = torch.zeros_like(light), torch.zeros_like(light[0])
-        hides: Tensor | None = None  # gradient in what the levels behind are covered by
-        for k, ((rung, tent), part) in enumerate(zip(self._levels, self._seen, strict=True)):
-            came = together.clone() if part is None else part * together
-            if k >= self._hides:
-                back = self._seen[k - self._hides]
-                assert back is not None
-                mine = (together * self._planes[k - self._hides]).sum(dim=0) * (back > 0)
-                hides = mine if hides is None else hides + mine
-                came[-1] -= hides
-            came = came if rung == 0 else self._rung(rung).adjoint(came)
-            came[-1].neg_()  # (what gathers takes the norm's share with the other sign)
+        hides = torch.zeros_like(light[0])  # gradient in what the levels behind are covered by
+        for k, (rung, tent) in enumerate(self._levels):
+            came = self._returned(k, together, hides)
+            came = came if rung == 0 else self._rung(rung).adjoint_at(came, self._in_level(tent))
             self._gathered(came, light, gradient, in_signed, tent)
         return gradient, 2.0 * self._width.abs() * in_signed * self._free
+
+    def _returned(self, k: int, together: Tensor, hides: Tensor) -> Tensor:
+        """What comes back to a level before its blur; see `Backend.layer_returned`."""
+        behind = None
+        if k >= self._hides:
+            part = self._seen[k - self._hides]
+            assert part is not None
+            behind = self._planes[k - self._hides], part
+        back = backend_on(together.device).layer_returned if together.dtype == torch.float32 else layer_returned
+        return back(together, self._seen[k], behind, hides)
+
+    def _in_level(self, tent: Tent) -> Tensor:
+        """[h, w] where the light or the width of a px matters to a level."""
+        r0, r1, f0, f1 = tent
+        weight = torch.minimum(r0 + r1 * self._place, f0 + f1 * self._place)
+        return (weight > OCCLUDING.rounded) | ((weight > -OCCLUDING.rounded) & self._free)
 
     def _rung(self, rung: int) -> BlurOperator:
         v = self._place
