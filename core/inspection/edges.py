@@ -129,9 +129,7 @@ def find_edges(
     noise = noise / by
     width = math.sqrt(sigma**2 + (by * by - 1) / 12.0) / by
     radius = max(SETTINGS.radius * width, 3.2)
-    rows, columns, angles = _candidates(
-        small, width, max(SETTINGS.minimum_contrast * noise, SETTINGS.minimum_height), math.ceil(radius) + 1
-    )
+    rows, columns, angles = _candidates(small, width, _least_height(noise), math.ceil(radius) + 1)
     if clipped is not None and len(rows):
         near = ndimage.maximum_filter(averaged(clipped.astype(np.float32), by), 2 * math.floor(radius) + 1)
         free = near[rows, columns] == 0
@@ -140,38 +138,79 @@ def find_edges(
     fitted = np.full((len(rows), 9), np.nan)
     if len(rows):
         run(fit_steps, len(rows), small, rows, columns, angles, width, radius, fitted, grain=32)
-    size, height, place, direction, curve, left, share, across, along = fitted.T
-    full = np.abs(height)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        slope = across * size / height
-        ok = (
-            (np.abs(place) < width)
-            & (full > max(SETTINGS.minimum_contrast * noise, SETTINGS.minimum_height))
-            & (np.abs(curve) * size < SETTINGS.maximum_curvature)
+    steps = _Steps(*fitted.T)
+    ok = steps.alone(width, noise)
+    return steps.chosen(ok).edges(photo, rows[ok], columns[ok], noise, by)
+
+
+def _least_height(noise: float) -> float:
+    return max(SETTINGS.minimum_contrast * noise, SETTINGS.minimum_height)
+
+
+@dataclass(frozen=True)
+class _Steps:
+    """What `fit_steps` finds of pieces, [N] each: lengths in px of the averaged picture, angles in radians.
+
+    Attributes:
+        size: width of the step; height, place, direction, curve: of it; left: rms that the fit leaves over.
+        share: of what is left over in the width; across, along: slope beside the step.
+    """
+
+    size: Array
+    height: Array
+    place: Array
+    direction: Array
+    curve: Array
+    left: Array
+    share: Array
+    across: Array
+    along: Array
+
+    @property
+    def full(self) -> Array:
+        """[N] height without its sign."""
+        return np.abs(self.height)
+
+    @property
+    def slope(self) -> Array:
+        """[N] across the step, heights per width."""
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return self.across * self.size / self.height
+
+    def chosen(self, which: NDArray[np.bool_]) -> _Steps:
+        return _Steps(*(getattr(self, f.name)[which] for f in fields(self)))
+
+    def alone(self, width: float, noise: float) -> NDArray[np.bool_]:
+        """[N] where the step is all there is in its piece."""
+        full = self.full
+        with np.errstate(invalid="ignore", divide="ignore"):
+            ok = (
+                (np.abs(self.place) < width)
+                & (full > _least_height(noise))
+                & (np.abs(self.curve) * self.size < SETTINGS.maximum_curvature)
+            )
+            ok &= np.abs(self.slope) < SETTINGS.maximum_slope
+            ok &= np.abs(self.along) * self.size < SETTINGS.maximum_slope * full
+            return ok & (self.left < np.hypot(SETTINGS.maximum_rest * full, 1.5 * noise))
+
+    def edges(self, photo: int, rows: NDArray[np.int64], columns: NDArray[np.int64], noise: float, by: int) -> Edges:
+        """The same as edges of the picture, of which `by` px to a side were averaged."""
+        bent = np.square(self.curve * self.size)
+        true = (
+            self.size
+            * (1.0 - SETTINGS.arc_widening * bent / (1.0 + SETTINGS.arc_saturation * bent))
+            * np.exp(SETTINGS.slope_correction * self.slope)
         )
-        ok &= (np.abs(slope) < SETTINGS.maximum_slope) & (np.abs(along) * size < SETTINGS.maximum_slope * full)
-        ok &= left < np.hypot(SETTINGS.maximum_rest * full, 1.5 * noise)
-    size, full, direction, curve, left, share, slope, rows, columns = (
-        v[ok] for v in (size, full, direction, curve, left, share, slope, rows, columns)
-    )
-    bent = np.square(curve * size)
-    true = (
-        size
-        * (1.0 - SETTINGS.arc_widening * bent / (1.0 + SETTINGS.arc_saturation * bent))
-        * np.exp(SETTINGS.slope_correction * slope)
-    )
-    variance = np.square(true * by) - (by * by - 1) / 12.0
-    error = 2 * size * share * np.maximum(left, noise) * by * by
-    return Edges(
-        np.full(len(size), photo),
-        (columns + 0.5) * by,
-        (rows + 0.5) * by,
-        direction,
-        variance,
-        error,
-        left / full,
-        full,
-    )
+        return Edges(
+            np.full(len(bent), photo),
+            (columns + 0.5) * by,
+            (rows + 0.5) * by,
+            self.direction,
+            np.square(true * by) - (by * by - 1) / 12.0,
+            2 * self.size * self.share * np.maximum(self.left, noise) * by * by,
+            self.left / self.full,
+            self.full,
+        )
 
 
 def averaged(values: NDArray[np.float32], by: int) -> NDArray[np.float32]:

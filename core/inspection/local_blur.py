@@ -8,6 +8,7 @@ the optics do over the frame goes with r^2. Both are fitted together, as the mid
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -110,44 +111,14 @@ def fit_local_blur(tiles: Tiles, height: int, width: int) -> LocalBlur | None:
     use = with_depth if by_depth else np.ones(len(r2), bool)
     if use.sum() < SETTINGS.fewest_tiles:
         return None
-    v, r2 = tiles.variance[use], r2[use]
-    q = 1.0 / tiles.depth[use] if by_depth else np.zeros(len(v))
-    low, high = np.quantile(q, [0.05, 0.95])
-    middle, off_axis = (low + high) / 2, r2 - float(np.median(r2))
-    grid = np.linspace(low, high, 50)
-    random = np.random.default_rng(0)
-    # Tiles at one place of neighbouring photos show the same thing: whole places are drawn, not tiles.
-    place = np.round(tiles.x[use] / 8).astype(int) * 1000 + np.round(tiles.y[use] / 8).astype(int)
-    groups = np.unique(place)
-    members = [np.flatnonzero(place == g) for g in groups]
-
-    def solve(rows: NDArray[np.int64]) -> Array:
-        """Parabola in q and slope in r^2 by turns, each through medians of bins."""
-        vr, qr, rr = v[rows], q[rows] - middle, off_axis[rows]
-        slope, parabola = 0.0, np.zeros(3)
-        for _ in range(3):
-            if by_depth:
-                x, y, sd = _binned(qr, vr - slope * rr)
-                parabola = _polynomial(x, y, sd, 2)
-            else:
-                parabola = np.array([np.median(vr - slope * rr), 0.0, 0.0])
-            x, y, sd = _binned(rr, vr - np.polyval(parabola[::-1], qr))
-            slope = float(_polynomial(x, y, sd, 1)[1])
-        return np.array([*parabola, slope])
-
-    def curve(solution: Array) -> Array:
-        return np.asarray(np.polyval(solution[2::-1], grid - middle))
-
-    best = solve(np.arange(len(v)))
-    draws = [
-        solve(np.concatenate([members[g] for g in random.integers(0, len(groups), len(groups))]))
-        for _ in range(SETTINGS.draws)
-    ]
-    fitted = curve(best)
+    fit = _JointFit.of(tiles.variance[use], r2[use], tiles.depth[use] if by_depth else None)
+    best = fit.solve(np.arange(len(fit.variance)))
+    draws = [fit.solve(rows) for rows in _drawn(tiles.x[use], tiles.y[use])]
+    fitted = fit.curve(best)
     lift = max(float(np.ptp(fitted)), 0.0) if by_depth else 0.0
     # The range of a noisy curve is larger than that of the true one: what noise alone gives is taken off.
-    ranges = np.array([float(np.ptp(curve(d))) for d in draws])
-    noise = float(np.mean([np.ptp(curve(d) - fitted) for d in draws]))
+    ranges = np.array([float(np.ptp(fit.curve(d))) for d in draws])
+    noise = float(np.mean([np.ptp(fit.curve(d) - fitted) for d in draws]))
     lift_error = float(ranges.std())
     clean = max(lift - noise, 0.0)
     defocus = float(np.sqrt(clean))
@@ -160,9 +131,62 @@ def fit_local_blur(tiles: Tiles, height: int, width: int) -> LocalBlur | None:
         float(best[-1]),
         float(np.std([d[-1] for d in draws])),
         tiles.depth[use] if by_depth else np.zeros(0),
-        v,
-        np.stack([1.0 / grid, fitted]) if by_depth else np.zeros((2, 0)),
+        fit.variance,
+        np.stack([1.0 / fit.grid, fitted]) if by_depth else np.zeros((2, 0)),
     )
+
+
+@dataclass(frozen=True)
+class _JointFit:
+    """Variance as a parabola in 1 / depth and a line in r^2, [N] tiles.
+
+    Attributes:
+        off_focus, off_axis: 1 / depth and r^2 from their middles; grid: [50] of 1 / depth; middle: of that.
+    """
+
+    variance: Array
+    off_focus: Array
+    off_axis: Array
+    grid: Array
+    middle: float
+    by_depth: bool
+
+    @staticmethod
+    def of(variance: Array, r2: Array, depth: Array | None) -> _JointFit:
+        """Of tiles, whose depth is left out where it is None."""
+        q = np.zeros(len(variance)) if depth is None else 1.0 / depth
+        low, high = np.quantile(q, [0.05, 0.95])
+        middle = (low + high) / 2
+        off_axis = r2 - float(np.median(r2))
+        return _JointFit(variance, q - middle, off_axis, np.linspace(low, high, 50), middle, depth is not None)
+
+    def solve(self, rows: NDArray[np.int64]) -> Array:
+        """[4] parabola and slope, of some tiles, by turns, each through medians of bins."""
+        v, q, r = self.variance[rows], self.off_focus[rows], self.off_axis[rows]
+        slope, parabola = 0.0, np.zeros(3)
+        for _ in range(3):
+            if self.by_depth:
+                x, y, sd = _binned(q, v - slope * r)
+                parabola = _polynomial(x, y, sd, 2)
+            else:
+                parabola = np.array([np.median(v - slope * r), 0.0, 0.0])
+            x, y, sd = _binned(r, v - np.polyval(parabola[::-1], q))
+            slope = float(_polynomial(x, y, sd, 1)[1])
+        return np.array([*parabola, slope])
+
+    def curve(self, solution: Array) -> Array:
+        """[50] variance on the grid."""
+        return np.asarray(np.polyval(solution[2::-1], self.grid - self.middle))
+
+
+def _drawn(x: Array, y: Array) -> Iterator[NDArray[np.int64]]:
+    """Rows of tiles, drawn often: whole places, as tiles at one place of neighbouring photos show the same."""
+    random = np.random.default_rng(0)
+    place = np.round(x / 8).astype(int) * 1000 + np.round(y / 8).astype(int)
+    groups = np.unique(place)
+    members = [np.flatnonzero(place == g) for g in groups]
+    for _ in range(SETTINGS.draws):
+        yield np.concatenate([members[g] for g in random.integers(0, len(groups), len(groups))])
 
 
 def _binned(x: Array, y: Array) -> tuple[Array, Array, Array]:

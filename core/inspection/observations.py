@@ -108,12 +108,7 @@ def observe_points(
     if len(positions) > SETTINGS.most_points:
         positions = positions[np.sort(random.choice(len(positions), SETTINGS.most_points, replace=False))]
     moved = np.array([paths.get(photo.name, (0.0, 0.0)) for photo in used])
-    # Of the blur, what motion adds on average is each photo's own; windows are wide enough to leave it room.
-    motion = float(np.median(moved[:, 0] ** 2)) / 24.0
-    blur = math.sqrt(max(blur**2 - motion, 0.09)) if motion else blur
-    long = float(np.quantile(moved[:, 0], 0.9))
-    for_paths = math.sqrt(blur**2 + SETTINGS.path_room * long**2 / 12.0)
-    widest = max(SETTINGS.window, SETTINGS.blur_windows * blur, for_paths)
+    blur, widest = _window(blur, moved[:, 0])
     pixels, depths = _projected(used, cameras, positions, SETTINGS.border * widest)
     steps = _steps(depths, blur, widest)
     patches = np.full((*depths.shape, (2 * _HALF + 1) ** 2), np.nan, np.float32)
@@ -124,7 +119,6 @@ def observe_points(
     point, photo = np.nonzero(seen)
     if len(point) < SETTINGS.fewest_observations:
         return None
-    centres = np.stack([cameras.poses[p.name].centre for p in used])
     light, valid = _colours(used, pixels, steps, seen, moved)
     light, point, photo = light[valid], point[valid], photo[valid]
     counts = np.bincount(point, minlength=len(positions))
@@ -132,24 +126,36 @@ def observe_points(
     light, point, photo = light[keep], point[keep], photo[keep]
     if len(point) < SETTINGS.fewest_observations:
         return None
+    centres = np.stack([cameras.poses[p.name].centre for p in used])
     away = centres[photo] - positions[point]
-    at = pixels[point, photo]
+    at, depth = pixels[point, photo], depths[point, photo]
     size = np.array([p.size for p in used], float)[photo]
-    depth = depths[point, photo]
-    way = np.linalg.norm(away, axis=1)
+    way, middle = np.linalg.norm(away, axis=1), float(np.median(depth))
     return PointObservations(
         point,
         photo,
         light,
-        depth / float(np.median(depth)),
-        way / float(np.median(depth)),
+        depth / middle,
+        way / middle,
         np.linalg.norm(at - size / 2, axis=1) / (np.linalg.norm(size, axis=1) / 2),
         away / way[:, None],
         at,
         _blocks(positions, random)[point],
         tuple(p.name for p in used),
-        float(np.median(depth)),
+        middle,
     )
+
+
+def _window(blur: float, paths: Array) -> tuple[float, float]:
+    """The blur that photos share, px, and the widest half side of a window of colours, given lengths of paths [V].
+
+    Of the blur, what motion adds on average is each photo's own; windows are wide enough to leave it room.
+    """
+    motion = float(np.median(paths**2)) / 24.0
+    blur = math.sqrt(max(blur**2 - motion, 0.09)) if motion else blur
+    long = float(np.quantile(paths, 0.9))
+    for_paths = math.sqrt(blur**2 + SETTINGS.path_room * long**2 / 12.0)
+    return blur, max(SETTINGS.window, SETTINGS.blur_windows * blur, for_paths)
 
 
 def _projected(

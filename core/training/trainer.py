@@ -112,23 +112,7 @@ class Trainer:
         self.ranks = ALONE
         self.together = photos_of_one_side(views, points)  # they average noise; copies average none
         self.scale: SceneScale = scene_scale([v.camera for v in views], points)
-        sigma = max(settings.deconvolved_sigma, medium.mean_sigma([view.name for view in views]))
-        if formation.glass is not None:
-            camera = views[0].camera
-            sigma = formation.glass.sigma(self.scale.size, math.hypot(camera.width, camera.height))
-        settings = smoothed_for(settings, sigma, self.together)
-        settings = replace(
-            settings,
-            variation_weight=settings.variation_weight * smoothness(self.together),
-            speck_weight=settings.speck_weight * smoothness(self.together),
-            start_share=settings.start_share * start_share(self.together),
-        )
-        if formation.motion is not None:
-            settings = replace(settings, coarse_share=max(settings.coarse_share, PATHS.coarse_share))
-        if formation.learns_focus:
-            settings = replace(settings, coarse_share=max(settings.coarse_share, FOCUS.coarse_share))
-        if formation.kernels is not None:
-            settings = replace(settings, coarse_share=max(settings.coarse_share, KERNELS.coarse_share))
+        settings = self._settings_for(settings, medium, formation, views)
         self.settings, self.medium, self._begun = settings, medium, formation
         name = "cpu" if settings.device == "auto" else settings.device
         backend_on(name).check()  # (before torch, whose message names devices of its own)
@@ -169,6 +153,25 @@ class Trainer:
         self.culled: dict[str, int] = {}
         self.asked = {"photos": 0, "unneeded": 0}  # how often all photos were asked, and what went since none needed it
         self._origin: dict[str, Any] | None = None
+
+    def _settings_for(
+        self, settings: TrainingSettings, medium: Medium, formation: Formation, views: Sequence[View]
+    ) -> TrainingSettings:
+        """The settings as these photos, their blur and what is learned of them ask for."""
+        sigma = max(settings.deconvolved_sigma, medium.mean_sigma([view.name for view in views]))
+        if formation.glass is not None:
+            camera = views[0].camera
+            sigma = formation.glass.sigma(self.scale.size, math.hypot(camera.width, camera.height))
+        settings = smoothed_for(settings, sigma, self.together)
+        learned = (formation.motion, PATHS), (formation.focus, FOCUS), (formation.kernels, KERNELS)
+        coarse = [numbers.coarse_share for effect, numbers in learned if effect is not None]
+        return replace(
+            settings,
+            variation_weight=settings.variation_weight * smoothness(self.together),
+            speck_weight=settings.speck_weight * smoothness(self.together),
+            start_share=settings.start_share * start_share(self.together),
+            coarse_share=max([settings.coarse_share, *coarse]),
+        )
 
     def join(self, ranks: Ranks) -> None:
         """Trains together with other processes from now on, from rank 0's Gaussians.
