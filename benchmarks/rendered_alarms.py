@@ -101,7 +101,7 @@ def decided(sharp: SharpSet, folder: Path) -> dict[str, Any]:
     report = json.loads((twin / "report.json").read_text())
     effects = report["effects"]
     return {
-        "cameras": "given" if sharp.given else f"{report['cameras']['registered']} of {report['photos']['used']}",
+        "cameras": "given" if sharp.given else f"found: {report['photos']['registered']}",
         "called": [e["name"] for e in effects if e["evidence"] and e["evidence"]["needed"]],
         "simulated": [e["name"] for e in effects if e["on"]],
         "trials": {e["name"]: [e["gain_db"], e["gain_error_db"]] for e in effects if e["gain_db"] is not None},
