@@ -113,8 +113,10 @@ def kept(sharp: SharpSet) -> dict[str, Any]:
     """The set's row, of this engine."""
     folder = SETS / sharp.name
     file = folder.with_suffix(".json")
-    if file.is_file() and (row := json.loads(file.read_text()))["engine"] == engine():
-        return dict(row)
+    if file.is_file():
+        row = json.loads(file.read_text())
+        if row["engine"] == engine() and "failed" not in row:
+            return dict(row)
     row = {"engine": engine(), **decided(sharp, folder)}
     file.parent.mkdir(parents=True, exist_ok=True)
     file.write_text(json.dumps(row, indent=1) + "\n")
