@@ -16,7 +16,7 @@ from ..compiled import Task, run, run_all
 from ..devices import AdamStep, Tent
 from ..frames import Evaluation, Frame
 from ..gaussians import Gaussians
-from ..imaging.compiled_blurs import Direct, Runs, Separable, has_runs
+from ..imaging.compiled_blurs import Direct, Runs, Separable, reads_by_runs
 from ..imaging.formation.layered_kernels import gathered, returned, returned_through, weighed
 from ..imaging.run_kernels import BLOCK
 from ..numbers import number
@@ -37,6 +37,12 @@ class CpuSettings:
 
     direct_taps: int = number(
         31 * 31, "count", "a kernel with more is not evaluated tap by tap: Fourier transforms are faster by far"
+    )
+    reads: float = number(
+        0.75,
+        "share of a kernel's taps",
+        "that reads by runs may be at most: with more, as of a disk of 11 px and less, single taps take as long",
+        "disks of 3 to 55 px, random frames of 812 x 552 px",
     )
     rows: int = number(16, "rows of one channel", "that are worth a call to a thread")
     rows_of_all: int = number(48, "rows of all three channels", "that are worth a call to a thread")
@@ -76,7 +82,7 @@ class CpuBackend(ReferenceBackend):
             found["direct"] = Direct(kernel, frame, dtype)
         if taps is not None:
             found["separable"] = Separable(*taps, frame, dtype)
-        elif dtype == torch.float32 and frame.width >= BLOCK and has_runs(kernel):
+        elif dtype == torch.float32 and frame.width >= BLOCK and reads_by_runs(kernel) <= CPU.reads:
             found["runs"] = Runs(kernel, frame)
         return found
 

@@ -148,9 +148,9 @@ class KernelRows:
         return KernelRows(*whole, np.array(weights, np.float32), kernel.shape[1] - 1)
 
 
-def has_runs(kernel: Array) -> bool:
-    """Whether runs save half of a kernel's taps."""
-    return 4 * len(KernelRows.of(kernel, 0).weights) <= 3 * np.count_nonzero(kernel)
+def reads_by_runs(kernel: Array) -> float:
+    """Reads that a kernel takes by runs, as a share of its taps."""
+    return len(KernelRows.of(kernel, 0).weights) / int(np.count_nonzero(kernel))
 
 
 def _longest_run(row: Array) -> tuple[int, int]:

@@ -122,6 +122,11 @@ class BlurOperator:
         m = self.frame.margin
         return photo if m == 0 else torch.nn.functional.pad(photo, (m, m, m, m))
 
+    @property
+    def partial(self) -> bool:
+        """Whether `adjoint_at` costs less than `adjoint`."""
+        return isinstance(self._evaluation, PartialAdjoint)
+
     def adjoint_at(self, photo: Tensor, wanted: Tensor) -> Tensor:
         """`adjoint` where `wanted` [H + 2m, W + 2m] is true, sooner where that can be; elsewhere it may be anything."""
         if not isinstance(self._evaluation, PartialAdjoint):

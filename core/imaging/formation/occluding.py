@@ -194,7 +194,9 @@ class OccludingBlur(LadderBlur):
         hides = torch.zeros_like(light[0])  # gradient in what the levels behind are covered by
         for k, (rung, tent) in enumerate(self._levels):
             came = self._returned(k, together, hides)
-            came = came if rung == 0 else self._rung(rung).adjoint_at(came, self._in_level(tent))
+            if rung > 0:
+                blur = self._rung(rung)
+                came = blur.adjoint_at(came, self._in_level(tent)) if blur.partial else blur.adjoint(came)
             self._gathered(came, light, gradient, in_signed, tent)
         return gradient, 2.0 * self._width.abs() * in_signed * self._free
 

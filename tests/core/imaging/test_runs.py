@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 from dgs.core.frames import Frame
-from dgs.core.imaging.compiled_blurs import KernelRows, Runs, has_runs
+from dgs.core.imaging.compiled_blurs import KernelRows, Runs, reads_by_runs
 from dgs.core.imaging.evaluations import Fourier, candidates
 from dgs.core.imaging.formation.occluding import OccludingBlur, disk
 from dgs.core.imaging.operator import BlurOperator
@@ -80,7 +80,8 @@ def test_reads_of_a_row():
 
 def test_only_kernels_with_runs_are_summed_by_runs():
     noise = np.random.default_rng(0).uniform(0.5, 1.0, (15, 15))
-    assert has_runs(disk(4.0)) and not has_runs(noise / noise.sum()) and not has_runs(np.ones((1, 1)))
+    assert reads_by_runs(disk(4.0)) < 0.5
+    assert reads_by_runs(noise / noise.sum()) == 1.0 == reads_by_runs(np.ones((1, 1)))
     for kernel, width, dtype, there in (
         (disk(4.0), 64, torch.float32, True),
         (disk(4.0), 63, torch.float32, False),
