@@ -48,6 +48,8 @@ class AdamStep:
         leading: values of each Gaussian that `rate` is for; all if None.
         correction: 1 / sqrt of the second moment's bias correction.
         betas: decay of the moments; epsilon: added to the denominator.
+        refused: [1] int32 on the same device, added to: gradients that were not finite, and moved nothing. It is a
+            tensor, so that nobody has to wait for a card to know it.
     """
 
     values: Tensor
@@ -60,6 +62,7 @@ class AdamStep:
     correction: float
     betas: tuple[float, float]
     epsilon: float
+    refused: Tensor
 
 
 class Backend(Protocol):
@@ -67,9 +70,11 @@ class Backend(Protocol):
 
     Attributes:
         one_width: evaluation of a symmetric blur that suits frames of one size ('separable' or 'fourier').
+        photo_bytes: photos of a set that may stay on the device from step to step; 0 where they are brought each time.
     """
 
     one_width: str
+    photo_bytes: int
 
     def check(self) -> None:
         """Raises DeviceError, with the way out, where the back end cannot work on this machine."""
@@ -77,6 +82,10 @@ class Backend(Protocol):
 
     def synchronize(self) -> None:
         """Waits until everything asked for so far is done (for measuring times)."""
+        ...
+
+    def settled(self, tensor: Tensor) -> Tensor:
+        """A tensor of the computer's memory on this device, brought there at once: it will be used again."""
         ...
 
     def render(
@@ -121,8 +130,8 @@ class Backend(Protocol):
         """See `core.training.specks`."""
         ...
 
-    def adam(self, steps: Sequence[AdamStep]) -> list[int]:
-        """Makes the steps; for each how many gradients were not finite, and moved nothing."""
+    def adam(self, steps: Sequence[AdamStep]) -> None:
+        """Makes the steps."""
         ...
 
     def layer_weighed(self, light: Tensor, variance: Tensor, tent: Tent) -> Tensor:

@@ -116,11 +116,12 @@ class CpuBackend(ReferenceBackend):
         run(negative_divergence, 3 * height, horizontal, vertical, out, grain=CPU.rows_of_all)
         return torch.from_numpy(out)
 
-    def adam(self, steps: Sequence[AdamStep]) -> list[int]:
+    def adam(self, steps: Sequence[AdamStep]) -> None:
         """See `Backend`."""
         tasks = [_adam_task(step) for step in steps]
         run_all(tasks)
-        return [int(arguments[-1].sum()) for _, _, arguments in tasks]
+        for step, (_, _, arguments) in zip(steps, tasks, strict=True):
+            step.refused += int(arguments[-1].sum())
 
     def layer_weighed(self, light: Tensor, variance: Tensor, tent: Tent) -> Tensor:
         """See `Backend`."""

@@ -33,6 +33,10 @@ class CudaBackend(ReferenceBackend):
         """See `Backend`."""
         torch.cuda.synchronize()
 
+    def settled(self, tensor: Tensor) -> Tensor:
+        """See `Backend`."""
+        return tensor.cuda()
+
     def render(
         self,
         gaussians: Gaussians,

@@ -24,12 +24,17 @@ class ReferenceBackend:
     """See `core.devices.Backend`; others inherit what they have no faster way for."""
 
     one_width = "fourier"
+    photo_bytes = 0
 
     def check(self) -> None:
         """Works everywhere."""
 
     def synchronize(self) -> None:
         """Nothing is left to be waited for."""
+
+    def settled(self, tensor: Tensor) -> Tensor:
+        """See `Backend`."""
+        return tensor
 
     def render(
         self,
@@ -73,11 +78,12 @@ class ReferenceBackend:
         """See `Backend`."""
         return speck_gradient_in_torch(image)
 
-    def adam(self, steps: Sequence[AdamStep]) -> list[int]:
+    def adam(self, steps: Sequence[AdamStep]) -> None:
         """See `Backend`."""
-        return [self._step(step) for step in steps]
+        for step in steps:
+            self._step(step)
 
-    def _step(self, step: AdamStep) -> int:
+    def _step(self, step: AdamStep) -> None:
         finite = step.gradient.isfinite()
         gradient = torch.where(finite, step.gradient, 0)
         step.first.lerp_(gradient, 1 - step.betas[0])
@@ -89,7 +95,7 @@ class ReferenceBackend:
             values, moves = (t.reshape(len(t), -1) for t in (step.values, move))
             values[:, : step.leading] -= step.rate * moves[:, : step.leading]
             values[:, step.leading :] -= step.tail * moves[:, step.leading :]
-        return int((~finite).sum())
+        step.refused += (~finite).sum().to(step.refused.dtype)
 
     def layer_weighed(self, light: Tensor, variance: Tensor, tent: Tent) -> Tensor:
         """See `Backend`."""

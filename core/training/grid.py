@@ -140,6 +140,15 @@ class GridView:
         """[h, w] px that count; None where all do."""
         return None if self._valid is None else np.array(self._valid)
 
+    @property
+    def opaque(self) -> bool:
+        """Whether it is the same whatever colour lies behind it."""
+        return self._empty is None or self._background is None
+
+    def is_photo_of(self, other: GridView) -> bool:
+        """Whether both show the very same photo, whatever their cameras."""
+        return self._photo is other._photo
+
     def planes(self) -> NDArray[np.float32]:
         """The photo as [3, h, w] float32 in [0, 1], sRGB-encoded."""
         return self._photo.astype(np.float32) * np.float32(1 / 65535)
@@ -153,7 +162,7 @@ class GridView:
     def over(self, colour: Colour) -> NDArray[np.float32]:
         """`planes` with another sRGB colour in [0, 1] behind it; the same where the photo is opaque."""
         planes = self.planes()
-        if self._empty is None or self._background is None:
+        if self._empty is None or self._background is None:  # (`opaque`)
             return planes
         return over_another(self._background, planes, self._empty.astype(np.float32) * np.float32(1 / 65535), colour)
 

@@ -36,7 +36,6 @@ class Adam:
     Attributes:
         gaussians: the parameters; replaced by `keep_and_append`.
         first, second: moments by parameter name.
-        refused: non-finite gradient entries that were not followed, by parameter name.
         steps: photos that were followed.
     """
 
@@ -44,8 +43,20 @@ class Adam:
         self.gaussians = gaussians.detached().requires_grad_()
         self.first = {name: torch.zeros_like(t) for name, t in gaussians.named()}
         self.second = {name: torch.zeros_like(t) for name, t in gaussians.named()}
-        self.refused: dict[str, int] = {}
+        device = self.gaussians.means.device
+        self._refused = {name: torch.zeros(1, dtype=torch.int32, device=device) for name, _ in gaussians.named()}
         self.steps = 0
+
+    @property
+    def refused(self) -> dict[str, int]:
+        """Non-finite gradient entries that were not followed, by parameter name; without those that had none."""
+        counts = {name: int(count) for name, count in self._refused.items()}
+        return {name: count for name, count in counts.items() if count}
+
+    @refused.setter
+    def refused(self, counts: Mapping[str, int]) -> None:
+        for name, count in self._refused.items():
+            count.fill_(counts.get(name, 0))
 
     def step(self, rates: Mapping[str, float], photos: int = 1) -> None:
         """One step along the gradients, then forgets them.
@@ -59,7 +70,7 @@ class Adam:
         self.steps += photos
         first_decay, second_decay = ADAM.first_decay**photos, ADAM.second_decay**photos
         bias1, bias2 = 1 - ADAM.first_decay**self.steps, 1 - ADAM.second_decay**self.steps
-        steps: dict[str, AdamStep] = {}
+        steps = []
         for name, tensor in self.gaussians.named():
             gradient = tensor.grad
             tensor.grad = None
@@ -67,24 +78,12 @@ class Adam:
                 continue
             rate = photos * rates[name] / bias1
             tail = photos * rates["sh_rest"] / bias1 if name == "sh" else rate
-            steps[name] = AdamStep(
-                tensor.detach(),
-                gradient,
-                self.first[name],
-                self.second[name],
-                rate,
-                tail,
-                3 if name == "sh" else None,
-                bias2**-0.5,
-                (first_decay, second_decay),
-                ADAM.epsilon,
-            )
-        if not steps:
-            return
-        refused = backend_on(self.gaussians.means.device).adam(list(steps.values()))
-        for name, count in zip(steps, refused, strict=True):
-            if count:
-                self.refused[name] = self.refused.get(name, 0) + count
+            leading = 3 if name == "sh" else None
+            moments, decays = (self.first[name], self.second[name]), (first_decay, second_decay)
+            numbers = rate, tail, leading, bias2**-0.5, decays, ADAM.epsilon
+            steps.append(AdamStep(tensor.detach(), gradient, *moments, *numbers, self._refused[name]))
+        if steps:
+            backend_on(self.gaussians.means.device).adam(steps)
 
     def keep_and_append(self, keep: Tensor, new: Gaussians) -> None:
         """Keeps the Gaussians at indices `keep` [K] and appends `new`, whose moments start at zero."""

@@ -42,6 +42,7 @@ from .footprint import widened
 from .grid import GRID, GridView, grid_step
 from .guards import GUARDS, drop_non_finite, limit_sizes, out_of_range
 from .initial import first_gaussians
+from .kept_photos import KeptPhotos, OnDevice
 from .kernels import SETTINGS as KERNELS
 from .learned import LearnedEffects
 from .level import Level, round_variance
@@ -145,6 +146,7 @@ class Trainer:
         self.density = DensityControl(len(gaussians), self.device)
         placed = np.stack([-c.rotation.T @ c.translation for c in (cameras[name] for name in names)])
         self._centres = torch.from_numpy(placed.astype(np.float32)).to(self.device)
+        self._kept: tuple[Level, KeptPhotos] | None = None
         self._known = background_of(views)
         self.background = colour_behind(views).to(self.device)
         self.transparent = any(view.alpha is not None for view in views)
@@ -332,9 +334,8 @@ class Trainer:
         self._find_focus(level, share)
         backdrop = self.backdrop()
         exposed = self.model(level).expose(self._shown(share), view, backdrop)
-        valid = None if view.valid is None else torch.from_numpy(view.valid).to(self.device)
-        red, green, blue = (float(value) for value in backdrop)
-        photo = torch.from_numpy(view.over((red, green, blue))).to(self.device)
+        compared = self._photo(level, view, backdrop)
+        photo, valid = compared.planes, compared.valid
         objective = self.objective(level, view)
         asked = self.learned.asked(view, exposed, photo, share)
         wanted = photo if asked is None else asked.photo
@@ -374,6 +375,13 @@ class Trainer:
             self.density.act(self.optimizer, s.max_gaussians, np.random.default_rng([s.seed, 2, self.step]))
             self.follow_first()
         return loss
+
+    def _photo(self, level: Level, view: GridView, backdrop: torch.Tensor) -> OnDevice:
+        """A photo on the device; those of one level stay there, as far as there is room."""
+        if self._kept is None or self._kept[0] is not level:
+            self._kept = level, KeptPhotos(self.device)
+        red, green, blue = backdrop.tolist()
+        return self._kept[1].of(view, (red, green, blue))
 
     def _hold_sizes(self) -> None:
         """Nothing is finer than the photo that has it most in focus shows (`training.finest`)."""

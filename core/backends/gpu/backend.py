@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import torch
 from numpy.typing import NDArray
@@ -12,6 +13,7 @@ from ...camera import Camera
 from ...devices import AdamStep
 from ...frames import Evaluation, Frame
 from ...gaussians import Gaussians
+from ...numbers import BY_DEFINITION, number
 from ...rendering import RasterSettings, Rendered
 from ..cpu import CPU, CpuBackend
 from ..reference import ReferenceBackend
@@ -21,14 +23,30 @@ from .blurs import blurs_on_card
 from .card import card
 from .losses import photometric_on_card, specks_on_card, variation_on_card
 from .rasterizer import render_gpu
-from .tensors import register
+from .tensors import CardTensor, from_host, register
 from .through_host import ThroughHost
+
+
+@dataclass(frozen=True)
+class CardSettings:
+    """Numbers of the card's back end; they change how long it takes, and nothing else."""
+
+    photo_bytes: int = number(
+        1 << 30,
+        "bytes",
+        "of photos that stay on the card: 200 of 800 x 533 px, and a quarter of the memory of a small card",
+        BY_DEFINITION,
+    )
+
+
+CARD = CardSettings()
 
 
 class GpuBackend(ReferenceBackend):
     """See `core.devices.Backend`."""
 
     one_width = "separable"
+    photo_bytes = CARD.photo_bytes
 
     def __init__(self) -> None:
         self._host = CpuBackend()
@@ -40,6 +58,12 @@ class GpuBackend(ReferenceBackend):
     def synchronize(self) -> None:
         """See `Backend`."""
         card().wait()
+
+    def settled(self, tensor: Tensor) -> Tensor:
+        """See `Backend`."""
+        found = tensor if isinstance(tensor, CardTensor) else from_host(tensor)
+        found.held.for_card()
+        return found
 
     def render(
         self,
@@ -74,9 +98,9 @@ class GpuBackend(ReferenceBackend):
         """See `Backend`."""
         return specks_on_card(image)
 
-    def adam(self, steps: Sequence[AdamStep]) -> list[int]:
+    def adam(self, steps: Sequence[AdamStep]) -> None:
         """See `Backend`."""
-        return adam_steps(steps)
+        adam_steps(steps)
 
 
 BACKEND = GpuBackend()

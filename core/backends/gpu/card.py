@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import threading
-import weakref
 from collections import OrderedDict, deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache, wraps
+from heapq import heappop, heappush
 from typing import Any, TypeVar
 
 import numpy as np
@@ -20,12 +20,16 @@ from .shader_text import bindings, shader_text
 
 #: Places for the numbers of one order, and how many there are: the card is asked to begin when they are used up.
 _PLACE, _PLACES = 256, 256
+#: Orders after which the card begins with them: it works while the next ones are being written. Fewer would cost the
+#: computer more than they save the card.
+_TOGETHER = 16
 #: What the card's memory is for, in WebGPU's words.
 _USAGE = "STORAGE|COPY_SRC|COPY_DST"
 #: Bind groups that are kept: making one takes longer than an order.
 _GROUPS_KEPT = 2048
-#: Freed memory is kept for the next tensor of its size, up to this share of all that was ever in use.
-_SPARE = 0.5
+#: Freed memory is kept for the next tensor of its size, up to this share of the most that was ever in use: between two
+#: steps nearly all of it is free, and to ask the driver for it again takes longer than a step.
+_SPARE = 2.0
 
 Answer = TypeVar("Answer")
 
@@ -43,9 +47,13 @@ class Traffic:
 class Memory:
     """A piece of the card's memory that goes back to the card when nobody holds it."""
 
-    def __init__(self, card: Card, buffer: Any, size: int) -> None:
-        self.buffer, self.size = buffer, size
-        weakref.finalize(self, card.give_back, buffer).atexit = False
+    __slots__ = ("buffer", "size", "_card", "_number")
+
+    def __init__(self, card: Card, buffer: Any, size: int, number: int) -> None:
+        self.buffer, self.size, self._card, self._number = buffer, size, card, number
+
+    def __del__(self) -> None:
+        self._card.give_back(self._number, self.buffer)
 
 
 def _explained(method: Callable[..., Answer]) -> Callable[..., Answer]:
@@ -87,8 +95,10 @@ class Card:
         self._kernels: dict[str, Any] = {}
         self._bound: OrderedDict[tuple[Any, ...], Any] = OrderedDict()
         self._bound_to: dict[int, set[tuple[Any, ...]]] = {}
-        self._spare: dict[int, list[Any]] = {}
-        self._returned: deque[Any] = deque()
+        #: Free buffers by size, the oldest first: so every step gets the same ones, and binds them as the last one did.
+        self._spare: dict[int, list[tuple[int, Any]]] = {}
+        self._returned: deque[tuple[int, Any]] = deque()
+        self._made = 0
         self._in_use = self._most = self._kept = 0
         self._ring = self._device.create_buffer(size=_PLACE * _PLACES, usage="UNIFORM|COPY_DST")
         self._numbers = np.zeros(_PLACE * _PLACES, np.uint8)
@@ -121,37 +131,52 @@ class Card:
         spare = self._spare.pop(room, None)
         if spare:
             self._kept -= room
-            buffer = spare.pop()
+            number, buffer = heappop(spare)
             if spare:
                 self._spare[room] = spare  # (the sizes used last stand last)
         else:
-            buffer = self._device.create_buffer(size=room, usage=_USAGE)
+            number, buffer = self._made, self._new_buffer(room)
+            self._made += 1
         self._in_use += room
         self._most = max(self._most, self._in_use)
-        return Memory(self, buffer, size)
+        return Memory(self, buffer, size, number)
 
-    def give_back(self, buffer: Any) -> None:
+    def _new_buffer(self, room: int) -> Any:
+        """A buffer of the driver's; where there is no room for it, what is kept for later goes first."""
+        try:
+            return self._device.create_buffer(size=room, usage=_USAGE)
+        except self.refusals:
+            if not self._spare:
+                raise
+        self.send()  # (orders that wait may still need what is let go)
+        while self._spare:
+            self._let_go()
+        return self._device.create_buffer(size=room, usage=_USAGE)
+
+    def give_back(self, number: int, buffer: Any) -> None:
         """Takes a buffer that nobody holds any more; never waits.
 
         Python may call this in any thread, that of the driver included, while another one holds the lock and waits
         for the driver.
         """
-        self._returned.append(buffer)
+        self._returned.append((number, buffer))
 
     def _sort_returned(self) -> None:
         """Keeps returned buffers for the next one of their size; lets go of those not used longest."""
         while self._returned:
-            buffer = self._returned.popleft()
+            number, buffer = self._returned.popleft()
             self._in_use -= buffer.size
             self._kept += buffer.size
-            self._spare[buffer.size] = [*self._spare.pop(buffer.size, []), buffer]
+            spare = self._spare.pop(buffer.size, [])
+            heappush(spare, (number, buffer))
+            self._spare[buffer.size] = spare
             while self._kept > _SPARE * self._most:
                 self._let_go()
 
     def _let_go(self) -> None:
         """Frees one of the buffers whose size was not used for longest."""
         size = next(iter(self._spare))
-        gone = self._spare[size].pop(0)
+        gone = self._spare[size].pop()[1]  # (a heap without its last is one)
         self._kept -= size
         if not self._spare[size]:
             del self._spare[size]
@@ -204,6 +229,8 @@ class Card:
         self._pass.set_bind_group(0, self._group(kernel, layout, memories), [at])
         self._pass.dispatch_workgroups(*groups)
         self.traffic.orders += 1
+        if self._place % _TOGETHER == 0:
+            self.send()
 
     def for_each(self, kernel: str, count: int, per_group: int, numbers: bytes, *memories: Memory) -> None:
         """Orders a shader for `count` items, `per_group` of them to a group."""

@@ -11,14 +11,14 @@ the bus is counted (`card.Traffic`).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
 import numpy as np
 import torch
 from torch import Tensor
-from torch.utils import _pytree as trees
 from torch.utils.backend_registration import _setup_privateuseone_for_python_backend
 
 from .card import Card, Memory, card
@@ -98,6 +98,8 @@ class CardTensor(Tensor):
 
     held: Values
     local: Tensor
+    # (torch's own hands every method and attribute through Python)
+    __torch_function__ = torch._C._disabled_torch_function_impl
 
     @staticmethod
     def __new__(cls, local: Tensor, values: Values) -> CardTensor:
@@ -121,6 +123,9 @@ class CardTensor(Tensor):
             found = kernel(*args, **(kwargs or {}))
             if found is not NotImplemented:
                 return found
+        elif operation in _VIEWS:
+            seen: CardTensor = args[0]
+            return CardTensor(operation(seen.local, *args[1:], **(kwargs or {})), seen.held)
         return _by_torch(operation, args, dict(kwargs or {}))
 
     def tolist(self) -> Any:
@@ -132,6 +137,23 @@ class CardTensor(Tensor):
         return f"CardTensor({self.local!r})"
 
 
+#: Operations whose result is one part of their first argument: the most frequent ones, of which no value is touched.
+_VIEWS = frozenset(
+    {
+        _aten.detach.default,
+        _aten.view.default,
+        _aten.slice.Tensor,
+        _aten.select.int,
+        _aten.unsqueeze.default,
+        _aten.squeeze.dim,
+        _aten.permute.default,
+        _aten.transpose.int,
+        _aten.t.default,
+        _aten.expand.default,
+        _aten.as_strided.default,
+        _aten.alias.default,
+    }
+)
 #: Operations of torch that the card does itself; NotImplemented where it does not for these arguments.
 _KERNELS: dict[Any, Callable[..., Any]] = {}
 
@@ -164,6 +186,8 @@ def for_shader(tensor: Tensor) -> Memory:
 
     Brings it to the card if it is not there; copies what is a part of another tensor.
     """
+    if isinstance(tensor, CardTensor) and _lies_whole(tensor):
+        return tensor.held.for_card()
     tensor = tensor.detach()
     if not isinstance(tensor, CardTensor):
         tensor = from_host(tensor)
@@ -176,6 +200,12 @@ def for_shader(tensor: Tensor) -> Memory:
     return tensor.held.for_card()
 
 
+def _lies_whole(tensor: CardTensor) -> bool:
+    """Whether its memory begins with its values, float32 and row by row."""
+    local = tensor.local
+    return local.dtype == torch.float32 and local.is_contiguous() and not local.storage_offset()
+
+
 def bytes_for_shader(tensor: Tensor) -> Memory:
     """The memory of a tensor of truth values, a byte each, row by row."""
     tensor = tensor.detach()
@@ -186,7 +216,7 @@ def bytes_for_shader(tensor: Tensor) -> Memory:
 
 
 def in_place(tensor: Tensor) -> Memory:
-    """The memory of a float32 tensor that a shader reads and changes."""
+    """The memory of a tensor that a shader reads and changes: float32, or int32 where it counts."""
     if not isinstance(tensor, CardTensor) or not tensor.is_contiguous() or tensor.storage_offset():
         raise ValueError("only a whole tensor of the card is changed in place")
     memory = tensor.held.for_card()
@@ -200,45 +230,80 @@ def written(tensor: CardTensor) -> CardTensor:
     return tensor
 
 
+@dataclass(frozen=True)
+class _Operation:
+    """What is to be known of an operation of torch's.
+
+    Attributes:
+        names: of its arguments; changes: of those that it writes.
+        view: whether its result is a part of an argument; into: whether its result is an argument that it wrote.
+    """
+
+    names: tuple[str, ...]
+    changes: tuple[str, ...]
+    view: bool
+    into: bool
+
+
+@cache
+def _known(operation: Any) -> _Operation:
+    schema = operation._schema
+    alias = schema.returns[0].alias_info if schema.returns else None
+    written = tuple(a.name for a in schema.arguments if a.alias_info is not None and a.alias_info.is_write)
+    names = tuple(argument.name for argument in schema.arguments)
+    return _Operation(names, written, alias is not None and not alias.is_write, alias is not None and alias.is_write)
+
+
 def _by_torch(operation: Any, args: tuple[Any, ...], kwargs: dict[str, Any]) -> Any:
     """Does an operation in the computer's memory."""
-    returns = operation._schema.returns
-    view = bool(returns) and returns[0].alias_info is not None and not returns[0].alias_info.is_write
-    names = [argument.name for argument in operation._schema.arguments]
-    given = dict(zip(names, args, strict=False)) | kwargs
-    changed = [
-        given[a.name]
-        for a in operation._schema.arguments
-        if a.alias_info is not None and a.alias_info.is_write and isinstance(given.get(a.name), CardTensor)
-    ]
-    if not view and operation not in _SHAPE_ONLY:
-        for tensor in _card_tensors((args, kwargs)):
+    known, changed = _known(operation), []
+    if known.changes:
+        given = dict(zip(known.names, args, strict=False)) | kwargs
+        changed = [given[name] for name in known.changes if isinstance(given.get(name), CardTensor)]
+    if not known.view and operation not in _SHAPE_ONLY:
+        for tensor in _card_tensors((args, *kwargs.values())):
             whole = tensor.local.numel() == tensor.held.host.numel()
             tensor.held.for_host(operation in _OVERWRITING and tensor is args[0] and whole)
     asked = kwargs.get("device")
     if asked is not None:
         kwargs["device"] = torch.device("cpu")
-    found = operation(*trees.tree_map_only(CardTensor, _local, args), **trees.tree_map_only(CardTensor, _local, kwargs))
+    found = operation(*_local(args), **{name: _local(value) for name, value in kwargs.items()})
     for tensor in changed:
         tensor.held.changed_on_host()
     if changed:
         return changed[0] if len(changed) == 1 else tuple(changed)
-    if bool(returns) and returns[0].alias_info is not None and returns[0].alias_info.is_write:
-        return given[names[0]]  # a tensor of the computer's memory was written
+    if known.into:
+        return args[0]  # a tensor of the computer's memory was written
     if asked is not None and torch.device(asked).type != DEVICE:
         return found
-    if view:
+    if known.view:
         values = next(_card_tensors(args)).held
-        return trees.tree_map_only(Tensor, lambda local: CardTensor(local, values), found)
-    return trees.tree_map_only(Tensor, from_host, found)
+        return _each(found, lambda local: CardTensor(local, values))
+    return _each(found, from_host)
 
 
-def _local(tensor: CardTensor) -> Tensor:
-    return tensor.local
+def _local(tree: Any) -> Any:
+    """Arguments of an operation, tensors of the card as they are in the computer's memory."""
+    if isinstance(tree, CardTensor):
+        return tree.local
+    return type(tree)(_local(leaf) for leaf in tree) if type(tree) in (list, tuple) else tree
 
 
-def _card_tensors(tree: Any) -> Any:
-    return (leaf for leaf in trees.tree_leaves(tree) if isinstance(leaf, CardTensor))
+def _each(found: Any, make: Callable[[Tensor], CardTensor]) -> Any:
+    """Results of an operation, every tensor made one of the card."""
+    if isinstance(found, Tensor):
+        return make(found)
+    if isinstance(found, list | tuple):
+        return type(found)(_each(one, make) for one in found)
+    return found
+
+
+def _card_tensors(tree: Any) -> Iterator[CardTensor]:
+    if isinstance(tree, CardTensor):
+        yield tree
+    elif type(tree) in (list, tuple):
+        for leaf in tree:
+            yield from _card_tensors(leaf)
 
 
 @cache

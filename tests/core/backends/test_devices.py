@@ -106,8 +106,10 @@ def test_the_cpu_s_step_of_adam_is_the_reference_s(leading):
     for name in ("cpu", "reference"):
         values, gradient, first = (t.clone() for t in drawn)
         gradient[7, 1, 2] = torch.nan
-        step = AdamStep(values, gradient, first, first.square(), 0.1, 0.01, leading, 1.5, (0.9, 0.999), 1e-15)
-        assert backend_named(name).adam([step]) == [1]
+        numbers, refused = (0.1, 0.01, leading, 1.5, (0.9, 0.999), 1e-15), torch.ones(1, dtype=torch.int32)
+        step = AdamStep(values, gradient, first, first.square(), *numbers, refused)
+        backend_named(name).adam([step])
+        assert int(step.refused) == 2  # (added to what was there)
         found.append((step.values, step.first, step.second))
     for ours, theirs in zip(*found, strict=True):
         torch.testing.assert_close(ours, theirs, rtol=1e-5, atol=1e-6)
