@@ -3,8 +3,8 @@
     python -m benchmarks.card                     # table, and benchmarks/card.json
     python -m benchmarks.card --profile           # and how long each shader takes on the card
 
-A row is a whole step of `Trainer` (photo to the card, render, blur, objective, backward, Adam) on photos of Gaussians as
-of a trained twin, from those Gaussians; and the rasterizer alone. Each back end is measured in a process of its own.
+A row is a whole step of `Trainer` (photo to the card, render, blur, objective, backward, Adam) on photos of Gaussians
+as of a trained twin, from those Gaussians; and the rasterizer alone. Each back end is measured in a process of its own.
 """
 
 from __future__ import annotations
@@ -115,18 +115,20 @@ def measure(case: Row, device: str, photos: Path) -> Row:
         trainer.advance(0.5)
     backend.synchronize()
     traffic = _traffic(device)
-    losses, marks = [], [time.perf_counter()]
+    losses, computed, marks = [], time.thread_time(), [time.perf_counter()]
     for _ in range(12 if slow else STEPS):
         losses.append(trainer.advance(0.5))
         marks.append(time.perf_counter())
     backend.synchronize()
     count, whole = len(losses), time.perf_counter() - marks[0]
+    host = 1e3 * (time.thread_time() - computed) / len(losses)
     steps = [later - earlier for earlier, later in itertools.pairwise(marks)]
     made: Row = {
         **case,
         "device": device,
         "step_ms": round(1e3 * statistics.median(steps), 3),
         "mean_step_ms": round(1e3 * whole / count, 3),
+        "host_ms": round(host, 3),
         "loss": round(statistics.fmean(losses), 6),
     }
     if traffic is not None:
@@ -181,52 +183,116 @@ def rasterizer(case: Row, device: str, rounds: int) -> Row:
     }
 
 
+def gsplat_steps(case: Row, photos: Path) -> Row:
+    """The step of gsplat's users: its rasterizer, L1 and SSIM by torch's convolutions, torch's fused Adam."""
+    import gsplat
+    import torch
+    from dgs.core.backends.cuda import BACKEND
+    from torch.nn.functional import conv2d
+
+    from . import scene
+
+    width, height = case["size"]
+    cameras = [scene.camera(width, height, float(degrees)) for degrees in np.linspace(-18.0, 18.0, PHOTOS)]
+    wanted = [torch.from_numpy(p).cuda().permute(2, 0, 1).float() / 255 for p in np.load(photos)]
+    gaussians = scene.gaussians(case["gaussians"], case["sh_degree"]).to(device="cuda").requires_grad_()
+    optimizer = torch.optim.Adam([tensor for _, tensor in gaussians.named()], lr=1e-5, eps=1e-15, fused=True)
+    taps = torch.exp(-((torch.arange(11.0, device="cuda") - 5) ** 2) / 4.5)
+    taps = (taps / taps.sum()).reshape(1, 1, 1, 11)
+
+    def blurred(stack: Any) -> Any:
+        planes = stack.reshape(-1, 1, height, width)
+        return conv2d(conv2d(planes, taps, padding=(0, 5)), taps.transpose(2, 3), padding=(5, 0)).view_as(stack)
+
+    def dissimilarity(x: Any, y: Any) -> Any:
+        m, n, xx, yy, xy = blurred(torch.stack([x, y, x * x, y * y, x * y]))
+        top = (2 * m * n + 1e-4) * (2 * (xy - m * n) + 9e-4)
+        return 1 - (top / ((m * m + n * n + 1e-4) * (xx - m * m + yy - n * n + 9e-4))).mean()
+
+    def rendered(camera: Any) -> Any:
+        pose = torch.eye(4, device="cuda")
+        pose[:3, :3], pose[:3, 3] = torch.from_numpy(camera.rotation), torch.from_numpy(camera.translation)
+        lens = torch.tensor([[camera.fx, 0.0, camera.cx], [0.0, camera.fy, camera.cy], [0.0, 0.0, 1.0]], device="cuda")
+        shape = gaussians.means, gaussians.quaternions, gaussians.log_scales.exp(), gaussians.opacity_logits.sigmoid()
+        frame = pose[None], lens[None], width, height
+        return gsplat.rasterization(*shape, gaussians.sh, *frame, sh_degree=case["sh_degree"], packed=False)[0][0]
+
+    def step(number: int) -> None:
+        image = rendered(cameras[number % PHOTOS]).permute(2, 0, 1)
+        photo = wanted[number % PHOTOS]
+        (0.8 * (image - photo).abs().mean() + 0.2 * dissimilarity(image, photo)).backward()
+        optimizer.step()
+        optimizer.zero_grad(set_to_none=True)
+
+    for number in range(WARM):
+        step(number)
+    BACKEND.synchronize()
+    begun = time.perf_counter()
+    for number in range(STEPS):
+        step(number)
+    BACKEND.synchronize()
+    spent = round(1e3 * (time.perf_counter() - begun) / STEPS, 3)
+    row = {**case, "device": "gsplat", "step_ms": spent, "mean_step_ms": spent, "loss": 0.0}
+    return row | {"forward_ms": 0.0, "backward_ms": 0.0}
+
+
 @contextmanager
-def timed_orders() -> Iterator[dict[str, list[float]]]:
-    """Meanwhile every order of the card is timed by itself: milliseconds by shader. It waits after each one."""
+def timed_orders(most: int = 4096) -> Iterator[dict[str, list[float]]]:
+    """The card itself writes down when every order begins and ends: milliseconds by shader, after the block."""
     from dgs.core.backends.gpu.card import Card, card
 
     found: dict[str, list[float]] = {}
-    plain, device = Card.run, card()
+    plain, device, names = Card.run, card(), []
+    driver: Any = device._device
+    queries = driver.create_query_set(type="timestamp", count=most)
 
     def run(self: Any, kernel: str, *arguments: Any) -> None:
-        device.wait()
-        begun = time.perf_counter()
+        if 2 * len(names) + 2 > most:
+            return plain(self, kernel, *arguments)
+        places = {"beginning_of_pass_write_index": 2 * len(names), "end_of_pass_write_index": 2 * len(names) + 1}
+        self._end_pass()
+        self._pass = self._recording().begin_compute_pass(timestamp_writes={"query_set": queries, **places})
+        names.append(kernel)
         plain(self, kernel, *arguments)
-        device.wait()
-        found.setdefault(kernel, []).append(1e3 * (time.perf_counter() - begun))
+        return self._end_pass()
 
-    Card.run = run  # type: ignore[method-assign]
+    Card.run = run  # type: ignore[method-assign, assignment]
     try:
         yield found
     finally:
         Card.run = plain  # type: ignore[method-assign]
+    device.wait()
+    times = driver.create_buffer(size=16 * len(names), usage="QUERY_RESOLVE|COPY_SRC")
+    encoder = driver.create_command_encoder()
+    encoder.resolve_query_set(queries, 0, 2 * len(names), times, 0)
+    driver.queue.submit([encoder.finish()])
+    stamps = np.frombuffer(driver.queue.read_buffer(times, 0), np.uint64).reshape(-1, 2).astype(np.float64)
+    for name, (begun, ended) in zip(names, stamps, strict=True):
+        found.setdefault(name, []).append(1e-6 * (ended - begun))  # (nanoseconds on the cards that we saw)
 
 
 def profile(case: Row, photos: Path, steps: int = 10) -> Row:
-    """Milliseconds of a step by shader, less what waiting for an empty card takes; and the step's time on the host."""
+    """Milliseconds of a step by shader, as the card counts them, and how many orders of each."""
+    from dgs.core.backends.gpu.adapter import adapters
     from dgs.core.backends.gpu.card import card
     from dgs.core.machine import use_machine
 
     use_machine(THREADS)
+    best = adapters()[0]
+    opened = best.request_device_sync
+    best.request_device_sync = lambda **asked: opened(required_features=["timestamp-query"], **asked)
     trainer = trainer_of(case, "gpu", photos)
     for _ in range(WARM):
         trainer.advance(0.5)
     card().wait()
-    empty = []
-    for _ in range(50):
-        begun = time.perf_counter()
-        card().wait()
-        empty.append(1e3 * (time.perf_counter() - begun))
-    wait = statistics.median(empty)
     with timed_orders() as found:
         for _ in range(steps):
             trainer.advance(0.5)
     shaders = {
-        name: [round(max(0.0, sum(spent) - wait * len(spent)) / steps, 3), len(spent) // steps]
+        name: [round(sum(spent) / steps, 4), len(spent) // steps]
         for name, spent in sorted(found.items(), key=lambda item: -sum(item[1]))
     }
-    return {**case, "wait_ms": round(wait, 3), "shaders_ms_and_orders": shaders}
+    return {**case, "card_ms": round(sum(ms for ms, _ in shaders.values()), 3), "shaders_ms_and_orders": shaders}
 
 
 def devices_here() -> list[str]:
@@ -241,7 +307,7 @@ def devices_here() -> list[str]:
         found.append("gpu")
     except DeviceError as error:
         print(error)
-    return [*found, "cuda"] if available() else found
+    return [*found, "cuda", "gsplat"] if available() else found
 
 
 def in_own_process(what: str, case: Row, device: str, photos: Path) -> Row:
@@ -261,9 +327,11 @@ def told(row: Row, cpu: Row) -> str:
     """A row of the table."""
     width, height = row["size"]
     case = f"{width}x{height} {row['gaussians']:>9,} degree {row['sh_degree']} blur {row['sigma']:g}"
-    times = f"{row['device']:>5} step {row['step_ms']:8.2f} forward {row['forward_ms']:8.2f} backward {row['backward_ms']:8.2f}"
+    names = ("step", "forward", "backward", "host")
+    times = "".join(f" {name} {row[f'{name}_ms']:8.2f}" for name in names if f"{name}_ms" in row)
     faster = f" {cpu['step_ms'] / row['step_ms']:6.1f} times" if cpu else ""
-    return f"{case} {times}{faster} loss {row['loss']:.5f} {row.get('orders', '')} {row.get('waits', '')}"
+    bus = f" orders {row['orders']} waits {row['waits']}" if "orders" in row else ""
+    return f"{case} {row['device']:>6}{times}{faster} loss {row['loss']:.5f}{bus}"
 
 
 def parsed() -> argparse.Namespace:
@@ -284,8 +352,13 @@ def main() -> int:
     """Measures, prints the table, writes the results."""
     asked = parsed()
     if asked.measure:
-        does = profile(asked.case, asked.photos) if asked.measure == "profile" else None
-        print(json.dumps(does or measure(asked.case, asked.device, asked.photos)))
+        if asked.measure == "profile":
+            found = profile(asked.case, asked.photos)
+        elif asked.device == "gsplat":
+            found = gsplat_steps(asked.case, asked.photos)
+        else:
+            found = measure(asked.case, asked.device, asked.photos)
+        print(json.dumps(found))
         return 0
     devices = asked.devices or devices_here()
     result: Row = {"machine": machine(), "rows": [], "profiles": []}

@@ -121,7 +121,7 @@ class CpuBackend(ReferenceBackend):
         tasks = [_adam_task(step) for step in steps]
         run_all(tasks)
         for step, (_, _, arguments) in zip(steps, tasks, strict=True):
-            step.refused += int(arguments[-1].sum())
+            step.refused.add_(int(arguments[-1].sum()))
 
     def layer_weighed(self, light: Tensor, variance: Tensor, tent: Tent) -> Tensor:
         """See `Backend`."""

@@ -95,7 +95,7 @@ class ReferenceBackend:
             values, moves = (t.reshape(len(t), -1) for t in (step.values, move))
             values[:, : step.leading] -= step.rate * moves[:, : step.leading]
             values[:, step.leading :] -= step.tail * moves[:, step.leading :]
-        step.refused += (~finite).sum().to(step.refused.dtype)
+        step.refused.add_((~finite).sum().to(step.refused.dtype))
 
     def layer_weighed(self, light: Tensor, variance: Tensor, tent: Tent) -> Tensor:
         """See `Backend`."""

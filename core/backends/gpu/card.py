@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache, wraps
 from heapq import heappop, heappush
+from importlib import import_module
 from typing import Any, TypeVar
 
 import numpy as np
@@ -100,6 +101,8 @@ class Card:
         self._returned: deque[tuple[int, Any]] = deque()
         self._made = 0
         self._in_use = self._most = self._kept = 0
+        native = import_module("wgpu.backends.wgpu_native")
+        self._native, self._offset = native.lib, native.ffi.new("uint32_t []", 1)
         self._ring = self._device.create_buffer(size=_PLACE * _PLACES, usage="UNIFORM|COPY_DST")
         self._numbers = np.zeros(_PLACE * _PLACES, np.uint8)
         self._place = 0
@@ -225,9 +228,12 @@ class Card:
         self._place += 1
         if self._pass is None:
             self._pass = self._recording().begin_compute_pass()
-        self._pass.set_pipeline(pipeline)
-        self._pass.set_bind_group(0, self._group(kernel, layout, memories), [at])
-        self._pass.dispatch_workgroups(*groups)
+        begun, bound = self._pass._internal, self._group(kernel, layout, memories)._internal
+        self._offset[0] = at
+        # (wgpu's own methods ask for errors after every word: they come with the whole of it, in `send`)
+        self._native.wgpuComputePassEncoderSetPipeline(begun, pipeline._internal)
+        self._native.wgpuComputePassEncoderSetBindGroup(begun, 0, bound, 1, self._offset)
+        self._native.wgpuComputePassEncoderDispatchWorkgroups(begun, *groups, 1)
         self.traffic.orders += 1
         if self._place % _TOGETHER == 0:
             self.send()

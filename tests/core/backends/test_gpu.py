@@ -296,17 +296,44 @@ def test_memory_goes_back_while_another_thread_waits_for_the_card(card):
         assert not gone.is_alive()
 
 
+def test_a_step_asks_for_no_new_memory(card):
+    """The same orders get the same memory, and so nothing has to be bound anew."""
+    scene = random_scene(300, 1, seed=5)
+    for _ in range(3):
+        drawn(scene, make_camera(), "gpu")
+    before = card._made, set(card._bound)
+    drawn(scene, make_camera(), "gpu")
+    assert (card._made, set(card._bound)) == before
+
+
+def test_what_is_kept_goes_where_the_driver_has_no_more(card, monkeypatch):
+    held = card.memory(1 << 20)
+    del held
+    card._sort_returned()
+    refusing, made = [True], card._device.create_buffer
+
+    def create(**asked):
+        if refusing:
+            refusing.clear()
+            raise RuntimeError("out of memory")
+        return made(**asked)
+
+    monkeypatch.setattr(card._device, "create_buffer", create)
+    assert card.memory(12345 << 8).buffer.size >= 12345 << 8
+    assert not card._spare and not card._kept
+
+
 def test_memory_goes_back_to_the_card(card):
     """Sizes change whenever Gaussians come and go: what is kept of the old ones is bounded, and nothing else is."""
-    from dgs.core.backends.gpu.card import rounded
+    from dgs.core.backends.gpu.card import _SPARE, rounded
 
     assert [rounded(n) for n in (0, 4, 257, 5000, 1 << 20)] == [256, 256, 512, 5120, 1 << 20]
     for count in range(100, 1600, 50):
         scene = random_scene(count, 1, seed=count)
         drawn(scene, make_camera(), "gpu")
     card._sort_returned()
-    assert card._kept <= 0.5 * card._most
-    alive = {id(buffer) for spare in card._spare.values() for buffer in spare}
+    assert 0 < card._kept <= _SPARE * card._most
+    alive = {id(buffer) for spare in card._spare.values() for _, buffer in spare}
     assert sum(size * len(spare) for size, spare in card._spare.items()) == card._kept
     bound = {number for key in card._bound for number in key[1:]}
     assert len(bound - alive) < 60  # those in use now
