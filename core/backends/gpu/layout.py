@@ -6,12 +6,24 @@ from ...rasterizer.projection_kernels import BEHIND, DEGENERATE, NON_FINITE, OUT
 
 #: Threads of a group that takes one item each.
 GROUP = 64
-#: Threads of a group that sorts, and how many keys each of them takes, one after the other.
-SORT_GROUP, SORT_RUN = 64, 16
-#: Bits of a key that one pass sorts by.
-SORT_BITS = 4
-#: Threads of the one group that adds up a whole table, and how many values each takes at a time.
+#: Threads of a group that adds up or sorts: as many as WebGPU promises. Values that each takes at a time in prefix
+#: sums: neighbours, 32 bytes, which cards fetch at once.
 SCAN_GROUP, SCAN_RUN = 256, 8
+#: Chunks, a group each, that a table is cut into for prefix sums at most: enough for every core of the largest cards,
+#: few enough that each group can add up what those before it came to (4 numbers a thread).
+SCAN_CHUNKS = 1024
+#: Keys that a thread of a group takes at a time when it sorts: as their group's counts take no more memory then.
+SORT_RUN = 8
+#: Bits of a key that one pass sorts by, at most: a thread of the group for each digit.
+SORT_BITS = 8
+#: Bits that a group sorts a tile of keys by at once: counts of 16 digits of each thread, in half words, take 8 kB, and
+#: WebGPU promises 16.
+SORT_STEP = 4
+#: Chunks, a group each, that keys are cut into at most: each group reads every chunk's counts, one thread a digit, so
+#: that their number squared counts; two groups for each of the 132 cores of a large card.
+SORT_CHUNKS = 256
+#: Banks that a group's memory has on most cards: threads that read from one bank wait for each other.
+SORT_BANKS = 32
 #: Gaussians of a tile that the backward pass takes at once, a thread each.
 BUCKET = 32
 #: Values of a gradient slot: sums of s dx, s t, s dx^2, s dx t, s t^2 and s, where s = alpha dL/dalpha, (dx, dy)

@@ -11,8 +11,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from dgs.core.backends.gpu import adapter
+from dgs.core.backends.gpu import adapter, sorting
+from dgs.core.backends.gpu.layout import SCAN_GROUP, SORT_RUN
 from dgs.core.backends.gpu.shader_text import bindings, constants_text, shader_text
+from dgs.core.backends.gpu.sorting import prefix_sums, sort
 from dgs.core.constants import SH_C2, TRANSMITTANCE_STOP
 from dgs.core.devices import AdamStep, backend_named, choose_device, tensors_on
 from dgs.core.errors import DeviceError
@@ -83,21 +85,110 @@ def test_the_same_bits_every_time(card):
             assert torch.equal(found.gradients[name], gradient), name
 
 
-def test_sorting_and_prefix_sums(card):
-    from dgs.core.backends.gpu.sorting import prefix_sums, sort
+#: Keys that a group sorts at once: sizes around it and its multiples are where sorting and sums could go wrong.
+TILE_KEYS = SCAN_GROUP * SORT_RUN
 
-    random = np.random.default_rng(0)
-    for count in (1, 5, 1024, 5001):
-        keys = random.integers(0, 2**32 if count > 5 else 3, count, dtype=np.uint32)
-        on_card, values, table = (card.memory(4 * (count + 1)) for _ in range(3))
-        card.write(on_card, keys)
-        card.write(values, np.arange(count, dtype=np.uint32))
-        card.write(table, keys & 255)
-        _, order = sort(card, on_card, values, count, 32)
-        assert (card.read(order, 4 * count).view(np.uint32) == np.argsort(keys, kind="stable")).all()
-        prefix_sums(card, table, count)
-        sums = card.read(table, 4 * (count + 1)).view(np.uint32)
-        assert (sums == np.concatenate([[0], np.cumsum(keys & 255)])).all()
+
+def on_card(card, values, room=0):
+    """A piece of the card's memory with uint32 in it, and room for more of them."""
+    memory = card.memory(4 * (len(values) + room))
+    card.write(memory, values.astype(np.uint32))
+    return memory
+
+
+def sorted_on_card(card, keys, bits, *, numbered=False):
+    """Keys and values, which are the keys' old places, as the card sorts them."""
+    values = None if numbered else on_card(card, np.arange(len(keys)))
+    found = sort(card, on_card(card, keys), values, len(keys), bits)
+    return [card.read(memory, 4 * len(keys)).view(np.uint32) for memory in found]
+
+
+def assert_sorted(card, keys, bits, *, numbered=False):
+    """As numpy's stable sort by the lowest bits."""
+    order = np.argsort(keys & np.uint32((1 << bits) - 1), kind="stable")
+    found = sorted_on_card(card, keys, bits, numbered=numbered)
+    assert (found[1] == order).all() and (found[0] == keys[order]).all()
+
+
+@pytest.mark.parametrize("count", [0, 1, 5, TILE_KEYS - 1, TILE_KEYS, TILE_KEYS + 1, 5001, 300_007])
+def test_sorting_is_numpy_s(card, count):
+    random = np.random.default_rng(count)
+    assert_sorted(card, random.integers(0, 2**32, count, dtype=np.uint32), 32)
+    few = random.integers(0, 3, count, dtype=np.uint32)
+    assert_sorted(card, few * np.uint32(0x55555555), 11, numbered=True)
+
+
+@pytest.mark.parametrize("bits", range(1, 33))
+def test_sorting_by_any_number_of_bits(card, bits):
+    """By the lowest ones; those above are only carried along."""
+    keys = np.random.default_rng(bits).integers(0, 2**32, 2 * TILE_KEYS + 77, dtype=np.uint32)
+    assert_sorted(card, keys, bits, numbered=bits % 2 == 0)
+
+
+@pytest.mark.parametrize("key", [0, 1, 0x80000000, 0xFFFFFFFF])
+def test_equal_keys_keep_their_order(card, key):
+    assert_sorted(card, np.full(3 * TILE_KEYS + 1, key, np.uint32), 32)
+
+
+def test_sorting_keeps_what_is_in_order_and_turns_what_is_not(card):
+    ascending = np.arange(3 * TILE_KEYS + 1, dtype=np.uint32)
+    for keys in (ascending, ascending[::-1], (ascending << 22) | (ascending >> 10)):
+        assert_sorted(card, keys.copy(), 32)
+
+
+@pytest.mark.parametrize("chunks", [1, 2, 3])
+def test_chunks_of_many_tiles(card, monkeypatch, chunks):
+    """As millions of values have them."""
+    monkeypatch.setattr(sorting, "SORT_CHUNKS", chunks)
+    monkeypatch.setattr(sorting, "SCAN_CHUNKS", chunks)
+    random = np.random.default_rng(chunks)
+    for count in (2 * chunks * TILE_KEYS, 2 * chunks * TILE_KEYS + 1, 4 * TILE_KEYS - 1):
+        keys = random.integers(0, 2**32, count, dtype=np.uint32)
+        assert_sorted(card, keys, 32)
+        assert_sorted(card, keys >> 20, 12)
+        assert_sums(card, keys & 255)
+
+
+def assert_sums(card, values):
+    """As numpy's, those that are more than 32 bits cut off alike."""
+    table = on_card(card, values, room=1)
+    prefix_sums(card, table, len(values))
+    found = card.read(table, 4 * (len(values) + 1)).view(np.uint32)
+    assert (found == np.concatenate([[0], np.cumsum(values, dtype=np.uint32)])).all()
+
+
+@pytest.mark.parametrize("count", [0, 1, 5, TILE_KEYS - 1, TILE_KEYS, TILE_KEYS + 1, 5001, 300_007, 2_500_000])
+def test_prefix_sums_are_numpy_s(card, count):
+    values = np.random.default_rng(count).integers(0, 2**32 if count == 5001 else 200, count, dtype=np.uint32)
+    assert_sums(card, values)
+
+
+def test_memory_for_sorting_need_not_begin_as_zeros(card, monkeypatch):
+    given = card.memory
+
+    def used_before(size):
+        memory = given(size)
+        card.write(memory, np.full(-(-size // 4), 0xABCDEF01, np.uint32))
+        return memory
+
+    monkeypatch.setattr(card, "memory", used_before)
+    keys = np.random.default_rng(0).integers(0, 2**32, 3 * TILE_KEYS + 1, dtype=np.uint32)
+    for bits in (8, 11, 24, 32):
+        assert_sorted(card, keys, bits, numbered=True)
+    assert_sums(card, keys)
+
+
+def test_how_many_orders_sorting_takes(card):
+    """An order costs a processor's time whatever it does."""
+    keys = np.arange(5000, dtype=np.uint32)
+    for bits, wanted in ((8, 2), (11, 3), (16, 3), (32, 5)):
+        card.traffic.orders = 0
+        sort(card, on_card(card, keys), None, len(keys), bits)
+        assert card.traffic.orders == wanted
+    for count, wanted in ((TILE_KEYS, 1), (5000, 2)):
+        card.traffic.orders = 0
+        prefix_sums(card, on_card(card, keys, room=1), count)
+        assert card.traffic.orders == wanted
 
 
 def test_torch_s_operations_on_the_card_s_tensors(card):
