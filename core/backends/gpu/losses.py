@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import struct
+from math import prod
 
 import numpy as np
 from torch import Tensor
 
 from ...training.variation import SMOOTH
 from .card import card
-from .layout import GROUP
+from .layout import BLOCK_HIGH, BLOCK_WIDE, GROUP
 from .operands import unused
 from .tensors import bytes_for_shader, empty, for_shader, written
 
@@ -20,23 +21,21 @@ def photometric_on_card(image: Tensor, photo: Tensor, valid: Tensor | None, ssim
     Args:
         valid: [H, W] or [3, H, W] bool, which values of the photo count; None for all. Those not finite never do.
     """
-    device, count = card(), image.numel()
-    gradient, groups = empty(*image.shape), -(-count // GROUP)
-    masked = 0 if valid is None else valid.numel()
-    numbers = struct.pack("4I2f", image.shape[2], image.shape[1], count, masked, 1 - ssim_weight, ssim_weight)
-    mask = unused() if valid is None else bytes_for_shader(valid)
-    filled, weights, fields, derivatives, windows = (device.memory(4 * n * count) for n in (2, 1, 5, 3, 3))
-    sums, totals = device.memory(8 * groups), device.memory(16)
-    memories = for_shader(image), for_shader(photo), mask
-    device.for_each("ssim_fill", count, GROUP, numbers, *memories, filled, weights, sums)
-    device.run("total", (1, 1), struct.pack("2I", groups, 0), sums, totals)
-    device.for_each("ssim_down", count, GROUP, numbers, filled, fields)
-    device.for_each("ssim_across", count, GROUP, numbers, filled, weights, fields, derivatives, sums)
-    device.run("total", (1, 1), struct.pack("2I", groups, 1), sums, totals)
-    device.for_each("ssim_back_down", count, GROUP, numbers, derivatives, windows)
-    into = gradient.held.for_card(overwrite=True)
-    device.for_each("ssim_back_across", count, GROUP, numbers, filled, weights, windows, totals, into)
-    counted, _, structure, error = (float(n) for n in device.read(totals, 16).view(np.float32))
+    planes, height, width = image.shape
+    device, count, gradient = card(), image.numel(), empty(*image.shape)
+    blocks_down = -(-height // BLOCK_HIGH)
+    groups = -(-width // BLOCK_WIDE), planes * blocks_down
+    mask, plane = unused(), 0
+    if valid is not None:
+        mask, plane = bytes_for_shader(valid), 0 if valid.numel() < count else height * width
+    table = width, height, count, blocks_down, int(valid is not None), plane
+    numbers = struct.pack("6I2f", *table, 1 - ssim_weight, ssim_weight)
+    shown = for_shader(image), for_shader(photo), mask
+    derivatives, sums, totals = (device.memory(size) for size in (12 * count, 16 * prod(groups), 16))
+    device.run("ssim", groups, numbers, *shown, derivatives, sums)
+    device.run("total", (1, 1), struct.pack("I", prod(groups)), sums, totals)
+    device.run("ssim_back", groups, numbers, *shown, derivatives, totals, gradient.held.for_card(overwrite=True))
+    counted, structure, error, _ = (float(n) for n in device.read(totals, 16).view(np.float32))
     if not counted:
         return 0.0, written(gradient)
     value = (1 - ssim_weight) * error / counted + ssim_weight * (1 - structure / counted)

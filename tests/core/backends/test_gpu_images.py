@@ -138,6 +138,18 @@ def test_photos_with_masks(card, masked):
     assert not slope.cpu()[~counts].any()
 
 
+@pytest.mark.parametrize("size", [(1, 1), (3, 70), (8, 32), (9, 33), (40, 11), (261, 130)])
+def test_photos_of_all_sizes(card, size):
+    """Windows are summed up block by block: frames smaller than one, as large as one, a px larger, and many of them."""
+    image, photo = drawn(3, *size), drawn(3, *size, seed=1)
+    wanted, slope_wanted = backend_named("reference").photometric(image.double(), photo.double(), None, 0.2)
+    of = brought_up(image), brought_up(photo), None, 0.2
+    (value, slope), (again, slope_again) = (backend_named("gpu").photometric(*of) for _ in range(2))
+    assert value == pytest.approx(wanted, rel=CLOSE)
+    agrees(slope, slope_wanted, CLOSE_GRADIENT)
+    assert value == again and torch.equal(slope.cpu(), slope_again.cpu())
+
+
 def test_the_price_of_specks(card):
     image = drawn(3, 37, 50)
     image[:, :12, :12] = 0.25  # flat
