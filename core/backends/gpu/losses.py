@@ -9,10 +9,9 @@ import numpy as np
 from torch import Tensor
 
 from ...training.variation import SMOOTH
+from .blocks import Mask, blocks, is_whole
 from .card import card
-from .layout import BLOCK_HIGH, BLOCK_WIDE, GROUP
-from .operands import unused
-from .tensors import bytes_for_shader, empty, for_shader, written
+from .tensors import empty, for_shader, in_place, written
 
 
 def photometric_on_card(image: Tensor, photo: Tensor, valid: Tensor | None, ssim_weight: float) -> tuple[float, Tensor]:
@@ -23,14 +22,10 @@ def photometric_on_card(image: Tensor, photo: Tensor, valid: Tensor | None, ssim
     """
     planes, height, width = image.shape
     device, count, gradient = card(), image.numel(), empty(*image.shape)
-    blocks_down = -(-height // BLOCK_HIGH)
-    groups = -(-width // BLOCK_WIDE), planes * blocks_down
-    mask, plane = unused(), 0
-    if valid is not None:
-        mask, plane = bytes_for_shader(valid), 0 if valid.numel() < count else height * width
-    table = width, height, count, blocks_down, int(valid is not None), plane
+    groups, mask = blocks(width, height, planes), Mask.of(valid)
+    table = width, height, count, groups[1] // planes, *mask.numbers
     numbers = struct.pack("6I2f", *table, 1 - ssim_weight, ssim_weight)
-    shown = for_shader(image), for_shader(photo), mask
+    shown = for_shader(image), for_shader(photo), mask.memory
     derivatives, sums, totals = (device.memory(size) for size in (12 * count, 16 * prod(groups), 16))
     device.run("ssim", groups, numbers, *shown, derivatives, sums)
     device.run("total", (1, 1), struct.pack("I", prod(groups)), sums, totals)
@@ -42,26 +37,24 @@ def photometric_on_card(image: Tensor, photo: Tensor, valid: Tensor | None, ssim
     return value, written(gradient)
 
 
-def variation_on_card(image: Tensor, knee: float) -> Tensor:
-    """See `core.training.variation.variation_gradient`."""
-    _, height, width = image.shape
-    gradient = empty(*image.shape)
-    numbers = struct.pack("2I2f", width, height, SMOOTH**2, 1.0 / knee)
-    into = gradient.held.for_card(overwrite=True)
-    card().for_each("variation", width * height, GROUP, numbers, for_shader(image), into)
-    return written(gradient)
+def variation_on_card(image: Tensor, knee: float, weight: float = 1.0, into: Tensor | None = None) -> Tensor:
+    """See `core.devices.Backend.add_variation`."""
+    return _gradient_added("variation", image, into, struct.pack("3f", SMOOTH**2, 1.0 / knee, weight))
 
 
-def specks_on_card(image: Tensor) -> Tensor:
-    """See `core.training.specks.speck_gradient`."""
+def specks_on_card(image: Tensor, weight: float = 1.0, into: Tensor | None = None) -> Tensor:
+    """See `core.devices.Backend.add_specks`."""
+    return _gradient_added("specks", image, into, struct.pack("f", weight))
+
+
+def _gradient_added(kernel: str, image: Tensor, into: Tensor | None, numbers: bytes) -> Tensor:
+    """A gradient by the values of an image [3, H, W], added to `into` in place."""
     _, height, width = image.shape
-    device, count = card(), height * width
-    gradient, numbers = empty(*image.shape), struct.pack("2I", width, height)
-    shown = for_shader(image)
-    tensor, slants, means = (device.memory(12 * count) for _ in range(3))
-    device.for_each("speck_tensor", count, GROUP, numbers, shown, tensor)
-    device.for_each("speck_slants", count, GROUP, numbers, tensor, slants)
-    device.for_each("speck_means", count, GROUP, numbers, slants, means)
-    into = gradient.held.for_card(overwrite=True)
-    device.for_each("speck_gradient", count, GROUP, numbers, shown, means, into)
-    return written(gradient)
+    shown, groups = for_shader(image), blocks(width, height)
+    if into is not None and is_whole(into):
+        card().run(kernel, groups, struct.pack("3I", width, height, 1) + numbers, shown, in_place(into))
+        return into
+    made = empty(*image.shape)
+    target = made.held.for_card(overwrite=True)
+    card().run(kernel, groups, struct.pack("3I", width, height, 0) + numbers, shown, target)
+    return written(made) if into is None else into.add_(written(made))

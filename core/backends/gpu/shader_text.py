@@ -6,7 +6,7 @@ import re
 from functools import cache
 from pathlib import Path
 
-from ... import constants
+from ... import colour, constants
 from ...rasterizer.projection import SMOOTH_ALPHA_EDGE
 from ...training import photometric_kernels as window
 from ...training.photometric import FILL
@@ -34,6 +34,8 @@ def constants_text() -> str:
     lines += [f"const SSIM_C1 = {window.C1!r};", f"const SSIM_C2 = {window.C2!r};"]
     lines += [f"const WINDOW_REACH = {window.REACH}u;", f"const PHOTO_FILL = {FILL!r};"]
     lines += [f"const WINDOW_TAP_{t} = {tap!r};" for t, tap in enumerate(window._TAPS)]
+    lines += [f"const SRGB_{name} = {getattr(colour, '_' + name)!r};" for name in ("SLOPE", "OFFSET", "POWER")]
+    lines += [f"const SRGB_KNEE = {colour._SRGB_KNEE!r};"]
     lines += [f"const SMOOTH_SQUARED = {SMOOTH**2!r};"]
     return "\n".join(lines) + "\n"
 

@@ -1,6 +1,6 @@
 // SSIM's window (`core.training.photometric`) on a block of one plane and what lies within its reach: 11 taps along
 // columns, then along rows, in the group's memory. Beyond the frame both images are black.
-// uses: view
+// uses: view, mask
 struct Params {
     width: u32,
     height: u32,
@@ -47,10 +47,7 @@ fn place_at(block: Block, column: u32, row: u32) -> Place {
 }
 
 fn counts(at: Place) -> bool {
-    if (!is_finite(photo[at.i])) {
-        return false;
-    }
-    return params.masked == 0u || ((mask[at.in_mask / 4u] >> (8u * (at.in_mask & 3u))) & 0xffu) != 0u;
+    return is_finite(photo[at.i]) && in_mask(at.in_mask);
 }
 
 // Render and photo, both grey where the photo does not count.
