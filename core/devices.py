@@ -65,6 +65,28 @@ class AdamStep:
     refused: Tensor
 
 
+@dataclass(frozen=True)
+class Missing:
+    """What is missing in a render, as a photo has it (`core.training.objective`), and how far the photo is believed.
+
+    Attributes:
+        values: [3, H + 2m, W + 2m]; they may be a part of a larger tensor.
+        margin: m, px that the render is larger on every side than the photo.
+        valid: [H, W] or [3, H, W] bool, which values of the photo count; None for all.
+        width: w of the bounded difference d / sqrt(d^2 + w^2); 0 for its sign.
+        weight: of the bounded difference.
+        curve: where `values` are linear light: the render in sRGB and in linear light, and the least derivative of
+            the decoding curve that they are divided by; None where they are sRGB.
+    """
+
+    values: Tensor
+    margin: int
+    valid: Tensor | None
+    width: float
+    weight: float
+    curve: tuple[Tensor, Tensor, float] | None = None
+
+
 class Backend(Protocol):
     """What a training asks of a device. Tensors are float32 on the back end's own device unless said otherwise.
 
@@ -128,6 +150,36 @@ class Backend(Protocol):
 
     def speck_gradient(self, image: Tensor) -> Tensor:
         """See `core.training.specks`."""
+        ...
+
+    def add_variation(self, into: Tensor | None, image: Tensor, knee: float, weight: float) -> Tensor:
+        """`weight` times `variation_gradient`, added to `into` in place; alone where that is None."""
+        ...
+
+    def add_specks(self, into: Tensor | None, image: Tensor, weight: float) -> Tensor:
+        """`weight` times `speck_gradient`, added to `into` in place; alone where that is None."""
+        ...
+
+    def residual(
+        self, photo: Tensor, blurred: Tensor, valid: Tensor | None, margin: int, size: tuple[int, int]
+    ) -> Tensor:
+        """[3, *size] photo less render, both [3, H, W], from row and column `margin` on; zero everywhere else.
+
+        Args:
+            valid: as of `Missing`; where a value does not count, or is not finite, it is zero, too.
+        """
+        ...
+
+    def filter_colours(self, spectrum: Tensor, own: Tensor, shared: Tensor) -> Tensor:
+        """`spectrum` [3, h, w] in place: each colour times `own`, plus the sum of all colours times `shared`.
+
+        Args:
+            own, shared: [h, w], real or complex.
+        """
+        ...
+
+    def draw(self, gradient: Tensor, missing: Missing) -> None:
+        """Subtracts the bounded difference from a gradient [3, H + 2m, W + 2m], in place, inside the photo."""
         ...
 
     def adam(self, steps: Sequence[AdamStep]) -> None:

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from ..camera import Camera
-from ..devices import AdamStep, Tent
+from ..colour import decoding_derivative
+from ..devices import AdamStep, Missing, Tent
 from ..frames import Evaluation, Frame
 from ..gaussians import Gaussians
 from ..imaging.formation.layered import layer_gathered, layer_returned, layer_weighed
@@ -77,6 +78,44 @@ class ReferenceBackend:
     def speck_gradient(self, image: Tensor) -> Tensor:
         """See `Backend`."""
         return speck_gradient_in_torch(image)
+
+    def add_variation(self, into: Tensor | None, image: Tensor, knee: float, weight: float) -> Tensor:
+        """See `Backend`."""
+        found = weight * self.variation_gradient(image, knee)
+        return found if into is None else into.add_(found)
+
+    def add_specks(self, into: Tensor | None, image: Tensor, weight: float) -> Tensor:
+        """See `Backend`."""
+        found = weight * self.speck_gradient(image)
+        return found if into is None else into.add_(found)
+
+    def residual(
+        self, photo: Tensor, blurred: Tensor, valid: Tensor | None, margin: int, size: tuple[int, int]
+    ) -> Tensor:
+        """See `Backend`."""
+        found = photo - blurred
+        counts = found.isfinite() if valid is None else found.isfinite() & valid
+        found = torch.where(counts, found, 0.0)
+        beyond = size[1] - margin - found.shape[2], size[0] - margin - found.shape[1]
+        return torch.nn.functional.pad(found, (margin, beyond[0], margin, beyond[1]))
+
+    def filter_colours(self, spectrum: Tensor, own: Tensor, shared: Tensor) -> Tensor:
+        """See `Backend`."""
+        together = spectrum.sum(dim=0) * shared
+        return spectrum.mul_(own).add_(together)
+
+    def draw(self, gradient: Tensor, missing: Missing) -> None:
+        """See `Backend`."""
+        m, d = missing.margin, missing.values
+        if missing.curve is not None:
+            image, light, least = missing.curve
+            d = d / decoding_derivative(image, light).clamp(min=least)
+        inner = (slice(None), slice(m, gradient.shape[1] - m), slice(m, gradient.shape[2] - m))
+        d = d[inner]
+        d = d / (d.square() + missing.width**2).sqrt() if missing.width else d.sign()
+        if missing.valid is not None:
+            d = d * missing.valid
+        gradient[inner] -= missing.weight * d
 
     def adam(self, steps: Sequence[AdamStep]) -> None:
         """See `Backend`."""

@@ -22,8 +22,8 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from ..colour import decoding_derivative, linear_to_srgb
-from ..devices import backend_on
+from ..colour import linear_to_srgb
+from ..devices import Missing, backend_on
 from ..forward import medium_of
 from ..frames import Frame
 from ..imaging.fourier import FourierFilter
@@ -32,8 +32,6 @@ from ..imaging.psf import PointSpread
 from ..imaging.spectrum import NoiseToSignal
 from ..numbers import number
 from .settings import TrainingSettings
-from .specks import speck_gradient
-from .variation import variation_gradient
 
 
 @dataclass(frozen=True)
@@ -77,13 +75,12 @@ class Inverse:
         self._difference = (brightness.transfer - colour.transfer) / 3.0
 
     def apply(self, residual: Tensor) -> Tensor:
-        """What is missing in the sharp frame [3, height, width], given the photo's residual there.
+        """What is missing in the sharp frame [3, height, width], given the photo's residual there, or on `size`.
 
         Brightness is the mean over the channels: T' diag(Wb, Wc, Wc) T = Wc + (Wb - Wc) 11'/3.
         """
         spectrum = torch.fft.rfft2(residual, s=self.size)
-        brightness = spectrum.sum(dim=0) * self._difference
-        spectrum.mul_(self._colour).add_(brightness)
+        spectrum = backend_on(residual.device).filter_colours(spectrum, self._colour, self._difference)
         return torch.fft.irfft2(spectrum, s=self.size)[:, : self.height, : self.width]
 
 
@@ -121,34 +118,28 @@ class Objective:
 
     def loss(self, image: Tensor, photo: Tensor, valid: Tensor | None) -> LossAndGradient:
         """Loss of a render [3, H + 2m, W + 2m] against the photo [3, H, W], both sRGB, and its gradient."""
-        s = self.settings
+        s, backend, m, count = self.settings, backend_on(image.device), self.margin, photo.numel()
         passed = self.medium.passed(image)
         weight = 1.0 if self.inverse is None else s.base_weight
-        loss, gradient = 0.0, torch.zeros_like(image)
         if weight:
             degraded = self.medium.encoded(passed.blurred)
             loss, upstream = self._compare(degraded, photo, valid, s.ssim_weight)
             gradient = self.medium.pulled_back(upstream, passed, degraded, weight)
+        else:
+            loss, gradient = 0.0, torch.zeros_like(image)
         if s.variation_weight and s.loss != "paper":
-            gradient += (s.variation_weight / photo.numel()) * variation_gradient(image, self.knee)
+            gradient = backend.add_variation(gradient, image, self.knee, s.variation_weight / count)
         if self.inverse is None:
             return LossAndGradient(loss, gradient)
         if s.speck_weight:
-            gradient += (s.speck_weight / photo.numel()) * speck_gradient(image)
-        residual = self.medium.decoded(photo) - passed.blurred
-        residual = torch.where(residual.isfinite() if valid is None else residual.isfinite() & valid, residual, 0.0)
+            gradient = backend.add_specks(gradient, image, s.speck_weight / count)
+        residual = backend.residual(self.medium.decoded(photo), passed.blurred, valid, m, self.inverse.size)
         if not weight:
-            loss = float(residual.abs().mean())
-        m = self.margin
-        missing = self.inverse.apply(torch.nn.functional.pad(residual, (m, m, m, m)))
-        if self.space == "linear":
-            missing = missing / decoding_derivative(image, passed.light).clamp(min=OBJECTIVE.minimum_derivative)
-        inner = (slice(None), slice(m, m + photo.shape[1]), slice(m, m + photo.shape[2]))
-        d = missing[inner]
-        d = d / (d.square() + self.inverse_width**2).sqrt() if self.inverse_width else d.sign()
-        if valid is not None:
-            d = d * valid
-        gradient[inner] -= (s.inverse_weight / photo.numel()) * d
+            loss = float(residual[self._inner(photo)].abs().mean())
+        values = self.inverse.apply(residual)
+        curve = (image, passed.light, OBJECTIVE.minimum_derivative) if self.space == "linear" else None
+        missing = Missing(values, m, valid, self.inverse_width, s.inverse_weight / count, curve)
+        backend.draw(gradient, missing)
         return LossAndGradient(loss, gradient)
 
     def start_loss(self, image: Tensor, photo: Tensor, valid: Tensor | None) -> LossAndGradient:
@@ -160,14 +151,21 @@ class Objective:
             inner_photo = torch.where(valid, inner_photo, inner_photo[:, valid].mean(dim=1)[:, None, None])
         wide = torch.nn.functional.pad(inner_photo[None], (m, m, m, m), mode="replicate")[0]
         residual = inner_photo - self.medium.blur.apply(wide)
-        inner = (slice(None), slice(m, m + photo.shape[1]), slice(m, m + photo.shape[2]))
-        sharp = inner_photo + self.inverse.apply(torch.nn.functional.pad(residual, (m, m, m, m)))[inner]
+        (rows, columns), inner = self.inverse.size, self._inner(photo)
+        placed = torch.nn.functional.pad(residual, (m, columns - m - photo.shape[2], m, rows - m - photo.shape[1]))
+        sharp = inner_photo + self.inverse.apply(placed)[inner]
         if self.space == "linear":
             sharp = linear_to_srgb(sharp.clamp(min=0.0))
-        gradient = (s.variation_weight / photo.numel()) * variation_gradient(image, self.knee)
+        weight = s.variation_weight / photo.numel()
+        gradient = backend_on(image.device).add_variation(None, image, self.knee, weight)
         loss, in_sharpened = self._compare(image[inner].contiguous(), sharp, valid, s.ssim_weight)
         gradient[inner] += in_sharpened
         return LossAndGradient(loss, gradient)
+
+    def _inner(self, photo: Tensor) -> tuple[slice, slice, slice]:
+        """Where the photo lies in a frame that begins with the margin."""
+        m = self.margin
+        return slice(None), slice(m, m + photo.shape[1]), slice(m, m + photo.shape[2])
 
     def _compare(self, image: Tensor, photo: Tensor, valid: Tensor | None, ssim_weight: float) -> tuple[float, Tensor]:
         return backend_on(image.device).photometric(image, photo, valid, ssim_weight)

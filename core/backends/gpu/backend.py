@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from ...camera import Camera
-from ...devices import AdamStep
+from ...devices import AdamStep, Missing
 from ...frames import Evaluation, Frame
 from ...gaussians import Gaussians
 from ...numbers import BY_DEFINITION, number
@@ -22,6 +22,7 @@ from .adam import adam_steps
 from .blurs import blurs_on_card
 from .card import card
 from .losses import photometric_on_card, specks_on_card, variation_on_card
+from .missing import drawn_on_card, filtered_on_card, residual_on_card
 from .rasterizer import render_gpu
 from .tensors import CardTensor, from_host, register
 from .through_host import ThroughHost
@@ -97,6 +98,31 @@ class GpuBackend(ReferenceBackend):
     def speck_gradient(self, image: Tensor) -> Tensor:
         """See `Backend`."""
         return specks_on_card(image)
+
+    def add_variation(self, into: Tensor | None, image: Tensor, knee: float, weight: float) -> Tensor:
+        """See `Backend`."""
+        return variation_on_card(image, knee, weight, into)
+
+    def add_specks(self, into: Tensor | None, image: Tensor, weight: float) -> Tensor:
+        """See `Backend`."""
+        return specks_on_card(image, weight, into)
+
+    def residual(
+        self, photo: Tensor, blurred: Tensor, valid: Tensor | None, margin: int, size: tuple[int, int]
+    ) -> Tensor:
+        """See `Backend`."""
+        return residual_on_card(photo, blurred, valid, margin, size)
+
+    def filter_colours(self, spectrum: Tensor, own: Tensor, shared: Tensor) -> Tensor:
+        """See `Backend`."""
+        if filtered_on_card(spectrum, own, shared):
+            return spectrum
+        return super().filter_colours(spectrum, own, shared)
+
+    def draw(self, gradient: Tensor, missing: Missing) -> None:
+        """See `Backend`."""
+        if not drawn_on_card(gradient, missing):
+            super().draw(gradient, missing)
 
     def adam(self, steps: Sequence[AdamStep]) -> None:
         """See `Backend`."""

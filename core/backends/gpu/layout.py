@@ -64,5 +64,9 @@ STATUSES = {
     "OUTSIDE": OUTSIDE,
     "DEGENERATE": DEGENERATE,
 }
+#: Px of a block whose windows one group sums up in its own memory, a thread each: wide, since values that lie side by
+#: side are read at once, and as many as fit into 16 KB with what the windows reach around them.
+BLOCK_WIDE, BLOCK_HIGH = 32, 8
+BLOCK_GROUP = BLOCK_WIDE * BLOCK_HIGH
 #: Everything that shaders take from here, by name.
 LAYOUT = {name: value for name, value in globals().items() if name.isupper() and isinstance(value, int)}

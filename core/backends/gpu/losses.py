@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import struct
+from math import prod
 
 import numpy as np
 from torch import Tensor
 
 from ...training.variation import SMOOTH
+from .blocks import Mask, blocks, is_whole
 from .card import card
-from .layout import GROUP
-from .operands import unused
-from .tensors import bytes_for_shader, empty, for_shader, written
+from .tensors import empty, for_shader, in_place, written
 
 
 def photometric_on_card(image: Tensor, photo: Tensor, valid: Tensor | None, ssim_weight: float) -> tuple[float, Tensor]:
@@ -20,49 +20,41 @@ def photometric_on_card(image: Tensor, photo: Tensor, valid: Tensor | None, ssim
     Args:
         valid: [H, W] or [3, H, W] bool, which values of the photo count; None for all. Those not finite never do.
     """
-    device, count = card(), image.numel()
-    gradient, groups = empty(*image.shape), -(-count // GROUP)
-    masked = 0 if valid is None else valid.numel()
-    numbers = struct.pack("4I2f", image.shape[2], image.shape[1], count, masked, 1 - ssim_weight, ssim_weight)
-    mask = unused() if valid is None else bytes_for_shader(valid)
-    filled, weights, fields, derivatives, windows = (device.memory(4 * n * count) for n in (2, 1, 5, 3, 3))
-    sums, totals = device.memory(8 * groups), device.memory(16)
-    memories = for_shader(image), for_shader(photo), mask
-    device.for_each("ssim_fill", count, GROUP, numbers, *memories, filled, weights, sums)
-    device.run("total", (1, 1), struct.pack("2I", groups, 0), sums, totals)
-    device.for_each("ssim_down", count, GROUP, numbers, filled, fields)
-    device.for_each("ssim_across", count, GROUP, numbers, filled, weights, fields, derivatives, sums)
-    device.run("total", (1, 1), struct.pack("2I", groups, 1), sums, totals)
-    device.for_each("ssim_back_down", count, GROUP, numbers, derivatives, windows)
-    into = gradient.held.for_card(overwrite=True)
-    device.for_each("ssim_back_across", count, GROUP, numbers, filled, weights, windows, totals, into)
-    counted, _, structure, error = (float(n) for n in device.read(totals, 16).view(np.float32))
+    planes, height, width = image.shape
+    device, count, gradient = card(), image.numel(), empty(*image.shape)
+    groups, mask = blocks(width, height, planes), Mask.of(valid)
+    table = width, height, count, groups[1] // planes, *mask.numbers
+    numbers = struct.pack("6I2f", *table, 1 - ssim_weight, ssim_weight)
+    shown = for_shader(image), for_shader(photo), mask.memory
+    derivatives, sums, totals = (device.memory(size) for size in (12 * count, 16 * prod(groups), 16))
+    device.run("ssim", groups, numbers, *shown, derivatives, sums)
+    device.run("total", (1, 1), struct.pack("I", prod(groups)), sums, totals)
+    device.run("ssim_back", groups, numbers, *shown, derivatives, totals, gradient.held.for_card(overwrite=True))
+    counted, structure, error, _ = (float(n) for n in device.read(totals, 16).view(np.float32))
     if not counted:
         return 0.0, written(gradient)
     value = (1 - ssim_weight) * error / counted + ssim_weight * (1 - structure / counted)
     return value, written(gradient)
 
 
-def variation_on_card(image: Tensor, knee: float) -> Tensor:
-    """See `core.training.variation.variation_gradient`."""
-    _, height, width = image.shape
-    gradient = empty(*image.shape)
-    numbers = struct.pack("2I2f", width, height, SMOOTH**2, 1.0 / knee)
-    into = gradient.held.for_card(overwrite=True)
-    card().for_each("variation", width * height, GROUP, numbers, for_shader(image), into)
-    return written(gradient)
+def variation_on_card(image: Tensor, knee: float, weight: float = 1.0, into: Tensor | None = None) -> Tensor:
+    """See `core.devices.Backend.add_variation`."""
+    return _gradient_added("variation", image, into, struct.pack("3f", SMOOTH**2, 1.0 / knee, weight))
 
 
-def specks_on_card(image: Tensor) -> Tensor:
-    """See `core.training.specks.speck_gradient`."""
+def specks_on_card(image: Tensor, weight: float = 1.0, into: Tensor | None = None) -> Tensor:
+    """See `core.devices.Backend.add_specks`."""
+    return _gradient_added("specks", image, into, struct.pack("f", weight))
+
+
+def _gradient_added(kernel: str, image: Tensor, into: Tensor | None, numbers: bytes) -> Tensor:
+    """A gradient by the values of an image [3, H, W], added to `into` in place."""
     _, height, width = image.shape
-    device, count = card(), height * width
-    gradient, numbers = empty(*image.shape), struct.pack("2I", width, height)
-    shown = for_shader(image)
-    tensor, slants, means = (device.memory(12 * count) for _ in range(3))
-    device.for_each("speck_tensor", count, GROUP, numbers, shown, tensor)
-    device.for_each("speck_slants", count, GROUP, numbers, tensor, slants)
-    device.for_each("speck_means", count, GROUP, numbers, slants, means)
-    into = gradient.held.for_card(overwrite=True)
-    device.for_each("speck_gradient", count, GROUP, numbers, shown, means, into)
-    return written(gradient)
+    shown, groups = for_shader(image), blocks(width, height)
+    if into is not None and is_whole(into):
+        card().run(kernel, groups, struct.pack("3I", width, height, 1) + numbers, shown, in_place(into))
+        return into
+    made = empty(*image.shape)
+    target = made.held.for_card(overwrite=True)
+    card().run(kernel, groups, struct.pack("3I", width, height, 0) + numbers, shown, target)
+    return written(made) if into is None else into.add_(written(made))

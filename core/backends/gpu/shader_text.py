@@ -6,7 +6,7 @@ import re
 from functools import cache
 from pathlib import Path
 
-from ... import constants
+from ... import colour, constants
 from ...rasterizer.projection import SMOOTH_ALPHA_EDGE
 from ...training import photometric_kernels as window
 from ...training.photometric import FILL
@@ -16,6 +16,9 @@ from .layout import LAYOUT
 _FOLDER = Path(__file__).parent / "shaders"
 #: The first line of a shader that uses others: '// uses: view, shape'.
 _USES = re.compile(r"^// uses: (.+)$", re.MULTILINE)
+#: A line that stands once for each tap of SSIM's window besides the middle one, `{t}` for its distance: a card reads an
+#: array at an index known only at run time from its slow memory.
+_EACH_TAP = re.compile(r"^(.*) // each tap {t}$", re.MULTILINE)
 #: A binding's kind, in the order of their numbers.
 _BINDING = re.compile(r"@binding\((\d+)\)\s+var<(uniform|storage, read_write|storage, read|storage)>")
 
@@ -29,7 +32,10 @@ def constants_text() -> str:
             lines += [f"const {key} = {number!r};" for key, number in values.items()]
     lines += [f"const {name} = {value}u;" for name, value in LAYOUT.items()]
     lines += [f"const SSIM_C1 = {window.C1!r};", f"const SSIM_C2 = {window.C2!r};"]
-    lines += [f"const WINDOW_REACH = {window.REACH};", f"const PHOTO_FILL = {FILL!r};"]
+    lines += [f"const WINDOW_REACH = {window.REACH}u;", f"const PHOTO_FILL = {FILL!r};"]
+    lines += [f"const WINDOW_TAP_{t} = {tap!r};" for t, tap in enumerate(window._TAPS)]
+    lines += [f"const SRGB_{name} = {getattr(colour, '_' + name)!r};" for name in ("SLOPE", "OFFSET", "POWER")]
+    lines += [f"const SRGB_KNEE = {colour._SRGB_KNEE!r};"]
     lines += [f"const SMOOTH_SQUARED = {SMOOTH**2!r};"]
     return "\n".join(lines) + "\n"
 
@@ -49,8 +55,11 @@ def shader_text(name: str) -> str:
         seen[part] = text
 
     take(name)
-    taps = ", ".join(repr(tap) for tap in window._TAPS)  # (WGSL has no constant arrays of any length)
-    return constants_text() + "\n".join(seen.values()).replace("WINDOW_TAPS", taps)
+    return constants_text() + _EACH_TAP.sub(_for_each_tap, "\n".join(seen.values()))
+
+
+def _for_each_tap(line: re.Match[str]) -> str:
+    return "\n".join(line[1].replace("{t}", str(t)) for t in range(1, window.REACH + 1))
 
 
 @cache

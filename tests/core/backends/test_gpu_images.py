@@ -9,7 +9,8 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 import torch
-from dgs.core.devices import backend_named
+from dgs.core.colour import srgb_to_linear
+from dgs.core.devices import Missing, backend_named
 from dgs.core.frames import Frame
 from dgs.core.imaging.operator import BlurOperator
 from dgs.core.imaging.psf import PointSpread, point_spread_from_samples
@@ -138,6 +139,18 @@ def test_photos_with_masks(card, masked):
     assert not slope.cpu()[~counts].any()
 
 
+@pytest.mark.parametrize("size", [(1, 1), (3, 70), (8, 32), (9, 33), (40, 11), (261, 130)])
+def test_photos_of_all_sizes(card, size):
+    """Windows are summed up block by block: frames smaller than one, as large as one, a px larger, and many of them."""
+    image, photo = drawn(3, *size), drawn(3, *size, seed=1)
+    wanted, slope_wanted = backend_named("reference").photometric(image.double(), photo.double(), None, 0.2)
+    of = brought_up(image), brought_up(photo), None, 0.2
+    (value, slope), (again, slope_again) = (backend_named("gpu").photometric(*of) for _ in range(2))
+    assert value == pytest.approx(wanted, rel=CLOSE)
+    agrees(slope, slope_wanted, CLOSE_GRADIENT)
+    assert value == again and torch.equal(slope.cpu(), slope_again.cpu())
+
+
 def test_the_price_of_specks(card):
     image = drawn(3, 37, 50)
     image[:, :12, :12] = 0.25  # flat
@@ -148,6 +161,82 @@ def test_the_price_of_specks(card):
     with nothing_crosses(card):
         found = backend_named("gpu").speck_gradient(on_card)
     agrees(found, wanted, CLOSE_GRADIENT)
+
+
+@pytest.mark.parametrize("size", [(1, 1), (2, 9), (8, 32), (37, 50)])
+@pytest.mark.parametrize("added", [False, True])
+def test_smoothness_is_added_in_one_order(card, size, added):
+    """Variation and specks with their weights, to what stands there or alone."""
+    image, before = drawn(3, *size), drawn(3, *size, seed=1)
+    ours, theirs = backend_named("gpu"), backend_named("reference")
+    on_card = brought_up(image)
+    for function, numbers in (("add_variation", (0.1, 0.3)), ("add_specks", (0.7,))):
+        wanted = getattr(theirs, function)(before.double() if added else None, image.double(), *numbers)
+        into = brought_up(before.clone()) if added else None
+        card.traffic.orders = 0
+        with nothing_crosses(card):
+            found = getattr(ours, function)(into, on_card, *numbers)
+        assert card.traffic.orders == 1 and (found is into or not added)
+        torch.testing.assert_close(found.cpu().double(), wanted, rtol=CLOSE_GRADIENT, atol=1e-6)
+        part = brought_up(before.repeat(2, 1, 1))[3:] if added else None  # (a part of a tensor is torch's to change)
+        found = getattr(ours, function)(part, on_card, *numbers)
+        torch.testing.assert_close(found.cpu().double(), wanted, rtol=CLOSE_GRADIENT, atol=1e-6)
+
+
+@pytest.mark.parametrize("masked", ["nothing", "a plane", "each value"])
+def test_residuals(card, masked):
+    photo, blurred = drawn(3, 21, 34), drawn(3, 21, 34, seed=1)
+    photo[1, 3:9, 4:30], blurred[2, 5] = torch.nan, torch.inf
+    valid = {"a plane": drawn(21, 34, seed=2) > 0.3, "each value": drawn(3, 21, 34, seed=2) > 0.3}.get(masked)
+    wanted = backend_named("reference").residual(photo, blurred, valid, 3, (40, 45))
+    mask, taken = None if valid is None else brought_up(valid), (brought_up(photo), brought_up(blurred))
+    with nothing_crosses(card):
+        found = backend_named("gpu").residual(*taken, mask, 3, (40, 45))
+    assert torch.equal(found.cpu(), wanted) and wanted.isfinite().all()
+
+
+@pytest.mark.parametrize("kinds", [(False, False), (True, False), (False, True), (True, True)])
+def test_colours_filtered_together(card, kinds):
+    own, shared = (
+        torch.complex(drawn(9, 7, seed=n), drawn(9, 7, seed=n + 2)) if kind else drawn(9, 7, seed=n)
+        for n, kind in enumerate(kinds, 1)
+    )
+    spectrum = torch.complex(drawn(3, 9, 7, seed=5), drawn(3, 9, 7, seed=6))
+    wanted = backend_named("reference").filter_colours(spectrum.clone(), own, shared)
+    there, transfers = brought_up(spectrum.clone()), (brought_up(own), brought_up(shared))
+    with nothing_crosses(card):
+        found = backend_named("gpu").filter_colours(there, *transfers)
+    assert found is there
+    torch.testing.assert_close(found.cpu(), wanted, rtol=1e-5, atol=1e-5)
+    as_conjugate = backend_named("gpu").filter_colours(brought_up(spectrum.clone()), brought_up(own).conj(), shared)
+    wanted = backend_named("reference").filter_colours(spectrum.clone(), own.conj(), shared)
+    torch.testing.assert_close(as_conjugate.cpu(), wanted, rtol=1e-5, atol=1e-5)
+
+
+@pytest.mark.parametrize("masked", ["nothing", "a plane", "each value"])
+@pytest.mark.parametrize("linear", [False, True])
+@pytest.mark.parametrize("width", [0.0, 0.2])
+def test_what_is_missing_draws_the_gradient(card, masked, linear, width):
+    values, gradient, image = drawn(3, 40, 45) - 0.5, drawn(3, 27, 40, seed=1), drawn(3, 27, 40, seed=2)
+    image[:, :5] *= 0.03  # where the decoding curve is straight
+    valid = {"a plane": drawn(21, 34, seed=3) > 0.3, "each value": drawn(3, 21, 34, seed=3) > 0.3}.get(masked)
+    found = {}
+    for name in ("reference", "gpu"):
+        taken = brought_up if name == "gpu" else torch.Tensor.clone
+        into, here, light = taken(gradient.clone()), taken(image), taken(srgb_to_linear(image))
+        missing = Missing(
+            taken(values)[:, :27, :40],
+            3,
+            None if valid is None else taken(valid),
+            width,
+            0.4,
+            (here, light, 0.1) if linear else None,
+        )
+        with nothing_crosses(card):
+            backend_named(name).draw(into, missing)
+        found[name] = into.cpu()
+    torch.testing.assert_close(found["gpu"], found["reference"], rtol=1e-5, atol=1e-6)
+    assert not torch.equal(found["gpu"], gradient)
 
 
 HEIGHT, WIDTH, MARGIN = 40, 54, 9

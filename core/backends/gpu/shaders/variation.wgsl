@@ -1,6 +1,14 @@
-// Gradient of the joint variation of the three colours (`core.training.variation`), a thread for each pixel.
-// uses: items
-struct Params { width: u32, height: u32, epsilon: f32, fall: f32 } // epsilon: eps^2, fall: 1 / knee
+// Gradient of the joint variation of the three colours (`core.training.variation`), a thread for each pixel; times a
+// weight, and added to what stands there or alone.
+// uses: block
+struct Params {
+    width: u32,
+    height: u32,
+    added: u32,
+    epsilon: f32, // eps^2
+    fall: f32,    // 1 / knee
+    weight: f32,
+}
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> image: array<f32>;
 @group(0) @binding(2) var<storage, read_write> gradient: array<f32>;
@@ -29,31 +37,30 @@ fn slopes(x: u32, y: u32) -> Slopes {
     return s;
 }
 
-@compute @workgroup_size(GROUP)
-fn main(
-    @builtin(workgroup_id) group: vec3u,
-    @builtin(num_workgroups) groups: vec3u,
-    @builtin(local_invocation_index) thread: u32,
-) {
-    let i = item(group, groups, thread, GROUP);
-    let plane = params.width * params.height;
-    if (i >= plane) {
+fn put(i: u32, value: f32) {
+    gradient[i] = select(0.0, gradient[i], params.added == 1u) + params.weight * value;
+}
+
+@compute @workgroup_size(BLOCK_GROUP)
+fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) thread: u32) {
+    let p = pixel_of(group, thread);
+    if (p.x >= params.width || p.y >= params.height) {
         return;
     }
-    let x = i % params.width;
-    let y = i / params.width;
-    let here = slopes(x, y);
+    let here = slopes(p.x, p.y);
     var sum = -here.right;
-    if (y + 1u < params.height) {
+    if (p.y + 1u < params.height) {
         sum -= here.down;
     }
-    if (x > 0u) {
-        sum += slopes(x - 1u, y).right;
+    if (p.x > 0u) {
+        sum += slopes(p.x - 1u, p.y).right;
     }
-    if (y > 0u) {
-        sum += slopes(x, y - 1u).down;
+    if (p.y > 0u) {
+        sum += slopes(p.x, p.y - 1u).down;
     }
-    gradient[i] = sum.x;
-    gradient[plane + i] = sum.y;
-    gradient[2u * plane + i] = sum.z;
+    let plane = params.width * params.height;
+    let i = p.y * params.width + p.x;
+    put(i, sum.x);
+    put(plane + i, sum.y);
+    put(2u * plane + i, sum.z);
 }
