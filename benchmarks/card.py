@@ -129,7 +129,7 @@ def measure(case: Row, device: str, photos: Path) -> Row:
         "step_ms": round(1e3 * statistics.median(steps), 3),
         "mean_step_ms": round(1e3 * whole / count, 3),
         "host_ms": round(host, 3),
-        "loss": round(statistics.fmean(losses), 6),
+        "loss": round(statistics.fmean(map(float, losses)), 6),
     }
     if traffic is not None:
         made["orders"], made["waits"] = traffic.orders // count, traffic.waits // count

@@ -17,7 +17,7 @@ import importlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, SupportsFloat
 
 from .errors import DeviceError
 
@@ -140,8 +140,11 @@ class Backend(Protocol):
 
     def photometric(
         self, image: Tensor, photo: Tensor, valid: Tensor | None, ssim_weight: float
-    ) -> tuple[float, Tensor]:
-        """Value and gradient [3, H, W] of MAE + SSIM between two [3, H, W] sRGB; see `core.training.photometric`."""
+    ) -> tuple[SupportsFloat, Tensor]:
+        """Value and gradient [3, H, W] of MAE + SSIM between two [3, H, W] sRGB; see `core.training.photometric`.
+
+        To ask for the value's `float` may have to wait for the device.
+        """
         ...
 
     def variation_gradient(self, image: Tensor, knee: float) -> Tensor:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import SupportsFloat
 
 import torch
 from numpy.typing import NDArray
@@ -63,7 +64,7 @@ class ReferenceBackend:
 
     def photometric(
         self, image: Tensor, photo: Tensor, valid: Tensor | None, ssim_weight: float
-    ) -> tuple[float, Tensor]:
+    ) -> tuple[SupportsFloat, Tensor]:
         """See `Backend`."""
         leaf = image.detach().requires_grad_()
         loss = photometric_reference(leaf, photo, valid, ssim_weight)

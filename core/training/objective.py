@@ -18,6 +18,7 @@ edges lie, which the residual of a shapeless twin does not.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import SupportsFloat
 
 import torch
 from torch import Tensor
@@ -53,7 +54,7 @@ OBJECTIVE = ObjectiveSettings()
 class LossAndGradient:
     """What one photo asks of the render: loss value, and its gradient [3, H + 2m, W + 2m]."""
 
-    loss: float
+    loss: SupportsFloat
     gradient: Tensor
 
 
@@ -167,5 +168,7 @@ class Objective:
         m = self.margin
         return slice(None), slice(m, m + photo.shape[1]), slice(m, m + photo.shape[2])
 
-    def _compare(self, image: Tensor, photo: Tensor, valid: Tensor | None, ssim_weight: float) -> tuple[float, Tensor]:
+    def _compare(
+        self, image: Tensor, photo: Tensor, valid: Tensor | None, ssim_weight: float
+    ) -> tuple[SupportsFloat, Tensor]:
         return backend_on(image.device).photometric(image, photo, valid, ssim_weight)

@@ -80,8 +80,9 @@ class Adam:
             tail = photos * rates["sh_rest"] / bias1 if name == "sh" else rate
             leading = 3 if name == "sh" else None
             moments, decays = (self.first[name], self.second[name]), (first_decay, second_decay)
-            numbers = rate, tail, leading, bias2**-0.5, decays, ADAM.epsilon
-            steps.append(AdamStep(tensor.detach(), gradient, *moments, *numbers, self._refused[name]))
+            values, refused = tensor.detach(), self._refused[name]
+            step = AdamStep(values, gradient, *moments, rate, tail, leading, bias2**-0.5, decays, ADAM.epsilon, refused)
+            steps.append(step)
         if steps:
             backend_on(self.gaussians.means.device).adam(steps)
 

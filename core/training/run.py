@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Literal
+from typing import Literal, SupportsFloat
 
 import torch
 
@@ -190,7 +190,7 @@ class _Run:
         self.history: list[dict[str, float]] = []
         self.seconds = 0.0
         self._earlier = 0.0  # seconds of the run that is resumed
-        self._loss = 0.0
+        self._loss: SupportsFloat = 0.0
         self._best = _Best()
         self._evaluations = RUN.evaluations if settings.until is None else RUN.evaluations_until
         if not evaluated:
@@ -264,7 +264,7 @@ class _Run:
     def finished(self, stopped: Stop) -> Gaussians:
         """Evaluates and keeps the last state; the twin, of the best state if the run was cancelled."""
         if self._evaluations and (not self.history or self.history[-1]["step"] != self.trainer.step):
-            self.history.append(_evaluation(self.trainer, self._loss, self.seconds))
+            self.history.append(_evaluation(self.trainer, float(self._loss), self.seconds))
         if self._keeps and self.checkpoint is not None:
             save_checkpoint(self.checkpoint, self.trainer.state(self.seconds, self.history))
         if stopped == "cancelled" and self.history and self._best.better_than(self.history[-1]):
@@ -284,14 +284,14 @@ class _Run:
         done = min(round(share * steps), steps) if limited else trainer.step
         if self._due(share) > self._evaluated:
             self._evaluated = self._due(share)
-            row = _evaluation(trainer, self._loss, self._earlier + spent)
+            row = _evaluation(trainer, float(self._loss), self._earlier + spent)
             self.history.append(row)
             self._best.see(trainer, row)
             self._evaluation_seconds = clock.spent() - spent
             schedule.evaluated(trainer.step, spent, row.get("heldout_psnr"))
             self.progress.advance(done, **row)
         elif trainer.step % RUN.report_every == 0:
-            self.progress.advance(done, loss=self._loss)
+            self.progress.advance(done, loss=float(self._loss))
 
     def _save(self, spent: float) -> None:
         assert self.checkpoint is not None

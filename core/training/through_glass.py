@@ -7,7 +7,7 @@ two next to its own width. The render is asked at the place of the sharp frame, 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import NamedTuple, SupportsFloat
 
 import torch
 from torch import Tensor
@@ -31,7 +31,7 @@ from .variation import variation_gradient
 class TwoGradients(NamedTuple):
     """What one photo asks: loss value, and gradients [3, h, w] in the degraded frame and in the sharp one."""
 
-    loss: float
+    loss: SupportsFloat
     in_reached: Tensor
     in_sharp: Tensor
 
@@ -159,5 +159,5 @@ class GlassObjective:
         padded = torch.nn.functional.pad(residual, (m, m, m, m))
         return padded if row is None else self.inverse.apply(padded, glass.width(light, shot, row).abs())
 
-    def _compare(self, image: Tensor, photo: Tensor, valid: Tensor | None) -> tuple[float, Tensor]:
+    def _compare(self, image: Tensor, photo: Tensor, valid: Tensor | None) -> tuple[SupportsFloat, Tensor]:
         return backend_on(image.device).photometric(image, photo, valid, self.settings.ssim_weight)

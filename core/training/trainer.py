@@ -6,7 +6,7 @@ import hashlib
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import Any
+from typing import Any, SupportsFloat
 
 import numpy as np
 import torch
@@ -259,7 +259,7 @@ class Trainer:
         valid: torch.Tensor | None,
         share: float,
         weight: torch.Tensor | None,
-    ) -> float:
+    ) -> SupportsFloat:
         """Follows the photo in the degraded frame and, inverted, in the sharp one; the loss."""
         glass = self.formation.glass
         assert glass is not None
@@ -326,8 +326,8 @@ class Trainer:
         shake = self.settings.backdrop * np.random.default_rng([self.settings.seed, 3, self.step]).uniform(-1, 1, 3)
         return self.background + torch.from_numpy(shake).to(self.background)
 
-    def advance(self, share: float) -> float:
-        """One iteration at a share in [0, 1) of the run; returns the photo's loss."""
+    def advance(self, share: float) -> SupportsFloat:
+        """One iteration at a share in [0, 1) of the run; returns the photo's loss (to read it may wait for a card)."""
         s = self.settings
         level = self.levels[0] if share < s.coarse_share else self.levels[-1]
         view = self.view_at(level, self.step + self.ranks.rank)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import SupportsFloat
 
 import torch
 from numpy.typing import NDArray
@@ -87,7 +88,7 @@ class GpuBackend(ReferenceBackend):
 
     def photometric(
         self, image: Tensor, photo: Tensor, valid: Tensor | None, ssim_weight: float
-    ) -> tuple[float, Tensor]:
+    ) -> tuple[SupportsFloat, Tensor]:
         """See `Backend`."""
         return photometric_on_card(image, photo, valid, ssim_weight)
 

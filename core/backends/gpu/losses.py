@@ -10,11 +10,26 @@ from torch import Tensor
 
 from ...training.variation import SMOOTH
 from .blocks import Mask, blocks, is_whole
-from .card import card
+from .card import Memory, card
 from .tensors import empty, for_shader, in_place, written
 
 
-def photometric_on_card(image: Tensor, photo: Tensor, valid: Tensor | None, ssim_weight: float) -> tuple[float, Tensor]:
+class LossOnCard:
+    """A loss that is read when somebody wants to know it: a step need not wait for the card to end it."""
+
+    def __init__(self, totals: Memory, ssim_weight: float) -> None:
+        self._totals, self._ssim_weight = totals, ssim_weight
+
+    def __float__(self) -> float:
+        counted, structure, error, _ = (float(n) for n in card().read(self._totals, 16).view(np.float32))
+        if not counted:
+            return 0.0
+        return (1 - self._ssim_weight) * error / counted + self._ssim_weight * (1 - structure / counted)
+
+
+def photometric_on_card(
+    image: Tensor, photo: Tensor, valid: Tensor | None, ssim_weight: float
+) -> tuple[LossOnCard, Tensor]:
     """Value and gradient [3, H, W] of MAE + SSIM; see `core.training.photometric`.
 
     Args:
@@ -30,11 +45,7 @@ def photometric_on_card(image: Tensor, photo: Tensor, valid: Tensor | None, ssim
     device.run("ssim", groups, numbers, *shown, derivatives, sums)
     device.run("total", (1, 1), struct.pack("I", prod(groups)), sums, totals)
     device.run("ssim_back", groups, numbers, *shown, derivatives, totals, gradient.held.for_card(overwrite=True))
-    counted, structure, error, _ = (float(n) for n in device.read(totals, 16).view(np.float32))
-    if not counted:
-        return 0.0, written(gradient)
-    value = (1 - ssim_weight) * error / counted + ssim_weight * (1 - structure / counted)
-    return value, written(gradient)
+    return LossOnCard(totals, ssim_weight), written(gradient)
 
 
 def variation_on_card(image: Tensor, knee: float, weight: float = 1.0, into: Tensor | None = None) -> Tensor:

@@ -99,7 +99,7 @@ class CardTensor(Tensor):
     held: Values
     local: Tensor
     # (torch's own hands every method and attribute through Python)
-    __torch_function__ = torch._C._disabled_torch_function_impl
+    __torch_function__ = torch._C._disabled_torch_function_impl  # type: ignore[assignment]
 
     @staticmethod
     def __new__(cls, local: Tensor, values: Values) -> CardTensor:

@@ -130,7 +130,7 @@ def test_photos_with_masks(card, masked):
     mask = None if keep is None else brought_up(keep)
     with nothing_crosses(card, bytes_down=16):
         value, slope = backend_named("gpu").photometric(on_card, taken, mask, 0.2)
-    assert value == pytest.approx(wanted, rel=CLOSE)
+    assert float(value) == pytest.approx(wanted, rel=CLOSE)
     if masked == "all":
         assert not slope.cpu().any()
         return
@@ -146,9 +146,9 @@ def test_photos_of_all_sizes(card, size):
     wanted, slope_wanted = backend_named("reference").photometric(image.double(), photo.double(), None, 0.2)
     of = brought_up(image), brought_up(photo), None, 0.2
     (value, slope), (again, slope_again) = (backend_named("gpu").photometric(*of) for _ in range(2))
-    assert value == pytest.approx(wanted, rel=CLOSE)
+    assert float(value) == pytest.approx(wanted, rel=CLOSE)
     agrees(slope, slope_wanted, CLOSE_GRADIENT)
-    assert value == again and torch.equal(slope.cpu(), slope_again.cpu())
+    assert float(value) == float(again) and torch.equal(slope.cpu(), slope_again.cpu())
 
 
 def test_the_price_of_specks(card):
@@ -283,7 +283,7 @@ def test_the_objective_of_blurred_photos(card, phase, space, masked):
             mask = None if valid is None else valid.to(device)
             found[device] = getattr(objective, phase)(rendered, photo.to(device), mask)
     pixels = HEIGHT * WIDTH
-    assert card.traffic.up == 12 * pixels + (pixels if masked else 0) and card.traffic.down == 16
+    assert card.traffic.up == 12 * pixels + (pixels if masked else 0) and card.traffic.down == 0
     assert found["gpu"].loss == pytest.approx(found["cpu"].loss, rel=CLOSE)
     # (sums in another order turn the sign of a few differences next to zero; all others agree)
     off = (found["gpu"].gradient.cpu() - found["cpu"].gradient).abs() / found["cpu"].gradient.abs().max()

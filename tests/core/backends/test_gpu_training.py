@@ -68,7 +68,7 @@ def test_a_step_brings_up_its_photo_and_nothing_else(sigma, evaluation, masked, 
             # (where a mask is filled before a photo is sharpened, that is done in the computer's memory)
             filled = masked and sigma and share < 0.3
             assert traffic.up == (12 * pixels * filled if kept else pixels * (12 + masked)), share
-            assert traffic.down <= COUNTS and traffic.waits <= 4, share
+            assert traffic.down <= COUNTS and traffic.waits <= 1, share
 
 
 def test_what_density_control_counts_stays_on_the_card():
