@@ -24,8 +24,17 @@ SORT_STEP = 4
 SORT_CHUNKS = 256
 #: Banks that a group's memory has on most cards: threads that read from one bank wait for each other.
 SORT_BANKS = 32
-#: Gaussians of a tile that the backward pass takes at once, a thread each.
+#: Splats of a tile's list that a group of the backward pass takes, all chunks side by side; the forward pass leaves
+#: a checkpoint between two. A checkpoint takes 5 KB, so that of 128 splats as much as their gradient slots (40 bytes
+#: each); shorter ones would take more memory than all else, longer ones leave a card idle where lists are short.
+CHUNK = 128
+#: Values of a pixel in a checkpoint: transmittance, colour so far, depth so far.
+CHECKPOINT = 5
+#: Threads of the backward pass's group: one warp, as it waits for its slowest thread after every pixel. Each takes up
+#: to CHUNK / BUCKET splats, written out one by one in `blend_backward.wgsl`.
 BUCKET = 32
+#: Where a chunk begins, other than at a checkpoint: at the tile's first splat; behind what every pixel sees.
+FRESH, SATURATED = 0xFFFFFFFF, 0xFFFFFFFE
 #: Values of a gradient slot: sums of s dx, s t, s dx^2, s dx t, s t^2 and s, where s = alpha dL/dalpha, (dx, dy)
 #: reaches from the Gaussian's centre to the pixel, and t = dy - shear dx (`splat.wgsl`); dL/dcolour; dL/ddepth.
 SLOT_WIDTH = 10

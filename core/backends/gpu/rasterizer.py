@@ -1,8 +1,8 @@
 """Gaussians and a camera in, an image out, and its gradient: the shaders as a torch autograd function.
 
-Forward: projection, a radix sort by depth, a list of splats for each tile (a second sort), blending. Backward: a
-gradient slot for each pair of a splat and a tile, then each Gaussian's slots in their order, chained to the parameters.
-No two threads add to one number, so the same input gives the same bits, with or without float atomics.
+Forward: projection, a radix sort by depth, a list of splats for each tile (a second sort), blending, which leaves
+checkpoints along the lists where a backward pass may come. Backward: a gradient slot for each pair of a splat and a
+tile, all chunks of the lists side by side, then each Gaussian's slots in their order, chained to the parameters. No two threads add to one number, so the same input gives the same bits, with or without float atomics.
 """
 
 from __future__ import annotations
@@ -23,12 +23,14 @@ from ...rasterizer.projection import SMOOTH_ALPHA_EDGE
 from ...rasterizer.projection_kernels import CULL_REASONS
 from ...rendering import RasterSettings, Rendered, ScreenStatistics
 from .card import Card, Memory, card
-from .layout import GROUP, POSE_SUMS, SLOT_WIDTH
+from .layout import CHECKPOINT, CHUNK, GROUP, POSE_SUMS, SLOT_WIDTH
 from .sorting import prefix_sums, sort
 from .tensors import CardTensor, empty, for_shader, register, written
 
 #: Bytes of a projected Gaussian (`splat.wgsl`).
 _SPLAT = 64
+#: Bytes of a chunk's entry (`chunks.wgsl`).
+_CHUNK = 16
 #: Words for the reasons to cull, and behind them the number of pairs.
 _REASONS = 8
 
@@ -41,6 +43,8 @@ class Projected:
         view: the shaders' uniform; tiles: across and down; count: of Gaussians; harmonics: of each.
         ranges: each tile's part of `lists`; slots: each Gaussian's range of gradient slots.
         pairs: of a splat and a tile.
+        chunks: the parts of `lists` that groups of the backward pass take; room: for so many, most of them used.
+        checkpoints: what pixels held where a chunk begins; empty, as `chunks`, where no backward pass can come.
     """
 
     view: bytes
@@ -53,6 +57,9 @@ class Projected:
     ranges: Memory
     slots: Memory
     pairs: int
+    room: int
+    chunks: Memory
+    checkpoints: Memory
 
 
 def view_numbers(
@@ -61,12 +68,14 @@ def view_numbers(
     settings: RasterSettings,
     background: NDArray[np.float32],
     shape: tuple[int, int],
+    learns: bool,
 ) -> bytes:
     """Camera and settings as `view.wgsl` lays them out.
 
     Args:
         pose: [3, 4] world to camera; the camera's own if None.
         shape: Gaussians, harmonics of each.
+        learns: whether a backward pass may come.
     """
     rotation = camera.rotation if pose is None else pose[:, :3]
     translation = camera.translation if pose is None else pose[:, 3]
@@ -81,7 +90,7 @@ def view_numbers(
         beside = FRUSTUM_MARGIN * size
         numbers[5, 2 * column : 2 * column + 2] = -(middle + beside) / focal, (size - middle + beside) / focal
     numbers[6] = width, height, settings.near, settings.low_pass
-    numbers[7, :3] = settings.alpha_minimum, settings.alpha_minimum or SMOOTH_ALPHA_EDGE, settings.antialias
+    numbers[7] = settings.alpha_minimum, settings.alpha_minimum or SMOOTH_ALPHA_EDGE, settings.antialias, learns
     numbers[8, :3] = background
     numbers[9].view(np.uint32)[:] = *shape, -(-width // TILE), -(-height // TILE)
     return numbers.tobytes()
@@ -93,6 +102,7 @@ def project(
     """Projection, depth order and the tiles' lists; and how many Gaussians have which status."""
     count = shape[0]
     across, down = (int(n) for n in np.frombuffer(view, np.uint32)[38:40])
+    learns = bool(np.frombuffer(view, np.float32)[31])
     splats, reasons = device.memory(_SPLAT * count), device.memory(4 * _REASONS)
     keys, indices, tile_counts, order = (device.memory(4 * count) for _ in range(4))
     places = device.memory(4 * (count + 1))
@@ -111,15 +121,23 @@ def project(
     lists = device.memory(8 * pairs)
     device.for_each("emit", count, GROUP, view, splats, order, places, tiles, numbers, owners, slots)
     tiles, numbers = sort(device, tiles, numbers, pairs, (across * down).bit_length())
+    # (each tile has part of a chunk at most, besides whole ones)
+    room = pairs // CHUNK + across * down if learns else 0
+    chunks = device.memory(_CHUNK * room)
+    checkpoints = device.memory(4 * CHECKPOINT * TILE * TILE * (pairs // CHUNK) if learns else 0)
     device.clear(ranges)
+    device.clear(chunks)
     device.for_each("tile_lists", pairs, GROUP, np.uint32(pairs).tobytes(), tiles, numbers, owners, lists, ranges)
-    return Projected(view, (across, down), *shape, parameters, splats, lists, ranges, slots, pairs), totals[:-1]
+    projected = Projected(
+        view, (across, down), *shape, parameters, splats, lists, ranges, slots, pairs, room, chunks, checkpoints
+    )
+    return projected, totals[:-1]
 
 
 def blend(device: Card, p: Projected, outputs: tuple[CardTensor, ...]) -> None:
-    """Writes image [3, H, W], transmittance [H, W] and depth [H, W]."""
+    """Writes image [3, H, W], transmittance [H, W] and depth [H, W], and `p.chunks` and `p.checkpoints`."""
     memories = [output.held.for_card(overwrite=True) for output in outputs]
-    device.run("blend", p.tiles, p.view, p.splats, p.lists, p.ranges, *memories)
+    device.run("blend", p.tiles, p.view, p.splats, p.lists, p.ranges, *memories, p.chunks, p.checkpoints)
     for output in outputs:
         written(output)
 
@@ -140,12 +158,13 @@ class _Rasterize(torch.autograd.Function):
         sh: Tensor,
         background: Tensor,
         pose: Tensor | None,
+        learns: bool,
     ) -> tuple[Tensor, Tensor, Tensor]:
         device, size = card(), (camera.height, camera.width)
         parameters = tuple(for_shader(t) for t in (means, log_scales, quaternions, opacity_logits, sh))
         shape = (len(means), int(sh.shape[1]))
         where = None if pose is None else pose.detach().double().cpu().numpy()
-        view = view_numbers(camera, where, settings, background.detach().float().cpu().numpy(), shape)
+        view = view_numbers(camera, where, settings, background.detach().float().cpu().numpy(), shape, learns)
         radius = empty(len(means))
         projected, numbers = project(device, view, parameters, shape, radius.held.for_card(overwrite=True))
         screen.radius = written(radius)
@@ -167,7 +186,8 @@ class _Rasterize(torch.autograd.Function):
         upstream = [torch.zeros_like(o) if g is None else g for o, g in zip(ctx.seen, came, strict=True)]
         slots = device.memory(4 * SLOT_WIDTH * p.pairs)
         known = [for_shader(tensor) for tensor in (*ctx.seen, *upstream)]
-        device.run("blend_backward", p.tiles, p.view, p.splats, p.lists, p.ranges, *known, slots)
+        of_lists = p.splats, p.lists, p.chunks, p.checkpoints
+        device.for_each("blend_backward", p.room, 1, p.view, *of_lists, *known, slots)
         widths = (3, 3, 4, 1, 3 * p.harmonics, 2)
         out = empty(p.count * sum(widths))
         blocks = -(-p.count // GROUP)
@@ -193,7 +213,7 @@ class _Rasterize(torch.autograd.Function):
             d_pose = _pose_gradient(ctx, device.read(of_pose, 4 * POSE_SUMS * blocks)).to(ctx.pose_like)
         if ctx.needs_input_grad[8]:
             d_background = (upstream[0] * transmittance).sum(dim=(1, 2)).to(ctx.behind_like)
-        return (None, None, None, *found, d_background, d_pose)
+        return (None, None, None, *found, d_background, d_pose, None)
 
 
 def _pose_gradient(ctx: Any, raw: NDArray[np.uint8]) -> Tensor:
@@ -226,5 +246,7 @@ def render_gpu(
     screen = ScreenStatistics(radius=torch.zeros(0))
     behind = torch.zeros(3) if background is None else background
     parameters = [tensor for _, tensor in gaussians.named()]
-    image, alpha, depth = _Rasterize.apply(camera, settings, screen, *parameters, behind, pose)  # type: ignore[no-untyped-call]
+    inputs = (*parameters, behind, pose)
+    learns = torch.is_grad_enabled() and any(tensor is not None and tensor.requires_grad for tensor in inputs)
+    image, alpha, depth = _Rasterize.apply(camera, settings, screen, *inputs, learns)  # type: ignore[no-untyped-call]
     return Rendered(image, alpha, depth if settings.depth else None, screen)

@@ -1,99 +1,169 @@
 // Gradients of a tile's pixels in its splats, one slot for each pair of a splat and a tile; nothing is added by two
-// threads, so the sums are the same every time. A thread takes a splat, and pixels pass by: thread k sees a pixel one
-// step after thread k - 1, and finds its transmittance, and what still comes behind, as that one left them. It runs
-// front to back: the final colour is known, so what lies behind is the rest of a running sum, and nothing is ever
-// divided by transmittance.
-// uses: view, splat
+// threads, so the sums are the same every time. A group takes a chunk of the tile's list, from the checkpoint that the
+// forward pass left there. A thread takes up to four splats that follow each other, and pixels pass by: thread k sees a
+// pixel one step after thread k - 1, and finds its transmittance, and what still comes behind, as that one left them.
+// It runs front to back: the final colour is known, so what lies behind is the rest of a running sum, and nothing is
+// ever divided by transmittance.
+// uses: items, view, splat, chunks
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var<storage, read> splats: array<Splat>;
 @group(0) @binding(2) var<storage, read> lists: array<vec2u>;
-@group(0) @binding(3) var<storage, read> ranges: array<vec2u>;
-@group(0) @binding(4) var<storage, read> image: array<f32>;
-@group(0) @binding(5) var<storage, read> transmittance: array<f32>;
-@group(0) @binding(6) var<storage, read> depth: array<f32>;
-@group(0) @binding(7) var<storage, read> image_gradient: array<f32>;
-@group(0) @binding(8) var<storage, read> alpha_gradient: array<f32>;
-@group(0) @binding(9) var<storage, read> depth_gradient: array<f32>;
-@group(0) @binding(10) var<storage, read_write> slots: array<f32>;
+@group(0) @binding(3) var<storage, read> chunks: array<Chunk>;
+@group(0) @binding(4) var<storage, read> checkpoints: array<f32>;
+@group(0) @binding(5) var<storage, read> image: array<f32>;
+@group(0) @binding(6) var<storage, read> transmittance: array<f32>;
+@group(0) @binding(7) var<storage, read> depth: array<f32>;
+@group(0) @binding(8) var<storage, read> image_gradient: array<f32>;
+@group(0) @binding(9) var<storage, read> alpha_gradient: array<f32>;
+@group(0) @binding(10) var<storage, read> depth_gradient: array<f32>;
+@group(0) @binding(11) var<storage, read_write> slots: array<vec2f>;
 
-const PIXELS = u32(TILE * TILE);
+// A splat that a thread holds, and what it has added up so far.
+struct Held {
+    shape: vec4f,   // x, y, conic, shear
+    squeeze: f32,
+    opacity: f32,
+    content: vec4f, // colour, depth
+    moments: vec3f, // s dx, s t, s
+    squares: vec3f, // s dx^2, s dx t, s t^2
+    seen: vec4f,
+}
 
-var<workgroup> through: array<f32, PIXELS>;
-var<workgroup> rest: array<f32, PIXELS>;
+var<workgroup> states: array<vec2f, PIXELS>;   // transmittance, and what still comes
 var<workgroup> upstream: array<vec4f, PIXELS>; // of the colours, and of the depth
 
-fn read_pixel(p: u32, corner: vec2u) {
+fn read_pixel(p: u32, corner: vec2u, begins: u32) {
     let pixel = corner + vec2u(p % TILE, p / TILE);
     let size = vec2u(view.frame.xy);
-    through[p] = 0.0; // (beside the frame nothing counts)
+    states[p] = vec2f(0.0); // (beside the frame nothing counts)
+    upstream[p] = vec4f(0.0);
     if (any(pixel >= size)) {
         return;
     }
     let plane = size.x * size.y;
     let at = pixel.y * size.x + pixel.x;
+    var through = 1.0;
+    var colour = vec3f(image[at], image[plane + at], image[2u * plane + at]);
+    var deep = depth[at];
+    if (begins != FRESH) {
+        let stored = begins * CHECKPOINT * PIXELS + p;
+        through = checkpoints[stored];
+        colour -= vec3f(checkpoints[stored + PIXELS], checkpoints[stored + 2u * PIXELS], checkpoints[stored + 3u * PIXELS]);
+        deep -= checkpoints[stored + 4u * PIXELS];
+    }
     let g = vec3f(image_gradient[at], image_gradient[plane + at], image_gradient[2u * plane + at]);
-    let shown = vec3f(image[at], image[plane + at], image[2u * plane + at]);
-    through[p] = 1.0;
     upstream[p] = vec4f(g, depth_gradient[at]);
     // image = colours + T background and alpha = 1 - T: both are part of what still comes
-    rest[p] = dot(g, shown) + depth_gradient[at] * depth[at] - alpha_gradient[at] * transmittance[at];
+    states[p] = vec2f(through, dot(g, colour) + depth_gradient[at] * deep - alpha_gradient[at] * transmittance[at]);
+}
+
+// (where the list has ended: one of no opacity, which changes no pixel)
+fn taken(i: u32, end: u32) -> Held {
+    var held: Held;
+    if (i < end) {
+        let g = lists[i].x;
+        let b = splats[g].v[1];
+        held.shape = splats[g].v[0];
+        held.squeeze = b.x;
+        held.opacity = b.y;
+        held.content = vec4f(b.zw, splats[g].v[2].xy);
+    }
+    return held;
+}
+
+// Adds a pixel's share to a splat's sums; the pixel's state behind it.
+fn pass_by(held: ptr<function, Held>, centre: vec2f, g: vec4f, state: vec2f) -> vec2f {
+    let d = centre - (*held).shape.xy;
+    let t = d.y - (*held).shape.w * d.x;
+    let raw = (*held).opacity * exp(-0.5 * (*held).shape.z * (t * t + (*held).squeeze * d.x * d.x));
+    let alpha = min(raw, ALPHA_MAXIMUM);
+    if (!(alpha >= view.cutoff.x && state.x >= TRANSMITTANCE_STOP)) {
+        return state;
+    }
+    let weight = alpha * state.x;
+    let value = dot(g, (*held).content);
+    let behind = state.y - weight * value;
+    (*held).seen += weight * g;
+    if (raw < ALPHA_MAXIMUM) {
+        let s = alpha * (state.x * value - behind / (1.0 - alpha));
+        let sx = s * d.x;
+        let st = s * t;
+        (*held).moments += vec3f(sx, st, s);
+        (*held).squares += vec3f(sx * d.x, sx * t, st * t);
+    }
+    return vec2f(state.x - weight, behind);
+}
+
+fn put(held: Held, i: u32, end: u32) {
+    if (i < end) {
+        let to = lists[i].y * (SLOT_WIDTH / 2u);
+        slots[to] = held.moments.xy;
+        slots[to + 1u] = held.squares.xy;
+        slots[to + 2u] = vec2f(held.squares.z, held.moments.z);
+        slots[to + 3u] = held.seen.xy;
+        slots[to + 4u] = held.seen.zw;
+    }
+}
+
+fn put_nothing(chunk: Chunk, thread: u32) {
+    var nothing: Held;
+    for (var i = chunk.first + thread; i < chunk.end; i += BUCKET) {
+        put(nothing, i, chunk.end);
+    }
 }
 
 @compute @workgroup_size(BUCKET)
-fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) thread: u32) {
-    let range = ranges[group.y * view.counts.z + group.x];
-    let corner = group.xy * TILE;
+fn main(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) thread: u32,
+) {
+    let number = item(group, groups, 0u, 1u);
+    if (number >= arrayLength(&chunks)) {
+        return;
+    }
+    let chunk = chunks[number];
+    if (chunk.first >= chunk.end) { // (a gap in the row)
+        return;
+    }
+    if (chunk.begins == SATURATED) {
+        put_nothing(chunk, thread);
+        return;
+    }
+    let corner = vec2u(chunk.tile % view.counts.z, chunk.tile / view.counts.z) * TILE;
     for (var p = thread; p < PIXELS; p += BUCKET) {
-        read_pixel(p, corner);
+        read_pixel(p, corner, chunk.begins);
     }
+    // as few splats to a thread as there are: every thread of a short list is at work
+    let run = (chunk.end - chunk.first + BUCKET - 1u) / BUCKET;
+    let first = chunk.first + run * thread;
+    let end = min(first + run, chunk.end);
+    var one = taken(first, end);
+    var two = taken(first + 1u, end);
+    var three = taken(first + 2u, end);
+    var four = taken(first + 3u, end);
     workgroupBarrier();
-    for (var first = range.x; first < range.y; first += BUCKET) {
-        let i = first + thread;
-        let present = i < range.y;
-        let pair = lists[min(i, range.y - 1u)];
-        let a = splats[pair.x].v[0];
-        let b = splats[pair.x].v[1];
-        let c = splats[pair.x].v[2];
-        let content = vec4f(b.zw, c.xy);
-        var moments = vec3f(0.0); // s dx, s t, s
-        var squares = vec3f(0.0); // s dx^2, s dx t, s t^2
-        var seen = vec4f(0.0);
-        for (var step = 0u; step < PIXELS + BUCKET - 1u; step++) {
-            let p = step - thread;
-            if (present && step >= thread && p < PIXELS && through[p] >= TRANSMITTANCE_STOP) {
-                let d = vec2f(corner + vec2u(p % TILE, p / TILE)) + 0.5 - a.xy;
-                let t = d.y - a.w * d.x;
-                let raw = b.y * exp(-0.5 * a.z * (t * t + b.x * d.x * d.x));
-                if (min(raw, ALPHA_MAXIMUM) >= view.cutoff.x) {
-                    let alpha = min(raw, ALPHA_MAXIMUM);
-                    let before = through[p];
-                    let weight = alpha * before;
-                    let value = dot(upstream[p], content);
-                    let behind = rest[p] - weight * value;
-                    rest[p] = behind;
-                    through[p] = before - weight;
-                    seen += weight * upstream[p];
-                    if (raw < ALPHA_MAXIMUM) {
-                        let s = alpha * (before * value - behind / (1.0 - alpha));
-                        moments += s * vec3f(d.x, t, 1.0);
-                        squares += s * vec3f(d.x * d.x, d.x * t, t * t);
-                    }
-                }
+    for (var step = 0u; step < PIXELS + BUCKET - 1u; step++) {
+        let p = step - thread; // (what lies before the first pixel wraps to beyond the last)
+        if (p < PIXELS && first < end) {
+            let centre = vec2f(corner + vec2u(p % TILE, p / TILE)) + 0.5;
+            let g = upstream[p];
+            var state = pass_by(&one, centre, g, states[p]);
+            if (run > 1u) {
+                state = pass_by(&two, centre, g, state);
             }
-            workgroupBarrier();
+            if (run > 2u) {
+                state = pass_by(&three, centre, g, state);
+            }
+            if (run > 3u) {
+                state = pass_by(&four, centre, g, state);
+            }
+            states[p] = state;
         }
-        if (present) {
-            let to = pair.y * SLOT_WIDTH;
-            slots[to] = moments.x;
-            slots[to + 1u] = moments.y;
-            slots[to + 2u] = squares.x;
-            slots[to + 3u] = squares.y;
-            slots[to + 4u] = squares.z;
-            slots[to + 5u] = moments.z;
-            slots[to + 6u] = seen.x;
-            slots[to + 7u] = seen.y;
-            slots[to + 8u] = seen.z;
-            slots[to + 9u] = seen.w;
-        }
+        workgroupBarrier();
     }
+    put(one, first, end);
+    put(two, first + 1u, end);
+    put(three, first + 2u, end);
+    put(four, first + 3u, end);
 }

@@ -22,8 +22,8 @@ fn main(
     let g = order[i];
     var at = places[i];
     let end = places[i + 1u];
-    slots[g] = vec2u(at, end);
     if (at == end) {
+        slots[g] = vec2u(0u);
         return;
     }
     let splat = splats[g];
@@ -37,7 +37,8 @@ fn main(
             at++;
         }
     }
-    // (another shader's rounding may have counted one tile more: a tile that is not there takes it)
+    slots[g] = vec2u(places[i], at);
+    // (another shader's rounding may have counted one tile more: a tile that is not there takes it, and no gradient)
     for (; at < end; at++) {
         tiles[at] = view.counts.z * view.counts.w;
         pairs[at] = at;

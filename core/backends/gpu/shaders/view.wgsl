@@ -5,7 +5,7 @@ struct View {
     lens: vec4f,               // fx, fy, cx, cy
     limits: vec4f,             // x / z and y / z are clamped to them: least and largest
     frame: vec4f,              // width, height, near plane, low-pass
-    cutoff: vec4f,             // alpha's least, where ellipses end, 1 if antialiased
+    cutoff: vec4f,             // alpha's least, where ellipses end, 1 if antialiased, 1 if a backward pass may come
     background: vec4f,
     counts: vec4u,             // Gaussians, harmonics of each, tiles across, tiles down
 }
