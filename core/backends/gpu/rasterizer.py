@@ -2,7 +2,8 @@
 
 Forward: projection, a radix sort by depth, a list of splats for each tile (a second sort), blending, which leaves
 checkpoints along the lists where a backward pass may come. Backward: a gradient slot for each pair of a splat and a
-tile, all chunks of the lists side by side, then each Gaussian's slots in their order, chained to the parameters. No two threads add to one number, so the same input gives the same bits, with or without float atomics.
+tile, all chunks of the lists side by side, then each Gaussian's slots in their order, chained to the parameters. No two
+threads add to one number, so the same input gives the same bits, with or without float atomics.
 """
 
 from __future__ import annotations
