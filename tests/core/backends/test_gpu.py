@@ -220,6 +220,34 @@ def test_what_was_drawn_stays_on_the_card(card):
     assert card.traffic.up == 0 and card.traffic.down <= 64
 
 
+#: Division as a card does it: a reciprocal beyond 2^126 is flushed to zero.
+RECIPROCAL = """
+fn reciprocal(x: f32) -> f32 { return select(0.0, 1.0 / x, abs(x) < 0x1p+126); }
+"""
+
+
+@pytest.mark.parametrize("huge", [3.4e38, -3.4e38, 1e38])
+def test_a_huge_quaternion_has_a_direction_on_every_card(card, monkeypatch, huge):
+    """Software divides by everything; the first real card found none, and a gradient that was no number."""
+    from dgs.core.backends.gpu import card as module
+
+    def as_a_card(name):
+        text = shader_text(name)
+        for part in ("max(tame * s.largest, 1e-30)", "max(s.length, 1e-30)", "s.largest", "max(s.length, 1.0)"):
+            text = text.replace(f"/ {part}", f"* reciprocal({part})")
+        return text + RECIPROCAL
+
+    scene, camera = random_scene(12, 1, seed=1), make_camera()
+    scene.quaternions[0, 2] = huge
+    wanted = drawn(scene, camera, "gpu")
+    assert as_a_card("project").count("* reciprocal") == 3 and as_a_card("project_backward").count("* reciprocal") == 4
+    monkeypatch.setattr(module, "shader_text", as_a_card)
+    monkeypatch.setattr(card, "_kernels", {})
+    found = drawn(scene, camera, "gpu")
+    assert found.finite and found.view.screen.culled == wanted.view.screen.culled
+    torch.testing.assert_close(found.image, wanted.image, rtol=1e-5, atol=1e-5)
+
+
 def test_gaussians_elsewhere_are_refused(card):
     with pytest.raises(DeviceError, match="Move them"):
         render(random_scene(3), make_camera(), backend="gpu")

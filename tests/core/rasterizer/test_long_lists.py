@@ -1,4 +1,4 @@
-"""Tiles that see many Gaussians: a list taken in several chunks has the gradients of a whole one (gpu back end)."""
+"""Tiles of many Gaussians, Gaussians of many tiles: what the gpu back end shares out has the gradients of the whole."""
 
 from __future__ import annotations
 
@@ -43,8 +43,8 @@ def half_covered(count: int) -> Gaussians:
     return joined(near, stack(count, FAINT))
 
 
-def check(scene: Gaussians, backend: str, width: int = 16, height: int = 16) -> None:
-    camera, settings = make_camera(width, height, 20.0), RasterSettings(depth=True)
+def check(scene: Gaussians, backend: str, width: int = 16, height: int = 16, focal: float = 20.0) -> None:
+    camera, settings = make_camera(width, height, focal), RasterSettings(depth=True)
     inputs = {"background": torch.tensor([0.2, 0.7, 0.4]), "twist": torch.full((6,), 0.01)}
     doubled = {name: value.double() for name, value in inputs.items()}
     truth, wanted = gradients(scene.to(dtype=torch.float64), camera, "reference", settings=settings, **doubled)
@@ -77,6 +77,11 @@ def test_several_tiles_of_several_chunks(backend: str) -> None:
     few = random_scene(CHUNK // 2, 1, seed=3)
     few.opacity_logits.clamp_(max=0.0)
     check(joined(stack(2 * CHUNK + 1, FAINT), few), backend, 57, 35)
+
+
+def test_gaussians_that_fill_a_frame_of_many_tiles(backend: str) -> None:
+    """Their gradients are summed up by many threads, those of the small ones among them by one."""
+    check(joined(random_scene(70, 1, seed=4), stack(3, 0.0), random_scene(9, 1, seed=5)), backend, 161, 145, 60.0)
 
 
 def test_two_renders_before_either_backward(backend: str) -> None:

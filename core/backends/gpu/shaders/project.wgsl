@@ -47,8 +47,8 @@ fn reason_of(g: u32, s: Shape, splat: ptr<function, Splat>, radius: ptr<function
     let conic = a / s.determinant;
     let shear = s.b / a;
     let slim = s.determinant / a; // px^2
-    let squeeze = slim / a / s.unit / s.unit;
-    if (s.largest < QUATERNION_MINIMUM_NORM / max(s.length, 1.0)
+    let squeeze = slim / (a * s.unit) / s.unit; // (a^2 and unit^2 may leave float32, and their product with them)
+    if (s.largest < QUATERNION_MINIMUM_NORM / max(s.length, 1.0) || !(s.length > 0.5)
         || too_bright || square > HARMONICS_LIMIT * HARMONICS_LIMIT
         || !(s.determinant >= DETERMINANT_MINIMUM / s.unit / s.unit) || !(s.point.z < FAR_PLANE)
         || !all_finite(vec3f(place, conic)) || !all_finite(vec3f(shear, slim, squeeze))

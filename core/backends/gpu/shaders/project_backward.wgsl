@@ -7,11 +7,63 @@
 @group(0) @binding(4) var<storage, read> opacity_logits: array<f32>;
 @group(0) @binding(5) var<storage, read> sh: array<f32>;
 @group(0) @binding(6) var<storage, read> ranges: array<vec2u>;
-@group(0) @binding(7) var<storage, read> slots: array<f32>;
+@group(0) @binding(7) var<storage, read> slots: array<vec2f>;
 @group(0) @binding(8) var<storage, read_write> out: array<f32>; // planes: parameters as they are stored, then the screen's
 @group(0) @binding(9) var<storage, read_write> pose: array<f32>;
 
+// A Gaussian's gradient on the screen, in the order of its slots (`layout`).
+struct Sums { moments: vec2f, wide: vec2f, high: vec2f, seen: vec2f, far: vec2f }
+
 var<workgroup> of_pose: array<f32, POSE_SUMS * GROUP>;
+var<workgroup> parts: array<Sums, GROUP>;
+
+// Of every so manieth slot between two.
+fn summed(first: u32, end: u32, step: u32) -> Sums {
+    var sums: Sums;
+    for (var slot = first; slot < end; slot += step) {
+        let at = slot * (SLOT_WIDTH / 2u);
+        sums.moments += slots[at];
+        sums.wide += slots[at + 1u];
+        sums.high += slots[at + 2u];
+        sums.seen += slots[at + 3u];
+        sums.far += slots[at + 4u];
+    }
+    return sums;
+}
+
+fn together(one: Sums, other: Sums) -> Sums {
+    return Sums(
+        one.moments + other.moments,
+        one.wide + other.wide,
+        one.high + other.high,
+        one.seen + other.seen,
+        one.far + other.far,
+    );
+}
+
+// The sums of each thread's Gaussian. Slots that are read one after the other are waited for one after the other: those
+// of a Gaussian that fills the frame are shared out among the group's threads.
+fn sums_of(block: u32, thread: u32) -> Sums {
+    var own: Sums;
+    let g = block * GROUP + thread;
+    if (g < view.counts.x && ranges[g].y - ranges[g].x <= GROUP) {
+        own = summed(ranges[g].x, ranges[g].y, 1u);
+    }
+    for (var k = 0u; k < GROUP && block * GROUP + k < view.counts.x; k++) {
+        let range = ranges[block * GROUP + k];
+        if (range.y - range.x > GROUP) {
+            parts[thread] = summed(range.x + thread, range.y, GROUP);
+            workgroupBarrier();
+            if (thread == k) {
+                for (var t = 0u; t < GROUP; t++) {
+                    own = together(own, parts[t]);
+                }
+            }
+            workgroupBarrier();
+        }
+    }
+    return own;
+}
 
 fn put(at: u32, value: vec3f) {
     out[at] = value.x;
@@ -40,28 +92,31 @@ struct OnScreen { centre: vec2f, u: vec3f, w: vec3f, scales: vec3f }
 // A long needle's u and w are nearly parallel, and what depends on its length is a small difference of the gradients
 // in u and in w. So they are computed in e, and as d_along = d_u + shear d_w, from which all large terms have dropped out.
 // Lengths are in `unit`; share: what antialiasing leaves of the opacity, squared, 0 where there is none.
-fn screen_gradient(s: Shape, sums: array<f32, SLOT_WIDTH>, low_pass: f32, share: f32) -> OnScreen {
+// (No product of two divisors is divided by, nor may a compiler make one: squares of them leave float32.)
+fn screen_gradient(s: Shape, sums: Sums, low_pass: f32, share: f32) -> OnScreen {
     let a = s.a0 + s.low;
+    let narrow = 1.0 / (a * s.unit);
+    let sharp = 1.0 / s.determinant;
     let shear = s.b / a;
     let cross = across(s.u, s.w);
     let e = (across(cross, s.u) + s.low * s.w) / a;
     let wide = cross * s.unit;
-    let xx = sums[2] / a / a / s.unit / s.unit;
-    let xt = sums[3] / s.determinant;
-    let tt = sums[4] / s.determinant / s.determinant;
+    let xx = sums.wide.x * narrow * narrow;
+    let xt = sums.wide.y * sharp;
+    let tt = sums.high.x * sharp * sharp;
     let both = xt + shear * a * tt * low_pass;
     let long = xx - tt * (s.bare + low_pass * (dot(e, e) + shear * shear * s.low));
     var d_along = (long * s.u + both * e) / s.unit + a * tt * across(e, wide);
     var d_w = (both * s.u + a * tt * low_pass * e) / s.unit + a * tt * across(wide, s.u);
     if (share > 1e-12) { // the opacity's share is bare / determinant
-        let half = 0.5 * sums[5] * low_pass / s.determinant;
+        let half = 0.5 * sums.high.y * low_pass * sharp;
         let steep = 2.0 * half * (s.a0 + s.c0 + s.low) / s.bare;
         d_along += steep * across(e, wide) - 2.0 * half * (s.u + shear * s.w) / s.unit;
         d_w += steep * across(wide, s.u) - 2.0 * half * s.w / s.unit;
     }
     var d: OnScreen;
-    let conic = a / s.determinant;
-    d.centre = vec2f(sums[0] / a / s.unit / s.unit - conic * shear * sums[1], conic * sums[1]);
+    let across_centre = a * sharp * sums.moments.y;
+    d.centre = vec2f(sums.moments.x * narrow / s.unit - shear * across_centre, across_centre);
     d.u = d_along - shear * d_w;
     d.w = d_w;
     d.scales = (d_along * s.u + d_w * e) * s.unit;
@@ -83,15 +138,9 @@ fn nothing(g: u32) {
     out[(11u + 3u * view.counts.y) * n + 2u * g + 1u] = 0.0;
 }
 
-fn chain(g: u32, thread: u32) {
+fn chain(g: u32, thread: u32, sums: Sums) {
     let n = view.counts.x;
     let kinds = view.counts.y;
-    var sums: array<f32, SLOT_WIDTH>;
-    for (var slot = ranges[g].x; slot < ranges[g].y; slot++) {
-        for (var k = 0u; k < SLOT_WIDTH; k++) {
-            sums[k] += slots[slot * SLOT_WIDTH + k];
-        }
-    }
     let s = shape_of(
         view,
         vec3f(means[3u * g], means[3u * g + 1u], means[3u * g + 2u]),
@@ -100,7 +149,7 @@ fn chain(g: u32, thread: u32) {
         opacity_logits[g],
     );
 
-    out[10u * n + g] = sums[5] * s.rest;
+    out[10u * n + g] = sums.high.y * s.rest;
     let d = screen_gradient(s, sums, view.frame.w, select(0.0, share_of(view, s), view.cutoff.z > 0.0));
     let screen = (11u + 3u * kinds) * n + 2u * g;
     out[screen] = d.centre.x;
@@ -117,7 +166,7 @@ fn chain(g: u32, thread: u32) {
     let d_x = s.focal.x * d.centre.x + d_rx * inverse_z;
     let d_y = s.focal.y * d.centre.y + d_ry * inverse_z;
     // (U is proportional to 1 / z at fixed ratios)
-    let d_z = sums[9] - inverse_z * (s.point.x * d_x + s.point.y * d_y + d.scales.x + d.scales.y + d.scales.z);
+    let d_z = sums.far.y - inverse_z * (s.point.x * d_x + s.point.y * d_y + d.scales.x + d.scales.y + d.scales.z);
     let d_point = vec3f(d_x, d_y, d_z);
 
     // V = R M, M = Rq S
@@ -127,7 +176,7 @@ fn chain(g: u32, thread: u32) {
     let d_turn = mat3x3f(d_axes[0] * s.scale.x, d_axes[1] * s.scale.y, d_axes[2] * s.scale.z);
     let given = vec3f(log_scales[3u * g], log_scales[3u * g + 1u], log_scales[3u * g + 2u]);
     put(3u * (n + g), select(vec3f(0.0), d.scales, abs(given) < vec3f(LOG_SCALE_LIMIT)));
-    let d_q = quaternion_gradient(s.quaternion, d_turn) / s.length / s.largest;
+    let d_q = quaternion_gradient(s.quaternion, d_turn) / max(s.length, 1.0) / s.largest;
     for (var k = 0u; k < 4u; k++) {
         out[6u * n + 4u * g + k] = d_q[k];
     }
@@ -140,7 +189,7 @@ fn chain(g: u32, thread: u32) {
         lit += basis[k] * vec3f(sh[at], sh[at + 1u], sh[at + 2u]);
     }
     // a colour below black is black whatever its coefficients
-    let d_colour = select(vec3f(0.0), vec3f(sums[6], sums[7], sums[8]), lit > vec3f(0.0));
+    let d_colour = select(vec3f(0.0), vec3f(sums.seen, sums.far.x), lit > vec3f(0.0));
     var weights: array<f32, 16>;
     for (var k = 0u; k < kinds; k++) {
         let at = 3u * (g * kinds + k);
@@ -173,15 +222,16 @@ fn main(
     for (var k = 0u; k < POSE_SUMS; k++) {
         of_pose[k * GROUP + thread] = 0.0;
     }
+    let block = group.y * groups.x + group.x;
+    let sums = sums_of(block, thread);
     if (g < view.counts.x) {
         if (ranges[g].x < ranges[g].y) {
-            chain(g, thread);
+            chain(g, thread, sums);
         } else {
             nothing(g);
         }
     }
     workgroupBarrier();
-    let block = group.y * groups.x + group.x;
     if (thread < POSE_SUMS && block * GROUP < view.counts.x) {
         var sum = 0.0;
         for (var t = 0u; t < GROUP; t++) {

@@ -6,7 +6,7 @@ struct Shape {
     relative: vec3f,  // from the camera's centre, in the world's axes
     point: vec3f,     // in camera coordinates
     quaternion: vec4f, // w x y z, of length 1
-    length: f32,      // of the given quaternion, divided by `largest`
+    length: f32,      // of the given quaternion, divided by `largest`: from 1 to 2, 0 where it has none
     largest: f32,
     scale: vec3f,
     axes: mat3x3f,    // the Gaussian's axes, each times its scale
@@ -47,6 +47,12 @@ fn largest_of(v: vec3f) -> f32 {
     return max(max(abs(v.x), abs(v.y)), abs(v.z));
 }
 
+// What a vector and its largest component are multiplied by, exactly, before the one is divided by the other: cards
+// divide by way of the reciprocal, which is flushed to zero where the divisor is beyond 2^126.
+fn tamed(largest: f32) -> f32 {
+    return select(1.0, 0x1p-64, largest > 0x1p+64);
+}
+
 // Rotation matrix of a unit quaternion w x y z, by columns.
 fn rotation_of(q: vec4f) -> mat3x3f {
     let w = q.x;
@@ -70,7 +76,8 @@ fn shape_of(view: View, mean: vec3f, log_scale: vec3f, quaternion: vec4f, logit:
         dot(view.rotation[2].xyz, s.relative),
     );
     s.largest = max(largest_of(quaternion.xyz), abs(quaternion.w));
-    let direction = quaternion / max(s.largest, 1e-30);
+    let tame = tamed(s.largest);
+    let direction = (tame * quaternion) / max(tame * s.largest, 1e-30);
     s.length = sqrt(dot(direction, direction));
     s.quaternion = direction / max(s.length, 1e-30);
     s.scale = exp(clamp(log_scale, vec3f(-LOG_SCALE_LIMIT), vec3f(LOG_SCALE_LIMIT)));
@@ -104,7 +111,7 @@ fn shape_of(view: View, mean: vec3f, log_scale: vec3f, quaternion: vec4f, logit:
     s.rest = 1.0 / (1.0 + exp(bounded));
 
     let far = max(largest_of(s.relative), 1e-30);
-    let away = s.relative / far;
+    let away = (tamed(far) * s.relative) / (tamed(far) * far);
     let long = sqrt(dot(away, away));
     s.look = away / max(long, 1e-30);
     s.distance = far * long;
