@@ -77,5 +77,7 @@ STATUSES = {
 #: side are read at once, and as many as fit into 16 KB with what the windows reach around them.
 BLOCK_WIDE, BLOCK_HIGH = 32, 8
 BLOCK_GROUP = BLOCK_WIDE * BLOCK_HIGH
+#: Complex numbers of the lines that one group transforms in its own memory (16 KB), and its threads.
+LINE_VALUES, LINE_GROUP = 2048, 256
 #: Everything that shaders take from here, by name.
 LAYOUT = {name: value for name, value in globals().items() if name.isupper() and isinstance(value, int)}

@@ -12,6 +12,7 @@ from ...training import photometric_kernels as window
 from ...training.photometric import FILL
 from ...training.variation import SMOOTH
 from .layout import LAYOUT
+from .radices import passes_text
 
 _FOLDER = Path(__file__).parent / "shaders"
 #: The first line of a shader that uses others: '// uses: view, shape'.
@@ -42,7 +43,8 @@ def constants_text() -> str:
 
 @cache
 def shader_text(name: str) -> str:
-    """A whole shader, ready to be compiled."""
+    """A whole shader, ready to be compiled; a number after a slash is the length of lines that it is written for."""
+    name, _, length = name.partition("/")
     seen: dict[str, str] = {}
 
     def take(part: str) -> None:
@@ -55,6 +57,8 @@ def shader_text(name: str) -> str:
         seen[part] = text
 
     take(name)
+    if length:
+        seen["passes"] = passes_text(int(length))
     return constants_text() + _EACH_TAP.sub(_for_each_tap, "\n".join(seen.values()))
 
 

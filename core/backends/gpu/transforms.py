@@ -1,8 +1,9 @@
 """Fourier transforms of images and frames grown at their borders, on the card, as torch's own operations.
 
-A transform is a row of passes over the card's memory, one for each factor of its length (Stockham's way, which needs no
-other order of its values); lengths are products of 2, 3, 4 and 5, as `scipy.fft.next_fast_len` chooses them. Others are
-torch's work in the computer's memory.
+A transform is a row of passes, one for each factor of its length (Stockham's way, which needs no other order of its
+values): in the memory of a group of threads where whole lines fit into it, else each over the card's memory. Lengths
+are products of 2, 3, 4 and 5, as `scipy.fft.next_fast_len` chooses them. Others are torch's work in the computer's
+memory.
 """
 
 from __future__ import annotations
@@ -18,25 +19,14 @@ import numpy as np
 import torch
 
 from .card import Memory, card
-from .layout import GROUP, HALF, LARGEST_RADIX, REAL, WHOLE
+from .layout import GROUP, HALF, LINE_VALUES, REAL, WHOLE
 from .operands import belongs_on_card
+from .radices import factors, lines_of_group
 from .tensors import CardTensor, empty, for_shader, on_card, written
 
 _aten = torch.ops.aten
 #: Lengths whose table of turns is kept on the card.
 _LENGTHS_KEPT = 32
-
-
-@lru_cache(maxsize=4096)
-def factors(length: int) -> tuple[int, ...] | None:
-    """Factors up to `LARGEST_RADIX`, fours before twos; None where there is a larger prime."""
-    found = []
-    for factor in (5, 4, 3, 2):
-        while length % factor == 0:
-            found.append(factor)
-            length //= factor
-    assert max(found, default=1) <= LARGEST_RADIX
-    return (tuple(found) or (1,)) if length == 1 else None
 
 
 @lru_cache(maxsize=_LENGTHS_KEPT)
@@ -67,9 +57,26 @@ class _Axis:
 
 
 def _transformed(axis: _Axis, source: Memory, target: Memory) -> None:
-    """Transforms all lines; in between, the values lie in memory of their own."""
-    radices, done, count = factors(axis.length), 1, axis.inner * axis.outer
+    """Transforms all lines."""
+    radices = factors(axis.length)
     assert radices is not None
+    if axis.length <= LINE_VALUES:
+        _in_groups(axis, source, target)
+    else:
+        _in_passes(axis, radices, source, target)
+
+
+def _in_groups(axis: _Axis, source: Memory, target: Memory) -> None:
+    """One order: each group transforms as many lines as its memory holds."""
+    count, pitches = axis.inner * axis.outer, (axis.pitches[0], axis.pitches[2])
+    numbers = struct.pack("7If", axis.inner, count, *pitches, *axis.kinds, int(axis.inverse), axis.scale)
+    memories = _turns(axis.length), source, target
+    card().for_each(f"transform_lines/{axis.length}", count, lines_of_group(axis.length), numbers, *memories)
+
+
+def _in_passes(axis: _Axis, radices: tuple[int, ...], source: Memory, target: Memory) -> None:
+    """An order for each factor; in between, the values lie in memory of their own."""
+    done, count = 1, axis.inner * axis.outer
     spare = [card().memory(8 * axis.length * count) for _ in radices[1:3]]
     for place, radix in enumerate(radices):
         first, last = place == 0, place == len(radices) - 1

@@ -93,14 +93,22 @@ def test_the_separable_blur_of_narrow_frames(card, height, width):
         agrees(ours.adjoint(brought_up(y)), theirs.adjoint(y.double()))
 
 
-@pytest.mark.parametrize("size", [(1, 2), (4, 5), (15, 16), (48, 50), (27, 125)])
+#: Complex numbers that a group of the card's threads holds.
+LINE_VALUES = 2048
+
+
+@pytest.mark.parametrize(
+    "size", [(1, 2), (4, 5), (15, 16), (48, 50), (27, 125), (6, 1458), (2048, 2), (2, 2500), (2187, 3), (1500, 1)]
+)
 def test_fourier_transforms(card, size):
     image = drawn(2, *size)
     on_card = brought_up(image)
     torch.fft.irfft2(torch.fft.rfft2(on_card), s=size)  # (tables of turns)
+    card.traffic.orders = 0
     with nothing_crosses(card):
         spectrum = torch.fft.rfft2(on_card)
         back = torch.fft.irfft2(spectrum, s=size)
+    assert card.traffic.orders == 4 or max(size) > LINE_VALUES, "an axis is an order, where a group holds a line"
     wanted = torch.fft.rfft2(image.double())
     assert (spectrum.cpu() - wanted).abs().max() < 1e-5 * wanted.abs().max()
     agrees(back, image, 1e-5)
@@ -279,7 +287,7 @@ def test_the_objective_of_blurred_photos(card, phase, space, masked):
         objective = Objective(psf, frame, space, settings, torch.device(device), ratio())
         rendered = image if device == "cpu" else brought_up(image)
         for _ in range(2):  # (tables go up once)
-            card.traffic.up = card.traffic.down = 0
+            card.traffic.up = card.traffic.down = card.traffic.orders = 0
             mask = None if valid is None else valid.to(device)
             found[device] = getattr(objective, phase)(rendered, photo.to(device), mask)
     pixels = HEIGHT * WIDTH
@@ -288,3 +296,13 @@ def test_the_objective_of_blurred_photos(card, phase, space, masked):
     # (sums in another order turn the sign of a few differences next to zero; all others agree)
     off = (found["gpu"].gradient.cpu() - found["cpu"].gradient).abs() / found["cpu"].gradient.abs().max()
     assert off.max() < CLOSE_GRADIENT
+    assert card.traffic.orders <= {"srgb": 17, "linear": 50}[space], "each costs more than a small image's shader"
+
+
+def test_the_objective_of_sharp_photos_takes_five_orders(card):
+    frame = Frame(HEIGHT, WIDTH, 0)
+    objective = Objective(None, frame, "srgb", TrainingSettings(), torch.device("gpu"))
+    image, photo = brought_up(drawn(3, HEIGHT, WIDTH)), brought_up(drawn(3, HEIGHT, WIDTH, seed=1))
+    card.traffic.orders = 0
+    found = objective.loss(image, photo, None)
+    assert card.traffic.orders <= 5 and found.gradient.held.only_on_card

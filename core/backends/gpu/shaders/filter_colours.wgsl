@@ -1,6 +1,6 @@
 // Spectra of three colours, filtered in place: each times one transfer function, and their sum times another one added
 // to each. A transfer function is real or complex.
-// uses: items
+// uses: items, complex
 struct Params {
     count: u32, // of one colour
     own_complex: u32,
@@ -10,10 +10,6 @@ struct Params {
 @group(0) @binding(1) var<storage, read> own: array<f32>;
 @group(0) @binding(2) var<storage, read> shared_part: array<f32>;
 @group(0) @binding(3) var<storage, read_write> spectra: array<vec2f>;
-
-fn product(x: vec2f, y: vec2f) -> vec2f {
-    return vec2f(x.x * y.x - x.y * y.y, x.x * y.y + x.y * y.x);
-}
 
 @compute @workgroup_size(GROUP)
 fn main(

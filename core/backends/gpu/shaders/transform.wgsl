@@ -1,7 +1,7 @@
 // One pass of Stockham's Fourier transform along one axis (radix up to 5; Govindaraju et al. 2008, "High performance
 // discrete Fourier transforms on graphics processors"): its input is complex, real, or the first half of a spectrum
 // whose rest are conjugates; so is its output.
-// uses: items
+// uses: items, complex
 struct Params {
     length: u32,
     radix: u32,
@@ -19,10 +19,6 @@ struct Params {
 @group(0) @binding(1) var<storage, read> turns: array<vec2f>; // exp(-2 pi i k / length)
 @group(0) @binding(2) var<storage, read> source: array<f32>;
 @group(0) @binding(3) var<storage, read_write> out: array<f32>;
-
-fn product(x: vec2f, y: vec2f) -> vec2f {
-    return vec2f(x.x * y.x - x.y * y.y, x.x * y.y + x.y * y.x);
-}
 
 fn turn(k: u32) -> vec2f {
     let t = turns[k];
