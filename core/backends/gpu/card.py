@@ -8,7 +8,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache, wraps
 from heapq import heappop, heappush
-from importlib import import_module
 from typing import Any, TypeVar
 
 import numpy as np
@@ -17,15 +16,18 @@ from numpy.typing import NDArray
 from ...errors import DeviceError
 from .adapter import adapters, described, refusals
 from .layout import GROUPS_ACROSS
+from .native import Native
 from .shader_text import bindings, shader_text
 
 #: Places for the numbers of one order, and how many there are: the card is asked to begin when they are used up.
 _PLACE, _PLACES = 256, 256
 #: Orders after which the card begins with them: it works while the next ones are being written. Fewer would cost the
 #: computer more than they save the card.
-_TOGETHER = 16
+_TOGETHER = 32
 #: What the card's memory is for, in WebGPU's words.
 _USAGE = "STORAGE|COPY_SRC|COPY_DST"
+#: Bytes of the buffers that small results are read through.
+_STAGING = 4096
 #: Bind groups that are kept: making one takes longer than an order.
 _GROUPS_KEPT = 2048
 #: Freed memory is kept for the next tensor of its size, up to this share of the most that was ever in use: between two
@@ -101,15 +103,14 @@ class Card:
         self._returned: deque[tuple[int, Any]] = deque()
         self._made = 0
         self._in_use = self._most = self._kept = 0
-        native = import_module("wgpu.backends.wgpu_native")
-        self._native, self._offset = native.lib, native.ffi.new("uint32_t []", 1)
+        self._native, self._sent = Native(self._device), 0
+        self._stagings: list[Any] = []
         self._ring = self._device.create_buffer(size=_PLACE * _PLACES, usage="UNIFORM|COPY_DST")
         self._numbers = np.zeros(_PLACE * _PLACES, np.uint8)
         self._place = 0
         self._encoder: Any = None
         self._pass: Any = None
         self._waiting: set[int] = set()
-        self._mark: Memory | None = None
 
     def failed(self, error: Exception) -> DeviceError:
         """What to say when the driver refuses."""
@@ -199,17 +200,40 @@ class Card:
         self._device.queue.write_buffer(memory.buffer, 0, raw)
         self.traffic.up += raw.size
 
-    @_explained
     def read(self, memory: Memory, size: int, offset: int = 0) -> NDArray[np.uint8]:
         """[size] bytes from the card; waits for all that was ordered."""
+        return self.fetch(memory, size, offset)()
+
+    @_explained
+    def fetch(self, memory: Memory, size: int, offset: int = 0) -> Callable[[], NDArray[np.uint8]]:
+        """Asks for bytes as they are after all that was ordered so far; who calls the result waits for them.
+
+        In the meantime more can be ordered. Every result is called once.
+        """
         if not size:
-            return np.empty(0, np.uint8)
-        self.send()
+            return lambda: np.empty(0, np.uint8)
         whole = -(-size // 4) * 4
-        found = np.frombuffer(self._device.queue.read_buffer(memory.buffer, offset, whole), np.uint8)[:size]
+        staging = self._stagings.pop() if whole <= _STAGING and self._stagings else self._new_staging(whole)
+        self._end_pass()
+        self._recording().copy_buffer_to_buffer(memory.buffer, offset, staging, 0, whole)
+        self.send()
+        question, sent = self._native.ask(staging, whole), self._sent
+        return lambda: self._arrived(staging, size, question, sent)
+
+    @_explained
+    def _arrived(self, staging: Any, size: int, question: int, sent: int) -> NDArray[np.uint8]:
+        raw = self._native.answer(staging, -(-size // 4) * 4, question, sent)
+        if staging.size == _STAGING:
+            self._stagings.append(staging)
+        else:
+            staging.destroy()
         self.traffic.down += size
         self.traffic.waits += 1
-        return found
+        return np.frombuffer(raw, np.uint8)[:size]
+
+    def _new_staging(self, size: int) -> Any:
+        """A buffer that the computer can read; small ones are of one size, and used again."""
+        return self._device.create_buffer(size=max(size, _STAGING), usage="MAP_READ|COPY_DST")
 
     @_explained
     def run(self, kernel: str, groups: tuple[int, int], numbers: bytes, *memories: Memory) -> None:
@@ -228,12 +252,7 @@ class Card:
         self._place += 1
         if self._pass is None:
             self._pass = self._recording().begin_compute_pass()
-        begun, bound = self._pass._internal, self._group(kernel, layout, memories)._internal
-        self._offset[0] = at
-        # (wgpu's own methods ask for errors after every word: they come with the whole of it, in `send`)
-        self._native.wgpuComputePassEncoderSetPipeline(begun, pipeline._internal)
-        self._native.wgpuComputePassEncoderSetBindGroup(begun, 0, bound, 1, self._offset)
-        self._native.wgpuComputePassEncoderDispatchWorkgroups(begun, *groups, 1)
+        self._native.order(self._pass, pipeline, self._group(kernel, layout, memories), at, groups)
         self.traffic.orders += 1
         if self._place % _TOGETHER == 0:
             self.send()
@@ -271,15 +290,13 @@ class Card:
         orders, self._encoder = self._encoder.finish(), None
         self._place = 0
         self._waiting.clear()
-        self._device.queue.submit([orders])
+        self._sent = self._native.submit(orders)
 
     @_explained
     def wait(self) -> None:
         """Waits until all that was ordered is done."""
-        if self._mark is None:
-            self._mark = self.memory(4)
-        self.send()  # (wgpu 0.32's own waiting fails: a read comes after all that was ordered)
-        self._device.queue.read_buffer(self._mark.buffer, 0, 4)
+        self.send()
+        self._native.wait()
 
     def _recording(self) -> Any:
         if self._encoder is None:

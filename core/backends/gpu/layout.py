@@ -6,6 +6,8 @@ from ...rasterizer.projection_kernels import BEHIND, DEGENERATE, NON_FINITE, OUT
 
 #: Threads of a group that takes one item each.
 GROUP = 64
+#: Numbers of a projection: Gaussians of each status, and behind them the pairs of a splat and a tile.
+REASONS = 8
 #: Threads of a group that adds up or sorts: as many as WebGPU promises. Values that each takes at a time in prefix
 #: sums: neighbours, 32 bytes, which cards fetch at once.
 SCAN_GROUP, SCAN_RUN = 256, 8

@@ -24,7 +24,7 @@ from ...rasterizer.projection import SMOOTH_ALPHA_EDGE
 from ...rasterizer.projection_kernels import CULL_REASONS
 from ...rendering import RasterSettings, Rendered, ScreenStatistics
 from .card import Card, Memory, card
-from .layout import CHECKPOINT, CHUNK, GROUP, POSE_SUMS, SLOT_WIDTH
+from .layout import CHECKPOINT, CHUNK, GROUP, POSE_SUMS, REASONS, SLOT_WIDTH
 from .sorting import prefix_sums, sort
 from .tensors import CardTensor, empty, for_shader, register, written
 
@@ -32,8 +32,6 @@ from .tensors import CardTensor, empty, for_shader, register, written
 _SPLAT = 64
 #: Bytes of a chunk's entry (`chunks.wgsl`).
 _CHUNK = 16
-#: Words for the reasons to cull, and behind them the number of pairs.
-_REASONS = 8
 
 
 @dataclass
@@ -104,24 +102,25 @@ def project(
     count = shape[0]
     across, down = (int(n) for n in np.frombuffer(view, np.uint32)[38:40])
     learns = bool(np.frombuffer(view, np.float32)[31])
-    splats, reasons = device.memory(_SPLAT * count), device.memory(4 * _REASONS)
-    keys, indices, tile_counts, order = (device.memory(4 * count) for _ in range(4))
+    splats, reasons = device.memory(_SPLAT * count), device.memory(4 * REASONS)
+    keys, tile_counts, order = (device.memory(4 * count) for _ in range(3))
     places = device.memory(4 * (count + 1))
     device.clear(reasons)
-    device.for_each("project", count, GROUP, view, *parameters, splats, keys, indices, tile_counts, radius, reasons)
-    keys, indices = sort(device, keys, indices, count, 32)
+    device.for_each("project", count, GROUP, view, *parameters, splats, keys, tile_counts, radius, reasons)
+    known = device.fetch(reasons, 4 * REASONS)  # (the card sorts while its numbers come)
+    keys, indices = sort(device, keys, None, count, 32)
     number = np.uint32(count).tobytes()
     device.for_each("ties", count, GROUP, number, keys, indices, splats, tile_counts, order, places)
     prefix_sums(device, places, count)
-    device.copy(places, reasons, 4, 4 * count, 4 * (_REASONS - 1))
-    totals = device.read(reasons, 4 * _REASONS).view(np.uint32).tolist()
+    device.send()
+    totals = known().view(np.uint32).tolist()
     pairs = totals[-1]
 
     slots, ranges = device.memory(8 * count), device.memory(8 * (across * down + 1))
-    tiles, numbers, owners = (device.memory(4 * pairs) for _ in range(3))
+    tiles, owners = (device.memory(4 * pairs) for _ in range(2))
     lists = device.memory(8 * pairs)
-    device.for_each("emit", count, GROUP, view, splats, order, places, tiles, numbers, owners, slots)
-    tiles, numbers = sort(device, tiles, numbers, pairs, (across * down).bit_length())
+    device.for_each("emit", count, GROUP, view, splats, order, places, tiles, owners, slots)
+    tiles, numbers = sort(device, tiles, None, pairs, (across * down).bit_length())
     # (each tile has part of a chunk at most, besides whole ones)
     room = pairs // CHUNK + across * down if learns else 0
     chunks = device.memory(_CHUNK * room)
@@ -139,6 +138,7 @@ def blend(device: Card, p: Projected, outputs: tuple[CardTensor, ...]) -> None:
     """Writes image [3, H, W], transmittance [H, W] and depth [H, W], and `p.chunks` and `p.checkpoints`."""
     memories = [output.held.for_card(overwrite=True) for output in outputs]
     device.run("blend", p.tiles, p.view, p.splats, p.lists, p.ranges, *memories, p.chunks, p.checkpoints)
+    device.send()  # (it was waited for, and the card has nothing to do)
     for output in outputs:
         written(output)
 
@@ -189,6 +189,7 @@ class _Rasterize(torch.autograd.Function):
         known = [for_shader(tensor) for tensor in (*ctx.seen, *upstream)]
         of_lists = p.splats, p.lists, p.chunks, p.checkpoints
         device.for_each("blend_backward", p.room, 1, p.view, *of_lists, *known, slots)
+        device.send()  # (the card has long work now, and need not wait for what follows)
         widths = (3, 3, 4, 1, 3 * p.harmonics, 2)
         out = empty(p.count * sum(widths))
         blocks = -(-p.count // GROUP)

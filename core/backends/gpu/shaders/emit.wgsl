@@ -5,9 +5,8 @@
 @group(0) @binding(2) var<storage, read> order: array<u32>;
 @group(0) @binding(3) var<storage, read> places: array<u32>;
 @group(0) @binding(4) var<storage, read_write> tiles: array<u32>;
-@group(0) @binding(5) var<storage, read_write> pairs: array<u32>;
-@group(0) @binding(6) var<storage, read_write> owners: array<u32>;
-@group(0) @binding(7) var<storage, read_write> slots: array<vec2u>;
+@group(0) @binding(5) var<storage, read_write> owners: array<u32>;
+@group(0) @binding(6) var<storage, read_write> slots: array<vec2u>;
 
 @compute @workgroup_size(GROUP)
 fn main(
@@ -32,7 +31,6 @@ fn main(
         let columns = tile_columns(splat, row, view.frame.x);
         for (var column = columns.x; column < columns.y && at < end; column++) {
             tiles[at] = row * view.counts.z + column;
-            pairs[at] = at;
             owners[at] = g;
             at++;
         }
@@ -41,7 +39,6 @@ fn main(
     // (another shader's rounding may have counted one tile more: a tile that is not there takes it, and no gradient)
     for (; at < end; at++) {
         tiles[at] = view.counts.z * view.counts.w;
-        pairs[at] = at;
         owners[at] = g;
     }
 }

@@ -8,10 +8,9 @@
 @group(0) @binding(5) var<storage, read> sh: array<f32>;
 @group(0) @binding(6) var<storage, read_write> splats: array<Splat>;
 @group(0) @binding(7) var<storage, read_write> keys: array<u32>;
-@group(0) @binding(8) var<storage, read_write> indices: array<u32>;
-@group(0) @binding(9) var<storage, read_write> tile_counts: array<u32>;
-@group(0) @binding(10) var<storage, read_write> radii: array<f32>;
-@group(0) @binding(11) var<storage, read_write> reasons: array<atomic<u32>>;
+@group(0) @binding(8) var<storage, read_write> tile_counts: array<u32>;
+@group(0) @binding(9) var<storage, read_write> radii: array<f32>;
+@group(0) @binding(10) var<storage, read_write> reasons: array<atomic<u32>>;
 
 fn reason_of(g: u32, s: Shape, splat: ptr<function, Splat>, radius: ptr<function, f32>) -> u32 {
     let mean = vec3f(means[3u * g], means[3u * g + 1u], means[3u * g + 2u]);
@@ -111,8 +110,8 @@ fn main(
     }
     splats[g] = splat;
     keys[g] = select(UNSEEN, bitcast<u32>(s.point.z), tiles > 0u);
-    indices[g] = g;
     tile_counts[g] = tiles;
     radii[g] = radius;
     atomicAdd(&reasons[reason], 1u);
+    atomicAdd(&reasons[REASONS - 1u], tiles);
 }
