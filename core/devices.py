@@ -185,6 +185,15 @@ class Backend(Protocol):
         """Subtracts the bounded difference from a gradient [3, H + 2m, W + 2m], in place, inside the photo."""
         ...
 
+    def collect(self, centres: Tensor, radius: Tensor, gradients: Tensor, views: Tensor) -> None:
+        """Adds up what one view shows of each Gaussian (`core.training.density`), in place.
+
+        Args:
+            centres: [N, 2] gradient in its projected centre; radius: [N] px, 0 where it is not seen.
+            gradients: [N] lengths of them; views: [N] how many saw it.
+        """
+        ...
+
     def adam(self, steps: Sequence[AdamStep]) -> None:
         """Makes the steps."""
         ...

@@ -118,6 +118,11 @@ class ReferenceBackend:
             d = d * missing.valid
         gradient[inner] -= missing.weight * d
 
+    def collect(self, centres: Tensor, radius: Tensor, gradients: Tensor, views: Tensor) -> None:
+        """See `Backend`."""
+        gradients += centres.norm(dim=1).to(gradients.device)
+        views += (radius > 0).to(views.device, views.dtype)
+
     def adam(self, steps: Sequence[AdamStep]) -> None:
         """See `Backend`."""
         for step in steps:

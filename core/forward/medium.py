@@ -116,7 +116,7 @@ class FixedMedium:
     def pulled_back(self, upstream: Tensor, passed: Passed, degraded: Tensor, weight: float = 1.0) -> Tensor:
         """`gradient` where the image has passed before; `weight` times `upstream` [3, H, W], that in `degraded`."""
         if self.space == "srgb":
-            return self.blur.adjoint(upstream * weight)
+            return self.blur.adjoint(upstream if weight == 1.0 else upstream * weight)
         upstream = upstream * encoding_derivative(passed.blurred, degraded)
         return self.blur.adjoint(upstream * weight) * decoding_derivative(passed.image, passed.light)
 

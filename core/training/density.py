@@ -13,6 +13,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from ..devices import backend_on
 from ..gaussians import Gaussians
 from ..numbers import number
 from ..rasterizer import ScreenStatistics
@@ -63,8 +64,7 @@ class DensityControl:
     def collect(self, screen: ScreenStatistics) -> None:
         """Adds one view's gradients of the projected centres."""
         assert screen.mean_gradient is not None
-        self.gradients += screen.mean_gradient.norm(dim=1).to(self.gradients.device)
-        self.views += (screen.radius > 0).to(self.views.device, self.views.dtype)
+        backend_on(self.device).collect(screen.mean_gradient, screen.radius, self.gradients, self.views)
 
     def keep(self, optimizer: Adam, rows: Tensor) -> None:
         """Goes on with the Gaussians at indices `rows` [K], and with what is known of them."""

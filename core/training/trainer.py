@@ -148,7 +148,7 @@ class Trainer:
         self._centres = torch.from_numpy(placed.astype(np.float32)).to(self.device)
         self._kept: tuple[Level, KeptPhotos] | None = None
         self._known = background_of(views)
-        self.background = colour_behind(views).to(self.device)
+        self.background = colour_behind(views)
         self.transparent = any(view.alpha is not None for view in views)
         self.step = 0
         self.repairs: dict[str, int] = {}

@@ -68,7 +68,8 @@ def _is_plain(value: Any) -> bool:
 
 
 def _shape(*values: Any) -> tuple[int, ...]:
-    return tuple(torch.broadcast_shapes(*(value.shape for value in values if isinstance(value, Tensor))))
+    shapes = [tuple(value.shape) for value in values if isinstance(value, Tensor)]
+    return shapes[0] if shapes.count(shapes[0]) == len(shapes) else tuple(torch.broadcast_shapes(*shapes))
 
 
 def _suits(*values: Any) -> bool:

@@ -22,6 +22,7 @@ from . import arithmetic, reductions, rows, transforms  # noqa: F401  (torch's o
 from .adam import adam_steps
 from .blurs import blurs_on_card
 from .card import card
+from .collect import collected_on_card
 from .losses import photometric_on_card, specks_on_card, variation_on_card
 from .missing import drawn_on_card, filtered_on_card, residual_on_card
 from .rasterizer import render_gpu
@@ -124,6 +125,11 @@ class GpuBackend(ReferenceBackend):
         """See `Backend`."""
         if not drawn_on_card(gradient, missing):
             super().draw(gradient, missing)
+
+    def collect(self, centres: Tensor, radius: Tensor, gradients: Tensor, views: Tensor) -> None:
+        """See `Backend`."""
+        if not collected_on_card(centres, radius, gradients, views):
+            super().collect(centres, radius, gradients, views)
 
     def adam(self, steps: Sequence[AdamStep]) -> None:
         """See `Backend`."""

@@ -8,6 +8,7 @@ two threads add to one number, so the same input gives the same bits, with or wi
 
 from __future__ import annotations
 
+import struct
 from dataclasses import dataclass
 from typing import Any
 
@@ -25,11 +26,14 @@ from ...rasterizer.projection_kernels import CULL_REASONS
 from ...rendering import RasterSettings, Rendered, ScreenStatistics
 from .card import Card, Memory, card
 from .layout import CHECKPOINT, CHUNK, GROUP, POSE_SUMS, REASONS, SLOT_WIDTH
+from .operands import unused
 from .sorting import prefix_sums, sort
 from .tensors import CardTensor, empty, for_shader, register, written
 
 #: Bytes of a projected Gaussian (`splat.wgsl`).
 _SPLAT = 64
+#: Where the view says to the backward pass of which outputs gradients came, in bytes (`view.wgsl`).
+_CAME = 4 * (8 * 4 + 3)
 #: Bytes of a chunk's entry (`chunks.wgsl`).
 _CHUNK = 16
 
@@ -135,9 +139,9 @@ def project(
 
 
 def blend(device: Card, p: Projected, outputs: tuple[CardTensor, ...]) -> None:
-    """Writes image [3, H, W], transmittance [H, W] and depth [H, W], and `p.chunks` and `p.checkpoints`."""
+    """Writes image [3, H, W], transmittance, depth and alpha [H, W], and `p.chunks` and `p.checkpoints`."""
     memories = [output.held.for_card(overwrite=True) for output in outputs]
-    device.run("blend", p.tiles, p.view, p.splats, p.lists, p.ranges, *memories, p.chunks, p.checkpoints)
+    device.run("blend", p.tiles, p.view, p.splats, p.lists, p.ranges, p.chunks, p.checkpoints, *memories)
     device.send()  # (it was waited for, and the card has nothing to do)
     for output in outputs:
         written(output)
@@ -171,24 +175,26 @@ class _Rasterize(torch.autograd.Function):
         screen.radius = written(radius)
         screen.culled = {reason: n for reason, n in zip(CULL_REASONS[1:], numbers[1:], strict=False) if n}
         screen.evaluations = projected.pairs * TILE * TILE
-        image, transmittance, depth = empty(3, *size), empty(*size), empty(*size)
-        blend(device, projected, (image, transmittance, depth))
+        image, transmittance, depth, alpha = empty(3, *size), empty(*size), empty(*size), empty(*size)
+        blend(device, projected, (image, transmittance, depth, alpha))
         ctx.projected, ctx.screen, ctx.camera, ctx.pose = projected, screen, camera, where
         ctx.seen = image, transmittance, depth
         ctx.pose_like = None if pose is None else pose.detach()
         ctx.behind_like = background.detach()
         ctx.set_materialize_grads(False)
-        return image.detach(), 1.0 - transmittance, depth.detach()
+        return image.detach(), alpha, depth.detach()
 
     @staticmethod
     def backward(ctx: Any, *came: Tensor | None) -> Any:
         p, device = ctx.projected, card()
         transmittance = ctx.seen[1]
-        upstream = [torch.zeros_like(o) if g is None else g for o, g in zip(ctx.seen, came, strict=True)]
+        upstream = [None if g is None else for_shader(g) for g in came]
+        view = bytearray(p.view)
+        struct.pack_into("f", view, _CAME, sum(2**place for place, one in enumerate(upstream) if one is not None))
         slots = device.memory(4 * SLOT_WIDTH * p.pairs)
-        known = [for_shader(tensor) for tensor in (*ctx.seen, *upstream)]
+        known = [for_shader(tensor) for tensor in ctx.seen] + [unused() if one is None else one for one in upstream]
         of_lists = p.splats, p.lists, p.chunks, p.checkpoints
-        device.for_each("blend_backward", p.room, 1, p.view, *of_lists, *known, slots)
+        device.for_each("blend_backward", p.room, 1, bytes(view), *of_lists, *known, slots)
         device.send()  # (the card has long work now, and need not wait for what follows)
         widths = (3, 3, 4, 1, 3 * p.harmonics, 2)
         out = empty(p.count * sum(widths))
@@ -209,12 +215,13 @@ class _Rasterize(torch.autograd.Function):
         starts = np.cumsum((0, *widths)) * p.count
         shapes = ((-1, 3), (-1, 3), (-1, 4), (-1,), (-1, p.harmonics, 3), (-1, 2))
         found = [out[a:b].reshape(s) for a, b, s in zip(starts[:-1], starts[1:], shapes, strict=True)]
-        ctx.screen.mean_gradient = found.pop().clone()  # (read by torch, which would fetch all the others with it)
+        ctx.screen.mean_gradient = found.pop()
         d_pose = d_background = None
         if ctx.pose_like is not None and ctx.needs_input_grad[9]:
             d_pose = _pose_gradient(ctx, device.read(of_pose, 4 * POSE_SUMS * blocks)).to(ctx.pose_like)
         if ctx.needs_input_grad[8]:
-            d_background = (upstream[0] * transmittance).sum(dim=(1, 2)).to(ctx.behind_like)
+            in_image = torch.zeros_like(ctx.seen[0]) if came[0] is None else came[0]
+            d_background = (in_image * transmittance).sum(dim=(1, 2)).to(ctx.behind_like)
         return (None, None, None, *found, d_background, d_pose, None)
 
 

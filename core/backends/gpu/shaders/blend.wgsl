@@ -6,11 +6,12 @@
 @group(0) @binding(1) var<storage, read> splats: array<Splat>;
 @group(0) @binding(2) var<storage, read> lists: array<vec2u>;
 @group(0) @binding(3) var<storage, read> ranges: array<vec2u>;
-@group(0) @binding(4) var<storage, read_write> image: array<f32>;
-@group(0) @binding(5) var<storage, read_write> transmittance: array<f32>;
-@group(0) @binding(6) var<storage, read_write> depth: array<f32>;
-@group(0) @binding(7) var<storage, read_write> chunks: array<Chunk>;
-@group(0) @binding(8) var<storage, read_write> checkpoints: array<f32>;
+@group(0) @binding(4) var<storage, read_write> chunks: array<Chunk>;
+@group(0) @binding(5) var<storage, read_write> checkpoints: array<f32>;
+@group(0) @binding(6) var<storage, read_write> image: array<f32>;
+@group(0) @binding(7) var<storage, read_write> transmittance: array<f32>;
+@group(0) @binding(8) var<storage, read_write> depth: array<f32>;
+@group(0) @binding(9) var<storage, read_write> opacity: array<f32>;
 
 struct Pixel { through: f32, colour: vec3f, deep: f32 }
 
@@ -80,6 +81,7 @@ fn show(pixel: Pixel, place: vec2u, size: vec2u) {
     image[2u * plane + at] = colour.z;
     transmittance[at] = pixel.through;
     depth[at] = pixel.deep;
+    opacity[at] = 1.0 - pixel.through;
 }
 
 @compute @workgroup_size(TILE, TILE)

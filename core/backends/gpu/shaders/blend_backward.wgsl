@@ -51,10 +51,21 @@ fn read_pixel(p: u32, corner: vec2u, begins: u32) {
         colour -= vec3f(checkpoints[stored + PIXELS], checkpoints[stored + 2u * PIXELS], checkpoints[stored + 3u * PIXELS]);
         deep -= checkpoints[stored + 4u * PIXELS];
     }
-    let g = vec3f(image_gradient[at], image_gradient[plane + at], image_gradient[2u * plane + at]);
-    upstream[p] = vec4f(g, depth_gradient[at]);
+    let came = u32(view.background.w);
+    var g = vec4f(0.0);
+    if ((came & 1u) != 0u) {
+        g = vec4f(image_gradient[at], image_gradient[plane + at], image_gradient[2u * plane + at], 0.0);
+    }
+    if ((came & 4u) != 0u) {
+        g.w = depth_gradient[at];
+    }
+    upstream[p] = g;
     // image = colours + T background and alpha = 1 - T: both are part of what still comes
-    states[p] = vec2f(through, dot(g, colour) + depth_gradient[at] * deep - alpha_gradient[at] * transmittance[at]);
+    var rest = dot(g, vec4f(colour, deep));
+    if ((came & 2u) != 0u) {
+        rest -= alpha_gradient[at] * transmittance[at];
+    }
+    states[p] = vec2f(through, rest);
 }
 
 // (where the list has ended: one of no opacity, which changes no pixel)

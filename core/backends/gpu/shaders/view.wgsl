@@ -6,7 +6,7 @@ struct View {
     limits: vec4f,             // x / z and y / z are clamped to them: least and largest
     frame: vec4f,              // width, height, near plane, low-pass
     cutoff: vec4f,             // alpha's least, where ellipses end, 1 if antialiased, 1 if a backward pass may come
-    background: vec4f,
+    background: vec4f,         // and for the backward pass which gradients came: 1 image, 2 alpha, 4 depth
     counts: vec4u,             // Gaussians, harmonics of each, tiles across, tiles down
 }
 
