@@ -17,8 +17,9 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -295,6 +296,62 @@ def profile(case: Row, photos: Path, steps: int = 10) -> Row:
     return {**case, "card_ms": round(sum(ms for ms, _ in shaders.values()), 3), "shaders_ms_and_orders": shaders}
 
 
+def write_set(folder: Path) -> None:
+    """`folder`/photos and `folder`/model: the paper's case in numbers, of Gaussians instead of a ball: 76 photos along
+    a rail, blurred by 5 px, with the noise of 8 bits, and points as structure from motion finds them."""
+    import torch
+    from dgs.core.formats.colmap import write_model
+    from dgs.core.imaging.operator import BlurOperator
+    from dgs.core.imaging.psf import PointSpread
+    from dgs.core.rasterizer import render
+    from dgs.core.views import SparsePoints
+    from PIL import Image
+
+    from . import scene
+
+    (width, height), random = FULL, np.random.default_rng(0)
+    psf = PointSpread(sigma_x=5.0, sigma_y=5.0)
+    margin, gaussians, cameras = max(psf.radius), scene.gaussians(100_000), {}
+    blur = BlurOperator(psf, height, width, margin)
+    (folder / "photos").mkdir(parents=True)
+    for number, degrees in enumerate(np.linspace(-18.3, 18.3, 76)):
+        name = f"photo_{number:02d}.png"
+        cameras[name] = replace(scene.camera(width, height, float(degrees)), name=name)
+        with torch.no_grad():
+            image = blur(render(gaussians, cameras[name].with_margin(margin)).image).permute(1, 2, 0).numpy()
+        pixels = np.round(255 * image + random.normal(size=image.shape)).clip(0, 255).astype(np.uint8)
+        Image.fromarray(pixels).save(folder / "photos" / name, compress_level=1)
+    chosen = random.permutation(len(gaussians))[:5000]
+    points = gaussians.means.numpy()[chosen].astype(np.float64)
+    write_model(folder / "model", cameras, SparsePoints(points, np.full(points.shape, 128, np.uint8)))
+
+
+def twins(folder: Path, devices: Sequence[str]) -> list[Row]:
+    """From photos with cameras to the twin's folder, report and all, on each device: seconds, and what it is worth."""
+    write_set(folder)
+    found = []
+    for device in devices:
+        out = folder / device
+        words = ["photos", "--cameras", str(folder / "model"), "--psf", "gaussian:5", "--blur-space", "srgb"]
+        words += ["--out", str(out), "--device", device, "--threads", str(THREADS), "--progress", "none"]
+        begun = time.perf_counter()
+        done = subprocess.run(
+            [sys.executable, str(HERE.parent / "run_dgs.py"), "reconstruct", str(folder / words[0]), *words[1:]],
+            capture_output=True,
+            text=True,
+        )
+        spent = time.perf_counter() - begun
+        if done.returncode:
+            print(done.stdout[-1500:], done.stderr[-1500:])
+            continue
+        report = json.loads((out / "report.json").read_text("utf-8"))
+        heldout = report["heldout"]["degraded"]["psnr"]
+        row = {"device": device, "command_s": round(spent, 1), "seconds": report["seconds"], "heldout_psnr": heldout}
+        found.append(row | {"steps": report["steps"], "gaussians": report["gaussians"]})
+        print(json.dumps(found[-1]), flush=True)
+    return found
+
+
 def devices_here() -> list[str]:
     """The processor, and every card's back end that works on this machine."""
     from dgs.core.devices import backend_named
@@ -340,6 +397,7 @@ def parsed() -> argparse.Namespace:
     parser.add_argument("--profile", action="store_true", help="how long each shader takes on the card")
     parser.add_argument("--cases", type=int, nargs="*", help="numbers of the cases, from 0; all of them by default")
     parser.add_argument("--devices", nargs="*", help="back ends; all that work here by default")
+    parser.add_argument("--twin", action="store_true", help="whole reconstructions instead, of photos with cameras")
     parser.add_argument("--out", type=Path, default=RESULTS)
     for hidden in ("--measure", "--device"):
         parser.add_argument(hidden, help=argparse.SUPPRESS)
@@ -363,6 +421,10 @@ def main() -> int:
     devices = asked.devices or devices_here()
     result: Row = {"machine": machine(), "rows": [], "profiles": []}
     with tempfile.TemporaryDirectory() as folder:
+        if asked.twin:
+            result["twins"] = twins(Path(folder), [device for device in devices if device != "gsplat"])
+            asked.out.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
+            return 0
         for number in range(len(CASES)) if asked.cases is None else asked.cases:
             case, photos = CASES[number], Path(folder) / f"{number}.npy"
             np.save(photos, np.stack([view.photo for view in photographed(case)]))
