@@ -6,6 +6,7 @@ import hashlib
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import lru_cache
 from typing import Any, SupportsFloat
 
 import numpy as np
@@ -300,8 +301,7 @@ class Trainer:
     def view_at(self, level: Level, step: int) -> GridView:
         """Every photo once per round, in an order that depends on seed and round only."""
         n = len(level.views)
-        order = np.random.default_rng([self.settings.seed, 1, step // n]).permutation(n)
-        return level.views[order[step % n]]
+        return level.views[_order(self.settings.seed, step // n, n)[step % n]]
 
     def _shown(self, share: float) -> Gaussians:
         """The Gaussians with as many harmonics as the run has come to; gradients flow to the optimizer's own."""
@@ -670,3 +670,9 @@ class Trainer:
 def _in_unit(points: SparsePoints, scale: SceneScale) -> SparsePoints:
     samples = None if points.samples is None else _in_unit(points.samples, scale)
     return replace(points, positions=scale.points_to_unit(points.positions), samples=samples)
+
+
+@lru_cache(maxsize=2)
+def _order(seed: int, turn: int, count: int) -> list[int]:
+    """In which order the photos come in one round."""
+    return [int(n) for n in np.random.default_rng([seed, 1, turn]).permutation(count)]

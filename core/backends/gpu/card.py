@@ -323,7 +323,7 @@ class Card:
         layout = device.create_bind_group_layout(entries=entries)
         pipeline = device.create_compute_pipeline(
             layout=device.create_pipeline_layout(bind_group_layouts=[layout]),
-            compute={"module": self._native.shader(shader_text(kernel)), "entry_point": "main"},
+            compute={"module": device.create_shader_module(code=shader_text(kernel)), "entry_point": "main"},
         )
         self._kernels[kernel] = pipeline, layout
         return pipeline, layout

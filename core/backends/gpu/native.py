@@ -10,8 +10,6 @@ from collections.abc import Sequence
 from importlib import import_module
 from typing import Any
 
-#: Of wgpu's checks in shaders: places beyond a table (1), but no counters in loops (2).
-_CHECKS = 1
 #: Times that the driver is asked whether bytes have come, after it said that all before them was done.
 _PATIENCE = 1000
 
@@ -33,22 +31,6 @@ class Native:
 
         kind = "void(WGPUMapAsyncStatus, WGPUStringView, void *, void *)"
         self._answered = self._ffi.callback(kind, answered)
-
-    def shader(self, text: str) -> Any:
-        """A shader, as wgpu's own method makes it, but without the counter in every loop that ends endless ones.
-
-        Ours end, and the counters cost the card a third of its time.
-        """
-        api = import_module("wgpu.backends.wgpu_native._api")
-        code = text.encode()
-        held = self._ffi.new("char []", code)
-        source = self._ffi.new("WGPUShaderSourceWGSL *")
-        source.chain.sType = self._plain.WGPUSType_ShaderSourceWGSL
-        source.code.data, source.code.length = held, len(code)
-        described = self._ffi.new("WGPUShaderModuleDescriptor *")
-        described.nextInChain = self._ffi.cast("WGPUChainedStruct *", source)
-        made = self._safe.wgpuDeviceCreateShaderModuleTrusted(self._device._internal, described, _CHECKS)
-        return api.GPUShaderModule("", made, self._device)
 
     def order(self, begun: Any, pipeline: Any, bound: Any, place: int, groups: Sequence[int]) -> None:
         """One shader of a pass that has begun, its uniform at `place`; what is wrong is raised when it is sent."""

@@ -25,7 +25,7 @@ from ...rasterizer.projection import SMOOTH_ALPHA_EDGE
 from ...rasterizer.projection_kernels import CULL_REASONS
 from ...rendering import RasterSettings, Rendered, ScreenStatistics
 from .card import Card, Memory, card
-from .layout import CHECKPOINT, CHUNK, GROUP, POSE_SUMS, REASONS, SLOT_WIDTH
+from .layout import CHECKPOINT, CHUNK, GROUP, LONG_LISTS, POSE_SUMS, REASONS, SLOT_WIDTH
 from .operands import unused
 from .sorting import prefix_sums, sort
 from .tensors import CardTensor, empty, for_shader, register, written
@@ -116,7 +116,6 @@ def project(
     number = np.uint32(count).tobytes()
     device.for_each("ties", count, GROUP, number, keys, indices, splats, tile_counts, order, places)
     prefix_sums(device, places, count)
-    device.send()
     totals = known().view(np.uint32).tolist()
     pairs = totals[-1]
 
@@ -142,7 +141,8 @@ def blend(device: Card, p: Projected, outputs: tuple[CardTensor, ...]) -> None:
     """Writes image [3, H, W], transmittance, depth and alpha [H, W], and `p.chunks` and `p.checkpoints`."""
     memories = [output.held.for_card(overwrite=True) for output in outputs]
     device.run("blend", p.tiles, p.view, p.splats, p.lists, p.ranges, p.chunks, p.checkpoints, *memories)
-    device.send()  # (it was waited for, and the card has nothing to do)
+    if p.pairs > LONG_LISTS:  # (the card has nothing to do yet)
+        device.send()
     for output in outputs:
         written(output)
 
@@ -195,7 +195,7 @@ class _Rasterize(torch.autograd.Function):
         known = [for_shader(tensor) for tensor in ctx.seen] + [unused() if one is None else one for one in upstream]
         of_lists = p.splats, p.lists, p.chunks, p.checkpoints
         device.for_each("blend_backward", p.room, 1, bytes(view), *of_lists, *known, slots)
-        device.send()  # (the card has long work now, and need not wait for what follows)
+        device.send()  # (the card works while what follows is written)
         widths = (3, 3, 4, 1, 3 * p.harmonics, 2)
         out = empty(p.count * sum(widths))
         blocks = -(-p.count // GROUP)
@@ -214,7 +214,9 @@ class _Rasterize(torch.autograd.Function):
         written(out)
         starts = np.cumsum((0, *widths)) * p.count
         shapes = ((-1, 3), (-1, 3), (-1, 4), (-1,), (-1, p.harmonics, 3), (-1, 2))
-        found = [out[a:b].reshape(s) for a, b, s in zip(starts[:-1], starts[1:], shapes, strict=True)]
+        # (views as torch makes them, but without asking it)
+        parts = zip(starts[:-1], starts[1:], shapes, strict=True)
+        found = [CardTensor(out.local[a:b].reshape(shape), out.held) for a, b, shape in parts]
         ctx.screen.mean_gradient = found.pop()
         d_pose = d_background = None
         if ctx.pose_like is not None and ctx.needs_input_grad[9]:
