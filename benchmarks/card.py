@@ -380,7 +380,7 @@ def in_own_process(what: str, case: Row, device: str, photos: Path) -> Row:
     return made
 
 
-def told(row: Row, cpu: Row) -> str:
+def table_row(row: Row, cpu: Row) -> str:
     """A row of the table."""
     width, height = row["size"]
     case = f"{width}x{height} {row['gaussians']:>9,} degree {row['sh_degree']} blur {row['sigma']:g}"
@@ -431,7 +431,7 @@ def main() -> int:
             rows = [row for device in devices if (row := in_own_process("row", case, device, photos))]
             cpu = next((row for row in rows if row["device"] == "cpu"), {})
             for row in rows:
-                print(told(row, cpu), flush=True)
+                print(table_row(row, cpu), flush=True)
             result["rows"] += rows
             if asked.profile and "gpu" in devices:
                 result["profiles"].append(in_own_process("profile", case, "gpu", photos))

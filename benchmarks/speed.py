@@ -41,16 +41,7 @@ def rows_to_measure() -> list[Row]:
     # What sharp photos all round an object ask for: `lego` with the preset `best`.
     rows.append({"backend": "cpu", "size": SQUARE, "gaussians": 100_000, "threads": 2, "sigma": 0.0, "sh_degree": 3})
     rows.append({"backend": "reference", "size": FULL, "gaussians": 20_000, "threads": 2})
-    if _cuda_available():
-        rows += [{"backend": "cuda", "size": FULL, "gaussians": n, "threads": 2} for n in (20_000, 100_000)]
     return [{"sh_degree": 1, "sigma": SIGMA_PX, **row} for row in rows]
-
-
-def _cuda_available() -> bool:
-
-    from dgs.core.rasterizer.cuda import available
-
-    return available()
 
 
 def peak_memory_mb() -> float:

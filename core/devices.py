@@ -250,13 +250,12 @@ def _module(name: str) -> Callable[[], Backend]:
     return load
 
 
-#: All back ends, by the name that `--device` takes; 'auto' takes the last one that works, but for `gpu`: nobody has
-#: measured yet on which cards it is faster than the processor beside them.
+#: All back ends, by the name that `--device` takes; 'auto' takes the last one that works, but for `gpu`: it was
+#: measured on one model of card, and not yet with effects that are learned in the computer's memory.
 REGISTRY: dict[BackendName, Entry] = {
     "reference": Entry(_module("reference"), None),
     "cpu": Entry(_module("cpu"), "cpu"),
     "gpu": Entry(_module("gpu.backend"), "gpu", unasked=False),
-    "cuda": Entry(_module("cuda"), "cuda"),
 }
 
 

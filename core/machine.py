@@ -24,7 +24,6 @@ _LIBRARIES = (
     "plyfile",
     "pillow",
     "wgpu",
-    "gsplat",
     "bpy",
 )
 

@@ -3,7 +3,7 @@
     rendered = render(gaussians, camera)
     rendered.image.sum().backward()
 
-`reference` (plain torch) is the specification, `cpu` (numba) and `cuda` (gsplat) mirror it.
+`reference` (plain torch) is the specification, `cpu` (numba) and `gpu` (shaders) mirror it.
 """
 
 from __future__ import annotations

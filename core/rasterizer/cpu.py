@@ -282,7 +282,7 @@ def render_cpu(
     if gaussians.means.device.type != "cpu" or gaussians.means.dtype != torch.float32:
         raise DeviceError(
             "The cpu rasterizer takes float32 tensors on the CPU",
-            "Use the back end 'reference' for float64, 'cuda' for tensors on a GPU",
+            "Use the back end 'reference' for float64, 'gpu' for tensors on a graphics card",
         )
     screen = ScreenStatistics(radius=torch.zeros(len(gaussians)))
     behind = torch.zeros(3) if background is None else background

@@ -265,7 +265,7 @@ class TrainingSettings:
         grid_step: photo px per grid px; None for what the blur allows.
         seed: of everything random.
         threads: of kernels and torch; 0 leaves them as they are.
-        device: 'auto', 'cpu', 'gpu' or 'cuda'.
+        device: 'auto', 'cpu' or 'gpu'.
         time_limit: seconds for the optimization, None for no limit. With one, the time is the plan (`Schedule`) and
             `steps` what is expected to fit.
         until: 'plateau', or a PSNR in dB on held-out photos, at which the run may end before; None to go on.

@@ -99,7 +99,7 @@ OPTIONS: dict[str, Option] = {
     "sh_degree": Option("--sh-degree", _whole(0, 3), int),
     "truth": Option("--truth", absolute_path),
     "snapshots": Option("--snapshots", _switch, write=lambda _: ""),
-    "device": Option("--device", _one_of("auto", "cpu", "gpu", "cuda"), only=""),
+    "device": Option("--device", _one_of("auto", "cpu", "gpu"), only=""),
     "threads": Option("--threads", _whole(1), int, only=""),
 }
 _BY_FLAG = {option.flag: name for name, option in OPTIONS.items()}

@@ -230,10 +230,9 @@ class DGS_PG_settings(bpy.types.PropertyGroup):
         name="Device",
         description="Where to compute",
         items=(
-            ("auto", "Automatic", "CUDA if this machine and the engine have it"),
+            ("auto", "Automatic", "The CPU; a graphics card where it is chosen"),
             ("cpu", "CPU", ""),
             ("gpu", "Graphics Card", "Any maker's, through Vulkan, Metal or DirectX 12"),
-            ("cuda", "CUDA", "A graphics card by NVIDIA"),
         ),
     )
     threads: bpy.props.IntProperty(

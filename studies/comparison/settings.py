@@ -32,7 +32,7 @@ class StudySettings:
         resume: keep the rows that are there.
         rows: names of single rows, as those of their files in rows/; the table is not written then.
         threads: None for all cores.
-        device: 'auto', 'cpu', 'gpu' or 'cuda'.
+        device: 'auto', 'cpu' or 'gpu'.
     """
 
     dataset: Path

@@ -95,10 +95,7 @@ class Result:
 #: Every case of the files that were imported; see `registry.all_cases`.
 CASES: list[Case] = []
 #: Cases of the rasterizer run on all of these that are there.
-ALL: tuple[BackendName, ...] = ("reference", "cpu", "gpu", "cuda")
-#: gsplat computes the covariance in float32, caps alpha at 0.999, and leaves out the Gaussian that crosses the
-#: transmittance stop: cases about just that do not concern it.
-OWN_BACKENDS: tuple[BackendName, ...] = ("reference", "cpu", "gpu")
+ALL: tuple[BackendName, ...] = ("reference", "cpu", "gpu")
 
 
 def case(

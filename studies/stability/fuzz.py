@@ -101,12 +101,12 @@ def any_camera(random: np.random.Generator) -> Camera:
     )
 
 
-def any_settings(random: np.random.Generator, smooth: bool = True) -> RasterSettings:
+def any_settings(random: np.random.Generator) -> RasterSettings:
     """Any low-pass, antialiasing, cutoff, with or without depth."""
     return RasterSettings(
         low_pass=float(random.choice([0.05, 0.3, 2.0])),
         antialias=bool(random.integers(0, 2)),
-        alpha_minimum=float(random.choice([ALPHA_MINIMUM, 0.0])) if smooth else ALPHA_MINIMUM,
+        alpha_minimum=float(random.choice([ALPHA_MINIMUM, 0.0])),
         depth=bool(random.integers(0, 2)),
     )
 
@@ -146,7 +146,7 @@ class Fuzzer:
         """Draws the scene of a seed and lets it through; whether every law held."""
         random = np.random.default_rng(seed)
         scene, camera = any_splats(random), any_camera(random)
-        return self.through(scene, camera, any_settings(random, self.backend != "cuda"), random, seed)
+        return self.through(scene, camera, any_settings(random), random, seed)
 
     def through(
         self, scene: Gaussians, camera: Camera, settings: RasterSettings, random: np.random.Generator, seed: int

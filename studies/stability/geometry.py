@@ -11,7 +11,7 @@ import torch
 from ...core.constants import FAR_PLANE, HARMONICS_LIMIT, NEAR_PLANE
 from ...core.gaussians import Gaussians
 from ...core.rasterizer import RasterSettings
-from .case import ALL, OWN_BACKENDS, Site, case, worst
+from .case import ALL, Site, case, worst
 from .photographed import small_set, trained_steps
 from .scenes import against_float64, drawn, joined, make_camera, random_scene, rows, single
 
@@ -97,7 +97,7 @@ def must_cull(site: Site) -> float:
     "alpha is 0.5 everywhere",
     1e-3,
     "the Gaussian itself falls by 5e-4 over the frame at a scale of 1e3 / 30",
-    OWN_BACKENDS,
+    ALL,
 )
 def giants_cover_the_frame(site: Site) -> float:
     """Scales of 1e3 to 1e12: huge but valid, and elsewhere they vanish."""
@@ -122,7 +122,7 @@ def specks_are_drawn(site: Site) -> float:
     "float32 equals float64",
     1e-4,
     "the reference rounds covariances to float32 (4e-5); cpu computes them in double (3e-6)",
-    OWN_BACKENDS,
+    ALL,
 )
 def extreme_shapes_image(site: Site) -> float:
     """Needles, discs seen flat and edge on, giants, dust: determinants of 0."""
@@ -138,7 +138,7 @@ def extreme_shapes_image(site: Site) -> float:
     "float32 equals float64, relative",
     1e-3,
     "the target; the parameters themselves are rounded to 6e-8",
-    OWN_BACKENDS,
+    ALL,
 )
 def extreme_shapes_gradients(site: Site) -> float:
     """The same shapes, backward: the inverse of a covariance of rank 1."""
@@ -204,12 +204,7 @@ def sweep_through_the_camera(site: Site) -> float:
 
 
 @case(
-    "geometry",
-    "grazing and beside the frame: gradients",
-    "float32 equals float64, relative",
-    1e-3,
-    "the target",
-    OWN_BACKENDS,
+    "geometry", "grazing and beside the frame: gradients", "float32 equals float64, relative", 1e-3, "the target", ALL
 )
 def grazing_gradients(site: Site) -> float:
     """Large Gaussians centred far beside the frame: the Jacobian's direction is clamped, its gradient ends."""
@@ -223,7 +218,7 @@ def grazing_gradients(site: Site) -> float:
     "gradient equals finite differences",
     1e-3,
     "of central differences with a step of 1e-5 in float64",
-    OWN_BACKENDS,
+    ALL,
 )
 def clamped_branch(site: Site) -> float:
     """Beyond the frame's margin the Jacobian is constant; a gradient that still follows x/z is wrong."""

@@ -14,7 +14,7 @@ from ...core.imaging.formation.chain import Formation
 from ...core.imaging.formation.motion import CameraMotion, straight_paths
 from ...core.imaging.psf import PointSpread
 from ...core.rasterizer import RasterSettings, render, render_path
-from .case import OWN_BACKENDS, Site, case
+from .case import ALL, Site, case
 from .scenes import make_camera, random_scene
 
 
@@ -48,7 +48,7 @@ def no_path(site: Site) -> float:
     "frames of the back end are those of one render each; light and gradients are finite",
     0.05,
     "display values; shapes are shared over a turn of a third",
-    OWN_BACKENDS,
+    ALL,
 )
 def endless_path(site: Site) -> float:
     """What one frame shows is far beside the others; tiles and centres leave the frame."""

@@ -14,7 +14,7 @@ from ...core.evaluation.poses import align_similarity, pose_errors
 from ...core.rasterizer import RasterSettings, render
 from ...core.rasterizer.projection import camera_pose
 from ...core.rigid_motion import moved_pose, se3_exponential
-from .case import OWN_BACKENDS, Site, case, explained
+from .case import ALL, Site, case, explained
 from .photographed import arc, looking
 from .scenes import drawn, make_camera, random_scene
 
@@ -138,7 +138,7 @@ def zero_twist(site: Site) -> float:
     return max(errors)
 
 
-@case("poses", "gradient of the pose", "float32 equals float64, relative", 1e-3, "the target", OWN_BACKENDS)
+@case("poses", "gradient of the pose", "float32 equals float64, relative", 1e-3, "the target", ALL)
 def pose_gradient(site: Site) -> float:
     """Sums over all Gaussians and pixels of terms of both signs."""
     errors = []

@@ -14,7 +14,7 @@ from ...core.constants import ALPHA_MAXIMUM, ALPHA_MINIMUM, NEAR_PLANE
 from ...core.gaussians import Gaussians
 from ...core.rasterizer import RasterSettings
 from ...core.training.density import DENSITY
-from .case import ALL, OWN_BACKENDS, Site, case, worst
+from .case import ALL, Site, case, worst
 from .photographed import small_set, trained_steps
 from .scenes import against_float64, drawn, joined, make_camera, pixels_apart, random_scene, rows, single
 
@@ -37,7 +37,7 @@ def opaque_stack(logit: float) -> Gaussians:
     "float32 equals float64",
     2e-4,
     "rounding decides at the transmittance stop whether one more counts, which adds 1e-4",
-    OWN_BACKENDS,
+    ALL,
 )
 def stack_image(site: Site) -> float:
     """Transmittance runs out after a few layers."""
@@ -45,12 +45,7 @@ def stack_image(site: Site) -> float:
 
 
 @case(
-    "rasterizer",
-    "64 opaque splats in a stack: gradients",
-    "float32 equals float64, relative",
-    1e-3,
-    "the target",
-    OWN_BACKENDS,
+    "rasterizer", "64 opaque splats in a stack: gradients", "float32 equals float64, relative", 1e-3, "the target", ALL
 )
 def stack_gradients(site: Site) -> float:
     """Where forward and backward clamp alpha differently, the recovered transmittance is off by up to 10 times."""
@@ -63,7 +58,7 @@ def stack_gradients(site: Site) -> float:
     "slope 0 above the cap, and that of float64 below",
     1e-4,
     "ten times float32's error; slopes above the cap would be 9e-4",
-    OWN_BACKENDS,
+    ALL,
 )
 def alpha_cap(site: Site) -> float:
     """Opacities just below and just above the largest alpha: forward and backward share one constant."""
@@ -82,7 +77,7 @@ def alpha_cap(site: Site) -> float:
     "smooth and cut image differ by at most 2/255",
     2 / 255,
     "what is cut off is below 1/255 each; the colours here are below 1",
-    OWN_BACKENDS,
+    ALL,
 )
 def alpha_cutoff(site: Site) -> float:
     """The cutoff is a step: gradient checks fail on it. So there are two modes, and their difference is bounded."""
@@ -97,7 +92,7 @@ def alpha_cutoff(site: Site) -> float:
     "gradient equals finite differences",
     1e-3,
     "of central differences along 6 random directions in float64",
-    OWN_BACKENDS,
+    ALL,
 )
 def smooth_mode(site: Site) -> float:
     """Without the cutoff the image is smooth in every parameter."""
@@ -150,7 +145,7 @@ def no_splat_is_dead_for_good(site: Site) -> float:
     "any order of the input gives the same image",
     1e-6,
     "0 on cpu; torch rounds the ends of long vectors in another way",
-    OWN_BACKENDS,
+    ALL,
 )
 def depth_ties(site: Site) -> float:
     """A wall that faces the camera, with forty Gaussians at one and the same place."""
@@ -174,9 +169,7 @@ def hdr_image(site: Site) -> float:
     return pixels_apart(found.image / 1e4, truth.image / 1e4) if float(truth.image.max()) > 1e3 else math.inf
 
 
-@case(
-    "rasterizer", "HDR colours of 1e4: gradients", "float32 equals float64, relative", 1e-3, "the target", OWN_BACKENDS
-)
+@case("rasterizer", "HDR colours of 1e4: gradients", "float32 equals float64, relative", 1e-3, "the target", ALL)
 def hdr_gradients(site: Site) -> float:
     """The same, backward."""
     scene = random_scene(40, 2, seed=2)
@@ -301,7 +294,7 @@ def law_scaled_world(site: Site) -> float:
     return max(errors)
 
 
-@case("rasterizer", "law: twice the resolution", "every second px is the same", 2e-5, "rounding", OWN_BACKENDS)
+@case("rasterizer", "law: twice the resolution", "every second px is the same", 2e-5, "rounding", ALL)
 def law_resolution(site: Site) -> float:
     """Twice as many px along each side, four times the low-pass, the lens shifted by half a px: every second px looks
     along the same ray."""
@@ -327,7 +320,7 @@ def law_resolution(site: Site) -> float:
     "difference at most opacity^2 / 4",
     1.01,
     "two of half the opacity cover o - o^2/4; in units of o^2/4",
-    OWN_BACKENDS,
+    ALL,
 )
 def law_two_halves(site: Site) -> float:
     """Splitting a faint splat in two at the same place changes the image by the square of its opacity only."""

@@ -22,7 +22,7 @@ GERMAN = table("de_DE")
 #: Functions whose text arguments are shown.
 SHOWN = {"sentence", "figures", "folded", "iface_", "rpt_", "label", "operator", "prop", "poll_message_set"}
 #: Names and units that are the same in every language.
-SAME = {"", "COLMAP", "Descatter", "CPU", "CUDA", "PLY", "SPZ", "px", "glTF", "{value:.2f} dB", "{stage}, {time} left"}
+SAME = {"", "COLMAP", "Descatter", "CPU", "PLY", "SPZ", "px", "glTF", "{value:.2f} dB", "{stage}, {time} left"}
 
 
 @pytest.fixture(autouse=True)

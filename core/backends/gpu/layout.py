@@ -35,8 +35,8 @@ CHECKPOINT = 5
 #: Threads of the backward pass's group: one warp, as it waits for its slowest thread after every pixel. Each takes up
 #: to CHUNK / BUCKET splats, written out one by one in `blend_backward.wgsl`.
 BUCKET = 32
-#: Pairs of a splat and a tile from which on a card is told to blend before its next orders are written: with fewer it
-#: is done before they are, and to tell it takes the computer a third of a millisecond.
+#: Pairs of a splat and a tile from which on a card begins to blend before its next orders are written: with fewer it is
+#: done before they are, and to start it takes the computer a third of a millisecond.
 LONG_LISTS = 1 << 20
 #: Where a chunk begins, other than at a checkpoint: at the tile's first splat; behind what every pixel sees.
 FRESH, SATURATED = 0xFFFFFFFF, 0xFFFFFFFE

@@ -1,6 +1,6 @@
 """How Fourier transforms of one length are cut into passes, and the text of a shader's passes.
 
-The text is written for each length: a compiler that knows every radix keeps values in registers and leaves nothing out
+The text is written for each length: a compiler that is given every radix keeps values in registers and leaves nothing out
 but what is never used.
 """
 

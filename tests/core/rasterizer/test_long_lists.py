@@ -61,14 +61,10 @@ def check(scene: Gaussians, backend: str, width: int = 16, height: int = 16, foc
 @pytest.mark.parametrize("logit", [FAINT, OPAQUE])
 @pytest.mark.parametrize("count", LENGTHS)
 def test_lists_of_several_chunks(backend: str, count: int, logit: float) -> None:
-    if backend == "cuda" and logit == OPAQUE:
-        pytest.skip("gsplat leaves out the Gaussian that crosses the transmittance stop")
     check(stack(count, logit), backend)
 
 
 def test_a_tile_that_is_partly_opaque(backend: str) -> None:
-    if backend == "cuda":
-        pytest.skip("gsplat leaves out the Gaussian that crosses the transmittance stop")
     check(half_covered(CHUNK + 9), backend)
 
 

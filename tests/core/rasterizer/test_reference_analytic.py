@@ -49,8 +49,7 @@ def test_isotropic_gaussian_on_the_axis(any_backend: str, antialias: bool) -> No
     assert torch.allclose(view.image.cpu().double(), expected, atol=2e-6)
     assert torch.allclose(view.depth.cpu().double(), 2.0 * alpha, atol=4e-6)
     radius = math.sqrt(2 * math.log(opacity * 255) * (variance + LOW_PASS_VARIANCE))
-    if any_backend != "cuda":  # gsplat rounds up to whole pixels
-        assert float(view.screen.radius[0]) == pytest.approx(radius, rel=1e-4)
+    assert float(view.screen.radius[0]) == pytest.approx(radius, rel=1e-4)
 
 
 def test_two_layers_blend_front_to_back(any_backend: str) -> None:
