@@ -1,7 +1,7 @@
 """How Fourier transforms of one length are cut into passes, and the text of a shader's passes.
 
-The text is written for each length: a compiler that is given every radix keeps values in registers and leaves nothing out
-but what is never used.
+The text is written for each length: a compiler that is given every radix keeps values in registers and leaves nothing
+out but what is never used.
 """
 
 from __future__ import annotations
