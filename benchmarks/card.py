@@ -17,9 +17,8 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +28,9 @@ from .speed import FULL, HALF, HERE, SQUARE, machine
 
 RESULTS = HERE / "card.json"
 Row = dict[str, Any]
-PHOTOS, WARM, STEPS, RENDERS = 8, 30, 100, 30
+WARM, STEPS, RENDERS = 30, 100, 30
+#: Where its photos are taken from, along the rail (degrees).
+ANGLES = [float(degrees) for degrees in np.linspace(-18.0, 18.0, 8)]
 SIGMA_PX = 2.0
 
 #: What is measured: size, Gaussians, degree of harmonics, blur in px.
@@ -60,8 +61,8 @@ def photographed(case: Row) -> list[Any]:
     margin = max(psf.radius) if sigma else 0
     gaussians, views = scene.gaussians(case["gaussians"], case["sh_degree"]), []
     blur = BlurOperator(psf, height, width, margin) if sigma else None
-    for degrees in np.linspace(-18.0, 18.0, PHOTOS):
-        camera = scene.camera(width, height, float(degrees))
+    for degrees in ANGLES:
+        camera = scene.camera(width, height, degrees)
         with torch.no_grad():
             image = render(gaussians, camera.with_margin(margin)).image
             image = image if blur is None else blur(image)
@@ -82,8 +83,7 @@ def trainer_of(case: Row, device: str, photos: Path) -> Any:
     from . import scene
 
     width, height = case["size"]
-    angles = [float(degrees) for degrees in np.linspace(-18.0, 18.0, PHOTOS)]
-    cameras = [scene.camera(width, height, degrees) for degrees in angles]
+    cameras = [scene.camera(width, height, degrees) for degrees in ANGLES]
     views = [View(camera, pixels) for camera, pixels in zip(cameras, np.load(photos), strict=True)]
     random = np.random.default_rng(0)
     places = scene.surface_points(5000, random)
@@ -184,59 +184,6 @@ def rasterizer(case: Row, device: str, rounds: int) -> Row:
     }
 
 
-def gsplat_steps(case: Row, photos: Path) -> Row:
-    """The step of gsplat's users: its rasterizer, L1 and SSIM by torch's convolutions, torch's fused Adam."""
-    import gsplat
-    import torch
-    from dgs.core.backends.cuda import BACKEND
-    from torch.nn.functional import conv2d
-
-    from . import scene
-
-    width, height = case["size"]
-    cameras = [scene.camera(width, height, float(degrees)) for degrees in np.linspace(-18.0, 18.0, PHOTOS)]
-    wanted = [torch.from_numpy(p).cuda().permute(2, 0, 1).float() / 255 for p in np.load(photos)]
-    gaussians = scene.gaussians(case["gaussians"], case["sh_degree"]).to(device="cuda").requires_grad_()
-    optimizer = torch.optim.Adam([tensor for _, tensor in gaussians.named()], lr=1e-5, eps=1e-15, fused=True)
-    taps = torch.exp(-((torch.arange(11.0, device="cuda") - 5) ** 2) / 4.5)
-    taps = (taps / taps.sum()).reshape(1, 1, 1, 11)
-
-    def blurred(stack: Any) -> Any:
-        planes = stack.reshape(-1, 1, height, width)
-        return conv2d(conv2d(planes, taps, padding=(0, 5)), taps.transpose(2, 3), padding=(5, 0)).view_as(stack)
-
-    def dissimilarity(x: Any, y: Any) -> Any:
-        m, n, xx, yy, xy = blurred(torch.stack([x, y, x * x, y * y, x * y]))
-        top = (2 * m * n + 1e-4) * (2 * (xy - m * n) + 9e-4)
-        return 1 - (top / ((m * m + n * n + 1e-4) * (xx - m * m + yy - n * n + 9e-4))).mean()
-
-    def rendered(camera: Any) -> Any:
-        pose = torch.eye(4, device="cuda")
-        pose[:3, :3], pose[:3, 3] = torch.from_numpy(camera.rotation), torch.from_numpy(camera.translation)
-        lens = torch.tensor([[camera.fx, 0.0, camera.cx], [0.0, camera.fy, camera.cy], [0.0, 0.0, 1.0]], device="cuda")
-        shape = gaussians.means, gaussians.quaternions, gaussians.log_scales.exp(), gaussians.opacity_logits.sigmoid()
-        frame = pose[None], lens[None], width, height
-        return gsplat.rasterization(*shape, gaussians.sh, *frame, sh_degree=case["sh_degree"], packed=False)[0][0]
-
-    def step(number: int) -> None:
-        image = rendered(cameras[number % PHOTOS]).permute(2, 0, 1)
-        photo = wanted[number % PHOTOS]
-        (0.8 * (image - photo).abs().mean() + 0.2 * dissimilarity(image, photo)).backward()
-        optimizer.step()
-        optimizer.zero_grad(set_to_none=True)
-
-    for number in range(WARM):
-        step(number)
-    BACKEND.synchronize()
-    begun = time.perf_counter()
-    for number in range(STEPS):
-        step(number)
-    BACKEND.synchronize()
-    spent = round(1e3 * (time.perf_counter() - begun) / STEPS, 3)
-    row = {**case, "device": "gsplat", "step_ms": spent, "mean_step_ms": spent, "loss": 0.0}
-    return row | {"forward_ms": 0.0, "backward_ms": 0.0}
-
-
 @contextmanager
 def timed_orders(most: int = 4096) -> Iterator[dict[str, list[float]]]:
     """The card itself writes down when every order begins and ends: milliseconds by shader, after the block."""
@@ -296,67 +243,12 @@ def profile(case: Row, photos: Path, steps: int = 10) -> Row:
     return {**case, "card_ms": round(sum(ms for ms, _ in shaders.values()), 3), "shaders_ms_and_orders": shaders}
 
 
-def write_set(folder: Path) -> None:
-    """`folder`/photos and `folder`/model: the paper's case in numbers, of Gaussians instead of a ball: 76 photos along
-    a rail, blurred by 5 px, with the noise of 8 bits, and points as structure from motion finds them."""
-    import torch
-    from dgs.core.formats.colmap import write_model
-    from dgs.core.imaging.operator import BlurOperator
-    from dgs.core.imaging.psf import PointSpread
-    from dgs.core.rasterizer import render
-    from dgs.core.views import SparsePoints
-    from PIL import Image
-
-    from . import scene
-
-    (width, height), random = FULL, np.random.default_rng(0)
-    psf = PointSpread(sigma_x=5.0, sigma_y=5.0)
-    margin, gaussians, cameras = max(psf.radius), scene.gaussians(100_000), {}
-    blur = BlurOperator(psf, height, width, margin)
-    (folder / "photos").mkdir(parents=True)
-    for number, degrees in enumerate(np.linspace(-18.3, 18.3, 76)):
-        name = f"photo_{number:02d}.png"
-        cameras[name] = replace(scene.camera(width, height, float(degrees)), name=name)
-        with torch.no_grad():
-            image = blur(render(gaussians, cameras[name].with_margin(margin)).image).permute(1, 2, 0).numpy()
-        pixels = np.round(255 * image + random.normal(size=image.shape)).clip(0, 255).astype(np.uint8)
-        Image.fromarray(pixels).save(folder / "photos" / name, compress_level=1)
-    chosen = random.permutation(len(gaussians))[:5000]
-    points = gaussians.means.numpy()[chosen].astype(np.float64)
-    write_model(folder / "model", cameras, SparsePoints(points, np.full(points.shape, 128, np.uint8)))
-
-
-def twins(folder: Path, devices: Sequence[str]) -> list[Row]:
-    """From photos with cameras to the twin's folder, report and all, on each device: seconds, and what it is worth."""
-    write_set(folder)
-    found = []
-    for device in devices:
-        out = folder / device
-        words = ["photos", "--cameras", str(folder / "model"), "--psf", "gaussian:5", "--blur-space", "srgb"]
-        words += ["--out", str(out), "--device", device, "--threads", str(THREADS), "--progress", "none"]
-        begun = time.perf_counter()
-        done = subprocess.run(
-            [sys.executable, str(HERE.parent / "run_dgs.py"), "reconstruct", str(folder / words[0]), *words[1:]],
-            capture_output=True,
-            text=True,
-        )
-        spent = time.perf_counter() - begun
-        if done.returncode:
-            print(done.stdout[-1500:], done.stderr[-1500:])
-            continue
-        report = json.loads((out / "report.json").read_text("utf-8"))
-        heldout = report["heldout"]["degraded"]["psnr"]
-        row = {"device": device, "command_s": round(spent, 1), "seconds": report["seconds"], "heldout_psnr": heldout}
-        found.append(row | {"steps": report["steps"], "gaussians": report["gaussians"]})
-        print(json.dumps(found[-1]), flush=True)
-    return found
-
-
 def devices_here() -> list[str]:
     """The processor, and every card's back end that works on this machine."""
     from dgs.core.devices import backend_named
     from dgs.core.errors import DeviceError
-    from dgs.core.rasterizer.cuda import available
+
+    from . import card_gsplat
 
     found = ["cpu"]
     try:
@@ -364,20 +256,30 @@ def devices_here() -> list[str]:
         found.append("gpu")
     except DeviceError as error:
         print(error)
-    return [*found, "cuda", "gsplat"] if available() else found
+    return [*found, "gsplat"] if card_gsplat.available() else found
 
 
-def in_own_process(what: str, case: Row, device: str, photos: Path) -> Row:
-    """One measurement in a fresh interpreter; {} with the reason printed where it failed."""
-    words = ["--measure", what, "--case", json.dumps(case), "--device", device, "--photos", str(photos)]
+def in_own_process(what: str, device: str, cases: list[Row], photos: list[Path]) -> list[Row]:
+    """Measurements in a fresh interpreter; none, with the reason printed, where it failed."""
+    files = json.dumps([str(path) for path in photos])
+    words = ["--measure", what, "--device", device, "--given", json.dumps(cases), "--photos", files]
     done = subprocess.run(
         [sys.executable, "-m", "benchmarks.card", *words], capture_output=True, text=True, cwd=HERE.parent
     )
     if done.returncode:
         print(done.stderr[-2000:], flush=True)
-        return {}
-    made: Row = json.loads(done.stdout.splitlines()[-1])
-    return made
+    return [json.loads(line) for line in done.stdout.splitlines() if line.startswith("{")]
+
+
+def measured(asked: argparse.Namespace, case: Row, photos: Path) -> Row:
+    """One measurement, in this process."""
+    if asked.measure == "profile":
+        return profile(case, photos)
+    if asked.device == "gsplat":
+        from . import card_gsplat
+
+        return card_gsplat.measure(case, photos, ANGLES, WARM, STEPS)
+    return measure(case, asked.device, photos)
 
 
 def table_row(row: Row, cpu: Row) -> str:
@@ -388,7 +290,7 @@ def table_row(row: Row, cpu: Row) -> str:
     times = "".join(f" {name} {row[f'{name}_ms']:8.2f}" for name in names if f"{name}_ms" in row)
     faster = f" {cpu['step_ms'] / row['step_ms']:6.1f} times" if cpu else ""
     bus = f" orders {row['orders']} waits {row['waits']}" if "orders" in row else ""
-    return f"{case} {row['device']:>6}{times}{faster} loss {row['loss']:.5f}{bus}"
+    return f"{case} {row['device']:>6}{times}{faster}{bus}"
 
 
 def parsed() -> argparse.Namespace:
@@ -397,12 +299,11 @@ def parsed() -> argparse.Namespace:
     parser.add_argument("--profile", action="store_true", help="how long each shader takes on the card")
     parser.add_argument("--cases", type=int, nargs="*", help="numbers of the cases, from 0; all of them by default")
     parser.add_argument("--devices", nargs="*", help="back ends; all that work here by default")
-    parser.add_argument("--twin", action="store_true", help="whole reconstructions instead, of photos with cameras")
     parser.add_argument("--out", type=Path, default=RESULTS)
     for hidden in ("--measure", "--device"):
         parser.add_argument(hidden, help=argparse.SUPPRESS)
-    parser.add_argument("--case", type=json.loads, help=argparse.SUPPRESS)
-    parser.add_argument("--photos", type=Path, help=argparse.SUPPRESS)
+    for hidden in ("--given", "--photos"):
+        parser.add_argument(hidden, type=json.loads, help=argparse.SUPPRESS)
     return parser.parse_args()
 
 
@@ -410,33 +311,25 @@ def main() -> int:
     """Measures, prints the table, writes the results."""
     asked = parsed()
     if asked.measure:
-        if asked.measure == "profile":
-            found = profile(asked.case, asked.photos)
-        elif asked.device == "gsplat":
-            found = gsplat_steps(asked.case, asked.photos)
-        else:
-            found = measure(asked.case, asked.device, asked.photos)
-        print(json.dumps(found))
+        for case, path in zip(asked.given, asked.photos, strict=True):
+            print(json.dumps(measured(asked, case, Path(path))), flush=True)
         return 0
-    devices = asked.devices or devices_here()
     result: Row = {"machine": machine(), "rows": [], "profiles": []}
+    cases = [CASES[number] for number in asked.cases] if asked.cases else list(CASES)
     with tempfile.TemporaryDirectory() as folder:
-        if asked.twin:
-            result["twins"] = twins(Path(folder), [device for device in devices if device != "gsplat"])
-            asked.out.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
-            return 0
-        for number in range(len(CASES)) if asked.cases is None else asked.cases:
-            case, photos = CASES[number], Path(folder) / f"{number}.npy"
-            np.save(photos, np.stack([view.photo for view in photographed(case)]))
-            rows = [row for device in devices if (row := in_own_process("row", case, device, photos))]
-            cpu = next((row for row in rows if row["device"] == "cpu"), {})
-            for row in rows:
-                print(table_row(row, cpu), flush=True)
-            result["rows"] += rows
-            if asked.profile and "gpu" in devices:
-                result["profiles"].append(in_own_process("profile", case, "gpu", photos))
-                print(json.dumps(result["profiles"][-1]), flush=True)
-            asked.out.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
+        photos = [Path(folder) / f"{number}.npy" for number in range(len(cases))]
+        for case, path in zip(cases, photos, strict=True):
+            np.save(path, np.stack([view.photo for view in photographed(case)]))
+        for device in asked.devices or devices_here():
+            result["rows"] += in_own_process("row", device, cases, photos)
+        if asked.profile:
+            result["profiles"] = in_own_process("profile", "gpu", cases, photos)
+    for row in result["rows"]:
+        on_cpu = [r for r in result["rows"] if r["device"] == "cpu" and all(r[key] == row[key] for key in cases[0])]
+        print(table_row(row, on_cpu[0] if on_cpu else {}), flush=True)
+    for found in result["profiles"]:
+        print(json.dumps(found))
+    asked.out.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
     return 0
 
 
