@@ -103,7 +103,13 @@ class Card:
         self._returned: deque[tuple[int, Any]] = deque()
         self._made = 0
         self._in_use = self._most = self._kept = 0
-        self._native, self._sent = Native(self._device), 0
+        try:
+            self._native, self._sent = Native(self._device), 0
+        except (ImportError, AttributeError) as error:  # (its C functions are no promise of wgpu's)
+            raise DeviceError(
+                f"This wgpu is not the version that the engine was made for ({error})",
+                "Install the packages of requirements.txt again; or use --device cpu",
+            ) from error
         self._stagings: list[Any] = []
         self._ring = self._device.create_buffer(size=_PLACE * _PLACES, usage="UNIFORM|COPY_DST")
         self._numbers = np.zeros(_PLACE * _PLACES, np.uint8)

@@ -65,6 +65,17 @@ def test_without_an_adapter_the_way_out_is_named(monkeypatch):
         adapter.adapters.cache_clear()
 
 
+def test_another_wgpu_is_named(card, monkeypatch):
+    """Its C functions may have other names from one version to the next."""
+
+    def other(device):
+        raise AttributeError("wgpuQueueSubmitForIndex")
+
+    monkeypatch.setattr("dgs.core.backends.gpu.card.Native", other)
+    with pytest.raises(DeviceError, match=r"not the version.*requirements.txt"):
+        type(card)(adapter.adapters()[0])
+
+
 def test_shaders_take_their_numbers_from_python():
     text = constants_text()
     assert f"const TRANSMITTANCE_STOP = {TRANSMITTANCE_STOP!r};" in text and f"const SH_C2_4 = {SH_C2[4]!r};" in text
