@@ -293,6 +293,13 @@ def table_row(row: Row, cpu: Row) -> str:
     return f"{case} {row['device']:>6}{times}{faster}{bus}"
 
 
+def show(rows: list[Row], all_rows: list[Row]) -> None:
+    """Rows of the table, beside the processor's of the same case where it was measured before."""
+    for row in rows:
+        same = (r for r in all_rows if r["device"] == "cpu" and all(r[key] == row[key] for key in CASES[0]))
+        print(table_row(row, next(same, {})), flush=True)
+
+
 def parsed() -> argparse.Namespace:
     """The command's words."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -321,12 +328,12 @@ def main() -> int:
         for case, path in zip(cases, photos, strict=True):
             np.save(path, np.stack([view.photo for view in photographed(case)]))
         for device in asked.devices or devices_here():
-            result["rows"] += in_own_process("row", device, cases, photos)
+            rows = in_own_process("row", device, cases, photos)
+            result["rows"] += rows
+            show(rows, result["rows"])
+            asked.out.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
         if asked.profile:
             result["profiles"] = in_own_process("profile", "gpu", cases, photos)
-    for row in result["rows"]:
-        on_cpu = [r for r in result["rows"] if r["device"] == "cpu" and all(r[key] == row[key] for key in cases[0])]
-        print(table_row(row, on_cpu[0] if on_cpu else {}), flush=True)
     for found in result["profiles"]:
         print(json.dumps(found))
     asked.out.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
