@@ -14,7 +14,7 @@ from ...camera import Camera
 from ...devices import AdamStep, Missing
 from ...frames import Evaluation, Frame
 from ...gaussians import Gaussians
-from ...numbers import BY_DEFINITION, number
+from ...numbers import number
 from ...rendering import RasterSettings, Rendered
 from ..cpu import CPU, CpuBackend
 from ..reference import ReferenceBackend
@@ -38,7 +38,7 @@ class CardSettings:
         1 << 30,
         "bytes",
         "of photos that stay on the card: 200 of 800 x 533 px, and a quarter of the memory of a small card",
-        BY_DEFINITION,
+        "not chosen by data",
     )
 
 

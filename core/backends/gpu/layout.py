@@ -36,7 +36,8 @@ CHECKPOINT = 5
 #: to CHUNK / BUCKET splats, written out one by one in `blend_backward.wgsl`.
 BUCKET = 32
 #: Pairs of a splat and a tile from which on a card begins to blend before its next orders are written: with fewer it is
-#: done before they are, and to start it takes the computer a third of a millisecond.
+#: done before they are, and to start it takes the computer a third of a millisecond (in software; not yet chosen
+#: by times on a card).
 LONG_LISTS = 1 << 20
 #: Where a chunk begins, other than at a checkpoint: at the tile's first splat; behind what every pixel sees.
 FRESH, SATURATED = 0xFFFFFFFF, 0xFFFFFFFE
