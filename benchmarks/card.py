@@ -191,15 +191,18 @@ def timed_orders(most: int = 4096) -> Iterator[dict[str, list[float]]]:
 
     found: dict[str, list[float]] = {}
     plain, device, names = Card.run, card(), []
+    ffi, begin_pass = device._native._ffi, device._native._plain.wgpuCommandEncoderBeginComputePass
     driver: Any = device._device
     queries = driver.create_query_set(type="timestamp", count=most)
 
     def run(self: Any, kernel: str, *arguments: Any) -> None:
         if 2 * len(names) + 2 > most:
             return plain(self, kernel, *arguments)
-        places = {"beginning_of_pass_write_index": 2 * len(names), "end_of_pass_write_index": 2 * len(names) + 1}
+        writes, asked = ffi.new("WGPUPassTimestampWrites *"), ffi.new("WGPUComputePassDescriptor *")
+        writes.querySet, asked.timestampWrites = queries._internal, writes
+        writes.beginningOfPassWriteIndex, writes.endOfPassWriteIndex = 2 * len(names), 2 * len(names) + 1
         self._end_pass()
-        self._pass = self._recording().begin_compute_pass(timestamp_writes={"query_set": queries, **places})
+        self._pass = begin_pass(self._recording(), asked)
         names.append(kernel)
         plain(self, kernel, *arguments)
         return self._end_pass()

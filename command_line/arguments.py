@@ -86,7 +86,12 @@ def above_zero(text: str) -> float:
 
 def add_machine(parser: argparse.ArgumentParser) -> None:
     """Device and threads."""
-    parser.add_argument("--device", choices=("auto", *devices()), default="auto", help="where to compute")
+    parser.add_argument(
+        "--device",
+        choices=("auto", *devices()),
+        default="auto",
+        help="where to compute (auto: the processor, and a training on a graphics card where that is quicker)",
+    )
     parser.add_argument("--threads", type=whole(1, 1024), metavar="N", help="CPU threads; all cores if not given")
 
 

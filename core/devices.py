@@ -87,6 +87,20 @@ class Missing:
     curve: tuple[Tensor, Tensor, float] | None = None
 
 
+@dataclass(frozen=True)
+class Guarded:
+    """What a check of all parameters found.
+
+    Attributes:
+        limited: Gaussians that were too large for their distance from the nearest camera; clamped: with a scale that
+            the projection clamps; broken: whether any parameter is not finite.
+    """
+
+    limited: int
+    clamped: int
+    broken: bool
+
+
 class Backend(Protocol):
     """What a training asks of a device. Tensors are float32 on the back end's own device unless said otherwise.
 
@@ -100,6 +114,13 @@ class Backend(Protocol):
 
     def check(self) -> None:
         """Raises DeviceError, with the way out, where the back end cannot work on this machine."""
+        ...
+
+    def quick(self) -> bool:
+        """Whether the device is made for such work, so that a training may be tried on it unasked.
+
+        Loads nothing where it is plain that there is none; raises nothing.
+        """
         ...
 
     def synchronize(self) -> None:
@@ -194,6 +215,30 @@ class Backend(Protocol):
         """
         ...
 
+    def add_seen(
+        self,
+        sums: tuple[Tensor, Tensor, Tensor],
+        gradient: Tensor,
+        gaussians: Gaussians,
+        camera: Camera,
+        settings: RasterSettings,
+    ) -> None:
+        """Adds up what one photo sees of each Gaussian, in place: see `core.training.contribution.SeenByPhotos`.
+
+        Args:
+            sums: [N] each: contribution, visibility, framed.
+            gradient: [N, 1, 3] of a render's red channel, as far as it counts, in the first harmonics.
+        """
+        ...
+
+    def guard(self, gaussians: Gaussians, centres: Tensor) -> Guarded:
+        """Checks all parameters, and limits sizes in place (`core.training.guards`).
+
+        Args:
+            centres: [K, 3] of the cameras, in the Gaussians' world.
+        """
+        ...
+
     def adam(self, steps: Sequence[AdamStep]) -> None:
         """Makes the steps."""
         ...
@@ -232,7 +277,8 @@ class Entry:
     Attributes:
         load: makes it; imports what it needs.
         device: torch's type of the tensors that are its own; None where it is asked for by name only.
-        unasked: whether 'auto' may take it.
+        unasked: whether 'auto' takes it wherever it works; others only where a training is quicker there
+            (`core.pipeline.device`).
     """
 
     load: Callable[[], Backend]
@@ -250,8 +296,7 @@ def _module(name: str) -> Callable[[], Backend]:
     return load
 
 
-#: All back ends, by the name that `--device` takes; 'auto' takes the last one that works, but for `gpu`: it was
-#: measured on one model of card, and not yet with effects that are learned in the computer's memory.
+#: All back ends, by the name that `--device` takes; 'auto' takes the last one that works and may be taken unasked.
 REGISTRY: dict[BackendName, Entry] = {
     "reference": Entry(_module("reference"), None),
     "cpu": Entry(_module("cpu"), "cpu"),
@@ -296,6 +341,11 @@ def backend_on(device: torch.device | str) -> Backend:
         if entry.device == kind:
             return _loaded(entry)
     raise DeviceError(f"No back end computes on the device '{device}'", f"Choose one of auto, {', '.join(devices())}")
+
+
+def quick_devices() -> tuple[BackendName, ...]:
+    """Devices that 'auto' may try a training on, though it does not take them everywhere."""
+    return tuple(name for name in devices() if not REGISTRY[name].unasked and backend_named(name).quick())
 
 
 def choose_device(asked: BackendName) -> BackendName:

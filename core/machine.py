@@ -68,10 +68,12 @@ class Machine:
 
     Attributes:
         threads: of torch and of the kernels; device: the back end's name.
+        free: whether a training may go to another device where it is quicker: nobody asked for one by name.
     """
 
     threads: int
     device: BackendName
+    free: bool = False
 
     @staticmethod
     def ready(threads: int | None, device: BackendName) -> Machine:
@@ -80,7 +82,7 @@ class Machine:
         Raises:
             DeviceError: the back end that was asked for is not there.
         """
-        return Machine(use_machine(threads), choose_device(device))
+        return Machine(use_machine(threads), choose_device(device), free=device == "auto")
 
     @property
     def facts(self) -> dict[str, str | int | float | None]:

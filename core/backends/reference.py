@@ -11,12 +11,14 @@ from torch import Tensor
 
 from ..camera import Camera
 from ..colour import decoding_derivative
-from ..devices import AdamStep, Missing, Tent
+from ..devices import AdamStep, Guarded, Missing, Tent
 from ..frames import Evaluation, Frame
 from ..gaussians import Gaussians
 from ..imaging.formation.layered import layer_gathered, layer_returned, layer_weighed
 from ..rasterizer.reference import render_reference
 from ..rendering import RasterSettings, Rendered, RenderedPath
+from ..training.contribution import add_seen_in_torch
+from ..training.guards import guarded_in_torch
 from ..training.photometric import photometric_reference
 from ..training.specks import speck_gradient_in_torch
 from ..training.variation import variation_gradient_in_torch
@@ -30,6 +32,10 @@ class ReferenceBackend:
 
     def check(self) -> None:
         """Works everywhere."""
+
+    def quick(self) -> bool:
+        """See `Backend`: it is the specification."""
+        return False
 
     def synchronize(self) -> None:
         """Nothing is left to be waited for."""
@@ -122,6 +128,21 @@ class ReferenceBackend:
         """See `Backend`."""
         gradients += centres.norm(dim=1).to(gradients.device)
         views += (radius > 0).to(views.device, views.dtype)
+
+    def add_seen(
+        self,
+        sums: tuple[Tensor, Tensor, Tensor],
+        gradient: Tensor,
+        gaussians: Gaussians,
+        camera: Camera,
+        settings: RasterSettings,
+    ) -> None:
+        """See `Backend`."""
+        add_seen_in_torch(sums, gradient, gaussians, camera, settings)
+
+    def guard(self, gaussians: Gaussians, centres: Tensor) -> Guarded:
+        """See `Backend`."""
+        return guarded_in_torch(gaussians, centres)
 
     def adam(self, steps: Sequence[AdamStep]) -> None:
         """See `Backend`."""

@@ -151,7 +151,7 @@ def _stages(run: RunSettings, given: Spreads | None, truth: TruthFolder | None, 
     if planned.enough:
         keeper.note("The time limit is more than the longest training of these photos takes: the run ends before it")
     job = replace(asked, settings=planned.settings)
-    trained = train_twin(job, _resumes(run, course.ranks), run.snapshots, folder, keeper, course.ranks)
+    trained = train_twin(job, machine, _resumes(run, course.ranks), run.snapshots, folder, keeper, course.ranks)
     watch.lap("prepare")
     watch.part("prepare", {name: round(float(trained.seconds[name]), 3) for name in ("compile", "train")})
 
@@ -175,7 +175,7 @@ def _stages(run: RunSettings, given: Spreads | None, truth: TruthFolder | None, 
         scores=scored.scores,
         fitted=scored.fitted,
         time=TimeFacts(watch.seconds, watch.total(), timing.predicted(loaded.photos)),
-        machine=machine.facts,
+        machine=replace(machine, device=trained.settings.device).facts,
         notes=keeper.notes,
     )
     report = write_report(facts, scored.pictures, folder)

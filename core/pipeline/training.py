@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+from ..devices import BackendName
+from ..errors import DeviceError
 from ..machine import Machine
 from ..photos.load import Photo
 from ..progress import Progress
@@ -15,6 +17,7 @@ from ..training.ranks import ALONE, OtherRankFinishes, Ranks
 from ..training.run import Trained, train
 from ..training.settings import BLUR_WIDTH, TrainingSettings, harmonics_for, steps_for_sharp
 from ..twin.folder import TwinFolder
+from .device import device_for
 from .snapshots import Watchers
 from .timing import Timing
 
@@ -77,21 +80,41 @@ def fit_into_time(
 
 
 def train_twin(
-    job: TrainingJob, resume: bool, snapshots: bool, folder: TwinFolder, progress: Progress, ranks: Ranks = ALONE
+    job: TrainingJob,
+    machine: Machine,
+    resume: bool,
+    snapshots: bool,
+    folder: TwinFolder,
+    progress: Progress,
+    ranks: Ranks = ALONE,
 ) -> Trained:
     """Trains, and keeps checkpoints, snapshots and the twin in the folder.
+
+    A card that was taken unasked and fails leaves the rest to the machine's own device.
 
     Args:
         ranks: processes that train together; `resume` is rank 0's.
 
     Raises:
-        CheckpointError, TrainingError, OutputError: see `train`. OtherRankFinishes: this is not rank 0.
+        CheckpointError, TrainingError, OutputError, DeviceError: see `train`. OtherRankFinishes: this is not rank 0.
     """
     watch = Watchers(folder, snapshots) if ranks.rank == 0 else None
-    trained = train(job, progress, folder.checkpoint, resume, watch, ranks)
+    device = device_for(job, machine, progress) if ranks.alone else machine.device
+    try:
+        trained = train(_on(job, device), progress, folder.checkpoint, resume, watch, ranks)
+    except DeviceError as error:
+        if device == machine.device:
+            raise
+        progress.note(f"{error.what}: the training goes on with the processor, from what was kept of it last")
+        trained = train(_on(job, machine.device), progress, folder.checkpoint, True, watch, ranks)
     if ranks.rank:
         raise OtherRankFinishes
     if progress.cancelled() and trained.stopped == "done" and trained.steps < job.settings.steps:
         trained.stopped = "cancelled"
     folder.save_twin(trained.gaussians.cloud())
     return trained
+
+
+def _on(job: TrainingJob, device: BackendName) -> TrainingJob:
+    """The same training on a device."""
+    return replace(job, settings=replace(job.settings, device=device))

@@ -21,6 +21,7 @@ from torch import Tensor
 
 from ..camera import Camera
 from ..constants import SH_C0
+from ..devices import backend_on
 from ..forward import sharp_view
 from ..gaussians import Gaussians
 from ..numbers import number
@@ -79,6 +80,8 @@ class ContributionSettings:
 
 
 CONTRIBUTION = ContributionSettings()
+#: Px that a footprint is divided by at least, where float32 has few digits left.
+LEAST_FOOTPRINT = 1e-6
 
 
 @dataclass
@@ -99,11 +102,11 @@ class SeenByPhotos:
     @staticmethod
     def nothing(count: int, device: torch.device) -> SeenByPhotos:
         """Before any photo."""
-        return SeenByPhotos(*torch.zeros(3, count, device=device).unbind())
+        return SeenByPhotos(*(torch.zeros(count, device=device) for _ in range(3)))
 
-    def sums(self) -> list[Tensor]:
-        """All of them, for ranks that add up what each of them saw."""
-        return [self.contribution, self.visibility, self.framed]
+    def sums(self) -> tuple[Tensor, Tensor, Tensor]:
+        """All of them, to be added to."""
+        return self.contribution, self.visibility, self.framed
 
 
 def seen_by(
@@ -120,19 +123,40 @@ def seen_by(
     plain = gaussians.detached()
     plain.sh = colours
     found = SeenByPhotos.nothing(len(gaussians), gaussians.means.device)
+    backend, everywhere = backend_on(gaussians.means.device), None
     for camera, weight in photos:
         colours.grad = None
         image = sharp_view(plain, camera, settings).image
-        upstream = torch.zeros_like(image)
-        upstream[0] = 1.0 if weight is None else weight
-        with_gradient(image, upstream).backward()  # type: ignore[no-untyped-call]
+        if weight is not None or everywhere is None or everywhere.shape != image.shape:
+            everywhere = _red(image, weight)
+        with_gradient(image, everywhere).backward()  # type: ignore[no-untyped-call]
         assert colours.grad is not None
-        blended = colours.grad[:, 0, 0] / SH_C0
-        bare = bare_footprints(plain, camera, settings).to(blended.device)
-        found.contribution += blended
-        found.visibility += torch.where(bare > 0, blended / bare.clamp(min=1e-6), 0.0)
-        found.framed += bare > 0
+        backend.add_seen(found.sums(), colours.grad, plain, camera, settings)
+        everywhere = everywhere if weight is None else None
     return found
+
+
+def _red(image: Tensor, weight: Tensor | None) -> Tensor:
+    """[3, H, W] the gradient of a render's red channel, summed over the px that count."""
+    upstream = torch.zeros(image.shape)
+    upstream[0] = 1.0 if weight is None else weight.cpu()
+    return upstream.to(image)
+
+
+def add_seen_in_torch(
+    sums: tuple[Tensor, Tensor, Tensor],
+    gradient: Tensor,
+    gaussians: Gaussians,
+    camera: Camera,
+    settings: RasterSettings,
+) -> None:
+    """See `core.devices.Backend.add_seen`: what every back end does, in plain torch."""
+    contribution, visibility, framed = sums
+    blended = gradient[:, 0, 0] / SH_C0
+    bare = bare_footprints(gaussians, camera, settings).to(blended.device)
+    contribution += blended
+    visibility += torch.where(bare > 0, blended / bare.clamp(min=LEAST_FOOTPRINT), 0.0)
+    framed += bare > 0
 
 
 def needed(seen: SeenByPhotos) -> Tensor:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import torch
 
 from ..constants import LOG_SCALE_LIMIT
+from ..devices import Guarded
 from ..errors import NonFiniteParameter
 from ..gaussians import Gaussians
 from ..numbers import number
@@ -66,6 +67,12 @@ def limit_sizes(gaussians: Gaussians, centres: torch.Tensor) -> int:
         if found:
             gaussians.log_scales.copy_(torch.minimum(gaussians.log_scales, most[:, None]))
     return found
+
+
+def guarded_in_torch(gaussians: Gaussians, centres: torch.Tensor) -> Guarded:
+    """See `core.devices.Backend.guard`: what every back end does, in plain torch."""
+    limited = limit_sizes(gaussians, centres)
+    return Guarded(limited, out_of_range(gaussians), bool(non_finite_rows(gaussians)))
 
 
 def drop_non_finite(optimizer: Adam, step: int) -> dict[str, int]:

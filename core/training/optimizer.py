@@ -46,6 +46,7 @@ class Adam:
         device = self.gaussians.means.device
         self._refused = {name: torch.zeros(1, dtype=torch.int32, device=device) for name, _ in gaussians.named()}
         self.steps = 0
+        self._plain: dict[str, tuple[Tensor, Tensor]] = {}
 
     @property
     def refused(self) -> dict[str, int]:
@@ -80,11 +81,18 @@ class Adam:
             tail = photos * rates["sh_rest"] / bias1 if name == "sh" else rate
             leading = 3 if name == "sh" else None
             moments, decays = (self.first[name], self.second[name]), (first_decay, second_decay)
-            values, refused = tensor.detach(), self._refused[name]
+            values, refused = self._values(name, tensor), self._refused[name]
             step = AdamStep(values, gradient, *moments, rate, tail, leading, bias2**-0.5, decays, ADAM.epsilon, refused)
             steps.append(step)
         if steps:
             backend_on(self.gaussians.means.device).adam(steps)
+
+    def _values(self, name: str, tensor: Tensor) -> Tensor:
+        """A parameter without its gradient, to be changed in place; made once, as a step makes five of them."""
+        kept = self._plain.get(name)
+        if kept is None or kept[0] is not tensor:
+            kept = self._plain[name] = tensor, tensor.detach()
+        return kept[1]
 
     def keep_and_append(self, keep: Tensor, new: Gaussians) -> None:
         """Keeps the Gaussians at indices `keep` [K] and appends `new`, whose moments start at zero."""

@@ -7,7 +7,7 @@ millimetres or UTM coordinates of 1e6. Everything is trained in these units and 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -60,6 +60,11 @@ class SceneScale:
         out.means = (out.means.double() * self.size + origin).to(out.means.dtype)
         out.log_scales = out.log_scales + float(np.log(self.size))
         return out
+
+    def sparse_to_unit(self, points: SparsePoints) -> SparsePoints:
+        """World points, with their samples of surfaces, in unit coordinates."""
+        samples = None if points.samples is None else self.sparse_to_unit(points.samples)
+        return replace(points, positions=self.points_to_unit(points.positions), samples=samples)
 
     def to_unit(self, gaussians: Gaussians) -> Gaussians:
         """World Gaussians in unit coordinates."""

@@ -41,7 +41,7 @@ from .focus import SETTINGS as FOCUS
 from .focus import BlurByDepth, Seen
 from .footprint import widened
 from .grid import GRID, GridView, grid_step
-from .guards import GUARDS, drop_non_finite, limit_sizes, out_of_range
+from .guards import GUARDS, drop_non_finite
 from .initial import first_gaussians
 from .kept_photos import KeptPhotos, OnDevice
 from .kernels import SETTINGS as KERNELS
@@ -136,7 +136,7 @@ class Trainer:
             else first_gaussians(
                 [v.camera for v in fine.views],
                 lambda i: without_empty(fine.views[i].planes(), views[i], step),
-                _in_unit(points, self.scale),
+                self.scale.sparse_to_unit(points),
                 settings.max_gaussians,
                 settings.sh_degree,
                 np.random.default_rng([settings.seed, 0]),
@@ -358,23 +358,25 @@ class Trainer:
         self.optimizer.step(self.rates(share), self.ranks.count)
         self.step += self.ranks.count
         if self._passed(GUARDS.every):
-            limited = limit_sizes(self.optimizer.gaussians, self._centres)
-            self.repairs["limited sizes, most at once"] = max(
-                self.repairs.get("limited sizes, most at once", 0), limited
-            )
-            clamped = out_of_range(self.optimizer.gaussians)
-            self.repairs["clamped scales, most at once"] = max(
-                self.repairs.get("clamped scales, most at once", 0), clamped
-            )
-            for name, count in drop_non_finite(self.optimizer, self.step).items():
-                self.repairs[f"dropped, non-finite {name}"] = self.repairs.get(f"dropped, non-finite {name}", 0) + count
-                self.density = DensityControl(len(self.optimizer.gaussians), self.device)
+            self._guard()
         if self._passed(max(GUARDS.every, len(self.views))):  # (every photo is asked: of many, less often)
             self._hold_sizes()
         if self._passed(s.density_every) and share < s.density_until:
             self.density.act(self.optimizer, s.max_gaussians, np.random.default_rng([s.seed, 2, self.step]))
             self.follow_first()
         return loss
+
+    def _guard(self) -> None:
+        """Checks all parameters; counts what was repaired."""
+        found = backend_on(self.device).guard(self.optimizer.gaussians, self._centres)
+        for name, count in (("limited sizes", found.limited), ("clamped scales", found.clamped)):
+            most = f"{name}, most at once"
+            self.repairs[most] = max(self.repairs.get(most, 0), count)
+        if not found.broken:
+            return
+        for name, count in drop_non_finite(self.optimizer, self.step).items():
+            self.repairs[f"dropped, non-finite {name}"] = self.repairs.get(f"dropped, non-finite {name}", 0) + count
+            self.density = DensityControl(len(self.optimizer.gaussians), self.device)
 
     def _photo(self, level: Level, view: GridView, backdrop: torch.Tensor) -> OnDevice:
         """A photo on the device; those of one level stay there, as far as there is room."""
@@ -542,7 +544,7 @@ class Trainer:
         if self.ranks.alone:
             return seen_by(gaussians, own, settings)
         found = seen_by(gaussians, own, settings) if own else SeenByPhotos.nothing(len(gaussians), self.device)
-        self.ranks.add(found.sums())
+        self.ranks.add(list(found.sums()))
         return found
 
     def _counting(self, view: GridView, margin: int) -> torch.Tensor | None:
@@ -665,11 +667,6 @@ class Trainer:
         self.density.counts = group("density.")
         self.step = checkpoint.step
         self.learned.restore(checkpoint.arrays)
-
-
-def _in_unit(points: SparsePoints, scale: SceneScale) -> SparsePoints:
-    samples = None if points.samples is None else _in_unit(points.samples, scale)
-    return replace(points, positions=scale.points_to_unit(points.positions), samples=samples)
 
 
 @lru_cache(maxsize=2)

@@ -230,7 +230,7 @@ class DGS_PG_settings(bpy.types.PropertyGroup):
         name="Device",
         description="Where to compute",
         items=(
-            ("auto", "Automatic", "The CPU; a graphics card where it is chosen"),
+            ("auto", "Automatic", "A graphics card of its own where the training is quicker there, else the CPU"),
             ("cpu", "CPU", ""),
             ("gpu", "Graphics Card", "Any maker's, through Vulkan, Metal or DirectX 12"),
         ),

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from ...devices import AdamStep
 from .card import card
 from .layout import GROUP
-from .tensors import for_shader, in_place
+from .tensors import in_place, part_for_shader
 
 
 def adam_steps(steps: Sequence[AdamStep]) -> None:
@@ -18,8 +18,9 @@ def adam_steps(steps: Sequence[AdamStep]) -> None:
         count = step.values.numel()
         period = max(1, count // max(1, step.values.shape[0]))
         shares = (1 - decay for decay in step.betas)
-        numbers = struct.pack("3I", count, period, step.leading or period) + struct.pack(
+        gradient, begins = part_for_shader(step.gradient)
+        numbers = struct.pack("4I", count, period, step.leading or period, begins) + struct.pack(
             "8f", step.rate, step.tail, *step.betas, *shares, step.correction, step.epsilon
         )
         changed = [in_place(tensor) for tensor in (step.values, step.first, step.second, step.refused)]
-        device.for_each("adam", count, GROUP, numbers, for_shader(step.gradient), *changed)
+        device.for_each("adam", count, GROUP, numbers, gradient, *changed)

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from ...camera import Camera
-from ...devices import AdamStep, Missing
+from ...devices import AdamStep, Guarded, Missing
+from ...errors import DeviceError
 from ...frames import Evaluation, Frame
 from ...gaussians import Gaussians
 from ...numbers import number
@@ -20,9 +21,11 @@ from ..cpu import CPU, CpuBackend
 from ..reference import ReferenceBackend
 from . import arithmetic, reductions, rows, transforms  # noqa: F401  (torch's operations find them)
 from .adam import adam_steps
+from .adapter import adapters, may_have_card
 from .blurs import blurs_on_card
 from .card import card
-from .collect import collected_on_card
+from .collect import collected_on_card, seen_on_card
+from .guards import guarded_on_card
 from .losses import photometric_on_card, specks_on_card, variation_on_card
 from .missing import drawn_on_card, filtered_on_card, residual_on_card
 from .rasterizer import render_gpu
@@ -57,6 +60,13 @@ class GpuBackend(ReferenceBackend):
     def check(self) -> None:
         """See `Backend`; from here on 'gpu' is a device of torch's."""
         register()
+
+    def quick(self) -> bool:
+        """See `Backend`: a card with memory of its own."""
+        try:
+            return may_have_card() and bool(adapters()[0].info["adapter_type"] == "DiscreteGPU")
+        except DeviceError:
+            return False
 
     def synchronize(self) -> None:
         """See `Backend`."""
@@ -130,6 +140,21 @@ class GpuBackend(ReferenceBackend):
         """See `Backend`."""
         if not collected_on_card(centres, radius, gradients, views):
             super().collect(centres, radius, gradients, views)
+
+    def add_seen(
+        self,
+        sums: tuple[Tensor, Tensor, Tensor],
+        gradient: Tensor,
+        gaussians: Gaussians,
+        camera: Camera,
+        settings: RasterSettings,
+    ) -> None:
+        """See `Backend`."""
+        seen_on_card(sums, gradient, gaussians, camera, settings)
+
+    def guard(self, gaussians: Gaussians, centres: Tensor) -> Guarded:
+        """See `Backend`."""
+        return guarded_on_card(gaussians, centres)
 
     def adam(self, steps: Sequence[AdamStep]) -> None:
         """See `Backend`."""

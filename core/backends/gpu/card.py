@@ -51,13 +51,13 @@ class Traffic:
 class Memory:
     """A piece of the card's memory that goes back to the card when nobody holds it."""
 
-    __slots__ = ("buffer", "size", "_card", "_number")
+    __slots__ = ("buffer", "_card", "_room", "_number")
 
-    def __init__(self, card: Card, buffer: Any, size: int, number: int) -> None:
-        self.buffer, self.size, self._card, self._number = buffer, size, card, number
+    def __init__(self, card: Card, buffer: Any, room: int, number: int) -> None:
+        self.buffer, self._card, self._room, self._number = buffer, card, room, number
 
     def __del__(self) -> None:
-        self._card.give_back(self._number, self.buffer)
+        self._card.give_back(self._room, self._number, self.buffer)
 
 
 def _explained(method: Callable[..., Answer]) -> Callable[..., Answer]:
@@ -98,11 +98,13 @@ class Card:
         self.largest = min(adapter.limits[n] for n in wanted[:2])
         self._kernels: dict[str, Any] = {}
         self._bound: OrderedDict[tuple[Any, ...], Any] = OrderedDict()
-        self._bound_to: dict[int, set[tuple[Any, ...]]] = {}
-        #: Free buffers by size, the oldest first: so every step gets the same ones, and binds them as the last one did.
+        self._bound_to: dict[Any, set[tuple[Any, ...]]] = {}
+        #: Free buffers by size, the oldest first: so every step gets the same ones, and binds them as the last one did;
+        #: and when a size was asked for last.
         self._spare: dict[int, list[tuple[int, Any]]] = {}
-        self._returned: deque[tuple[int, Any]] = deque()
-        self._made = 0
+        self._asked: dict[int, int] = {}
+        self._returned: deque[tuple[int, int, Any]] = deque()
+        self._made = self._times = 0
         self._in_use = self._most = self._kept = 0
         try:
             self._native, self._sent = Native(self._device), 0
@@ -114,10 +116,12 @@ class Card:
         self._stagings: list[Any] = []
         self._ring = self._device.create_buffer(size=_PLACE * _PLACES, usage="UNIFORM|COPY_DST")
         self._numbers = np.zeros(_PLACE * _PLACES, np.uint8)
+        self._written = self._numbers.data
         self._place = 0
         self._encoder: Any = None
         self._pass: Any = None
-        self._waiting: set[int] = set()
+        #: What orders that were not sent yet are bound to.
+        self._waiting: set[tuple[Any, ...]] = set()
 
     def failed(self, error: Exception) -> DeviceError:
         """What to say when the driver refuses."""
@@ -128,69 +132,67 @@ class Card:
             " of its memory",
         )
 
-    @_explained
     def memory(self, size: int) -> Memory:
         """`size` bytes, whatever stands in them."""
         room = rounded(size)
+        with self.lock:
+            if self._returned:
+                self._sort_returned()
+            self._times += 1
+            self._asked[room] = self._times
+            spare = self._spare.get(room)
+            if spare:
+                self._kept -= room
+                number, buffer = heappop(spare)
+            else:
+                number, buffer = self._made, self._new_buffer(room)
+                self._made += 1
+            self._in_use += room
+            self._most = max(self._most, self._in_use)
+            return Memory(self, buffer, room, number)
+
+    @_explained
+    def _new_buffer(self, room: int) -> Any:
+        """A buffer of the driver's; where there is no room for it, what is kept for later goes first."""
         if room > self.largest:
             raise DeviceError(
                 f"The graphics card ({self.name}) takes no more than {self.largest / 1e6:.0f} MB in one piece, and"
                 f" {room / 1e6:.0f} are needed",
                 "Train fewer Gaussians (--max-gaussians) or smaller photos (--max-size), or use --device cpu",
             )
-        self._sort_returned()
-        spare = self._spare.pop(room, None)
-        if spare:
-            self._kept -= room
-            number, buffer = heappop(spare)
-            if spare:
-                self._spare[room] = spare  # (the sizes used last stand last)
-        else:
-            number, buffer = self._made, self._new_buffer(room)
-            self._made += 1
-        self._in_use += room
-        self._most = max(self._most, self._in_use)
-        return Memory(self, buffer, size, number)
-
-    def _new_buffer(self, room: int) -> Any:
-        """A buffer of the driver's; where there is no room for it, what is kept for later goes first."""
         try:
             return self._device.create_buffer(size=room, usage=_USAGE)
         except self.refusals:
-            if not self._spare:
+            if not self._kept:
                 raise
         self.send()  # (orders that wait may still need what is let go)
-        while self._spare:
+        while self._kept:
             self._let_go()
         return self._device.create_buffer(size=room, usage=_USAGE)
 
-    def give_back(self, number: int, buffer: Any) -> None:
-        """Takes a buffer that nobody holds any more; never waits.
+    def give_back(self, room: int, number: int, buffer: Any) -> None:
+        """Takes a buffer of `room` bytes that nobody holds any more; never waits.
 
         Python may call this in any thread, that of the driver included, while another one holds the lock and waits
         for the driver.
         """
-        self._returned.append((number, buffer))
+        self._returned.append((room, number, buffer))
 
     def _sort_returned(self) -> None:
         """Keeps returned buffers for the next one of their size; lets go of those not used longest."""
         while self._returned:
-            number, buffer = self._returned.popleft()
-            self._in_use -= buffer.size
-            self._kept += buffer.size
-            spare = self._spare.pop(buffer.size, [])
-            heappush(spare, (number, buffer))
-            self._spare[buffer.size] = spare
-            while self._kept > _SPARE * self._most:
-                self._let_go()
+            room, number, buffer = self._returned.popleft()
+            self._in_use -= room
+            self._kept += room
+            heappush(self._spare.setdefault(room, []), (number, buffer))
+        while self._kept > _SPARE * self._most:
+            self._let_go()
 
     def _let_go(self) -> None:
-        """Frees one of the buffers whose size was not used for longest."""
-        size = next(iter(self._spare))
+        """Frees one of the buffers whose size was not asked for for longest."""
+        size = min((room for room, spare in self._spare.items() if spare), key=lambda room: self._asked[room])
         gone = self._spare[size].pop()[1]  # (a heap without its last is one)
         self._kept -= size
-        if not self._spare[size]:
-            del self._spare[size]
         for key in self._bound_to.pop(id(gone), ()):
             self._bound.pop(key, None)
 
@@ -200,7 +202,7 @@ class Card:
         raw = np.ascontiguousarray(values).reshape(-1).view(np.uint8)
         if not raw.size:
             return
-        if id(memory.buffer) in self._waiting:  # orders that wait still need what stands there
+        if any(id(memory.buffer) in key for key in self._waiting):  # orders that wait still need what stands there
             self.send()
         if raw.size % 4:
             raw = np.concatenate([raw, np.zeros(-raw.size % 4, np.uint8)])
@@ -222,7 +224,7 @@ class Card:
         whole = -(-size // 4) * 4
         staging = self._stagings.pop() if whole <= _STAGING and self._stagings else self._new_staging(whole)
         self._end_pass()
-        self._recording().copy_buffer_to_buffer(memory.buffer, offset, staging, 0, whole)
+        self._native.copy(self._recording(), memory.buffer, offset, staging, 0, whole)
         self.send()
         question, sent = self._native.ask(staging, whole), self._sent
         return lambda: self._arrived(staging, size, question, sent)
@@ -251,15 +253,14 @@ class Card:
         """
         if not groups[0] or not groups[1]:
             return
-        pipeline, layout = self._kernels.get(kernel) or self._compiled(kernel)
         if self._place == _PLACES:
             self.send()
         at = self._place * _PLACE
-        self._numbers[at : at + len(numbers)] = np.frombuffer(numbers, np.uint8)
+        self._written[at : at + len(numbers)] = numbers
         self._place += 1
         if self._pass is None:
-            self._pass = self._recording().begin_compute_pass()
-        self._native.order(self._pass, pipeline, self._group(kernel, layout, memories), at, groups)
+            self._pass = self._native.begin(self._recording())
+        self._native.order(self._pass, *self._bound_for(kernel, memories), at, groups)
         self.traffic.orders += 1
         if self._place % _TOGETHER == 0:
             self.send()
@@ -274,8 +275,8 @@ class Card:
     def clear(self, memory: Memory) -> None:
         """Sets memory to zero."""
         self._end_pass()
-        self._recording().clear_buffer(memory.buffer)
-        self._waiting.add(id(memory.buffer))
+        self._native.clear(self._recording(), memory.buffer)
+        self._waiting.add((id(memory.buffer),))
 
     @_explained
     def copy(self, source: Memory, target: Memory, size: int, source_offset: int = 0, target_offset: int = 0) -> None:
@@ -283,8 +284,8 @@ class Card:
         if not size:
             return
         self._end_pass()
-        self._recording().copy_buffer_to_buffer(source.buffer, source_offset, target.buffer, target_offset, size)
-        self._waiting |= {id(source.buffer), id(target.buffer)}
+        self._native.copy(self._recording(), source.buffer, source_offset, target.buffer, target_offset, size)
+        self._waiting.add((id(source.buffer), id(target.buffer)))
 
     @_explained
     def send(self) -> None:
@@ -293,8 +294,8 @@ class Card:
             return
         self._end_pass()
         if self._place:
-            self._device.queue.write_buffer(self._ring, 0, self._numbers[: self._place * _PLACE])
-        orders, self._encoder = self._encoder.finish(), None
+            self._native.write(self._ring, self._numbers, self._place * _PLACE)
+        orders, self._encoder = self._encoder, None
         self._place = 0
         self._waiting.clear()
         self._sent = self._native.submit(orders)
@@ -307,12 +308,12 @@ class Card:
 
     def _recording(self) -> Any:
         if self._encoder is None:
-            self._encoder = self._device.create_command_encoder()
+            self._encoder = self._native.encoder()
         return self._encoder
 
     def _end_pass(self) -> None:
         if self._pass is not None:
-            self._pass.end()
+            self._native.end(self._pass)
             self._pass = None
 
     def _compiled(self, kernel: str) -> tuple[Any, Any]:
@@ -335,29 +336,33 @@ class Card:
         self._kernels[kernel] = pipeline, layout
         return pipeline, layout
 
-    def _group(self, kernel: str, layout: Any, memories: Sequence[Memory]) -> Any:
-        ids = [id(memory.buffer) for memory in memories]
-        key = (kernel, *ids)
-        self._waiting.update(ids)
+    def _bound_for(self, kernel: str, memories: Sequence[Memory]) -> tuple[Any, Any]:
+        """A compiled shader, and its bindings to these memories."""
+        key = (kernel, *[id(memory.buffer) for memory in memories])
+        self._waiting.add(key)
         found = self._bound.get(key)
         if found is None:
-            bound = [{"buffer": self._ring, "offset": 0, "size": _PLACE}]
-            bound += [{"buffer": m.buffer, "offset": 0, "size": m.buffer.size} for m in memories]
-            entries = [{"binding": number, "resource": resource} for number, resource in enumerate(bound)]
-            # (it holds its buffers, so that no other can get their ids)
-            found = self._bound[key] = (
-                self._device.create_bind_group(layout=layout, entries=entries),
-                [memory.buffer for memory in memories],
-            )
-            for number in ids:
+            found = self._bound[key] = self._newly_bound(kernel, [memory.buffer for memory in memories])
+            for number in key[1:]:
                 self._bound_to.setdefault(number, set()).add(key)
             if len(self._bound) > _GROUPS_KEPT:
                 self._bound.popitem(last=False)
         else:
             self._bound.move_to_end(key)
-        return found[0]
+        return found[0], found[1]
+
+    def _newly_bound(self, kernel: str, buffers: list[Any]) -> tuple[Any, Any, list[Any]]:
+        """The shader, its bindings, and the buffers, which it holds, so that no others can get their ids."""
+        pipeline, layout = self._kernels.get(kernel) or self._compiled(kernel)
+        bound = [(self._ring, _PLACE), *((buffer, buffer.size) for buffer in buffers)]
+        entries = [
+            {"binding": number, "resource": {"buffer": buffer, "offset": 0, "size": size}}
+            for number, (buffer, size) in enumerate(bound)
+        ]
+        return pipeline, self._device.create_bind_group(layout=layout, entries=entries), buffers
 
 
+@cache
 def rounded(size: int) -> int:
     """Bytes that are taken for `size`: an eighth more at most, so that memory fits again when a few Gaussians come."""
     step = max(256, 1 << max(0, size.bit_length() - 4))

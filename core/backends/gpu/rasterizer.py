@@ -182,7 +182,7 @@ class _Rasterize(torch.autograd.Function):
         ctx.pose_like = None if pose is None else pose.detach()
         ctx.behind_like = background.detach()
         ctx.set_materialize_grads(False)
-        return image.detach(), alpha, depth.detach()
+        return CardTensor(image.local, image.held), alpha, CardTensor(depth.local, depth.held)
 
     @staticmethod
     def backward(ctx: Any, *came: Tensor | None) -> Any:

@@ -9,6 +9,7 @@ from pathlib import Path
 from ... import colour, constants
 from ...rasterizer.projection import SMOOTH_ALPHA_EDGE
 from ...training import photometric_kernels as window
+from ...training.contribution import LEAST_FOOTPRINT
 from ...training.photometric import FILL
 from ...training.variation import SMOOTH
 from .layout import LAYOUT
@@ -37,7 +38,7 @@ def constants_text() -> str:
     lines += [f"const WINDOW_TAP_{t} = {tap!r};" for t, tap in enumerate(window._TAPS)]
     lines += [f"const SRGB_{name} = {getattr(colour, '_' + name)!r};" for name in ("SLOPE", "OFFSET", "POWER")]
     lines += [f"const SRGB_KNEE = {colour._SRGB_KNEE!r};"]
-    lines += [f"const SMOOTH_SQUARED = {SMOOTH**2!r};"]
+    lines += [f"const SMOOTH_SQUARED = {SMOOTH**2!r};", f"const LEAST_FOOTPRINT = {LEAST_FOOTPRINT!r};"]
     return "\n".join(lines) + "\n"
 
 

@@ -200,6 +200,14 @@ def for_shader(tensor: Tensor) -> Memory:
     return tensor.held.for_card()
 
 
+def part_for_shader(tensor: Tensor) -> tuple[Memory, int]:
+    """As `for_shader`, but a part of another tensor stays where it is: the memory, and at which value it begins."""
+    local = tensor.local if isinstance(tensor, CardTensor) else None
+    if isinstance(tensor, CardTensor) and local is not None and local.dtype == torch.float32 and local.is_contiguous():
+        return tensor.held.for_card(), int(local.storage_offset())
+    return for_shader(tensor), 0
+
+
 def _lies_whole(tensor: CardTensor) -> bool:
     """Whether its memory begins with its values, float32 and row by row."""
     local = tensor.local

@@ -15,10 +15,11 @@ from dgs.core.backends.gpu import adapter, sorting
 from dgs.core.backends.gpu.layout import SCAN_GROUP, SORT_RUN
 from dgs.core.backends.gpu.shader_text import bindings, constants_text, shader_text
 from dgs.core.backends.gpu.sorting import prefix_sums, sort
-from dgs.core.constants import SH_C2, TRANSMITTANCE_STOP
+from dgs.core.constants import LOG_SCALE_LIMIT, SH_C2, TRANSMITTANCE_STOP
 from dgs.core.devices import AdamStep, backend_named, choose_device, tensors_on
 from dgs.core.errors import DeviceError
-from dgs.core.rasterizer import render
+from dgs.core.rasterizer import RasterSettings, render
+from dgs.core.training.contribution import seen_by
 from dgs.studies.stability.scenes import drawn, make_camera, random_scene
 from dgs.tests.back_ends import brought_up, or_skip
 
@@ -284,7 +285,8 @@ import run_dgs; run_dgs.mount_package()
 from dgs.core.backends.gpu.card import card
 from dgs.core.devices import choose_device
 from dgs.core.errors import DeviceError
-from dgs.core.rasterizer import render
+from dgs.core.rasterizer import RasterSettings, render
+from dgs.core.training.contribution import seen_by
 from dgs.studies.stability.scenes import make_camera, random_scene
 choose_device("gpu")
 scene = random_scene(20).to(device="gpu")
@@ -298,6 +300,43 @@ except DeviceError as error:
 """
     run = subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=False, capture_output=True, text=True)
     assert run.returncode == 7, run.stderr[-2000:]
+
+
+@pytest.mark.parametrize("antialias", [False, True])
+def test_what_a_photo_sees_is_the_reference_s(card, antialias):
+    """Some lie outside the frame, some behind the camera, some behind others; a part of the px counts less."""
+    scene, settings = random_scene(300, 1, seed=4), RasterSettings(antialias=antialias)
+    scene.means[:20, 2] -= 9.0
+    cameras = [make_camera(), make_camera()]
+    weight = torch.linspace(0.2, 1.0, cameras[0].height)[:, None].expand(-1, cameras[0].width)
+    for weights in ((None, None), (None, weight)):
+        theirs = seen_by(scene, zip(cameras, weights, strict=True), settings)
+        there = [None if one is None else one.to("gpu") for one in weights]
+        ours = seen_by(scene.to(device="gpu"), zip(cameras, there, strict=True), settings)
+        for one, other in zip(ours.sums(), theirs.sums(), strict=True):
+            torch.testing.assert_close(one.cpu(), other, rtol=1e-4, atol=1e-4)
+        assert 0 < float(theirs.framed.sum()) < 2 * len(scene)
+
+
+def test_the_check_of_parameters_is_the_reference_s(card):
+    """Nobody is larger than its distance allows afterwards; who has a number that is none is left as it is."""
+    plain, centres = random_scene(200, 1, seed=2), torch.tensor([[0.0, 0.0, -3.0], [1.0, 0.5, -2.0]])
+    plain.log_scales[3:9] = torch.linspace(0.5, 4.0, 6)[:, None]
+    plain.log_scales[12, 1] = -2 * LOG_SCALE_LIMIT
+    ours, theirs = plain.to(device="gpu"), plain.detached()
+    found, wanted = (
+        backend_named(name).guard(one, centres.to(one.means.device))
+        for name, one in (("gpu", ours), ("reference", theirs))
+    )
+    assert found == wanted and wanted.limited >= 6 and wanted.clamped == 1 and not wanted.broken
+    torch.testing.assert_close(ours.log_scales.cpu(), theirs.log_scales)
+    for name, value in (("sh", torch.nan), ("means", torch.inf), ("log_scales", torch.nan)):
+        bad = plain.detached()
+        getattr(bad, name)[5, 0] = value
+        bad = bad.to(device="gpu")
+        assert backend_named("gpu").guard(bad, centres.to("gpu")).broken, name
+        kept = bad.log_scales.cpu()[5]
+        torch.testing.assert_close(kept[1:], plain.log_scales[5, 1:])
 
 
 def test_losses_and_adam_are_the_reference_s(card):
@@ -450,7 +489,7 @@ def test_what_is_kept_goes_where_the_driver_has_no_more(card, monkeypatch):
 
     monkeypatch.setattr(card._device, "create_buffer", create)
     assert card.memory(12345 << 8).buffer.size >= 12345 << 8
-    assert not card._spare and not card._kept
+    assert not any(card._spare.values()) and not card._kept
 
 
 def test_memory_goes_back_to_the_card(card):

@@ -4,6 +4,7 @@ struct Params {
     count: u32,
     period: u32,  // values of each Gaussian
     leading: u32, // the first of them have a step size of their own
+    begins: u32,  // where the gradient begins in its memory
     rate: f32,
     tail: f32,
     first_decay: f32,
@@ -30,7 +31,7 @@ fn main(
     if (i >= params.count) {
         return;
     }
-    var g = gradient[i];
+    var g = gradient[params.begins + i];
     if (!is_finite(g * g)) {
         g = 0.0;
         atomicAdd(&refused[0], 1u);
