@@ -88,6 +88,22 @@ class Missing:
 
 
 @dataclass(frozen=True)
+class LevelCurve:
+    """What a photo's levels become with another exposure (`core.training.exposures`). In the computer's memory.
+
+    Attributes:
+        table: [3, L] sRGB, of sRGB values k / (L - 1).
+        white: [3] int64, the first level that the file may have clipped; black: [3] int64, the first that it has not.
+        most: [3] sRGB, what may have been clipped to black is at most.
+    """
+
+    table: Tensor
+    white: Tensor
+    black: Tensor
+    most: Tensor
+
+
+@dataclass(frozen=True)
 class Guarded:
     """What a check of all parameters found.
 
@@ -213,6 +229,10 @@ class Backend(Protocol):
             centres: [N, 2] gradient in its projected centre; radius: [N] px, 0 where it is not seen.
             gradients: [N] lengths of them; views: [N] how many saw it.
         """
+        ...
+
+    def reexposed(self, photo: Tensor, shown: Tensor, curve: LevelCurve) -> Tensor:
+        """[3, H, W] a photo's values through a curve; where it may be clipped no farther from `shown` than that allows."""
         ...
 
     def add_seen(

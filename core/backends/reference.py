@@ -11,13 +11,14 @@ from torch import Tensor
 
 from ..camera import Camera
 from ..colour import decoding_derivative
-from ..devices import AdamStep, Guarded, Missing, Tent
+from ..devices import AdamStep, Guarded, LevelCurve, Missing, Tent
 from ..frames import Evaluation, Frame
 from ..gaussians import Gaussians
 from ..imaging.formation.layered import layer_gathered, layer_returned, layer_weighed
 from ..rasterizer.reference import render_reference
 from ..rendering import RasterSettings, Rendered, RenderedPath
 from ..training.contribution import add_seen_in_torch
+from ..training.exposures import reexposed_in_torch
 from ..training.guards import guarded_in_torch
 from ..training.photometric import photometric_reference
 from ..training.specks import speck_gradient_in_torch
@@ -128,6 +129,10 @@ class ReferenceBackend:
         """See `Backend`."""
         gradients += centres.norm(dim=1).to(gradients.device)
         views += (radius > 0).to(views.device, views.dtype)
+
+    def reexposed(self, photo: Tensor, shown: Tensor, curve: LevelCurve) -> Tensor:
+        """See `Backend`."""
+        return reexposed_in_torch(photo, shown, curve)
 
     def add_seen(
         self,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from ..devices import BackendName, quick_devices
 from ..errors import DeviceError
+from ..imaging.formation.exposure import Exposure
 from ..machine import Machine
 from ..progress import Progress
 from ..training.job import TrainingJob
@@ -13,10 +14,10 @@ from ..training.quickest import seconds_of_a_pass
 def device_for(job: TrainingJob, machine: Machine, progress: Progress) -> BackendName:
     """The machine's own device, or a graphics card on which the training's first Gaussians are rendered more quickly.
 
-    What is learned of each photo (exposure, motion, focus, kernel, glass) is learned in the computer's memory: such
-    trainings stay with the processor.
+    A camera's motion, focus, kernels and glass are learned in the computer's memory, and what photos show through them
+    is made there: such trainings stay with the processor.
     """
-    if not machine.free or job.formation:
+    if not machine.free or not set(job.formation.names) <= {Exposure.name}:
         return machine.device
     for card in quick_devices():
         try:

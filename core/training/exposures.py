@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from ..colour import encoding_derivative, linear_to_srgb, srgb_to_linear
+from ..devices import LevelCurve, backend_on
 from ..imaging.formation.exposure import Exposure
 from ..numbers import number
 
@@ -85,6 +86,22 @@ class Asked:
     weight: Tensor
 
 
+def reexposed_in_torch(photo: Tensor, shown: Tensor, curve: LevelCurve) -> Tensor:
+    """See `core.devices.Backend.reexposed`: what every back end does, in plain torch.
+
+    Curves are taken of levels, not of all px; they rise, so that what is clipped begins at one level.
+    """
+    white, black, most = (one.to(photo.device)[:, None, None] for one in (curve.white, curve.black, curve.most))
+    at = (photo.clamp(0.0, 1.0) * (curve.table.shape[1] - 1)).round_().to(torch.int64)
+    asked = torch.gather(curve.table.to(photo.device), 1, at.reshape(3, -1)).reshape(photo.shape)
+    over, under = at >= white, at < black
+    if bool(over.any()):
+        asked[over] = torch.maximum(asked[over], shown[over])
+    if bool(under.any()):
+        asked[under] = torch.minimum(torch.maximum(asked[under], shown[under]), most.expand_as(asked)[under])
+    return asked
+
+
 @dataclass(frozen=True)
 class Slope:
     """Of F in one photo's gains and offsets: `value`, `gradient` [3, 2], and Gauss-Newton's `curvature` [3, 2, 2]."""
@@ -128,22 +145,19 @@ class LearnedExposures:
         index = self._index.get(name)
         if index is None:
             return None
-        levels = torch.arange(_LEVELS + 1, device=photo.device, dtype=photo.dtype).expand(3, 1, -1) / _LEVELS
+        levels = torch.arange(_LEVELS + 1, dtype=photo.dtype).expand(3, 1, -1) / _LEVELS
         filed, over, under = self._filed(index, levels)
-        gain, offset = self._now(index, photo)
-        table = linear_to_srgb((filed - offset) / gain)[:, 0]
-        # Curves are taken of levels, not of all px; they rise, so that what is clipped begins at one level.
-        at = (photo.clamp(0.0, 1.0) * _LEVELS).round_().to(torch.int64)
-        asked = torch.gather(table, 1, at.reshape(3, -1)).reshape(photo.shape)
-        white = at >= (~over).sum(dim=2, keepdim=True)
-        if bool(white.any()):
-            asked[white] = torch.maximum(asked[white], shown[white])
-        black = at < under.sum(dim=2, keepdim=True)
-        if bool(black.any()):
-            most = linear_to_srgb(((_linear(self.settings.black) - offset) / gain).clamp(min=0.0))
-            asked[black] = torch.minimum(torch.maximum(asked[black], shown[black]), most.expand_as(asked)[black])
+        gain, offset = self._now(index, levels)
+        most = linear_to_srgb(((_linear(self.settings.black) - offset) / gain).clamp(min=0.0))
+        curve = LevelCurve(
+            table=linear_to_srgb((filed - offset) / gain)[:, 0],
+            white=(~over).sum(dim=2)[:, 0],
+            black=under.sum(dim=2)[:, 0],
+            most=most[:, 0, 0],
+        )
         # A darker photo shows the same change of the scene by a smaller one of its own: the curve's power of the gain.
-        return Asked(asked, gain.clamp(max=1.0) ** (1.0 / 2.4))
+        weight = (gain.clamp(max=1.0) ** (1.0 / 2.4)).to(photo.device)
+        return Asked(backend_on(photo.device).reexposed(photo, shown, curve), weight)
 
     def learn(self, name: str, photo: Tensor, shown: Tensor, counts: Tensor | None) -> None:
         """Takes a part of a step of one photo's gains and offsets; arguments as of `asked`.
@@ -156,8 +170,8 @@ class LearnedExposures:
             return
         every = max(1, math.ceil(math.sqrt(photo.shape[1] * photo.shape[2] / s.most_pixels)))
         thin = (slice(None), slice(every // 2, None, every), slice(every // 2, None, every))
-        counts = None if counts is None else counts[thin[1:]]
-        slope = self.slope(name, photo[thin].double(), shown[thin].double(), counts)
+        counts = None if counts is None else counts[thin[1:]].cpu()
+        slope = self.slope(name, _here(photo[thin]).double(), _here(shown[thin]).double(), counts)
         step = -s.share * np.linalg.solve(slope.curvature, slope.gradient[..., None])[..., 0]
         step *= np.minimum(1.0, s.largest_step / np.maximum(np.abs(step[:, :1]), 1e-12))
         if not np.isfinite(step).all():
@@ -229,6 +243,11 @@ class LearnedExposures:
         # Photos without their exposure end at 1, too, however bright that was filed.
         most = (gain * 0.9999 + offset).clamp(max=_linear(self.settings.white))
         return filed, filed >= most, filed <= _linear(self.settings.black)
+
+
+def _here(part: Tensor) -> Tensor:
+    """A part of an image in the computer's memory: of what lies on a card, no more comes than that."""
+    return part if part.device.type == "cpu" else part.contiguous().cpu()
 
 
 def _linear(encoded: float) -> float:

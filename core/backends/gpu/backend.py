@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from ...camera import Camera
-from ...devices import AdamStep, Guarded, Missing
+from ...devices import AdamStep, Guarded, LevelCurve, Missing
 from ...errors import DeviceError
 from ...frames import Evaluation, Frame
 from ...gaussians import Gaussians
@@ -25,6 +25,7 @@ from .adapter import adapters, may_have_card
 from .blurs import blurs_on_card
 from .card import card
 from .collect import collected_on_card, seen_on_card
+from .exposures import reexposed_on_card
 from .guards import guarded_on_card
 from .losses import photometric_on_card, specks_on_card, variation_on_card
 from .missing import drawn_on_card, filtered_on_card, residual_on_card
@@ -140,6 +141,10 @@ class GpuBackend(ReferenceBackend):
         """See `Backend`."""
         if not collected_on_card(centres, radius, gradients, views):
             super().collect(centres, radius, gradients, views)
+
+    def reexposed(self, photo: Tensor, shown: Tensor, curve: LevelCurve) -> Tensor:
+        """See `Backend`."""
+        return reexposed_on_card(photo, shown, curve)
 
     def add_seen(
         self,

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import torch
 from dgs.core.colour import srgb_to_linear
-from dgs.core.devices import Missing, backend_named
+from dgs.core.devices import LevelCurve, Missing, backend_named
 from dgs.core.frames import Frame
 from dgs.core.imaging.operator import BlurOperator
 from dgs.core.imaging.psf import PointSpread, point_spread_from_samples
@@ -306,3 +306,19 @@ def test_the_objective_of_sharp_photos_takes_five_orders(card):
     card.traffic.orders = 0
     found = objective.loss(image, photo, None)
     assert card.traffic.orders <= 5 and found.gradient.held.only_on_card
+
+
+def test_another_exposure_is_the_reference_s(card):
+    """Levels of three curves, px that may be clipped to white and to black among them; nothing but the curve goes up."""
+    photo, shown = drawn(3, 30, 41), drawn(3, 30, 41, seed=1)
+    photo[:, :5], photo[:, 5:9] = 1.0, 0.0
+    levels = torch.linspace(0.0, 1.0, 1024)
+    table = torch.stack([levels**power for power in (0.8, 1.0, 1.3)])
+    curve = LevelCurve(table, torch.tensor([1000, 1023, 1024]), torch.tensor([9, 1, 0]), torch.tensor([0.02, 0.3, 0.1]))
+    wanted = backend_named("reference").reexposed(photo, shown, curve)
+    assert (wanted != backend_named("reference").reexposed(photo, torch.full_like(shown, 0.5), curve)).any()
+    on_card, render = brought_up(photo), brought_up(shown)
+    card.traffic.up = card.traffic.down = 0
+    found = backend_named("gpu").reexposed(on_card, render, curve)
+    assert card.traffic.up == 4 * table.numel() and card.traffic.down == 0
+    torch.testing.assert_close(found.cpu(), wanted, rtol=0, atol=1e-7)

@@ -9,6 +9,9 @@ import pytest
 import torch
 from dgs.core.devices import backend_named
 from dgs.core.forward.compare import psnr_of
+from dgs.core.imaging.formation.chain import Formation
+from dgs.core.imaging.formation.exposure import Exposure
+from dgs.core.training.exposures import SETTINGS
 from dgs.core.training.trainer import Trainer
 from dgs.studies.stability.photographed import SIGMA, small_set, trained_steps
 from dgs.tests.back_ends import or_skip
@@ -96,3 +99,25 @@ def test_the_same_seed_gives_the_same_twin():
         one.optimizer.gaussians.named(), other.optimizer.gaussians.named(), strict=True
     ):
         assert torch.equal(tensor.cpu(), again.cpu()), name
+
+
+def test_exposures_are_learned_on_the_card_s_photos():
+    """As with the processor; of a step's images, no more comes down than exposures are learned from."""
+    or_skip("gpu")
+    from dgs.core.backends.gpu.card import card
+
+    views, points, medium = small_set(4)
+    dark = [replace(view, photo=(0.8 * view.photo).astype(np.uint8)) if n % 2 else view for n, view in enumerate(views)]
+    chain = Formation([Exposure([view.name for view in views], torch.zeros(len(views), 3))])
+    found = {}
+    for device in ("gpu", "cpu"):
+        trainer = trained_steps(dark, points, medium, 60, device=device, density_every=20, formation=chain)
+        found[device] = trainer.learned.exposures.values
+    assert np.std(found["cpu"][..., 0]) > 0.02
+    np.testing.assert_allclose(found["gpu"], found["cpu"], atol=0.02)
+    trainer = trained_steps(dark, points, medium, 4, device="gpu", formation=chain)
+    trainer.learned.exposures.settings = replace(SETTINGS, most_pixels=200)
+    traffic, pixels = card().traffic, views[0].camera.width * views[0].camera.height
+    traffic.up = traffic.down = 0
+    trainer.advance(0.5)
+    assert traffic.down < 12 * pixels / 4 and traffic.up < 3 * 4 * 16384 + 4096

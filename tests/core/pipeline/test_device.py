@@ -13,6 +13,7 @@ from dgs.core import devices as registry
 from dgs.core.devices import quick_devices
 from dgs.core.imaging.formation.chain import Formation
 from dgs.core.imaging.formation.exposure import Exposure
+from dgs.core.imaging.formation.kernels import PhotoKernels
 from dgs.core.machine import Machine
 from dgs.core.pipeline import device as choice
 from dgs.core.pipeline.device import device_for
@@ -69,8 +70,9 @@ def test_a_quicker_card_is_taken_unless_somebody_chose(job, card_at_hand, monkey
     assert device_for(job, FREE, notes) == "gpu"
     assert len(notes.notes) == 1 and "3.0 times" in notes.notes[0] and "--device cpu" in notes.notes[0]
     assert device_for(job, Machine(1, "cpu"), notes) == "cpu"
-    learned = Formation([Exposure([view.name for view in job.views], torch.zeros(4, 3))])
-    assert device_for(replace(job, formation=learned), FREE, notes) == "cpu" and len(notes.notes) == 1
+    names = [view.name for view in job.views]
+    for effect, device in ((Exposure(names, torch.zeros(4, 3)), "gpu"), (PhotoKernels.sharp(names), "cpu")):
+        assert device_for(replace(job, formation=Formation([effect])), FREE, NoteKeeper(Silent())) == device
 
 
 def test_asked_by_name_it_is_nobody_s_choice():
