@@ -363,6 +363,11 @@ def backend_on(device: torch.device | str) -> Backend:
     raise DeviceError(f"No back end computes on the device '{device}'", f"Choose one of auto, {', '.join(devices())}")
 
 
+def in_memory(part: Tensor) -> Tensor:
+    """A part of an image in the computer's memory: of what lies on a card, no more comes than that."""
+    return part if part.device.type == "cpu" else part.contiguous().cpu()
+
+
 def quick_devices() -> tuple[BackendName, ...]:
     """Devices that 'auto' may try a training on, though it does not take them everywhere."""
     return tuple(name for name in devices() if not REGISTRY[name].unasked and backend_named(name).quick())

@@ -28,6 +28,7 @@ from torch import Tensor
 
 from ..camera import Camera
 from ..colour import srgb_to_linear
+from ..devices import in_memory
 from ..forward import Exposed
 from ..imaging.formation.motion import CameraMotion
 from ..imaging.formation.path_poses import middles, polynomials
@@ -324,10 +325,11 @@ class CameraPaths:
         """Mean size of what a path leaves of a photo where it counts."""
         height, width = visit.photo.shape[1:]
         at = Sampled.of(height, width, self.settings.looked_at)
-        rest = (at.of_planes(visit.photo.cpu()) - at.of_planes(exposed.degraded.cpu())).abs().mean(dim=0)
+        photo, seen = (in_memory(at.of_planes(planes)) for planes in (visit.photo, exposed.degraded))
+        rest = (photo - seen).abs().mean(dim=0)
         if visit.counts is None:
             return float(rest.mean())
-        counted = rest[at.of_planes(visit.counts.cpu())]
+        counted = rest[in_memory(at.of_planes(visit.counts))]
         return float(counted.mean()) if len(counted) else 0.0
 
     def _straight(self, visit: Visit, still: Tensor) -> list[Tensor]:
@@ -387,13 +389,13 @@ class CameraPaths:
         if rows is not None:
             basis = basis[..., None] * (count * rows)  # [M + 1, T, H + 2m]
         slope = slopes_along(exposed, basis, at)
-        photo, seen = photo.cpu(), at.of_planes(exposed.degraded.cpu())
+        seen = in_memory(at.of_planes(exposed.degraded))
         du, dv = (flow[:, None] for flow in self._flow(visit.index, visit.name, visit.camera, at))
         jacobian = -(slope(0, 1)[:, None] * du + slope(1, 0)[:, None] * dv)
-        rest = (at.of_planes(photo) - seen).reshape(-1)
+        rest = (in_memory(at.of_planes(photo)) - seen).reshape(-1)
         weight = torch.ones_like(rest)
         if counts is not None:
-            weight = at.of_planes(counts.cpu()).expand(3, -1, -1).reshape(-1).to(rest.dtype)
+            weight = in_memory(at.of_planes(counts)).expand(3, -1, -1).reshape(-1).to(rest.dtype)
         return jacobian.reshape(6 * len(basis), -1), rest, weight
 
     def _flow(self, index: int, name: str, camera: Camera, at: Sampled) -> tuple[Tensor, Tensor]:

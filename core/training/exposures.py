@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from ..colour import encoding_derivative, linear_to_srgb, srgb_to_linear
-from ..devices import LevelCurve, backend_on
+from ..devices import LevelCurve, backend_on, in_memory
 from ..imaging.formation.exposure import Exposure
 from ..numbers import number
 
@@ -171,7 +171,7 @@ class LearnedExposures:
         every = max(1, math.ceil(math.sqrt(photo.shape[1] * photo.shape[2] / s.most_pixels)))
         thin = (slice(None), slice(every // 2, None, every), slice(every // 2, None, every))
         counts = None if counts is None else counts[thin[1:]].cpu()
-        slope = self.slope(name, _here(photo[thin]).double(), _here(shown[thin]).double(), counts)
+        slope = self.slope(name, in_memory(photo[thin]).double(), in_memory(shown[thin]).double(), counts)
         step = -s.share * np.linalg.solve(slope.curvature, slope.gradient[..., None])[..., 0]
         step *= np.minimum(1.0, s.largest_step / np.maximum(np.abs(step[:, :1]), 1e-12))
         if not np.isfinite(step).all():
@@ -243,11 +243,6 @@ class LearnedExposures:
         # Photos without their exposure end at 1, too, however bright that was filed.
         most = (gain * 0.9999 + offset).clamp(max=_linear(self.settings.white))
         return filed, filed >= most, filed <= _linear(self.settings.black)
-
-
-def _here(part: Tensor) -> Tensor:
-    """A part of an image in the computer's memory: of what lies on a card, no more comes than that."""
-    return part if part.device.type == "cpu" else part.contiguous().cpu()
 
 
 def _linear(encoded: float) -> float:

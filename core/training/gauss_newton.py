@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from ..colour import linear_to_srgb
+from ..devices import in_memory
 from ..forward import Exposed
 from ..forward.medium import FixedMedium
 from ..imaging.formation.by_depth import DepthBlur
@@ -61,9 +62,9 @@ def normal_equations(
             with that change, at the px looked at (`shown_with`); counts: [H, W] bool, None for all px.
     """
     at = LookedAt.of(photo.shape[1], photo.shape[2], settings)
-    unmoved = at.of_planes(still)
-    rest = (at.of_planes(photo) - unmoved).reshape(-1).double()
-    jacobian = torch.stack([((moved - unmoved) / by).reshape(-1).double() for moved, by in slopes])
+    unmoved = in_memory(at.of_planes(still))
+    rest = (in_memory(at.of_planes(photo)) - unmoved).reshape(-1).double()
+    jacobian = torch.stack([((in_memory(moved) - unmoved) / by).reshape(-1).double() for moved, by in slopes])
     weight = torch.ones_like(rest)
     if counts is not None:
         counted = at.of_planes(counts)

@@ -10,6 +10,7 @@ import torch
 from torch import Tensor
 
 from ..colour import decoding_derivative, encoding_derivative, srgb_to_linear
+from ..devices import in_memory
 from ..forward import Exposed
 
 #: Slopes [M + 1, 3, h, w] of the photo (sRGB / px) along an axis: (1, 0) down, (0, 1) to the right.
@@ -44,25 +45,28 @@ def slopes_along(exposed: Exposed, basis: Tensor, at: Sampled) -> Slopes:
         basis: [M + 1, T] share of frame t in part m, or [M + 1, T, H + 2m] in each row of it; the first is the photo.
     """
     together = exposed.together
-    seen = at.of_planes(exposed.degraded.cpu())
+    seen = in_memory(at.of_planes(exposed.degraded))
     encode = encoding_derivative(srgb_to_linear(seen), seen)
     if together is not None:
         parts = _parts_through_effects(exposed, basis)
-        return lambda down, right: (
-            (at.of_planes(parts, down, right) - at.of_planes(parts, -down, -right)) * 0.5 * encode
-        )
+        return lambda down, right: _difference(parts, at, down, right) * 0.5 * encode
     frames = _photo_px(exposed, torch.stack([frame.passage.reached for frame in exposed.frames]))
-    own = at.of_planes(frames)
+    own = in_memory(at.of_planes(frames))
     decode = decoding_derivative(own, srgb_to_linear(own))
     shares = basis
     if basis.dim() == 3:
         shares = basis[..., exposed.shot.margin :][..., : exposed.shot.height][..., at.rows]
 
     def of_frames(down: int, right: int) -> Tensor:
-        ahead, behind = (at.of_planes(frames, s * down, s * right) for s in (1, -1))
-        return _parts(shares, (ahead - behind) * decode * 0.5) * encode
+        return _parts(shares, _difference(frames, at, down, right) * decode * 0.5) * encode
 
     return of_frames
+
+
+def _difference(planes: Tensor, at: Sampled, down: int, right: int) -> Tensor:
+    """Of the px so far ahead and so far behind, in the computer's memory."""
+    ahead, behind = (at.of_planes(planes, sign * down, sign * right) for sign in (1, -1))
+    return in_memory(ahead - behind)
 
 
 def _parts(basis: Tensor, frames: Tensor) -> Tensor:
@@ -90,6 +94,6 @@ def _parts_through_effects(exposed: Exposed, basis: Tensor) -> Tensor:
 
 
 def _photo_px(exposed: Exposed, planes: Tensor) -> Tensor:
-    """The photo's own px [..., H, W] of planes with their margin, on the CPU."""
+    """The photo's own px [..., H, W] of planes with their margin."""
     m, shot = exposed.shot.margin, exposed.shot
-    return planes[..., m : m + shot.height, m : m + shot.width].cpu()
+    return planes[..., m : m + shot.height, m : m + shot.width]

@@ -13,7 +13,7 @@ import torch
 from .card import Memory, card
 from .layout import GROUP
 from .operands import belongs_on_card
-from .tensors import CardTensor, empty, for_shader, on_card, written
+from .tensors import CardTensor, empty, for_shader, on_card, part_for_shader, written
 
 _aten = torch.ops.aten
 
@@ -56,9 +56,25 @@ def _joined(tables: Sequence[Any], axis: int = 0) -> Any:
     present = [table for table in tables if table.numel()]
     if not present or any(t.shape[1:] != present[0].shape[1:] for t in tables) or not belongs_on_card(*present):
         return NotImplemented
-    made, at = empty(sum(len(table) for table in present), *present[0].shape[1:]), 0
+    return _below_each_other(present, (sum(len(table) for table in present), *present[0].shape[1:]))
+
+
+@on_card(_aten.stack.default)
+def _stacked(tables: Sequence[Any], axis: int = 0) -> Any:
+    """Tables of one shape, one behind the other."""
+    if axis != 0 or not all(_is_table(table) for table in tables) or not belongs_on_card(*tables):
+        return NotImplemented
+    if any(table.shape != tables[0].shape for table in tables):
+        return NotImplemented
+    return _below_each_other(tables, (len(tables), *tables[0].shape))
+
+
+def _below_each_other(tables: Sequence[Any], shape: tuple[int, ...]) -> CardTensor:
+    """[shape] of all tables' values in their order."""
+    made, at = empty(*shape), 0
     into = made.held.for_card(overwrite=True)
-    for table in present:
-        card().copy(for_shader(table), into, 4 * table.numel(), 0, at)
+    for table in tables:
+        memory, begins = part_for_shader(table)
+        card().copy(memory, into, 4 * table.numel(), 4 * begins, at)
         at += 4 * table.numel()
     return written(made)

@@ -406,6 +406,7 @@ OPERATIONS = {
     "lengths": lambda a, b, row, mask, s: (a - b).norm(dim=2) + a.amax(dim=-1),
     "matrices": lambda a, b, row, mask, s: (a.transpose(1, 2) @ b) @ a[0, :3].T,
     "slices": lambda a, b, row, mask, s: a[:, 1:4, 2:].contiguous() * b[:, :3, :5],
+    "stacked": lambda a, b, row, mask, s: torch.stack([a, a + b, b])[1:],
     "rows": lambda a, b, row, mask, s: torch.cat([a[torch.tensor([2, 0, 2, 1])], b])[torch.tensor([-1, 0])],
     "pads": lambda a, b, row, mask, s: torch.nn.functional.pad(a[:, 1:], (2, -1, 0, 3), value=0.5),
     "spectra": lambda a, b, row, mask, s: torch.fft.irfft2(
