@@ -116,7 +116,9 @@ def _graphics_card() -> str:
     except DeviceError as error:
         return f"none ({error})"
     slow = (
-        "; it stands in for a card, slower than --device cpu" if is_software(best) else "; trainings go to it where it is quicker, --device gpu takes it for all"
+        "; it stands in for a card, slower than --device cpu"
+        if is_software(best)
+        else "; trainings go to it where it is quicker, --device gpu takes it for all"
     )
     return described(best) + slow
 

@@ -232,7 +232,7 @@ class Backend(Protocol):
         ...
 
     def reexposed(self, photo: Tensor, shown: Tensor, curve: LevelCurve) -> Tensor:
-        """[3, H, W] a photo's values through a curve; where it may be clipped no farther from `shown` than that allows."""
+        """[3, H, W] a photo through a curve; where it may be clipped no farther from `shown` than that allows."""
         ...
 
     def add_seen(

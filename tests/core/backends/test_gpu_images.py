@@ -309,7 +309,7 @@ def test_the_objective_of_sharp_photos_takes_five_orders(card):
 
 
 def test_another_exposure_is_the_reference_s(card):
-    """Levels of three curves, px that may be clipped to white and to black among them; nothing but the curve goes up."""
+    """Levels of three curves, px that may be clipped either way among them; nothing but the curve goes up."""
     photo, shown = drawn(3, 30, 41), drawn(3, 30, 41, seed=1)
     photo[:, :5], photo[:, 5:9] = 1.0, 0.0
     levels = torch.linspace(0.0, 1.0, 1024)
