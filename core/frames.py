@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
+import torch
 from torch import Tensor
 
 
@@ -48,3 +50,18 @@ class PartialAdjoint(Protocol):
     def adjoint_at(self, photo: Tensor, wanted: Tensor) -> Tensor:
         """`Evaluation.adjoint` where `wanted` [H + 2m, W + 2m] is true; elsewhere it may be anything."""
         ...
+
+
+def in_a_row(tensors: Sequence[Tensor]) -> Tensor:
+    """[K, ...] of K tensors of one shape; no copy where they lie one behind the other, as parts of one tensor do."""
+    first, size = tensors[0], tensors[0].numel()
+    place = first.storage_offset()
+    if first.device.type != "cpu" or any(
+        tensor.shape != first.shape
+        or not tensor.is_contiguous()
+        or tensor.untyped_storage().data_ptr() != first.untyped_storage().data_ptr()
+        or tensor.storage_offset() != place + k * size
+        for k, tensor in enumerate(tensors)
+    ):
+        return torch.stack(list(tensors))
+    return first.as_strided((len(tensors), *first.shape), (size, *first.stride()))

@@ -13,6 +13,7 @@ from torch import Tensor
 
 from ..colour import decoding_derivative, encoding_derivative, linear_to_srgb, srgb_to_linear
 from ..compiled import run
+from ..frames import in_a_row
 from ..imaging.medium import BlurSpace
 from .collecting_kernels import STEPS, collect, distribute
 
@@ -105,7 +106,7 @@ class CollectedLight:
     """
 
     def __init__(self, frames: Sequence[Tensor], weights: Sequence[float] | Tensor) -> None:
-        self._frames = np.stack([frame.detach().numpy() for frame in frames])
+        self._frames = in_a_row([frame.detach() for frame in frames]).numpy()
         shape = self._frames.shape[1:]
         rows = np.asarray(weights, np.float32).reshape(len(frames), -1)
         # [K, 3 h]: of the rows of all channels.

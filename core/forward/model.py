@@ -10,6 +10,7 @@ import torch
 from torch import Tensor
 
 from ..camera import Camera
+from ..frames import in_a_row
 from ..gaussians import Gaussians
 from ..imaging.formation.chain import Formation, Passage
 from ..imaging.formation.effect import Shot
@@ -164,7 +165,7 @@ class Exposed:
         shares = self.collected.gradient(upstream)
         parts = [frame.passage.gradient(part) for frame, part in zip(self.frames, shares, strict=True)]
         if isinstance(self.renders, RenderedPath):
-            total = with_gradient(self.renders.images, torch.stack(parts))
+            total = with_gradient(self.renders.images, in_a_row(parts))
             if self.together is not None:
                 total = _with_depth(total, self.together.passage, self.together.middle)
             total.backward()  # type: ignore[no-untyped-call]

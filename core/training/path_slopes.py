@@ -12,6 +12,7 @@ from torch import Tensor
 from ..colour import decoding_derivative, encoding_derivative, srgb_to_linear
 from ..devices import in_memory
 from ..forward import Exposed
+from ..frames import in_a_row
 
 #: Slopes [M + 1, 3, h, w] of the photo (sRGB / px) along an axis: (1, 0) down, (0, 1) to the right.
 Slopes = Callable[[int, int], Tensor]
@@ -50,7 +51,7 @@ def slopes_along(exposed: Exposed, basis: Tensor, at: Sampled) -> Slopes:
     if together is not None:
         parts = _parts_through_effects(exposed, basis)
         return lambda down, right: _difference(parts, at, down, right) * 0.5 * encode
-    frames = _photo_px(exposed, torch.stack([frame.passage.reached for frame in exposed.frames]))
+    frames = _photo_px(exposed, in_a_row([frame.passage.reached for frame in exposed.frames]))
     own = in_memory(at.of_planes(frames))
     decode = decoding_derivative(own, srgb_to_linear(own))
     shares = basis

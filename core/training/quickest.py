@@ -9,7 +9,8 @@ import numpy as np
 import torch
 
 from ..devices import BackendName, backend_named, tensors_on
-from ..rasterizer import RasterSettings, render, with_gradient
+from ..forward import sharp_view
+from ..rasterizer import RasterSettings, with_gradient
 from .grid import coarse_camera, grid_step
 from .initial import first_gaussians
 from .job import TrainingJob
@@ -38,7 +39,7 @@ def seconds_of_a_pass(job: TrainingJob, device: BackendName) -> float:
     seconds = []
     for number in range(_WARM + _TIMED):
         begun = time.perf_counter()
-        image = render(gaussians, cameras[number % len(cameras)], settings=RasterSettings()).image
+        image = sharp_view(gaussians, cameras[number % len(cameras)], RasterSettings()).image
         with_gradient(image, upstream).backward()  # type: ignore[no-untyped-call]
         backend.synchronize()
         seconds.append(time.perf_counter() - begun)
