@@ -132,7 +132,7 @@ FIELDS = (
     Field("resolvable_period_px", "number", "finest detail that one photo still holds, period in px; 2 without blur"),
     Field("settings", "object", "all settings that the run used"),
     Field("versions", "object", "program and library versions"),
-    Field("machine", "object", "system, processor, cores, threads, device"),
+    Field("machine", "object", "system, processor, cores, threads, and the device that the twin was trained on"),
     Field("counters", "object", "what was culled, clamped, refused, masked or left out, and how often"),
     Field("notes", "list", "sentences that the run said"),
     Field("history", "list", "training over time: step, seconds, loss, heldout_psnr where measured"),

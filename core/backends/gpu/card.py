@@ -51,10 +51,10 @@ class Traffic:
 class Memory:
     """A piece of the card's memory that goes back to the card when nobody holds it."""
 
-    __slots__ = ("buffer", "_card", "_room", "_number")
+    __slots__ = ("buffer", "size", "_card", "_room", "_number")
 
-    def __init__(self, card: Card, buffer: Any, room: int, number: int) -> None:
-        self.buffer, self._card, self._room, self._number = buffer, card, room, number
+    def __init__(self, card: Card, buffer: Any, size: int, room: int, number: int) -> None:
+        self.buffer, self.size, self._card, self._room, self._number = buffer, size, card, room, number
 
     def __del__(self) -> None:
         self._card.give_back(self._room, self._number, self.buffer)
@@ -149,7 +149,7 @@ class Card:
                 self._made += 1
             self._in_use += room
             self._most = max(self._most, self._in_use)
-            return Memory(self, buffer, room, number)
+            return Memory(self, buffer, size, room, number)
 
     @_explained
     def _new_buffer(self, room: int) -> Any:
