@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -14,7 +15,7 @@ from ..run_settings import TrainingRequest
 from ..training.budget import supported_gaussians
 from ..training.job import PlannedTraining, TrainingJob
 from ..training.ranks import ALONE, OtherRankFinishes, Ranks
-from ..training.run import Trained, train
+from ..training.run import RUN, Trained, train
 from ..training.settings import BLUR_WIDTH, TrainingSettings, harmonics_for, steps_for_sharp
 from ..twin.folder import TwinFolder
 from .device import device_for
@@ -99,14 +100,15 @@ def train_twin(
         CheckpointError, TrainingError, OutputError, DeviceError: see `train`. OtherRankFinishes: this is not rank 0.
     """
     watch = Watchers(folder, snapshots) if ranks.rank == 0 else None
+    begun = time.perf_counter()
     device = device_for(job, machine, progress) if ranks.alone else machine.device
     try:
-        trained = train(_on(job, device), progress, folder.checkpoint, resume, watch, ranks)
+        trained = train(_on(job, device, begun), progress, folder.checkpoint, resume, watch, ranks)
     except DeviceError as error:
         if device == machine.device:
             raise
         progress.note(f"{error.what}: the training goes on with the processor, from what was kept of it last")
-        trained = train(_on(job, machine.device), progress, folder.checkpoint, True, watch, ranks)
+        trained = train(_on(job, machine.device, begun), progress, folder.checkpoint, True, watch, ranks)
     if ranks.rank:
         raise OtherRankFinishes
     if progress.cancelled() and trained.stopped == "done" and trained.steps < job.settings.steps:
@@ -115,6 +117,9 @@ def train_twin(
     return trained
 
 
-def _on(job: TrainingJob, device: BackendName) -> TrainingJob:
-    """The same training on a device."""
-    return replace(job, settings=replace(job.settings, device=device))
+def _on(job: TrainingJob, device: BackendName, begun: float) -> TrainingJob:
+    """The same training on a device, within what is left of its time since `begun` (on `time.perf_counter`)."""
+    limit = job.settings.time_limit
+    if limit is not None:
+        limit = max(limit - (time.perf_counter() - begun), RUN.least_iterating * limit)
+    return replace(job, settings=replace(job.settings, device=device, time_limit=limit))

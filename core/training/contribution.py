@@ -123,16 +123,17 @@ def seen_by(
     plain = gaussians.detached()
     plain.sh = colours
     found = SeenByPhotos.nothing(len(gaussians), gaussians.means.device)
-    backend, everywhere = backend_on(gaussians.means.device), None
+    backend, whole = backend_on(gaussians.means.device), None
     for camera, weight in photos:
         colours.grad = None
         image = sharp_view(plain, camera, settings).image
-        if weight is not None or everywhere is None or everywhere.shape != image.shape:
-            everywhere = _red(image, weight)
-        with_gradient(image, everywhere).backward()  # type: ignore[no-untyped-call]
+        if weight is None and (whole is None or whole.shape != image.shape):
+            whole = _red(image, None)  # (of photos of one size that count as a whole it is the same)
+        upstream = whole if weight is None else _red(image, weight)
+        assert upstream is not None
+        with_gradient(image, upstream).backward()  # type: ignore[no-untyped-call]
         assert colours.grad is not None
         backend.add_seen(found.sums(), colours.grad, plain, camera, settings)
-        everywhere = everywhere if weight is None else None
     return found
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,9 +19,11 @@ from dgs.core.machine import Machine
 from dgs.core.pipeline import device as choice
 from dgs.core.pipeline.device import device_for
 from dgs.core.pipeline.timing import NoteKeeper
+from dgs.core.pipeline.training import _on
 from dgs.core.progress import Silent
 from dgs.core.training.job import TrainingJob
 from dgs.core.training.quickest import seconds_of_a_pass
+from dgs.core.training.run import RUN
 from dgs.tests.back_ends import or_skip
 from dgs.tests.core.training.training_scenes import SHORT, blurred_scene
 
@@ -87,6 +90,7 @@ from dgs.core.devices import backend_named
 from dgs.core.machine import Machine
 from dgs.core.pipeline import device
 from dgs.core.pipeline.timing import NoteKeeper
+from dgs.core.pipeline.training import _on
 from dgs.core.pipeline.training import train_twin
 from dgs.core.progress import Silent
 from dgs.core.training import run
@@ -133,3 +137,10 @@ def test_a_card_lost_in_the_middle_leaves_the_rest_to_the_processor(tmp_path, ke
     assert "goes on with the processor" in run.stdout
     assert ("Going on from step 20" in run.stdout) is bool(kept)
     assert (tmp_path / "twin.ply").is_file()
+
+
+def test_what_was_spent_on_the_choice_is_not_there_to_train(job):
+    limited = replace(job, settings=replace(job.settings, time_limit=10.0))
+    assert 6.9 < _on(limited, "cpu", time.perf_counter() - 3.0).settings.time_limit <= 7.0
+    assert _on(limited, "cpu", time.perf_counter() - 60.0).settings.time_limit == 10.0 * RUN.least_iterating
+    assert _on(job, "cpu", time.perf_counter() - 60.0).settings.time_limit is None
