@@ -16,7 +16,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command."""
     parser.description = (
         "Fuses what a twin's cameras see of it to a surface with colours: GLB, OBJ or PLY. "
-        "There are holes only where no camera saw a surface. Corners have the colours, or a texture has them "
+        "Unless asked otherwise there are holes only where no camera saw a surface. Corners have the colours, or a texture has them "
         "(sRGB; within a GLB, beside an OBJ), which shows more than the corners of a mesh of few faces."
     )
     show_defaults(parser)
@@ -30,6 +30,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     sides = "paint a texture of so many texels each way, 2048 without a number; a PLY takes none"
     add("--texture", type=whole(*SIDES), nargs="?", const=2048, default=0, metavar="SIZE", help=sides)
     add("--views", type=whole(1, LARGEST_COUNT), default=60, metavar="N", help="cameras at most, evenly chosen")
+    where = (
+        "where depths come from. filled: where cameras agree on what they see of the twin, and its own depths where no"
+        " such surface is seen; agreed: the first alone, for measuring, with holes; off: its own depths everywhere,"
+        " quicker and less exact"
+    )
+    add("--matching", choices=("filled", "agreed", "off"), default="filled", help=where)
     add("--threads", type=whole(1, 1024), metavar="N", help="CPU threads; all cores if not given")
     add_overwrite(parser)
     add_progress(parser)
@@ -39,7 +45,9 @@ def mesh_command(options: argparse.Namespace, progress: Reporting) -> int:
     """Writes OUT and says how large, how fine and how whole it is."""
     from ..core.mesh.written import MeshSettings, write_twin_mesh  # heavy: torch
 
-    settings = MeshSettings(detail=options.detail, faces=options.faces, views=options.views, texture=options.texture)
+    settings = MeshSettings(
+        options.detail, options.faces, views=options.views, texture=options.texture, matching=options.matching
+    )
     said = write_twin_mesh(
         options.twin, options.out, settings, overwrite=options.overwrite, threads=options.threads, progress=progress
     )

@@ -43,7 +43,8 @@ class Surface:
 def surface_of(twin: OpenedTwin, progress: Progress) -> Surface:
     """Raises DgsError where there is none, Cancelled where the user asked to stop."""
     cameras = [view.camera for view in twin.kept]
-    mesh = build_mesh(twin.gaussians, cameras, MeshSettings(REGIONS.detail, REGIONS.faces), progress).mesh
+    asked = MeshSettings(REGIONS.detail, REGIONS.faces, matching="off")  # (whole: what has vanished is looked for, too)
+    mesh = build_mesh(twin.gaussians, cameras, asked, progress).mesh
     away = [np.linalg.norm(mesh.vertices - camera.centre, axis=1) / camera.fx for camera in cameras]
     places, faces = Places(mesh.vertices, np.median(away, axis=0)), mesh.faces
     sides = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)

@@ -19,6 +19,7 @@ from ..triangles import Mesh
 from .cleaning import decimated, face_areas, without_crumbs
 from .colour_kernels import gather_colours
 from .marching import zero_surface
+from .matching import Matching, matched_surfaces
 from .surfaces import SeenSurface, seen_surfaces
 from .texturing import Painted, painted
 from .unwrapping import check_unwrapping, unwrapped
@@ -27,7 +28,11 @@ from .volume import Volume, flattened, fused, usual_voxel
 
 @dataclass(frozen=True)
 class MeshSettings:
-    """What a user may ask of a mesh."""
+    """What a user may ask of a mesh.
+
+    Attributes:
+        matching: where its depths come from, see `matched_surfaces`.
+    """
 
     detail: float = number(1.0, "px", "side of a voxel: of a px on the surface, in the middle of all views")
     faces: int | None = number(None, "count", "at most; as many as there are if 0; the next two if not given")
@@ -35,6 +40,7 @@ class MeshSettings:
     textured_faces: int = number(50_000, "count", "where a texture carries the colours, and faces the shape alone")
     views: int = number(60, "count", "cameras at most, evenly chosen: more of them hardly see anything else")
     texture: int = number(0, "texels", "side of the texture; 0: corners have colours, and there is none")
+    matching: Matching = "filled"
 
     @property
     def most_faces(self) -> int:
@@ -83,6 +89,7 @@ def build_mesh(gaussians: Gaussians, cameras: Sequence[Camera], settings: MeshSe
     unit = [scale.camera_to_unit(cameras[index]) for index in chosen]
     surfaces = seen_surfaces(scale.to_unit(gaussians), unit, progress)
     pixel = usual_voxel(surfaces)
+    surfaces = matched_surfaces(surfaces, settings.matching, progress)
     progress.stage("fuse")
     volume = fused(surfaces, settings.detail * pixel)
     _go_on(progress)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from .. import compiled
+from ..camera import Camera
 from ..compositing import Pixels
 from ..imaging.medium import Medium
 from ..numbers import number
@@ -134,7 +135,7 @@ def stack_views(
     return ViewStack(
         tuple(view.name for view in views),
         np.array([(v.camera.width, v.camera.height) for v in views], np.int32),
-        **_matrices(views),
+        **_matrices([view.camera for view in views]),
         grey=grey,
         colours=colours,
         counts=counts,
@@ -142,15 +143,39 @@ def stack_views(
     )
 
 
-def _matrices(views: Sequence[View]) -> dict[str, Floats]:
-    lenses = np.array([[[c.fx, 0, c.cx], [0, c.fy, c.cy], [0, 0, 1]] for c in (v.camera for v in views)])
-    rotations = np.array([v.camera.rotation for v in views])
-    translations = np.array([v.camera.translation for v in views])
+def stack_pictures(
+    cameras: Sequence[Camera], pictures: Sequence[NDArray[np.float32]], counts: Sequence[NDArray[np.bool_]]
+) -> ViewStack:
+    """Pictures that are sharp and straight already, as they are; they have no colours here.
+
+    Args:
+        pictures: [H, W] float32 grey of each camera, in [0, 1]; counts: [H, W] px that count.
+    """
+    width, height = (max(getattr(camera, side) for camera in cameras) for side in ("width", "height"))
+    shape = (len(cameras), height, width)
+    grey, counted = np.zeros(shape, np.float32), np.zeros(shape, bool)
+    for index, camera in enumerate(cameras):
+        inside = (index, slice(0, camera.height), slice(0, camera.width))
+        grey[inside], counted[inside] = pictures[index], counts[index]
+    return ViewStack(
+        tuple(camera.name for camera in cameras),
+        np.array([(camera.width, camera.height) for camera in cameras], np.int32),
+        **_matrices(cameras),
+        grey=grey,
+        colours=np.zeros((len(cameras), 0, 0, 3), np.uint8),
+        counts=counted,
+    )
+
+
+def _matrices(cameras: Sequence[Camera]) -> dict[str, Floats]:
+    lenses = np.array([[[c.fx, 0, c.cx], [0, c.fy, c.cy], [0, 0, 1]] for c in cameras])
+    rotations = np.array([camera.rotation for camera in cameras])
+    translations = np.array([camera.translation for camera in cameras])
     return {
         "projections": lenses @ rotations,
         "offsets": np.einsum("nij,nj->ni", lenses, translations),
         "rotations": rotations,
-        "centres": np.array([v.camera.centre for v in views]),
+        "centres": np.array([camera.centre for camera in cameras]),
         "inverse": rotations.transpose(0, 2, 1) @ np.linalg.inv(lenses),
         "focals": np.sqrt(lenses[:, 0, 0] * lenses[:, 1, 1]),
     }

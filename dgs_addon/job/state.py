@@ -24,6 +24,7 @@ STAGES = {
     "train": "Optimizing",
     "changes": "Looking for changes",
     "depth": "Looking at surfaces",
+    "match": "Comparing surfaces",
     "fuse": "Joining surfaces",
     "mesh": "Making the mesh",
     "colour": "Colouring the mesh",

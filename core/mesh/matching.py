@@ -1,0 +1,172 @@
+"""Surfaces where the twin's pictures of them agree, rather than where its splats hold back the light.
+
+Where photos say little of a depth, behind a blur above all, splats stand in layers before the surface that show every
+photo as it is: their own depths are off by several px, all views' by the same. What they show is right nevertheless. So
+each view's picture is compared with its neighbours', window by window, at depths around the twin's (plane sweep,
+Collins 1996, in bands that follow the surface), and a place is believed that several views find by themselves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt, median_filter
+
+from ..compiled import run
+from ..errors import Cancelled
+from ..numbers import number
+from ..progress import Progress
+from ..sfm.sharpen import LUMA
+from ..surface.agreement import AgreementSettings, agreed, lifted_map
+from ..surface.choice import ChoiceSettings, neighbours_of
+from ..surface.stack import ViewStack, stack_pictures
+from ..surface.sweep import Around, DepthMap, SweepSettings, swept
+from .matching_kernels import mark_covered, smooth_between_steps
+from .surfaces import Floats, SeenSurface, weights
+
+#: How a mesh's depths come about: matched and filled, matched alone, or the twin's own.
+Matching = Literal["filled", "agreed", "off"]
+
+_CHOSEN = "meshes of the rendered shelf and orrery, sharp and blurred by 5 px"
+
+
+@dataclass(frozen=True)
+class MatchingSettings:
+    """Of the comparison, of what is believed, and of what is made of the rest."""
+
+    bands: tuple[tuple[float, int], ...] = number(
+        ((12.0, 25), (2.0, 11)),
+        "px on the surface, count",
+        "by which a surface may lie off its depth, and how many depths are tried there; the second band lies around what"
+        " the first one found. 20 px and 6 px were worse",
+        _CHOSEN,
+    )
+    radius: int = number(2, "px", "windows of (2 radius + 1)^2 px are compared; 3 loses thin things", _CHOSEN)
+    neighbours: int = number(
+        4, "views", "that each is compared with; the better half decides. 8 take twice as long", _CHOSEN
+    )
+    texture: float = number(
+        0.004, "share of white", "standard deviation of a window below which it shows nothing; half of it alike", _CHOSEN
+    )
+    largest_cost: float = number(
+        0.8, "1 - correlation", "of the best depth; what is wrong is refused by other views", _CHOSEN
+    )
+    sure_margin: float = number(0.1, "correlation", "by which a depth beats all others that is as sure as can be")
+    agreeing: float = number(1.0, "px on the surface", "within which two views have found the same place", _CHOSEN)
+    through: float = number(3.0, "px on the surface", "behind a place, from which on a view looks through it")
+    witnesses: int = number(
+        3, "views", "that must have found the same place besides; one of less than 8 views; 2 are less exact", _CHOSEN
+    )
+    median: int = number(5, "px", "side of the window whose median the twin's depth is replaced by: single splats", _CHOSEN)
+    smooth: float = number(1.5, "px", "standard deviation of the mean that its depths are then replaced by", _CHOSEN)
+    step: float = number(0.02, "share of the depth", "beyond which two px lie on two surfaces")
+    least_sure: float = number(0.05, "share", "of the weight that a believed place has at least")
+    filling: float = number(
+        1e-3, "share", "of the weight that the twin's own depth has where no believed place is seen: none beside one"
+    )
+
+
+MATCHING = MatchingSettings()
+
+
+def matched_surfaces(
+    surfaces: Sequence[SeenSurface],
+    how: Matching,
+    progress: Progress,
+    settings: MatchingSettings = MATCHING,
+) -> list[SeenSurface]:
+    """The surfaces with depths that views agree on.
+
+    Args:
+        surfaces: the twin's own, of all views.
+        how: 'filled': the twin's own depth is kept through which no view sees a place that is believed; 'agreed': it
+            is not; 'off': nothing is changed.
+
+    Raises:
+        Cancelled: the user asked to stop.
+    """
+    if how == "off" or len(surfaces) < 2:
+        return list(surfaces)
+    pictures = [np.tensordot(np.array(LUMA, np.float32), s.image, 1) for s in surfaces]
+    views = stack_pictures([s.camera for s in surfaces], pictures, [s.weight > 0 for s in surfaces])
+    progress.stage("match", len(surfaces))
+    maps = []
+    for index, surface in enumerate(surfaces):
+        if progress.cancelled():
+            raise Cancelled(f"Stopped after {index} of {len(surfaces)} views; nothing was written")
+        maps.append(_matched(index, surface, views, settings))
+        progress.advance(index + 1)
+    px = 1.0 / float(np.median(views.focals))
+    asked = AgreementSettings(settings.agreeing * px, settings.through * px, settings.witnesses)
+    believed = agreed(maps, views, asked)
+    covered = _covered(believed, views) if how == "filled" else None
+    return [
+        _joined(surface, one, None if covered is None else covered[one.view], settings)
+        for surface, one in zip(surfaces, believed, strict=True)
+    ]
+
+
+def _matched(index: int, surface: SeenSurface, views: ViewStack, settings: MatchingSettings) -> DepthMap:
+    """What a view finds by itself, band after band."""
+    wanted = np.zeros(views.counts.shape[1:], bool)
+    height, width = surface.depth.shape
+    wanted[:height, :width] = surface.weight > 0
+    depth = np.full(wanted.shape, np.nan)
+    depth[:height, :width] = np.where(surface.weight > 0, surface.depth, np.nan)
+    found = DepthMap(index, np.zeros(wanted.shape, np.float32), np.zeros(wanted.shape, np.float32))
+    if not wanted.any():
+        return found
+    near, far = np.percentile(depth[wanted], (2.0, 98.0))
+    others = neighbours_of(index, views, near, far, ChoiceSettings(neighbours=settings.neighbours))
+    for band, planes in settings.bands:
+        around = smooth_depth(depth, settings)
+        asked = SweepSettings(
+            planes=planes,
+            radius=settings.radius,
+            texture=settings.texture,
+            largest_cost=settings.largest_cost,
+            least_margin=0.0,
+            sure_margin=settings.sure_margin,
+        )
+        found = swept(index, views, others, Around(around, band / surface.camera.fx), wanted, None, asked)
+        depth = np.where(wanted, np.where(found.depth > 0, found.depth, around), np.nan)
+    return found
+
+
+def smooth_depth(depth: NDArray[np.float64], settings: MatchingSettings = MATCHING) -> NDArray[np.float64]:
+    """[H, W] a depth map without holes (NaN) and single px, smooth but for steps, in inverse depth: planes stay planes."""
+    holes = ~np.isfinite(depth)
+    nearest = distance_transform_edt(holes, return_distances=False, return_indices=True)
+    inverse = median_filter(1.0 / depth[tuple(nearest)], settings.median)
+    out = np.empty_like(inverse)
+    run(smooth_between_steps, len(inverse), inverse, settings.smooth, settings.step, out, grain=8)
+    return np.asarray(1.0 / out)
+
+
+def _covered(maps: Sequence[DepthMap], views: ViewStack) -> NDArray[np.bool_]:
+    """[V, H, W] through which px of each view a place is seen that is believed."""
+    places = np.concatenate([lifted_map(one, views) for one in maps])
+    covered = np.zeros(views.counts.shape, bool)
+    run(mark_covered, len(views), places, views.projections, views.offsets, views.sizes, covered)
+    return covered
+
+
+def _joined(
+    surface: SeenSurface, one: DepthMap, covered: NDArray[np.bool_] | None, settings: MatchingSettings
+) -> SeenSurface:
+    """What is believed of a view, and its own depth where nothing is."""
+    height, width = surface.depth.shape
+    depth = one.depth[:height, :width]
+    there = depth > 0
+    depth = np.where(there, depth, np.float32(np.nan))
+    sure = np.maximum(one.confidence[:height, :width], np.float32(settings.least_sure))
+    weight: Floats = np.where(there, weights(depth, surface.camera) * sure, np.float32(0))
+    if covered is not None:
+        kept = ~there & ~covered[:height, :width] & (surface.weight > 0)
+        depth = np.where(kept, surface.depth, depth)
+        weight = np.where(kept, np.float32(settings.filling) * surface.weight, weight)
+    return SeenSurface(surface.camera, depth, weight.astype(np.float32), surface.image)

@@ -1,0 +1,59 @@
+"""Loops of surfaces that are matched between views: a depth map smoothed, and what sees a believed place."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ..compiled import kernel
+
+
+@kernel
+def smooth_between_steps(begin, end, values, width, step, out):  # type: ignore[no-untyped-def]
+    """Rows `begin` to `end` of a bilateral mean (Tomasi and Manduchi 1998): over what is near and nearly as large.
+
+    Args:
+        values: [H, W] float64, above 0; out: the same, output.
+        width: standard deviation of the window, px; step: share of a value by which others may differ.
+    """
+    height, across = values.shape
+    reach = int(2.0 * width + 0.5)
+    for y in range(begin, end):
+        for x in range(across):
+            here = values[y, x]
+            total = weight = 0.0
+            for j in range(max(0, y - reach), min(height, y + reach + 1)):
+                for i in range(max(0, x - reach), min(across, x + reach + 1)):
+                    away = ((j - y) * (j - y) + (i - x) * (i - x)) / (width * width)
+                    apart = (values[j, i] - here) / (step * here)
+                    w = math.exp(-0.5 * (away + apart * apart))
+                    total += w * values[j, i]
+                    weight += w
+            out[y, x] = total / weight
+
+
+@kernel
+def mark_covered(begin, end, positions, projections, offsets, sizes, covered):  # type: ignore[no-untyped-def]
+    """Marks the px of views `begin` to `end` through which a place is seen, and those beside them.
+
+    Args:
+        positions: [N, 3]; projections [V, 3, 3], offsets [V, 3], sizes [V, 2]: as in `ViewStack`.
+        covered: [V, H, W] bool, output: set where a place lies.
+    """
+    for view in range(begin, end):
+        p, o = projections[view], offsets[view]
+        width, height = sizes[view, 0], sizes[view, 1]
+        for n in range(positions.shape[0]):
+            x, y, z = positions[n, 0], positions[n, 1], positions[n, 2]
+            depth = p[2, 0] * x + p[2, 1] * y + p[2, 2] * z + o[2]
+            if depth <= 0.0:
+                continue
+            u = (p[0, 0] * x + p[0, 1] * y + p[0, 2] * z + o[0]) / depth
+            v = (p[1, 0] * x + p[1, 1] * y + p[1, 2] * z + o[1]) / depth
+            if not (u >= 0.0 and v >= 0.0 and u < width and v < height):
+                continue
+            i, j = np.int64(u), np.int64(v)
+            for row in range(max(0, j - 1), min(height, j + 2)):
+                for column in range(max(0, i - 1), min(width, i + 2)):
+                    covered[view, row, column] = True
