@@ -16,7 +16,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command."""
     parser.description = (
         "Fuses what a twin's cameras see of it to a surface with colours: GLB, OBJ or PLY. "
-        "Unless asked otherwise there are holes only where no camera saw a surface. Corners have the colours, or a texture has them "
+        "Holes are where no two cameras saw the same surface. Corners have the colours, or a texture has them "
         "(sRGB; within a GLB, beside an OBJ), which shows more than the corners of a mesh of few faces."
     )
     show_defaults(parser)

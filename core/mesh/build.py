@@ -59,6 +59,7 @@ class TwinMesh:
         far: share of what cameras see that is too far off for voxels of this size.
         made: faces before they were thinned out.
         texel: side of a texel on the surface, world units; unseen: share of the texels that no view shows. 0 without.
+        agreed: share of what cameras see where views agree on the surface; 1 where that was not asked.
     """
 
     mesh: Mesh
@@ -68,6 +69,7 @@ class TwinMesh:
     made: int
     texel: float = 0.0
     unseen: float = 0.0
+    agreed: float = 1.0
 
 
 def build_mesh(gaussians: Gaussians, cameras: Sequence[Camera], settings: MeshSettings, progress: Progress) -> TwinMesh:
@@ -89,7 +91,7 @@ def build_mesh(gaussians: Gaussians, cameras: Sequence[Camera], settings: MeshSe
     unit = [scale.camera_to_unit(cameras[index]) for index in chosen]
     surfaces = seen_surfaces(scale.to_unit(gaussians), unit, progress)
     pixel = usual_voxel(surfaces)
-    surfaces = matched_surfaces(surfaces, settings.matching, progress)
+    surfaces, agreed = matched_surfaces(surfaces, settings.matching, progress)
     progress.stage("fuse")
     volume = fused(surfaces, settings.detail * pixel)
     _go_on(progress)
@@ -109,7 +111,7 @@ def build_mesh(gaussians: Gaussians, cameras: Sequence[Camera], settings: MeshSe
     texture, unseen = (painting.texture, painting.unseen) if painting is not None else (None, 0.0)
     mesh = Mesh(whole.vertices * scale.size + scale.origin, whole.faces, colours, deviation, texture)
     voxel, pixel, texel = (length * scale.size for length in (volume.voxel, pixel, texel))
-    return TwinMesh(mesh, voxel, pixel, volume.far, made, texel, unseen)
+    return TwinMesh(mesh, voxel, pixel, volume.far, made, texel, unseen, agreed)
 
 
 def _go_on(progress: Progress) -> None:

@@ -9,7 +9,7 @@ Collins 1996, in bands that follow the surface), and a place is believed that se
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, median_filter
 
 from ..compiled import run
-from ..errors import Cancelled
+from ..errors import Cancelled, DgsError
 from ..numbers import number
 from ..progress import Progress
 from ..sfm.sharpen import LUMA
@@ -26,7 +26,7 @@ from ..surface.choice import ChoiceSettings, neighbours_of
 from ..surface.stack import ViewStack, stack_pictures
 from ..surface.sweep import Around, DepthMap, SweepSettings, swept
 from .matching_kernels import mark_covered, smooth_between_steps
-from .surfaces import Floats, SeenSurface, weights
+from .surfaces import SeenSurface, weights
 
 #: How a mesh's depths come about: matched and filled, matched alone, or the twin's own.
 Matching = Literal["filled", "agreed", "off"]
@@ -41,8 +41,8 @@ class MatchingSettings:
     bands: tuple[tuple[float, int], ...] = number(
         ((12.0, 25), (2.0, 11)),
         "px on the surface, count",
-        "by which a surface may lie off its depth, and how many depths are tried there; the second band lies around what"
-        " the first one found. 20 px and 6 px were worse",
+        "by which a surface may lie off its depth, and how many depths are tried there; the second band lies around"
+        " what the first one found. 20 px and 6 px were worse",
         _CHOSEN,
     )
     radius: int = number(2, "px", "windows of (2 radius + 1)^2 px are compared; 3 loses thin things", _CHOSEN)
@@ -50,7 +50,10 @@ class MatchingSettings:
         4, "views", "that each is compared with; the better half decides. 8 take twice as long", _CHOSEN
     )
     texture: float = number(
-        0.004, "share of white", "standard deviation of a window below which it shows nothing; half of it alike", _CHOSEN
+        0.004,
+        "share of white",
+        "standard deviation of a window below which it shows nothing; half of it alike",
+        _CHOSEN,
     )
     largest_cost: float = number(
         0.8, "1 - correlation", "of the best depth; what is wrong is refused by other views", _CHOSEN
@@ -61,36 +64,39 @@ class MatchingSettings:
     witnesses: int = number(
         3, "views", "that must have found the same place besides; one of less than 8 views; 2 are less exact", _CHOSEN
     )
-    median: int = number(5, "px", "side of the window whose median the twin's depth is replaced by: single splats", _CHOSEN)
+    median: int = number(
+        5, "px", "side of the window whose median replaces the twin's depth: single splats go", _CHOSEN
+    )
     smooth: float = number(1.5, "px", "standard deviation of the mean that its depths are then replaced by", _CHOSEN)
     step: float = number(0.02, "share of the depth", "beyond which two px lie on two surfaces")
     least_sure: float = number(0.05, "share", "of the weight that a believed place has at least")
-    filling: float = number(
-        1e-3, "share", "of the weight that the twin's own depth has where no believed place is seen: none beside one"
+    alike: float = number(
+        3.0,
+        "px on the surface",
+        "within which two views see the same of the twin's own depths; they fill what is left where at least two do",
+        _CHOSEN,
     )
+    filling: float = number(1e-3, "share", "of the weight that it then has: none beside a believed place")
 
 
 MATCHING = MatchingSettings()
 
 
 def matched_surfaces(
-    surfaces: Sequence[SeenSurface],
-    how: Matching,
-    progress: Progress,
-    settings: MatchingSettings = MATCHING,
-) -> list[SeenSurface]:
-    """The surfaces with depths that views agree on.
+    surfaces: Sequence[SeenSurface], how: Matching, progress: Progress, settings: MatchingSettings = MATCHING
+) -> tuple[list[SeenSurface], float]:
+    """The surfaces with depths that views agree on, and the share of what is seen where they do (1 if not asked).
 
     Args:
         surfaces: the twin's own, of all views.
-        how: 'filled': the twin's own depth is kept through which no view sees a place that is believed; 'agreed': it
-            is not; 'off': nothing is changed.
+        how: 'agreed': only what views find alike; 'filled': also the twin's own depth where a view sees no such place,
+            and views see that depth alike; 'off': nothing is changed.
 
     Raises:
-        Cancelled: the user asked to stop.
+        DgsError: 'agreed', and nothing is. Cancelled: the user asked to stop.
     """
     if how == "off" or len(surfaces) < 2:
-        return list(surfaces)
+        return list(surfaces), 1.0
     pictures = [np.tensordot(np.array(LUMA, np.float32), s.image, 1) for s in surfaces]
     views = stack_pictures([s.camera for s in surfaces], pictures, [s.weight > 0 for s in surfaces])
     progress.stage("match", len(surfaces))
@@ -103,11 +109,21 @@ def matched_surfaces(
     px = 1.0 / float(np.median(views.focals))
     asked = AgreementSettings(settings.agreeing * px, settings.through * px, settings.witnesses)
     believed = agreed(maps, views, asked)
-    covered = _covered(believed, views) if how == "filled" else None
-    return [
-        _joined(surface, one, None if covered is None else covered[one.view], settings)
-        for surface, one in zip(surfaces, believed, strict=True)
+    found = sum(int((one.depth > 0).sum()) for one in believed)
+    share = found / max(1, sum(int((s.weight > 0).sum()) for s in surfaces))
+    joined = [_joined(surface, one, settings) for surface, one in zip(surfaces, believed, strict=True)]
+    if how == "agreed":
+        if not found:
+            raise DgsError("Cameras agree on no surface of the twin", "Take --matching filled, or give more photos")
+        return joined, share
+    covered = _covered(believed, views)
+    own = [_own(index, surface, views, settings) for index, surface in enumerate(surfaces)]
+    twice = AgreementSettings(settings.alike * px, settings.through * px, witnesses=1)
+    filling = agreed(own, views, twice)
+    filled = [
+        _filled(surface, other, covered[other.view], settings) for surface, other in zip(joined, filling, strict=True)
     ]
+    return filled, share
 
 
 def _matched(index: int, surface: SeenSurface, views: ViewStack, settings: MatchingSettings) -> DepthMap:
@@ -138,7 +154,7 @@ def _matched(index: int, surface: SeenSurface, views: ViewStack, settings: Match
 
 
 def smooth_depth(depth: NDArray[np.float64], settings: MatchingSettings = MATCHING) -> NDArray[np.float64]:
-    """[H, W] a depth map without holes (NaN) and single px, smooth but for steps, in inverse depth: planes stay planes."""
+    """[H, W] a depth map without holes (NaN) and single px, smooth but for steps; planes stay planes."""
     holes = ~np.isfinite(depth)
     nearest = distance_transform_edt(holes, return_distances=False, return_indices=True)
     inverse = median_filter(1.0 / depth[tuple(nearest)], settings.median)
@@ -155,18 +171,33 @@ def _covered(maps: Sequence[DepthMap], views: ViewStack) -> NDArray[np.bool_]:
     return covered
 
 
-def _joined(
-    surface: SeenSurface, one: DepthMap, covered: NDArray[np.bool_] | None, settings: MatchingSettings
-) -> SeenSurface:
-    """What is believed of a view, and its own depth where nothing is."""
+def _own(index: int, surface: SeenSurface, views: ViewStack, settings: MatchingSettings) -> DepthMap:
+    """The twin's own depth as a map."""
+    height, width = surface.depth.shape
+    depth = np.zeros(views.counts.shape[1:], np.float32)
+    seen = surface.weight > 0
+    if seen.any():
+        smooth = smooth_depth(np.where(seen, surface.depth, np.nan).astype(np.float64), settings)
+        depth[:height, :width] = np.where(seen, smooth, 0.0)
+    return DepthMap(index, depth, (depth > 0).astype(np.float32))
+
+
+def _joined(surface: SeenSurface, one: DepthMap, settings: MatchingSettings) -> SeenSurface:
+    """What is believed of a view."""
     height, width = surface.depth.shape
     depth = one.depth[:height, :width]
-    there = depth > 0
-    depth = np.where(there, depth, np.float32(np.nan))
+    depth = np.where(depth > 0, depth, np.float32(np.nan))
     sure = np.maximum(one.confidence[:height, :width], np.float32(settings.least_sure))
-    weight: Floats = np.where(there, weights(depth, surface.camera) * sure, np.float32(0))
-    if covered is not None:
-        kept = ~there & ~covered[:height, :width] & (surface.weight > 0)
-        depth = np.where(kept, surface.depth, depth)
-        weight = np.where(kept, np.float32(settings.filling) * surface.weight, weight)
-    return SeenSurface(surface.camera, depth, weight.astype(np.float32), surface.image)
+    return SeenSurface(surface.camera, depth, weights(depth, surface.camera) * sure, surface.image)
+
+
+def _filled(
+    believed: SeenSurface, other: DepthMap, covered: NDArray[np.bool_], settings: MatchingSettings
+) -> SeenSurface:
+    """With another depth where no place is seen that is believed."""
+    height, width = believed.depth.shape
+    depth = other.depth[:height, :width]
+    kept = (depth > 0) & ~(believed.weight > 0) & ~covered[:height, :width]
+    own = np.where(depth > 0, depth, np.float32(np.nan))
+    weight = np.float32(settings.filling) * weights(own, believed.camera)
+    return replace(believed, depth=np.where(kept, own, believed.depth), weight=np.where(kept, weight, believed.weight))

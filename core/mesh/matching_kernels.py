@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from ..compiled import kernel
 
 
@@ -53,7 +51,7 @@ def mark_covered(begin, end, positions, projections, offsets, sizes, covered):  
             v = (p[1, 0] * x + p[1, 1] * y + p[1, 2] * z + o[1]) / depth
             if not (u >= 0.0 and v >= 0.0 and u < width and v < height):
                 continue
-            i, j = np.int64(u), np.int64(v)
+            i, j = int(u), int(v)
             for row in range(max(0, j - 1), min(height, j + 2)):
                 for column in range(max(0, i - 1), min(width, i + 2)):
                     covered[view, row, column] = True

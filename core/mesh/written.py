@@ -25,6 +25,7 @@ class NotingSettings:
     far: float = number(0.01, "share", "of what cameras see that may be too far off without a word")
     coarser: float = number(1.01, "factor", "by which voxels may be larger than asked for without a word")
     texel: float = number(2.0, "px", "on the surface that a texel may be wide without a word: it shows")
+    agreed: float = number(0.5, "share", "of what cameras see that they must agree on, or else a word is due")
     unseen: float = number(0.01, "share", "of texels that no view shows that goes without a word")
 
 
@@ -56,6 +57,7 @@ def write_twin_mesh(
         "faces": len(made.mesh.faces),
         "voxel px": round(made.voxel / made.pixel, 3),
         "open edges": len(made.mesh.open_edges()),
+        **({} if settings.matching == "off" else {"agreed": f"{100 * made.agreed:.0f} %"}),
         **({"texel px": round(made.texel / made.pixel, 3)} if settings.texture else {}),
         "mesh": str(out),
     }
@@ -74,6 +76,11 @@ def _place(out: Path, mesh: Mesh, progress: Progress) -> None:
 def _note(made: TwinMesh, settings: MeshSettings, progress: Progress) -> None:
     if made.far > NOTING.far:
         progress.note(f"{100 * made.far:.0f} % of what the cameras see is too far off for voxels of this size")
+    if made.agreed < NOTING.agreed:
+        rest = (
+            "left out" if settings.matching == "agreed" else "filled from the twin's own depths, which are less exact"
+        )
+        progress.note(f"Cameras agree on {100 * made.agreed:.0f} % of the surface that they see; the rest is {rest}")
     if made.voxel > NOTING.coarser * settings.detail * made.pixel:
         progress.note(f"Voxels are {made.voxel / made.pixel:.2g} px wide: finer ones would not fit")
     if made.texel > NOTING.texel * made.pixel:

@@ -164,6 +164,7 @@ def stack_pictures(
         grey=grey,
         colours=np.zeros((len(cameras), 0, 0, 3), np.uint8),
         counts=counted,
+        empty=None,
     )
 
 
