@@ -30,6 +30,7 @@ from dgs.core.measure.measured import measure
 from dgs.core.measure.places import PRECISION
 from dgs.core.measure.request import AskedMeasure, AskedPlace, MeasureRequest
 from dgs.core.mesh.build import MeshSettings, build_mesh
+from dgs.core.mesh.matching import Matching
 from dgs.core.mesh.surfaces import weights
 from dgs.core.progress import Silent
 from dgs.core.triangles import Mesh
@@ -167,10 +168,10 @@ def sampled(mesh: Mesh, cameras: list[Camera], density: float, random: np.random
     return np.asarray(a[face] + share[:, :1] * (b - a)[face] + share[:, 1:] * (c - a)[face])
 
 
-def mesh_errors(photos: Path, twin_folder: Path) -> dict[str, Any]:
+def mesh_errors(photos: Path, twin_folder: Path, matching: Matching = "filled") -> dict[str, Any]:
     """Distances between the twin's mesh and the truth, px-equivalents; with the mesh's own limit of what is near."""
     gaussians, cameras = splats_and_cameras(twin_folder)
-    made = build_mesh(gaussians, cameras, MeshSettings(), Silent())
+    made = build_mesh(gaussians, cameras, MeshSettings(matching=matching), Silent())
     places, normals, pixels = truth_cloud(photos, cameras)
     near = pixels < 3.0 * made.voxel
     places, normals, pixels = places[near], normals[near], pixels[near]

@@ -6,18 +6,19 @@
 
 FOLDER holds sets NAME-0 (sharp) and NAME-5 (blurred by 5 px) of the laboratory's scenes with depth maps, and the twins
 of three ways to use them, the balanced preset, cameras given: `ours` (the blur given), `plain` (blurred photos as if
-they were sharp), `sharp` (the sharp photos). All go through the same `run_dgs.py mesh`; errors are those of
-`benchmarks.measured`. Each row is kept in benchmarks/meshes.json as soon as it is there.
+they were sharp), `sharp` (the sharp photos). All go through the same `run_dgs.py mesh`, with each `--matching`; errors
+are those of `benchmarks.measured`. Each row is kept in benchmarks/meshes.json as soon as it is there.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+from itertools import product
 from pathlib import Path
 from typing import Any
 
-from .measured import ROOT, mesh_errors, run_dgs
+from .measured import ROOT, Matching, mesh_errors, run_dgs
 
 ROWS = ROOT / "benchmarks" / "meshes.json"
 #: How each scene is rendered: path of the cameras, views, samples, and what else.
@@ -29,6 +30,8 @@ SCENES = {
 }
 #: Which photos each way takes, and what it is said of their blur.
 WAYS = {"ours": ("5", "gaussian:5"), "plain": ("5", "none"), "sharp": ("0", "none")}
+#: Each `--matching` of `mesh`.
+MATCHINGS: tuple[Matching, ...] = ("agreed", "filled", "off")
 
 
 def photos_of(folder: Path, scene: str, sigma: str) -> Path:
@@ -41,7 +44,7 @@ def photos_of(folder: Path, scene: str, sigma: str) -> Path:
     return out
 
 
-def row(folder: Path, scene: str, way: str) -> dict[str, Any]:
+def row(folder: Path, scene: str, way: str, matching: Matching) -> dict[str, Any]:
     """Errors of one way's mesh, and how well its twin shows the sharp truth."""
     sigma, psf = WAYS[way]
     photos, twin = photos_of(folder, scene, sigma), folder / "twins" / f"{scene}-{way}"
@@ -58,15 +61,16 @@ def row(folder: Path, scene: str, way: str) -> dict[str, Any]:
         ]
         run_dgs("reconstruct", photos / "photos", "--out", twin, *given)
     report = json.loads((twin / "report.json").read_text("utf-8"))
-    return mesh_errors(photos, twin) | {"psnr": report["heldout"]["sharp"]["psnr"], "gaussians": report["gaussians"]}
+    shown = {"psnr": report["heldout"]["sharp"]["psnr"], "gaussians": report["gaussians"]}
+    return mesh_errors(photos, twin, matching) | shown
 
 
 def table(rows: dict[str, dict[str, Any]]) -> str:
     """Markdown."""
     keys = ("mesh median", "within 1 px", "completeness", "F", "psnr")
-    out = ["| set | way | " + " | ".join(keys) + " |", "|" + "---|" * (2 + len(keys))]
+    out = ["| set | way | matching | " + " | ".join(keys) + " |", "|" + "---|" * (3 + len(keys))]
     for name, found in rows.items():
-        out.append(f"| {' | '.join(name.rsplit('-', 1))} | " + " | ".join(str(found[key]) for key in keys) + " |")
+        out.append(f"| {' | '.join(name.rsplit(' ', 2))} | " + " | ".join(str(found[key]) for key in keys) + " |")
     return "\n".join(out)
 
 
@@ -79,11 +83,12 @@ def main() -> None:
     options = parser.parse_args()
     rows = json.loads(ROWS.read_text("utf-8")) if ROWS.is_file() else {}
     for scene in options.only or SCENES:
-        for way in WAYS if not options.table else ():
-            if f"{scene}-{way}" not in rows:
-                rows[f"{scene}-{way}"] = row(options.folder, scene, way)
+        for way, matching in product(WAYS, MATCHINGS) if not options.table else ():
+            name = f"{scene} {way} {matching}"
+            if name not in rows:
+                rows[name] = row(options.folder, scene, way, matching)
                 ROWS.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
-                print(scene, way, rows[f"{scene}-{way}"], flush=True)
+                print(name, rows[name], flush=True)
     print(table(rows))
 
 

@@ -100,11 +100,13 @@ def matched_surfaces(
     pictures = [np.tensordot(np.array(LUMA, np.float32), s.image, 1) for s in surfaces]
     views = stack_pictures([s.camera for s in surfaces], pictures, [s.weight > 0 for s in surfaces])
     progress.stage("match", len(surfaces))
-    maps = []
+    maps, own = [], []
     for index, surface in enumerate(surfaces):
         if progress.cancelled():
             raise Cancelled(f"Stopped after {index} of {len(surfaces)} views; nothing was written")
-        maps.append(_matched(index, surface, views, settings))
+        smooth = _smooth_map(index, surface, views, settings)
+        own.append(smooth)
+        maps.append(_matched(smooth, surface.camera.fx, views, settings))
         progress.advance(index + 1)
     px = 1.0 / float(np.median(views.focals))
     asked = AgreementSettings(settings.agreeing * px, settings.through * px, settings.witnesses)
@@ -116,30 +118,39 @@ def matched_surfaces(
         if not found:
             raise DgsError("Cameras agree on no surface of the twin", "Take --matching filled, or give more photos")
         return joined, share
-    covered = _covered(believed, views)
-    own = [_own(index, surface, views, settings) for index, surface in enumerate(surfaces)]
-    twice = AgreementSettings(settings.alike * px, settings.through * px, witnesses=1)
-    filling = agreed(own, views, twice)
-    filled = [
-        _filled(surface, other, covered[other.view], settings) for surface, other in zip(joined, filling, strict=True)
+    left = [
+        replace(one, depth=np.where(covered | (other.depth > 0), np.float32(0), one.depth))
+        for one, other, covered in zip(own, believed, _covered(believed, views), strict=True)
     ]
+    twice = AgreementSettings(settings.alike * px, settings.through * px, witnesses=1)
+    filling = agreed(left, views, twice, among=own)
+    filled = [_filled(surface, other, settings) for surface, other in zip(joined, filling, strict=True)]
     return filled, share
 
 
-def _matched(index: int, surface: SeenSurface, views: ViewStack, settings: MatchingSettings) -> DepthMap:
-    """What a view finds by itself, band after band."""
-    wanted = np.zeros(views.counts.shape[1:], bool)
+def _smooth_map(index: int, surface: SeenSurface, views: ViewStack, settings: MatchingSettings) -> DepthMap:
+    """The twin's own depth, smooth; 0 where it has none."""
     height, width = surface.depth.shape
-    wanted[:height, :width] = surface.weight > 0
-    depth = np.full(wanted.shape, np.nan)
-    depth[:height, :width] = np.where(surface.weight > 0, surface.depth, np.nan)
-    found = DepthMap(index, np.zeros(wanted.shape, np.float32), np.zeros(wanted.shape, np.float32))
+    depth = np.zeros(views.counts.shape[1:], np.float32)
+    seen = surface.weight > 0
+    if seen.any():
+        smooth = smooth_depth(np.where(seen, surface.depth, np.nan).astype(np.float64), settings)
+        depth[:height, :width] = np.where(seen, smooth, 0.0)
+    return DepthMap(index, depth, (depth > 0).astype(np.float32))
+
+
+def _matched(own: DepthMap, focal: float, views: ViewStack, settings: MatchingSettings) -> DepthMap:
+    """What a view finds by itself around its own depth, band after band."""
+    wanted = own.depth > 0
+    found = DepthMap(own.view, np.zeros(wanted.shape, np.float32), np.zeros(wanted.shape, np.float32))
     if not wanted.any():
         return found
-    near, far = np.percentile(depth[wanted], (2.0, 98.0))
-    others = neighbours_of(index, views, near, far, ChoiceSettings(neighbours=settings.neighbours))
-    for band, planes in settings.bands:
-        around = smooth_depth(depth, settings)
+    around = np.where(wanted, own.depth, np.median(own.depth[wanted])).astype(np.float64)
+    near, far = np.percentile(around[wanted], (2.0, 98.0))
+    others = neighbours_of(own.view, views, near, far, ChoiceSettings(neighbours=settings.neighbours))
+    for place, (band, planes) in enumerate(settings.bands):
+        if place:
+            around = smooth_depth(np.where(wanted, np.where(found.depth > 0, found.depth, around), np.nan), settings)
         asked = SweepSettings(
             planes=planes,
             radius=settings.radius,
@@ -148,8 +159,7 @@ def _matched(index: int, surface: SeenSurface, views: ViewStack, settings: Match
             least_margin=0.0,
             sure_margin=settings.sure_margin,
         )
-        found = swept(index, views, others, Around(around, band / surface.camera.fx), wanted, None, asked)
-        depth = np.where(wanted, np.where(found.depth > 0, found.depth, around), np.nan)
+        found = swept(own.view, views, others, Around(around, band / focal), wanted, None, asked)
     return found
 
 
@@ -171,17 +181,6 @@ def _covered(maps: Sequence[DepthMap], views: ViewStack) -> NDArray[np.bool_]:
     return covered
 
 
-def _own(index: int, surface: SeenSurface, views: ViewStack, settings: MatchingSettings) -> DepthMap:
-    """The twin's own depth as a map."""
-    height, width = surface.depth.shape
-    depth = np.zeros(views.counts.shape[1:], np.float32)
-    seen = surface.weight > 0
-    if seen.any():
-        smooth = smooth_depth(np.where(seen, surface.depth, np.nan).astype(np.float64), settings)
-        depth[:height, :width] = np.where(seen, smooth, 0.0)
-    return DepthMap(index, depth, (depth > 0).astype(np.float32))
-
-
 def _joined(surface: SeenSurface, one: DepthMap, settings: MatchingSettings) -> SeenSurface:
     """What is believed of a view."""
     height, width = surface.depth.shape
@@ -191,13 +190,10 @@ def _joined(surface: SeenSurface, one: DepthMap, settings: MatchingSettings) -> 
     return SeenSurface(surface.camera, depth, weights(depth, surface.camera) * sure, surface.image)
 
 
-def _filled(
-    believed: SeenSurface, other: DepthMap, covered: NDArray[np.bool_], settings: MatchingSettings
-) -> SeenSurface:
-    """With another depth where no place is seen that is believed."""
+def _filled(believed: SeenSurface, other: DepthMap, settings: MatchingSettings) -> SeenSurface:
+    """With another depth where that has one, at little weight."""
     height, width = believed.depth.shape
-    depth = other.depth[:height, :width]
-    kept = (depth > 0) & ~(believed.weight > 0) & ~covered[:height, :width]
-    own = np.where(depth > 0, depth, np.float32(np.nan))
+    kept = other.depth[:height, :width] > 0
+    own = np.where(kept, other.depth[:height, :width], np.float32(np.nan))
     weight = np.float32(settings.filling) * weights(own, believed.camera)
     return replace(believed, depth=np.where(kept, own, believed.depth), weight=np.where(kept, weight, believed.weight))

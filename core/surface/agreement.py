@@ -66,13 +66,22 @@ def compared(
     return Comparison(agree, conflict, ratio)
 
 
-def agreed(maps: Sequence[DepthMap], views: ViewStack, settings: AgreementSettings = SETTINGS) -> list[DepthMap]:
-    """The maps with only those px that enough others confirm, moved to the mean of what all of them see."""
+def agreed(
+    maps: Sequence[DepthMap],
+    views: ViewStack,
+    settings: AgreementSettings = SETTINGS,
+    among: Sequence[DepthMap] | None = None,
+) -> list[DepthMap]:
+    """The maps with only those px that enough others confirm, moved to the mean of what all of them see.
+
+    Args:
+        among: whole maps of the same views that are asked, where `maps` are parts of them.
+    """
     lifted = [lifted_map(one, views) for one in maps]
     if not lifted:
         return []
     own = np.concatenate([np.full(len(p), i, np.int32) for i, p in enumerate(lifted)])
-    found = compared(np.concatenate(lifted), own, maps, views, settings)
+    found = compared(np.concatenate(lifted), own, maps if among is None else among, views, settings)
     needed = settings.witnesses if len(maps) >= settings.few else 1
     believed = (found.agree >= needed) & (found.conflict <= settings.conflicts * found.agree)
     # Each further witness halves the doubt.
