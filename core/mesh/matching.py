@@ -25,8 +25,8 @@ from ..surface.agreement import AgreementSettings, agreed, lifted_map
 from ..surface.choice import ChoiceSettings, neighbours_of
 from ..surface.stack import ViewStack, stack_pictures
 from ..surface.sweep import Around, DepthMap, SweepSettings, swept
-from .matching_kernels import mark_covered, smooth_between_steps
-from .surfaces import SeenSurface, weights
+from .matching_kernels import nearest_places, smooth_between_steps
+from .surfaces import Floats, SeenSurface, weights
 
 #: How a mesh's depths come about: matched and filled, matched alone, or the twin's own.
 Matching = Literal["filled", "agreed", "off"]
@@ -119,8 +119,8 @@ def matched_surfaces(
             raise DgsError("Cameras agree on no surface of the twin", "Take --matching filled, or give more photos")
         return joined, share
     left = [
-        replace(one, depth=np.where(covered | (other.depth > 0), np.float32(0), one.depth))
-        for one, other, covered in zip(own, believed, _covered(believed, views), strict=True)
+        replace(one, depth=np.where((other.depth > 0) | _elsewhere(one.depth, nearest, px, settings), 0.0, one.depth))
+        for one, other, nearest in zip(own, believed, _nearest(believed, views), strict=True)
     ]
     twice = AgreementSettings(settings.alike * px, settings.through * px, witnesses=1)
     filling = agreed(left, views, twice, among=own)
@@ -173,12 +173,17 @@ def smooth_depth(depth: NDArray[np.float64], settings: MatchingSettings = MATCHI
     return np.asarray(1.0 / out)
 
 
-def _covered(maps: Sequence[DepthMap], views: ViewStack) -> NDArray[np.bool_]:
-    """[V, H, W] through which px of each view a place is seen that is believed."""
+def _nearest(maps: Sequence[DepthMap], views: ViewStack) -> Floats:
+    """[V, H, W] how far away each view sees a place that is believed; infinite where it sees none."""
     places = np.concatenate([lifted_map(one, views) for one in maps])
-    covered = np.zeros(views.counts.shape, bool)
-    run(mark_covered, len(views), places, views.projections, views.offsets, views.sizes, covered)
-    return covered
+    nearest = np.full(views.counts.shape, np.inf, np.float32)
+    run(nearest_places, len(views), places, views.projections, views.offsets, views.sizes, nearest)
+    return nearest
+
+
+def _elsewhere(own: Floats, nearest: Floats, px: float, settings: MatchingSettings) -> NDArray[np.bool_]:
+    """Px whose own depth is not that of the place which is believed there."""
+    return np.isfinite(nearest) & (np.abs(own - nearest) > settings.alike * px * own)
 
 
 def _joined(surface: SeenSurface, one: DepthMap, settings: MatchingSettings) -> SeenSurface:

@@ -1,8 +1,10 @@
-"""Loops of surfaces that are matched between views: a depth map smoothed, and what sees a believed place."""
+"""Loops of surfaces that are matched between views: a depth map smoothed, and how far away believed places are seen."""
 
 from __future__ import annotations
 
 import math
+
+import numpy as np
 
 from ..compiled import kernel
 
@@ -32,12 +34,12 @@ def smooth_between_steps(begin, end, values, width, step, out):  # type: ignore[
 
 
 @kernel
-def mark_covered(begin, end, positions, projections, offsets, sizes, covered):  # type: ignore[no-untyped-def]
-    """Marks the px of views `begin` to `end` through which a place is seen, and those beside them.
+def nearest_places(begin, end, positions, projections, offsets, sizes, nearest):  # type: ignore[no-untyped-def]
+    """How far away the nearest place is that px of views `begin` to `end` see, or px beside them.
 
     Args:
         positions: [N, 3]; projections [V, 3, 3], offsets [V, 3], sizes [V, 2]: as in `ViewStack`.
-        covered: [V, H, W] bool, output: set where a place lies.
+        nearest: [V, H, W] float32 depths, infinite before; output.
     """
     for view in range(begin, end):
         p, o = projections[view], offsets[view]
@@ -54,4 +56,4 @@ def mark_covered(begin, end, positions, projections, offsets, sizes, covered):  
             i, j = int(u), int(v)
             for row in range(max(0, j - 1), min(height, j + 2)):
                 for column in range(max(0, i - 1), min(width, i + 2)):
-                    covered[view, row, column] = True
+                    nearest[view, row, column] = min(nearest[view, row, column], np.float32(depth))
