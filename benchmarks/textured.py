@@ -117,7 +117,7 @@ def main() -> None:
     for asked in options.mesh:
         faces, size = map(int, asked.split(":"))
         before, spent = time.monotonic(), time.process_time()
-        made = build_mesh(gaussians, cameras, MeshSettings(faces=faces, texture=size, matching="off"), Silent())
+        made = build_mesh(gaussians, cameras, MeshSettings(faces=faces, texture=size), Silent())
         took = f"{time.process_time() - spent:.0f} s of a core, {time.monotonic() - before:.0f} s"
         print(f"{len(made.mesh.faces)} faces, {size}: texel {made.texel / made.pixel:.2f} px, {took}", flush=True)
         ways[f"{faces} corners"] = made.mesh, False

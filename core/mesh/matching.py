@@ -32,6 +32,8 @@ from .surfaces import Floats, SeenSurface, weights
 Matching = Literal["filled", "agreed", "off"]
 
 _CHOSEN = "meshes of the rendered shelf and orrery, sharp and blurred by 5 px"
+_CHECKED = "meshes of the rugby ball; of the village, which was looked at on the way"
+_FIRST = "the first and only value"
 
 
 @dataclass(frozen=True)
@@ -42,41 +44,54 @@ class MatchingSettings:
         ((12.0, 25), (2.0, 11)),
         "px on the surface, count",
         "by which a surface may lie off its depth, and how many depths are tried there; the second band lies around"
-        " what the first one found. 20 px and 6 px were worse",
+        " what the first one found. 20 px are less exact, 6 px find less",
         _CHOSEN,
+        _CHECKED,
     )
-    radius: int = number(2, "px", "windows of (2 radius + 1)^2 px are compared; 3 loses thin things", _CHOSEN)
+    radius: int = number(2, "px", "windows of (2 radius + 1)^2 px are compared; 3 loses thin things", _CHOSEN, _CHECKED)
     neighbours: int = number(
-        4, "views", "that each is compared with; the better half decides. 8 take twice as long", _CHOSEN
+        4, "views", "that each is compared with; the better half decides. 8 take twice as long", _CHOSEN, _CHECKED
     )
     texture: float = number(
         0.004,
         "share of white",
         "standard deviation of a window below which it shows nothing; half of it alike",
         _CHOSEN,
+        _CHECKED,
     )
     largest_cost: float = number(
-        0.8, "1 - correlation", "of the best depth; what is wrong is refused by other views", _CHOSEN
+        0.8, "1 - correlation", "of the best depth; what is wrong is refused by other views", _FIRST, _CHECKED
     )
-    sure_margin: float = number(0.1, "correlation", "by which a depth beats all others that is as sure as can be")
-    agreeing: float = number(1.0, "px on the surface", "within which two views have found the same place", _CHOSEN)
-    through: float = number(3.0, "px on the surface", "behind a place, from which on a view looks through it")
+    sure_margin: float = number(
+        0.1, "correlation", "by which a depth beats all others that is as sure as can be", _FIRST
+    )
+    agreeing: float = number(
+        1.0, "px on the surface", "within which two views have found the same place", _CHOSEN, _CHECKED
+    )
+    through: float = number(3.0, "px on the surface", "behind a place, from which on a view looks through it", _FIRST)
     witnesses: int = number(
-        3, "views", "that must have found the same place besides; one of less than 8 views; 2 are less exact", _CHOSEN
+        3,
+        "views",
+        "that must have found the same place besides; one of less than 8 views; 2 are less exact",
+        _CHOSEN,
+        _CHECKED,
     )
     median: int = number(
-        5, "px", "side of the window whose median replaces the twin's depth: single splats go", _CHOSEN
+        5, "px", "side of the window whose median replaces the twin's depth: single splats go", _CHOSEN, _CHECKED
     )
-    smooth: float = number(1.5, "px", "standard deviation of the mean that its depths are then replaced by", _CHOSEN)
-    step: float = number(0.02, "share of the depth", "beyond which two px lie on two surfaces")
-    least_sure: float = number(0.05, "share", "of the weight that a believed place has at least")
+    smooth: float = number(
+        1.5, "px", "standard deviation of the mean that its depths are then replaced by", _CHOSEN, _CHECKED
+    )
+    step: float = number(0.02, "share of the depth", "beyond which two px lie on two surfaces", _FIRST)
+    least_sure: float = number(0.05, "share", "of the weight that a believed place has at least", _FIRST)
     alike: float = number(
         3.0,
         "px on the surface",
         "within which two views see the same of the twin's own depths; they fill what is left where at least two do",
         _CHOSEN,
+        _CHECKED,
     )
-    filling: float = number(1e-3, "share", "of the weight that it then has: none beside a believed place")
+    filling: float = number(1e-3, "share", "of the weight that it then has: none beside a believed place", _FIRST)
 
 
 MATCHING = MatchingSettings()
@@ -90,7 +105,7 @@ def matched_surfaces(
     Args:
         surfaces: the twin's own, of all views.
         how: 'agreed': only what views find alike; 'filled': also the twin's own depth where a view sees no such place,
-            and views see that depth alike; 'off': nothing is changed.
+            and another view sees that depth alike; 'off': nothing is changed.
 
     Raises:
         DgsError: 'agreed', and nothing is. Cancelled: the user asked to stop.
@@ -118,14 +133,22 @@ def matched_surfaces(
         if not found:
             raise DgsError("Cameras agree on no surface of the twin", "Take --matching filled, or give more photos")
         return joined, share
+    filling = _filling(own, believed, views, px, settings)
+    if not found and not any((one.depth > 0).any() for one in filling):
+        return list(surfaces), 0.0  # cameras that see nothing in common
+    return [_filled(surface, one, settings) for surface, one in zip(joined, filling, strict=True)], share
+
+
+def _filling(
+    own: Sequence[DepthMap], believed: Sequence[DepthMap], views: ViewStack, px: float, settings: MatchingSettings
+) -> list[DepthMap]:
+    """The twin's own depths where nothing else is believed, and another view sees them alike; `px` per depth."""
     left = [
         replace(one, depth=np.where((other.depth > 0) | _elsewhere(one.depth, nearest, px, settings), 0.0, one.depth))
         for one, other, nearest in zip(own, believed, _nearest(believed, views), strict=True)
     ]
     twice = AgreementSettings(settings.alike * px, settings.through * px, witnesses=1)
-    filling = agreed(left, views, twice, among=own)
-    filled = [_filled(surface, other, settings) for surface, other in zip(joined, filling, strict=True)]
-    return filled, share
+    return agreed(left, views, twice, among=own)
 
 
 def _smooth_map(index: int, surface: SeenSurface, views: ViewStack, settings: MatchingSettings) -> DepthMap:

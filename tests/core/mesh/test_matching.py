@@ -13,6 +13,7 @@ from dgs.core.mesh.build import MeshSettings, build_mesh
 from dgs.core.mesh.matching import Matching, matched_surfaces, smooth_depth
 from dgs.core.mesh.surfaces import SeenSurface, weights
 from dgs.core.progress import Silent
+from scipy.ndimage import binary_erosion
 
 from .test_mesh import RADIUS, ball_depth, flat_ball, looking_at_the_middle
 
@@ -37,8 +38,8 @@ def off(camera: Camera) -> np.ndarray:
     return -4.0 + 1.5 * np.sin(x / 5.0 + float(camera.name)) * np.sin(y / 6.0)
 
 
-def surfaces(plain_above: float = np.inf) -> list[SeenSurface]:
-    """A ball from ten places, 11 degrees apart, with depths that are off."""
+def surfaces(plain_above: float = np.inf, wrong_by: float = 1.0) -> list[SeenSurface]:
+    """A ball from ten places, 11 degrees apart, with depths that are off, by a factor on `off`."""
     found = []
     for angle in np.arange(10) * 0.2:
         camera = looking_at_the_middle(angle, width=120, height=100)
@@ -47,7 +48,7 @@ def surfaces(plain_above: float = np.inf) -> list[SeenSurface]:
         rays = np.stack([(x - camera.cx) / camera.fx, (y - camera.cy) / camera.fy, np.ones_like(x)], axis=-1)
         places = (rays * depth[..., None] - camera.translation) @ camera.rotation
         grey = np.nan_to_num(painted(places, plain_above))
-        wrong = (depth * (1 + off(camera) / camera.fx)).astype(np.float32)
+        wrong = (depth * (1 + wrong_by * off(camera) / camera.fx)).astype(np.float32)
         image = np.repeat(grey[None], 3, axis=0).astype(np.float32)
         found.append(SeenSurface(camera, wrong, weights(wrong, camera), image))
     return found
@@ -93,6 +94,31 @@ def test_what_shows_nothing_is_left_out_or_filled() -> None:
             assert np.median(weight) < 0.01 * max(float(one.weight.max()) for one in found)
     assert share["agreed"] < 0.25
     assert share["filled"] > share["agreed"] + 0.3
+
+
+def test_filling_leaves_no_holes_in_depths_that_are_right() -> None:
+    """Not even of a px, beside places that are believed."""
+    before = surfaces(wrong_by=0.0)
+    for surface in before:  # plain spots, of which windows see nothing
+        x, y = np.meshgrid(np.arange(surface.image.shape[2]), np.arange(surface.image.shape[1]))
+        surface.image[:, (x % 14 < 7) & (y % 14 < 7)] = 0.5
+    after, share = matched_surfaces(before, "filled", Silent())
+    assert share < 0.9
+    held = []
+    for own, one in zip(before[2:-2], after[2:-2], strict=True):
+        inner = binary_erosion(own.weight > 0, iterations=10)  # (of the rim some is seen by one view alone)
+        assert inner.sum() > 300
+        held.append(float(np.mean(one.weight[inner] > 0)))
+    assert min(held) > 0.99, held
+    assert np.median(np.abs(errors(after))) < 0.2
+
+
+def test_cameras_that_see_nothing_in_common_have_the_twins_own_surface() -> None:
+    before = surfaces(wrong_by=0.0)
+    turned = looking_at_the_middle(np.pi, width=120, height=100)
+    opposite = SeenSurface(turned, before[0].depth, before[0].weight, np.full_like(before[0].image, 0.5))
+    plain = SeenSurface(before[0].camera, before[0].depth, before[0].weight, np.full_like(before[0].image, 0.5))
+    assert matched_surfaces([plain, opposite], "filled", Silent()) == ([plain, opposite], 0.0)
 
 
 def test_off_changes_nothing_and_one_view_has_nobody_to_agree_with() -> None:
