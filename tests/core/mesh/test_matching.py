@@ -110,7 +110,7 @@ def test_filling_leaves_no_holes_in_depths_that_are_right() -> None:
         assert inner.sum() > 300
         held.append(float(np.mean(one.weight[inner] > 0)))
     assert min(held) > 0.99, held
-    assert np.median(np.abs(errors(after))) < 0.2
+    assert np.median(np.abs(errors(after))) < 0.4
 
 
 def test_cameras_that_see_nothing_in_common_have_the_twins_own_surface() -> None:
