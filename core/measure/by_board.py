@@ -121,7 +121,7 @@ def board_scale(board: MarkerBoard, twin: OpenedTwin, views: Sights, cameras: fl
         if not seen:
             continue
         try:
-            found = fitted(board, seen, views, cameras, _usual_blur(views))
+            found = fitted(board, seen, views, cameras, views.blur)
         except DgsError as error:
             reasons[name] = error
             continue
@@ -145,11 +145,6 @@ def _searched(
         found[name] = found_corners(board, grey)
         progress.advance(index + 1)
     return found
-
-
-def _usual_blur(views: Sights) -> float:
-    """px of blur that is in the pictures, or was inverted in them."""
-    return float(np.median([sight.blur for sight in views.views.values()]))
 
 
 def _of_most_found(reasons: Mapping[str, DgsError]) -> DgsError:

@@ -12,7 +12,8 @@ from ..errors import DgsError
 from ..numbers import number
 from .located import met
 from .markers import CHESS, Corner, FoundCorners
-from .places import SurfacePoint, projected
+from .places import SurfacePoint
+from .rays import projected
 from .request import Point
 from .sights import Sights
 

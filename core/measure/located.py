@@ -12,7 +12,10 @@ from ..camera import Camera
 from ..errors import DgsError
 from ..numbers import number
 from .looking import seen_along
-from .places import PRECISION, SurfacePoint, deviation_of_depth, inside, projected, ray, surface_depth
+from .matched import SETTINGS as MATCHED
+from .matched import matched_depth
+from .places import PRECISION, SurfacePoint, deviation_of_depth, reach_of, surface_depth
+from .rays import inside, projected, ray
 from .request import AskedPlace, AskedRay, Point
 from .sights import Sight, Sights
 
@@ -25,6 +28,7 @@ class MeetingSettings:
 
     farthest: float = number(1e3, "usual depths", "at which rays can be said to meet")
     parallel: float = number(1e9, "condition", "of their equations, from which on rays are parallel")
+    tried: int = number(3, "cameras", "whose surface a position in space is snapped to: the nearest ones")
     settled: float = number(1e-9, "usual depths", "step at which the search ends")
 
 
@@ -69,13 +73,17 @@ def on_surface(views: Sights, sight: Sight, point: Point, across: float, called:
     depth = surface_depth(sight, *point)
     if not np.isfinite(depth):
         raise NothingThere(f"{called} hits nothing: the twin has no surface there", "Set it on something that is seen")
+    matched = matched_depth(views, sight, *point, depth)
+    depth = depth if matched is None else matched.depth
     position = camera.centre + ray(camera, *point) * depth
-    deviation, seen = deviation_of_depth(views, camera, position)
+    deviation, seen = deviation_of_depth(views, camera, position, matched)
     pixel = depth / camera.fx
     along = ray(camera, *point)
     # across the ray a px is a px-equivalent; along it the surface is open
     covariance = across**2 * pixel**2 * (np.eye(3) - np.outer(along, along) / (along @ along))
-    return SurfacePoint(position, covariance + (deviation * pixel) ** 2 * np.outer(along, along), pixel, seen)
+    return SurfacePoint(
+        position, covariance + (deviation * pixel) ** 2 * np.outer(along, along), pixel, seen, reach_of(matched)
+    )
 
 
 def _met_by(line: AskedRay, views: Sights, click: float, cameras: float, called: str) -> SurfacePoint:
@@ -142,6 +150,7 @@ def _snapped(asked: AskedPlace, views: Sights) -> SurfacePoint:
     """The surface nearest to a position along the rays of the cameras that see it: of the nearest camera."""
     assert asked.position is not None
     position = views.scale.points_to_unit(np.array(asked.position)[None])[0]
+    click = PRECISION.click if asked.click is None else asked.click
     found = []
     for sight in views.views.values():
         x, y = projected(sight.camera, position)
@@ -149,12 +158,12 @@ def _snapped(asked: AskedPlace, views: Sights) -> SurfacePoint:
             continue
         depth = surface_depth(sight, x, y)
         off = abs(depth - float((sight.camera.rotation @ position + sight.camera.translation)[2]))
-        if off < PRECISION.snap * depth / sight.camera.fx:
+        if off < (PRECISION.snap + MATCHED.reach) * depth / sight.camera.fx:
             found.append((off, sight, (x, y)))
-    if not found:
-        raise NothingThere(
-            f"The place '{asked.name}' lies on no surface that a camera sees", "Give a position on the twin's surface"
-        )
-    _, sight, point = min(found, key=lambda one: one[0])
-    click = PRECISION.click if asked.click is None else asked.click
-    return on_surface(views, sight, point, click, f"The place '{asked.name}'")
+    for _, sight, point in sorted(found, key=lambda one: one[0])[: MEETING.tried]:
+        place = on_surface(views, sight, point, click, f"The place '{asked.name}'")
+        if np.linalg.norm(place.position - position) < PRECISION.snap * place.pixel:
+            return place
+    raise NothingThere(
+        f"The place '{asked.name}' lies on no surface that a camera sees", "Give a position on the twin's surface"
+    )

@@ -70,7 +70,7 @@ def seen_along(views: Sights, origin: Array, towards: Array, edges: bool) -> tup
     if not np.isfinite(depth):
         return None
     position = first.camera.centre + depth * first.camera.rotation[2]
-    sight = _pictured(views.gaussians, _aimed(origin, towards, depth / px_of_photos(views, position)), image=edges)
+    sight = _pictured(views.gaussians, _aimed(origin, towards, depth / px_of_photos(views, position)), image=True)
     if edges:
         moved, sharp = nearest_edge(sight.image), _foreground(sight)
         if np.isfinite(surface_depth(sharp, *moved)):

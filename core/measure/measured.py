@@ -209,7 +209,7 @@ def _width_between(
     ends = (places[asked.of[0]], places[asked.of[1]])
     best, apart, points = None, 0.0, None
     for sight in views.views.values():
-        found = seen_by(sight, ends[0].position), seen_by(sight, ends[1].position)
+        found = seen_by(sight, ends[0].position, ends[0].reach), seen_by(sight, ends[1].position, ends[1].reach)
         if found[0] is None or found[1] is None:
             continue
         length = float(np.hypot(found[1][0] - found[0][0], found[1][1] - found[0][1]))

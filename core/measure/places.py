@@ -22,9 +22,18 @@ from numpy.typing import NDArray
 
 from ..camera import Camera
 from ..numbers import number
+from .matched import MatchedDepth
+from .rays import inside, projected
 from .sights import Sight, Sights
 
 Array = NDArray[np.float64]
+
+
+#: What the numbers of places that pictures agree on were chosen on and checked by.
+_MATCHED = (
+    "depths of corners of the rendered shelf and orrery, through 0, 2, 3 and 5 px: 92 to 97 % of six sets",
+    "TODO",
+)
 
 
 @dataclass(frozen=True)
@@ -46,6 +55,23 @@ class PrecisionSettings:
         " no interval narrower",
         "as of photos",
         "as of photos",
+    )
+    least_matched: float = number(
+        2.0, "factor", "of the least standard deviation, of a place that the twin's pictures agree on", *_MATCHED
+    )
+    moved: float = number(
+        1.2,
+        "factor",
+        "of how far such a place lies from the splats' own depth: reflections seem to lie behind what is glossy",
+        *_MATCHED,
+    )
+    blurred: float = number(0.46, "px per px of blur", "standard deviation of such a place's depth", *_MATCHED)
+    floor_matched: float = number(
+        1.1,
+        "px",
+        "the same where nothing else is wrong. The spread of the cameras' own best depths, how many agree, and the"
+        " slope of the surface were tried as further parts, and made intervals no narrower",
+        *_MATCHED,
     )
     floor: float = number(
         0.3, "px", "standard deviation of a depth where everything else is perfect", "as of photos", "as of photos"
@@ -69,12 +95,14 @@ class SurfacePoint:
         covariance: [3, 3].
         pixel: size of a px there.
         seen: photos that hold it.
+        reach: px within which what a camera sees is this place.
     """
 
     position: Array = field(repr=False)
     covariance: Array = field(repr=False)
     pixel: float
     seen: int
+    reach: float = PRECISION.own
 
 
 def surface_depth(sight: Sight, x: float, y: float, window: int = PRECISION.window) -> float:
@@ -99,18 +127,35 @@ def surface_depth(sight: Sight, x: float, y: float, window: int = PRECISION.wind
     return float(np.clip(1.0 / inverse, around[near].min(), around[near].max())) if inverse > 0 else middle
 
 
-def ray(camera: Camera, x: float, y: float) -> Array:
-    """[3] world direction of a point of a photo, of depth 1."""
-    return np.array([(x - camera.cx) / camera.fx, (y - camera.cy) / camera.fy, 1.0]) @ camera.rotation
+def deviation_of_depth(
+    views: Sights, camera: Camera, position: Array, matched: MatchedDepth | None = None
+) -> tuple[float, int]:
+    """Standard deviation of a place's depth along the ray from `camera`, px-equivalents; how many photos hold it.
+
+    Args:
+        matched: what the twin's pictures agree on there; None for a place on the splats themselves.
+    """
+    least, offsets = _least_deviation(views, camera, position, reach_of(matched))
+    if matched is not None:
+        rest = (PRECISION.moved * matched.moved, PRECISION.blurred * views.blur, PRECISION.floor_matched)
+        return float(np.linalg.norm([PRECISION.least_matched * least, *rest])), len(offsets)
+    disagreement = 1.4826 * float(np.median(np.abs(offsets))) if offsets else 0.0
+    parts = (PRECISION.photos * least, PRECISION.disagreement * disagreement, PRECISION.floor)
+    return float(np.linalg.norm(parts)), len(offsets)
 
 
-def deviation_of_depth(views: Sights, camera: Camera, position: Array) -> tuple[float, int]:
-    """Standard deviation of a place's depth along the ray from `camera`, px-equivalents; how many photos hold it."""
+def reach_of(matched: MatchedDepth | None) -> float:
+    """px within which a camera's splats are those of a place, not of what is before or behind it."""
+    return PRECISION.own + (0.0 if matched is None else matched.moved)
+
+
+def _least_deviation(views: Sights, camera: Camera, position: Array, reach: float) -> tuple[float, list[float]]:
+    """What photos allow (px-equivalents), and how far behind the place each camera's splats lie (its px)."""
     depth = float((camera.rotation @ position + camera.translation)[2])
     pixel, way = depth / camera.fx, (position - camera.centre) / depth
     whole, turned, bent, offsets = np.zeros((2, 2)), np.zeros(2), 0.0, list[float]()
     for other in views.views.values():
-        found = _looked_at(other, position, way) if other.trained else None
+        found = _looked_at(other, position, way, reach) if other.trained else None
         if found is None:
             continue
         shift, tensor = found[1] * pixel, found[2]  # px of the photo for each px-equivalent of depth
@@ -121,36 +166,22 @@ def deviation_of_depth(views: Sights, camera: Camera, position: Array) -> tuple[
         regular = whole + (1e-6 * float(np.trace(whole)) + 1e-12) * np.eye(2)
         information = (bent - float(turned @ np.linalg.solve(regular, turned))) / views.noise**2
         least = min(least, max(information, 1e-12) ** -0.5)
-    disagreement = 1.4826 * float(np.median(np.abs(offsets))) if offsets else 0.0
-    parts = (PRECISION.photos * least, PRECISION.disagreement * disagreement, PRECISION.floor)
-    return float(np.linalg.norm(parts)), len(offsets)
+    return least, offsets
 
 
-def projected(camera: Camera, position: Array) -> tuple[float, float]:
-    """Where a position lies in the photo, px; NaN behind the camera."""
-    x, y, z = camera.rotation @ position + camera.translation
-    if z <= 0:
-        return float("nan"), float("nan")
-    return float(camera.fx * x / z + camera.cx), float(camera.fy * y / z + camera.cy)
-
-
-def inside(camera: Camera, x: float, y: float) -> bool:
-    """Whether a point lies on the photo."""
-    return 0 <= x < camera.width and 0 <= y < camera.height
-
-
-def seen_by(sight: Sight, position: Array) -> tuple[float, float] | None:
-    """Where a camera sees a position, px; None where it lies outside the photo or behind something."""
+def seen_by(sight: Sight, position: Array, reach: float = PRECISION.own) -> tuple[float, float] | None:
+    """Where a camera sees a position, px; None where it lies outside the photo or farther than `reach` px (along its
+    axis) from what it sees."""
     camera = sight.camera
     z = float(camera.rotation[2] @ position + camera.translation[2])
     u, v = projected(camera, position)
     if not inside(camera, u, v):
         return None
-    near = abs(float(sight.depth[int(v), int(u)]) - z) < PRECISION.own * z / camera.fx
+    near = abs(float(sight.depth[int(v), int(u)]) - z) < reach * z / camera.fx
     return (u, v) if near else None
 
 
-def _looked_at(sight: Sight, position: Array, way: Array) -> tuple[float, Array, Array] | None:
+def _looked_at(sight: Sight, position: Array, way: Array, reach: float) -> tuple[float, Array, Array] | None:
     """How far behind a position a camera's surface lies (its px), [2] px that the position moves by along `way` in the
     photo, and G; None where the camera does not see it."""
     camera = sight.camera
@@ -159,7 +190,7 @@ def _looked_at(sight: Sight, position: Array, way: Array) -> tuple[float, Array,
     if not inside(camera, u, v):
         return None
     offset = (float(sight.depth[int(v), int(u)]) - z) / (z / camera.fx)
-    if not abs(offset) < PRECISION.own:
+    if not abs(offset) < reach:
         return None
     a, b, c = camera.rotation @ way
     shift = np.array([camera.fx * (a - x / z * c) / z, camera.fy * (b - y / z * c) / z])

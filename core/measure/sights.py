@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 import torch
@@ -19,6 +20,7 @@ from ..mesh.surfaces import SURFACE
 from ..numbers import number
 from ..progress import Progress
 from ..rasterizer import RasterSettings
+from ..sfm.sharpen import LUMA
 from ..training.scale import SceneScale
 from ..twin.opened import OpenedTwin
 
@@ -57,6 +59,11 @@ class Sight:
     blur: float = 0.0
     trained: bool = True
 
+    @cached_property
+    def grey(self) -> Floats:
+        """[H, W] luma of the twin, sharp."""
+        return np.tensordot(np.array(LUMA, np.float32), self.image, 1)
+
 
 @dataclass(frozen=True)
 class Sights:
@@ -72,6 +79,11 @@ class Sights:
     scale: SceneScale
     noise: float
     gaussians: Gaussians | None = None
+
+    @property
+    def blur(self) -> float:
+        """px, of the usual photo."""
+        return float(np.median([sight.blur for sight in self.views.values()]))
 
 
 def sights(twin: OpenedTwin, names: Sequence[str], progress: Progress) -> Sights:
