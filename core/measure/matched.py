@@ -31,7 +31,7 @@ _FIRST = "the first and only value"
 
 
 @dataclass(frozen=True)
-class PlaceMatchSettings:
+class DepthMatchSettings:
     """Of the comparison; px are px-equivalents along the ray: depth over focal length."""
 
     reach: float = number(
@@ -59,7 +59,7 @@ class PlaceMatchSettings:
     rounds: int = number(60, "count", "of the search for depth and slope, at most", _FIRST)
 
 
-SETTINGS = PlaceMatchSettings()
+SETTINGS = DepthMatchSettings()
 
 
 @dataclass(frozen=True)
@@ -106,7 +106,7 @@ class _Window:
             found.append((np.ascontiguousarray(turn), lens @ centre))
         return found
 
-    def correlations(self, depths: Array, slope: Array, settings: PlaceMatchSettings) -> Array:
+    def correlations(self, depths: Array, slope: Array, settings: DepthMatchSettings) -> Array:
         """[K, D] correlation with each other camera if a plane of this slope [2] (px per px) lies at each depth [D];
         -1 where that is outside its photo."""
         nearer = np.clip(self.off @ slope / self.camera.fx, -settings.steepest, settings.steepest)
@@ -123,7 +123,7 @@ def _lens(camera: Camera) -> Array:
 
 
 def matched_depth(
-    views: Sights, sight: Sight, x: float, y: float, own: float, settings: PlaceMatchSettings = SETTINGS
+    views: Sights, sight: Sight, x: float, y: float, own: float, settings: DepthMatchSettings = SETTINGS
 ) -> MatchedDepth | None:
     """The depth that most cameras agree on.
 
@@ -167,7 +167,7 @@ def _together(correlations: Array) -> Array:
 
 
 def _window(
-    views: Sights, sight: Sight, x: float, y: float, own: float, settings: PlaceMatchSettings
+    views: Sights, sight: Sight, x: float, y: float, own: float, settings: DepthMatchSettings
 ) -> _Window | None:
     """The picture around a place, without what lies on another side of a step; None where it shows nothing."""
     camera, reach = sight.camera, settings.reach * own / sight.camera.fx
@@ -189,7 +189,7 @@ def _window(
     return _Window(camera, own, at, off[kept], values / np.linalg.norm(values), others)
 
 
-def _looks(other: Sight, sight: Sight, position: Array, settings: PlaceMatchSettings) -> bool:
+def _looks(other: Sight, sight: Sight, position: Array, settings: DepthMatchSettings) -> bool:
     """Whether another camera looks at a place from about the same side, and nothing stands before it."""
     camera, edge = other.camera, settings.radius
     x, y = projected(camera, position)

@@ -1,4 +1,4 @@
-"""Depths that the pictures of a twin agree on, where its splats lie before the surface; and the kernel that compares."""
+"""Depths that the pictures of a twin agree on where its splats lie before the surface, and the kernel that compares."""
 
 from __future__ import annotations
 
