@@ -63,8 +63,15 @@ def located(asked: AskedPlace, views: Sights, marks: Mapping[str, Point], camera
     return met(asked.name, views, marks, across)
 
 
-def on_surface(views: Sights, sight: Sight, point: Point, across: float, called: str) -> SurfacePoint:
-    """Where the ray of a photo's point meets the surface; raises NothingThere."""
+def on_surface(
+    views: Sights, sight: Sight, point: Point, across: float, called: str, *, match: bool = True
+) -> SurfacePoint:
+    """Where the ray of a photo's point meets the surface; raises NothingThere.
+
+    Args:
+        across: standard deviation of where it was set, px; called: what it is, for errors.
+        match: where the twin's pictures agree, if they do; else, and without, where its splats are.
+    """
     camera = sight.camera
     if not inside(camera, *point):
         raise NothingThere(
@@ -73,7 +80,7 @@ def on_surface(views: Sights, sight: Sight, point: Point, across: float, called:
     depth = surface_depth(sight, *point)
     if not np.isfinite(depth):
         raise NothingThere(f"{called} hits nothing: the twin has no surface there", "Set it on something that is seen")
-    matched = matched_depth(views, sight, *point, depth)
+    matched = matched_depth(views, sight, *point, depth) if match else None
     depth = depth if matched is None else matched.depth
     position = camera.centre + ray(camera, *point) * depth
     deviation, seen = deviation_of_depth(views, camera, position, matched)
@@ -160,10 +167,12 @@ def _snapped(asked: AskedPlace, views: Sights) -> SurfacePoint:
         off = abs(depth - float((sight.camera.rotation @ position + sight.camera.translation)[2]))
         if off < (PRECISION.snap + MATCHED.reach) * depth / sight.camera.fx:
             found.append((off, sight, (x, y)))
-    for _, sight, point in sorted(found, key=lambda one: one[0])[: MEETING.tried]:
-        place = on_surface(views, sight, point, click, f"The place '{asked.name}'")
-        if np.linalg.norm(place.position - position) < PRECISION.snap * place.pixel:
-            return place
+    called = f"The place '{asked.name}'"
+    for match in (True, False):  # a position may have been set on the splats' own surface, too
+        for _, sight, point in sorted(found, key=lambda one: one[0])[: MEETING.tried]:
+            place = on_surface(views, sight, point, click, called, match=match)
+            if np.linalg.norm(place.position - position) < PRECISION.snap * place.pixel:
+                return place
     raise NothingThere(
         f"The place '{asked.name}' lies on no surface that a camera sees", "Give a position on the twin's surface"
     )

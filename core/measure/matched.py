@@ -56,7 +56,8 @@ class DepthMatchSettings:
     )
     agreeing: float = number(1.0, "px", "within which a camera's own best depth is the place's", "as of MATCHING")
     witnesses: int = number(3, "cameras", "that must agree", "as of MATCHING")
-    rounds: int = number(60, "count", "of the search for depth and slope, at most", _FIRST)
+    rounds: int = number(150, "count", "of the search for depth and slope, at most", _FIRST)
+    settled: float = number(1e-3, "px", "of depth, and of slope, that the search ends within", _FIRST)
 
 
 SETTINGS = DepthMatchSettings()
@@ -147,9 +148,9 @@ def matched_depth(
         return settings.slope * float(guess[1:] @ guess[1:]) - float(_together(correlations)[0])
 
     simplex = np.array([first, 0.0, 0.0]) + np.array([[0, 0, 0], [0.4, 0, 0], [0, 0.3, 0], [0, 0, 0.3]])
-    best = minimize(
-        cost, simplex[0], method="Nelder-Mead", options={"initial_simplex": simplex, "maxiter": settings.rounds}
-    ).x
+    # (correlations differ by 1e-9 where depths differ by a thousandth of a px)
+    options = {"initial_simplex": simplex, "maxiter": settings.rounds, "xatol": settings.settled, "fatol": 1e-9}
+    best = minimize(cost, simplex[0], method="Nelder-Mead", options=options).x
     moved = float(best[0])
     if abs(moved) > settings.reach:
         return None

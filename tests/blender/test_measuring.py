@@ -111,7 +111,7 @@ def test_a_known_length_scales_all_and_is_forgotten_again(twin: Any) -> None:
     assert bpy.ops.dgs.know_length(length=90.0, deviation=0.5, unit="mm") == {"FINISHED"}
     edge, other = twin.dgs_measures.items
     assert edge.known and value_text(edge) == "90 mm" and other.unit == "mm"
-    assert abs(other.value - 60.0) < 1.0 and other.low < 60.0 < other.high and value_text(other).startswith("< ")
+    assert abs(other.value - 60.0) < 1.0 and other.low < 60.0 < other.high and value_text(other).startswith("60 ± ")
     paper = drawn(panels.DGS_PT_twin_measure)
     assert "Scale: edge is 90 mm" in paper.words and "95 %:" in paper.words
     assert bpy.ops.dgs.forget_length() == {"FINISHED"} and other.unit == "px-equivalent"
@@ -156,7 +156,7 @@ def test_a_file_keeps_them_and_they_can_be_measured_again(twin: Any, tmp_path: P
     (item,) = twin.dgs_measures.items
     assert (item.name, item.value) == ("edge", value) and asked_of(twin) == asked
     item.value = 1.0
-    assert bpy.ops.dgs.measure_again() == {"FINISHED"} and np.isclose(item.value, value, rtol=1e-4)
+    assert bpy.ops.dgs.measure_again() == {"FINISHED"} and abs(item.value - value) < 0.02  # px
 
 
 def test_tables_have_the_names_and_intervals(twin: Any, tmp_path: Path) -> None:

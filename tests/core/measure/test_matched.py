@@ -109,6 +109,13 @@ def test_a_position_on_the_seen_surface_is_found_again() -> None:
         located(AskedPlace("b", {}, (x, y, z - 14 * PX), None), views, {}, 0.0)
 
 
+def test_a_position_on_the_splats_stays_there_where_pictures_agree_on_another() -> None:
+    views = all_round(8.0)
+    on_splats = DEPTH * (1 - 8.0 / FOCAL)
+    place = located(AskedPlace("a", {}, (0.0, 0.0, on_splats), None), views, {}, 0.0)
+    assert abs(place.position[2] - on_splats) < 0.5 * PX and place.reach == PRECISION.own
+
+
 def test_the_kernel_samples_as_scipy_does() -> None:
     """Between px, at borders, and outside."""
     random, picture = np.random.default_rng(3), texture()[:30, :40]
