@@ -26,7 +26,7 @@ from .sights import Sight, Sights
 Array = NDArray[np.float64]
 
 _CHOSEN = "corners of the rendered shelf and orrery, balanced twins, sharp and through 5 px"
-_CHECKED = "corners of the rugby ball and the village, the same"
+_CHECKED = "corners of the rugby ball and the village, which were looked at on the way"
 _FIRST = "the first and only value"
 
 
