@@ -53,7 +53,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--rolling-shutter",
         metavar="READOUT",
         help="rows are exposed one after the other: the time from the first to the last one, in exposures (below 0: "
-        "from below), or auto to try some; with --effects motion or auto",
+        "from below), or auto, as if left out, to find it; with --effects motion or auto",
     )
     parser.add_argument("--effects", default="usual", metavar="EFFECTS", help=effects_help())
     _add_given(parser.add_argument_group("what is given"))

@@ -17,7 +17,7 @@ class ShutterRequest:
 
     Attributes:
         readout: time from the first row's exposure to the last row's, in exposures; below 0 the last row is read
-            first; None to try some on held-out photos.
+            first; None to find it in the photos.
     """
 
     readout: float | None = None

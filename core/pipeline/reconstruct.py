@@ -38,7 +38,7 @@ from .photos import LoadedPhotos, read_photos
 from .refinement import RefinementJob, refine
 from .report import camera_facts, medium_facts, photo_facts, write_report
 from .scores import ViewScorer, resolvable_period, score_views
-from .shutter import check_shutter, with_shutter
+from .shutter import check_shutter, shutter_found, with_shutter
 from .simulated import simulate
 from .surface import with_samples
 from .timing import MakeTiming, NoteKeeper, Stopwatch, Timing, Untimed
@@ -140,8 +140,7 @@ def _stages(run: RunSettings, given: Spreads | None, truth: TruthFolder | None, 
     if (glass := run.glass or glass_shown(effects, given is None)) is not None:
         effects = with_glass(effects, glass, points, keeper, PhotoSet(photos, cameras.reconstruction))
         sigma = effects.sigma
-    if run.shutter is not None:
-        effects = with_shutter(effects, run.shutter, points, settings, keeper)
+    effects = with_shutter(effects, run.shutter, keeper)
     if run.effects != "none":
         watch.lap("effects")
     chosen = effects.chosen
@@ -152,6 +151,8 @@ def _stages(run: RunSettings, given: Spreads | None, truth: TruthFolder | None, 
         keeper.note("The time limit is more than the longest training of these photos takes: the run ends before it")
     job = replace(asked, settings=planned.settings)
     trained = train_twin(job, machine, _resumes(run, course.ranks), run.snapshots, folder, keeper, course.ranks)
+    if said := shutter_found(trained.formation):
+        keeper.note(said)
     watch.lap("prepare")
     watch.part("prepare", {name: round(float(trained.seconds[name]), 3) for name in ("compile", "train")})
 

@@ -31,10 +31,30 @@ class DrawnPath:
 
 def drawn_paths(report: Mapping[str, Any]) -> dict[str, DrawnPath]:
     """By photo, in the order of names; empty where none were learned."""
+    parameters = _learned(report)
+    return {} if parameters is None else _drawn(parameters, float(report["cameras"]["focal_px"]))
+
+
+def shutter_said(report: Mapping[str, Any]) -> str:
+    """How long a rolling shutter takes, in words; '' where all rows are exposed at once."""
+    parameters = _learned(report) or {}
+    if not parameters.get("readout"):
+        return ""
+    error = parameters.get("readout_error")
+    how = "given" if error is None else f"found in these photos, standard error {error:.2g}"
+    return (
+        f"A rolling shutter: {abs(parameters['readout']):.2f} exposures pass from one end of the photo to the other "
+        f"({how}). A path is of the whole photo, of which each row saw a part."
+    )
+
+
+def _learned(report: Mapping[str, Any]) -> Mapping[str, Any] | None:
+    """What was learned of the camera's motion."""
     for effect in report.get("effects", ()):
         if effect["name"] == "motion" and effect["on"] and "twists" in (effect["parameters"] or {}):
-            return _drawn(effect["parameters"], float(report["cameras"]["focal_px"]))
-    return {}
+            found: Mapping[str, Any] = effect["parameters"]
+            return found
+    return None
 
 
 def _drawn(parameters: Mapping[str, Any], focal: float) -> dict[str, DrawnPath]:

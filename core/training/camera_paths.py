@@ -33,7 +33,8 @@ from ..forward import Exposed
 from ..imaging.formation.motion import CameraMotion
 from ..imaging.formation.path_poses import middles, polynomials
 from ..numbers import BY_DEFINITION, number
-from .path_slopes import Sampled, slopes_along
+from .path_slopes import Linearised, Sampled, slopes_along
+from .readout import LearnedReadout, slopes_in_readout, step_and_variance
 
 #: What some of the numbers below were chosen on, by single runs; docs/real_blur.md has the figures.
 _SHAKEN = "27 photos of the rendered ball, shaken by 4 to 16 px (Cycles), one seed"
@@ -159,6 +160,11 @@ def common_to(cameras: Sequence[Camera], fewest: int) -> Tensor:
     return torch.from_numpy(columns @ np.linalg.pinv(columns, rcond=1e-3)).float()
 
 
+def backwards(twists: Tensor) -> Tensor:
+    """Paths [..., M + 1, 6] run the other way."""
+    return twists * torch.tensor([(-1.0) ** m for m in range(twists.shape[-2])])[:, None]
+
+
 def _spectra(still: Tensor, photo: Tensor) -> tuple[Tensor, Tensor]:
     """[h, w / 2 + 1] real part of still* photo, and |still|^2, of windowed light [3, h, w] and summed over channels."""
     height, width = photo.shape[1:]
@@ -180,6 +186,7 @@ class CameraPaths:
 
     Attributes:
         motion: the paths as they are; the forward model's own, so that it sees every step.
+        readout: what is found of a rolling shutter; None where its readout was given.
     """
 
     def __init__(
@@ -197,9 +204,10 @@ class CameraPaths:
         twists = torch.zeros(len(names), settings.order + 1, 6)
         known = min(start.order, settings.order) + 1
         twists[:, :known] = start.for_photos(names).parameters["twists"][:, :known]
-        self.motion = CameraMotion(names, twists, readout=start.readout)
+        self.motion = CameraMotion(names, twists, readout=start.readout, readout_given=start.readout_given)
         self._index = {name: i for i, name in enumerate(names)}
         self._fitted = [self._index[name] for name in fitted if name in self._index]
+        self.readout = None if start.readout_given else LearnedReadout(len(self._fitted))
         self._common = common_to([cameras[names[i]] for i in self._fitted], settings.photos_per_bend)
         self._visits = np.zeros(len(names), np.int64)
         self._depths: dict[str, SampledDepth] = {}
@@ -252,12 +260,42 @@ class CameraPaths:
             return
         self._visits[i] += 1
         if len(exposed.frames) < 2 or name not in self._depths:
+            if self.readout is not None and i in self._fitted:
+                self.readout.see_nothing(self._fitted.index(i))
             return
-        self._step(Visit(i, name, camera, photo, counts), exposed)
+        visit = Visit(i, name, camera, photo, counts)
+        path = self._equations(visit, exposed)
+        self._see_readout(visit, exposed, path)
+        self._move(visit, path)
         self._settle(i)
+        self._move_readout()
+
+    def _see_readout(self, visit: Visit, exposed: Exposed, path: Linearised) -> None:
+        """Asks a fitted photo what it says of a rolling shutter."""
+        if self.readout is None or visit.index not in self._fitted:
+            return
+        at = Sampled.of(*visit.photo.shape[1:], self.settings.looked_at)
+        rows, columns = slopes_in_readout(exposed, self.motion.readout, at)
+        found = (*step_and_variance(rows, path), *step_and_variance(columns, path))
+        self.readout.see(self._fitted.index(visit.index), found)
+
+    def _move_readout(self) -> None:
+        """Takes the shutter's next step where all photos have said something of it since the last one."""
+        if self.readout is None or not self.readout.due:
+            return
+        readout, turned = self.readout.moved(self.motion.readout)
+        if turned.any():
+            photos = [i for i, back in zip(self._fitted, turned, strict=True) if back]
+            self._twists[photos] = backwards(self._twists[photos])
+        self.motion.roll(readout)
+        self.motion.readout_error = self.readout.error
 
     def _step(self, visit: Visit, exposed: Exposed) -> None:
-        i, s = visit.index, self.settings
+        self._move(visit, self._equations(visit, exposed))
+
+    def _equations(self, visit: Visit, exposed: Exposed) -> Linearised:
+        """What a step of a photo's path solves."""
+        s = self.settings
         jacobian, rest, weight = self._linearised(visit, exposed)
         limit = max(s.huber * 1.4826 * float(rest.abs().median()), 1e-3)
         weight = weight * (limit / rest.abs().clamp(min=1e-12)).clamp(max=1.0)
@@ -265,8 +303,17 @@ class CameraPaths:
         trust = s.independent / max(float(weight.numel()), 1.0) / max(noise, 1e-8)
         matrix, vector = (weighted @ jacobian.T).double() * trust, (weighted @ rest).double() * trust
         precision = self._prior(visit.name) ** -2.0
-        now = (self._twists[i] / self._units[i]).reshape(-1).double()
-        move = torch.linalg.solve(matrix + torch.diag(precision), vector - now * precision).float() * s.part
+        vector = vector - self._now(visit) * precision
+        return Linearised(jacobian, rest, weight, trust, matrix + torch.diag(precision), vector)
+
+    def _now(self, visit: Visit) -> Tensor:
+        """[(M + 1) 6] float64 coefficients of a photo's path, px."""
+        return (self._twists[visit.index] / self._units[visit.index]).reshape(-1).double()
+
+    def _move(self, visit: Visit, path: Linearised) -> None:
+        """Takes a part of the step."""
+        i, s, now = visit.index, self.settings, self._now(visit)
+        move = torch.linalg.solve(path.matrix, path.vector).float() * s.part
         if not bool(torch.isfinite(move).all()):
             return
         move = move * min(1.0, s.longest_step / max(float(move.abs().max()), 1e-9))
@@ -318,8 +365,7 @@ class CameraPaths:
         """
         if self.motion.readout == 0.0:
             return straight
-        backwards = torch.tensor([(-1.0) ** m for m in range(len(own))])[:, None]
-        return [own * backwards, *straight, *(start * backwards for start in straight)]
+        return [backwards(own), *straight, *(backwards(start) for start in straight)]
 
     def _left(self, visit: Visit, exposed: Exposed) -> float:
         """Mean size of what a path leaves of a photo where it counts."""
@@ -416,7 +462,9 @@ class CameraPaths:
         when = np.full((len(self._visits), 3), -1, np.int64)
         for name, known in self._depths.items():
             when[self._index[name]] = known.visits, *known.size
-        return {"paths": self._twists.numpy().copy(), "paths.visits": self._visits.copy(), "paths.drawn": when, **drawn}
+        rolls = {} if self.readout is None else self.readout.state()
+        known = {"paths.visits": self._visits.copy(), "paths.readout": np.array([self.motion.readout])}
+        return {"paths": self._twists.numpy().copy(), "paths.drawn": when, **known, **drawn, **rolls}
 
     def restore(self, arrays: Mapping[str, NDArray[Any]]) -> bool:
         """Goes on from `state`; whether it is there, and of these photos."""
@@ -425,6 +473,11 @@ class CameraPaths:
             return False
         if not np.isfinite(twists).all() or visits.shape != self._visits.shape or drawn.shape != (len(visits), 3):
             return False
+        readout = arrays.get("paths.readout")
+        if readout is None or readout.shape != (1,) or (self.readout is not None and not self.readout.restore(arrays)):
+            return False
+        self.motion.readout = float(readout[0])
+        self.motion.readout_error = None if self.readout is None else self.readout.error
         self._twists.copy_(torch.from_numpy(np.asarray(twists, np.float32)))
         self._visits = np.asarray(visits, np.int64).copy()
         self._depths.clear()

@@ -39,6 +39,23 @@ class Sampled:
         return planes[..., rows, columns]
 
 
+@dataclass(frozen=True)
+class Linearised:
+    """What a step of a path is taken from, a photo seen in K values of px and channels.
+
+    Attributes:
+        jacobian: [30, K]; rest: [K] what is left of the photo; weight: [K] of each.
+        trust: what a weighted px counts as; matrix [30, 30], vector [30]: normal equations, the prior included.
+    """
+
+    jacobian: Tensor
+    rest: Tensor
+    weight: Tensor
+    trust: float
+    matrix: Tensor
+    vector: Tensor
+
+
 def slopes_along(exposed: Exposed, basis: Tensor, at: Sampled) -> Slopes:
     """Slopes of the photo by the shift of each part of the path.
 
@@ -56,12 +73,28 @@ def slopes_along(exposed: Exposed, basis: Tensor, at: Sampled) -> Slopes:
     decode = decoding_derivative(own, srgb_to_linear(own))
     shares = basis
     if basis.dim() == 3:
-        shares = basis[..., exposed.shot.margin :][..., : exposed.shot.height][..., at.rows]
+        shares = _photo_rows(exposed, basis)[..., at.rows]
 
     def of_frames(down: int, right: int) -> Tensor:
         return _parts(shares, _difference(frames, at, down, right) * decode * 0.5) * encode
 
     return of_frames
+
+
+def change_by(exposed: Exposed, shares: Tensor, at: Sampled) -> Tensor:
+    """[3, h, w] (sRGB) by which a photo changes with the frames' light.
+
+    Args:
+        shares: [T, H + 2m] of each frame's light in each row, which add up to none.
+    """
+    seen = in_memory(at.of_planes(exposed.degraded))
+    encode = encoding_derivative(srgb_to_linear(seen), seen)
+    if exposed.together is not None:
+        basis = torch.stack([shares, shares])  # (the first stands for the photo)
+        return in_memory(at.of_planes(_parts_through_effects(exposed, basis)[1])) * encode
+    frames = _photo_px(exposed, in_a_row([frame.passage.reached for frame in exposed.frames]))
+    light = srgb_to_linear(in_memory(at.of_planes(frames)))
+    return torch.einsum("th,tchw->chw", _photo_rows(exposed, shares)[..., at.rows], light) * encode
 
 
 def _difference(planes: Tensor, at: Sampled, down: int, right: int) -> Tensor:
@@ -98,3 +131,9 @@ def _photo_px(exposed: Exposed, planes: Tensor) -> Tensor:
     """The photo's own px [..., H, W] of planes with their margin."""
     m, shot = exposed.shot.margin, exposed.shot
     return planes[..., m : m + shot.height, m : m + shot.width]
+
+
+def _photo_rows(exposed: Exposed, shares: Tensor) -> Tensor:
+    """The photo's own rows [..., H] of shares of rows with their margin."""
+    m, shot = exposed.shot.margin, exposed.shot
+    return shares[..., m : m + shot.height]

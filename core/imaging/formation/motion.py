@@ -58,16 +58,19 @@ class CameraMotion(Effect):
 
     `twists` [V, M + 1, 6]: coefficients c_m, translation (unit of the world that is drawn) and rotation (radians); the
     scene is `unit` of the world's units away. `readout`: exposures from the first row to the last one, of all photos;
-    below 0 the last row is read first; 0 for all rows at once.
+    below 0 the last row is read first; 0 for all rows at once. `readout_given`: it is not to be learned.
     """
 
     name = "motion"
     physics = "A camera that moves while its shutter is open smears each photo along the path that it took."
     place = "camera"
 
-    def __init__(self, names: Sequence[str], twists: Tensor, unit: float = 1.0, readout: float = 0.0) -> None:
+    def __init__(
+        self, names: Sequence[str], twists: Tensor, unit: float = 1.0, readout: float = 0.0, readout_given: bool = False
+    ) -> None:
         super().__init__({"twists": twists})
-        self.names, self.unit, self.readout = tuple(names), unit, readout
+        self.names, self.unit, self.readout, self.readout_given = tuple(names), unit, readout, readout_given
+        self.readout_error: float | None = None  # standard error of one that was learned
         self._index = {name: i for i, name in enumerate(self.names)}
 
     @property
@@ -150,24 +153,31 @@ class CameraMotion(Effect):
         """The same paths in a world that is `factor` times as large."""
         twists = self.parameters["twists"].detach().clone()
         twists[..., :3] *= factor
-        return CameraMotion(self.names, twists, self.unit * factor, self.readout)
+        return self._with(self.names, twists, self.unit * factor)
 
     def rolling(self, readout: float) -> CameraMotion:
         """The same with another readout: at the speeds that paths have, they are as much longer as the photo takes."""
-        other = CameraMotion(self.names, self.parameters["twists"].detach().clone(), self.unit, readout)
-        other.parameters["twists"][:, 1:] *= other.exposures / self.exposures
+        other = self._with(self.names, self.parameters["twists"].detach().clone(), self.unit)
+        other.roll(readout)
         return other
 
-    def read_in(self, share: float) -> CameraMotion:
-        """Of photos that are cut down to a share of their height around the middle; the very same without a readout."""
-        return self if self.readout == 0.0 else self.rolling(self.readout * share)
+    def roll(self, readout: float) -> None:
+        """The same in place."""
+        before = self.exposures
+        self.readout = readout
+        self.parameters["twists"][:, 1:] *= self.exposures / before
 
     def for_photos(self, names: Iterable[str]) -> CameraMotion:
         """Of these photos only."""
         wanted = set(names)
         kept = [i for i, name in enumerate(self.names) if name in wanted]
         twists = self.parameters["twists"].detach()[kept].clone()
-        return CameraMotion([self.names[i] for i in kept], twists, self.unit, self.readout)
+        return self._with([self.names[i] for i in kept], twists, self.unit)
+
+    def _with(self, names: Sequence[str], twists: Tensor, unit: float) -> CameraMotion:
+        other = CameraMotion(names, twists, unit, self.readout, self.readout_given)
+        other.readout_error = self.readout_error
+        return other
 
     def forward(self, light: Tensor, shot: Shot) -> Tensor:
         """The very same light: the path is in the frames."""
@@ -178,13 +188,14 @@ class CameraMotion(Effect):
         return upstream
 
     def described(self) -> Mapping[str, object]:
-        """The unit, by photo the twists, [M + 1][6], and the readout where the shutter rolls."""
+        """The unit, by photo the twists, [M + 1][6], and the readout of a rolling shutter, its error if learned."""
         twists = self.parameters["twists"].detach().cpu().double().numpy()
         rows = zip(self.names, twists, strict=True)
         return {
             "unit": float(f"{self.unit:.6g}"),
             "twists": {name: [[float(f"{v:.5g}") for v in part] for part in row] for name, row in rows},
-            **({"readout": self.readout} if self.readout else {}),
+            **({"readout": float(f"{self.readout:.5g}")} if self.readout else {}),
+            **({"readout_error": float(f"{self.readout_error:.3g}")} if self.readout and self.readout_error else {}),
         }
 
 

@@ -75,12 +75,6 @@ class TrialSettings:
         "a ball behind the engine's own glass: half; tea (really shaken): none of it",
         "no other value was tried",
     )
-    shutter_gain: float = number(
-        0.1,
-        "dB",
-        "that a rolling shutter must gain besides being no chance: the better one of several readouts is judged",
-        "a first choice; no other value was compared",
-    )
     focus_gain: float = number(
         0.1,
         "dB",
@@ -228,8 +222,6 @@ class Ablation:
 
         Photos of which no px counts are no part of it.
         """
-        if _readout(without) != _readout(with_it):
-            return self._compare_shutters(without, with_it)
         if without.formation.learns_focus is not with_it.formation.learns_focus:
             arms = [Formation([e for e in a.formation.effects if e.place != "sensor"]) for a in (without, with_it)]
             finer = self._whole(Arm(with_it.formation, without.masked))
@@ -252,18 +244,6 @@ class Ablation:
         found = self._compare(without, with_it, True, SETTINGS.path_gain, not_found)
         blurs = self.medium.blurs or without.formation.blurs
         return found if blurs or not found.confirms else self._against_even_blur(without, with_it, found)
-
-    def _compare_shutters(self, without: Arm, with_it: Arm) -> Comparison:
-        """The same for two readouts of photos whose paths are learned with both."""
-        finer = self._finer(Arm(with_it.formation, without.masked))
-        # The middle of a photo takes so much less time from its first row to its last one.
-        share = finer.views[0].camera.height / self.views[0].camera.height
-
-        def cut(arm: Arm) -> Arm:
-            kept = [e for e in arm.formation.effects if e.place != "sensor"]
-            return Arm(Formation([e.read_in(share) if isinstance(e, CameraMotion) else e for e in kept]))
-
-        return finer._compare(cut(without), cut(with_it), True, SETTINGS.shutter_gain)
 
     def _against_even_blur(self, without: Arm, with_it: Arm, found: Comparison) -> Comparison:
         """Paths against one round blur of all photos, as wide as they are, by the pairs that judged them.
@@ -331,9 +311,7 @@ class Ablation:
     def _scores(self, arm: Arm, medium: Medium, pair: int) -> Array:
         """PSNR in dB of every photo that a pair is judged by, photos' own gains matched."""
         kind = "own" if medium is self.medium else "even" if medium.blurs else "none"
-        motion = arm.formation.motion
-        rolls = () if motion is None or motion.readout == 0.0 else (f"{motion.readout:g}",)
-        key = ((*sorted(arm.formation.names), *rolls), arm.masked, kind, pair)
+        key = (tuple(sorted(arm.formation.names)), arm.masked, kind, pair)
         if key not in self._scored:
             views = [self._coarse(view, medium) for view in corrected(self.views, arm.formation, arm.masked)]
             self._scored[key] = np.asarray(self._of_pair(views, arm.formation, medium, pair))
@@ -353,7 +331,7 @@ class Ablation:
         job = TrainingJob(fitted, others, points, medium, settings, formation, evaluated=False)
         trained = train(job, Silent())
         if (moved := trained.formation.motion) is not None:
-            lengths = [moved.length(v.name, v.camera.fx) for v in fitted]
+            lengths = [moved.length(v.name, v.camera.fx) / moved.exposures for v in fitted]
             self._lengths.extend(lengths)
         if (focus := trained.formation.focus) is not None:
             self._lengths.extend(focus.widest(v.name, math.hypot(v.camera.width, v.camera.height)) for v in fitted)
@@ -405,10 +383,6 @@ class Ablation:
 
     def _coarse(self, view: View, medium: Medium) -> View:
         return coarse_view(view, self.step, medium.blur_space)
-
-
-def _readout(arm: Arm) -> float:
-    return 0.0 if arm.formation.motion is None else arm.formation.motion.readout
 
 
 def cropped(view: View, side: int) -> View:

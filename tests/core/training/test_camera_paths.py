@@ -5,13 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from dgs.core.camera import Camera
 from dgs.core.errors import CheckpointError
-from dgs.core.forward import ForwardModel, medium_of, sharp_view
-from dgs.core.frames import Frame
+from dgs.core.forward import sharp_view
 from dgs.core.imaging.formation.chain import Formation
 from dgs.core.imaging.formation.focus import LensFocus
-from dgs.core.imaging.formation.motion import CameraMotion, straight_paths
+from dgs.core.imaging.formation.motion import straight_paths
 from dgs.core.imaging.medium import Medium
 from dgs.core.progress import Silent
 from dgs.core.rasterizer import RasterSettings
@@ -19,51 +17,13 @@ from dgs.core.training.camera_paths import CameraPaths, Visit, common_to, px_uni
 from dgs.core.training.job import TrainingJob
 from dgs.core.training.run import train
 from dgs.core.training.trainer import Trainer
+from dgs.tests.core.training.moved_photos import SETTINGS, exposed_by, truly_moved
 from dgs.tests.core.training.training_scenes import SHORT, blurred_scene
-
-SETTINGS = RasterSettings(low_pass=0.5)
-
-
-class Photo:
-    """What the forward model asks of one."""
-
-    def __init__(self, camera: Camera) -> None:
-        self.name, self.camera, self.psf = camera.name, camera, None
 
 
 @pytest.fixture(scope="module")
 def scene():
     return blurred_scene()
-
-
-def exposed_by(scene, camera, *effects):
-    frame, formation = Frame(camera.height, camera.width, 0), Formation(effects)
-    settings = replace(SETTINGS, depth=formation.by_depth)
-    model = ForwardModel(settings, lambda _: medium_of(None, frame), 0, formation)
-    with torch.no_grad():
-        return model.expose(scene.truth, Photo(camera))
-
-
-def truly_moved(scene, seed=0, px=5.0):
-    """A path of about `px` px for every photo but each fourth, and the photos that it leaves."""
-    random = np.random.default_rng(seed)
-    names = [view.name for view in scene.views]
-    twists = torch.zeros(len(names), 3, 6)
-    for i, view in enumerate(scene.views):
-        if i % 4 == 3:
-            continue
-        angle, units = random.uniform(0, 2 * np.pi), px_units(view.camera)
-        part = np.zeros((3, 6))
-        part[1, 3:5] = px / 2 * np.array([np.sin(angle), np.cos(angle)])
-        part[2] = 0.2 * px * random.standard_normal(6)
-        twists[i] = torch.from_numpy(part * units).float()
-    motion = CameraMotion(names, twists)
-    views = []
-    for view in scene.views:
-        photo = exposed_by(scene, view.camera, motion).degraded.numpy()
-        pixels = np.round(photo.clip(0, 1) * 255).astype(np.uint8).transpose(1, 2, 0)
-        views.append(replace(view, photo=np.ascontiguousarray(pixels)))
-    return motion, views
 
 
 @pytest.mark.parametrize(
