@@ -45,14 +45,16 @@ def collected(frames: Sequence[Tensor], weights: Sequence[float] | Tensor, space
     """The mean of frames [3, h, w] sRGB, in linear light or of their display values; the very frame where it is one.
 
     Args:
-        weights: shares of the photo's light, of sum 1: one for each frame, or [K, h] for each of its rows.
+        weights: shares of the photo's light, of sum 1: one for each frame, or [K, h, 1] for each of its rows, or
+            [K, 1, w] for each of its columns.
     """
     if len(frames) == 1:
         return _Single(frames[0])
     if space == "srgb":
         return _Displayed(frames, weights)
     if all(frame.device.type == "cpu" and frame.dtype == torch.float32 for frame in frames):
-        return CollectedLight(frames, weights)
+        columns = isinstance(weights, Tensor) and weights.dim() == 3 and weights.shape[1] == 1
+        return _Turned(frames, weights) if columns else CollectedLight(frames, weights)
     return _Light(frames, weights)
 
 
@@ -67,8 +69,8 @@ class _Single:
 
 
 def _over_planes(weights: Sequence[float] | Tensor, like: Tensor) -> Sequence[float | Tensor]:
-    """Weights that multiply a frame: numbers, or [h, 1] for each."""
-    return [row[:, None] for row in weights.to(like)] if isinstance(weights, Tensor) else weights
+    """Weights that multiply a frame: numbers, or [h, 1] or [1, w] for each."""
+    return list(weights.to(like)) if isinstance(weights, Tensor) else weights
 
 
 class _Displayed:
@@ -132,3 +134,16 @@ class CollectedLight:
     def _of(self, planes: NDArray[np.float32]) -> NDArray[np.float32]:
         """[..., 3 h, w]: rows of all channels."""
         return planes.reshape(*planes.shape[:-3], self._rows, planes.shape[-1])
+
+
+class _Turned:
+    """The same by columns: of the photo as its sensor took it, before it was turned upright."""
+
+    def __init__(self, frames: Sequence[Tensor], weights: Sequence[float] | Tensor) -> None:
+        assert isinstance(weights, Tensor)
+        self._taken = CollectedLight([frame.mT.contiguous() for frame in frames], weights.mT)
+        self.shown = self._taken.shown.mT.contiguous()
+
+    def gradient(self, upstream: Tensor) -> list[Tensor]:
+        """The gradient in each frame, given that in `shown`."""
+        return [part.mT.contiguous() for part in self._taken.gradient(upstream.mT)]

@@ -259,8 +259,8 @@ class ForwardModel:
         renders = render_path(gaussians, camera, poses, background=background, settings=plain)
         still = Formation()
         assert self.formation.motion is not None
-        rows = self.formation.motion.row_weights(len(poses), shot.height, shot.margin)
-        shares = [1.0 / len(poses)] * len(poses) if rows is None else rows.mean(dim=1).tolist()
+        rows = self.formation.motion.row_weights(len(poses), shot.height, shot.width, shot.margin)
+        shares = [1.0 / len(poses)] * len(poses) if rows is None else rows.mean(dim=(1, 2)).tolist()
         images = renders.images.detach()
         frames = tuple(SharpFrame(still.passage(i, shot), share) for i, share in zip(images, shares, strict=True))
         light = collected([f.passage.reached for f in frames], shares if rows is None else rows, "linear")

@@ -431,9 +431,9 @@ class CameraPaths:
         at = Sampled.of(height, width, self.settings.looked_at)
         count = len(exposed.frames)
         basis = polynomials(middles(count), self.settings.order).T / count  # [M + 1, T]
-        rows = self.motion.row_weights(count, height, exposed.shot.margin)
+        rows = self.motion.row_weights(count, height, width, exposed.shot.margin)
         if rows is not None:
-            basis = basis[..., None] * (count * rows)  # [M + 1, T, H + 2m]
+            basis = basis[..., None, None] * (count * rows)  # [M + 1, T, H + 2m, 1] or [M + 1, T, 1, W + 2m]
         slope = slopes_along(exposed, basis, at)
         seen = in_memory(at.of_planes(exposed.degraded))
         du, dv = (flow[:, None] for flow in self._flow(visit.index, visit.name, visit.camera, at))
@@ -463,8 +463,8 @@ class CameraPaths:
         for name, known in self._depths.items():
             when[self._index[name]] = known.visits, *known.size
         rolls = {} if self.readout is None else self.readout.state()
-        known = {"paths.visits": self._visits.copy(), "paths.readout": np.array([self.motion.readout])}
-        return {"paths": self._twists.numpy().copy(), "paths.drawn": when, **known, **drawn, **rolls}
+        counts = {"paths.visits": self._visits.copy(), "paths.readout": np.array([self.motion.readout])}
+        return {"paths": self._twists.numpy().copy(), "paths.drawn": when, **counts, **drawn, **rolls}
 
     def restore(self, arrays: Mapping[str, NDArray[Any]]) -> bool:
         """Goes on from `state`; whether it is there, and of these photos."""

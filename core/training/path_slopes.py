@@ -60,7 +60,8 @@ def slopes_along(exposed: Exposed, basis: Tensor, at: Sampled) -> Slopes:
     """Slopes of the photo by the shift of each part of the path.
 
     Args:
-        basis: [M + 1, T] share of frame t in part m, or [M + 1, T, H + 2m] in each row of it; the first is the photo.
+        basis: [M + 1, T] share of frame t in part m, or [M + 1, T, H + 2m, 1] in each row of it, or
+            [M + 1, T, 1, W + 2m] in each column; the first is the photo.
     """
     together = exposed.together
     seen = in_memory(at.of_planes(exposed.degraded))
@@ -72,8 +73,8 @@ def slopes_along(exposed: Exposed, basis: Tensor, at: Sampled) -> Slopes:
     own = in_memory(at.of_planes(frames))
     decode = decoding_derivative(own, srgb_to_linear(own))
     shares = basis
-    if basis.dim() == 3:
-        shares = _photo_rows(exposed, basis)[..., at.rows]
+    if basis.dim() == 4:
+        shares = _sampled(exposed, basis, at)
 
     def of_frames(down: int, right: int) -> Tensor:
         return _parts(shares, _difference(frames, at, down, right) * decode * 0.5) * encode
@@ -85,7 +86,8 @@ def change_by(exposed: Exposed, shares: Tensor, at: Sampled) -> Tensor:
     """[3, h, w] (sRGB) by which a photo changes with the frames' light.
 
     Args:
-        shares: [T, H + 2m] of each frame's light in each row, which add up to none.
+        shares: [T, H + 2m, 1] of each frame's light in each row, or [T, 1, W + 2m] in each column, which add up to
+            none.
     """
     seen = in_memory(at.of_planes(exposed.degraded))
     encode = encoding_derivative(srgb_to_linear(seen), seen)
@@ -94,7 +96,7 @@ def change_by(exposed: Exposed, shares: Tensor, at: Sampled) -> Tensor:
         return in_memory(at.of_planes(_parts_through_effects(exposed, basis)[1])) * encode
     frames = _photo_px(exposed, in_a_row([frame.passage.reached for frame in exposed.frames]))
     light = srgb_to_linear(in_memory(at.of_planes(frames)))
-    return torch.einsum("th,tchw->chw", _photo_rows(exposed, shares)[..., at.rows], light) * encode
+    return _parts(_sampled(exposed, shares[None], at), light)[0] * encode
 
 
 def _difference(planes: Tensor, at: Sampled, down: int, right: int) -> Tensor:
@@ -104,8 +106,12 @@ def _difference(planes: Tensor, at: Sampled, down: int, right: int) -> Tensor:
 
 
 def _parts(basis: Tensor, frames: Tensor) -> Tensor:
-    """[M + 1, 3, h, w]: parts of a path, given shares [M + 1, T] or [M + 1, T, h] of frames [T, 3, h, w]."""
-    return torch.einsum("mt,tchw->mchw" if basis.dim() == 2 else "mth,tchw->mchw", basis, frames)
+    """Parts of a path [M + 1, 3, h, w], given shares [M + 1, T], [..., h, 1] or [..., 1, w] of frames [T, 3, h, w]."""
+    if basis.dim() == 2:
+        return torch.einsum("mt,tchw->mchw", basis, frames)
+    if basis.shape[-1] == 1:
+        return torch.einsum("mth,tchw->mchw", basis[..., 0], frames)
+    return torch.einsum("mtw,tchw->mchw", basis[..., 0, :], frames)
 
 
 def _parts_through_effects(exposed: Exposed, basis: Tensor) -> Tensor:
@@ -133,7 +139,9 @@ def _photo_px(exposed: Exposed, planes: Tensor) -> Tensor:
     return planes[..., m : m + shot.height, m : m + shot.width]
 
 
-def _photo_rows(exposed: Exposed, shares: Tensor) -> Tensor:
-    """The photo's own rows [..., H] of shares of rows with their margin."""
+def _sampled(exposed: Exposed, shares: Tensor, at: Sampled) -> Tensor:
+    """Shares [..., h, 1] or [..., 1, w] of the photo's own rows or columns that a step looks at."""
     m, shot = exposed.shot.margin, exposed.shot
-    return shares[..., m : m + shot.height]
+    if shares.shape[-1] == 1:
+        return shares[..., m : m + shot.height, :][..., at.rows, :]
+    return shares[..., m : m + shot.width][..., at.columns]

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from ..forward import Exposed
-from ..imaging.formation.row_windows import row_ends
+from ..imaging.formation.row_windows import over_photo, row_ends, was_turned
 from ..numbers import number
 from .path_slopes import Linearised, Sampled, change_by
 
@@ -62,12 +62,17 @@ SETTINGS = ReadoutSettings()
 
 
 def slopes_in_readout(exposed: Exposed, readout: float, at: Sampled) -> Tensor:
-    """[2, K] of the photo (sRGB) by the readout, in exposures; the second with columns in the place of rows."""
+    """[2, K] of the photo (sRGB) by the readout, in exposures; the second with columns in the place of rows.
+
+    Rows are the sensor's: columns of a photo that was turned upright.
+    """
     height, width = exposed.shot.height, exposed.shot.width
-    ends = row_ends(len(exposed.frames), height, torch.tensor(readout), exposed.shot.margin)
-    change = change_by(exposed, ends, at)
-    rows, columns = ((torch.arange(side) + 0.5) / side - 0.5 for side in (height, width))
-    return torch.stack([change * rows[at.rows][:, None], change * columns[at.columns]]).reshape(2, -1)
+    turned = was_turned(height, width)
+    ends = row_ends(len(exposed.frames), min(height, width), torch.tensor(readout), exposed.shot.margin)
+    change = change_by(exposed, over_photo(ends, turned), at)
+    down, across = ((torch.arange(side) + 0.5) / side - 0.5 for side in (height, width))
+    both = change * down[at.rows][:, None], change * across[at.columns]
+    return torch.stack(both[::-1] if turned else both).reshape(2, -1)
 
 
 def step_and_variance(slope: Tensor, path: Linearised) -> tuple[float, float]:

@@ -7,10 +7,11 @@ A camera that moves while its shutter is open collects what it sees on its way, 
 with Legendre's polynomials P_m and twists c_m in the camera's own axes. They are orthogonal over the exposure, so that
 c_0 alone says where the camera was on average; c_1 is half of the straight way, the others bend it.
 
-A rolling shutter exposes the rows one after the other, the last one `readout` exposures after the first. Then t is
-the time of the whole photo, 1 + |readout| exposures long, and each row is the mean over its own window of it
-(`row_windows`): c_0 is the mean over the whole time, and at t = 0 the middle row is half exposed. Photos do not say
-whether rows are read from above or from below: from below, what the camera did backwards makes the same photo.
+A rolling shutter exposes the sensor's rows, which lie along a photo's longer side, one after the other, the last one
+`readout` exposures after the first. Then t is the time of the whole photo, 1 + |readout| exposures long, and each row
+is the mean over its own window of it (`row_windows`): c_0 is the mean over the whole time, and at t = 0 the middle row
+is half exposed. Photos do not say whether rows are read from one end or from the other: what the camera did backwards
+makes the same photo.
 """
 
 from __future__ import annotations
@@ -83,11 +84,14 @@ class CameraMotion(Effect):
         """How many exposures a photo takes, from the opening of its first row to the closing of its last one."""
         return 1.0 + abs(self.readout)
 
-    def row_weights(self, count: int, height: int, margin: int = 0) -> Tensor | None:
-        """[count, height + 2 margin] shares that frames have of each row's light; None where all rows see all alike."""
+    def row_weights(self, count: int, height: int, width: int, margin: int = 0) -> Tensor | None:
+        """Shares that frames have of the light of each row of the sensor; None where all rows see all alike.
+
+        [count, height + 2 margin, 1]; of a photo that was turned upright [count, 1, width + 2 margin].
+        """
         if self.readout == 0.0 or count < 2:
             return None
-        return cast("Tensor", _mathematics().shares_of_rows(count, height, self.readout, margin))
+        return cast("Tensor", _mathematics().shares_of_rows(count, height, width, self.readout, margin))
 
     def poses(self, name: str, camera: Camera, times: Tensor | None = None) -> Tensor | None:
         """[T, 3, 4] world to camera at times [T] of the exposure; None for a photo that stood still.

@@ -9,7 +9,7 @@ from torch import Tensor
 from ...camera import Camera
 from ...pose import Pose
 from ...rigid_motion import moved_pose
-from .row_windows import row_weights
+from .row_windows import over_photo, row_weights, was_turned
 
 
 def polynomials(times: Tensor, order: int) -> Tensor:
@@ -26,9 +26,10 @@ def middles(count: int) -> Tensor:
     return (torch.arange(count, dtype=torch.float32) + 0.5) / count - 0.5
 
 
-def shares_of_rows(count: int, height: int, readout: float, margin: int) -> Tensor:
-    """[count, height + 2 margin] float32 of `row_weights`."""
-    return row_weights(count, height, torch.tensor(readout), margin)
+def shares_of_rows(count: int, height: int, width: int, readout: float, margin: int) -> Tensor:
+    """[count, height + 2 margin, 1] or [count, 1, width + 2 margin] float32 of `row_weights`."""
+    rows = row_weights(count, min(height, width), torch.tensor(readout), margin)
+    return over_photo(rows, was_turned(height, width))
 
 
 def poses_on(twists: Tensor, camera: Camera, times: Tensor) -> Tensor:

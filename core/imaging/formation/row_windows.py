@@ -21,6 +21,16 @@ def row_weights(count: int, height: int, readout: Tensor, margin: int = 0) -> Te
     return _of_frames((_tent_until(middle + half - at) - _tent_until(middle - half - at)) / (2.0 * half))
 
 
+def was_turned(height: int, width: int) -> bool:
+    """Whether a photo was turned upright: rows of a sensor lie along its longer side."""
+    return height > width
+
+
+def over_photo(rows: Tensor, turned: bool) -> Tensor:
+    """[..., N, 1] of values [..., N] of the sensor's rows; [..., 1, N] where those are the photo's columns."""
+    return rows[..., None, :] if turned else rows[..., None]
+
+
 def row_ends(count: int, height: int, readout: Tensor, margin: int = 0) -> Tensor:
     """[count, height + 2 margin] shares of frames in what a row sees last, less those in what it sees first.
 

@@ -35,7 +35,7 @@ def test_rows_may_have_shares_of_their_own():
     upstream = torch.randn(3, 6, 9, generator=random)
     for kind, tolerance in ((torch.float32, 2e-4), (torch.float64, 1e-12)):
         one = [frame.to(kind) for frame in frames]
-        found = collected(one, shares.to(kind), "linear")
+        found = collected(one, shares[..., None].to(kind), "linear")
         gradients = found.gradient(upstream.to(kind))
         for row in range(6):
             alone = collected([f[:, row : row + 1] for f in one], shares[:, row].to(kind).tolist(), "linear")
@@ -47,3 +47,17 @@ def test_rows_may_have_shares_of_their_own():
 def test_the_very_ends_of_the_curve():
     ends = torch.tensor([0.0, 0.04045, 0.0405, 0.5, 1.0 - 1e-7, 1.0, 1.5]).expand(3, 1, 7).contiguous()
     assert torch.allclose(CollectedLight([ends, ends], [0.5, 0.5]).shown, ends, atol=2e-6)
+
+
+def test_columns_of_a_photo_that_was_turned_upright_are_rows_of_its_sensor():
+    random = torch.Generator().manual_seed(4)
+    frames = [torch.rand(3, 12, 9, generator=random) for _ in range(4)]
+    shares = torch.rand(4, 1, 9, generator=random)
+    shares /= shares.sum(dim=0)
+    found, upstream = collected(frames, shares, "linear"), torch.rand(3, 12, 9, generator=random)
+    taken = collected([frame.mT.contiguous() for frame in frames], shares.mT, "linear")
+    assert torch.equal(found.shown, taken.shown.mT)
+    double = collected([frame.double() for frame in frames], shares.double(), "linear")
+    assert torch.allclose(found.shown.double(), double.shown, atol=1e-5)
+    for own, other in zip(found.gradient(upstream), double.gradient(upstream.double()), strict=True):
+        assert torch.allclose(own.double(), other, atol=1e-4)

@@ -40,7 +40,7 @@ def test_every_coefficient_and_the_readout_where_the_shutter_rolls() -> None:
     def photo(path: torch.Tensor, rolled: torch.Tensor) -> torch.Tensor:
         poses = poses_on(path, camera, middles(4).double())
         frames = render_path(scene, camera, poses, settings=settings, backend="reference").images
-        flat = collected(list(frames + 0.2), row_weights(4, camera.height, rolled), "linear").shown.flatten()
+        flat = collected(list(frames + 0.2), row_weights(4, camera.height, rolled)[..., None], "linear").shown.flatten()
         steps = torch.arange(flat.numel(), dtype=flat.dtype)
         return torch.stack([(flat * (1.7 * steps).sin()).sum(), (flat * (0.3 * steps).cos()).sum()])
 

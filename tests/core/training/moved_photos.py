@@ -24,6 +24,11 @@ class Photo:
         self.name, self.camera, self.psf = camera.name, camera, None
 
 
+def turned_upright(camera: Camera) -> Camera:
+    """One whose photo is higher than it is wide."""
+    return replace(camera, width=camera.height, height=camera.width, cx=camera.cy, cy=camera.cx)
+
+
 def exposed_by(scene, camera, *effects):
     frame, formation = Frame(camera.height, camera.width, 0), Formation(effects)
     settings = replace(SETTINGS, depth=formation.by_depth)

@@ -17,7 +17,7 @@ from dgs.core.training.camera_paths import CameraPaths, Visit, common_to, px_uni
 from dgs.core.training.job import TrainingJob
 from dgs.core.training.run import train
 from dgs.core.training.trainer import Trainer
-from dgs.tests.core.training.moved_photos import SETTINGS, exposed_by, truly_moved
+from dgs.tests.core.training.moved_photos import SETTINGS, exposed_by, truly_moved, turned_upright
 from dgs.tests.core.training.training_scenes import SHORT, blurred_scene
 
 
@@ -27,14 +27,21 @@ def scene():
 
 
 @pytest.mark.parametrize(
-    ("out_of_focus", "readout", "alike"), [(False, 0.0, 0.93), (True, 0.0, 0.8), (False, 1.5, 0.93), (True, -1.5, 0.75)]
+    ("out_of_focus", "readout", "alike", "turned"),
+    [
+        (False, 0.0, 0.93, False),
+        (True, 0.0, 0.8, False),
+        (False, 1.5, 0.93, False),
+        (True, -1.5, 0.75, False),
+        (False, 1.5, 0.93, True),
+    ],
 )
-def test_the_slope_in_every_coefficient_is_that_of_the_renders(scene, out_of_focus, readout, alike):
+def test_the_slope_in_every_coefficient_is_that_of_the_renders(scene, out_of_focus, readout, alike, turned):
     """No view is rendered for it; differences of renders say the same wherever depth is smooth.
 
     Out of focus a px shows what lies beside it, which flows otherwise: frame by frame they are no more alike (0.84).
     """
-    camera = scene.views[0].camera
+    camera = turned_upright(scene.views[0].camera) if turned else scene.views[0].camera
     lens = [LensFocus([camera.name], torch.tensor([0.03]), torch.tensor([0.7]))] if out_of_focus else []
     start = straight_paths({camera.name: (4.0 / camera.fx, 2.0 / camera.fx)}, 4).rolling(readout)
     paths = CameraPaths(start, {camera.name: camera}, [camera.name], 1, 0)

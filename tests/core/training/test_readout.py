@@ -15,7 +15,7 @@ from dgs.core.training.job import TrainingJob
 from dgs.core.training.path_slopes import Linearised, Sampled
 from dgs.core.training.readout import SETTINGS, LearnedReadout, slopes_in_readout, step_and_variance
 from dgs.core.training.run import train
-from dgs.tests.core.training.moved_photos import exposed_by, truly_moved
+from dgs.tests.core.training.moved_photos import exposed_by, truly_moved, turned_upright
 from dgs.tests.core.training.training_scenes import SHORT, blurred_scene
 
 
@@ -25,11 +25,18 @@ def scene():
 
 
 @pytest.mark.parametrize(
-    ("out_of_focus", "readout", "alike"),
-    [(False, 0.0, 0.97), (False, 1.0, 0.95), (False, -0.7, 0.95), (True, 1.0, 0.9)],
+    ("out_of_focus", "readout", "alike", "turned"),
+    [
+        (False, 0.0, 0.97, False),
+        (False, 1.0, 0.95, False),
+        (False, -0.7, 0.95, False),
+        (True, 1.0, 0.9, False),
+        (False, 1.0, 0.95, True),
+        (True, 1.0, 0.9, True),
+    ],
 )
-def test_the_slope_is_that_of_renders(scene, out_of_focus, readout, alike):
-    camera = scene.views[0].camera
+def test_the_slope_is_that_of_renders(scene, out_of_focus, readout, alike, turned):
+    camera = turned_upright(scene.views[0].camera) if turned else scene.views[0].camera
     lens = [LensFocus([camera.name], torch.tensor([0.03]), torch.tensor([0.7]))] if out_of_focus else []
     motion = straight_paths({camera.name: (5.0 / camera.fx, 3.0 / camera.fx)}, 4).rolling(readout)
     every = Sampled(slice(0, camera.height), slice(0, camera.width))

@@ -50,6 +50,7 @@ def test_paths_that_roll_keep_their_speed_and_have_frames_enough():
     assert found.length("a", 80.0) == pytest.approx(2.5 * plain.length("a", 80.0))
     assert found.scaled(2.0).readout == found.for_photos(["a"]).readout == 1.5
     assert found.rolling(0.0).length("a", 80.0) == pytest.approx(12.0, rel=1e-5)
-    assert plain.row_weights(9, 10) is None and found.row_weights(1, 10) is None
-    assert found.row_weights(9, 10, 2).shape == (9, 14)
+    assert plain.row_weights(9, 10, 12) is None and found.row_weights(1, 10, 12) is None
+    assert found.row_weights(9, 10, 12, 2).shape == (9, 14, 1)
+    assert torch.equal(found.row_weights(9, 12, 10, 2), found.row_weights(9, 10, 12, 2).mT), "turned upright"
     assert "readout" not in plain.described() and found.described()["readout"] == 1.5
