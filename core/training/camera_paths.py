@@ -274,7 +274,8 @@ class CameraPaths:
         """Asks a fitted photo what it says of a rolling shutter."""
         if self.readout is None or visit.index not in self._fitted:
             return
-        at = Sampled.of(*visit.photo.shape[1:], self.settings.looked_at)
+        height, width = visit.photo.shape[1:]
+        at = Sampled.of(height, width, self.settings.looked_at)
         rows, columns = slopes_in_readout(exposed, self.motion.readout, at)
         found = (*step_and_variance(rows, path), *step_and_variance(columns, path))
         self.readout.see(self._fitted.index(visit.index), found)

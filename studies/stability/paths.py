@@ -90,7 +90,7 @@ def endless_readout(site: Site) -> float:
     camera, twin = make_camera(), random_scene(40, 1).detached().requires_grad_()
     motion = straight_paths({camera.name: (6.0 / camera.fx, 0.0)}, 4).rolling(100.0)
     exposed = _exposed(twin, camera, motion)
-    weights = motion.row_weights(len(exposed.frames), camera.height)
+    weights = motion.row_weights(len(exposed.frames), camera.height, camera.width)
     assert weights is not None
     exposed.backward(torch.ones_like(exposed.reached))
     finite = all(tensor.grad is not None and bool(tensor.grad.isfinite().all()) for _, tensor in twin.named())
