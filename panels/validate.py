@@ -13,6 +13,7 @@ from ..dgs_addon.laboratory.media.registry import MEDIA
 from ..dgs_addon.questions import exact
 from ..dgs_addon.scene.cameras import photo_behind
 from ..dgs_addon.scene.twin import scene_twin
+from ..dgs_addon.verdicts import in_users_language
 from .job import draw_beside
 from .layout import Step, folded, ready, sentence, split
 
@@ -98,9 +99,10 @@ _VERDICT_ICONS = {"good": "CHECKMARK", "doubtful": "INFO", "poor": "ERROR"}
 def _draw_verdict(layout: Any, context: Any, verdict: dict[str, Any] | None) -> None:
     """Whether the twin predicts photos that it has not seen, and what would help."""
     if verdict is not None:  # (reports of earlier versions have none)
-        sentence(layout, context, verdict["sentence"], _VERDICT_ICONS.get(verdict["level"], "INFO"))
+        icon = _VERDICT_ICONS.get(verdict["level"], "INFO")
+        sentence(layout, context, in_users_language(verdict["sentence"]), icon)
         for line in verdict["help"]:
-            sentence(layout, context, f"{line}.", "BLANK1")
+            sentence(layout, context, f"{in_users_language(line)}.", "BLANK1")
 
 
 def _draw_scores(layout: Any, report: dict[str, Any]) -> None:
