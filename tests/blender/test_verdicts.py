@@ -1,4 +1,4 @@
-"""The verdict on a twin in the user's language: every sentence that the engine may say is recognised, and nothing else."""
+"""The verdict in the user's language: every sentence that the engine may say is recognised, and nothing else."""
 
 from __future__ import annotations
 
