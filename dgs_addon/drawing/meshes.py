@@ -1,10 +1,12 @@
 """Meshes of the scene in Rendered mode: where they are and how they lie, so that splats hide them and are hidden.
 
-They are drawn plainly, in their materials' viewport colours, lit from the eye: the engine itself draws splats only.
+They are drawn plainly, in their materials' viewport colours, lit from the eye: the engine itself draws splats only. A
+holdout is drawn as nothing at all, with its depth.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import gpu
@@ -13,6 +15,7 @@ from gpu_extras.batch import batch_for_shader
 from mathutils import Vector
 
 from ..scene.twin import is_twin
+from .holdouts import is_holdout
 
 _VERTEX = """
 void main()
@@ -25,11 +28,13 @@ void main()
 _FRAGMENT = """
 void main()
 {
-  seen = vec4(colour.rgb * (0.25 + 0.75 * abs(dot(normalize(turned), eye))), 1.0);
+  seen = vec4(colour.rgb * (0.25 + 0.75 * abs(dot(normalize(turned), eye))), colour.a);
 }
 """
 #: Colour of what has no material: Blender's own.
-_GREY = (0.8, 0.8, 0.8, 1.0)
+_GREY = (0.8, 0.8, 0.8)
+#: What is seen of a holdout.
+_NOTHING = (0.0, 0.0, 0.0, 0.0)
 
 #: From what is seen to the viewer, in the view's axes.
 _TOWARDS = Vector((0.0, 0.0, 1.0))
@@ -39,32 +44,48 @@ _shader: Any = None
 _batches: dict[int, Any] = {}
 
 
-def visible_meshes(depsgraph: Any, space: Any) -> list[tuple[Any, Any]]:
-    """(evaluated `bpy` object, its matrix) of all meshes but twins that the 3D view shows, instances too."""
-    found = []
+@dataclass(frozen=True)
+class ShownMesh:
+    """An evaluated `bpy` object, its matrix in the world, and whether it is a holdout."""
+
+    thing: Any
+    matrix: Any
+    holdout: bool
+
+    @property
+    def colour(self) -> tuple[float, ...]:
+        """Linear, with alpha."""
+        if self.holdout:
+            return _NOTHING
+        material = self.thing.active_material
+        return (*(_GREY if material is None else material.diffuse_color[:3]), 1.0)
+
+
+def visible_meshes(depsgraph: Any, space: Any) -> list[ShownMesh]:
+    """All meshes but twins that the 3D view shows, instances too."""
+    found, layer = [], depsgraph.view_layer
     for instance in depsgraph.object_instances:
         thing, of = instance.object, instance.parent if instance.is_instance else instance.object
         shown = instance.is_instance or (instance.show_self and thing.original.visible_in_viewport_get(space))
         if shown and thing.type == "MESH" and not is_twin(of):
-            found.append((thing, instance.matrix_world.copy()))
+            found.append(ShownMesh(thing, instance.matrix_world.copy(), is_holdout(of.original, layer)))
     return found
 
 
-def draw_meshes(meshes: list[tuple[Any, Any]], view: Any, window: Any) -> None:
+def draw_meshes(meshes: list[ShownMesh], view: Any, window: Any) -> None:
     """Draws into what is bound, with depth."""
     shader = _made()
     gpu.state.depth_test_set("LESS_EQUAL")
     gpu.state.depth_mask_set(True)
     shader.bind()
-    for thing, matrix in meshes:
-        batch = _batch(shader, thing)
+    for mesh in meshes:
+        batch = _batch(shader, mesh.thing)
         if batch is None:
             continue
-        eye = (view @ matrix).to_3x3().inverted_safe() @ _TOWARDS
-        material = thing.active_material
-        shader.uniform_float("projection", window @ view @ matrix)
+        eye = (view @ mesh.matrix).to_3x3().inverted_safe() @ _TOWARDS
+        shader.uniform_float("projection", window @ view @ mesh.matrix)
         shader.uniform_float("eye", eye.normalized())
-        shader.uniform_float("colour", _GREY if material is None else material.diffuse_color)
+        shader.uniform_float("colour", mesh.colour)
         batch.draw(shader)
     gpu.state.depth_mask_set(False)
     gpu.state.depth_test_set("NONE")

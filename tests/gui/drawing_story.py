@@ -72,12 +72,31 @@ def _among_meshes(robot: Robot, view: Any, mode: str = "") -> Story:
     yield from _settled("alone")
 
 
+def _held_out(robot: Robot, view: Any) -> Story:
+    """A holdout before the twin, and behind it, before a wall."""
+    towards = view.view_rotation @ Vector((0.0, 0.0, 1.0))
+    bpy.ops.mesh.primitive_cube_add(size=8.0)
+    wall = bpy.context.object
+    wall.location = view.view_location - 8.0 * towards
+    bpy.ops.mesh.primitive_cube_add(size=1.0)
+    hole = bpy.context.object
+    hole.is_holdout = True
+    for name, way in (("behind", -2.5), ("front", 2.0)):
+        hole.location = view.view_location + way * towards
+        yield from _settled(f"holdout {name}")
+        yield from robot.picture(f"holdout-{name}")
+    for thing in (wall, hole):
+        bpy.data.objects.remove(thing)
+    yield from _settled("rendered alone")
+
+
 def _rendered(robot: Robot, scene: Any, space: Any) -> Story:
     """Rendered mode; the camera of the view for the command line, and the time of a final picture."""
     scene.render.engine = "DESCATTER"
     space.shading.type = "RENDERED"
     yield from _settled("rendered with meshes")
     yield from _among_meshes(robot, space.region_3d, "rendered-")
+    yield from _held_out(robot, space.region_3d)
     yield from robot.picture("rendered")
     region, view = _region(robot), space.region_3d
     seen["region"] = [region.x, region.y, region.width, region.height]

@@ -113,6 +113,17 @@ def test_meshes_hide_and_are_hidden(work: Path, seen: dict[str, Any], mode: str)
     assert np.abs(front[middle] - alone[middle]).mean() > 40 and front[middle].std() < 20, "a plain wall"
 
 
+def test_nothing_is_seen_where_a_holdout_is(work: Path, seen: dict[str, Any]) -> None:
+    alone, behind, front = (screen(work, seen, name) for name in ("rendered", "holdout-behind", "holdout-front"))
+    height, width = alone.shape[:2]
+    middle = slice(height // 2 - 40, height // 2 + 40), slice(width // 2 - 40, width // 2 + 40)
+    assert np.abs(behind[middle] - alone[middle]).max() <= 2, "the twin is before it"
+    hole = front[middle]
+    assert hole.max() - hole.min() <= 4 and 30 < hole.mean() < 100, "the window's own grey: neither twin nor wall"
+    beside = slice(height // 2 - 10, height // 2 + 10), slice(width // 2 + 300, width // 2 + 320)
+    assert front[beside].mean() > 200, "the wall beside it"
+
+
 def test_a_killed_server_comes_back(seen: dict[str, Any]) -> None:
     assert seen["restarted"] == [1, ""]
 
