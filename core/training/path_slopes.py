@@ -94,9 +94,11 @@ def change_by(exposed: Exposed, shares: Tensor, at: Sampled) -> Tensor:
     if exposed.together is not None:
         basis = torch.stack([shares, shares])  # (the first stands for the photo)
         return in_memory(at.of_planes(_parts_through_effects(exposed, basis)[1])) * encode
-    frames = _photo_px(exposed, in_a_row([frame.passage.reached for frame in exposed.frames]))
-    light = srgb_to_linear(in_memory(at.of_planes(frames)))
-    return _parts(_sampled(exposed, shares[None], at), light)[0] * encode
+    # Where all rows are exposed at once the first and the last frame alone count.
+    used = [k for k, share in enumerate(shares) if bool(share.any())]
+    frames = torch.stack([at.of_planes(_photo_px(exposed, exposed.frames[k].passage.reached)) for k in used])
+    light = srgb_to_linear(in_memory(frames))
+    return _parts(_sampled(exposed, shares[used][None], at), light)[0] * encode
 
 
 def _difference(planes: Tensor, at: Sampled, down: int, right: int) -> Tensor:
