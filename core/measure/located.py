@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -91,6 +91,29 @@ def on_surface(
     return SurfacePoint(
         position, covariance + (deviation * pixel) ** 2 * np.outer(along, along), pixel, seen, reach_of(matched)
     )
+
+
+def end_on_surface(views: Sights, sight: Sight, end: Point, other: Point, across: float, called: str) -> SurfacePoint:
+    """As `on_surface` of an end of a profile; where the twin has a hole there, as deep as the profile's next place.
+
+    Behind a blur a light cell before a light background may come out as a hole. Nothing to the middle: NothingThere.
+    """
+    start, way = np.array(end), np.array(other) - np.array(end)
+    length = float(np.linalg.norm(way))
+    for moved in range(int(length / 2) + 1):
+        x, y = start + way * (moved / max(length, 1e-9))
+        if np.isfinite(surface_depth(sight, x, y)):
+            break
+    else:
+        moved = 0
+    if moved == 0:
+        return on_surface(views, sight, end, across, called)
+    found = on_surface(views, sight, (float(x), float(y)), across, called)
+    depth = float(sight.camera.rotation[2] @ found.position + sight.camera.translation[2])
+    along = ray(sight.camera, *end)
+    # As much nearer or farther as it lies beside.
+    covariance = found.covariance + (moved * found.pixel) ** 2 * np.outer(along, along)
+    return replace(found, position=sight.camera.centre + along * depth, covariance=covariance)
 
 
 def _met_by(line: AskedRay, views: Sights, click: float, cameras: float, called: str) -> SurfacePoint:

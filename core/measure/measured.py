@@ -13,7 +13,7 @@ from ..errors import DgsError, FormatError
 from ..progress import Progress
 from ..twin.opened import OpenedTwin
 from .by_board import BoardScale, board_scale
-from .located import NothingThere, located, on_surface
+from .located import NothingThere, end_on_surface, located
 from .places import PRECISION, SurfacePoint, seen_by
 from .request import AskedMeasure, AskedPlace, MeasureRequest, Point
 from .rows import NO_SCALE
@@ -191,7 +191,7 @@ def _width(
     across = float(np.hypot(PRECISION.click, cameras))
     try:
         points = (_point(twin, asked.photo, asked.across[0]), _point(twin, asked.photo, asked.across[1]))
-        ends = [on_surface(views, sight, point, across, called) for point in points]
+        ends = [end_on_surface(views, sight, *pair, across, called) for pair in (points, points[::-1])]
         return width_on(sight, points, (ends[0], ends[1]), generator.standard_normal(DRAWS), asked.name)
     except DgsError as error:
         progress.note(str(error))

@@ -13,7 +13,7 @@ import pytest
 from dgs.command_line import run
 from dgs.core.camera import Camera
 from dgs.core.errors import DgsError, FormatError
-from dgs.core.measure.located import NothingThere, located, on_surface
+from dgs.core.measure.located import NothingThere, end_on_surface, located, on_surface
 from dgs.core.measure.measured import _said, scale_of
 from dgs.core.measure.places import PRECISION, SurfacePoint, deviation_of_depth, surface_depth
 from dgs.core.measure.request import AskedMeasure, AskedPlace, KnownLength, MeasureRequest, read_request
@@ -101,6 +101,24 @@ def test_a_place_on_a_photo_is_on_the_surface_and_sure_across_the_ray() -> None:
     assert np.isclose((x + 0.1) / z * FOCAL + SIZE / 2, 40.0) and np.isclose(y, 0.0)
     assert np.isclose(np.sqrt(place.covariance[1, 1]), 0.2 * place.pixel, rtol=0.02)
     assert place.covariance[2, 2] > place.covariance[1, 1]
+
+
+def test_an_end_over_a_hole_lies_as_deep_as_the_profile_beside_it() -> None:
+    views = two_views()
+    sight, end, other = views.views["left"], (24.0, 30.0), (44.0, 30.0)
+    whole = end_on_surface(views, sight, end, other, 0.3, "It")
+    assert np.allclose(whole.position, on_surface(views, sight, end, 0.3, "It").position)
+    sight.depth[:, 21:28] = np.nan
+    with pytest.raises(NothingThere):
+        on_surface(views, sight, end, 0.3, "It")
+    found = end_on_surface(views, sight, end, other, 0.3, "It")
+    along = (found.position - sight.camera.centre) / (whole.position - sight.camera.centre)
+    assert np.allclose(along, along[0]), "on the same ray"
+    assert np.linalg.norm(found.position - whole.position) < 2.5 * whole.pixel, "a wall that leans by 0.3, 4 px beside"
+    assert np.trace(found.covariance) > np.trace(whole.covariance) + (3 * whole.pixel) ** 2
+    sight.depth[:] = np.nan
+    with pytest.raises(NothingThere):
+        end_on_surface(views, sight, end, other, 0.3, "It")
 
 
 def test_where_nothing_is_it_says_so() -> None:
