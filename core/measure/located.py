@@ -99,15 +99,12 @@ def end_on_surface(views: Sights, sight: Sight, end: Point, other: Point, across
     Behind a blur a light cell before a light background may come out as a hole. Nothing to the middle: NothingThere.
     """
     start, way = np.array(end), np.array(other) - np.array(end)
-    length = float(np.linalg.norm(way))
-    for moved in range(int(length / 2) + 1):
-        x, y = start + way * (moved / max(length, 1e-9))
-        if np.isfinite(surface_depth(sight, x, y)):
-            break
-    else:
-        moved = 0
+    length = max(float(np.linalg.norm(way)), 1e-9)
+    points = [start + way * (moved / length) for moved in range(int(length / 2) + 1)]  # a px apart
+    moved = next((k for k, (x, y) in enumerate(points) if np.isfinite(surface_depth(sight, x, y))), 0)
     if moved == 0:
         return on_surface(views, sight, end, across, called)
+    x, y = points[moved]
     found = on_surface(views, sight, (float(x), float(y)), across, called)
     depth = float(sight.camera.rotation[2] @ found.position + sight.camera.translation[2])
     along = ray(sight.camera, *end)

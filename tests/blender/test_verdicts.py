@@ -13,7 +13,7 @@ bpy = pytest.importorskip("bpy")
 from dgs.core.report.verdict import Verdict, verdict  # noqa: E402
 from dgs.dgs_addon import verdicts  # noqa: E402
 from dgs.dgs_addon.translations import table  # noqa: E402
-from dgs.tests.core.report.test_verdict import NAMES, _ring, _score  # noqa: E402
+from dgs.tests.core.report.scored_views import NAMES, ring_of, scored  # noqa: E402
 
 GERMAN = table("de_DE")
 #: Shares, angles and names in a sentence.
@@ -23,15 +23,15 @@ FIGURES = re.compile(r"[\d.]+ %|\d+°|\d\.png")
 def said_by_the_engine() -> list[Verdict]:
     """Verdicts of all kinds, with all that may help."""
     rising = [{"step": i, "heldout_psnr": 20.0 + i} for i in range(8)]
-    ring, wide = _ring(5.0), _ring(40.0)
+    ring, wide = ring_of(5.0), ring_of(40.0)
     doubted = replace(ring, figures=replace(ring.figures, doubted=0.16))
-    found = [verdict([], [], ring, []), verdict([_score("0.png", 0.03)], [], ring, [])]
+    found = [verdict([], [], ring, []), verdict([scored("0.png", 0.03)], [], ring, [])]
     for unseen, fitted in product((0.005, 0.05, 0.12, 0.5), (0.02, 0.4)):
         for cameras in (ring, wide, doubted):
-            found.append(verdict([_score("0.png", unseen)], [_score(name, fitted) for name in NAMES[1:]], cameras, []))
-    found.append(verdict([_score("0.png", 0.5, matched_gain=2.0)], [_score("1.png", 0.3)], ring, rising))
+            found.append(verdict([scored("0.png", unseen)], [scored(name, fitted) for name in NAMES[1:]], cameras, []))
+    found.append(verdict([scored("0.png", 0.5, matched_gain=2.0)], [scored("1.png", 0.3)], ring, rising))
     alone = replace(wide, poses={name: wide.poses[name] for name in NAMES[:2]})
-    return [*found, verdict([_score("0.png", 0.5)], [_score("1.png", 0.01)], alone, [])]
+    return [*found, verdict([scored("0.png", 0.5)], [scored("1.png", 0.01)], alone, [])]
 
 
 @pytest.fixture
