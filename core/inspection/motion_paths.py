@@ -22,7 +22,7 @@ from scipy.special import digamma, polygamma
 
 from ..colour import srgb_to_linear
 from ..imaging.spectral_bins import SpectralBins, frequency_plane, polar_index
-from ..numbers import number
+from ..numbers import BY_DEFINITION, number
 from ..photos.load import Photo
 from .evidence import judged
 from .noise_level import noise_of
@@ -77,13 +77,19 @@ class MotionPathSettings:
         "of a photo's own slope, direction (2 x), and softness",
         _DRAWN,
     )
+    farthest_gain: float = number(
+        10.0,
+        "natural log",
+        "that a photo's power may be from the others', either way: a black photo among them says nothing of any path",
+        BY_DEFINITION,
+    )
     bins_together: float = number(8.0, "count", "bins that say what one would, as they scatter together", _DRAWN)
     clear_gain: float = number(
         5.0, "natural log", "of the likelihood that a path must gain over none", _DRAWN, _CHECKED
     )
     sure_gain: float = number(10.0, "natural log", "the same for what is taken out of the common spectrum", _DRAWN)
     fewest_photos: int = number(4, "count", "photos of one size at least: fewer have no common spectrum")
-    fewest_bins: int = number(100, "count", "bins clear of the noise at least")
+    fewest_bins: int = number(100, "count", "bins clear of the noise at least, of all photos together and of one")
     rounds: int = number(
         24,
         "count",
@@ -258,6 +264,8 @@ class MotionPathFinder:
         if not self.possible:
             return MotionPath()
         seen, noise = self._of(_light(photo))
+        if int((np.exp(seen) > SETTINGS.clear_of_noise * noise).sum()) < SETTINGS.fewest_bins:
+            return MotionPath()
         own = np.zeros(len(SETTINGS.prior_spreads) + 1)
         for _ in range(3):
             cost, owns = self._fitted(seen, noise, self._table, own)
@@ -296,6 +304,8 @@ class MotionPathFinder:
         a = self._columns[keep] * (signal / (signal + noise) * self._weight[keep])[:, None]
         prior = np.diag([0.0, *(1.0 / s**2 for s in SETTINGS.prior_spreads)])
         change = ((rest * self._weight[keep]) @ a - own @ prior) @ np.linalg.inv(a.T @ a + prior)
+        # Far below its noise the law has no slope in the gain any more.
+        change[:, 0] = np.clip(change[:, 0], -SETTINGS.farthest_gain - own[0], SETTINGS.farthest_gain - own[0])
         left = rest * self._weight[keep] - change @ a.T
         # Student's t of four degrees: single bins may be far off.
         cost = (2.5 * np.log1p(left**2 / 4.0)).sum(axis=1) / SETTINGS.bins_together

@@ -5,6 +5,7 @@ Paths are laid out in Blender's world (z up, metres) and converted in one place,
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -116,7 +117,13 @@ def names(views: int) -> list[str]:
 
 
 def cameras(
-    path: str, views: int, width: int, height: int, target: NDArray[np.float64] = TARGET, size: float = 1.0
+    path: str,
+    views: int,
+    width: int,
+    height: int,
+    target: NDArray[np.float64] = TARGET,
+    size: float = 1.0,
+    ground: float = -math.inf,
 ) -> list[Camera]:
     """One camera per view, all looking at the object.
 
@@ -124,9 +131,12 @@ def cameras(
         path: one of `PATHS`; `front`, `inside` and `drone` look at more than the object.
         target: [3] middle of the object in Blender's world, metres.
         size: how many times larger than the ball the object is; distances grow with it.
+        ground: metres; places that would be under it are as high above it.
     """
     around = PATHS[path](views)
     places, aims = (target + size * (points - TARGET) for points in (around, _aims(path, around)))
+    if math.isfinite(ground):
+        places[:, 2] = ground + np.abs(places[:, 2] - ground)
     lens = 36.0 * (INSIDE_FOCAL_SHARE if path == "inside" else FOCAL_SHARE)
     return [
         camera_to_engine(BlenderCamera(matrix_world=_look_at(place, aim), lens=lens), width, height, name)

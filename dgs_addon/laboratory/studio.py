@@ -42,7 +42,9 @@ class Studio:
         if settings.scene in SCENES and not settings.mesh:
             built = SCENES[settings.scene]
             self.target = np.array(built.middle)
-            return rail.cameras(settings.path, settings.views, settings.width, settings.height, self.target, built.size)
+            return rail.cameras(
+                settings.path, settings.views, settings.width, settings.height, self.target, built.size, built.ground
+            )
         if not settings.from_blend:
             return rail.cameras(settings.path, settings.views, settings.width, settings.height)
         self.enter()

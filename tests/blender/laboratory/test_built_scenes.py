@@ -16,7 +16,7 @@ from dgs.core.errors import DgsError  # noqa: E402
 from dgs.dgs_addon.axes import points_to_blender  # noqa: E402
 from dgs.dgs_addon.laboratory import degrade, rail  # noqa: E402
 from dgs.dgs_addon.laboratory.dataset import synthesize  # noqa: E402
-from dgs.dgs_addon.laboratory.scenes import SCENES  # noqa: E402
+from dgs.dgs_addon.laboratory.scenes import SCENES, village  # noqa: E402
 from dgs.dgs_addon.laboratory.settings import SynthesizeSettings  # noqa: E402
 from PIL import Image  # noqa: E402
 from scipy.ndimage import gaussian_filter  # noqa: E402
@@ -118,6 +118,14 @@ def test_forward_facing_cameras_stand_in_a_plane_before_the_object() -> None:
     places, ahead = ways("front", 32)
     assert np.allclose(places[:, 1], 2.0 - 6.35) and (ahead[:, 1] > 0.95).all()
     assert np.ptp(places[:, 0]) == pytest.approx(2.8, rel=0.15) and np.ptp(places[:, 2]) == pytest.approx(1.6, rel=0.15)
+
+
+def test_no_camera_stands_under_a_landscape() -> None:
+    built = SCENES["village"]
+    found = rail.cameras("front", 30, 80, 60, np.array(built.middle), built.size, built.ground)
+    places = points_to_blender(np.array([camera.centre for camera in found]))
+    assert (places[:, 2] >= built.ground).all() and len(np.unique(places.round(6), axis=0)) == 30
+    assert (places[:, 2] > 1.0 + village._height(places[:, 0], places[:, 1])).all()
 
 
 def test_cameras_inside_look_over_the_middle_and_at_the_near_wall() -> None:

@@ -1,5 +1,7 @@
 """Every photo's own motion path: length and direction estimated, nothing invented, and no haze because of it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from dgs.benchmarks.effect_scenes import Truth, own_paths
@@ -49,12 +51,21 @@ def test_another_photo_is_judged_against_the_common_spectrum(taken):
 
 
 def test_photos_without_detail_or_company_tell_nothing(taken):
-    from dataclasses import replace
-
     photos = taken()
     grey = [replace(p, pixels=np.full_like(p.pixels, 90)) for p in photos.photos]
     assert PhotoSet(grey).motion is None and PhotoSet(grey).motion_paths == {}
     assert PhotoSet(photos.photos[:3]).motion is None
+
+
+@pytest.mark.parametrize("light", [0.0, 1.0 / 16.0])
+def test_a_photo_that_is_black_among_others_has_no_path_and_changes_none(taken, light):
+    photos = taken(motion=8.0)
+    dark = np.random.default_rng(0).normal(light * photos.photos[0].pixels.mean(), 0.6, photos.photos[0].pixels.shape)
+    black = replace(photos.photos[0], name="black", pixels=dark.clip(0, 255).round().astype(np.uint8))
+    found = PhotoSet([*photos.photos, black]).motion_paths
+    assert found["black"].length == 0.0
+    for name, path in photos.motion_paths.items():
+        assert found[name].length == pytest.approx(path.length, rel=0.02)
 
 
 def test_motion_is_not_taken_for_haze(taken):
