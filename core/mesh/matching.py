@@ -124,7 +124,8 @@ def matched_surfaces(
         maps.append(_matched(smooth, surface.camera.fx, views, settings))
         progress.advance(index + 1)
     px = 1.0 / float(np.median(views.focals))
-    asked = AgreementSettings(settings.agreeing * px, settings.through * px, settings.witnesses)
+    # A mesh holds what is sure: a lone witness starts a training, and makes no surface.
+    asked = AgreementSettings(settings.agreeing * px, settings.through * px, settings.witnesses, settings.witnesses)
     believed = agreed(maps, views, asked)
     found = sum(int((one.depth > 0).sum()) for one in believed)
     share = found / max(1, sum(int((s.weight > 0).sum()) for s in surfaces))
@@ -181,6 +182,7 @@ def _matched(own: DepthMap, focal: float, views: ViewStack, settings: MatchingSe
             largest_cost=settings.largest_cost,
             least_margin=0.0,
             sure_margin=settings.sure_margin,
+            fewest=2,
         )
         found = swept(own.view, views, others, Around(around, band / focal), wanted, None, asked)
     return found

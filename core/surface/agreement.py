@@ -29,6 +29,9 @@ class AgreementSettings:
     witnesses: int = number(
         2, "views", "that must see the same surface; one where few views are swept", FIRST_TRIED, LOOKED_AT
     )
+    fewest: int = number(
+        1, "views", "that are enough where no more look: at the edge of all photos", "see `SweepSettings.fewest`"
+    )
     few: int = number(8, "views", "swept, below which one witness is enough", FIRST_TRIED, LOOKED_AT)
     conflicts: float = number(
         0.5, "share of the witnesses", "that may look through a point that is believed", FIRST_TRIED, LOOKED_AT
@@ -40,10 +43,11 @@ SETTINGS = AgreementSettings()
 
 @dataclass(frozen=True)
 class Comparison:
-    """Points against depth maps: [N] views that see the same surface, views that see one behind, and depth ratio."""
+    """Points against depth maps: [N] views that see the same surface, that see one behind, that look; depth ratio."""
 
     agree: NDArray[np.int32]
     conflict: NDArray[np.int32]
+    asked: NDArray[np.int32]
     ratio: NDArray[np.float32]
 
 
@@ -55,15 +59,15 @@ def compared(
     settings: AgreementSettings = SETTINGS,
 ) -> Comparison:
     """Compares points [N, 3] with all maps but each point's own ([N] indices into `maps`, or -1)."""
-    agree, conflict = np.zeros((2, len(positions)), np.int32)
+    agree, conflict, asked = np.zeros((3, len(positions)), np.int32)
     ratio = np.ones(len(positions), np.float32)
     if len(maps) and len(positions):
         depths, of = np.stack([m.depth for m in maps]), np.array([m.view for m in maps], np.int32)
         places = (views.projections, views.offsets, views.sizes)
         limits = (settings.same, settings.through)
         fixed = (np.ascontiguousarray(positions), own, depths, of, *places, *limits)
-        compiled.run(compare_with_maps, len(positions), *fixed, agree, conflict, ratio, grain=4096)
-    return Comparison(agree, conflict, ratio)
+        compiled.run(compare_with_maps, len(positions), *fixed, agree, conflict, asked, ratio, grain=4096)
+    return Comparison(agree, conflict, asked, ratio)
 
 
 def agreed(
@@ -83,7 +87,9 @@ def agreed(
     own = np.concatenate([np.full(len(p), i, np.int32) for i, p in enumerate(lifted)])
     found = compared(np.concatenate(lifted), own, maps if among is None else among, views, settings)
     needed = settings.witnesses if len(maps) >= settings.few else 1
-    believed = (found.agree >= needed) & (found.conflict <= settings.conflicts * found.agree)
+    # At the edge of what is photographed fewer look than are needed elsewhere.
+    needed_here = np.clip(found.asked, min(settings.fewest, needed), needed)
+    believed = (found.agree >= needed_here) & (found.conflict <= settings.conflicts * found.agree)
     # Each further witness halves the doubt.
     factor = np.where(believed, 1.0 - 0.5**found.agree, 0.0)
     checked, at = [], 0

@@ -7,7 +7,7 @@ from ..compiled import kernel
 
 @kernel
 def compare_with_maps(  # type: ignore[no-untyped-def]
-    begin, end, positions, own, maps, views, projections, offsets, sizes, same, through, agree, conflict, ratio
+    begin, end, positions, own, maps, views, projections, offsets, sizes, same, through, agree, conflict, asked, ratio
 ):
     """For each point: how many maps hold a surface there, how many one behind it, and how far off it they are.
 
@@ -16,12 +16,12 @@ def compare_with_maps(  # type: ignore[no-untyped-def]
         maps: [M, H, W] float32 depths, 0 where there is none; views: [M] int32, whose they are.
         projections [V, 3, 3], offsets [V, 3], sizes [V, 2]: as in `ViewStack`.
         same: share of the depth within which it is the same surface; through: share beyond which it is one behind.
-        agree, conflict: [N] int32 output.
+        agree, conflict, asked: [N] int32 output; asked: maps whose frame holds the point.
         ratio: [N] float32 output, mean of the agreeing maps' depth over the point's; the point itself counts as 1.
     """
     for n in range(begin, end):
         x, y, z = positions[n, 0], positions[n, 1], positions[n, 2]
-        alike = seen = 0
+        alike = seen = inside = 0
         total = 1.0
         for m in range(maps.shape[0]):
             if m == own[n]:
@@ -35,6 +35,7 @@ def compare_with_maps(  # type: ignore[no-untyped-def]
             if across < 0 or along < 0 or across >= sizes[views[m], 0] - 1 or along >= sizes[views[m], 1] - 1:
                 continue
             i, j = int(across), int(along)
+            inside += 1
             # The surface nearest to the point among the four px around it; behind it only where all of them are.
             nearest, least = 0.0, 1e30
             front, holes = 1e30, 0
@@ -56,4 +57,5 @@ def compare_with_maps(  # type: ignore[no-untyped-def]
                 seen += 1
         agree[n] = alike
         conflict[n] = seen
+        asked[n] = inside
         ratio[n] = total / (alike + 1)

@@ -43,11 +43,28 @@ def window_statistics(begin, end, grey, counts, radius, least, mean, scale):  # 
 
 @kernel
 def plane_costs(  # type: ignore[no-untyped-def]
-    begin, end, grey, mean, scale, box, images, counts, sizes, others, turns, shifts, planes, around, radius, costs
+    begin,
+    end,
+    grey,
+    mean,
+    scale,
+    box,
+    images,
+    counts,
+    sizes,
+    others,
+    turns,
+    shifts,
+    planes,
+    around,
+    radius,
+    fewest,
+    costs,
 ):
     """1 - correlation of the window around every px with the windows of other views, for a range of planes.
 
-    The mean over the better half of the other views: where a view is occluded, the others decide (Kang et al. 2001).
+    The mean over the better half of the other views, two at most: where a view is occluded, the others decide (Kang et
+    al. 2001). Where only one of them sees the window, that one decides, if one is enough.
 
     Args:
         grey, mean, scale: [H, W] of the reference view; box: [4] x0, y0, x1, y1, the part that is wanted.
@@ -55,7 +72,8 @@ def plane_costs(  # type: ignore[no-untyped-def]
         turns [N, 3, 3], shifts [N, 3]: px of view n, times depth = turns @ (u, v, 1) + shifts * inverse depth.
         planes: [D] inverse depths, as multiples of around: [H, W] float64 of the reference view; ones for planes that
             face it.
-        costs: [D, H, W] float32 output; `UNSEEN` where too few views see the window.
+        fewest: 1 or 2 other views that must see a window.
+        costs: [D, H, W] float32 output; `UNSEEN` where fewer see the window.
     """
     x0, y0, x1, y1 = box[0], box[1], box[2], box[3]
     left, top = max(0, x0 - radius), max(0, y0 - radius)
@@ -126,8 +144,8 @@ def plane_costs(  # type: ignore[no-untyped-def]
         for y in range(radius, h - radius):
             for x in range(radius, w - radius):
                 one, two = first[y, x], second[y, x]
-                alike = one if needed == 1 else np.float32(0.5) * (one + two)
-                fine = min(one, two) > -1.5 if needed > 1 else one > -1.5
+                alike = one if needed == 1 or two <= -1.5 else np.float32(0.5) * (one + two)
+                fine = one > -1.5 if fewest == 1 or needed == 1 else two > -1.5
                 fine = fine and scale[y + top, x + left] > 0
                 costs[d, y + top, x + left] = np.float32(1.0) - alike if fine else np.float32(UNSEEN)
 

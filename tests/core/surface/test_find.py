@@ -1,5 +1,6 @@
 """From photos and known cameras to points, in a real child process; and what is said where cameras are wrong."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -17,6 +18,7 @@ from dgs.core.surface.find import SurfaceSettings, surface_points
 from dgs.core.surface.hull import carved_hull
 from dgs.core.surface.stack import stack_views
 from dgs.tests.core.surface.scenes import BEHIND, RADIUS, arc, around, drawn, texture
+from scipy.ndimage import shift
 
 
 class _Stages(Silent):
@@ -86,6 +88,31 @@ def test_surfaces_in_front_of_a_wall(tmp_path):
     assert sure.mean() > 0.3 and (_off(points.positions[sure]) < 0.06).mean() > 0.95
     assert (_off(points.positions) < 0.3).mean() > 0.95
     assert points.positions[:, 2].min() > -1.3
+
+
+def test_photos_that_were_shaken_are_compared_on_smaller_views(tmp_path):
+    """Each is blurred along a way of its own: half the size agrees on more, as exactly; sharp ones keep their size."""
+    scene = drawn(arc(9), (320, 240), 333.0)
+    way = np.random.default_rng(2)
+    for at, photo in enumerate(scene.photos):
+        turn, length = way.uniform(0, np.pi), way.uniform(12.0, 20.0)
+        steps = length * np.linspace(-0.5, 0.5, 21)[:, None] * [np.sin(turn), np.cos(turn)]
+        smeared = [shift(photo.pixels.astype(np.float32), (*step, 0), order=1, mode="nearest") for step in steps]
+        scene.photos[at] = replace(photo, pixels=np.mean(smeared, axis=0).round().astype(np.uint8))
+    off, share = [], []
+    for doubtful in (0.0, 1.0):
+        settings = SurfaceSettings(doubtful=doubtful)
+        found = surface_points(scene.photos, scene.cameras, Medium(), tmp_path, 2, Silent(), settings)
+        sure = found.points.confidence > 0.15
+        off.append(np.median(_off(found.points.positions[sure])))
+        share.append(float(re.findall(r"(\d+)%", found.words)[0]))
+    assert share[1] > 1.4 * share[0] and off[1] < 1.3 * off[0]
+    sharp = drawn(arc(9), (320, 240), 333.0)
+    words = {
+        surface_points(sharp.photos, sharp.cameras, Medium(), tmp_path, 2, Silent(), SurfaceSettings(doubtful=d)).words
+        for d in (0.0, 1.0)
+    }
+    assert len(words) == 1
 
 
 def test_an_object_seen_from_around(tmp_path):

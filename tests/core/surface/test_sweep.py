@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from dgs.core.imaging.medium import Medium
 from dgs.core.imaging.psf_text import parse_psf
-from dgs.core.surface.agreement import agreed, compared, lifted_map
+from dgs.core.surface.agreement import AgreementSettings, agreed, compared, lifted_map
 from dgs.core.surface.choice import chosen_references, neighbours_of
 from dgs.core.surface.fill import filled_maps
 from dgs.core.surface.stack import StackSettings, stack_views
-from dgs.core.surface.sweep import DepthMap, swept
+from dgs.core.surface.sweep import DepthMap, SweepSettings, swept
 from dgs.tests.core.surface.scenes import arc, around, drawn
 from scipy.ndimage import gaussian_filter
 
@@ -110,6 +110,29 @@ def test_what_has_no_texture_or_nobody_else_sees_is_not_believed():
     assert (found.depth[shrunk & inside] == 0).all()
     assert not swept(2, views, others[:0], BOUNDS, views.counts[2]).depth.any()
     assert not swept(2, views, others, BOUNDS, np.zeros_like(wall)).depth.any()
+
+
+def test_where_one_other_view_looks_it_decides(scene, views):
+    """More of what lies at the edge of all photos is found, as exactly; where two are asked for, it is not."""
+    others = neighbours_of(0, views, *BOUNDS)
+    assert len(others) >= 4
+    lone, both = (
+        swept(0, views, others, BOUNDS, views.counts[0], settings=SweepSettings(fewest=fewest)) for fewest in (1, 2)
+    )
+    more = (lone.depth > 0) & (both.depth == 0)
+    assert more.mean() > 0.03 and (lone.depth > 0)[both.depth > 0].mean() > 0.98
+    assert np.median(np.abs(lone.depth / scene.depths[0] - 1)[more]) < 0.01
+
+
+def test_one_witness_is_enough_where_no_more_look(scene, views):
+    truth = [DepthMap(i, d.astype(np.float32), np.ones_like(d, np.float32)) for i, d in enumerate(scene.depths)]
+    points = lifted_map(truth[0], views)
+    found = compared(points, np.zeros(len(points), np.int32), truth, views)
+    edge = ((found.asked == 1) & (found.agree == 1)).reshape(truth[0].depth.shape)
+    believed, strict = (agreed(truth, views, AgreementSettings(fewest=fewest))[0].depth > 0 for fewest in (1, 2))
+    assert edge.sum() > 20 and believed[edge].all() and not strict[edge].any()
+    inside = (found.asked >= 2).reshape(edge.shape)
+    assert (believed == strict)[inside].all()
 
 
 def test_maps_confirm_one_another_and_shreds_are_dropped(scene, views, maps):
