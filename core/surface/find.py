@@ -25,9 +25,10 @@ from .fill import filled_maps
 from .guess import guessed_from, unconfirmed
 from .hull import Hull, carved_hull
 from .hull_points import hull_samples
-from .maps import samples_of, wanted_pixels
+from .maps import samples_of, share_confirmed, wanted_pixels
+from .smaller import SmallerSettings
 from .speckles import without_speckles
-from .stack import StackSettings, ViewStack, stack_views
+from .stack import StackSettings, stack_views
 from .sweep import DepthMap, swept
 from .union import evened
 
@@ -38,9 +39,11 @@ class SurfaceSettings:
 
     Attributes:
         hurried: depths are sought on smaller views.
+        smaller: when they are sought on smaller views anyway.
     """
 
     hurried: bool = False
+    smaller: SmallerSettings = SmallerSettings()
     hurried_side: int = number(
         160,
         "px",
@@ -57,20 +60,6 @@ class SurfaceSettings:
     )
     carved: float = number(
         0.05, "confidence", "of a sample on the visual hull: the surface is there or behind", FIRST_TRIED, LOOKED_AT
-    )
-    doubtful: float = number(
-        0.45,
-        "share",
-        "of what views show that they agree on, below which views of half the size are asked",
-        "a village from above, 30 photos: 0.46 sharp, 0.11 shaken by 6 to 28 px",
-        "shelf, room, ball and another village, sharp: 0.52 to 0.81",
-    )
-    clearly_more: float = number(
-        1.4,
-        "ratio",
-        "of what views of half the size agree on, from which on these are taken: where photos are sharp it is 1",
-        "a village from above, 30 photos: 1.03 sharp, 2.2 shaken by 6 to 28 px (a draft 23.18 dB -> 23.76)",
-        "a ball, 20 photos shaken by 6 to 20 px: 2.5, 25.10 dB -> 25.50",
     )
     minimum_samples: int = number(
         500, "samples", "that several views must see before they count as surfaces", FIRST_TRIED, LOOKED_AT
@@ -126,7 +115,8 @@ def surface_points(
     features, warning = found_features(scene, work_dir, threads, progress)
     warnings = (warning,) if warning else ()
     checked = _confirmed(scene, features, progress)
-    if _share(checked, views) < settings.doubtful:
+    # (what a hull bounds may be as thin as a px)
+    if scene.object is None and settings.smaller.asked(share_confirmed(checked, views)):
         scene, checked = _smaller(scene, checked, small, features, progress, settings)
         views = scene.views
     trusted = samples_of(checked, views, settings.trusted)
@@ -141,7 +131,7 @@ def surface_points(
         guessed = _guessed(checked, features, scene)
         beyond = far_samples(open_views(checked, filled, wanted), trusted.positions, views, settings.carved)
     points = evened([trusted, samples_of(guessed, views, settings.guessed, even=True), beyond])
-    share = _share(checked, views)
+    share = share_confirmed(checked, views)
     words = f"{len(points.positions)} points on surfaces: photos agree on the depth of {share:.0%} of what they show"
     return FoundSurface(points, words, warnings)
 
@@ -151,12 +141,6 @@ def _confirmed(scene: KnownScene, features: Triangulated | None, progress: Progr
     checked = agreed(_maps(scene, chosen_references(scene.views), features, progress), scene.views)
     # A hull leaves chance no room before the object, and wires of a px are islands, too.
     return checked if scene.object is not None else without_speckles(checked)
-
-
-def _share(checked: Sequence[DepthMap], views: ViewStack) -> float:
-    """Share of what the views show that they agree on."""
-    wanted = sum(int(wanted_pixels(views, one.view).sum()) for one in checked)
-    return sum(int((one.depth > 0).sum()) for one in checked) / max(1, wanted)
 
 
 def _smaller(
@@ -171,8 +155,8 @@ def _smaller(
     half = replace(small, longest_side=small.longest_side // 2)
     other = replace(scene, views=stack_views(scene.photos, scene.cameras, scene.medium, half))
     found = _confirmed(other, features, progress)
-    clearly = _share(found, other.views) > settings.clearly_more * _share(checked, scene.views)
-    return (other, found) if clearly else (scene, checked)
+    shares = share_confirmed(checked, scene.views), share_confirmed(found, other.views)
+    return (other, found) if settings.smaller.taken(*shares) else (scene, checked)
 
 
 def _maps(

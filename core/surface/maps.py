@@ -18,6 +18,12 @@ def wanted_pixels(views: ViewStack, view: int) -> NDArray[np.bool_]:
     return views.counts[view] if views.empty is None else views.counts[view] & ~views.empty[view]
 
 
+def share_confirmed(checked: Sequence[DepthMap], views: ViewStack) -> float:
+    """Share of the px that a surface is wanted for that have a depth."""
+    wanted = sum(int(wanted_pixels(views, one.view).sum()) for one in checked)
+    return sum(int((one.depth > 0).sum()) for one in checked) / max(1, wanted)
+
+
 def samples_of(maps: Sequence[DepthMap], views: ViewStack, least: float, even: bool = False) -> Samples:
     """The px of maps as samples; their confidence from `least` to 1, or `least` for all."""
     parts = []

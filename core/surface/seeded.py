@@ -23,8 +23,9 @@ from .agreement import AgreementSettings, agreed, compared
 from .choice import ChoiceSettings, chosen_references, neighbours_of, spread_poses
 from .guess import GuessSettings, guessed_between, thinned, unconfirmed, unhidden
 from .hull import Hull, carved_hull
-from .maps import samples_of, wanted_pixels
+from .maps import samples_of, share_confirmed, wanted_pixels
 from .missed import with_missed
+from .smaller import SmallerSettings
 from .stack import Floats, StackSettings, ViewStack, stack_views
 from .sweep import Around, DepthMap, SweepSettings, swept
 from .union import Samples, merged_in
@@ -40,9 +41,11 @@ class SeededSettings:
 
     Attributes:
         guess: of the depths between the points.
+        smaller: when the smaller views are asked where the larger ones were.
     """
 
     guess: GuessSettings = GuessSettings()
+    smaller: SmallerSettings = SmallerSettings()
 
     longest_side: tuple[int, int] = number(
         (128, 256),
@@ -73,18 +76,6 @@ class SeededSettings:
     trusted: float = number(0.2, "confidence", "that a sample which several views see has at least", _CHOSEN, _CHECKED)
     guessed: float = number(0.5, "confidence", "of a sample that nobody confirms", _CHOSEN, _CHECKED)
     side: float = number(1.0, "px of a small view", "side of the cells that hold one sample each", _CHOSEN, _CHECKED)
-    doubtful: float = number(
-        0.45,
-        "share",
-        "of what photos show that is confirmed, below which small views are asked where large ones were",
-        "a ball shaken by 6 to 20 px, 20 photos: 0.39; shelf and village, sharp: 0.74, 0.55",
-    )
-    clearly_more: float = number(
-        1.4,
-        "ratio",
-        "of what small views confirm, from which on they are taken: photos are blurred, each in its way",
-        "a ball shaken by 6 to 20 px, 20 photos: 1.56, 24.47 dB -> 24.70; shelf and village, sharp: 1.12, 1.18",
-    )
     least_share: float = number(
         0.05, "share", "of what photos show that must be confirmed; else the photos say no more than the points"
     )
@@ -126,10 +117,11 @@ def seeded_surface(
     side = _side(seen, medium, settings)
     found = _confirmed(seen, cameras, medium, side, progress, settings)
     least = min(settings.longest_side)
-    if found.share < settings.doubtful and side > least:
-        smaller = _confirmed(seen, cameras, medium, least, progress, settings)
-        found = smaller if smaller.share > settings.clearly_more * found.share else found
-    if found.share < settings.least_share or found.confirmed < settings.minimum_samples:
+    if side > least and settings.smaller.asked(found.share):
+        other = _confirmed(seen, cameras, medium, least, progress, settings)
+        found = other if settings.smaller.taken(found.share, other.share) else found
+    confirmed = sum(int((one.depth > 0).sum()) for one in found.checked)
+    if found.share < settings.least_share or confirmed < settings.minimum_samples:
         return None
     views = found.views
     trusted = samples_of(found.checked, views, settings.trusted)
@@ -141,13 +133,12 @@ def seeded_surface(
 
 @dataclass(frozen=True)
 class _Confirmed:
-    """What small views show: a guess [H, W] and what is confirmed of each that was swept, in px and as a share."""
+    """What small views show: a guess [H, W] and what is confirmed of each that was swept, and its share."""
 
     views: ViewStack
     hull: Hull | None
     guesses: list[Floats]
     checked: list[DepthMap]
-    confirmed: int
     share: float
 
 
@@ -165,9 +156,7 @@ def _confirmed(
     guesses, maps = _maps(views, cameras.points, hull, progress, settings)
     banded = agreed(maps, views, AgreementSettings(witnesses=settings.witnesses))
     checked = with_missed(banded, cameras.points.positions, views, hull)
-    confirmed = sum(int((one.depth > 0).sum()) for one in checked)
-    wanted = sum(int(wanted_pixels(views, one.view).sum()) for one in checked)
-    return _Confirmed(views, hull, guesses, checked, confirmed, confirmed / max(1, wanted))
+    return _Confirmed(views, hull, guesses, checked, share_confirmed(checked, views))
 
 
 def _side(photos: Sequence[Photo], medium: Medium, settings: SeededSettings) -> int:
