@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -72,14 +73,28 @@ def spread_poses(centres: Floats, axes: Floats, count: int, settings: ChoiceSett
     """As `chosen_references`, of cameras at `centres` [V, 3] that look along `axes` [V, 3]."""
     if len(centres) <= count:
         return list(range(len(centres)))
-    spread = float(np.sqrt(((centres - centres.mean(0)) ** 2).sum(1).mean())) or 1.0
-    where = np.concatenate([centres / spread, settings.turned * axes], axis=1)
+    where = _posed(centres, axes, settings)
     chosen = [0]
     distance = np.full(len(centres), np.inf)
     while len(chosen) < count:
         distance = np.minimum(distance, ((where - where[chosen[-1]]) ** 2).sum(1))
         chosen.append(int(distance.argmax()))
     return sorted(chosen)
+
+
+def most_alike(
+    view: int, among: Sequence[int], views: ViewStack, count: int, settings: ChoiceSettings = SETTINGS
+) -> list[int]:
+    """Which of the views `among` (positions in it, at most `count`) are nearest to a view in place and direction."""
+    where = _posed(views.centres, views.rotations[:, 2], settings)
+    distance = ((where[list(among)] - where[view]) ** 2).sum(1)
+    return [int(index) for index in np.argsort(distance, kind="stable")[:count]]
+
+
+def _posed(centres: Floats, axes: Floats, settings: ChoiceSettings) -> Floats:
+    """[V, 6] places and directions in one measure."""
+    spread = float(np.sqrt(((centres - centres.mean(0)) ** 2).sum(1).mean())) or 1.0
+    return np.concatenate([centres / spread, settings.turned * axes], axis=1)
 
 
 def neighbours_of(

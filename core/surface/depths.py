@@ -18,7 +18,7 @@ from ..sfm.provenance import FIRST_TRIED, LOOKED_AT
 from ..sfm.scatter import closest_point
 from ..sfm.settings import SfmSettings
 from ..sfm.triangulate import Triangulated, triangulate
-from .choice import chosen_references, neighbours_of
+from .choice import chosen_references, most_alike, neighbours_of
 from .hull import Hull
 from .stack import Floats, ViewStack
 
@@ -54,6 +54,13 @@ class DepthSettings:
     )
     blind_farthest: float = number(
         3.0, "share", "of the guessed distance: end, where nothing is found", FIRST_TRIED, LOOKED_AT
+    )
+    alike: int = number(
+        3,
+        "views",
+        "whose depths a view takes that too few features are in",
+        "the first value that was tried; a village from above, 30 photos: drafts of 25.88 -> 26.29 dB",
+        "the same photos shaken 23.42 -> 24.49; four other sets have no such view",
     )
     ahead: float = number(
         0.3,
@@ -129,18 +136,41 @@ def _pairs(view: int, scene: KnownScene, chosen: Sequence[int]) -> list[tuple[in
     return [(min(view, int(other)), max(view, int(other))) for other in others]
 
 
-def depth_bounds(view: int, scene: KnownScene, features: Triangulated | None) -> tuple[float, float]:
-    """Depths between which a view's surfaces are sought, world units."""
+def depth_bounds(views: Sequence[int], scene: KnownScene, features: Triangulated | None) -> list[tuple[float, float]]:
+    """Depths between which the surfaces of each of these views are sought, world units.
+
+    A view that too few features are in takes the depths of those most like it in place and direction.
+    """
+    own = [_own_bounds(view, scene, features) for view in views]
+    known = [view for view, bounds in zip(views, own, strict=True) if bounds is not None]
+    theirs = np.array([bounds for bounds in own if bounds is not None])
+    found = []
+    for view, bounds in zip(views, own, strict=True):
+        if bounds is None and known:
+            alike = theirs[most_alike(view, known, scene.views, SETTINGS.alike)]
+            bounds = float(alike[:, 0].min()), float(alike[:, 1].max())
+        found.append(_blind_bounds(view, scene.views) if bounds is None else bounds)
+    return found
+
+
+def _own_bounds(view: int, scene: KnownScene, features: Triangulated | None) -> tuple[float, float] | None:
+    """By the hull, or by the features in the view; None where neither says anything."""
     bounds = None if scene.object is None else scene.object.near_far(scene.views, view)
     if bounds is not None:
         return max(bounds[0], SETTINGS.closest * bounds[1]), bounds[1]
-    if features is not None:
-        own = _seen_by(view, scene.views, features)
-        depth = own if len(own) >= SETTINGS.minimum_seen else scene.views.depths(view, features.positions)[1]
-        if len(depth) >= SETTINGS.minimum_seen:
-            near, far = np.percentile(depth, [SETTINGS.stray, 100.0 - SETTINGS.stray])
-            return SETTINGS.nearest * float(near), SETTINGS.farthest * float(far)
-    distance = _distance(view, scene.views)
+    if features is None:
+        return None
+    own = _seen_by(view, scene.views, features)
+    depth = own if len(own) >= SETTINGS.minimum_seen else scene.views.depths(view, features.positions)[1]
+    if len(depth) < SETTINGS.minimum_seen:
+        return None
+    near, far = np.percentile(depth, [SETTINGS.stray, 100.0 - SETTINGS.stray])
+    return SETTINGS.nearest * float(near), SETTINGS.farthest * float(far)
+
+
+def _blind_bounds(view: int, views: ViewStack) -> tuple[float, float]:
+    """By where the cameras look alone."""
+    distance = _distance(view, views)
     return SETTINGS.blind_nearest * distance, SETTINGS.blind_farthest * distance
 
 

@@ -165,10 +165,10 @@ def _maps(
     """A map of each of the views in `references`."""
     progress.stage("surface", len(references))
     maps = []
-    for done, view in enumerate(references, start=1):
+    ranges = depth_bounds(references, scene, features)
+    for done, (view, bounds) in enumerate(zip(references, ranges, strict=True), start=1):
         if progress.cancelled():
             raise Cancelled("Stopped while looking for surfaces")
-        bounds = depth_bounds(view, scene, features)
         others = neighbours_of(view, scene.views, *bounds)
         maps.append(swept(view, scene.views, others, bounds, wanted_pixels(scene.views, view), scene.hull))
         progress.advance(done)
