@@ -30,7 +30,7 @@ from .smaller import SmallerSettings
 from .speckles import without_speckles
 from .stack import StackSettings, stack_views
 from .sweep import DepthMap, swept
-from .union import evened
+from .union import merged_in
 
 
 @dataclass(frozen=True)
@@ -60,6 +60,21 @@ class SurfaceSettings:
     )
     carved: float = number(
         0.05, "confidence", "of a sample on the visual hull: the surface is there or behind", FIRST_TRIED, LOOKED_AT
+    )
+    side: float = number(
+        1.0,
+        "px of a small view",
+        "side of the cells that hold one point each. Cells as large as they must be for `points` are worse: they"
+        " blunt what was measured, and what many views see gets no more points than the rest",
+        "as around known points; drafts at given cameras with it instead of even cells: room 26.73 -> 26.97 dB",
+        "ball 27.93 -> 28.14, village from above 26.26 -> 26.29, shelf 32.60 -> 32.62, orrery the same; 3 s less",
+    )
+    points: int = number(
+        60000,
+        "count",
+        "points at most: a training of 100,000 Gaussians begins with fewer than it ends",
+        FIRST_TRIED,
+        LOOKED_AT,
     )
     minimum_samples: int = number(
         500, "samples", "that several views must see before they count as surfaces", FIRST_TRIED, LOOKED_AT
@@ -130,7 +145,8 @@ def surface_points(
     else:
         guessed = _guessed(checked, features, scene)
         beyond = far_samples(open_views(checked, filled, wanted), trusted.positions, views, settings.carved)
-    points = evened([trusted, samples_of(guessed, views, settings.guessed, even=True), beyond])
+    parts = [trusted, samples_of(guessed, views, settings.guessed, even=True), beyond]
+    points = merged_in(parts, settings.side, settings.points)
     share = share_confirmed(checked, views)
     words = f"{len(points.positions)} points on surfaces: photos agree on the depth of {share:.0%} of what they show"
     return FoundSurface(points, words, warnings)
@@ -187,7 +203,7 @@ def _without_maps(
     """What is left where views do not agree on depths: the hull, or features, or nothing."""
     hull: Hull | None = scene.hull
     if hull is not None and hull.bounded:
-        points = evened([hull_samples(hull, scene.views, [], settings.carved)])
+        points = merged_in([hull_samples(hull, scene.views, [], settings.carved)], settings.side, settings.points)
         return points, f"{len(points.positions)} points on the hull of what the photos leave open: they show no depth"
     if features is None or len(features.positions) < settings.minimum_features or features.contradicts:
         return SparsePoints(np.zeros((0, 3)), np.zeros((0, 3), np.uint8)), ""

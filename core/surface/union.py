@@ -1,4 +1,4 @@
-"""Many overlapping samples of surfaces, made one even set."""
+"""Many overlapping samples of surfaces, made one set."""
 
 from __future__ import annotations
 
@@ -21,21 +21,9 @@ _ROOM = 1 << 19
 class UnionSettings:
     """Of the set of points."""
 
-    count: int = number(
-        60000,
-        "count",
-        "points at most: a training of 100,000 Gaussians begins with fewer than it ends",
-        FIRST_TRIED,
-        LOOKED_AT,
-    )
-    finest: float = number(
-        0.5, "px of a small view", "least side of a cell: finer than that nothing was measured", FIRST_TRIED, LOOKED_AT
-    )
-    coarsest: float = number(64.0, "px of a small view", "largest side of a cell", FIRST_TRIED, LOOKED_AT)
     near: float = number(
         2.0, "cells", "within which a better sample leaves no need for a worse one", FIRST_TRIED, LOOKED_AT
     )
-    halvings: int = number(12, "count", "steps in which the side of a cell is found", FIRST_TRIED, LOOKED_AT)
 
 
 SETTINGS = UnionSettings()
@@ -69,39 +57,26 @@ def joined(parts: Sequence[Samples]) -> Samples:
     return Samples(*(np.concatenate([getattr(part, name) for part in parts]) for name in fields))
 
 
-def evened(parts: Sequence[Samples], settings: UnionSettings = SETTINGS) -> SparsePoints:
+def merged_in(
+    parts: Sequence[Samples], side: float, most: int | None = None, settings: UnionSettings = SETTINGS
+) -> SparsePoints:
     """One point for each cell that holds samples: their mean place, median colour and best confidence.
 
     Args:
         parts: the most trustworthy first; samples of later ones count only where none of earlier ones are near.
+        side: of the cells, px of a small view; they grow with the distance from which the samples were seen (by powers
+            of two), as a px does.
+        most: points at most, by chance; None for all.
 
     Returns:
-        At most about `settings.count` points, in an order of no meaning.
-
-    The cells are as large as they must be for `settings.count` points, and grow with the distance from which
-    the samples were seen (by powers of two), as a px does.
+        Points in an order of no meaning: denser where more views look, who say more of it.
     """
     samples, rank = _ranked(parts)
     if len(samples) == 0:
         return _nothing()
-    low, high = settings.finest, settings.coarsest
-    kept = _kept(samples, rank, low, settings)
-    if len(np.unique(_keys(kept, low))) > settings.count:
-        for _ in range(settings.halvings):
-            middle = (low * high) ** 0.5
-            kept = _kept(samples, rank, middle, settings)
-            low, high = (middle, high) if len(np.unique(_keys(kept, middle))) > settings.count else (low, middle)
-        kept, low = _kept(samples, rank, high, settings), high
-    return _merged(kept, _keys(kept, low))
-
-
-def merged_in(parts: Sequence[Samples], side: float, settings: UnionSettings = SETTINGS) -> SparsePoints:
-    """As `evened`, in cells of a given side (px of a small view), however many points that are: much quicker."""
-    samples, rank = _ranked(parts)
-    if len(samples) == 0:
-        return _nothing()
     kept = _kept(samples, rank, side, settings)
-    return _merged(kept, _keys(kept, side))
+    points = _merged(kept, _keys(kept, side))
+    return points if most is None or len(points.positions) <= most else points.chosen(np.arange(most))
 
 
 def _ranked(parts: Sequence[Samples]) -> tuple[Samples, NDArray[np.int64]]:

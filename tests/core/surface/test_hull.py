@@ -10,7 +10,7 @@ from dgs.core.surface.hull import EMPTY, FILLED, HullSettings, carved_hull
 from dgs.core.surface.hull_points import hull_samples
 from dgs.core.surface.stack import StackSettings, stack_views
 from dgs.core.surface.sweep import DepthMap
-from dgs.core.surface.union import Samples, UnionSettings, evened
+from dgs.core.surface.union import Samples, merged_in
 from dgs.tests.core.surface.scenes import RADIUS, arc, around, drawn, texture
 
 COARSE = HullSettings(cells=(16, 32, 64))
@@ -96,24 +96,27 @@ def _samples(positions, colour=100, confidence=0.5, spacing=0.01):
     )
 
 
-def test_many_samples_become_an_even_set():
+def test_many_samples_become_one_point_for_each_cell():
     noise = np.random.default_rng(2)
     dense = np.concatenate([noise.uniform(0, 1, (20000, 2)), 0.1 * noise.uniform(0, 1, (20000, 2))])
-    points = evened([_samples(np.c_[dense, np.zeros(len(dense))])], UnionSettings(count=900))
-    assert 600 < len(points.positions) <= 900
+    samples = [_samples(np.c_[dense, np.zeros(len(dense))])]
+    points = merged_in(samples, 4.0)
+    assert 900 < len(points.positions) <= 33**2
     # As many per area in the crowded corner as elsewhere.
     corner = (points.positions[:, :2] < 0.1).all(1).sum() / 0.01
     assert 0.5 < corner / (len(points.positions) / 1.0) < 2.0
     assert points.confidence is not None and points.confidence.dtype == np.float32
-    again = evened([_samples(np.c_[dense, np.zeros(len(dense))])], UnionSettings(count=900))
-    np.testing.assert_array_equal(points.positions, again.positions)
+    fewer = merged_in(samples, 4.0, 300)
+    np.testing.assert_array_equal(fewer.positions, points.positions[:300])
+    # ... which are from everywhere.
+    assert (np.histogram2d(*fewer.positions[:, :2].T, bins=3, range=[[0, 1], [0, 1]])[0] > 15).all()
 
 
 def test_worse_samples_count_only_where_no_better_ones_are():
     grid = np.stack(np.meshgrid(np.arange(20.0), np.arange(20.0), [0.0]), -1).reshape(-1, 3)
     better = _samples(grid[grid[:, 0] < 10], 200, 0.9, 1.0)
     worse = _samples(grid + 0.01, 50, 0.1, 1.0)
-    points = evened([better, worse])
+    points = merged_in([better, worse], 0.5)
     left = points.positions[:, 0] < 9
     assert (points.colours[left] == 200).all() and (points.confidence[left] == np.float32(0.9)).all()
     right = points.positions[:, 0] > 12
@@ -127,10 +130,10 @@ def test_a_cell_has_the_median_colour_and_the_weighted_place():
         np.array([0.2, 0.2, 0.6], np.float32),
         np.full(3, 1.0),
     )
-    points = evened([parts])
+    points = merged_in([parts], 0.5)
     assert points.colours.tolist() == [[20, 0, 0]] and points.confidence.tolist() == [np.float32(0.6)]
     np.testing.assert_allclose(points.positions, [[0.14, 0, 0]], rtol=1e-6)
-    assert len(evened([_samples(np.zeros((0, 3)))]).positions) == 0
+    assert len(merged_in([_samples(np.zeros((0, 3)))], 0.5).positions) == 0
 
 
 def test_a_wire_thinner_than_a_small_px_is_not_empty():
