@@ -13,8 +13,8 @@ from ..sfm.provenance import FIRST_TRIED, LOOKED_AT
 from ..views import SparsePoints
 from .stack import Floats
 
-#: Cells along each axis that a key has room for.
-_ROOM = 1 << 19
+#: Cells along each axis at most: as many that a few million samples and their ranks fit into a key of 63 bits.
+_ROOM = 1 << 40
 
 
 @dataclass(frozen=True)
@@ -97,11 +97,23 @@ def _kept(samples: Samples, rank: NDArray[np.int64], side: float, settings: Unio
 
 
 def _keys(samples: Samples, side: float) -> NDArray[np.int64]:
+    """[N] a number for the cell of each sample, in the order of levels, x, y, z.
+
+    Things at hand before a far horizon need more cells along an axis than a key has room for: then what is in the key
+    so far is replaced by its rank.
+    """
     level = np.floor(np.log2(np.maximum(samples.spacing, 1e-300)))
-    cell = np.floor((samples.positions - samples.positions.min(0)) / (side * 2.0**level)[:, None]).astype(np.int64)
-    cell = np.minimum(cell, _ROOM - 1)
-    levels = (level - level.min()).astype(np.int64) % 8
-    return np.asarray(((levels * _ROOM + cell[:, 0]) * _ROOM + cell[:, 1]) * _ROOM + cell[:, 2])
+    cell = np.floor((samples.positions - samples.positions.min(0)) / (side * 2.0**level)[:, None])
+    cell = np.minimum(cell, _ROOM - 1).astype(np.int64)
+    key = (level - level.min()).astype(np.int64)
+    count = int(key.max()) + 1
+    for column in cell.T:
+        along = int(column.max()) + 1
+        if count * along >= 1 << 63:
+            key = np.unique(key, return_inverse=True)[1]
+            count = int(key.max()) + 1
+        key, count = key * along + column, count * along
+    return np.asarray(key)
 
 
 def _merged(samples: Samples, keys: NDArray[np.int64]) -> SparsePoints:

@@ -112,6 +112,18 @@ def test_many_samples_become_one_point_for_each_cell():
     assert (np.histogram2d(*fewer.positions[:, :2].T, bins=3, range=[[0, 1], [0, 1]])[0] > 15).all()
 
 
+def test_things_at_hand_keep_their_points_before_a_far_horizon():
+    """A grid of 1 mm at hand, and hills 20 km off on all sides: as many points at hand as without the hills."""
+    hand = np.stack(np.meshgrid(np.arange(40) * 1e-3, np.arange(40) * 1e-3, [1.0]), -1).reshape(-1, 3)
+    turn = np.linspace(0, 2 * np.pi, 30)
+    hills = 2e4 * np.stack([np.cos(turn), np.sin(turn), np.sin(3 * turn)], axis=1)
+    near = _samples(hand, 200, 0.9, 1e-3)
+    points = merged_in([near, _samples(hills, 50, 0.1, 80.0)], 1.0)
+    at_hand = np.linalg.norm(points.positions, axis=1) < 10
+    assert at_hand.sum() == len(merged_in([near], 1.0).positions) and (points.colours[at_hand] == 200).all()
+    assert (~at_hand).sum() == len(hills) - 1  # the circle's first and last are one
+
+
 def test_worse_samples_count_only_where_no_better_ones_are():
     grid = np.stack(np.meshgrid(np.arange(20.0), np.arange(20.0), [0.0]), -1).reshape(-1, 3)
     better = _samples(grid[grid[:, 0] < 10], 200, 0.9, 1.0)
