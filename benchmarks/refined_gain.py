@@ -28,11 +28,11 @@ from dgs.core.pose import Pose
 from dgs.core.progress import Silent
 from dgs.core.reconstruction import Reconstruction
 from dgs.core.sfm.given import load_cameras
+from dgs.core.training.pose_steps import twisted
 from dgs.core.training.settings import TrainingSettings
 from dgs.core.training.trainer import Trainer
 from dgs.core.twin.consensus import align_view
 from dgs.core.twin.opened import open_twin
-from dgs.core.twin.pose_steps import twisted
 from dgs.core.twin.refine_cameras import ViewAligner
 
 ROOT = Path(__file__).resolve().parents[1]

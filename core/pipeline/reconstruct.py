@@ -145,7 +145,10 @@ def _stages(run: RunSettings, given: Spreads | None, truth: TruthFolder | None, 
         watch.lap("effects")
     chosen = effects.chosen
     settings = training_settings(run.training, machine, timing.limited, sigma, not chosen.formation.blurs)
-    asked = TrainingJob(effects.fitted, effects.heldout, points, effects.medium, settings, chosen.formation)
+    found = cameras.source == "sfm"
+    asked = TrainingJob(
+        effects.fitted, effects.heldout, points, effects.medium, settings, chosen.formation, found=found
+    )
     planned = fit_into_time(asked, photos, run.training.max_gaussians, run.resume, timing, folder)
     if planned.enough:
         keeper.note("The time limit is more than the longest training of these photos takes: the run ends before it")
@@ -160,7 +163,6 @@ def _stages(run: RunSettings, given: Spreads | None, truth: TruthFolder | None, 
     period = resolvable_period(effects.typical)
     seen = formation_of_all(trained.formation, views.names)
     viewer = _viewer(trained, cameras.reconstruction, machine.device)
-    found = cameras.source == "sfm"
     scorer = ViewScorer(viewer, cameras.reconstruction, effects.medium, truth, period, keeper, seen, found)
     scored = score_views(scorer, photos, loaded.held, machine.threads, timing, folder)
     if over := timing.overrun():

@@ -90,7 +90,7 @@ class ViewScorer:
         pose, motion = self.reconstruction.poses[name], motion_of(self.formation.effects)
         if motion is None or not self.found:
             return pose, None
-        return motion.mean_pose(name, pose), motion.offset(name, focal)
+        return motion.mean_pose(name, pose, focal), motion.offset(name, focal)
 
     def score(
         self, photo: Photo, heldout: bool, keep: Callable[[NDArray[np.uint8]], None] | None = None

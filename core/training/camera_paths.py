@@ -31,8 +31,10 @@ from ..colour import srgb_to_linear
 from ..devices import in_memory
 from ..forward import Exposed
 from ..imaging.formation.motion import CameraMotion
-from ..imaging.formation.path_poses import middles, polynomials
+from ..imaging.formation.path_poses import mean_twist, middles, polynomials
 from ..numbers import BY_DEFINITION, number
+from ..pose import Pose
+from ..rigid_motion import twist_between
 from .path_slopes import Linearised, Sampled, slopes_along
 from .readout import LearnedReadout, slopes_in_readout, step_and_variance
 
@@ -209,6 +211,7 @@ class CameraPaths:
         self._fitted = [self._index[name] for name in fitted if name in self._index]
         self.readout = None if start.readout_given else LearnedReadout(len(self._fitted))
         self._common = common_to([cameras[names[i]] for i in self._fitted], settings.photos_per_bend)
+        self._placed = torch.zeros(len(names), 6)
         self._visits = np.zeros(len(names), np.int64)
         self._depths: dict[str, SampledDepth] = {}
         self._begin(cameras, settings.start * step * self.motion.exposures, seed)
@@ -304,8 +307,26 @@ class CameraPaths:
         trust = s.independent / max(float(weight.numel()), 1.0) / max(noise, 1e-8)
         matrix, vector = (weighted @ jacobian.T).double() * trust, (weighted @ rest).double() * trust
         precision = self._prior(visit.name) ** -2.0
-        vector = vector - self._now(visit) * precision
+        beside = self._now(visit)
+        beside[:6] -= (self._placed[visit.index] / self._units[visit.index]).double()
+        vector = vector - beside * precision
         return Linearised(jacobian, rest, weight, trust, matrix + torch.diag(precision), vector)
+
+    def stands(self, camera: Camera) -> Camera:
+        """The camera of a photo where it was on average."""
+        pose = self.motion.mean_pose(camera.name, Pose(camera.rotation, camera.translation), camera.fx)
+        return camera.moved(pose.rotation, pose.translation)
+
+    def place(self, camera: Camera, where: Camera) -> None:
+        """Lets a photo's path lie elsewhere from now on: its camera `camera` was at `where` on average.
+
+        What offsets have in common, and what is likely of them, is counted from there.
+        """
+        i = self._index[camera.name]
+        before, after = (np.column_stack([c.rotation, c.translation]) for c in (camera, where))
+        beside = mean_twist(self._twists[i], self.motion.frames(camera.name, camera)) - self._twists[i, 0].double()
+        self._placed[i] = (torch.from_numpy(twist_between(before, after)) - beside).float()
+        self._twists[i, 0] = self._placed[i]
 
     def _now(self, visit: Visit) -> Tensor:
         """[(M + 1) 6] float64 coefficients of a photo's path, px."""
@@ -415,7 +436,7 @@ class CameraPaths:
     def _settle(self, index: int) -> None:
         """Takes from the offsets of the fitted photos, in px, what is common to them."""
         if index in self._fitted:
-            offsets = self._twists[self._fitted, 0] / self._units[self._fitted]
+            offsets = (self._twists[self._fitted, 0] - self._placed[self._fitted]) / self._units[self._fitted]
             self._twists[self._fitted, 0] -= (self._common @ offsets) * self._units[self._fitted]
 
     def _prior(self, name: str) -> Tensor:
@@ -465,7 +486,8 @@ class CameraPaths:
             when[self._index[name]] = known.visits, *known.size
         rolls = {} if self.readout is None else self.readout.state()
         counts = {"paths.visits": self._visits.copy(), "paths.readout": np.array([self.motion.readout])}
-        return {"paths": self._twists.numpy().copy(), "paths.drawn": when, **counts, **drawn, **rolls}
+        placed = {"paths.placed": self._placed.numpy().copy()}
+        return {"paths": self._twists.numpy().copy(), "paths.drawn": when, **placed, **counts, **drawn, **rolls}
 
     def restore(self, arrays: Mapping[str, NDArray[Any]]) -> bool:
         """Goes on from `state`; whether it is there, and of these photos."""
@@ -480,6 +502,11 @@ class CameraPaths:
         self.motion.readout = float(readout[0])
         self.motion.readout_error = None if self.readout is None else self.readout.error
         self._twists.copy_(torch.from_numpy(np.asarray(twists, np.float32)))
+        placed = arrays.get("paths.placed")  # (older checkpoints have none)
+        if placed is not None:
+            if placed.shape != tuple(self._placed.shape) or not np.isfinite(placed).all():
+                return False
+            self._placed.copy_(torch.from_numpy(np.asarray(placed, np.float32)))
         self._visits = np.asarray(visits, np.int64).copy()
         self._depths.clear()
         for name, i in self._index.items():

@@ -21,6 +21,7 @@ class TrainingJob:
         points: sparse points in the same world.
         medium, formation: point spreads, and effects besides them.
         evaluated: whether held-out photos are looked at in the course of the run, too, and not only at its end.
+        found: the cameras were found from the photos, so that they may be moved where paths are learned.
     """
 
     views: Sequence[View]
@@ -30,6 +31,7 @@ class TrainingJob:
     settings: TrainingSettings
     formation: Formation = Formation()
     evaluated: bool = True
+    found: bool = False
 
 
 @dataclass(frozen=True)

@@ -124,6 +124,7 @@ def train(
     compile_kernels(settings.sh_degree)
     compiled_at = time.perf_counter()
     trainer = Trainer(job.views, job.heldout, job.points, job.medium, settings, job.formation)
+    trainer.found = job.found
     agreed = {name: value for name, value in asdict(settings).items() if name not in ("threads", "device")}
     ranks.agree({"version": VERSION, **trainer.fingerprint(), "settings": agreed}, rank_difference)
     trainer.join(ranks)
@@ -243,6 +244,7 @@ class _Run:
             share = min(schedule.share(trainer.step, spent), 1.0 - 1e-9)
             self._loss = trainer.advance(share)
             trainer.ask_photos(share)
+            trainer.adjust_cameras(share)
             self._report(schedule, clock, limited=limit is not None)
             if watch is not None:
                 watch(trainer)

@@ -18,6 +18,7 @@ from ..constants import SH_COEFFICIENTS
 from ..devices import backend_on
 from ..errors import TrainingError
 from ..evaluation.halves import exposed_by_halves
+from ..evaluation.shifts import shifts_between
 from ..forward import Exposed, Exposure, ForwardModel, SubFrame, low_pass_on_grid, margin_for, sharp_view
 from ..forward.compare import mean_square, psnr_of
 from ..frames import Frame
@@ -30,6 +31,9 @@ from ..imaging.spectrum import NoiseToSignal, noise_to_signal
 from ..numbers import number
 from ..rasterizer import RasterSettings
 from ..views import SparsePoints, View
+from .adjusting import SETTINGS as ADJUSTING
+from .adjusting import adjusted_cameras, placed_camera
+from .adjusting import due as due_adjustments
 from .behind import background_of, colour_behind, without_empty
 from .camera_paths import SETTINGS as PATHS
 from .checkpoint import Checkpoint
@@ -56,6 +60,7 @@ from .scale import SceneScale, scene_scale
 from .schedule import harmonics_degree
 from .settings import TrainingSettings, rates_of_long_runs, smoothed_for, smoothness, start_share, trust
 from .through_glass import GlassObjective, behind_glass
+from .twin_tracks import Sighting, carried
 
 
 @dataclass(frozen=True)
@@ -96,6 +101,7 @@ class Trainer:
 
     Attributes:
         ranks: processes that train together (`join`); each renders photos of its own in a step.
+        found: the cameras were found from the photos, and may be moved where paths are learned (`adjust_cameras`).
 
     Raises:
         CameraError: no point lies in front of a camera.
@@ -111,7 +117,7 @@ class Trainer:
         formation: Formation = Formation(),
         start: Gaussians | None = None,
     ) -> None:
-        self.ranks = ALONE
+        self.ranks, self.found = ALONE, False
         self.together = photos_of_one_side(views, points)  # they average noise; copies average none
         self.scale: SceneScale = scene_scale([v.camera for v in views], points)
         settings = self._settings_for(settings, medium, formation, views)
@@ -154,7 +160,8 @@ class Trainer:
         self.step = 0
         self.repairs: dict[str, int] = {}
         self.culled: dict[str, int] = {}
-        self.asked = {"photos": 0, "unneeded": 0}  # how often all photos were asked, and what went since none needed it
+        # how often all photos were asked, what went since none needed it, and how often cameras were adjusted
+        self.asked = {"photos": 0, "unneeded": 0, "adjusted": 0}
         self._origin: dict[str, Any] | None = None
 
     def _settings_for(
@@ -507,6 +514,17 @@ class Trainer:
             self._find_unseen(level, view)
             for _ in range(visits):
                 self.follow_unseen(level, view)
+            self._place_unseen(level, view)
+
+    def _place_unseen(self, level: Level, view: GridView) -> None:
+        """Places the camera of a photo that is held out before the finished twin, if it was found.
+
+        What the photos showed when cameras were adjusted last is not quite the twin that became of it.
+        """
+        paths = self.learned.paths
+        if paths is not None and self.asked["adjusted"] and view.name in paths.motion.names:
+            for _ in range(ADJUSTING.unseen_rounds):
+                paths.place(view.camera, placed_camera(self._sighting(level, view)))
 
     def measure_kernels(self) -> None:
         """Finds how well each photo determines its kernel, on the Gaussians as they are."""
@@ -537,6 +555,47 @@ class Trainer:
             self.density.keep(self.optimizer, rows)
             self.asked["unneeded"] += before - len(rows)
         self.asked["photos"] += 1
+
+    def adjust_cameras(self, share: float) -> None:
+        """Moves all cameras and the surface by what photos show beside the twin, where a share of the run makes it due.
+
+        Only cameras that were found, in photos that were shaken.
+        """
+        paths = self.learned.paths
+        if paths is None or not self.found or self.asked["adjusted"] >= due_adjustments(share):
+            return
+        self.asked["adjusted"] = due_adjustments(share)
+        level = self.levels[0] if share < self.settings.coarse_share else self.levels[-1]
+        unseen = self._on_grid(self.heldout, level.step)
+        for view in unseen:
+            for _ in range(ADJUSTING.unseen_visits):
+                self.follow_unseen(level, view)
+        views = [view for view in (*level.views, *unseen) if view.name in paths.motion.names]
+        fitted = [self._sighting(level, view) for view in level.views if view in views]
+        others = [self._sighting(level, view) for view in unseen if view in views]
+        moved = adjusted_cameras(fitted, others, np.random.default_rng([self.settings.seed, 5, self.step]))
+        if moved is None:
+            return
+        for view, camera in zip(views, moved.cameras, strict=True):
+            paths.place(view.camera, camera)
+        means = self.optimizer.gaussians.means
+        with torch.no_grad():
+            places = carried(means.cpu().double().numpy(), moved.before, moved.after)
+            means.copy_(torch.from_numpy(places).to(means))
+
+    def _sighting(self, level: Level, view: GridView) -> Sighting:
+        """What a photo shows beside the twin."""
+        paths = self.learned.paths
+        assert paths is not None
+        camera = paths.stands(view.camera)
+        shown = self.exposed(level, view).degraded.cpu().numpy()
+        settings = replace(self.raster_settings(level), depth=True)
+        with torch.no_grad():
+            still = sharp_view(self.optimizer.gaussians, camera, settings, self.background)
+        assert still.mean_depth is not None
+        depth = torch.where(still.alpha > ADJUSTING.opaque, still.mean_depth, 0.0).cpu().numpy()
+        shifts = shifts_between(shown, view.planes(), view.valid)
+        return Sighting(camera, shifts, depth, view.valid)
 
     def _seen(self, photos: list[tuple[Camera, torch.Tensor | None]], settings: RasterSettings) -> SeenByPhotos:
         """What the photos see of each Gaussian; every rank looks at some of them."""
@@ -591,9 +650,10 @@ class Trainer:
         """What was added, removed, refused and repaired so far."""
         names = {f"refused, non-finite gradient of {n}": c for n, c in self.optimizer.refused.items()}
         refused = {"refused, non-finite gradients": sum(names.values()), **names}
+        adjusted = {"cameras adjusted": self.asked["adjusted"]} if self.asked["adjusted"] else {}
         culled = {f"culled, {_CULLED[reason]}": self.culled.get(reason, 0) for reason in _CULLED}
         always = {"dropped, non-finite Gaussians": 0, "clamped scales, most at once": 0, **self.repairs}
-        return {**self.density.counts, "unneeded": self.asked["unneeded"], **refused, **always, **culled}
+        return {**self.density.counts, "unneeded": self.asked["unneeded"], **adjusted, **refused, **always, **culled}
 
     def fingerprint(self) -> dict[str, Any]:
         """What a checkpoint must share with this run to be continued by it."""

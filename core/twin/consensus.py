@@ -14,12 +14,12 @@ import torch
 from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
+from ..evaluation.shifts import Shifts, shifts_between
 from ..numbers import number
+from ..training.bundle import Observations, aligned_camera
 from ..training.grid import GridView
 from ..training.level import Level
 from ..training.trainer import Trainer
-from .adjust import Observations, aligned_camera
-from .shifts import Shifts, shifts_between
 
 Floats = NDArray[np.float64]
 

@@ -24,14 +24,14 @@ from ..forward.compare import mask_of, mean_square
 from ..imaging.medium import Medium
 from ..numbers import number
 from ..progress import Progress
+from ..training.bundle import adjusted
 from ..training.grid import GridView
 from ..training.level import Level
+from ..training.pose_steps import without_gauge
 from ..training.settings import TrainingSettings
 from ..training.trainer import Trainer
 from ..views import SparsePoints, View
-from .adjust import adjusted
 from .consensus import align_view, disagreement, observations, shown
-from .pose_steps import without_gauge
 
 #: What the docs' tables of refined cameras were made with.
 _BASIN = "ball (rendered) and copr, cameras shaken by 1 to 6 px (docs/twin.md)"
@@ -235,7 +235,7 @@ def _agreed(
         surface, seen = observations(trainer, settings.seed + index)
         if len(seen) < SETTINGS.observations_per_photo * len(views):
             break  # the photos show too little in common; the judges decide on what there is
-        after, _ = adjusted(before, surface, seen, focal)
+        after = adjusted(before, surface, seen, focal).cameras
         aligner = ViewAligner(trainer)
         views = [
             replace(view, camera=aligner.world(view.camera, camera, level.step))

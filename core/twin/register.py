@@ -21,9 +21,9 @@ from ..sfm.find import find_cameras
 from ..sfm.given import load_cameras
 from ..sfm.settings import SfmSettings
 from ..training.grid import GridView
+from ..training.pose_steps import photometric_step, twisted
 from .opened import OpenedTwin
 from .placing import SETTINGS, Placing, shared_lens
-from .pose_steps import photometric_step, twisted
 
 #: Old photos that show how well the twin fits where a camera is right, and how many times worse a new one may fit
 #: before its camera is doubted; MINIMUM_DIFFERENCE: half an 8-bit step, below which no difference counts.

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+import pytest
 import torch
-from dgs.core.rigid_motion import moved_pose, se3_exponential
+from dgs.core.rigid_motion import moved_pose, se3_exponential, twist_between
 
 
 def test_zero_twist_is_the_identity_with_a_gradient() -> None:
@@ -48,3 +50,13 @@ def test_motions_are_applied_in_camera_axes() -> None:
     step = se3_exponential(twist)
     moved = moved_pose(twist, pose)
     assert torch.allclose(moved[:, :3] @ point + moved[:, 3], step[:, :3] @ in_camera + step[:, 3])
+
+
+@pytest.mark.parametrize("size", [0.0, 1e-7, 9e-4, 1.1e-3, 0.3, 3.0])
+def test_the_twist_between_two_poses_moves_one_to_the_other(size: float) -> None:
+    random = np.random.default_rng(0)
+    turn = random.standard_normal(3)
+    twist = np.concatenate([size * random.standard_normal(3), size * turn / np.linalg.norm(turn)])
+    pose = se3_exponential(torch.from_numpy(random.standard_normal(6)))
+    moved = moved_pose(torch.from_numpy(twist), pose)
+    assert np.abs(twist_between(pose.numpy(), moved.numpy()) - twist).max() < 1e-9

@@ -109,7 +109,10 @@ class CameraMotion(Effect):
 
     def frames(self, name: str, camera: Camera) -> int:
         """How many frames a photo is the mean of, on the grid of `camera`."""
-        px = self.length(name, camera.fx)
+        return self._count(name, camera.fx)
+
+    def _count(self, name: str, focal: float) -> int:
+        px = self.length(name, focal)
         # An exposure of each row is a part of the frames only, where the shutter rolls.
         most = round(SETTINGS.most * self.exposures)
         return 1 if px < SETTINGS.still else min(max(SETTINGS.fewest, math.ceil(px) + 1), most)
@@ -134,16 +137,20 @@ class CameraMotion(Effect):
         twists = self.parameters["twists"][index].detach()
         return cast("Tensor", _mathematics().way_on(twists, self.unit, focal, count))
 
-    def mean_pose(self, name: str, pose: Pose) -> Pose:
-        """Where the camera was on average; the very same for a photo that stood still. Not differentiable.
+    def mean_pose(self, name: str, pose: Pose, focal: float) -> Pose:
+        """Where the camera was on average over the frames of a photo; the very same for one that stood still.
+
+        Of few frames that is not where c_0 says: a photo of one frame is seen from the middle of its path, which may be
+        bent by a part of a px. Not differentiable.
 
         Args:
-            pose: that the path begins at, in the world of the twists.
+            pose: that the path begins at, in the world of the twists; focal: focal length, px of the grid.
         """
         index = self._index.get(name)
         if index is None:
             return pose
-        return cast("Pose", _mathematics().mean_pose(self.parameters["twists"][index].detach(), pose))
+        twist = self.parameters["twists"][index].detach()
+        return cast("Pose", _mathematics().mean_pose(twist, pose, self._count(name, focal)))
 
     def offset(self, name: str, focal: float) -> float | None:
         """How far from where the path begins the camera was on average, px in the photo's middle; None if it stood."""

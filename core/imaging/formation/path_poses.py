@@ -38,10 +38,15 @@ def poses_on(twists: Tensor, camera: Camera, times: Tensor) -> Tensor:
     return moved_pose(polynomials(times, len(twists) - 1) @ twists, pose.expand(len(times), 3, 4))
 
 
-def mean_pose(twists: Tensor, pose: Pose) -> Pose:
-    """Where a camera was on average along a path [M + 1, 6] that begins at its pose."""
+def mean_twist(twists: Tensor, count: int) -> Tensor:
+    """[6] float64, mean over `count` frames of a path [M + 1, 6]."""
+    return polynomials(middles(count).double(), len(twists) - 1).mean(dim=0) @ twists.cpu().double()
+
+
+def mean_pose(twists: Tensor, pose: Pose, count: int) -> Pose:
+    """Where a camera was on average over `count` frames of a path [M + 1, 6] that begins at its pose."""
     still = torch.from_numpy(np.column_stack([pose.rotation, pose.translation]))
-    moved = moved_pose(twists[0].cpu().double(), still).numpy()
+    moved = moved_pose(mean_twist(twists, count), still).numpy()
     return Pose(moved[:, :3], moved[:, 3])
 
 

@@ -54,7 +54,7 @@ def test_a_camera_that_was_found_stands_where_its_path_was_and_a_given_one_stays
         shown[found], moved[found] = kept[0].astype(float), scores.moved
     assert moved[False] is None and abs(moved[True] - 3.0) < 1e-5
     as_found = viewer.sharp(LENS, POSE).transpose(1, 2, 0) * 255
-    there = CameraMotion(["a.png"], twists).mean_pose("a.png", POSE)
+    there = CameraMotion(["a.png"], twists).mean_pose("a.png", POSE, 110.0)
     assert np.abs(shown[False] - np.clip(as_found, 0, 255)).max() < 0.51
     assert np.abs(shown[True] - np.clip(viewer.sharp(LENS, there).transpose(1, 2, 0) * 255, 0, 255)).max() < 0.51
     assert np.abs(shown[True] - shown[False]).mean() > 1.0

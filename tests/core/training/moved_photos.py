@@ -7,12 +7,14 @@ from dataclasses import replace
 import numpy as np
 import torch
 from dgs.core.camera import Camera
+from dgs.core.evaluation.poses import align_similarity
 from dgs.core.forward import ForwardModel, medium_of
 from dgs.core.frames import Frame
 from dgs.core.imaging.formation.chain import Formation
 from dgs.core.imaging.formation.motion import CameraMotion
 from dgs.core.rasterizer import RasterSettings
 from dgs.core.training.camera_paths import px_units
+from scipy.spatial.transform import Rotation
 
 SETTINGS = RasterSettings(low_pass=0.5)
 
@@ -57,3 +59,15 @@ def truly_moved(scene, seed=0, px=5.0, readout=0.0):
         pixels = np.round(photo.clip(0, 1) * 255).astype(np.uint8).transpose(1, 2, 0)
         views.append(replace(view, photo=np.ascontiguousarray(pixels)))
     return motion, views
+
+
+def shaken(camera: Camera, random: np.random.Generator, size: float = 0.02) -> Camera:
+    """Turned by about `size` radians about each axis, and shifted by as many units."""
+    turn = Rotation.from_rotvec(size * random.standard_normal(3)).as_matrix()
+    return camera.moved(turn @ camera.rotation, turn @ camera.translation + size * random.standard_normal(3))
+
+
+def off(found: list[Camera], true: list[Camera]) -> float:
+    """Largest distance of a centre from the true one, after a similarity."""
+    still = align_similarity({c.name: c for c in found}, {c.name: c for c in true})
+    return max(float(np.linalg.norm(still.camera(a).centre - b.centre)) for a, b in zip(found, true, strict=True))

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from dgs.core.camera import Camera
 from dgs.core.evaluation.poses import align_similarity
+from dgs.core.evaluation.shifts import shifts_between
 from dgs.core.progress import Silent
+from dgs.core.training.bundle import SETTINGS, Observations, adjusted, aligned_camera
+from dgs.core.training.pose_steps import twisted
 from dgs.core.training.settings import TrainingSettings
 from dgs.core.twin import refine_cameras as refine_cameras_module
-from dgs.core.twin.adjust import SETTINGS, Observations, adjusted, aligned_camera
-from dgs.core.twin.pose_steps import twisted
 from dgs.core.twin.refine_cameras import Nearer, refine_cameras
-from dgs.core.twin.shifts import shifts_between
 from dgs.tests.core.training.training_scenes import blurred_scene
 from scipy.ndimage import gaussian_filter, shift
 
@@ -59,7 +59,8 @@ def test_adjustment_brings_shaken_cameras_back() -> None:
     points = np.stack([random.uniform(-1, 3, 200), random.uniform(-1.5, 1.5, 200), random.uniform(2.5, 4, 200)], 1)
     seen = seen_by(truth, points)
     wrong = [twisted(c, random.normal(size=6) * [0.03, 0.03, 0.03, 0.01, 0.01, 0.01]) for c in truth]
-    found, left = adjusted(wrong, points + random.normal(size=points.shape) * 0.03, seen, False)
+    result = adjusted(wrong, points + random.normal(size=points.shape) * 0.03, seen, False)
+    found, left = result.cameras, result.left
     assert left < 0.1
     named = lambda cameras: {str(i): c for i, c in enumerate(cameras)}  # noqa: E731
 

@@ -10,6 +10,7 @@ from dgs.core.imaging.formation.chain import Formation
 from dgs.core.imaging.formation.motion import SETTINGS, CameraMotion, straight_paths
 from dgs.core.imaging.formation.path_poses import middles, polynomials
 from dgs.core.pose import Pose
+from scipy.spatial.transform import Rotation
 
 CAMERA = Camera("a", 64, 48, 80.0, 80.0, 32.0, 24.0, np.eye(3), np.array([0.1, -0.2, 0.3]))
 
@@ -73,10 +74,23 @@ def test_where_a_camera_was_on_average():
     motion = straight_paths({"a": (6.0 / 80.0, 0.0), "b": (0.0, 3.0 / 80.0)}, 2)
     motion.parameters["twists"][0, 0] = torch.tensor([0.0, 0.0, 0.0, 0.0, 0.05, 0.0])
     pose = Pose(CAMERA.rotation, CAMERA.translation)
-    moved = motion.mean_pose("a", pose)
+    moved = motion.mean_pose("a", pose, 80.0)
     along = motion.poses("a", CAMERA, torch.linspace(-0.5, 0.5, 101)).double().mean(dim=0).numpy()
     assert moved.translation == pytest.approx(along[:, 3], abs=1e-3)
     assert moved.rotation == pytest.approx(along[:, :3], abs=1e-3)
     assert np.degrees(np.arccos((np.trace(moved.rotation) - 1) / 2)) == pytest.approx(math.degrees(0.05), rel=1e-4)
     assert motion.offset("a", 80.0) == pytest.approx(0.05 * 80.0) and motion.offset("b", 80.0) == 0.0
-    assert motion.mean_pose("c", pose) is pose and motion.offset("c", 80.0) is None
+    assert motion.mean_pose("c", pose, 80.0) is pose and motion.offset("c", 80.0) is None
+
+
+@pytest.mark.parametrize("px", [0.3, 2.0, 12.0])
+def test_the_average_is_that_of_the_frames_which_the_photo_is_made_of(px: float):
+    """Of a bent path three frames, or one, have another mean than the whole."""
+    twists = torch.zeros(1, 5, 6)
+    twists[0, 1, 4], twists[0, 2, 3], twists[0, 4, 3] = px / 160.0, px / 160.0, px / 320.0
+    motion, pose = CameraMotion(("a",), twists), Pose(CAMERA.rotation, CAMERA.translation)
+    frames = motion.poses("a", CAMERA).double().numpy()
+    turned = np.mean([Rotation.from_matrix(frame[:, :3] @ pose.rotation.T).as_rotvec() for frame in frames], axis=0)
+    found = Rotation.from_matrix(motion.mean_pose("a", pose, CAMERA.fx).rotation @ pose.rotation.T).as_rotvec()
+    assert found == pytest.approx(turned, abs=1e-5)
+    assert abs(turned[0]) * CAMERA.fx > 0.02

@@ -9,7 +9,7 @@ from dgs.core.camera import Camera
 from dgs.core.evaluation.poses import align_similarity
 from dgs.core.imaging.operator import BlurOperator
 from dgs.core.rasterizer import render
-from dgs.core.twin.pose_steps import SETTINGS, photometric_step, twisted, units_of, without_gauge
+from dgs.core.training.pose_steps import SETTINGS, photometric_step, twisted, units_of, without_gauge
 from dgs.tests.core.training.training_scenes import HEIGHT, WIDTH, blurred_scene, camera_at
 from scipy.spatial.transform import Rotation
 

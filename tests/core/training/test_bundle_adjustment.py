@@ -7,8 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from dgs.core.camera import Camera
-from dgs.core.twin.adjust import SETTINGS, AdjustmentSettings, Observations, _Problem, _State, adjusted, aligned_camera
-from dgs.core.twin.pose_steps import twisted
+from dgs.core.training.bundle import (
+    SETTINGS,
+    AdjustmentSettings,
+    Observations,
+    _Problem,
+    _State,
+    adjusted,
+    aligned_camera,
+)
+from dgs.core.training.pose_steps import twisted
 from scipy.optimize import least_squares
 
 PX = 100.0
@@ -72,11 +80,12 @@ def test_a_focal_length_is_held_as_loosely_as_it_is_said(prior: float, share: fl
         twisted(camera(0.5 * i, 0.2 * (i % 2)), np.array([0, 0, 0, 0.05 * i, -0.1 * i, 0.1 * i])) for i in range(5)
     ]
     settings = replace(SETTINGS, camera_prior=50.0, focal_prior=prior, iterations=30)
-    found, left = adjusted([zoomed(c, 1.02) for c in truth], points, seen_by(truth, points), True, settings)
+    result = adjusted([zoomed(c, 1.02) for c in truth], points, seen_by(truth, points), True, settings)
+    found, left = result.cameras, result.left
     assert found[0].fx / PX == pytest.approx(1.02 ** (1 - share), abs=2e-4)
     assert (left < 1e-3) == (share == 1.0)
     assert len({c.fx for c in found} | {c.fy for c in found}) == 1, "one focal length for all"
-    fixed, _ = adjusted([zoomed(c, 1.02) for c in truth], points, seen_by(truth, points), False, settings)
+    fixed = adjusted([zoomed(c, 1.02) for c in truth], points, seen_by(truth, points), False, settings).cameras
     assert fixed[0].fx == pytest.approx(1.02 * PX, rel=1e-9)
 
 
@@ -130,7 +139,7 @@ def test_cameras_and_focal_length_are_those_of_another_solver() -> None:
     settings = replace(SETTINGS, camera_prior=15.0, focal_prior=0.02, observations_per_fact=1.0, iterations=60)
     settings = replace(settings, outlier=1e6)  # (else there is more than one solution)
     expected = solved(began, points, seen, settings)
-    found, _ = adjusted(began, points, seen, True, settings)
+    found = adjusted(began, points, seen, True, settings).cameras
     assert 0.1 < np.abs(expected[-1]) / np.log(1.03) < 0.9
     assert np.log(found[0].fx / began[0].fx) == pytest.approx(expected[-1], abs=2e-4)
     for i, (c, b) in enumerate(zip(found, began, strict=True)):
@@ -158,6 +167,7 @@ def test_a_zoom_that_is_fixed_does_not_move_and_what_is_left_is_a_median() -> No
     exact = seen_by(cameras, points)
     offset = np.zeros_like(exact.position)
     offset[:, 0] = np.where(np.arange(len(offset)) % 4 == 0, 100.0, 0.0)
-    found, left = adjusted(cameras, points, replace(exact, position=exact.position + offset), False)
+    result = adjusted(cameras, points, replace(exact, position=exact.position + offset), False)
+    found, left = result.cameras, result.left
     assert left < 0.5, "three quarters agree"
     assert found[0].fx == pytest.approx(PX, rel=1e-9)

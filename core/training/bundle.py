@@ -71,6 +71,15 @@ class Observations:
         return len(self.camera)
 
 
+@dataclass(frozen=True)
+class Adjusted:
+    """What an adjustment found: cameras, points [M, 3], and the median px that observations are off."""
+
+    cameras: list[Camera]
+    points: Floats
+    left: float
+
+
 @dataclass
 class _State:
     rotation: Floats
@@ -81,15 +90,15 @@ class _State:
 
 def adjusted(
     cameras: Sequence[Camera], points: Floats, seen: Observations, focal: bool, settings: AdjustmentSettings = SETTINGS
-) -> tuple[list[Camera], float]:
-    """Cameras that explain the observations, and what is left of them.
+) -> Adjusted:
+    """Cameras and points that explain the observations, and what is left of them.
 
     Args:
         cameras: one focal length for all; points: [M, 3], each seen by two cameras at least.
         focal: whether the shared focal length may change.
 
     Returns:
-        The cameras, still with the freedom of a similarity, and the median px that observations are off.
+        Cameras and points still have the freedom of a similarity.
     """
     problem = _Problem(cameras, seen, focal, settings)
     state = _State(
@@ -107,7 +116,7 @@ def adjusted(
         replace(c, rotation=r, translation=t, fx=c.fx * np.exp(state.zoom), fy=c.fy * np.exp(state.zoom))
         for c, r, t in zip(cameras, state.rotation, state.translation, strict=True)
     ]
-    return found, float(np.median(np.linalg.norm(problem.residual(state)[0], axis=1)))
+    return Adjusted(found, state.points, float(np.median(np.linalg.norm(problem.residual(state)[0], axis=1))))
 
 
 class _Problem:

@@ -1,0 +1,185 @@
+"""Cameras that were found wrong, adjusted by what drawn photos show beside a twin that is bent alike."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from dgs.core.evaluation.poses import align_similarity
+from dgs.core.evaluation.shifts import Shifts, shifts_between
+from dgs.core.forward import sharp_view
+from dgs.core.imaging.formation.chain import Formation
+from dgs.core.imaging.formation.motion import straight_paths
+from dgs.core.imaging.medium import Medium
+from dgs.core.progress import Silent
+from dgs.core.rasterizer import RasterSettings
+from dgs.core.training.adjusting import SETTINGS, adjusted_cameras, due
+from dgs.core.training.camera_paths import CameraPaths
+from dgs.core.training.job import TrainingJob
+from dgs.core.training.run import train
+from dgs.core.training.trainer import Trainer
+from dgs.core.training.twin_tracks import Sighting, carried, observed, tracks_through
+from dgs.tests.core.training.moved_photos import off, shaken, truly_moved
+from dgs.tests.core.training.training_scenes import SHORT, blurred_scene
+
+DRAWN = RasterSettings(depth=True)
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return blurred_scene(sigma=0.0)
+
+
+def sighting(scene, camera, photo):
+    """What a photo shows beside the true scene, seen from where the camera is thought to be."""
+    with torch.no_grad():
+        seen = sharp_view(scene.truth, camera, DRAWN)
+    return Sighting(camera, shifts_between(seen.image.numpy(), photo), seen.mean_depth.numpy())
+
+
+def test_adjustments_are_due_at_their_shares():
+    assert due(0.0) == 0
+    assert [due(at) for at in SETTINGS.shares] == list(range(1, len(SETTINGS.shares) + 1))
+    assert due(1.0) == len(SETTINGS.shares)
+
+
+def test_cameras_are_found_where_photos_show_the_twin_elsewhere(scene):
+    random = np.random.default_rng(0)
+    true = [view.camera for view in scene.views]
+    wrong = [shaken(camera, random, 0.004) for camera in true]
+    seen = [sighting(scene, c, scene.sharp[c.name]) for c in wrong]
+    found = adjusted_cameras(seen[:-2], seen[-2:], np.random.default_rng(1))
+    assert found is not None
+    assert off(wrong[:-2], true[:-2]) > 0.008
+    assert off(found.cameras[:-2], true[:-2]) < 0.5 * off(wrong[:-2], true[:-2])
+    still = align_similarity({c.name: c for c in found.cameras[:-2]}, {c.name: c for c in true})
+    for camera, before, at in zip(found.cameras[-2:], wrong[-2:], true[-2:], strict=True):
+        beside = np.linalg.norm(still.camera(camera).centre - at.centre)
+        assert beside < 0.7 * np.linalg.norm(before.centre - at.centre), "a held-out one is placed as well"
+
+
+def test_held_out_photos_move_nothing_else(scene):
+    wrong = [shaken(view.camera, np.random.default_rng(2), 0.004) for view in scene.views]
+    seen = [sighting(scene, c, scene.sharp[c.name]) for c in wrong]
+    alone = adjusted_cameras(seen[:-2], [], np.random.default_rng(1))
+    beside = adjusted_cameras(seen[:-2], seen[-2:], np.random.default_rng(1))
+    assert (alone.after == beside.after).all()
+    assert all((a.rotation == b.rotation).all() for a, b in zip(alone.cameras, beside.cameras, strict=False))
+
+
+def test_photos_that_show_nothing_move_nothing(scene):
+    camera = scene.views[0].camera
+    unsure = Shifts(*(np.zeros((*n, camera.height, camera.width)) for n in ((2,), (), ())))
+    depth = np.ones((camera.height, camera.width), np.float32)
+    blind = Sighting(camera, replace(unsure, error=unsure.error + 9.0), depth)
+    assert tracks_through([blind] * 4, np.random.default_rng(0)) is None
+    assert adjusted_cameras([blind] * 4, [], np.random.default_rng(0)) is None
+
+
+def test_a_twin_that_asks_for_too_much_moves_nothing(scene):
+    wrong = [shaken(view.camera, np.random.default_rng(3), 0.004) for view in scene.views]
+    seen = [sighting(scene, camera, scene.sharp[camera.name]) for camera in wrong]
+    assert adjusted_cameras(seen, [], np.random.default_rng(1), replace(SETTINGS, farthest=1e-4)) is None
+
+
+def test_px_that_do_not_count_show_no_points(scene):
+    camera = scene.views[0].camera
+    counts = np.zeros((camera.height, camera.width), bool)
+    counts[:, : camera.width // 2] = True
+    masked = replace(sighting(scene, camera, scene.sharp[camera.name]), counts=counts)
+    found = observed(scene.points.positions, [masked])
+    assert len(found) > 0
+    assert found.position[:, 0].max() + camera.cx < camera.width // 2 + 1
+
+
+def test_gaussians_go_along_with_the_points_near_them():
+    random = np.random.default_rng(0)
+    before = random.uniform(-1, 1, (400, 3))
+    means = random.uniform(-1, 1, (50, 3))
+    assert np.allclose(carried(means, before, before + (0.1, 0.0, -0.2)), means + (0.1, 0.0, -0.2))
+    right = before[:, :1] > 0
+    found = carried(means, before, before + right * (0.5, 0.0, 0.0)) - means
+    far = np.abs(means[:, 0]) > 0.6
+    assert np.allclose(found[far, 0], 0.5 * (means[far, 0] > 0))
+
+
+def test_a_path_that_was_placed_keeps_its_place(scene):
+    """What offsets share is taken from where they were placed, and its mean is there."""
+    cameras = {view.name: view.camera for view in scene.views}
+    start = straight_paths({name: (4.0 / camera.fx, 0.0) for name, camera in cameras.items()}, 4)
+    paths = CameraPaths(start, cameras, list(cameras), 1, 0)
+    where = {name: shaken(camera, np.random.default_rng(6), 0.01) for name, camera in cameras.items()}
+    for name, camera in cameras.items():
+        paths.place(camera, where[name])
+    for index in range(len(cameras)):
+        paths._settle(index)
+    for name, camera in cameras.items():
+        stands = paths.stands(camera)
+        assert np.abs(stands.rotation - where[name].rotation).max() < 1e-5
+        assert np.abs(stands.translation - where[name].translation).max() < 1e-5
+    again = CameraPaths(start, cameras, list(cameras), 1, 0)
+    assert again.restore(paths.state())
+    assert (again._placed == paths._placed).all()
+    older = {name: values for name, values in paths.state().items() if name != "paths.placed"}
+    assert CameraPaths(start, cameras, list(cameras), 1, 0).restore(older)
+    broken = {**paths.state(), "paths.placed": np.zeros((2, 6), np.float32)}
+    assert not CameraPaths(start, cameras, list(cameras), 1, 0).restore(broken)
+
+
+def job(scene, found: bool) -> TrainingJob:
+    _, views = truly_moved(scene)
+    wrong = [replace(v, camera=shaken(v.camera, np.random.default_rng(i), 0.004)) for i, v in enumerate(views)]
+    chain = Formation([straight_paths({v.name: (0.0, 0.0) for v in wrong}, 1)])
+    settings = replace(SHORT, steps=120, max_gaussians=1500)
+    return TrainingJob(wrong[:-2], wrong[-2:], scene.points, Medium(), settings, chain, found=found)
+
+
+def test_only_cameras_that_were_found_are_adjusted(scene):
+    trainers = []
+    for found in (False, True):
+        one = job(scene, found)
+        trainer = Trainer(one.views, one.heldout, one.points, one.medium, one.settings, one.formation)
+        trainer.found = found
+        for step in range(72):
+            trainer.advance(step / 120)
+        trainer.adjust_cameras(0.6)
+        trainers.append(trainer)
+    assert [trainer.asked["adjusted"] for trainer in trainers] == [0, due(0.6)]
+    still, moved = trainers
+    assert not (still.learned.paths._placed != 0).any()
+    assert (moved.learned.paths._placed.abs().sum(dim=1) > 0).all(), "held-out ones as well"
+    assert (still.optimizer.gaussians.means != moved.optimizer.gaussians.means).any()
+    before = moved.optimizer.gaussians.means.clone()
+    moved.adjust_cameras(0.6)
+    assert (before == moved.optimizer.gaussians.means).all(), "once at each share"
+
+
+def test_a_run_that_is_resumed_goes_on_to_the_bit(scene):
+    """With what was adjusted, and no share twice."""
+    one = job(scene, True)
+
+    def begun() -> Trainer:
+        trainer = Trainer(one.views, one.heldout, one.points, one.medium, one.settings, one.formation)
+        trainer.found = True
+        return trainer
+
+    def advanced(trainer: Trainer, steps: range) -> None:
+        for step in steps:
+            trainer.advance(step / 60)
+            trainer.adjust_cameras(step / 60)
+
+    whole, again = begun(), begun()
+    advanced(whole, range(24))
+    state = whole.state(0.0, [])
+    assert state.counters["asked.adjusted"] == due(23 / 60) > 0
+    again.restore(state)
+    for trainer in (whole, again):
+        advanced(trainer, range(24, 36))
+    assert whole.asked["adjusted"] == again.asked["adjusted"] == due(35 / 60)
+    assert torch.equal(whole.optimizer.gaussians.means, again.optimizer.gaussians.means)
+    assert torch.equal(whole.learned.paths._placed, again.learned.paths._placed)
+
+
+def test_a_whole_run_adjusts_the_cameras_that_it_found(scene):
+    placed = [train(job(scene, found), Silent()).formation.motion.parameters["twists"][:, 0] for found in (True, False)]
+    assert float((placed[0] - placed[1]).abs().max()) > 1e-4
