@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import threading
 import time
 from collections.abc import Mapping, Sequence
@@ -94,6 +95,7 @@ def cameras_of(
     resumed = search.resume and folder.camera_folder.is_dir()
     if not resumed:  # (of an earlier twin in this folder)
         folder.features.unlink(missing_ok=True)
+        shutil.rmtree(folder.found_cameras, ignore_errors=True)
     if given is not None:
         found = given
         if resumed and search.refined:
@@ -104,7 +106,8 @@ def cameras_of(
             known = with_surface(given.reconstruction, seen, medium, search.hurried, folder, resumed, progress)
             found = replace(given, reconstruction=known, surface_seconds=time.perf_counter() - began)
     elif resumed:
-        found = FoundCameras(load_cameras(folder.camera_folder, photos), "sfm")
+        kept = folder.found_cameras if folder.found_cameras.is_dir() else folder.camera_folder
+        found = FoundCameras(load_cameras(kept, photos), "sfm")
         progress.note("The cameras are those of the run that is resumed")
     else:
         found = FoundCameras(_found(photos, medium, search, folder, progress), "sfm")

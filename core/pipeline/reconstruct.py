@@ -27,6 +27,7 @@ from ..training.scale import scene_scale
 from ..twin.begun import BegunRun, Start
 from ..twin.folder import TwinFolder
 from ..views import SparsePoints
+from .adjusted import keep_adjusted
 from .blind import Spreads, given_spreads
 from .cameras import FoundCameras, cameras_of, given_cameras, search_for
 from .effects.decision import parse_effects
@@ -173,7 +174,7 @@ def _stages(run: RunSettings, given: Spreads | None, truth: TruthFolder | None, 
         photos=photo_facts(loaded.finally_in(begun)),
         cameras=camera_facts(cameras),
         medium=medium_facts(blur, effects),
-        effects=chosen.with_learned(trained.formation).plain(),
+        effects=chosen.with_learned(keep_adjusted(cameras.reconstruction, trained, folder)).plain(),
         trained=trained,
         scores=scored.scores,
         fitted=scored.fitted,

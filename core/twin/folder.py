@@ -125,6 +125,7 @@ class TwinFolder:
         self.camera_folder = path / "cameras"
         self.sfm_folder = path / "sfm"
         self.features = self.sfm_folder / "features.npz"
+        self.found_cameras = self.sfm_folder / "found"  # of cameras that a training adjusted, as they were found
         self.checkpoint = path / "checkpoint.npz"
         self.twin_file = path / "twin.ply"
         self.report_page = path / "report.html"
@@ -172,11 +173,14 @@ class TwinFolder:
 
     def save_cameras(self, found: Reconstruction) -> None:
         """Cameras and points as a COLMAP model, all its files or none; raises OutputError."""
-        from ..formats.colmap import write_lenses  # late: not in Blender's Python
-
         make_folder(self.path)
         with changing(self.path) as change:
-            write_lenses(change.new("cameras"), found.lenses, found.poses, found.points)
+            _write_model(change.new("cameras"), found)
+
+    def save_adjusted(self, found: Reconstruction, adjusted: Reconstruction) -> None:
+        """The same of cameras that a training adjusted; those that were found are kept for a run that goes on."""
+        _write_model(self.found_cameras, found)
+        self.save_cameras(adjusted)
 
     def save_plan(self, plan: Mapping[str, Any]) -> None:
         """What was planned for a time limit; raises OutputError."""
@@ -409,3 +413,9 @@ def _state() -> list[Part]:
 def _of_twin() -> list[Part]:
     """All that one run's twin is, files before folders."""
     return sorted((part for part in PARTS if not part.lasting), key=lambda part: part.folder)
+
+
+def _write_model(path: Path, cameras: Reconstruction) -> None:
+    from ..formats.colmap import write_lenses  # late: not in Blender's Python
+
+    write_lenses(path, cameras.lenses, cameras.poses, cameras.points)

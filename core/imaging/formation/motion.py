@@ -152,6 +152,17 @@ class CameraMotion(Effect):
         twist = self.parameters["twists"][index].detach()
         return cast("Pose", _mathematics().mean_pose(twist, pose, self._count(name, focal)))
 
+    def from_means(self, focals: Mapping[str, float]) -> CameraMotion:
+        """The same paths, counted from where each camera was on average (`mean_pose`); to first order.
+
+        Args:
+            focals: px of the grid, by name of each photo that has a path.
+        """
+        twists = self.parameters["twists"].detach().clone()
+        for name, i in self._index.items():
+            twists[i, 0] -= _mathematics().mean_twist(twists[i], self._count(name, focals[name])).to(twists)
+        return self._with(self.names, twists, self.unit)
+
     def offset(self, name: str, focal: float) -> float | None:
         """How far from where the path begins the camera was on average, px in the photo's middle; None if it stood."""
         index = self._index.get(name)

@@ -94,3 +94,17 @@ def test_the_average_is_that_of_the_frames_which_the_photo_is_made_of(px: float)
     found = Rotation.from_matrix(motion.mean_pose("a", pose, CAMERA.fx).rotation @ pose.rotation.T).as_rotvec()
     assert found == pytest.approx(turned, abs=1e-5)
     assert abs(turned[0]) * CAMERA.fx > 0.02
+
+
+def test_paths_may_be_counted_from_where_cameras_were_on_average():
+    twists = torch.zeros(1, 5, 6)
+    twists[0, 0], twists[0, 1, 4], twists[0, 2, 3] = torch.tensor([0.02, 0.0, 0.01, 0.01, 0.03, 0.0]), 0.05, 0.02
+    motion, pose = CameraMotion(("a",), twists), Pose(CAMERA.rotation, CAMERA.translation)
+    there = motion.mean_pose("a", pose, CAMERA.fx)
+    moved = motion.from_means({"a": CAMERA.fx})
+    again = moved.mean_pose("a", there, CAMERA.fx)
+    assert again.rotation == pytest.approx(there.rotation, abs=1e-6)
+    before = motion.poses("a", CAMERA).numpy()
+    after = moved.poses("a", CAMERA.moved(there.rotation, there.translation)).numpy()
+    assert np.abs(before - after).max() < 1e-3, "to first order"
+    assert motion.parameters["twists"][0, 0, 4] == pytest.approx(0.03), "the paths themselves stay as they are"
