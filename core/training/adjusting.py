@@ -49,6 +49,9 @@ class AdjustingSettings:
     farthest: float = number(
         0.1, "of the photo's diagonal", "that any camera is moved at a time; beyond, nothing is: the twin is no guide"
     )
+    most_px: int = number(
+        60_000_000, "px of the grid", "of all photos together, beyond which cameras stay: 16 bytes of each are held"
+    )
     opaque: float = number(0.5, "opacity", "above which a px shows a surface")
     unseen_visits: int = number(2, "visits", "of a held-out photo, to find its path before it is looked at")
     unseen_rounds: int = number(2, "count", "in which a held-out photo's camera is placed before the finished twin")

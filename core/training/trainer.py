@@ -571,6 +571,8 @@ class Trainer:
             for _ in range(ADJUSTING.unseen_visits):
                 self.follow_unseen(level, view)
         views = [view for view in (*level.views, *unseen) if view.name in paths.motion.names]
+        if sum(view.camera.width * view.camera.height for view in views) > ADJUSTING.most_px:
+            return
         fitted = [self._sighting(level, view) for view in level.views if view in views]
         others = [self._sighting(level, view) for view in unseen if view in views]
         moved = adjusted_cameras(fitted, others, np.random.default_rng([self.settings.seed, 5, self.step]))
@@ -595,7 +597,7 @@ class Trainer:
         assert still.mean_depth is not None
         depth = torch.where(still.alpha > ADJUSTING.opaque, still.mean_depth, 0.0).cpu().numpy()
         shifts = shifts_between(shown, view.planes(), view.valid)
-        return Sighting(camera, shifts, depth, view.valid)
+        return Sighting.of(camera, shifts, depth, view.valid)
 
     def _seen(self, photos: list[tuple[Camera, torch.Tensor | None]], settings: RasterSettings) -> SeenByPhotos:
         """What the photos see of each Gaussian; every rank looks at some of them."""

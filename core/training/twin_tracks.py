@@ -50,20 +50,29 @@ class Sighting:
 
     Attributes:
         camera: where the camera was on average, on the grid.
-        shifts: of the photo against what the twin shows of it.
+        shift: [2, H, W] px (x, y), of the photo against what the twin shows of it.
+        shift_error: [H, W] px.
         depth: [H, W] of the surface, 0 where there is none.
         counts: [H, W] bool px that count, None for all.
     """
 
     camera: Camera
-    shifts: Shifts
+    shift: NDArray[np.float32]
+    shift_error: NDArray[np.float32]
     depth: NDArray[np.float32]
     counts: NDArray[np.bool_] | None = None
+
+    @staticmethod
+    def of(
+        camera: Camera, shifts: Shifts, depth: NDArray[np.float32], counts: NDArray[np.bool_] | None = None
+    ) -> Sighting:
+        """With shifts at half the precision, as those of all photos are held at a time."""
+        return Sighting(camera, shifts.shift.astype(np.float32), shifts.error.astype(np.float32), depth, counts)
 
     def error(self) -> Floats:
         """[H, W] px, of the shift; infinite where nothing is to be seen."""
         there = (self.depth > 0) if self.counts is None else (self.depth > 0) & self.counts
-        return np.where(there, self.shifts.error, np.inf)
+        return np.where(there, self.shift_error, np.inf)
 
 
 def tracks_through(
@@ -111,8 +120,7 @@ def _seen(positions: Floats, sighting: Sighting, settings: TrackSettings) -> tup
     columns, rows = np.floor(at[point]).astype(int).T
     error = sighting.error()[rows, columns]
     shift = np.stack(
-        [map_coordinates(part, (at[point] - 0.5).T[::-1], order=1, mode="nearest") for part in sighting.shifts.shift],
-        axis=1,
+        [map_coordinates(part, (at[point] - 0.5).T[::-1], order=1, mode="nearest") for part in sighting.shift], axis=1
     )
     same = np.abs(sighting.depth[rows, columns] / z[point] - 1.0) < settings.alike
     good = same & (error < settings.sure) & (np.abs(shift).max(axis=1, initial=0.0) < settings.farthest)

@@ -34,7 +34,7 @@ def sighting(scene, camera, photo):
     """What a photo shows beside the true scene, seen from where the camera is thought to be."""
     with torch.no_grad():
         seen = sharp_view(scene.truth, camera, DRAWN)
-    return Sighting(camera, shifts_between(seen.image.numpy(), photo), seen.mean_depth.numpy())
+    return Sighting.of(camera, shifts_between(seen.image.numpy(), photo), seen.mean_depth.numpy())
 
 
 def test_adjustments_are_due_at_their_shares():
@@ -71,7 +71,7 @@ def test_photos_that_show_nothing_move_nothing(scene):
     camera = scene.views[0].camera
     unsure = Shifts(*(np.zeros((*n, camera.height, camera.width)) for n in ((2,), (), ())))
     depth = np.ones((camera.height, camera.width), np.float32)
-    blind = Sighting(camera, replace(unsure, error=unsure.error + 9.0), depth)
+    blind = Sighting.of(camera, replace(unsure, error=unsure.error + 9.0), depth)
     assert tracks_through([blind] * 4, np.random.default_rng(0)) is None
     assert adjusted_cameras([blind] * 4, [], np.random.default_rng(0)) is None
 
@@ -152,6 +152,18 @@ def test_only_cameras_that_were_found_are_adjusted(scene):
     before = moved.optimizer.gaussians.means.clone()
     moved.adjust_cameras(0.6)
     assert (before == moved.optimizer.gaussians.means).all(), "once at each share"
+
+
+def test_sets_that_would_not_fit_into_memory_stay_as_they_are(scene, monkeypatch):
+    one = job(scene, True)
+    trainer = Trainer(one.views, one.heldout, one.points, one.medium, one.settings, one.formation)
+    trainer.found = True
+    monkeypatch.setattr("dgs.core.training.trainer.ADJUSTING", replace(SETTINGS, most_px=100_000))
+    trainer.advance(0.6)
+    before = trainer.optimizer.gaussians.means.clone()
+    trainer.adjust_cameras(0.6)
+    assert torch.equal(before, trainer.optimizer.gaussians.means)
+    assert not (trainer.learned.paths._placed != 0).any()
 
 
 def test_a_run_that_is_resumed_goes_on_to_the_bit(scene):
