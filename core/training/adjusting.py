@@ -86,7 +86,7 @@ def adjusted_cameras(
     The world keeps its place and size: that of the cameras is what it was. Held-out photos move nothing but their own
     cameras. None where photos show too little, or too much is asked of the cameras.
     """
-    tracks = tracks_through(fitted, random)
+    tracks = tracks_through(fitted, random) if len(fitted) > 1 else None
     if tracks is None:
         return None
     surface, seen = tracks

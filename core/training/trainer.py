@@ -564,15 +564,15 @@ class Trainer:
         paths = self.learned.paths
         if paths is None or not self.found or self.asked["adjusted"] >= due_adjustments(share):
             return
-        self.asked["adjusted"] = due_adjustments(share)
         level = self.levels[0] if share < self.settings.coarse_share else self.levels[-1]
+        if sum(view.camera.width * view.camera.height for view in level.views) > ADJUSTING.most_px:
+            return
+        self.asked["adjusted"] = due_adjustments(share)
         unseen = self._on_grid(self.heldout, level.step)
         for view in unseen:
             for _ in range(ADJUSTING.unseen_visits):
                 self.follow_unseen(level, view)
         views = [view for view in (*level.views, *unseen) if view.name in paths.motion.names]
-        if sum(view.camera.width * view.camera.height for view in views) > ADJUSTING.most_px:
-            return
         fitted = [self._sighting(level, view) for view in level.views if view in views]
         others = [self._sighting(level, view) for view in unseen if view in views]
         moved = adjusted_cameras(fitted, others, np.random.default_rng([self.settings.seed, 5, self.step]))

@@ -129,6 +129,10 @@ def _seen(positions: Floats, sighting: Sighting, settings: TrackSettings) -> tup
 
 
 def carried(means: Floats, before: Floats, after: Floats, settings: TrackSettings = SETTINGS) -> Floats:
-    """[N, 3] places that go along with the points [M, 3] near them."""
-    near = cKDTree(before).query(means, k=min(settings.nearest, len(before)), workers=-1)[1].reshape(len(means), -1)
-    return np.asarray(means + (after - before)[near].mean(axis=1))
+    """[N, 3] places that go along with the points [M, 3] near them; such as are not finite stay so."""
+    finite = np.isfinite(means).all(axis=1)
+    some = means[finite]
+    near = cKDTree(before).query(some, k=min(settings.nearest, len(before)), workers=-1)[1].reshape(len(some), -1)
+    moved = means.copy()
+    moved[finite] += (after - before)[near].mean(axis=1)
+    return moved

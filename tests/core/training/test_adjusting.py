@@ -74,6 +74,7 @@ def test_photos_that_show_nothing_move_nothing(scene):
     blind = Sighting.of(camera, replace(unsure, error=unsure.error + 9.0), depth)
     assert tracks_through([blind] * 4, np.random.default_rng(0)) is None
     assert adjusted_cameras([blind] * 4, [], np.random.default_rng(0)) is None
+    assert adjusted_cameras([], [], np.random.default_rng(0)) is None
 
 
 def test_a_twin_that_asks_for_too_much_moves_nothing(scene):
@@ -97,6 +98,8 @@ def test_gaussians_go_along_with_the_points_near_them():
     before = random.uniform(-1, 1, (400, 3))
     means = random.uniform(-1, 1, (50, 3))
     assert np.allclose(carried(means, before, before + (0.1, 0.0, -0.2)), means + (0.1, 0.0, -0.2))
+    broken = carried(np.array([[np.nan, 0.0, 0.0], [0.5, 0.0, 0.0]]), before, before + 0.1)
+    assert np.isnan(broken[0, 0]) and np.allclose(broken[1], (0.6, 0.1, 0.1)), "what is not finite is the guard's"
     right = before[:, :1] > 0
     found = carried(means, before, before + right * (0.5, 0.0, 0.0)) - means
     far = np.abs(means[:, 0]) > 0.6
@@ -164,6 +167,7 @@ def test_sets_that_would_not_fit_into_memory_stay_as_they_are(scene, monkeypatch
     trainer.adjust_cameras(0.6)
     assert torch.equal(before, trainer.optimizer.gaussians.means)
     assert not (trainer.learned.paths._placed != 0).any()
+    assert "cameras adjusted" not in trainer.counters()
 
 
 def test_a_run_that_is_resumed_goes_on_to_the_bit(scene):
