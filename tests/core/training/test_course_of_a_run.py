@@ -68,6 +68,9 @@ class Course:
     def ask_photos(self, share: float) -> None:
         """Takes no time here."""
 
+    def adjust_cameras(self, share: float) -> None:
+        """Nothing was found here."""
+
     def advance(self, share: float) -> float:
         assert 0.0 <= share < 1.0
         self.step += 1
