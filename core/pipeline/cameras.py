@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 import threading
 import time
 from collections.abc import Mapping, Sequence
@@ -95,7 +94,6 @@ def cameras_of(
     resumed = search.resume and folder.camera_folder.is_dir()
     if not resumed:  # (of an earlier twin in this folder)
         folder.features.unlink(missing_ok=True)
-        shutil.rmtree(folder.found_cameras, ignore_errors=True)
     if given is not None:
         found = given
         if resumed and search.refined:

@@ -18,6 +18,7 @@ from ..progress import Progress
 from ..training.checkpoint import load_checkpoint
 from ..training.grid import GridView
 from ..training.level import Level
+from ..training.origin import cameras_of
 from ..training.scale import scene_scale
 from ..training.settings import TrainingSettings
 from ..training.trainer import Trainer
@@ -120,7 +121,9 @@ class ContinuedTraining:
         )
         compile_kernels(settings.sh_degree)
         photos = set(state.fingerprint.get("photos", []))
-        cameras = [view.camera for view in twin.views if view.name in photos] or [view.camera for view in twin.kept]
+        seen = [view for view in twin.views if view.name in photos] or twin.kept
+        # (adjusted since, maybe; the unit is that of the cameras which the training began with)
+        cameras = cameras_of(state.fingerprint, {view.name: view.camera for view in seen})
         scale = scene_scale(cameras, twin.reconstruction.points)
         names = [field.name for field in fields(Gaussians)]
         values = Gaussians(**{name: torch.from_numpy(state.arrays[f"value.{name}"].copy()) for name in names})

@@ -20,6 +20,8 @@ from .twin_tracks import Sighting, lifted, observed, tracks_through
 
 #: What the numbers were chosen on, one or two seeds; docs/real_blur.md has the figures.
 _SHAKEN = "24 photos of the rendered ball and 30 of the village, shaken (Cycles), cameras found"
+#: What nothing else was compared with.
+_FIRST = "a first choice"
 
 
 @dataclass(frozen=True)
@@ -30,7 +32,8 @@ class AdjustingSettings:
         (0.3, 0.45, 0.6, 0.75, 0.9),
         "shares of the run",
         "at which all cameras are adjusted: each time the twin says more. From a tenth on it says too little",
-        f"{_SHAKEN}: from 0.1 on the village lost 1.0 dB, three times in all 0.2",
+        f"{_SHAKEN}: from 0.1 on the village lost 1.0 dB, three times in all 0.2 (other weights, single runs)",
+        "a shelf of 20 photos: cameras' errors halved, the twin level",
     )
     prior: float = number(
         2.0,
@@ -47,15 +50,21 @@ class AdjustingSettings:
         "(13 / 4)^2",
     )
     farthest: float = number(
-        0.1, "of the photo's diagonal", "that any camera is moved at a time; beyond, nothing is: the twin is no guide"
+        0.1,
+        "of the photo's diagonal",
+        "that any camera is moved at a time; beyond, nothing is: the twin is no guide",
+        _FIRST,
     )
     most_px: int = number(
-        60_000_000, "px of the grid", "of all photos together, beyond which cameras stay: 16 bytes of each are held"
+        60_000_000,
+        "px of the grid",
+        "of all photos together, beyond which cameras stay: 16 bytes of each are held",
+        _FIRST,
     )
-    opaque: float = number(0.5, "opacity", "above which a px shows a surface")
-    unseen_visits: int = number(2, "visits", "of a held-out photo, to find its path before it is looked at")
-    unseen_rounds: int = number(2, "count", "in which a held-out photo's camera is placed before the finished twin")
-    unseen_fewest: int = number(20, "points", "that a held-out photo must show to be placed by them")
+    opaque: float = number(0.5, "opacity", "above which a px shows a surface", _FIRST)
+    unseen_visits: int = number(2, "visits", "of a held-out photo, to find its path before it is looked at", _FIRST)
+    unseen_rounds: int = number(2, "times", "that a held-out photo's camera is placed before the finished twin", _FIRST)
+    unseen_fewest: int = number(20, "points", "that a held-out photo must show to be placed by them", _FIRST)
 
 
 SETTINGS = AdjustingSettings()

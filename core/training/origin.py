@@ -40,6 +40,24 @@ def origin(views: Sequence[View], heldout: Sequence[View], points: SparsePoints)
     }
 
 
+def cameras_of(kept: Mapping[str, Any], like: Mapping[str, Camera]) -> list[Camera]:
+    """Cameras that a training went by, where `origin` kept them; the given ones where it did not.
+
+    Args:
+        kept: a checkpoint's fingerprint, out of a file; like: cameras by photo, whose lenses are taken.
+    """
+    values, found = _object(kept, "cameras"), []
+    for name, camera in like.items():
+        try:
+            where = np.array(values[name], np.float64)[6:18]
+            rotation, centre = where[:9].reshape(3, 3), where[9:]
+        except (KeyError, TypeError, ValueError):
+            found.append(camera)
+            continue
+        found.append(camera.moved(rotation, -rotation @ centre) if np.isfinite(where).all() else camera)
+    return found
+
+
 def first_difference(kept: Mapping[str, Any], now: Mapping[str, Any]) -> str | None:
     """What is not as it was, in words; None where all is. Only what both have is compared.
 

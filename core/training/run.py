@@ -244,7 +244,7 @@ class _Run:
             share = min(schedule.share(trainer.step, spent), 1.0 - 1e-9)
             self._loss = trainer.advance(share)
             trainer.ask_photos(share)
-            trainer.adjust_cameras(share)
+            trainer.adjust_cameras(share, self.progress.cancelled)
             self._report(schedule, clock, limited=limit is not None)
             if watch is not None:
                 watch(trainer)

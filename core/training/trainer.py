@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from typing import Any, SupportsFloat
@@ -12,13 +13,13 @@ from typing import Any, SupportsFloat
 import numpy as np
 import torch
 
+from .. import compiled
 from ..camera import Camera
 from ..colour import srgb_to_linear
 from ..constants import SH_COEFFICIENTS
 from ..devices import backend_on
 from ..errors import TrainingError
 from ..evaluation.halves import exposed_by_halves
-from ..evaluation.shifts import shifts_between
 from ..forward import Exposed, Exposure, ForwardModel, SubFrame, low_pass_on_grid, margin_for, sharp_view
 from ..forward.compare import mean_square, psnr_of
 from ..frames import Frame
@@ -60,7 +61,7 @@ from .scale import SceneScale, scene_scale
 from .schedule import harmonics_degree
 from .settings import TrainingSettings, rates_of_long_runs, smoothed_for, smoothness, start_share, trust
 from .through_glass import GlassObjective, behind_glass
-from .twin_tracks import Sighting, carried
+from .twin_tracks import LaidBeside, carried, sighted
 
 
 @dataclass(frozen=True)
@@ -524,7 +525,7 @@ class Trainer:
         paths = self.learned.paths
         if paths is not None and self.asked["adjusted"] and view.name in paths.motion.names:
             for _ in range(ADJUSTING.unseen_rounds):
-                paths.place(view.camera, placed_camera(self._sighting(level, view)))
+                paths.place(view.camera, placed_camera(sighted(self._laid_beside(level, view))))
 
     def measure_kernels(self) -> None:
         """Finds how well each photo determines its kernel, on the Gaussians as they are."""
@@ -556,10 +557,10 @@ class Trainer:
             self.asked["unneeded"] += before - len(rows)
         self.asked["photos"] += 1
 
-    def adjust_cameras(self, share: float) -> None:
+    def adjust_cameras(self, share: float, cancelled: Callable[[], bool] = lambda: False) -> None:
         """Moves all cameras and the surface by what photos show beside the twin, where a share of the run makes it due.
 
-        Only cameras that were found, in photos that were shaken.
+        Only cameras that were found, in photos that were shaken. Where it is cancelled on the way, it is still due.
         """
         paths = self.learned.paths
         if paths is None or not self.found or self.asked["adjusted"] >= due_adjustments(share):
@@ -567,15 +568,22 @@ class Trainer:
         level = self.levels[0] if share < self.settings.coarse_share else self.levels[-1]
         if sum(view.camera.width * view.camera.height for view in level.views) > ADJUSTING.most_px:
             return
-        self.asked["adjusted"] = due_adjustments(share)
         unseen = self._on_grid(self.heldout, level.step)
         for view in unseen:
             for _ in range(ADJUSTING.unseen_visits):
                 self.follow_unseen(level, view)
         views = [view for view in (*level.views, *unseen) if view.name in paths.motion.names]
-        fitted = [self._sighting(level, view) for view in level.views if view in views]
-        others = [self._sighting(level, view) for view in unseen if view in views]
-        moved = adjusted_cameras(fitted, others, np.random.default_rng([self.settings.seed, 5, self.step]))
+        with ThreadPoolExecutor(compiled.threads()) as pool:  # (shifts take longer than renders, and one core each)
+            pending = []
+            for view in views:
+                if cancelled():
+                    return
+                pending.append(pool.submit(sighted, self._laid_beside(level, view)))
+            sightings = [one.result() for one in pending]
+        self.asked["adjusted"] = due_adjustments(share)
+        fitted = sum(view in level.views for view in views)
+        random = np.random.default_rng([self.settings.seed, 5, self.step])
+        moved = adjusted_cameras(sightings[:fitted], sightings[fitted:], random)
         if moved is None:
             return
         for view, camera in zip(views, moved.cameras, strict=True):
@@ -585,8 +593,8 @@ class Trainer:
             places = carried(means.cpu().double().numpy(), moved.before, moved.after)
             means.copy_(torch.from_numpy(places).to(means))
 
-    def _sighting(self, level: Level, view: GridView) -> Sighting:
-        """What a photo shows beside the twin."""
+    def _laid_beside(self, level: Level, view: GridView) -> LaidBeside:
+        """A photo, and what the twin shows of it."""
         paths = self.learned.paths
         assert paths is not None
         camera = paths.stands(view.camera)
@@ -596,8 +604,7 @@ class Trainer:
             still = sharp_view(self.optimizer.gaussians, camera, settings, self.background)
         assert still.mean_depth is not None
         depth = torch.where(still.alpha > ADJUSTING.opaque, still.mean_depth, 0.0).cpu().numpy()
-        shifts = shifts_between(shown, view.planes(), view.valid)
-        return Sighting.of(camera, shifts, depth, view.valid)
+        return LaidBeside(camera, shown, view.planes(), depth, view.valid)
 
     def _seen(self, photos: list[tuple[Camera, torch.Tensor | None]], settings: RasterSettings) -> SeenByPhotos:
         """What the photos see of each Gaussian; every rank looks at some of them."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,7 @@ from scipy.ndimage import map_coordinates
 from scipy.spatial import cKDTree
 
 from ..camera import Camera
-from ..evaluation.shifts import Shifts
+from ..evaluation.shifts import shifts_between
 from ..numbers import number
 from .bundle import Floats, Observations
 
@@ -31,17 +32,36 @@ class TrackSettings:
     spacing: int = number(4, "px of the grid", "between points of one photo", _FIRST)
     points: int = number(3000, "count", "at most, by chance", _FIRST)
     surest: float = number(0.4, "px", "error of the shift in the photo that a point is taken from, at most", _FIRST)
-    sure: float = number(0.8, "px", "error of the shift in any other photo, at most", _FIRST)
-    exact: float = number(0.05, "px", "that is added to every error: windows that agree are no surer", _FIRST)
-    farthest: float = number(4.0, "px", "that a point may lie beside where it is thought to be", _FIRST)
-    alike: float = number(0.02, "share of the depth", "within which a photo sees the very point", _FIRST)
-    border: int = number(4, "px", "of the frame's border that do not count", _FIRST)
+    largest_error: float = number(0.8, "px", "error of the shift in any other photo, at most", _FIRST)
+    smallest_error: float = number(0.05, "px", "error of any shift, at least: no window is aligned better", _FIRST)
+    largest_shift: float = number(4.0, "px", "that a point may lie beside where it is thought to be", _FIRST)
+    same_depth: float = number(0.02, "share of the depth", "within which a photo sees the very point", _FIRST)
+    edge: int = number(4, "px", "of the frame's border that do not count", _FIRST)
     fewest_views: int = number(3, "photos", "that see a point: two cannot contradict each other much", _FIRST)
     fewest: int = number(200, "observations", "without which nothing is adjusted", _FIRST)
     nearest: int = number(8, "points", "whose mean movement a Gaussian follows", _FIRST)
 
 
 SETTINGS = TrackSettings()
+
+
+class Limits(Protocol):
+    """What counts as seeing a point; px of the grid, and a share of the depth."""
+
+    @property
+    def edge(self) -> int: ...
+
+    @property
+    def same_depth(self) -> float: ...
+
+    @property
+    def largest_error(self) -> float: ...
+
+    @property
+    def largest_shift(self) -> float: ...
+
+    @property
+    def smallest_error(self) -> float: ...
 
 
 @dataclass(frozen=True)
@@ -62,17 +82,27 @@ class Sighting:
     depth: NDArray[np.float32]
     counts: NDArray[np.bool_] | None = None
 
-    @staticmethod
-    def of(
-        camera: Camera, shifts: Shifts, depth: NDArray[np.float32], counts: NDArray[np.bool_] | None = None
-    ) -> Sighting:
-        """With shifts at half the precision, as those of all photos are held at a time."""
-        return Sighting(camera, shifts.shift.astype(np.float32), shifts.error.astype(np.float32), depth, counts)
-
     def error(self) -> Floats:
         """[H, W] px, of the shift; infinite where nothing is to be seen."""
         there = (self.depth > 0) if self.counts is None else (self.depth > 0) & self.counts
         return np.where(there, self.shift_error, np.inf)
+
+
+@dataclass(frozen=True)
+class LaidBeside:
+    """A photo [3, H, W] and what the twin shows of it, sRGB; others as of `Sighting`."""
+
+    camera: Camera
+    shown: NDArray[np.float32]
+    photo: NDArray[np.float32]
+    depth: NDArray[np.float32]
+    counts: NDArray[np.bool_] | None = None
+
+
+def sighted(one: LaidBeside) -> Sighting:
+    """Where the photo lies beside the twin, at half the precision, as those of all photos are held at a time."""
+    found = shifts_between(one.shown, one.photo, one.counts)
+    return Sighting(one.camera, found.shift.astype(np.float32), found.error.astype(np.float32), one.depth, one.counts)
 
 
 def tracks_through(
@@ -91,7 +121,7 @@ def tracks_through(
 
 def observed(positions: Floats, sightings: Sequence[Sighting], settings: TrackSettings = SETTINGS) -> Observations:
     """Where photos show points [M, 3]; some may be seen by none."""
-    found = [_seen(positions, sighting, settings) for sighting in sightings]
+    found = [seen_points(positions, one.camera, (one.shift, one.error(), one.depth), settings) for one in sightings]
     point, position, error = (np.concatenate([one[k] for one in found]) for k in range(3))
     return Observations(np.repeat(np.arange(len(found)), [len(one[0]) for one in found]), point, position, error)
 
@@ -102,30 +132,44 @@ def lifted(sighting: Sighting, settings: TrackSettings = SETTINGS) -> Floats:
     every, first = settings.spacing, settings.spacing // 2
     rows, columns = np.mgrid[first:height:every, first:width:every]
     sure = sighting.error()[rows, columns] < settings.surest
-    rows, columns = rows[sure], columns[sure]
-    camera, z = sighting.camera, sighting.depth[rows, columns].astype(np.float64)
+    return on_surface(sighting.camera, rows[sure], columns[sure], sighting.depth)
+
+
+def on_surface(
+    camera: Camera, rows: NDArray[np.int64], columns: NDArray[np.int64], depth: NDArray[np.floating]
+) -> Floats:
+    """[K, 3] world, what the middles of px at `rows`, `columns` [K] show, where their depth [H, W] is known."""
+    z = depth[rows, columns].astype(np.float64)
     local = np.stack([(columns + 0.5 - camera.cx) / camera.fx * z, (rows + 0.5 - camera.cy) / camera.fy * z, z], axis=1)
-    return np.asarray((local - camera.translation) @ camera.rotation)
+    return np.asarray((local[np.isfinite(z) & (z > 0)] - camera.translation) @ camera.rotation)
 
 
-def _seen(positions: Floats, sighting: Sighting, settings: TrackSettings) -> tuple[NDArray[np.int64], Floats, Floats]:
-    """Which of the points a photo sees, where [K, 2], px from the optical axis, and how unsure that is [K], px."""
-    camera, edge = sighting.camera, settings.border
-    local = positions @ camera.rotation.T + camera.translation
-    z = np.where(local[:, 2] > 0, local[:, 2], np.nan)
-    middle = np.array([camera.cx, camera.cy])
-    at = local[:, :2] / z[:, None] * (camera.fx, camera.fy) + middle
-    inside = (at > edge).all(axis=1) & (at < (camera.width - edge, camera.height - edge)).all(axis=1)
-    point = np.flatnonzero(inside)
-    columns, rows = np.floor(at[point]).astype(int).T
-    error = sighting.error()[rows, columns]
-    shift = np.stack(
-        [map_coordinates(part, (at[point] - 0.5).T[::-1], order=1, mode="nearest") for part in sighting.shift], axis=1
-    )
-    same = np.abs(sighting.depth[rows, columns] / z[point] - 1.0) < settings.alike
-    good = same & (error < settings.sure) & (np.abs(shift).max(axis=1, initial=0.0) < settings.farthest)
-    point = point[good]
-    return point, at[point] + shift[good] - middle, np.hypot(error[good], settings.exact)
+def seen_points(
+    points: Floats,
+    camera: Camera,
+    maps: tuple[NDArray[np.floating], NDArray[np.floating], NDArray[np.floating]],
+    limits: Limits,
+) -> tuple[NDArray[np.int64], Floats, Floats]:
+    """Which of the points [M, 3] a photo sees, [K, 2] px from the optical axis, and [K] px how certain that is.
+
+    Args:
+        maps: [2, H, W] shifts of the photo against the twin, [H, W] their errors, and [H, W] the twin's depth.
+    """
+    shifts, errors, depth = maps
+    height, width = depth.shape
+    local = points @ camera.rotation.T + camera.translation
+    z = local[:, 2]
+    safe = np.where(z > 0, z, 1.0)[:, None]
+    position = local[:, :2] / safe * [camera.fx, camera.fy] + [camera.cx, camera.cy]
+    inside = (z > 0) & (position > limits.edge).all(axis=1)
+    index = np.flatnonzero(inside & (position < [width - limits.edge, height - limits.edge]).all(axis=1))
+    at = [position[index, 1] - 0.5, position[index, 0] - 0.5]
+    here, error, x, y = (map_coordinates(p, at, order=1, mode="nearest") for p in (depth, errors, *shifts))
+    shift = np.stack([x, y], axis=1)
+    good = (np.abs(here / z[index] - 1.0) < limits.same_depth) & (error < limits.largest_error)
+    good &= np.linalg.norm(shift, axis=1) < limits.largest_shift
+    where = position[index] + shift - [camera.cx, camera.cy]
+    return index[good], where[good], np.maximum(error[good], limits.smallest_error)
 
 
 def carried(means: Floats, before: Floats, after: Floats, settings: TrackSettings = SETTINGS) -> Floats:

@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from scipy.ndimage import map_coordinates
 
 from ..evaluation.shifts import Shifts, shifts_between
 from ..numbers import number
@@ -20,6 +19,7 @@ from ..training.bundle import Observations, aligned_camera
 from ..training.grid import GridView
 from ..training.level import Level
 from ..training.trainer import Trainer
+from ..training.twin_tracks import on_surface, seen_points
 
 Floats = NDArray[np.float64]
 
@@ -118,26 +118,9 @@ def _surface(view: GridView, found: Shifts, depth: Floats) -> Floats:
     best = cells.reshape(*cells.shape[:2], -1).argmax(axis=2)
     row = (np.arange(cells.shape[0])[:, None] * cell + best // cell + edge).ravel()
     column = (np.arange(cells.shape[1])[None, :] * cell + best % cell + edge).ravel()
-    d = depth[row, column]
-    local = np.stack([(column + 0.5 - camera.cx) / camera.fx * d, (row + 0.5 - camera.cy) / camera.fy * d, d], axis=1)
-    points: Floats = (local[np.isfinite(d) & (d > 0)] - camera.translation) @ camera.rotation
-    return points
+    return on_surface(camera, row, column, depth)
 
 
 def _seen(view: GridView, points: Floats, found: Shifts, depth: Floats) -> tuple[NDArray[np.int64], Floats, Floats]:
     """Which points the photo sees, [K, 2] where (px from the optical axis), and [K] how certain that is."""
-    camera, edge = view.camera, SETTINGS.edge
-    height, width = depth.shape
-    local = points @ camera.rotation.T + camera.translation
-    z = local[:, 2]
-    safe = np.where(z > 0, z, 1.0)[:, None]
-    position = local[:, :2] / safe * [camera.fx, camera.fy] + [camera.cx, camera.cy]
-    inside = (z > 0) & (position > edge).all(axis=1) & (position < [width - edge, height - edge]).all(axis=1)
-    index = np.flatnonzero(inside)
-    at = [position[index, 1] - 0.5, position[index, 0] - 0.5]
-    here, error, x, y = (map_coordinates(p, at, order=1, mode="nearest") for p in (depth, found.error, *found.shift))
-    shift = np.stack([x, y], axis=1)
-    good = (np.abs(here / z[index] - 1.0) < SETTINGS.same_depth) & (error < SETTINGS.largest_error)
-    good &= np.linalg.norm(shift, axis=1) < SETTINGS.largest_shift
-    where = position[index] + shift - [camera.cx, camera.cy]
-    return index[good], where[good], np.maximum(error[good], SETTINGS.smallest_error)
+    return seen_points(points, view.camera, (found.shift, found.error, depth), SETTINGS)

@@ -123,9 +123,9 @@ class TwinFolder:
         self.photo_list = path / "photos.txt"
         self.new_photo_folder = path / "photos"
         self.camera_folder = path / "cameras"
+        self.found_cameras = self.camera_folder / "found"  # of cameras that a training adjusted, as they were found
         self.sfm_folder = path / "sfm"
         self.features = self.sfm_folder / "features.npz"
-        self.found_cameras = self.sfm_folder / "found"  # of cameras that a training adjusted, as they were found
         self.checkpoint = path / "checkpoint.npz"
         self.twin_file = path / "twin.ply"
         self.report_page = path / "report.html"
@@ -178,9 +178,14 @@ class TwinFolder:
             _write_model(change.new("cameras"), found)
 
     def save_adjusted(self, found: Reconstruction, adjusted: Reconstruction) -> None:
-        """The same of cameras that a training adjusted; those that were found are kept for a run that goes on."""
-        _write_model(self.found_cameras, found)
-        self.save_cameras(adjusted)
+        """The same of cameras that a training adjusted; those that were found lie in them for a run that goes on.
+
+        Whatever writes other cameras (`save_cameras`) takes both away: what was found is that of this checkpoint only.
+        """
+        with changing(self.path) as change:
+            folder = change.new("cameras")
+            _write_model(folder, adjusted)
+            _write_model(folder / self.found_cameras.name, found)
 
     def save_plan(self, plan: Mapping[str, Any]) -> None:
         """What was planned for a time limit; raises OutputError."""

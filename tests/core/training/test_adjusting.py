@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 import torch
 from dgs.core.evaluation.poses import align_similarity
-from dgs.core.evaluation.shifts import Shifts, shifts_between
 from dgs.core.forward import sharp_view
 from dgs.core.imaging.formation.chain import Formation
 from dgs.core.imaging.formation.motion import straight_paths
@@ -16,9 +15,10 @@ from dgs.core.rasterizer import RasterSettings
 from dgs.core.training.adjusting import SETTINGS, adjusted_cameras, due
 from dgs.core.training.camera_paths import CameraPaths
 from dgs.core.training.job import TrainingJob
+from dgs.core.training.origin import cameras_of, origin
 from dgs.core.training.run import train
 from dgs.core.training.trainer import Trainer
-from dgs.core.training.twin_tracks import Sighting, carried, observed, tracks_through
+from dgs.core.training.twin_tracks import LaidBeside, Sighting, carried, observed, sighted, tracks_through
 from dgs.tests.core.training.moved_photos import off, shaken, truly_moved
 from dgs.tests.core.training.training_scenes import SHORT, blurred_scene
 
@@ -34,7 +34,7 @@ def sighting(scene, camera, photo):
     """What a photo shows beside the true scene, seen from where the camera is thought to be."""
     with torch.no_grad():
         seen = sharp_view(scene.truth, camera, DRAWN)
-    return Sighting.of(camera, shifts_between(seen.image.numpy(), photo), seen.mean_depth.numpy())
+    return sighted(LaidBeside(camera, seen.image.numpy(), photo, seen.mean_depth.numpy()))
 
 
 def test_adjustments_are_due_at_their_shares():
@@ -69,9 +69,8 @@ def test_held_out_photos_move_nothing_else(scene):
 
 def test_photos_that_show_nothing_move_nothing(scene):
     camera = scene.views[0].camera
-    unsure = Shifts(*(np.zeros((*n, camera.height, camera.width)) for n in ((2,), (), ())))
-    depth = np.ones((camera.height, camera.width), np.float32)
-    blind = Sighting.of(camera, replace(unsure, error=unsure.error + 9.0), depth)
+    whole = np.ones((camera.height, camera.width), np.float32)
+    blind = Sighting(camera, np.stack([whole, whole]), 9.0 * whole, whole)
     assert tracks_through([blind] * 4, np.random.default_rng(0)) is None
     assert adjusted_cameras([blind] * 4, [], np.random.default_rng(0)) is None
     assert adjusted_cameras([], [], np.random.default_rng(0)) is None
@@ -199,3 +198,28 @@ def test_a_run_that_is_resumed_goes_on_to_the_bit(scene):
 def test_a_whole_run_adjusts_the_cameras_that_it_found(scene):
     placed = [train(job(scene, found), Silent()).formation.motion.parameters["twists"][:, 0] for found in (True, False)]
     assert float((placed[0] - placed[1]).abs().max()) > 1e-4
+
+
+def test_a_cancelled_adjustment_is_still_due(scene):
+    one = job(scene, True)
+    trainer = Trainer(one.views, one.heldout, one.points, one.medium, one.settings, one.formation)
+    trainer.found = True
+    trainer.advance(0.6)
+    before = trainer.optimizer.gaussians.means.clone()
+    trainer.adjust_cameras(0.6, lambda: True)
+    assert torch.equal(before, trainer.optimizer.gaussians.means)
+    assert trainer.asked["adjusted"] == 0
+
+
+def test_a_checkpoint_says_by_which_cameras_it_was_made(scene):
+    """Those in the folder may have been adjusted since; without its own values, or with broken ones, they are taken."""
+    cameras = {view.name: view.camera for view in scene.views[:3]}
+    kept = origin(scene.views[:3], [], scene.points)
+    later = {name: shaken(camera, np.random.default_rng(0)) for name, camera in cameras.items()}
+    for found, camera in zip(cameras_of(kept, later), cameras.values(), strict=True):
+        assert found.rotation == pytest.approx(camera.rotation)
+        assert found.translation == pytest.approx(camera.translation)
+    first = next(iter(later))
+    for values in ("?", [1.0, 2.0], [np.nan] * 19):
+        assert cameras_of({"cameras": {first: values}}, later) == list(later.values())
+    assert cameras_of({}, later) == list(later.values())

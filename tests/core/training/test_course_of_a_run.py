@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -68,7 +69,7 @@ class Course:
     def ask_photos(self, share: float) -> None:
         """Takes no time here."""
 
-    def adjust_cameras(self, share: float) -> None:
+    def adjust_cameras(self, share: float, cancelled: Callable[[], bool]) -> None:
         """Nothing was found here."""
 
     def advance(self, share: float) -> float:
