@@ -45,7 +45,9 @@ class Mesh:
 
     def with_faces(self, faces: NDArray[np.int64]) -> Mesh:
         """With other faces between the same corners, and no corner that none of them has. A texture is lost."""
-        used = np.unique(faces)
+        has = np.zeros(len(self.vertices), bool)
+        has[faces] = True
+        used = np.flatnonzero(has)
         place = np.full(len(self.vertices), -1, np.int64)
         place[used] = np.arange(len(used))
         colours = None if self.colours is None else self.colours[used]

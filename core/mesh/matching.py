@@ -14,11 +14,12 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_edt, median_filter
+from scipy.ndimage import distance_transform_edt
 
 from ..compiled import run
 from ..errors import Cancelled, DgsError
 from ..numbers import number
+from ..opencv import opencv
 from ..progress import Progress
 from ..sfm.sharpen import LUMA
 from ..surface.agreement import AgreementSettings, agreed, lifted_map
@@ -77,7 +78,11 @@ class MatchingSettings:
         _CHECKED,
     )
     median: int = number(
-        5, "px", "side of the window whose median replaces the twin's depth: single splats go", _CHOSEN, _CHECKED
+        5,
+        "px",
+        "side of the window whose median replaces the twin's depth, 3 or 5: single splats go",
+        _CHOSEN,
+        _CHECKED,
     )
     smooth: float = number(
         1.5, "px", "standard deviation of the mean that its depths are then replaced by", _CHOSEN, _CHECKED
@@ -192,7 +197,9 @@ def smooth_depth(depth: NDArray[np.float64], settings: MatchingSettings = MATCHI
     """[H, W] a depth map without holes (NaN) and single px, smooth but for steps; planes stay planes."""
     holes = ~np.isfinite(depth)
     nearest = distance_transform_edt(holes, return_distances=False, return_indices=True)
-    inverse = median_filter(1.0 / depth[tuple(nearest)], settings.median)
+    inverse = (1.0 / depth[tuple(nearest)]).astype(np.float32)
+    # (scipy's takes 25 times as long, on one thread)
+    inverse = opencv("Meshes").medianBlur(np.ascontiguousarray(inverse), settings.median).astype(np.float64)
     out = np.empty_like(inverse)
     run(smooth_between_steps, len(inverse), inverse, settings.smooth, settings.step, out, grain=8)
     return np.asarray(1.0 / out)

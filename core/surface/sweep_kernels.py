@@ -8,6 +8,8 @@ from ..compiled import kernel
 
 #: The cost of a plane that too few views see, and of one at which photos show that nothing is there.
 UNSEEN, BARRED = 2.0, 3.0
+#: The value of a px that another view does not show: so large that the sum of a window gives it away.
+OUTSIDE = np.float32(1e9)
 
 
 @kernel
@@ -80,12 +82,13 @@ def plane_costs(  # type: ignore[no-untyped-def]
     right, bottom = min(grey.shape[1], x1 + radius), min(grey.shape[0], y1 + radius)
     w, h = right - left, bottom - top
     samples = np.float32((2 * radius + 1) ** 2)
-    sums = np.zeros((4, h, w), np.float32)
-    first = np.empty((h, w), np.float32)
-    second = np.empty((h, w), np.float32)
-    across, along = np.empty(w, np.float32), np.empty(w, np.float32)
-    value, seen = np.empty(w, np.float32), np.empty(w, np.float32)
-    total = np.empty((4, w), np.float32)
+    inner = w - 2 * radius  # columns that have a whole window
+    if inner <= 0:
+        return
+    sums = np.empty((3, h, inner), np.float32)
+    first, second = np.empty(sums.shape[1:], np.float32), np.empty(sums.shape[1:], np.float32)
+    across, along, value = np.empty(w, np.float32), np.empty(w, np.float32), np.empty(w, np.float32)
+    total = np.empty((3, inner), np.float32)
     needed = max(1, others.shape[0] // 2)
     for d in range(begin, end):
         first[:, :] = -2.0
@@ -99,17 +102,17 @@ def plane_costs(  # type: ignore[no-untyped-def]
                 v = y + top + 0.5
                 rx, ry, rz = turn[0, 1] * v, turn[1, 1] * v, turn[2, 1] * v
                 rx, ry, rz = rx + turn[0, 2], ry + turn[1, 2], rz + turn[2, 2]
+                nearness = around[y + top, left:right]  # (slices begin at 0: loops over them run in vector registers)
                 for x in range(w):
                     u = x + left + 0.5
-                    near = around[y + top, x + left]
+                    near = nearness[x]
                     z = np.float32(turn[2, 0] * u + rz + bz * near)
                     # (px centres at +0.5 become whole numbers; behind the camera is outside of every frame)
                     inverse = np.float32(1.0) / z if z > 1e-12 else np.float32(-1e9)
                     across[x] = np.float32(turn[0, 0] * u + rx + bx * near) * inverse - np.float32(0.5)
                     along[x] = np.float32(turn[1, 0] * u + ry + by * near) * inverse - np.float32(0.5)
                 for x in range(w):
-                    value[x] = 0.0
-                    seen[x] = 0.0
+                    value[x] = OUTSIDE
                     if across[x] >= 0 and along[x] >= 0 and across[x] < wide - 1 and along[x] < high - 1:
                         i, j = int(across[x]), int(along[x])
                         if valid[j, i]:
@@ -117,37 +120,39 @@ def plane_costs(  # type: ignore[no-untyped-def]
                             upper = image[j, i] + a * (image[j, i + 1] - image[j, i])
                             lower = image[j + 1, i] + a * (image[j + 1, i + 1] - image[j + 1, i])
                             value[x] = upper + b * (lower - upper)
-                            seen[x] = 1.0
-                sums[:, y, :] = 0.0
+                plain, square, mixed = sums[0, y], sums[1, y], sums[2, y]
+                plain[:], square[:], mixed[:] = 0.0, 0.0, 0.0
                 for k in range(2 * radius + 1):
-                    for x in range(radius, w - radius):
-                        sums[0, y, x] += seen[x - radius + k]
-                        sums[1, y, x] += value[x - radius + k]
-                        sums[2, y, x] += value[x - radius + k] * value[x - radius + k]
-                        sums[3, y, x] += value[x - radius + k] * grey[y + top, x + left - radius + k]
+                    there, here = value[k : k + inner], grey[y + top, left + k : left + k + inner]
+                    for x in range(inner):
+                        plain[x] += there[x]
+                        square[x] += there[x] * there[x]
+                        mixed[x] += there[x] * here[x]
             for y in range(radius, h - radius):
                 total[:, :] = 0.0
                 for k in range(2 * radius + 1):
-                    for s in range(4):
-                        for x in range(w):
-                            total[s, x] += sums[s, y - radius + k, x]
-                for x in range(radius, w - radius):
-                    whole = total[0, x] > samples - 0.5
+                    for s in range(3):
+                        whole, part = total[s], sums[s, y - radius + k]
+                        for x in range(inner):
+                            whole[x] += part[x]
+                row = slice(left + radius, left + radius + inner)
+                middle, inverse_spread = mean[y + top, row], scale[y + top, row]
+                best, next_best = first[y], second[y]
+                for x in range(inner):
                     # float32: what is left of a flat window's variance is rounding
-                    spread = max(total[2, x] - total[1, x] * total[1, x] / samples, np.float32(1e-5) * samples)
-                    alike = (total[3, x] - total[1, x] * mean[y + top, x + left]) * scale[y + top, x + left]
-                    alike = alike / np.sqrt(spread) if whole else np.float32(-2.0)
-                    one = first[y, x]
+                    spread = max(total[1, x] - total[0, x] * total[0, x] / samples, np.float32(1e-5) * samples)
+                    alike = (total[2, x] - total[0, x] * middle[x]) * inverse_spread[x] / np.sqrt(spread)
+                    alike = alike if total[0, x] < 0.5 * OUTSIDE else np.float32(-2.0)
                     if needed > 1:
-                        second[y, x] = max(second[y, x], min(one, alike))
-                    first[y, x] = max(one, alike)
+                        next_best[x] = max(next_best[x], min(best[x], alike))
+                    best[x] = max(best[x], alike)
         for y in range(radius, h - radius):
-            for x in range(radius, w - radius):
+            for x in range(inner):
                 one, two = first[y, x], second[y, x]
                 alike = one if needed == 1 or two <= -1.5 else np.float32(0.5) * (one + two)
                 fine = one > -1.5 if fewest == 1 or needed == 1 else two > -1.5
-                fine = fine and scale[y + top, x + left] > 0
-                costs[d, y + top, x + left] = np.float32(1.0) - alike if fine else np.float32(UNSEEN)
+                fine = fine and scale[y + top, x + left + radius] > 0
+                costs[d, y + top, x + left + radius] = np.float32(1.0) - alike if fine else np.float32(UNSEEN)
 
 
 @kernel

@@ -77,7 +77,8 @@ def middles(mesh: Mesh, texture: Texture, owner: np.ndarray) -> tuple[np.ndarray
     face = owner[rows, columns]
     a, b, c = (texture.places[texture.faces[face, k]] for k in range(3))
     place = np.stack([columns + 0.5, len(owner) - rows - 0.5], axis=1) / len(owner)
-    shares = np.linalg.solve(np.stack([b - a, c - a], axis=2), (place - a)[..., None])[..., 0].clip(0, 1)
+    # (a chart may hold a face without an area)
+    shares = (np.linalg.pinv(np.stack([b - a, c - a], axis=2)) @ (place - a)[..., None])[..., 0].clip(0, 1)
     p, q, r = (mesh.vertices[mesh.faces[face, k]] for k in range(3))
     world = p + shares[:, :1] * (q - p) + shares[:, 1:] * (r - p)
     return world, texture.image[rows, columns] / 255.0
