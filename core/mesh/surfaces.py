@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..camera import Camera
+from ..compiled import threads
 from ..errors import Cancelled
 from ..forward import sharp_depths, sharp_view
 from ..gaussians import Gaussians
@@ -72,12 +74,16 @@ def seen_surfaces(
         Cancelled: the user asked to stop.
     """
     progress.stage("depth", len(cameras))
-    found = []
-    for index, camera in enumerate(cameras):
-        if progress.cancelled():
-            raise Cancelled(f"Stopped after {index} of {len(cameras)} depth maps; nothing was written")
-        found.append(seen_surface(gaussians, camera, settings))
-        progress.advance(index + 1)
+    found: list[SeenSurface] = []
+    pool = ThreadPoolExecutor(min(2, threads()))  # (half of each view's work runs on one core; more take memory)
+    try:
+        for surface in pool.map(lambda camera: seen_surface(gaussians, camera, settings), cameras):
+            if progress.cancelled():
+                raise Cancelled(f"Stopped after {len(found)} of {len(cameras)} depth maps; nothing was written")
+            found.append(surface)
+            progress.advance(len(found))
+    finally:
+        pool.shutdown(cancel_futures=True)
     return found
 
 
