@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from ..errors import FormatError
 from .lengths import parsed_length
-from .opencv import opencv
+from .opencv import opencv_with_markers
 
 Array = NDArray[np.float64]
 
@@ -130,21 +130,21 @@ def _chessboard(asked: str, dictionary: str, words: list[str]) -> MarkerBoard:
 
 def dictionary_of(board: MarkerBoard) -> Any:
     """OpenCV's own object."""
-    aruco = opencv().aruco
+    aruco = opencv_with_markers().aruco
     return aruco.getPredefinedDictionary(getattr(aruco, f"DICT_{board.dictionary.upper()}"))
 
 
 def chessboard_of(board: MarkerBoard) -> Any:
     """OpenCV's own object; its lengths in the board's unit."""
     size = (board.columns, board.rows)
-    return opencv().aruco.CharucoBoard(size, board.square, board.side, dictionary_of(board))
+    return opencv_with_markers().aruco.CharucoBoard(size, board.square, board.side, dictionary_of(board))
 
 
 def code_of(board: MarkerBoard, marker: int) -> NDArray[np.bool_]:
     """[cells, cells] where a marker is white; its outermost cells are black."""
     dictionary = dictionary_of(board)
     cells = int(dictionary.markerSize) + 2
-    return np.asarray(opencv().aruco.generateImageMarker(dictionary, marker, cells) > 0)
+    return np.asarray(opencv_with_markers().aruco.generateImageMarker(dictionary, marker, cells) > 0)
 
 
 def marker_corners(side: float) -> Array:

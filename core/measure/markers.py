@@ -20,7 +20,7 @@ from scipy.ndimage import gaussian_filter
 from ..evaluation.profiles import Sampler
 from ..numbers import number
 from .boards import MarkerBoard, chessboard_of, code_of, dictionary_of
-from .opencv import opencv
+from .opencv import opencv_with_markers
 
 Array = NDArray[np.float64]
 #: A marker's number and its corner (0 to 3 from its upper left one, clockwise); `CHESS` and the corner's number.
@@ -90,7 +90,7 @@ def found_corners(board: MarkerBoard, grey: NDArray[np.float32]) -> FoundCorners
 
 
 def _enlarged(grey: NDArray[np.float32], larger: float) -> NDArray[np.uint8]:
-    cv2 = opencv()
+    cv2 = opencv_with_markers()
     size = (round(grey.shape[1] * larger), round(grey.shape[0] * larger))
     picture = grey if larger == 1.0 else cv2.resize(grey, size, interpolation=cv2.INTER_CUBIC)
     return np.asarray(np.clip(picture * 255.0 + 0.5, 0, 255), np.uint8)
@@ -100,7 +100,7 @@ def _detected(
     board: MarkerBoard, picture: NDArray[np.uint8], larger: float
 ) -> tuple[dict[Corner, tuple[float, float]], list[tuple[int, Array]]]:
     """Corners of the chessboard, and number and corners [4, 2] of each marker; px of the picture as it was."""
-    aruco = opencv().aruco
+    aruco = opencv_with_markers().aruco
     chess: dict[Corner, tuple[float, float]] = {}
     if board.is_chessboard:
         at, numbers, corners, markers = aruco.CharucoDetector(chessboard_of(board)).detectBoard(picture)
@@ -179,7 +179,7 @@ def _spread(sampler: Sampler, corners: Array, white: NDArray[np.bool_]) -> float
     outer edges at X + b (p + 1 - 2 X / N).
     """
     cells = len(white)
-    to_px = opencv().getPerspectiveTransform(_ends(cells), np.asarray(corners, np.float32))
+    to_px = opencv_with_markers().getPerspectiveTransform(_ends(cells), np.asarray(corners, np.float32))
     off, lever = list[float](), list[float]()
     for axis in (0, 1):
         code = white if axis == 0 else white.T

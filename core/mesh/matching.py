@@ -36,6 +36,9 @@ _CHOSEN = "meshes of the rendered shelf and orrery, sharp and blurred by 5 px"
 _CHECKED = "meshes of the rugby ball; of the village, which was looked at on the way"
 _FIRST = "the first and only value"
 
+#: What needs OpenCV, and how one does without.
+_NEEDED = ("Meshes of matched views", "take --matching off")
+
 
 @dataclass(frozen=True)
 class MatchingSettings:
@@ -113,10 +116,11 @@ def matched_surfaces(
             and another view sees that depth alike; 'off': nothing is changed.
 
     Raises:
-        DgsError: 'agreed', and nothing is. Cancelled: the user asked to stop.
+        DgsError: 'agreed', and nothing is; OpenCV is missing. Cancelled: the user asked to stop.
     """
     if how == "off" or len(surfaces) < 2:
         return list(surfaces), 1.0
+    opencv(*_NEEDED)
     pictures = [np.tensordot(np.array(LUMA, np.float32), s.image, 1) for s in surfaces]
     views = stack_pictures([s.camera for s in surfaces], pictures, [s.weight > 0 for s in surfaces])
     progress.stage("match", len(surfaces))
@@ -199,7 +203,7 @@ def smooth_depth(depth: NDArray[np.float64], settings: MatchingSettings = MATCHI
     nearest = distance_transform_edt(holes, return_distances=False, return_indices=True)
     inverse = (1.0 / depth[tuple(nearest)]).astype(np.float32)
     # (scipy's takes 25 times as long, on one thread)
-    inverse = opencv("Meshes").medianBlur(np.ascontiguousarray(inverse), settings.median).astype(np.float64)
+    inverse = opencv(*_NEEDED).medianBlur(np.ascontiguousarray(inverse), settings.median).astype(np.float64)
     out = np.empty_like(inverse)
     run(smooth_between_steps, len(inverse), inverse, settings.smooth, settings.step, out, grain=8)
     return np.asarray(1.0 / out)

@@ -33,7 +33,7 @@ class AdjustingSettings:
         "shares of the run",
         "at which all cameras are adjusted: each time the twin says more. From a tenth on it says too little",
         f"{_SHAKEN}: from 0.1 on the village lost 1.0 dB, three times in all 0.2 (other weights, single runs)",
-        "a shelf of 20 photos: cameras' errors halved, the twin level",
+        "a shelf of 20 photos: cameras' errors halved, 29.62 -> 29.93 dB",
     )
     prior: float = number(
         2.0,

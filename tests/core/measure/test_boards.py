@@ -12,7 +12,7 @@ import pytest
 from dgs.command_line import run
 from dgs.core.errors import DgsError, FormatError
 from dgs.core.measure.boards import DICTIONARIES, MarkerBoard, chessboard_of, dictionary_of, parsed_board
-from dgs.core.measure.opencv import opencv
+from dgs.core.measure.opencv import opencv_with_markers
 from dgs.core.measure.printed import SHEET, picture_of, sheet_of, write_sheet
 from dgs.core.measure.request import KnownLength, parsed_request
 from PIL import Image
@@ -151,7 +151,7 @@ def test_without_opencv_it_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -
 
     monkeypatch.setattr(importlib, "import_module", missing)
     with pytest.raises(DgsError, match="opencv-python-headless.*Install the engine again"):
-        opencv()
+        opencv_with_markers()
     monkeypatch.setattr(importlib, "import_module", lambda _: json)
     with pytest.raises(DgsError, match="finds no markers"):
-        opencv()
+        opencv_with_markers()

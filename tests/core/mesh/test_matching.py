@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -140,6 +141,13 @@ def test_views_that_see_nothing_are_no_trouble() -> None:
 def test_it_stops_when_asked_to() -> None:
     with pytest.raises(Cancelled):
         matched_surfaces(surfaces(), "filled", Stopped())
+
+
+def test_without_opencv_it_says_what_does_without(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "cv2", None)  # (importing it fails then)
+    with pytest.raises(DgsError, match="opencv-python-headless.*take --matching off"):
+        matched_surfaces(surfaces(), "filled", Silent())
+    assert matched_surfaces(surfaces(), "off", Silent())[1] == 1.0
 
 
 def test_smooth_depths_keep_planes_and_steps() -> None:

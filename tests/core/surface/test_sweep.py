@@ -11,6 +11,7 @@ from dgs.core.surface.choice import chosen_references, neighbours_of
 from dgs.core.surface.fill import filled_maps
 from dgs.core.surface.stack import StackSettings, stack_views
 from dgs.core.surface.sweep import DepthMap, SweepSettings, swept
+from dgs.core.surface.sweep_kernels import UNSEEN, plane_costs, window_statistics
 from dgs.tests.core.surface.scenes import arc, around, drawn
 from scipy.ndimage import gaussian_filter
 
@@ -178,3 +179,35 @@ def test_gaps_are_bridged_on_surfaces_and_not_across_edges(scene, views):
     wrong = (crossing > 0) & (np.abs(crossing / truth[4].depth[edge, column - 4 : column + 5] - 1) > 0.1)
     assert not wrong.any()
     assert not any(m.depth.any() for k, m in enumerate(found) if k != 4)
+
+
+def test_costs_are_correlations_of_windows_that_the_other_view_shows_whole():
+    """Against numpy's, of a view that shows the same moved by (3, 2) px, with noise and a px that does not count."""
+    random, (height, width), radius = np.random.default_rng(0), (24, 31), 2
+    grey = random.random((height, width)).astype(np.float32)
+    other = (0.5 * np.roll(grey, (2, 3), (0, 1)) + 0.2 * random.random(grey.shape)).astype(np.float32)
+    counts = np.ones((2, height, width), bool)
+    counts[1, 12, 15] = False
+    mean, scale = np.zeros_like(grey), np.zeros_like(grey)
+    window_statistics(0, height, grey, counts[0], radius, np.float32(1e-3), mean, scale)
+    views = (np.stack([grey, other]), counts, np.array([[width, height]] * 2, np.int64), np.array([1], np.int32))
+    rays = (np.eye(3)[None], np.array([[3.0, 2.0, 0.0]]), np.ones(1), np.ones(grey.shape))
+
+    def costs(*box: int) -> np.ndarray:
+        found = np.full((1, height, width), UNSEEN, np.float32)
+        plane_costs(0, 1, grey, mean, scale, np.array(box, np.int64), *views, *rays, radius, 1, found)
+        return found[0]
+
+    expected = np.full(grey.shape, UNSEEN)
+    for y in range(radius, height - radius - 3):  # (a px at the frame's end has no neighbour to be drawn between)
+        for x in range(radius, width - radius - 4):
+            here, there = (slice(y + j - 2, y + j + 3) for j in (0, 2)), (slice(x + i - 2, x + i + 3) for i in (0, 3))
+            (rows, moved_rows), (columns, moved_columns) = here, there
+            if counts[1, moved_rows, moved_columns].all():
+                alike = np.corrcoef(grey[rows, columns].ravel(), other[moved_rows, moved_columns].ravel())[0, 1]
+                expected[y, x] = 1.0 - alike
+    assert 0.0 < np.mean(expected == UNSEEN) < 0.6 and expected.min() < 0.1
+    np.testing.assert_allclose(costs(0, 0, width, height), expected, atol=1e-5)
+    part = costs(8, 6, 20, 17)
+    np.testing.assert_allclose(part[6:17, 8:20], expected[6:17, 8:20], atol=1e-5)
+    assert (costs(0, 0, 1, height) == UNSEEN).all(), "no window has room there"
