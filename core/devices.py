@@ -368,6 +368,17 @@ def in_memory(part: Tensor) -> Tensor:
     return part if part.device.type == "cpu" else part.contiguous().cpu()
 
 
+def all_in_memory(*parts: Tensor) -> list[Tensor]:
+    """As `in_memory` each, of one dtype; from a card all at once, which is waited for once."""
+    if all(part.device.type == "cpu" for part in parts):
+        return list(parts)
+    import torch  # heavy: torch
+
+    together = torch.cat([part.reshape(-1) for part in parts]).cpu()
+    ends = torch.split(together, [part.numel() for part in parts])
+    return [values.reshape(part.shape) for values, part in zip(ends, parts, strict=True)]
+
+
 def quick_devices() -> tuple[BackendName, ...]:
     """Devices that 'auto' may try a training on, though it does not take them everywhere."""
     return tuple(name for name in devices() if not REGISTRY[name].unasked and backend_named(name).quick())

@@ -85,19 +85,19 @@ class _Displayed:
 
 
 class _Light:
-    """The mean in linear light, on any device and of any type."""
+    """The mean in linear light, on any device and of any type; all frames at once, as a card likes it."""
 
     def __init__(self, frames: Sequence[Tensor], weights: Sequence[float] | Tensor) -> None:
-        self._frames, self._weights = frames, _over_planes(weights, frames[0])
-        light = torch.stack([w * srgb_to_linear(frame) for w, frame in zip(self._weights, frames, strict=True)])
-        self.shown = linear_to_srgb(light.sum(dim=0))
+        self._frames = in_a_row(frames)
+        # [K, 1, 1, 1], [K, 1, h, 1] or [K, 1, 1, w]
+        shares = weights[:, None] if isinstance(weights, Tensor) else torch.tensor(weights)[:, None, None, None]
+        self._weights = shares.to(self._frames)
+        self._light = srgb_to_linear(self._frames)
+        self.shown = linear_to_srgb((self._weights * self._light).sum(dim=0))
 
     def gradient(self, upstream: Tensor) -> list[Tensor]:
         upstream = upstream * encoding_derivative(srgb_to_linear(self.shown), self.shown)
-        return [
-            weight * upstream * decoding_derivative(frame, srgb_to_linear(frame))
-            for frame, weight in zip(self._frames, self._weights, strict=True)
-        ]
+        return list(self._weights * upstream * decoding_derivative(self._frames, self._light))
 
 
 class CollectedLight:

@@ -28,7 +28,7 @@ from torch import Tensor
 
 from ..camera import Camera
 from ..colour import srgb_to_linear
-from ..devices import in_memory
+from ..devices import all_in_memory, in_memory
 from ..forward import Exposed
 from ..imaging.formation.motion import CameraMotion
 from ..imaging.formation.path_poses import mean_twist, middles, polynomials
@@ -393,7 +393,7 @@ class CameraPaths:
         """Mean size of what a path leaves of a photo where it counts."""
         height, width = visit.photo.shape[1:]
         at = Sampled.of(height, width, self.settings.looked_at)
-        photo, seen = (in_memory(at.of_planes(planes)) for planes in (visit.photo, exposed.degraded))
+        photo, seen = all_in_memory(at.of_planes(visit.photo), at.of_planes(exposed.degraded))
         rest = (photo - seen).abs().mean(dim=0)
         if visit.counts is None:
             return float(rest.mean())
@@ -457,10 +457,10 @@ class CameraPaths:
         if rows is not None:
             basis = basis[..., None, None] * (count * rows)  # [M + 1, T, H + 2m, 1] or [M + 1, T, 1, W + 2m]
         slope = slopes_along(exposed, basis, at)
-        seen = in_memory(at.of_planes(exposed.degraded))
+        seen, shown = all_in_memory(at.of_planes(exposed.degraded), at.of_planes(photo))
         du, dv = (flow[:, None] for flow in self._flow(visit.index, visit.name, visit.camera, at))
         jacobian = -(slope(0, 1)[:, None] * du + slope(1, 0)[:, None] * dv)
-        rest = (in_memory(at.of_planes(photo)) - seen).reshape(-1)
+        rest = (shown - seen).reshape(-1)
         weight = torch.ones_like(rest)
         if counts is not None:
             weight = in_memory(at.of_planes(counts)).expand(3, -1, -1).reshape(-1).to(rest.dtype)

@@ -10,11 +10,13 @@ import torch
 from torch import Tensor
 
 from ..colour import decoding_derivative, encoding_derivative, srgb_to_linear
-from ..devices import in_memory
+from ..devices import all_in_memory
 from ..forward import Exposed
 from ..frames import in_a_row
 
-#: Slopes [M + 1, 3, h, w] of the photo (sRGB / px) along an axis: (1, 0) down, (0, 1) to the right.
+#: The picture's axes: down, and to the right.
+AXES = (1, 0), (0, 1)
+#: Slopes [M + 1, 3, h, w] of the photo (sRGB / px) along one of `AXES`.
 Slopes = Callable[[int, int], Tensor]
 
 
@@ -63,21 +65,21 @@ def slopes_along(exposed: Exposed, basis: Tensor, at: Sampled) -> Slopes:
         basis: [M + 1, T] share of frame t in part m, or [M + 1, T, H + 2m, 1] in each row of it, or
             [M + 1, T, 1, W + 2m] in each column; the first is the photo.
     """
-    together = exposed.together
-    seen = in_memory(at.of_planes(exposed.degraded))
-    encode = encoding_derivative(srgb_to_linear(seen), seen)
-    if together is not None:
-        parts = _parts_through_effects(exposed, basis)
-        return lambda down, right: _difference(parts, at, down, right) * 0.5 * encode
+    degraded = at.of_planes(exposed.degraded)
+    if exposed.together is not None:
+        seen, *both = all_in_memory(degraded, *_differences(_parts_through_effects(exposed, basis), at))
+        encode, difference = encoding_derivative(srgb_to_linear(seen), seen), dict(zip(AXES, both, strict=True))
+        return lambda down, right: difference[down, right] * 0.5 * encode
     frames = _photo_px(exposed, in_a_row([frame.passage.reached for frame in exposed.frames]))
-    own = in_memory(at.of_planes(frames))
+    seen, own, *both = all_in_memory(degraded, at.of_planes(frames), *_differences(frames, at))
+    encode, difference = encoding_derivative(srgb_to_linear(seen), seen), dict(zip(AXES, both, strict=True))
     decode = decoding_derivative(own, srgb_to_linear(own))
     shares = basis
     if basis.dim() == 4:
         shares = _sampled(exposed, basis, at)
 
     def of_frames(down: int, right: int) -> Tensor:
-        return _parts(shares, _difference(frames, at, down, right) * decode * 0.5) * encode
+        return _parts(shares, difference[down, right] * decode * 0.5) * encode
 
     return of_frames
 
@@ -89,22 +91,22 @@ def change_by(exposed: Exposed, shares: Tensor, at: Sampled) -> Tensor:
         shares: [T, H + 2m, 1] of each frame's light in each row, or [T, 1, W + 2m] in each column, which add up to
             none.
     """
-    seen = in_memory(at.of_planes(exposed.degraded))
-    encode = encoding_derivative(srgb_to_linear(seen), seen)
+    degraded = at.of_planes(exposed.degraded)
     if exposed.together is not None:
         basis = torch.stack([shares, shares])  # (the first stands for the photo)
-        return in_memory(at.of_planes(_parts_through_effects(exposed, basis)[1])) * encode
+        seen, part = all_in_memory(degraded, at.of_planes(_parts_through_effects(exposed, basis)[1]))
+        return part * encoding_derivative(srgb_to_linear(seen), seen)
     # Where all rows are exposed at once the first and the last frame alone count.
     used = [k for k, share in enumerate(shares) if bool(share.any())]
     frames = torch.stack([at.of_planes(_photo_px(exposed, exposed.frames[k].passage.reached)) for k in used])
-    light = srgb_to_linear(in_memory(frames))
-    return _parts(_sampled(exposed, shares[used][None], at), light)[0] * encode
+    seen, own = all_in_memory(degraded, frames)
+    light = _parts(_sampled(exposed, shares[used][None], at), srgb_to_linear(own))[0]
+    return light * encoding_derivative(srgb_to_linear(seen), seen)
 
 
-def _difference(planes: Tensor, at: Sampled, down: int, right: int) -> Tensor:
-    """Of the px so far ahead and so far behind, in the computer's memory."""
-    ahead, behind = (at.of_planes(planes, sign * down, sign * right) for sign in (1, -1))
-    return in_memory(ahead - behind)
+def _differences(planes: Tensor, at: Sampled) -> list[Tensor]:
+    """Along each axis, of the next px and the one before."""
+    return [at.of_planes(planes, down, right) - at.of_planes(planes, -down, -right) for down, right in AXES]
 
 
 def _parts(basis: Tensor, frames: Tensor) -> Tensor:

@@ -1,9 +1,10 @@
-"""How quick a device is at a training: it renders what the training begins with, forwards and backwards."""
+"""How quick a device is at a training: it renders what the training begins with, or takes some of its first steps."""
 
 from __future__ import annotations
 
 import statistics
 import time
+from dataclasses import replace
 
 import numpy as np
 import torch
@@ -15,9 +16,14 @@ from .grid import coarse_camera, grid_step
 from .initial import first_gaussians
 from .job import TrainingJob
 from .scale import scene_scale
+from .trainer import Trainer
 
-#: Passes before time counts, in which shaders and kernels are compiled, and passes whose median counts.
+#: Passes or steps before time counts, in which shaders and kernels are compiled, and those whose median counts.
 _WARM, _TIMED = 3, 5
+#: Photos of a training whose steps are timed: as many as it takes of each kind of step, one after the other.
+_PHOTOS = _WARM + _TIMED
+#: Share of the run whose steps are timed: photos are on their finest grid by then.
+_LATER = 0.6
 
 
 def seconds_of_a_pass(job: TrainingJob, device: BackendName) -> float:
@@ -45,4 +51,21 @@ def seconds_of_a_pass(job: TrainingJob, device: BackendName) -> float:
         seconds.append(time.perf_counter() - begun)
         for _, tensor in gaussians.named():
             tensor.grad = None
+    return statistics.median(seconds[_WARM:])
+
+
+def seconds_of_a_step(job: TrainingJob, device: BackendName) -> float:
+    """Median seconds of a whole step of the training, with all that it learns; of a few of its photos, and thrown away.
+
+    Raises:
+        DeviceError: the device does not work.
+    """
+    backend, settings = backend_named(device), replace(job.settings, device=device)
+    trainer = Trainer(job.views[:_PHOTOS], [], job.points, job.medium, settings, job.formation)
+    seconds = []
+    for _ in range(_WARM + _TIMED):
+        begun = time.perf_counter()
+        trainer.advance(_LATER)
+        backend.synchronize()
+        seconds.append(time.perf_counter() - begun)
     return statistics.median(seconds[_WARM:])

@@ -16,7 +16,7 @@ from ...errors import DeviceError
 from ...frames import Evaluation, Frame
 from ...gaussians import Gaussians
 from ...numbers import number
-from ...rendering import RasterSettings, Rendered
+from ...rendering import RasterSettings, Rendered, RenderedPath
 from ..cpu import CPU, CpuBackend
 from ..reference import ReferenceBackend
 from . import arithmetic, reductions, rows, transforms  # noqa: F401  (torch's operations find them)
@@ -29,7 +29,7 @@ from .exposures import reexposed_on_card
 from .guards import guarded_on_card
 from .losses import photometric_on_card, specks_on_card, variation_on_card
 from .missing import drawn_on_card, filtered_on_card, residual_on_card
-from .rasterizer import render_gpu
+from .rasterizer import render_gpu, render_path_gpu
 from .tensors import CardTensor, from_host, register
 from .through_host import ThroughHost
 
@@ -89,6 +89,12 @@ class GpuBackend(ReferenceBackend):
     ) -> Rendered:
         """See `Backend`."""
         return render_gpu(gaussians, camera, background, pose, settings)
+
+    def render_path(
+        self, gaussians: Gaussians, camera: Camera, background: Tensor | None, poses: Tensor, settings: RasterSettings
+    ) -> RenderedPath:
+        """See `Backend`."""
+        return render_path_gpu(gaussians, camera, background, poses, settings)
 
     def blurs(
         self, kernel: NDArray, taps: tuple[NDArray, NDArray] | None, frame: Frame, dtype: torch.dtype

@@ -15,6 +15,7 @@ from dgs.core.devices import quick_devices
 from dgs.core.imaging.formation.chain import Formation
 from dgs.core.imaging.formation.exposure import Exposure
 from dgs.core.imaging.formation.kernels import PhotoKernels
+from dgs.core.imaging.formation.motion import straight_paths
 from dgs.core.machine import Machine
 from dgs.core.pipeline import device as choice
 from dgs.core.pipeline.device import device_for
@@ -22,7 +23,7 @@ from dgs.core.pipeline.timing import NoteKeeper
 from dgs.core.pipeline.training import _on
 from dgs.core.progress import Silent
 from dgs.core.training.job import TrainingJob
-from dgs.core.training.quickest import seconds_of_a_pass
+from dgs.core.training.quickest import seconds_of_a_pass, seconds_of_a_step
 from dgs.core.training.run import RUN
 from dgs.tests.back_ends import or_skip
 from dgs.tests.core.training.training_scenes import SHORT, blurred_scene
@@ -76,6 +77,26 @@ def test_a_quicker_card_is_taken_unless_somebody_chose(job, card_at_hand, monkey
     names = [view.name for view in job.views]
     for effect, device in ((Exposure(names, torch.zeros(4, 3)), "gpu"), (PhotoKernels.sharp(names), "cpu")):
         assert device_for(replace(job, formation=Formation([effect])), FREE, NoteKeeper(Silent())) == device
+
+
+def shaken(job: TrainingJob) -> TrainingJob:
+    ways = {view.name: (0.02, 0.01 * i) for i, view in enumerate(job.views)}
+    return replace(job, formation=Formation([straight_paths(ways, 2)]))
+
+
+def test_where_paths_are_learned_whole_steps_are_compared(job, card_at_hand, monkeypatch):
+    monkeypatch.setattr(choice, "seconds_of_a_pass", lambda *_: pytest.fail("renders alone say little here"))
+    monkeypatch.setattr(choice, "seconds_of_a_step", lambda _, device: {"cpu": 0.6, "gpu": 0.3}[device])
+    notes = NoteKeeper(Silent())
+    assert device_for(shaken(job), FREE, notes) == "gpu" and "2.0 times" in notes.notes[0]
+
+
+def test_steps_that_are_timed_leave_the_job_as_it_was(job):
+    or_skip("gpu")
+    asked = shaken(job)
+    before = asked.formation.motion.parameters["twists"].clone()
+    assert seconds_of_a_step(asked, "gpu") > 0 and seconds_of_a_step(asked, "cpu") > 0
+    assert torch.equal(asked.formation.motion.parameters["twists"], before)
 
 
 def test_asked_by_name_it_is_nobody_s_choice():

@@ -1,4 +1,4 @@
-// Blends each tile's splats, nearest first, over the background; a thread for each pixel. The group fetches a chunk of
+// Blends each tile's splats, nearest first, over the background, frame below frame; a thread for each pixel. The group fetches a chunk of
 // the list into its own memory at once, as a thread that reads one splat after the other waits for each. Where a
 // backward pass may come, every chunk leaves what it begins at, for `blend_backward` to take chunks side by side.
 // uses: view, splat, chunks
@@ -72,13 +72,14 @@ fn leave_chunk(range: vec2u, tile: u32, chunk: u32, reached: bool) {
         Chunk(first, min(first + CHUNK, range.y), tile, select(SATURATED, begins, reached));
 }
 
-fn show(pixel: Pixel, place: vec2u, size: vec2u) {
+fn show(pixel: Pixel, place: vec2u, size: vec2u, frame: u32) {
     let plane = size.x * size.y;
-    let at = place.y * size.x + place.x;
+    let within = place.y * size.x + place.x;
+    let at = frame * plane + within;
     let colour = pixel.colour + pixel.through * view.background.xyz;
-    image[at] = colour.x;
-    image[plane + at] = colour.y;
-    image[2u * plane + at] = colour.z;
+    image[3u * frame * plane + within] = colour.x;
+    image[(3u * frame + 1u) * plane + within] = colour.y;
+    image[(3u * frame + 2u) * plane + within] = colour.z;
     transmittance[at] = pixel.through;
     depth[at] = pixel.deep;
     opacity[at] = 1.0 - pixel.through;
@@ -90,7 +91,8 @@ fn main(
     @builtin(local_invocation_id) within: vec3u,
     @builtin(local_invocation_index) thread: u32,
 ) {
-    let place = group.xy * TILE + within.xy;
+    let frame = group.y / view.counts.w;
+    let place = vec2u(group.x, group.y % view.counts.w) * TILE + within.xy;
     let size = vec2u(view.frame.xy);
     let visible = all(place < size);
     let tile = group.y * view.counts.z + group.x;
@@ -131,6 +133,6 @@ fn main(
         }
     }
     if (visible) {
-        show(pixel, place, size);
+        show(pixel, place, size, frame);
     }
 }

@@ -32,7 +32,7 @@ struct Held {
 var<workgroup> states: array<vec2f, PIXELS>;   // transmittance, and what still comes
 var<workgroup> upstream: array<vec4f, PIXELS>; // of the colours, and of the depth
 
-fn read_pixel(p: u32, corner: vec2u, begins: u32) {
+fn read_pixel(p: u32, corner: vec2u, frame: u32, begins: u32) {
     let pixel = corner + vec2u(p % TILE, p / TILE);
     let size = vec2u(view.frame.xy);
     states[p] = vec2f(0.0); // (beside the frame nothing counts)
@@ -41,9 +41,11 @@ fn read_pixel(p: u32, corner: vec2u, begins: u32) {
         return;
     }
     let plane = size.x * size.y;
-    let at = pixel.y * size.x + pixel.x;
+    let within = pixel.y * size.x + pixel.x;
+    let at = frame * plane + within;
+    let red = 3u * frame * plane + within;
     var through = 1.0;
-    var colour = vec3f(image[at], image[plane + at], image[2u * plane + at]);
+    var colour = vec3f(image[red], image[plane + red], image[2u * plane + red]);
     var deep = depth[at];
     if (begins != FRESH) {
         let stored = begins * CHECKPOINT * PIXELS + p;
@@ -54,7 +56,7 @@ fn read_pixel(p: u32, corner: vec2u, begins: u32) {
     let came = u32(view.background.w);
     var g = vec4f(0.0);
     if ((came & 1u) != 0u) {
-        g = vec4f(image_gradient[at], image_gradient[plane + at], image_gradient[2u * plane + at], 0.0);
+        g = vec4f(image_gradient[red], image_gradient[plane + red], image_gradient[2u * plane + red], 0.0);
     }
     if ((came & 4u) != 0u) {
         g.w = depth_gradient[at];
@@ -141,9 +143,11 @@ fn main(
         put_nothing(chunk, thread);
         return;
     }
-    let corner = vec2u(chunk.tile % view.counts.z, chunk.tile / view.counts.z) * TILE;
+    let row = chunk.tile / view.counts.z; // of the tiles of all frames
+    let frame = row / view.counts.w;
+    let corner = vec2u(chunk.tile % view.counts.z, row % view.counts.w) * TILE;
     for (var p = thread; p < PIXELS; p += BUCKET) {
-        read_pixel(p, corner, chunk.begins);
+        read_pixel(p, corner, frame, chunk.begins);
     }
     // as few splats to a thread as there are: every thread of a short list is at work
     let run = (chunk.end - chunk.first + BUCKET - 1u) / BUCKET;

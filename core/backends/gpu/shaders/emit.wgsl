@@ -1,4 +1,5 @@
-// Writes a pair for every tile that a splat meets, splats from near to far: its tile, and itself by its number.
+// Writes a pair for every tile that a splat meets, splats from near to far: its tile, and itself by its number. Frames of
+// a path have tiles and splats of their own, one frame's behind the other's.
 // uses: items, view, splat
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var<storage, read> splats: array<Splat>;
@@ -15,7 +16,7 @@ fn main(
     @builtin(local_invocation_index) thread: u32,
 ) {
     let i = item(group, groups, thread, GROUP);
-    if (i >= view.counts.x) {
+    if (i >= view.counts.x * view.path.x) {
         return;
     }
     let g = order[i];
@@ -26,11 +27,12 @@ fn main(
         return;
     }
     let splat = splats[g];
+    let above = g / view.counts.x * view.counts.w; // rows of tiles of the frames before
     let rows = tile_rows(splat, view.frame.y);
     for (var row = rows.x; row < rows.y; row++) {
         let columns = tile_columns(splat, row, view.frame.x);
         for (var column = columns.x; column < columns.y && at < end; column++) {
-            tiles[at] = row * view.counts.z + column;
+            tiles[at] = (above + row) * view.counts.z + column;
             owners[at] = g;
             at++;
         }
@@ -38,7 +40,7 @@ fn main(
     slots[g] = vec2u(places[i], at);
     // (another shader's rounding may have counted one tile more: a tile that is not there takes it, and no gradient)
     for (; at < end; at++) {
-        tiles[at] = view.counts.z * view.counts.w;
+        tiles[at] = view.counts.z * view.counts.w * view.path.x;
         owners[at] = g;
     }
 }

@@ -1,5 +1,6 @@
-// Projects every Gaussian, culls, counts the tiles that it meets. Key of its depth: its bits; the unseen come last.
-// uses: items, shape, harmonics, splat
+// Projects every Gaussian into every frame, culls, counts the tiles that it meets. Key of its depth: its bits; the unseen
+// come last.
+// uses: items, shape, harmonics, splat, standpoints
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var<storage, read> means: array<f32>;
 @group(0) @binding(2) var<storage, read> log_scales: array<f32>;
@@ -11,6 +12,7 @@
 @group(0) @binding(8) var<storage, read_write> tile_counts: array<u32>;
 @group(0) @binding(9) var<storage, read_write> radii: array<f32>;
 @group(0) @binding(10) var<storage, read_write> reasons: array<atomic<u32>>;
+@group(0) @binding(11) var<storage, read> poses: array<Standpoint>;
 
 fn reason_of(g: u32, s: Shape, splat: ptr<function, Splat>, radius: ptr<function, f32>) -> u32 {
     let mean = vec3f(means[3u * g], means[3u * g + 1u], means[3u * g + 2u]);
@@ -76,18 +78,10 @@ fn reason_of(g: u32, s: Shape, splat: ptr<function, Splat>, radius: ptr<function
     return SEEN;
 }
 
-@compute @workgroup_size(GROUP)
-fn main(
-    @builtin(workgroup_id) group: vec3u,
-    @builtin(num_workgroups) groups: vec3u,
-    @builtin(local_invocation_index) thread: u32,
-) {
-    let g = item(group, groups, thread, GROUP);
-    if (g >= view.counts.x) {
-        return;
-    }
+// Into one frame; half the extent of what is seen of it there, 0 where nothing is.
+fn project_into(frame: u32, g: u32) -> f32 {
     let s = shape_of(
-        view,
+        view_from(frame),
         vec3f(means[3u * g], means[3u * g + 1u], means[3u * g + 2u]),
         vec3f(log_scales[3u * g], log_scales[3u * g + 1u], log_scales[3u * g + 2u]),
         vec4f(quaternions[4u * g], quaternions[4u * g + 1u], quaternions[4u * g + 2u], quaternions[4u * g + 3u]),
@@ -108,10 +102,28 @@ fn main(
             radius = 0.0;
         }
     }
-    splats[g] = splat;
-    keys[g] = select(UNSEEN, bitcast<u32>(s.point.z), tiles > 0u);
-    tile_counts[g] = tiles;
-    radii[g] = radius;
+    let at = frame * view.counts.x + g;
+    splats[at] = splat;
+    keys[at] = select(UNSEEN, bitcast<u32>(s.point.z), tiles > 0u);
+    tile_counts[at] = tiles;
     atomicAdd(&reasons[reason], 1u);
     atomicAdd(&reasons[REASONS - 1u], tiles);
+    return radius;
+}
+
+@compute @workgroup_size(GROUP)
+fn main(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) thread: u32,
+) {
+    let g = item(group, groups, thread, GROUP);
+    if (g >= view.counts.x) {
+        return;
+    }
+    var widest = 0.0;
+    for (var frame = 0u; frame < view.path.x; frame++) {
+        widest = max(widest, project_into(frame, g));
+    }
+    radii[g] = widest;
 }

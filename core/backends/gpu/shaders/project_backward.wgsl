@@ -1,5 +1,6 @@
-// From the gradients on the screen to those of the parameters and of the pose; the mirror of project and shape.
-// uses: items, shape, harmonics
+// From the gradients on the screen to those of the parameters and of the pose; the mirror of project and shape. A thread
+// takes its Gaussian through all frames of a path, one after the other, and adds up what they ask for.
+// uses: items, shape, harmonics, standpoints
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var<storage, read> means: array<f32>;
 @group(0) @binding(2) var<storage, read> log_scales: array<f32>;
@@ -9,13 +10,15 @@
 @group(0) @binding(6) var<storage, read> ranges: array<vec2u>;
 @group(0) @binding(7) var<storage, read> slots: array<vec2f>;
 @group(0) @binding(8) var<storage, read_write> out: array<f32>; // planes: parameters as they are stored, then the screen's
-@group(0) @binding(9) var<storage, read_write> pose: array<f32>;
+@group(0) @binding(9) var<storage, read_write> pose: array<f32>; // of one frame: along a path poses have no gradient
+@group(0) @binding(10) var<storage, read> poses: array<Standpoint>;
 
 // A Gaussian's gradient on the screen, in the order of its slots (`layout`).
 struct Sums { moments: vec2f, wide: vec2f, high: vec2f, seen: vec2f, far: vec2f }
 
 var<workgroup> of_pose: array<f32, POSE_SUMS * GROUP>;
 var<workgroup> parts: array<Sums, GROUP>;
+var<private> adds: bool; // whether an earlier frame left something in `out`
 
 // Of every so manieth slot between two.
 fn summed(first: u32, end: u32, step: u32) -> Sums {
@@ -43,14 +46,15 @@ fn together(one: Sums, other: Sums) -> Sums {
 
 // The sums of each thread's Gaussian. Slots that are read one after the other are waited for one after the other: those
 // of a Gaussian that fills the frame are shared out among the group's threads.
-fn sums_of(block: u32, thread: u32) -> Sums {
+fn sums_of(block: u32, thread: u32, frame: u32) -> Sums {
     var own: Sums;
     let g = block * GROUP + thread;
-    if (g < view.counts.x && ranges[g].y - ranges[g].x <= GROUP) {
-        own = summed(ranges[g].x, ranges[g].y, 1u);
+    let others = frame * view.counts.x;
+    if (g < view.counts.x && ranges[others + g].y - ranges[others + g].x <= GROUP) {
+        own = summed(ranges[others + g].x, ranges[others + g].y, 1u);
     }
     for (var k = 0u; k < GROUP && block * GROUP + k < view.counts.x; k++) {
-        let range = ranges[block * GROUP + k];
+        let range = ranges[others + block * GROUP + k];
         if (range.y - range.x > GROUP) {
             parts[thread] = summed(range.x + thread, range.y, GROUP);
             workgroupBarrier();
@@ -65,10 +69,18 @@ fn sums_of(block: u32, thread: u32) -> Sums {
     return own;
 }
 
+fn put_one(at: u32, value: f32) {
+    if (adds) {
+        out[at] += value;
+    } else {
+        out[at] = value;
+    }
+}
+
 fn put(at: u32, value: vec3f) {
-    out[at] = value.x;
-    out[at + 1u] = value.y;
-    out[at + 2u] = value.z;
+    put_one(at, value.x);
+    put_one(at + 1u, value.y);
+    put_one(at + 2u, value.z);
 }
 
 // From the gradient of a rotation matrix (by columns) to that of its unit quaternion, across its length.
@@ -138,22 +150,22 @@ fn nothing(g: u32) {
     out[(11u + 3u * view.counts.y) * n + 2u * g + 1u] = 0.0;
 }
 
-fn chain(g: u32, thread: u32, sums: Sums) {
+fn chain(g: u32, thread: u32, sums: Sums, seen: View) {
     let n = view.counts.x;
     let kinds = view.counts.y;
     let s = shape_of(
-        view,
+        seen,
         vec3f(means[3u * g], means[3u * g + 1u], means[3u * g + 2u]),
         vec3f(log_scales[3u * g], log_scales[3u * g + 1u], log_scales[3u * g + 2u]),
         vec4f(quaternions[4u * g], quaternions[4u * g + 1u], quaternions[4u * g + 2u], quaternions[4u * g + 3u]),
         opacity_logits[g],
     );
 
-    out[10u * n + g] = sums.high.y * s.rest;
+    put_one(10u * n + g, sums.high.y * s.rest);
     let d = screen_gradient(s, sums, view.frame.w, select(0.0, share_of(view, s), view.cutoff.z > 0.0));
     let screen = (11u + 3u * kinds) * n + 2u * g;
-    out[screen] = d.centre.x;
-    out[screen + 1u] = d.centre.y;
+    put_one(screen, d.centre.x);
+    put_one(screen + 1u, d.centre.y);
 
     // U = J V
     let rows = transpose(s.turned);
@@ -171,14 +183,14 @@ fn chain(g: u32, thread: u32, sums: Sums) {
 
     // V = R M, M = Rq S
     let by_rows = transpose(mat3x3f(d_v0, d_v1, d_v2)); // columns: d V by column
-    let world = mat3x3f(view.rotation[0].xyz, view.rotation[1].xyz, view.rotation[2].xyz);
+    let world = mat3x3f(seen.rotation[0].xyz, seen.rotation[1].xyz, seen.rotation[2].xyz);
     let d_axes = world * by_rows;
     let d_turn = mat3x3f(d_axes[0] * s.scale.x, d_axes[1] * s.scale.y, d_axes[2] * s.scale.z);
     let given = vec3f(log_scales[3u * g], log_scales[3u * g + 1u], log_scales[3u * g + 2u]);
     put(3u * (n + g), select(vec3f(0.0), d.scales, abs(given) < vec3f(LOG_SCALE_LIMIT)));
     let d_q = quaternion_gradient(s.quaternion, d_turn) / max(s.length, 1.0) / s.largest;
     for (var k = 0u; k < 4u; k++) {
-        out[6u * n + 4u * g + k] = d_q[k];
+        put_one(6u * n + 4u * g + k, d_q[k]);
     }
 
     // colour
@@ -223,12 +235,16 @@ fn main(
         of_pose[k * GROUP + thread] = 0.0;
     }
     let block = group.y * groups.x + group.x;
-    let sums = sums_of(block, thread);
-    if (g < view.counts.x) {
-        if (ranges[g].x < ranges[g].y) {
-            chain(g, thread, sums);
-        } else {
-            nothing(g);
+    for (var frame = 0u; frame < view.path.x; frame++) {
+        let sums = sums_of(block, thread, frame);
+        if (g < view.counts.x) {
+            let range = ranges[frame * view.counts.x + g];
+            if (range.x < range.y) {
+                chain(g, thread, sums, view_from(frame));
+            } else if (!adds) {
+                nothing(g);
+            }
+            adds = true;
         }
     }
     workgroupBarrier();
