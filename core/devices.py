@@ -164,6 +164,13 @@ class Backend(Protocol):
         """See `core.rasterizer.render_path`."""
         ...
 
+    def surface_of_centres(self, gaussians: Gaussians, camera: Camera, settings: RasterSettings, held: float) -> Tensor:
+        """[H, W] depth of the centre of the Gaussian at which a share of a px's light is held back; 0 where less is.
+
+        See `core.rasterizer.surface_of_centres`; without gradient.
+        """
+        ...
+
     def blurs(
         self, kernel: NDArray, taps: tuple[NDArray, NDArray] | None, frame: Frame, dtype: torch.dtype
     ) -> dict[str, Evaluation]:

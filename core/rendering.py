@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 from torch import Tensor
 
@@ -68,7 +69,7 @@ class Rendered:
     depth: Tensor | None
     screen: ScreenStatistics
 
-    @property
+    @cached_property
     def mean_depth(self) -> Tensor | None:
         """[H, W] mean depth of what is seen, without gradient; the frame's median where next to nothing is."""
         if self.depth is None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import SupportsFloat
 
+import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor
@@ -15,6 +16,7 @@ from ..devices import AdamStep, Guarded, LevelCurve, Missing, Tent
 from ..frames import Evaluation, Frame
 from ..gaussians import Gaussians
 from ..imaging.formation.layered import layer_gathered, layer_returned, layer_weighed
+from ..rasterizer.depths import surface_of_centres
 from ..rasterizer.reference import render_reference
 from ..rendering import RasterSettings, Rendered, RenderedPath
 from ..training.contribution import add_seen_in_torch
@@ -62,6 +64,12 @@ class ReferenceBackend:
         """See `Backend`: one frame after the other."""
         frames = [self.render(gaussians, camera, background, pose, settings) for pose in poses.to(gaussians.means)]
         return RenderedPath(torch.stack([frame.image for frame in frames]), tuple(frame.screen for frame in frames))
+
+    def surface_of_centres(self, gaussians: Gaussians, camera: Camera, settings: RasterSettings, held: float) -> Tensor:
+        """See `Backend`: by the compiled kernels, of single precision."""
+        there = gaussians.to(device="cpu", dtype=torch.float32)
+        found = surface_of_centres(there, camera, settings, held=held)
+        return torch.from_numpy(np.nan_to_num(found)).to(gaussians.means)
 
     def blurs(
         self, kernel: NDArray, taps: tuple[NDArray, NDArray] | None, frame: Frame, dtype: torch.dtype

@@ -88,7 +88,7 @@ class _Light:
     """The mean in linear light, on any device and of any type; all frames at once, as a card likes it."""
 
     def __init__(self, frames: Sequence[Tensor], weights: Sequence[float] | Tensor) -> None:
-        self._frames = in_a_row(frames)
+        self._frames = torch.stack(list(frames))
         # [K, 1, 1, 1], [K, 1, h, 1] or [K, 1, 1, w]
         shares = weights[:, None] if isinstance(weights, Tensor) else torch.tensor(weights)[:, None, None, None]
         self._weights = shares.to(self._frames)

@@ -15,9 +15,10 @@ import torch
 from torch import Tensor
 
 from ..camera import Camera
+from ..devices import backend_on
 from ..gaussians import Gaussians
 from ..numbers import number
-from ..rasterizer import RasterSettings, Rendered, surface_of_centres
+from ..rasterizer import RasterSettings, Rendered
 from .medium import SubFrame
 
 
@@ -53,10 +54,9 @@ def surface_depth(gaussians: Gaussians, frame: SubFrame, settings: RasterSetting
     if mean is None:
         return None
     with torch.no_grad():
-        there = gaussians.to(device="cpu", dtype=torch.float32)
-        found = surface_of_centres(there, _camera_of(frame), settings, held=SURFACE_DEPTH.held)
-        surface = torch.from_numpy(found).to(mean)
-        return torch.where(surface.isfinite(), surface, mean)
+        backend = backend_on(gaussians.means.device)
+        surface = backend.surface_of_centres(gaussians, _camera_of(frame), settings, SURFACE_DEPTH.held).to(mean)
+        return torch.where(surface > 0, surface, mean)
 
 
 def where_they_agree(gradient: Tensor, surface: Tensor, rendered: Rendered) -> Tensor:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from ..colour import linear_to_srgb
-from ..devices import in_memory
+from ..devices import all_in_memory
 from ..forward import Exposed
 from ..forward.medium import FixedMedium
 from ..imaging.formation.by_depth import DepthBlur
@@ -62,9 +62,10 @@ def normal_equations(
             with that change, at the px looked at (`shown_with`); counts: [H, W] bool, None for all px.
     """
     at = LookedAt.of(photo.shape[1], photo.shape[2], settings)
-    unmoved = in_memory(at.of_planes(still))
-    rest = (in_memory(at.of_planes(photo)) - unmoved).reshape(-1).double()
-    jacobian = torch.stack([((in_memory(moved) - unmoved) / by).reshape(-1).double() for moved, by in slopes])
+    unmoved, shown, *moved = all_in_memory(at.of_planes(still), at.of_planes(photo), *(one for one, _ in slopes))
+    rest = (shown - unmoved).reshape(-1).double()
+    changes = zip(moved, (by for _, by in slopes), strict=True)
+    jacobian = torch.stack([((one - unmoved) / by).reshape(-1).double() for one, by in changes])
     weight = torch.ones_like(rest)
     if counts is not None:
         counted = at.of_planes(counts)

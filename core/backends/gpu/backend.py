@@ -29,7 +29,7 @@ from .exposures import reexposed_on_card
 from .guards import guarded_on_card
 from .losses import photometric_on_card, specks_on_card, variation_on_card
 from .missing import drawn_on_card, filtered_on_card, residual_on_card
-from .rasterizer import render_gpu, render_path_gpu
+from .rasterizer import render_gpu, render_path_gpu, surface_gpu
 from .tensors import CardTensor, from_host, register
 from .through_host import ThroughHost
 
@@ -95,6 +95,10 @@ class GpuBackend(ReferenceBackend):
     ) -> RenderedPath:
         """See `Backend`."""
         return render_path_gpu(gaussians, camera, background, poses, settings)
+
+    def surface_of_centres(self, gaussians: Gaussians, camera: Camera, settings: RasterSettings, held: float) -> Tensor:
+        """See `Backend`."""
+        return surface_gpu(gaussians, camera, settings, held)
 
     def blurs(
         self, kernel: NDArray, taps: tuple[NDArray, NDArray] | None, frame: Frame, dtype: torch.dtype

@@ -37,6 +37,8 @@ from .tensors import CardTensor, empty, for_shader, from_host, register, written
 _SPLAT = 64
 #: Where the view says to the backward pass of which outputs gradients came, in bytes (`view.wgsl`).
 _CAME = 4 * (8 * 4 + 3)
+#: Where the view says to `find_surface` how much light passes, in bytes.
+_LEVEL = 4 * (10 * 4 + 1)
 #: Bytes of a chunk's entry (`chunks.wgsl`).
 _CHUNK = 16
 
@@ -363,6 +365,24 @@ def render_path_gpu(
     where = poses.detach().double().cpu().numpy()
     images = _RasterizePath.apply(camera, where, behind, settings, screen, learns, *parameters)  # type: ignore[no-untyped-call]
     return RenderedPath(images, (screen,))
+
+
+def surface_gpu(gaussians: Gaussians, camera: Camera, settings: RasterSettings, held: float) -> Tensor:
+    """See `core.devices.Backend.surface_of_centres`.
+
+    Raises:
+        DeviceError: as `render_gpu`.
+    """
+    means, *others = _checked(gaussians)
+    shape, device = (len(means), int(others[-1].shape[1])), card()
+    view = bytearray(view_numbers(camera, None, settings, np.zeros(3, np.float32), shape, learns=False))
+    parameters = tuple(for_shader(tensor) for tensor in (means, *others))
+    p, _ = project(device, bytes(view), parameters, shape, device.memory(4 * len(means)))
+    struct.pack_into("f", view, _LEVEL, 1.0 - held)
+    found = empty(camera.height, camera.width)
+    into = found.held.for_card(overwrite=True)
+    device.run("find_surface", p.tiles, bytes(view), p.splats, p.lists, p.ranges, into)
+    return written(found)
 
 
 def _behind(background: Tensor | None) -> Tensor:

@@ -12,7 +12,7 @@ import torch
 from .card import card
 from .layout import AXES, GROUP, LARGER, ROOT, SUM
 from .operands import belongs_on_card, operand
-from .tensors import CardTensor, empty, on_card, written
+from .tensors import CardTensor, empty, from_host, on_card, written
 
 _aten = torch.ops.aten
 
@@ -87,6 +87,18 @@ def _lengths(a: Any, power: float = 2, axes: Any = None, keep: bool = False, *, 
 @on_card(_aten.amax.default)
 def _largest(a: Any, axes: Any = (), keep: bool = False) -> Any:
     return _reduced(LARGER, a, axes, keep) if axes and _suits(a) else NotImplemented
+
+
+@on_card(_aten.aminmax.default)
+def _extremes(a: Any, *, dim: int | None = None, keepdim: bool = False) -> Any:
+    """The least and the largest of all values; of the last axis' worth of them in the computer's memory."""
+    if dim is not None or a.ndim < 2 or not _suits(a):
+        return NotImplemented
+    others = tuple(range(a.ndim - 1))
+    rows: Any = torch.stack([_reduced(LARGER, one, others, False) for one in (-a, a)])
+    rows.held.for_host()
+    ends = rows.local.amax(dim=1)
+    return from_host(-ends[0]), from_host(ends[1])
 
 
 @on_card(_aten.mm.default, _aten.bmm.default)

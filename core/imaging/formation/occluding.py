@@ -187,9 +187,8 @@ class OccludingBlur(LadderBlur):
             return upstream, None
         assert self._norm is not None
         together = torch.empty((len(light) + 1, *light.shape[1:]), dtype=light.dtype, device=light.device)
-        torch.div(upstream, self._norm, out=together[:-1])
-        torch.sum(together[:-1] * out, dim=0, out=together[-1])
-        together[-1].neg_()
+        together[:-1] = upstream / self._norm
+        together[-1] = -(together[:-1] * out).sum(dim=0)
         gradient, in_signed = torch.zeros_like(light), torch.zeros_like(light[0])
         hides = torch.zeros_like(light[0])  # gradient in what the levels behind are covered by
         for k, (rung, tent) in enumerate(self._levels):

@@ -8,7 +8,8 @@ struct View {
     cutoff: vec4f,             // alpha's least, where ellipses end, 1 if antialiased, 1 if a backward pass may come
     background: vec4f,         // and for the backward pass which gradients came: 1 image, 2 alpha, 4 depth
     counts: vec4u,             // Gaussians, harmonics of each, tiles across, tiles down
-    path: vec4u,               // frames along a camera's path, 1 of a photo from one place; -, -, -
+    path: vec4u,               // frames along a camera's path, 1 of a photo from one place; for `find_surface` the bits of
+                               // how much light passes; -, -
 }
 
 fn is_finite(value: f32) -> bool { // by its bits: a compiler may take for granted that every number is finite
