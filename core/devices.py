@@ -139,6 +139,14 @@ class Backend(Protocol):
         """
         ...
 
+    def warm(self) -> None:
+        """Does what the first step would wait for: drivers, shaders, libraries. Called on a thread of its own.
+
+        Raises:
+            DeviceError: the back end cannot work on this machine.
+        """
+        ...
+
     def synchronize(self) -> None:
         """Waits until everything asked for so far is done (for measuring times)."""
         ...

@@ -40,6 +40,9 @@ class ReferenceBackend:
         """See `Backend`: it is the specification."""
         return False
 
+    def warm(self) -> None:
+        """See `Backend`: nothing is worth a thread."""
+
     def synchronize(self) -> None:
         """Nothing is left to be waited for."""
 

@@ -27,6 +27,7 @@ from ..training.scale import scene_scale
 from ..twin.begun import BegunRun, Start
 from ..twin.folder import TwinFolder
 from ..views import SparsePoints
+from ..warming import begin_warming
 from .adjusted import keep_adjusted
 from .blind import Spreads, given_spreads
 from .cameras import FoundCameras, cameras_of, given_cameras, search_for
@@ -101,6 +102,7 @@ def reconstruct(
         begun = BegunRun(TwinFolder(run.out), start, is_movie(run.photos.photos))
         with begun.until_finished(_inputs(run)):
             machine = Machine.ready(run.threads, run.device)
+            begin_warming(machine.device, machine.free and ranks.alone)
             timing = timing_on(machine, lambda: time.perf_counter() - watch.began - keeper.waited)
             return _stages(run, given, truth, _Course(begun, machine, timing, watch, keeper, ranks))
 

@@ -17,6 +17,7 @@ from ...frames import Evaluation, Frame
 from ...gaussians import Gaussians
 from ...numbers import number
 from ...rendering import RasterSettings, Rendered, RenderedPath
+from ...warming import finish_warming
 from ..cpu import CPU, CpuBackend
 from ..reference import ReferenceBackend
 from . import arithmetic, reductions, rows, transforms  # noqa: F401  (torch's operations find them)
@@ -30,6 +31,7 @@ from .guards import guarded_on_card
 from .losses import photometric_on_card, specks_on_card, variation_on_card
 from .missing import drawn_on_card, filtered_on_card, residual_on_card
 from .rasterizer import render_gpu, render_path_gpu, surface_gpu
+from .ready import make_ready
 from .tensors import CardTensor, from_host, register
 from .through_host import ThroughHost
 
@@ -64,10 +66,16 @@ class GpuBackend(ReferenceBackend):
 
     def quick(self) -> bool:
         """See `Backend`: a card with memory of its own."""
+        finish_warming()
         try:
             return may_have_card() and bool(adapters()[0].info["adapter_type"] == "DiscreteGPU")
         except DeviceError:
             return False
+
+    def warm(self) -> None:
+        """See `Backend`."""
+        register()
+        make_ready(card())
 
     def synchronize(self) -> None:
         """See `Backend`."""

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import DeviceError
+from ...warming import finish_warming
 from .adapter import adapters, described, refusals
 from .layout import GROUPS_ACROSS
 from .native import Native
@@ -306,6 +307,12 @@ class Card:
         self.send()
         self._native.wait()
 
+    @_explained
+    def compile(self, kernel: str) -> None:
+        """Makes a shader ready that will be ordered."""
+        if kernel not in self._kernels:
+            self._compiled(kernel)
+
     def _recording(self) -> Any:
         if self._encoder is None:
             self._encoder = self._native.encoder()
@@ -369,11 +376,17 @@ def rounded(size: int) -> int:
     return -(-max(size, 4) // step) * step
 
 
-@cache
 def card() -> Card:
-    """The best card of this machine; software where there is nothing else.
+    """The best card of this machine; software where there is nothing else. Where it is being made ready, it is waited
+    for: two threads do not use it at the same time.
 
     Raises:
         DeviceError: there is none, or it cannot be opened.
     """
+    finish_warming()
+    return _opened()
+
+
+@cache
+def _opened() -> Card:
     return Card(adapters()[0])

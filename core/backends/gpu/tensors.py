@@ -11,9 +11,11 @@ the bus is counted (`card.Traffic`).
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -25,6 +27,8 @@ from .card import Card, Memory, card
 
 #: What torch calls the card.
 DEVICE = "gpu"
+#: Torch's module of tensors that lie on several machines.
+_DISTRIBUTED = "torch.distributed.tensor"
 _aten = torch.ops.aten
 #: Operations that read no values of their arguments.
 _SHAPE_ONLY = {
@@ -314,23 +318,47 @@ def _card_tensors(tree: Any) -> Iterator[CardTensor]:
             yield from _card_tensors(leaf)
 
 
-@cache
 def register() -> Card:
-    """Makes 'gpu' a device of torch's, and opens the card.
+    """Makes 'gpu' a device of torch's, and opens the card; every thread that trains there calls it.
 
     Raises:
         DeviceError: there is none.
     """
     found = card()
-    _setup_privateuseone_for_python_backend(DEVICE)  # type: ignore[no-untyped-call]
+    _registered()
     # Backward passes run on the thread that asks for them: torch's own threads for each device are made once, at the
-    # first backward pass of a process, which may have been before.
+    # first backward pass of a process, which may have been before. (Each thread has this setting of its own.)
     torch.autograd.set_multithreading_enabled(False)
+    return found
+
+
+@cache
+def _registered() -> None:
+    _setup_privateuseone_for_python_backend(DEVICE)  # type: ignore[no-untyped-call]
     for name in _FACTORIES:
         packet, _, overload = name.partition(".")
         _LIBRARY.impl(name, _factory(getattr(getattr(_aten, packet), overload or "default")), "PrivateUse1")
     _LIBRARY.impl("_copy_from", _copy_from, "PrivateUse1")
-    return found
+    _dispatched_for_the_first_time()
+
+
+def _dispatched_for_the_first_time() -> None:
+    """Has torch meet a tensor of a Python class.
+
+    To know its own distributed tensors from others, torch then loads them, with all of sympy: 0.7 s of a processor,
+    2 s where nothing is compiled yet. Nobody in this process has such tensors, unless they are loaded already: an empty
+    class takes their place while torch looks.
+    """
+    stands_in = ModuleType(_DISTRIBUTED)
+    stands_in.DTensor = type("DTensor", (), {})  # type: ignore[attr-defined]
+    known = sys.modules.setdefault(_DISTRIBUTED, stands_in)
+    try:
+        from_host(torch.zeros(1)).detach()
+    except (AttributeError, ImportError):
+        pass  # (a torch that looks for more than the class: it loads its own when it looks again)
+    finally:
+        if known is stands_in:
+            del sys.modules[_DISTRIBUTED]
 
 
 _LIBRARY = torch.library.Library("aten", "IMPL")
