@@ -115,26 +115,38 @@ def neighbours_of(
     u, v = np.meshgrid((np.arange(_GRID) + 0.5) * width / _GRID, (np.arange(_GRID) + 0.5) * height / _GRID)
     middle = 2.0 / (1.0 / near + 1.0 / far)  # the middle in inverse depth: planes are spaced so
     points = views.lifted(view, np.stack([u.ravel(), v.ravel()], 1), np.full(_GRID**2, middle))
-    score = np.zeros(len(views))
-    directions = np.zeros((len(views), 3))
-    own = points - views.centres[view]
-    for other in range(len(views)):
-        if other == view or not (among is None or among[other]):
-            continue
-        p = points @ views.projections[other].T + views.offsets[other]
-        pixels = p[:, :2] / np.where(p[:, 2:] > 0, p[:, 2:], 1.0)
-        inside = (p[:, 2] > 0) & (pixels >= 0).all(1) & (pixels < views.sizes[other]).all(1)
-        ratio = float(np.median(p[:, 2] / middle)) * views.focals[view] / views.focals[other]
-        if inside.mean() < settings.overlap or not 1 / settings.closer < ratio < settings.closer:
-            continue
-        rays = points[inside] - views.centres[other]
-        cosine = (rays * own[inside]).sum(1) / np.linalg.norm(rays, axis=1) / np.linalg.norm(own[inside], axis=1)
-        angle = max(float(np.degrees(np.arccos(np.clip(np.median(cosine), -1, 1)))), 1e-3)
-        fits = settings.smallest_angle <= angle <= settings.largest_angle
-        score[other] = inside.mean() * np.exp(-(np.log(angle / settings.angle) ** 2)) * (1.0 if fits else 1e-3)
-        baseline = views.centres[other] - views.centres[view]
-        directions[other] = baseline / max(float(np.linalg.norm(baseline)), 1e-12)
+    p = points @ views.projections.transpose(0, 2, 1) + views.offsets[:, None]
+    z = p[..., 2]
+    pixels = p[..., :2] / np.where(p[..., 2:] > 0, p[..., 2:], 1.0)
+    inside = (z > 0) & (pixels >= 0).all(2) & (pixels < views.sizes[:, None]).all(2)
+    seen = inside.mean(axis=1)
+    ratio = np.median(z / middle, axis=1) * views.focals[view] / views.focals
+    asked = (seen >= settings.overlap) & (1 / settings.closer < ratio) & (ratio < settings.closer)
+    asked[view] = False
+    if among is not None:
+        asked &= among
+    chosen = np.flatnonzero(asked)
+    angle = _angles(points, inside[chosen], views.centres[view], views.centres[chosen])
+    fits = (settings.smallest_angle <= angle) & (angle <= settings.largest_angle)
+    score, directions = np.zeros(len(views)), np.zeros((len(views), 3))
+    score[chosen] = seen[chosen] * np.exp(-(np.log(angle / settings.angle) ** 2)) * np.where(fits, 1.0, 1e-3)
+    baselines = views.centres[chosen] - views.centres[view]
+    directions[chosen] = baselines / np.maximum(np.linalg.norm(baselines, axis=1), 1e-12)[:, None]
     return _spread(score, directions, settings.neighbours)
+
+
+def _angles(points: Floats, inside: NDArray[np.bool_], centre: Floats, others: Floats) -> Floats:
+    """[V] degrees: the median of those between the rays from a camera at `centre` and from each of `others` [V, 3].
+
+    Args:
+        points: [K, 3] world; inside: [V, K] which of them each of the others sees, at least one.
+    """
+    own, rays = points - centre, points - others[:, None]
+    cosine = (rays * own).sum(axis=2) / np.linalg.norm(rays, axis=2) / np.linalg.norm(own, axis=1)
+    ordered, count = np.sort(np.where(inside, cosine, np.inf), axis=1), inside.sum(axis=1)
+    each = np.arange(len(others))
+    median = (ordered[each, (count - 1) // 2] + ordered[each, count // 2]) / 2
+    return np.maximum(np.degrees(np.arccos(np.clip(median, -1, 1))), 1e-3)
 
 
 def _spread(score: Floats, directions: Floats, count: int) -> NDArray[np.int32]:

@@ -7,12 +7,14 @@ and a start for what the photos show there; without any, fog grows out of surfac
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from .. import compiled
 from ..numbers import number
 from ..training.initial import depth_between
 from .agreement import compared, lifted_map
@@ -83,16 +85,26 @@ def unhidden(pixels: Floats, depth: Floats, focal: float, settings: GuessSetting
     logs = np.log(depth)
     steep = logs[:, None] - logs[index] > settings.steepest * apart / focal
     steep &= apart > 0
-    towards = pixels[index] - pixels[:, None]
-    angles = np.sort(np.where(steep, np.arctan2(towards[..., 1], towards[..., 0]), np.inf), axis=1)
-    turned = np.concatenate([angles, angles[:, :1] + 2 * np.pi], axis=1)
     many = steep.sum(axis=1)
+    asked = np.flatnonzero(many >= 3)  # (two surround nothing)
+    free = np.ones(len(depth), bool)
+    free[asked] = _widest_gap(pixels[index[asked]] - pixels[asked, None], steep[asked], many[asked]) >= np.pi
+    return free
+
+
+def _widest_gap(towards: Floats, counts: NDArray[np.bool_], many: NDArray[np.int64]) -> Floats:
+    """[K] radians between neighbours around each of K px, all around.
+
+    Args:
+        towards: [K, B, 2] to others; counts: [K, B] which of them count; many: [K] how many, at least one.
+    """
+    angles = np.sort(np.where(counts, np.arctan2(towards[..., 1], towards[..., 0]), np.inf), axis=1)
+    turned = np.concatenate([angles, angles[:, :1] + 2 * np.pi], axis=1)
     # (the first one again, a turn later, behind the last)
-    turned[np.arange(len(depth)), many] = angles[:, 0] + 2 * np.pi
+    turned[np.arange(len(many)), many] = angles[:, 0] + 2 * np.pi
     with np.errstate(invalid="ignore"):
         gaps = np.diff(turned, axis=1)
-    widest = np.where(np.arange(gaps.shape[1]) < many[:, None], gaps, 0.0).max(axis=1)
-    return (many < 3) | (widest >= np.pi)
+    return np.asarray(np.where(np.arange(gaps.shape[1]) < many[:, None], gaps, 0.0).max(axis=1, initial=0.0))
 
 
 def unconfirmed(
@@ -112,7 +124,8 @@ def unconfirmed(
         grid[:: settings.step, :: settings.step] = True
         there = wanted_pixels(views, one.view) & grid & (one.depth == 0)
         left.append(DepthMap(one.view, np.where(there, guess, 0.0).astype(np.float32), there.astype(np.float32)))
-    return [_unseen_through(guess, checked, views, hull) for guess in left]
+    with ThreadPoolExecutor(compiled.threads()) as pool:
+        return list(pool.map(lambda guess: _unseen_through(guess, checked, views, hull), left))
 
 
 def _unseen_through(guess: DepthMap, checked: Sequence[DepthMap], views: ViewStack, hull: Hull | None) -> DepthMap:

@@ -6,10 +6,12 @@ Guesses lie between points, and on what is near, thin or plain there is often no
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
 
+from .. import compiled
 from ..numbers import number
 from .agreement import AgreementSettings, agreed
 from .choice import ChoiceSettings, neighbours_of
@@ -62,7 +64,8 @@ def with_missed(
     Args:
         checked: what the band held; positions: [N, 3] world, the cameras' points; each of the views sees some.
     """
-    fuller = [_filled(one, positions, views, hull, settings) for one in checked]
+    with ThreadPoolExecutor(compiled.threads()) as pool:
+        fuller = list(pool.map(lambda one: _filled(one, positions, views, hull, settings), checked))
     confirmed = agreed(fuller, views, AgreementSettings(witnesses=settings.witnesses))
     return [_under(one, more) for one, more in zip(checked, confirmed, strict=True)]
 

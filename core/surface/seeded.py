@@ -8,10 +8,12 @@ a photo looks through it.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
 
+from .. import compiled
 from ..errors import Cancelled
 from ..imaging.medium import Medium
 from ..numbers import number
@@ -180,24 +182,35 @@ def _maps(
     """The guess [H, W] and the map of each view that sees enough points and has neighbours."""
     references = chosen_references(views, count=settings.references)
     progress.stage("surface", len(references))
-    choice = ChoiceSettings(neighbours=settings.neighbours)
-    sweep = SweepSettings(planes=settings.planes)
     guesses, maps = [], []
-    for done, view in enumerate(references, start=1):
-        if progress.cancelled():
-            raise Cancelled("Stopped while looking for surfaces")
-        pixels, depth = views.depths(view, points.positions)
-        wanted = wanted_pixels(views, view)
-        pixels, depth = thinned(pixels, depth, settings.guess)
-        if len(depth) >= settings.guess.fewest_points and wanted.any():
-            near, far = np.percentile(depth, [settings.stray, 100.0 - settings.stray])
-            others = neighbours_of(view, views, float(near), float(far), choice)
-            front = unhidden(pixels, depth, float(views.focals[view]), settings.guess)
-            guess = guessed_between(pixels[front], depth[front], wanted.shape, settings.guess)
-            guesses.append(guess)
-            maps.append(swept(view, views, others, Around(guess, settings.band), wanted, hull, sweep))
-        progress.advance(done)
+    # Guesses wait for one core at a time: whole views side by side do not.
+    with ThreadPoolExecutor(compiled.threads()) as pool:
+        each = pool.map(lambda view: _map(view, views, points, hull, settings), references)
+        for done, found in enumerate(each, start=1):
+            if progress.cancelled():
+                pool.shutdown(cancel_futures=True)
+                raise Cancelled("Stopped while looking for surfaces")
+            if found is not None:
+                guesses.append(found[0])
+                maps.append(found[1])
+            progress.advance(done)
     return guesses, maps
+
+
+def _map(
+    view: int, views: ViewStack, points: SparsePoints, hull: Hull | None, settings: SeededSettings
+) -> tuple[Floats, DepthMap] | None:
+    """One view's guess and map; None where it sees too few points."""
+    pixels, depth = thinned(*views.depths(view, points.positions), settings.guess)
+    wanted = wanted_pixels(views, view)
+    if len(depth) < settings.guess.fewest_points or not wanted.any():
+        return None
+    near, far = np.percentile(depth, [settings.stray, 100.0 - settings.stray])
+    others = neighbours_of(view, views, float(near), float(far), ChoiceSettings(neighbours=settings.neighbours))
+    front = unhidden(pixels, depth, float(views.focals[view]), settings.guess)
+    guess = guessed_between(pixels[front], depth[front], wanted.shape, settings.guess)
+    sweep = SweepSettings(planes=settings.planes)
+    return guess, swept(view, views, others, Around(guess, settings.band), wanted, hull, sweep)
 
 
 def _known(points: SparsePoints, trusted: Samples, maps: Sequence[DepthMap], views: ViewStack) -> Samples:

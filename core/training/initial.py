@@ -99,12 +99,14 @@ def depth_between(uv: Array, depth: Array, pixels: Array) -> Array:
     from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator  # late: a fifth of a second
 
     inverse = 1.0 / depth  # inverse depth is linear in the image on a plane
-    nearest = NearestNDInterpolator(uv, inverse)(pixels)
     try:
         between = LinearNDInterpolator(uv, inverse)(pixels)
     except QhullError:  # all points on one line of the image
         between = np.full(len(pixels), np.nan)
-    return np.asarray(1.0 / np.where(np.isfinite(between), between, nearest))
+    outside = ~np.isfinite(between)
+    if outside.any():
+        between[outside] = NearestNDInterpolator(uv, inverse)(pixels[outside])
+    return np.asarray(1.0 / between)
 
 
 def first_gaussians(
