@@ -101,8 +101,9 @@ class ViewScores:
 def _unexplained(degraded: Image, photo: Image, mask: Mask | None) -> tuple[float | None, list[float] | None]:
     """Share of the photo's variance (colours apart) that the render leaves, and the nine parts' shares of it."""
     keep = np.ones(photo.shape[:2], bool) if mask is None else mask
-    squares = np.square(degraded - photo).sum(axis=2) * keep
-    variance = float(photo[keep].var(axis=0).sum()) if keep.any() else 0.0
+    # (channel by channel: numpy is slow along an axis of three)
+    squares = sum(np.square(degraded[..., c] - photo[..., c]) for c in range(photo.shape[2])) * keep
+    variance = float(sum(photo[..., c][keep].var() for c in range(photo.shape[2]))) if keep.any() else 0.0
     if variance <= 0.0:
         return None, None
     rows = (np.arange(photo.shape[0]) * 3 // photo.shape[0])[:, None]

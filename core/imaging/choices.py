@@ -13,6 +13,7 @@ import logging
 import os
 import platform
 import tempfile
+import threading
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -22,20 +23,23 @@ from ..kernel_cache import cache_base
 from ..version import VERSION
 
 _chosen: dict[str, str] = {}
+#: Views are scored side by side: were each measured, all would take as many times longer, and measure one another.
+_measuring = threading.RLock()
 
 
 def choice(kernel: bytes, *circumstances: Any, names: list[str], measure: Callable[[], str]) -> str:
     """The remembered choice out of `names`; `measure` is asked the first time only."""
     parts = [VERSION, _processor(), hashlib.sha256(kernel).hexdigest()[:16], *circumstances, *sorted(names)]
     key = " | ".join(str(part) for part in parts)
-    if key not in _chosen:
-        path = cache_base() / "evaluations.json"
-        known = read_choices(path)
-        if known.get(key) not in names:
-            known[key] = measure()
-            _write(path, known)
-        _chosen[key] = known[key]
-    return _chosen[key]
+    with _measuring:
+        if key not in _chosen:
+            path = cache_base() / "evaluations.json"
+            known = read_choices(path)
+            if known.get(key) not in names:
+                known[key] = measure()
+                _write(path, known)
+            _chosen[key] = known[key]
+        return _chosen[key]
 
 
 def _processor() -> str:

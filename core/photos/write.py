@@ -22,7 +22,8 @@ def write_png(path: Path, pixels: NDArray[np.uint8]) -> None:
 def png_bytes(pixels: NDArray[np.uint8]) -> bytes:
     """[H, W, 3 or 4] uint8 as the content of a PNG file, as `write_png` writes it."""
     stream = io.BytesIO()
-    Image.fromarray(pixels).save(stream, "PNG", compress_level=4)
+    # The same pixels at level 4 take twice as long, in a twin of which six views are a second, for a seventh fewer bytes.
+    Image.fromarray(pixels).save(stream, "PNG", compress_level=2)
     return stream.getvalue()
 
 

@@ -25,15 +25,18 @@ def matched_psnr(
     """
     keep = np.ones(photo.shape[1:], bool) if mask is None else mask
     # Clipped px say nothing of the gain, dark ones little.
-    usable = keep & (photo.max(axis=0) < 0.97) & (photo.min(axis=0) > 0.05) & (render.min(axis=0) > 0.02)
+    usable = keep.copy()
+    for c in range(3):  # (not `min` along the first axis, which may be the last in memory: numpy is slow there)
+        usable &= (photo[c] < 0.97) & (photo[c] > 0.05) & (render[c] > 0.02)
     if behind is not None:
         usable &= ~behind
     matched = np.asarray(render, np.float64).copy()
     for c in range(3):
         if usable.sum() > 100:
-            x, y = (srgb_to_linear(np.asarray(v[c], np.float64)[usable]) for v in (render, photo))
-            gain = float(np.exp(np.median(np.log(y / x))))
-            gained = linear_to_srgb(srgb_to_linear(matched[c]) * gain)
+            light = srgb_to_linear(matched[c])
+            filed = srgb_to_linear(np.asarray(photo[c], np.float64)[usable])
+            gain = float(np.exp(np.median(np.log(filed / light[usable]))))
+            gained = linear_to_srgb(light * gain)
             matched[c] = gained if behind is None else np.where(behind, matched[c], gained)
     clipped = matched.clip(0.0, 1.0).transpose(1, 2, 0)
     return psnr(clipped, np.asarray(photo, np.float64).transpose(1, 2, 0), mask)
