@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from copy import copy
 from functools import lru_cache
 from typing import NamedTuple
@@ -14,11 +15,11 @@ from ..background import BLACK, WHITE, Colour
 from ..camera import Camera
 from ..compositing import transparent
 from ..constants import LOW_PASS_VARIANCE
-from ..forward import ForwardModel, margin_for, medium_of, sharp_view, space_of
+from ..forward import FixedMedium, ForwardModel, margin_for, medium_of, sharp_view, space_of
 from ..frames import Frame
 from ..gaussians import Gaussians
 from ..imaging.formation.chain import Formation
-from ..imaging.medium import Medium
+from ..imaging.medium import BlurSpace, Medium
 from ..imaging.psf import PointSpread
 from ..lens import Lens
 from ..photos.undistort import Undistortion
@@ -54,6 +55,8 @@ class Viewer:
         self._gaussians = scale.to_unit(gaussians).to(device)
         self._scale = scale
         self._low_pass = low_pass
+        self._kept: tuple[object, FixedMedium] | None = None
+        self._making = threading.Lock()
 
     def sharp(self, lens: Lens, pose: Pose, finer: float = 1.0) -> NDArray[np.float32]:
         """[3, H, W] sRGB, with the lens's distortion.
@@ -82,12 +85,25 @@ class Viewer:
         settings = RasterSettings(low_pass=self._low_pass, depth=formation.by_depth)
         frame = Frame(camera.height + 2 * overscan, camera.width + 2 * overscan, reach)
         behind = self._background
-        # Made anew: frames are whole photos, too large to keep.
-        made = medium_of(psf, frame, space_of(medium), behind.device, behind.dtype)
+        made = self._medium(psf, frame, space_of(medium), psf is medium.psf)
         model = ForwardModel(settings, lambda _: made, reach, formation.scaled(1.0 / self._scale.size))
         with torch.no_grad():
             exposed = model.expose(self._gaussians, _Photo(name, camera, psf), behind, overscan)
         return undistortion.render(exposed.photo.cpu().numpy(), overscan)
+
+    def _medium(self, psf: PointSpread | None, frame: Frame, space: BlurSpace, shared: bool) -> FixedMedium:
+        """Of a photo; where all share their point spread that of the photo before, if it was of the same size.
+
+        One is kept: frames are whole photos. Views that are rendered side by side wait for it, and do not make one each.
+        """
+        behind = self._background
+        if not shared or psf is None:
+            return medium_of(psf, frame, space, behind.device, behind.dtype)
+        key = frame, space, psf.kernel().tobytes()
+        with self._making:
+            if self._kept is None or self._kept[0] != key:
+                self._kept = key, medium_of(psf, frame, space, behind.device, behind.dtype)
+            return self._kept[1]
 
     def transparent(self, lens: Lens, pose: Pose, medium: Medium, name: str) -> NDArray[np.float32]:
         """[4, H, W] sRGB, not multiplied by alpha, and alpha: as `degraded`, with nothing behind the twin."""

@@ -10,6 +10,7 @@ from __future__ import annotations
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from threading import Lock
 
 import numpy as np
 from numpy.typing import NDArray
@@ -106,10 +107,18 @@ def _sixteen_bit(share: NDArray[np.float32]) -> NDArray[np.uint16]:
     return np.asarray(np.round(share * np.float32(65535)), np.uint16)
 
 
+_ONE_BY_ONE = Lock()
+
+
 @lru_cache(maxsize=1024)
-def _on_grid(psf: PointSpread, step: int) -> PointSpread:
-    """Cached, so that views with the same point spread get the same object, and share their objective."""
+def _kept_on_grid(psf: PointSpread, step: int) -> PointSpread:
     return psf.on_grid(step)
+
+
+def _on_grid(psf: PointSpread, step: int) -> PointSpread:
+    """Kept, so that views with the same point spread get the same object, and share their objective."""
+    with _ONE_BY_ONE:  # (views are made side by side)
+        return _kept_on_grid(psf, step)
 
 
 class GridView:

@@ -202,7 +202,12 @@ class Trainer:
 
     def _on_grid(self, views: Sequence[View], step: int) -> list[GridView]:
         unit, medium = self.scale.camera_to_unit, self.medium
-        return [GridView(v, unit(v.camera), step, medium.psf_for(v.name), medium.blur_space) for v in views]
+
+        def on_grid(view: View) -> GridView:
+            return GridView(view, unit(view.camera), step, medium.psf_for(view.name), medium.blur_space)
+
+        with ThreadPoolExecutor(compiled.threads()) as pool:
+            return list(pool.map(on_grid, views))
 
     def _level(self, step: int) -> Level:
         views, heldout = self._on_grid(self.views, step), self._on_grid(self.heldout[: TRAINER.watched_views], step)
