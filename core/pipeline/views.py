@@ -94,7 +94,7 @@ class Viewer:
     def _medium(self, psf: PointSpread | None, frame: Frame, space: BlurSpace, shared: bool) -> FixedMedium:
         """Of a photo; where all share their point spread that of the photo before, if it was of the same size.
 
-        One is kept: frames are whole photos. Views that are rendered side by side wait for it, and do not make one each.
+        One is kept: frames are whole photos. Views that are rendered side by side wait for it, none makes its own.
         """
         behind = self._background
         if not shared or psf is None:

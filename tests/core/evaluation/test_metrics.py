@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from dgs.core.evaluation.metrics import Band, bands, edge_sharpness, low_passed, low_passed_truth_psnr, psnr, ssim
 from scipy.ndimage import gaussian_filter
+from skimage.metrics import structural_similarity
 
 
 def band(image, truth) -> Band:
@@ -40,6 +41,20 @@ def test_ssim_of_flat_images_is_the_luminance_term():
     expected = (2 * 0.4 * 0.6 + 1e-4) / (0.4**2 + 0.6**2 + 1e-4)
     assert ssim(a, b) == pytest.approx(expected, rel=1e-6)
     assert ssim(a, a + 1e-7) <= 1.0
+
+
+@pytest.mark.parametrize("size", [(64, 96), (11, 40), (40, 11)])
+def test_ssim_is_that_of_scikit_image(size):
+    truth = noise(*size)
+    image = np.clip(truth + 0.2 * (noise(*size, seed=1) - 0.5), 0, 1)
+    keep = noise(*size, seed=2)[..., 0] > 0.4
+    words = {"data_range": 1.0, "channel_axis": 2, "gaussian_weights": True, "sigma": 1.5, "full": True}
+    _, full = structural_similarity(image, truth, use_sample_covariance=False, **words)
+    assert ssim(image, truth) == pytest.approx(full.mean(), abs=1e-13)
+    assert ssim(image, truth, keep) == pytest.approx(full[keep].mean(), abs=1e-13)
+    # (planes first in memory, as renders come)
+    turned = np.ascontiguousarray(image.transpose(2, 0, 1)).transpose(1, 2, 0)
+    assert ssim(turned, truth, keep) == ssim(image, truth, keep)
 
 
 def test_ssim_of_a_tiny_image_is_unknown():

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from dgs.core import compiled
 from dgs.core.errors import Cancelled
 from dgs.core.imaging.medium import Medium
 from dgs.core.progress import Silent
@@ -137,3 +138,18 @@ def test_many_points_are_thinned_before_they_make_a_guess(wall):
     )
     assert every is not None and some is not None
     assert abs(every.share - some.share) < 0.1
+
+
+def test_threads_change_nothing(wall):
+    cameras, _ = with_points(wall)
+    found, before = [], compiled.threads()
+    try:
+        for count in (1, 5):
+            compiled.set_threads(count)
+            surface = seeded_surface(wall.photos, cameras, NONE, Silent())
+            assert surface is not None
+            found.append(surface.samples)
+    finally:
+        compiled.set_threads(before)
+    for one, other in zip(vars(found[0]).values(), vars(found[1]).values(), strict=True):
+        np.testing.assert_array_equal(one, other)
