@@ -21,9 +21,10 @@ Mask = NDArray[np.bool_]
 
 #: PSNR of identical images; a number rather than infinity, which JSON cannot hold.
 PSNR_MAXIMUM = 100.0
-#: SSIM's window of 11 px from its middle to one end, a Gaussian of 1.5 px, and its constants (Wang et al. 2004).
+#: SSIM's window of 11 px from its middle to one end, a Gaussian of 1.5 px (Wang et al. 2004).
 _TAPS = np.exp(-0.5 * (np.arange(6) / 1.5) ** 2)
 _TAPS /= _TAPS[0] + 2 * _TAPS[1:].sum()
+#: SSIM's constants for values in [0, 1] (the same).
 _C1, _C2 = 0.01**2, 0.03**2
 
 
