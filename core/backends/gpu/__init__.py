@@ -11,5 +11,6 @@ blurs           separable and tap by tap, with their transposes
 losses          MAE + SSIM with masks, variation, specks
 sorting         prefix sums and the radix sort
 rasterizer      Gaussians and a camera in, an image out, and its gradient
+ready           what the first steps would wait for, done before
 backend         what `core.devices` asks of a back end
 """
