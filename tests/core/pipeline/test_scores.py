@@ -1,17 +1,21 @@
 """Held-out views are rendered from where their cameras were."""
 
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
 import torch
 from dgs.core.camera import Camera
 from dgs.core.cloud import GaussianCloud
+from dgs.core.forward import medium_of
 from dgs.core.gaussians import Gaussians
 from dgs.core.imaging.formation.chain import Formation
 from dgs.core.imaging.formation.motion import CameraMotion
 from dgs.core.imaging.medium import Medium
+from dgs.core.imaging.psf import PointSpread
 from dgs.core.lens import Lens
 from dgs.core.photos.load import Photo
+from dgs.core.pipeline import views
 from dgs.core.pipeline.scores import ViewScorer
 from dgs.core.pipeline.views import Viewer
 from dgs.core.pose import Pose
@@ -58,3 +62,23 @@ def test_a_camera_that_was_found_stands_where_its_path_was_and_a_given_one_stays
     assert np.abs(shown[False] - np.clip(as_found, 0, 255)).max() < 0.51
     assert np.abs(shown[True] - np.clip(viewer.sharp(LENS, there).transpose(1, 2, 0) * 255, 0, 255)).max() < 0.51
     assert np.abs(shown[True] - shown[False]).mean() > 1.0
+
+
+def test_photos_that_share_their_blur_share_one_medium(monkeypatch):
+    made = []
+
+    def counted(psf, *rest):
+        made.append(psf)
+        return medium_of(psf, *rest)
+
+    monkeypatch.setattr(views, "medium_of", counted)
+    viewer, _ = _viewer()
+    shared, own = PointSpread("gaussian", 1.0, 1.0), PointSpread("gaussian", 2.0, 2.0)
+    medium = Medium(shared, per_view={"own": own})
+    before = viewer.degraded(LENS, POSE, medium, "a")
+    with ThreadPoolExecutor(4) as pool:
+        for again in pool.map(lambda name: viewer.degraded(LENS, POSE, medium, name), "abcd"):
+            np.testing.assert_array_equal(again, before)
+    assert made == [shared]
+    assert not np.array_equal(viewer.degraded(LENS, POSE, medium, "own"), before)
+    assert made == [shared, own] and viewer._kept is not None
