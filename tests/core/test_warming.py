@@ -99,6 +99,8 @@ scene = blurred_scene(4)
 trainer = Trainer(scene.views, [], scene.points, scene.medium, replace(SHORT, device="gpu"))
 for _ in range(3):
     trainer.advance(0.5)
+from dgs.tests.back_ends import brought_up
+assert (brought_up(torch.ones(4, 1)) * brought_up(torch.ones(1, 3))).shape == (4, 3)
 late = {name for name in set(card()._kernels) - ready if "/" not in name}
 assert late <= {"scan_totals"}, late
 assert "sympy" not in sys.modules and "torch.distributed.tensor" not in sys.modules

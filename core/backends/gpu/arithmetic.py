@@ -10,6 +10,7 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -69,7 +70,8 @@ def _is_plain(value: Any) -> bool:
 
 def _shape(*values: Any) -> tuple[int, ...]:
     shapes = [tuple(value.shape) for value in values if isinstance(value, Tensor)]
-    return shapes[0] if shapes.count(shapes[0]) == len(shapes) else tuple(torch.broadcast_shapes(*shapes))
+    # (numpy's: torch's own loads sympy when it is first asked)
+    return shapes[0] if shapes.count(shapes[0]) == len(shapes) else np.broadcast_shapes(*shapes)
 
 
 def _suits(*values: Any) -> bool:
