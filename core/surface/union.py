@@ -124,9 +124,9 @@ def _merged(samples: Samples, keys: NDArray[np.int64]) -> SparsePoints:
     places = [np.bincount(index, weight * samples.positions[:, k], total) / whole for k in range(3)]
     starts = np.concatenate([[0], np.cumsum(counts)[:-1]])
     colours = np.empty((total, 3), np.uint8)
-    for k in range(3):
-        order = np.lexsort((samples.colours[:, k], index))
-        colours[:, k] = samples.colours[order[starts + counts // 2], k]
+    for k in range(3):  # (cell and colour in one number: to sort these is three times quicker than to order by both)
+        ordered = np.sort(index.astype(np.int64) * 256 + samples.colours[:, k])
+        colours[:, k] = ordered[starts + counts // 2] % 256
     best = np.zeros(total, np.float32)
     np.maximum.at(best, index, samples.confidence)
     # In an order of no meaning: whoever takes the first thousand takes them from everywhere.
