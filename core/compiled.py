@@ -142,11 +142,20 @@ _threads = max(1, len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity
 
 #: A chunk is such a part of a thread's share of what is left: few calls, and yet nobody waits long for the last one.
 _PARTS = 2
+#: Px of whole photos that are worked on at once: two of 24 megapixels, as many as two threads take, with which the
+#: bounds of --memory were measured.
+_PIXELS_AT_ONCE = 50_000_000
 
 
 def threads() -> int:
     """Number of threads that kernels use."""
     return _threads
+
+
+def photos_at_once(pixels: int) -> int:
+    """How many photos of so many px may be worked on side by side, one to a thread: all together no more than
+    `_PIXELS_AT_ONCE`, so that many threads do not take many times the memory."""
+    return max(1, min(_threads, _PIXELS_AT_ONCE // max(1, pixels)))
 
 
 def set_threads(count: int) -> None:

@@ -119,7 +119,7 @@ def observe_points(
         there = np.isfinite(depths[:, v])
         patches[there, v] = _samples(_grey(used[v]), pixels[there, v], steps[there, v], _HALF)
 
-    with ThreadPoolExecutor(compiled.threads()) as pool:
+    with ThreadPoolExecutor(_at_once(used)) as pool:
         list(pool.map(look, range(len(used))))
     seen = _agreeing(patches)
     point, photo = np.nonzero(seen)
@@ -205,6 +205,10 @@ def _samples(plane: NDArray[np.float32], at: Array, steps: Array, half: int) -> 
     return np.asarray(ndimage.map_coordinates(plane, [rows, columns], order=1, mode="nearest"), np.float32)
 
 
+def _at_once(photos: Sequence[Photo]) -> int:
+    return compiled.photos_at_once(max((photo.pixels.shape[0] * photo.pixels.shape[1] for photo in photos), default=0))
+
+
 def _grey(photo: Photo) -> NDArray[np.float32]:
     red, green, blue = (photo.pixels[..., c] for c in range(3))  # (their sum is exact; numpy's own mean takes 5 times)
     return (red.astype(np.float32) + green + blue) / np.float32(3) / np.float32(np.iinfo(photo.pixels.dtype).max)
@@ -257,7 +261,7 @@ def _colours(
             valid[points, v] = clean if c == 0 else valid[points, v] & clean
         valid[points, v] &= light[points, v].min(axis=1) > SETTINGS.darkest
 
-    with ThreadPoolExecutor(compiled.threads()) as pool:
+    with ThreadPoolExecutor(_at_once(photos)) as pool:
         list(pool.map(look, range(len(photos))))
     return light[seen], valid[seen]
 

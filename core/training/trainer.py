@@ -206,7 +206,8 @@ class Trainer:
         def on_grid(view: View) -> GridView:
             return GridView(view, unit(view.camera), step, medium.psf_for(view.name), medium.blur_space)
 
-        with ThreadPoolExecutor(compiled.threads()) as pool:
+        largest = max((view.camera.width * view.camera.height for view in views), default=0)
+        with ThreadPoolExecutor(compiled.photos_at_once(largest)) as pool:
             return list(pool.map(on_grid, views))
 
     def _level(self, step: int) -> Level:

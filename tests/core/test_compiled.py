@@ -87,3 +87,11 @@ def test_several_callers_at_a_time() -> None:
 
     with ThreadPoolExecutor(6) as callers:
         assert all(callers.map(call, range(24)))
+
+
+def test_large_photos_are_not_all_worked_on_at_once() -> None:
+    """Two of 24 megapixels, however many threads there are; small ones are as many as threads."""
+    compiled.set_threads(16)
+    assert [compiled.photos_at_once(pixels) for pixels in (0, 240_000, 24_000_000, 10**9)] == [16, 16, 2, 1]
+    compiled.set_threads(1)
+    assert compiled.photos_at_once(240_000) == 1
