@@ -142,8 +142,8 @@ _threads = max(1, len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity
 
 #: A chunk is such a part of a thread's share of what is left: few calls, and yet nobody waits long for the last one.
 _PARTS = 2
-#: Px of whole photos that are worked on at once: two of 24 megapixels, as many as two threads take, with which the
-#: bounds of --memory were measured.
+#: Px of whole photos that are worked on at once: two of 24 megapixels, as many as two threads take. Chosen, not
+#: measured: the bounds of --memory were measured with small photos, which it leaves alone.
 _PIXELS_AT_ONCE = 50_000_000
 
 

@@ -113,15 +113,7 @@ def observe_points(
     blur, widest = _window(blur, moved[:, 0])
     pixels, depths = _projected(used, cameras, positions, SETTINGS.border * widest)
     steps = _steps(depths, blur, widest)
-    patches = np.full((*depths.shape, (2 * _HALF + 1) ** 2), np.nan, np.float32)
-
-    def look(v: int) -> None:
-        there = np.isfinite(depths[:, v])
-        patches[there, v] = _samples(_grey(used[v]), pixels[there, v], steps[there, v], _HALF)
-
-    with ThreadPoolExecutor(_at_once(used)) as pool:
-        list(pool.map(look, range(len(used))))
-    seen = _agreeing(patches)
+    seen = _agreeing(_patches(used, pixels, depths, steps))
     point, photo = np.nonzero(seen)
     if len(point) < SETTINGS.fewest_observations:
         return None
@@ -203,6 +195,19 @@ def _samples(plane: NDArray[np.float32], at: Array, steps: Array, half: int) -> 
     rows = at[:, 1, None] - 0.5 + steps[:, None] * dy
     columns = at[:, 0, None] - 0.5 + steps[:, None] * dx
     return np.asarray(ndimage.map_coordinates(plane, [rows, columns], order=1, mode="nearest"), np.float32)
+
+
+def _patches(photos: Sequence[Photo], pixels: Array, depths: Array, steps: Array) -> NDArray[np.float32]:
+    """[N, V, P] grey around each of N points in each of V photos; NaN where it is not in the frame."""
+    patches = np.full((*depths.shape, (2 * _HALF + 1) ** 2), np.nan, np.float32)
+
+    def look(v: int) -> None:
+        there = np.isfinite(depths[:, v])
+        patches[there, v] = _samples(_grey(photos[v]), pixels[there, v], steps[there, v], _HALF)
+
+    with ThreadPoolExecutor(_at_once(photos)) as pool:
+        list(pool.map(look, range(len(photos))))
+    return patches
 
 
 def _at_once(photos: Sequence[Photo]) -> int:

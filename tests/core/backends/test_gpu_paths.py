@@ -14,7 +14,6 @@ from dgs.core.imaging.formation.chain import Formation
 from dgs.core.imaging.formation.motion import straight_paths
 from dgs.core.imaging.medium import Medium
 from dgs.core.rasterizer import render, render_path
-from dgs.core.training.job import TrainingJob
 from dgs.core.training.trainer import Trainer
 from dgs.tests.back_ends import brought_up, or_skip
 from dgs.tests.core.rasterizer.test_frames_along_a_path import SETTINGS, camera, gaussians, poses
@@ -126,13 +125,13 @@ def test_parts_come_with_one_wait(card):
 
 
 def test_a_shaken_training_ends_where_the_cpu_s_does(card):
-    """Found cameras are adjusted, paths learned and compared anew, on either device."""
+    """Paths are learned, and compared with others, on either device."""
     scene = blurred_scene(4)
     ways = {view.name: (0.02, 0.01 * i) for i, view in enumerate(scene.views)}
     losses = {}
     for device in ("cpu", "gpu"):
         settings = replace(SHORT, device=device)
-        job = TrainingJob(scene.views, [], scene.points, Medium(None), settings, Formation([straight_paths(ways, 2)]))
-        trainer = Trainer(job.views, [], job.points, job.medium, settings, job.formation)
+        paths = Formation([straight_paths(ways, 2)])
+        trainer = Trainer(scene.views, [], scene.points, Medium(None), settings, paths)
         losses[device] = np.mean([float(trainer.advance(step / 40)) for step in range(40)][-8:])
     assert losses["gpu"] == pytest.approx(losses["cpu"], rel=0.05), losses
