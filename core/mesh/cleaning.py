@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import fast_simplification
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
+from ..compiled import run
 from ..numbers import number
 from ..triangles import Mesh
+from .cleaning_kernels import join_corners, keep_parts, mark_corners, renumber_corners, sum_areas
 
 
 @dataclass(frozen=True)
@@ -30,13 +30,25 @@ def without_crumbs(mesh: Mesh, voxel: float, settings: CleaningSettings = SETTIN
     """Without parts that are smaller than any surface; the largest part stays."""
     if not len(mesh.faces):
         return mesh
-    count = len(mesh.vertices)
-    a, b = mesh.faces[:, [0, 1]].T, mesh.faces[:, [1, 2]].T
-    rows, columns = np.concatenate([a[0], b[0]]), np.concatenate([a[1], b[1]])
-    _, part = connected_components(coo_matrix((np.ones(len(rows), bool), (rows, columns)), (count, count)), False)
-    areas = np.bincount(part[mesh.faces[:, 0]], face_areas(mesh))
-    kept = areas >= min(settings.crumb * voxel**2, float(areas.max()))
-    return mesh.with_faces(mesh.faces[kept[part[mesh.faces[:, 0]]]])
+    parents, areas = np.arange(len(mesh.vertices), dtype=np.int32), np.zeros(len(mesh.vertices))
+    count = len(mesh.faces)
+    join_corners(0, count, mesh.faces, parents)
+    sum_areas(0, count, mesh.faces, mesh.vertices, parents, areas)
+    least = min(settings.crumb * voxel**2, float(areas.max()))
+    kept = np.empty((count, 3), np.int64)
+    kept = kept[: keep_parts(0, count, mesh.faces, parents, areas, least, kept)]
+    return without_strays(mesh.vertices, kept)
+
+
+def without_strays(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> Mesh:
+    """A mesh without corners that no face has, as `Mesh.with_faces`; the faces are changed in place, so that millions
+    of them take no more memory."""
+    has, places = np.zeros(len(vertices), bool), np.empty(len(vertices), np.int64)
+    run(mark_corners, len(faces), faces, has, grain=4096)
+    used = np.flatnonzero(has)
+    places[used] = np.arange(len(used))
+    run(renumber_corners, len(faces), faces, places, grain=4096)
+    return Mesh(vertices[used], faces)
 
 
 def face_areas(mesh: Mesh) -> NDArray[np.float64]:

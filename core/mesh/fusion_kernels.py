@@ -25,6 +25,8 @@ def mark_blocks(begin, end, depths, pose, lens, stride, reach, voxel, low, farth
     height, width = depths.shape
     side = voxel * SIDE
     steps = np.int64(np.ceil(2.0 * reach / voxel))
+    around, zero = 0.75 * voxel, np.int64(0)
+    a0 = b0 = c0 = a1 = b1 = c1 = np.int64(-1)
     for line in range(begin, end):
         row = line * stride
         for column in range(0, width, stride):
@@ -35,16 +37,20 @@ def mark_blocks(begin, end, depths, pose, lens, stride, reach, voxel, low, farth
             for step in range(steps + 1):
                 z = depth + reach * (2.0 * step / steps - 1.0)
                 p0, p1, p2 = x * z - pose[9], y * z - pose[10], z - pose[11]
-                for corner in range(8):
-                    # blocks that begin within half a voxel, too: a cell of theirs may hold this surface
-                    a = voxel * (0.75 if corner & 1 else -0.75)
-                    b = voxel * (0.75 if corner & 2 else -0.75)
-                    c = voxel * (0.75 if corner & 4 else -0.75)
-                    i = np.int64(np.floor((pose[0] * p0 + pose[3] * p1 + pose[6] * p2 - low[0] + a) / side))
-                    j = np.int64(np.floor((pose[1] * p0 + pose[4] * p1 + pose[7] * p2 - low[1] + b) / side))
-                    k = np.int64(np.floor((pose[2] * p0 + pose[5] * p1 + pose[8] * p2 - low[2] + c) / side))
-                    if 0 <= i < marked.shape[0] and 0 <= j < marked.shape[1] and 0 <= k < marked.shape[2]:
-                        marked[i, j, k] = 1
+                along0 = pose[0] * p0 + pose[3] * p1 + pose[6] * p2 - low[0]
+                along1 = pose[1] * p0 + pose[4] * p1 + pose[7] * p2 - low[1]
+                along2 = pose[2] * p0 + pose[5] * p1 + pose[8] * p2 - low[2]
+                # blocks that begin within half a voxel, too: a cell of theirs may hold this surface
+                i0, i1 = np.int64(np.floor((along0 - around) / side)), np.int64(np.floor((along0 + around) / side))
+                j0, j1 = np.int64(np.floor((along1 - around) / side)), np.int64(np.floor((along1 + around) / side))
+                k0, k1 = np.int64(np.floor((along2 - around) / side)), np.int64(np.floor((along2 + around) / side))
+                if i0 == a0 and j0 == b0 and k0 == c0 and i1 == a1 and j1 == b1 and k1 == c1:
+                    continue  # (as just before)
+                a0, b0, c0, a1, b1, c1 = i0, j0, k0, i1, j1, k1
+                for i in range(max(i0, zero), min(i1 + 1, marked.shape[0])):
+                    for j in range(max(j0, zero), min(j1 + 1, marked.shape[1])):
+                        for k in range(max(k0, zero), min(k1 + 1, marked.shape[2])):
+                            marked[i, j, k] = 1
 
 
 @kernel
@@ -60,6 +66,7 @@ def fuse(begin, end, blocks, low, voxel, depths, weights, starts, sizes, poses, 
             nothing was seen), and the mean of their squares.
     """
     one = f32(1.0)
+    deep, pixel = np.empty(SIDE**3), np.empty(SIDE**3, np.int64)
     for block in range(begin, end):
         x0 = low[0] + (blocks[block, 0] * SIDE + 0.5) * voxel
         y0 = low[1] + (blocks[block, 1] * SIDE + 0.5) * voxel
@@ -72,7 +79,7 @@ def fuse(begin, end, blocks, low, voxel, depths, weights, starts, sizes, poses, 
         squares[:] = f32(0.0)
         for view in range(len(starts)):
             r, lens = poses[view], lenses[view]
-            height, width = sizes[view, 0], sizes[view, 1]
+            height, width, first = sizes[view, 0], sizes[view, 1], starts[view]
             mx, my, mz = x0 + half, y0 + half, z0 + half
             cz = r[6] * mx + r[7] * my + r[8] * mz + r[11]
             if cz <= radius:
@@ -82,32 +89,32 @@ def fuse(begin, end, blocks, low, voxel, depths, weights, starts, sizes, poses, 
             wide = 2.0 * max(lens[0], lens[1]) * radius / (cz - radius)
             if u < -wide or v < -wide or u > width + wide or v > height + wide:
                 continue
-            for i in range(SIDE):
-                for j in range(SIDE):
-                    x, y, z = x0 + i * voxel, y0 + j * voxel, z0
-                    px = r[0] * x + r[1] * y + r[2] * z + r[9]
-                    py = r[3] * x + r[4] * y + r[5] * z + r[10]
-                    pz = r[6] * x + r[7] * y + r[8] * z + r[11]
-                    for k in range(SIDE):
-                        at = (i * SIDE + j) * SIDE + k
-                        depth_here = pz + r[8] * voxel * k
-                        if depth_here <= 0.0:
-                            continue
-                        u = lens[0] * (px + r[2] * voxel * k) / depth_here + lens[2]
-                        v = lens[1] * (py + r[5] * voxel * k) / depth_here + lens[3]
-                        if not (u >= 0.0 and v >= 0.0 and u < width and v < height):
-                            continue
-                        pixel = starts[view] + np.int64(v) * width + np.int64(u)
-                        surface = depths[pixel]
-                        weight = weights[pixel]
-                        if not surface > f32(0.0) or weight == f32(0.0):
-                            continue
-                        distance = f32((np.float64(surface) - depth_here) / reach)
-                        if abs(distance) > one:
-                            continue
-                        squares[at] += weight * distance * distance
-                        mean[at] += weight * distance
-                        whole[at] += weight
+            # (two loops, because the first one runs in vector registers)
+            for line in range(SIDE * SIDE):
+                x, y = x0 + (line // SIDE) * voxel, y0 + (line % SIDE) * voxel
+                px = r[0] * x + r[1] * y + r[2] * z0 + r[9]
+                py = r[3] * x + r[4] * y + r[5] * z0 + r[10]
+                pz = r[6] * x + r[7] * y + r[8] * z0 + r[11]
+                away, places = deep[line * SIDE : (line + 1) * SIDE], pixel[line * SIDE : (line + 1) * SIDE]
+                for k in range(SIDE):
+                    depth_here = pz + r[8] * voxel * k
+                    u = lens[0] * (px + r[2] * voxel * k) / depth_here + lens[2]
+                    v = lens[1] * (py + r[5] * voxel * k) / depth_here + lens[3]
+                    shown = (depth_here > 0.0) & (u >= 0.0) & (v >= 0.0) & (u < width) & (v < height)
+                    away[k] = depth_here
+                    places[k] = first + np.int64(v) * width + np.int64(u) if shown else np.int64(-1)
+            for voxel_at in range(SIDE * SIDE * SIDE):
+                place = pixel[voxel_at]
+                shown = place >= 0
+                place = place if shown else np.int64(0)
+                surface, weight = depths[place], weights[place]
+                distance = f32((np.float64(surface) - deep[voxel_at]) / reach)
+                near = shown & (surface > f32(0.0)) & (abs(distance) <= one)
+                weight = weight if near else f32(0.0)
+                distance = distance if near else f32(0.0)
+                squares[voxel_at] += weight * distance * distance
+                mean[voxel_at] += weight * distance
+                whole[voxel_at] += weight
         for at in range(SIDE * SIDE * SIDE):
             if whole[at] > f32(0.0):
                 mean[at] /= whole[at]

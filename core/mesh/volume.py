@@ -157,9 +157,9 @@ def _extent(
     for surface, far in zip(surfaces, farthest, strict=True):
         rows, columns = np.nonzero((surface.weight > 0) & (surface.depth <= far))
         if len(rows):
-            world = points_of(surface, rows, columns)
-            lows.append(world.min(axis=0))
-            highs.append(world.max(axis=0))
+            axes = np.ascontiguousarray(points_of(surface, rows, columns).T)  # (numpy's minimum is slow down columns)
+            lows.append(axes.min(axis=1))
+            highs.append(axes.max(axis=1))
     if not lows:
         raise DgsError("All surfaces of the twin are too far off for voxels of this size", "Ask for less detail")
     low, high = np.min(lows, axis=0) - around, np.max(highs, axis=0) + around

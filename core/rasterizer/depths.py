@@ -14,20 +14,8 @@ from ..errors import DeviceError
 from ..gaussians import Gaussians
 from ..rendering import OPAQUE_ENOUGH, RasterSettings
 from .cpu import Projected, numpy_parameters, project_and_sort, view_vector
-from .depth_kernels import (
-    EXPECTED,
-    HIGH,
-    K_M,
-    LEVEL,
-    LOW,
-    PLANES,
-    RAY_WIDTH,
-    SQUARE,
-    TRANSMITTANCE,
-    blend_depths,
-    find_surface,
-)
-from .projection import rotation_matrices
+from .depth_kernels import EXPECTED, LEVEL, PLANES, SQUARE, TRANSMITTANCE, blend_depths, find_surface
+from .ray_kernels import HIGH, K_M, LOW, RAY_WIDTH, place_rays
 from .shape_kernels import V_ALPHA_MINIMUM
 
 Floats = NDArray[np.float32]
@@ -95,7 +83,7 @@ def blended_depths(
 def surface_of_centres(
     gaussians: Gaussians, camera: Camera, settings: RasterSettings = RasterSettings(), *, held: float = 0.5
 ) -> Floats:
-    """[H, W] `blended_depths(..., centres=True).surface` alone, in a tenth of the time.
+    """[H, W] `blended_depths(..., centres=True).surface` alone, in half of the time.
 
     Raises:
         DeviceError: the tensors are elsewhere.
@@ -128,19 +116,12 @@ def _rays(gaussians: Gaussians, camera: Camera) -> Floats:
 
     K = S^-1 Rq^T R^T, all divided by |K m|; m is the centre in the camera's axes, d = (x / z, y / z, 1).
     """
-    rotation, points = camera.rotation, _points(gaussians, camera)
-    scales = np.exp(gaussians.log_scales.detach().double().numpy().clip(-40.0, 40.0))
-    thick = np.maximum(scales, _THINNEST * scales.max(axis=1, keepdims=True))
-    turned = np.einsum("ij,njk->nik", rotation, rotation_matrices(gaussians.quaternions.detach().double()).numpy())
-    k = turned.transpose(0, 2, 1) / thick[:, :, None]
-    k_m = np.einsum("nij,nj->ni", k, points)
-    length = np.maximum(np.linalg.norm(k_m, axis=1), 1e-30)
-    reach = _REACH * np.sqrt(np.einsum("nj,nj->n", turned[:, 2] ** 2, scales**2))
-    rays = np.zeros((len(points), RAY_WIDTH))
-    rays[:, :K_M] = (k / length[:, None, None]).reshape(-1, 9)
-    rays[:, K_M : K_M + 3] = k_m / length[:, None]
-    rays[:, LOW], rays[:, HIGH] = np.maximum(points[:, 2] - reach, 0.0), points[:, 2] + reach
-    return np.nan_to_num(rays).astype(np.float32)
+    pose = np.concatenate([camera.rotation.ravel(), camera.translation])
+    shapes = (gaussians.means, gaussians.log_scales, gaussians.quaternions)
+    arrays = [np.ascontiguousarray(tensor.detach().numpy()) for tensor in shapes]
+    rays = np.empty((len(gaussians), RAY_WIDTH), np.float32)
+    run(place_rays, len(rays), *arrays, pose, _THINNEST, _REACH, rays, grain=4096)
+    return rays
 
 
 def _at_centres(gaussians: Gaussians, camera: Camera) -> Floats:

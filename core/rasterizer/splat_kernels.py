@@ -18,6 +18,7 @@ from numba.extending import intrinsic
 from ..compiled import inlined
 from ..constants import ALPHA_MAXIMUM, TILE, TILE_ROWS, TRANSMITTANCE_STOP
 from ..lanes_kernels import Buffer, Lanes, Running, choose, maximum, minimum, power_of_two, ramp, sums_of
+from .ray_kernels import HIGH, K_M, LOW, RAY_WIDTH
 
 f32 = np.float32
 PIXELS = TILE * TILE_ROWS
@@ -41,7 +42,7 @@ GAUSSIAN, SLOT = 0, 1
 PLANE = PIXELS + 128
 T_, R_, G_, B_ = 0, PLANE, 2 * PLANE, 3 * PLANE
 REST_, DR_, DG_, DB_ = PLANE, 2 * PLANE, 3 * PLANE, 4 * PLANE
-S_ = PLANE
+S_, E_, Q_ = PLANE, 2 * PLANE, 3 * PLANE
 
 #: After so many rows alpha and its ratio are computed anew: never within a tile.
 STRIDE = TILE_ROWS
@@ -166,6 +167,46 @@ def hold_back(typing_context, state, splats, g, left, top, first, last, stride, 
 
     f, i = types.float32, types.int64
     return types.void(state, splats, i, f, f, i, i, i, f, f), generate
+
+
+@intrinsic
+def blend_depth(typing_context, state, splats, rays, lens, g, left, top, first, last, stride, alpha_minimum, level):  # type: ignore[no-untyped-def]
+    """Takes the light that Gaussian `g` holds back from what passes (plane `T_`), as `hold_back`, and adds its depth.
+
+    That is where it is densest along each px's own ray, see `place_rays`. Weighted by the light it is added to plane
+    `E_`, its square to `Q_`, and where the light falls through `level`, it is written to `S_`.
+
+    Args:
+        lens: [4] float32, fx, fy, cx, cy.
+    """
+
+    def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+        tile, table, places, lens = (Buffer(context, builder, signature.args[n], arguments[n]) for n in range(4))
+        left, top = Lanes(builder, arguments[5]), Lanes(builder, arguments[6])
+        splat = _Splat(builder, table, arguments[4], left, top)
+        at = builder.mul(arguments[4], ir.Constant(arguments[4].type, RAY_WIDTH))
+        k = [places.one(at, n) for n in range(HIGH + 1)]
+        fx, fy, cx, cy = (lens.one(ir.Constant(at.type, n)) for n in range(4))
+        ray_x, level = (left - cx + ramp(builder)) / fx, Lanes(builder, arguments[11])
+        across = [k[n] * ray_x + k[n + 2] for n in (0, 3, 6)]
+        for row, raw in splat.rows(*arguments[7:10]):
+            down = Lanes(builder, builder.sitofp(row, ir.FloatType())) * (1.0 / TILE)
+            ray_y = (top + down - cy) / fy
+            a, b, c = (side + k[n] * ray_y for side, n in zip(across, (1, 4, 7), strict=True))
+            depth = (a * k[K_M] + b * k[K_M + 1] + c * k[K_M + 2]) / (a * a + b * b + c * c)
+            depth = minimum(maximum(depth, k[LOW]), k[HIGH])
+            before = tile.row(row, T_)
+            weight = _limited(raw, before, Lanes(builder, arguments[10])) * before
+            after = before - weight
+            tile.put_row(row, E_, tile.row(row, E_) + weight * depth)
+            tile.put_row(row, Q_, tile.row(row, Q_) + weight * depth * depth)
+            falls = builder.and_(before.compare(">", level), after.compare("<=", level))
+            tile.put_row(row, S_, choose(falls, depth, tile.row(row, S_)))
+            tile.put_row(row, T_, after)
+        return context.get_dummy_value()
+
+    f, i = types.float32, types.int64
+    return types.void(state, splats, rays, lens, i, f, f, i, i, i, f, f), generate
 
 
 @intrinsic

@@ -15,15 +15,21 @@ from dgs.core.formats.gltf_file import open_gltf
 from dgs.core.formats.meshes import write_mesh
 from dgs.core.gaussians import Gaussians
 from dgs.core.mesh.build import MeshSettings, build_mesh
-from dgs.core.mesh.cleaning import decimated, without_crumbs
+from dgs.core.mesh.cleaning import CleaningSettings, decimated, face_areas, without_crumbs
+from dgs.core.mesh.fusion_kernels import mark_blocks
 from dgs.core.mesh.marching import zero_surface
 from dgs.core.mesh.surfaces import SeenSurface, weights
-from dgs.core.mesh.volume import VolumeSettings, fused, usual_voxel
+from dgs.core.mesh.volume import Volume, VolumeSettings, fused, points_of, usual_voxel
 from dgs.core.progress import Silent
 from dgs.core.rasterizer import RasterSettings, blended_depths, render, surface_of_centres
 from dgs.core.triangles import Mesh
 from dgs.studies.stability.fuzzed_state import write_twin
 from plyfile import PlyData
+from scipy.ndimage import gaussian_filter
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+from skimage.measure import marching_cubes
 
 RADIUS = 0.5
 
@@ -117,6 +123,62 @@ def test_one_flat_splat_lies_in_its_plane() -> None:
     assert np.allclose(blended_depths(splat, camera, centres=True).surface[seen, 20], 2.0)
 
 
+def scattered(count: int) -> Gaussians:
+    """Long and flat Gaussians of every direction, faint and opaque; the last one's turn is no number."""
+    random = np.random.default_rng(6)
+    means = random.uniform([-0.6, -0.9, 1.0], [0.6, 0.9, 3.0], (count, 3))
+    turns = random.standard_normal((count, 4))
+    turns[-1] = 0.0
+    arrays = (means, np.log(random.uniform(0.02, 0.3, (count, 3))), turns, random.uniform(-2, 3, count))
+    colours = np.zeros((count, 1, 3))
+    return Gaussians(*(torch.tensor(array, dtype=torch.float32) for array in (*arrays, colours)))
+
+
+def densest_plainly(twin: Gaussians, camera: Camera) -> np.ndarray:
+    """[N, H, W] depth at which each Gaussian is densest along the ray of each px, in plain numpy."""
+    w, x, y, z = (twin.quaternions / twin.quaternions.norm(dim=1, keepdim=True)).double().numpy().T
+    rows = [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y), 2 * (x * y + w * z)]
+    rows += [1 - 2 * (x * x + z * z), 2 * (y * z - w * x), 2 * (x * z - w * y), 2 * (y * z + w * x)]
+    turns = camera.rotation @ np.stack([*rows, 1 - 2 * (x * x + y * y)], axis=1).reshape(-1, 3, 3)
+    scales = twin.log_scales.double().exp().numpy()
+    metric = np.einsum("nik,nk,njk->nij", turns, scales**-2, turns)
+    middle = twin.means.double().numpy() @ camera.rotation.T + camera.translation
+    across, down = np.meshgrid(np.arange(camera.width) + 0.5, np.arange(camera.height) + 0.5)
+    rays = np.stack([(across - camera.cx) / camera.fx, (down - camera.cy) / camera.fy, np.ones_like(across)], axis=-1)
+    along = np.einsum("yxi,nij,nj->nyx", rays, metric, middle) / np.einsum("yxi,nij,yxj->nyx", rays, metric, rays)
+    reach = 3.0 * np.sqrt((turns[:, 2] ** 2 * scales**2).sum(axis=1))
+    least, most = ((middle[:, 2] + side * reach)[:, None, None] for side in (-1, 1))
+    return np.clip(along, np.maximum(least, 0.0), most)
+
+
+@pytest.mark.parametrize("held", [0.3, 0.6])
+def test_depths_along_rays_are_those_of_gaussians_blended_one_by_one(held: float) -> None:
+    """Each Gaussian rendered alone says how opaque it is; also where tiles are cut, and beside what is no Gaussian."""
+    twin, camera = scattered(60), Camera("one", 37, 70, 60.0, 64.0, 18.0, 36.0, np.eye(3), np.zeros(3))
+    camera = replace(camera, rotation=looking_at_the_middle(0.05).rotation, translation=np.array([0.1, 0.0, 0.2]))
+    found = blended_depths(twin, camera, held=held)
+    sound = Gaussians(*(tensor[:-1] for _, tensor in twin.named()))
+    where, middle = densest_plainly(sound, camera), sound.means.double().numpy() @ camera.rotation[2]
+    clear, mean, square, level = np.ones((70, 37)), *np.zeros((3, 70, 37))
+    for index in np.argsort(middle):
+        alone = Gaussians(*(tensor[index : index + 1] for _, tensor in sound.named()))
+        with torch.no_grad():
+            weight = render(alone, camera, settings=RasterSettings()).alpha.numpy() * np.where(clear < 1e-4, 0.0, clear)
+        falls = (clear > 1 - held) & (clear - weight <= 1 - held)
+        level = np.where(falls, where[index], level)
+        mean, square, clear = mean + weight * where[index], square + weight * where[index] ** 2, clear - weight
+    alpha = 1 - clear
+    assert alpha.mean() > 0.2 and (level > 0).mean() > 0.2 and (clear < 1e-3).any()
+    assert np.allclose(found.alpha, alpha, atol=2e-4)
+    solid = alpha > 0.05
+    assert np.allclose(found.expected[solid], (mean / alpha)[solid], rtol=1e-3)
+    spread = np.sqrt(np.maximum(square / np.maximum(alpha, 1e-9) - (mean / np.maximum(alpha, 1e-9)) ** 2, 0.0))
+    assert np.allclose(found.spread[solid], spread[solid], atol=5e-3)
+    both = np.isfinite(found.surface) & (level > 0)
+    assert (np.isfinite(found.surface) == (level > 0)).mean() > 0.995
+    assert np.isclose(found.surface[both], level[both], rtol=1e-4).mean() > 0.99
+
+
 def test_surface_is_where_the_asked_share_of_light_is_held_back() -> None:
     """Three sheets that each hold back 40 %: 0.4, 0.64 and 0.784 of the light."""
     logit = float(np.log(0.4 / 0.6))
@@ -177,6 +239,63 @@ def test_parts_that_meet_are_welded() -> None:
     assert extent.max() > 90 and (np.abs(borders[:, 1]) > 0.2).all()
 
 
+def noisy_volume(count: int) -> Volume:
+    """Blocks that fill a box with smooth noise; some voxels were not seen, and a block is missing."""
+    random = np.random.default_rng(4)
+    sizes = np.array([count, 2, 2])
+    places = np.argwhere(np.ones(sizes, bool)).astype(np.int32)
+    field = gaussian_filter(random.standard_normal(sizes * 8), 1.5).astype(np.float32)
+    field[10, 3, 5] = 0.0
+    known = random.random(field.shape) > 0.01
+    blocks = [tuple(slice(8 * p, 8 * p + 8) for p in place) for place in np.delete(places, 7, axis=0)]
+    values, weights = (np.stack([array[block] for block in blocks]) for array in (field, known.astype(np.float32)))
+    return Volume(np.zeros(3), 1.0, np.delete(places, 7, axis=0), values, weights, values**2, 0.0)
+
+
+def test_the_surface_is_that_of_one_dense_field() -> None:
+    """Marching cubes of all voxels at once, where a cell's corners were all seen; here they are filled part by part."""
+    volume = noisy_volume(10)
+    dense, seen = np.ones((80, 16, 16), np.float32), np.zeros((80, 16, 16), bool)
+    for place, values, known in zip(volume.blocks, volume.values, volume.weights, strict=True):
+        at = tuple(slice(8 * p, 8 * p + 8) for p in place)
+        dense[at], seen[at] = np.where(np.abs(values) < 1e-3, 1e-3 * np.where(values < 0, -1, 1), values), known > 0
+    cells = np.zeros_like(seen)
+    cells[1:, 1:, 1:] = np.lib.stride_tricks.sliding_window_view(seen, (2, 2, 2)).all(axis=(3, 4, 5))
+    corners, faces, _, _ = marching_cubes(dense, 0.0, mask=cells, gradient_direction="descent")
+    mesh = zero_surface(volume)
+    assert len(mesh.faces) > 3000 and (~seen).sum() > 500
+
+    expected, found = (corners + 0.5)[faces].mean(axis=1), mesh.vertices[mesh.faces].mean(axis=1)
+    assert len(found) == len(expected)
+    for some, others in ((found, expected), (expected, found)):
+        assert cKDTree(others).query(some)[0].max() < 1e-4
+
+
+def test_blocks_are_marked_all_along_each_ray_and_beside_it() -> None:
+    """Eight corners of a box of 1.5 voxels about each step, one by one."""
+    surface, voxel, reach, shape = seen_balls()[1], 0.03, 0.12, (3, 9, 9)
+    camera, low = surface.camera, np.array([-0.1, -1.0, -1.0])
+    pose = np.concatenate([camera.rotation.ravel(), camera.translation])
+    lens = np.array([camera.fx, camera.fy, camera.cx, camera.cy])
+    marked, expected = np.zeros((2, *shape), np.uint8)
+    outside = 0
+    mark_blocks(0, 27, surface.depth, pose, lens, 3, reach, voxel, low, 1.8, marked)
+    rows, columns = (axis.ravel() for axis in np.mgrid[0:80:3, 0:96:3])
+    near = surface.depth[rows, columns] <= 1.8
+    on = points_of(surface, rows[near], columns[near]), camera.centre
+    depth = surface.depth[rows[near], columns[near]][:, None].astype(float)
+    for step in np.linspace(-reach, reach, 9):
+        for corner in np.ndindex(2, 2, 2):
+            beside = (np.array(corner) - 0.5) * 1.5 * voxel
+            place = on[1] + (on[0] - on[1]) * (1 + step / depth) + beside
+            block = np.floor((place - low) / (8 * voxel)).astype(int)
+            there = ((block >= 0) & (block < shape)).all(axis=1)
+            expected[tuple(block[there].T)] = 1
+            outside += int((~there).sum())
+    assert 20 < expected.sum() < 150 and outside and near.sum() < np.isfinite(surface.depth[rows, columns]).sum()
+    assert np.array_equal(marked, expected)
+
+
 def test_finer_voxels_lose_nothing_and_the_finest_are_made_larger() -> None:
     surfaces = seen_balls()
     fine = fused(surfaces, 0.2 * usual_voxel(surfaces))
@@ -221,6 +340,23 @@ def test_crumbs_are_swept_and_surfaces_stay() -> None:
     alone = Mesh(crumb, np.array([[0, 1, 2]]))
     assert len(without_crumbs(alone, 0.03).faces) == 1
     assert len(decimated(ball, 500).faces) <= 520
+
+
+def test_parts_are_those_of_scipy_and_so_are_their_areas() -> None:
+    random = np.random.default_rng(5)
+    vertices = random.random((900, 3))
+    faces = random.integers(0, 900, (220, 3))
+    faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
+    mesh = Mesh(vertices, faces)
+    pairs = coo_array((np.ones(2 * len(faces)), (faces[:, [0, 1]].T.ravel(), faces[:, [1, 2]].T.ravel())), (900, 900))
+    part = connected_components(pairs, directed=False)[1][faces[:, 0]]
+    areas = np.bincount(part, face_areas(mesh))
+    least = float(np.median(areas[areas > 0]))
+    expected = mesh.with_faces(faces[areas[part] >= least])
+    found = without_crumbs(mesh, 1.0, CleaningSettings(crumb=least))
+    assert 0 < len(found.faces) < len(faces) and len(np.unique(part)) > 20
+    assert np.array_equal(found.vertices, expected.vertices) and np.array_equal(found.faces, expected.faces)
+    assert np.array_equal(mesh.faces, faces), "the mesh itself stays as it is"
 
 
 def test_no_surface_says_so() -> None:
