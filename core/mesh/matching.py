@@ -9,6 +9,7 @@ Collins 1996, in bands that follow the surface), and a place is believed that se
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -16,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
-from ..compiled import run
+from ..compiled import run, threads
 from ..errors import Cancelled, DgsError
 from ..numbers import number
 from ..opencv import opencv
@@ -123,15 +124,7 @@ def matched_surfaces(
     opencv(*_NEEDED)
     pictures = [np.tensordot(np.array(LUMA, np.float32), s.image, 1) for s in surfaces]
     views = stack_pictures([s.camera for s in surfaces], pictures, [s.weight > 0 for s in surfaces])
-    progress.stage("match", len(surfaces))
-    maps, own = [], []
-    for index, surface in enumerate(surfaces):
-        if progress.cancelled():
-            raise Cancelled(f"Stopped after {index} of {len(surfaces)} views; nothing was written")
-        smooth = _smooth_map(index, surface, views, settings)
-        own.append(smooth)
-        maps.append(_matched(smooth, surface.camera.fx, views, settings))
-        progress.advance(index + 1)
+    own, maps = _all_matched(surfaces, views, progress, settings)
     px = 1.0 / float(np.median(views.focals))
     # A mesh holds what is sure: a lone witness starts a training, and makes no surface.
     asked = AgreementSettings(settings.agreeing * px, settings.through * px, settings.witnesses, settings.witnesses)
@@ -147,6 +140,29 @@ def matched_surfaces(
     if not found and not any((one.depth > 0).any() for one in filling):
         return list(surfaces), 0.0  # cameras that see nothing in common
     return [_filled(surface, one, settings) for surface, one in zip(joined, filling, strict=True)], share
+
+
+def _all_matched(
+    surfaces: Sequence[SeenSurface], views: ViewStack, progress: Progress, settings: MatchingSettings
+) -> tuple[list[DepthMap], list[DepthMap]]:
+    """Of each view: its own depth, smooth, and what it finds by itself around that."""
+
+    def both(index: int) -> tuple[DepthMap, DepthMap]:
+        smooth = _smooth_map(index, surfaces[index], views, settings)
+        return smooth, _matched(smooth, surfaces[index].camera.fx, views, settings)
+
+    progress.stage("match", len(surfaces))
+    found: list[tuple[DepthMap, DepthMap]] = []
+    pool = ThreadPoolExecutor(min(2, threads()))  # (a tenth of each view's work runs on one core; more take memory)
+    try:
+        for pair in pool.map(both, range(len(surfaces))):
+            if progress.cancelled():
+                raise Cancelled(f"Stopped after {len(found)} of {len(surfaces)} views; nothing was written")
+            found.append(pair)
+            progress.advance(len(found))
+    finally:
+        pool.shutdown(cancel_futures=True)
+    return [smooth for smooth, _ in found], [matched for _, matched in found]
 
 
 def _filling(

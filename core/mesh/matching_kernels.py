@@ -6,7 +6,10 @@ import math
 
 import numpy as np
 
-from ..compiled import kernel
+from ..compiled import inlined, kernel
+
+#: Places that are projected together, neighbours mostly: a view that sees none of them is done with at once.
+_TOGETHER = 128
 
 
 @kernel
@@ -55,19 +58,41 @@ def nearest_places(begin, end, positions, projections, offsets, sizes, nearest):
         positions: [N, 3]; projections [V, 3, 3], offsets [V, 3], sizes [V, 2]: as in `ViewStack`.
         nearest: [V, H, W] float32 depths, infinite before; output.
     """
+    across, along, deep = np.empty((3, _TOGETHER))
+    inside = np.empty(nearest.shape[1:], np.float32)
     for view in range(begin, end):
         p, o = projections[view], offsets[view]
         width, height = sizes[view, 0], sizes[view, 1]
-        for n in range(positions.shape[0]):
-            x, y, z = positions[n, 0], positions[n, 1], positions[n, 2]
-            depth = p[2, 0] * x + p[2, 1] * y + p[2, 2] * z + o[2]
-            if depth <= 0.0:
+        inside[:, :] = np.inf
+        for start in range(0, positions.shape[0], _TOGETHER):
+            # (slices begin at 0, so that the loop over them runs in vector registers)
+            points = positions[start : start + _TOGETHER]
+            shown = 0
+            for k in range(len(points)):
+                x, y, z = points[k, 0], points[k, 1], points[k, 2]
+                depth = p[2, 0] * x + p[2, 1] * y + p[2, 2] * z + o[2]
+                u = (p[0, 0] * x + p[0, 1] * y + p[0, 2] * z + o[0]) / depth
+                v = (p[1, 0] * x + p[1, 1] * y + p[1, 2] * z + o[1]) / depth
+                there = (depth > 0.0) & (u >= 0.0) & (v >= 0.0) & (u < width) & (v < height)
+                across[k], along[k], deep[k] = u, v, depth if there else np.inf
+                shown += there
+            if shown == 0:
                 continue
-            u = (p[0, 0] * x + p[0, 1] * y + p[0, 2] * z + o[0]) / depth
-            v = (p[1, 0] * x + p[1, 1] * y + p[1, 2] * z + o[1]) / depth
-            if not (u >= 0.0 and v >= 0.0 and u < width and v < height):
-                continue
-            i, j = int(u), int(v)
-            for row in range(max(0, j - 1), min(height, j + 2)):
-                for column in range(max(0, i - 1), min(width, i + 2)):
-                    nearest[view, row, column] = min(nearest[view, row, column], np.float32(depth))
+            for k in range(len(points)):
+                if deep[k] < np.inf:
+                    i, j = int(across[k]), int(along[k])
+                    inside[j, i] = min(inside[j, i], np.float32(deep[k]))
+        _spread(inside[:height, :width], nearest[view])
+
+
+@inlined
+def _spread(inside, nearest):  # type: ignore[no-untyped-def]
+    """The least of each px [h, w] and of those around it, into [H, W]."""
+    height, width = inside.shape
+    for row in range(height):
+        for column in range(width):
+            least = np.float32(np.inf)
+            for j in range(max(0, row - 1), min(height, row + 2)):
+                for i in range(max(0, column - 1), min(width, column + 2)):
+                    least = min(least, inside[j, i])
+            nearest[row, column] = least

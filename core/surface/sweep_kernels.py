@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..compiled import kernel
+from ..compiled import inlined, kernel
 
 #: The cost of a plane that too few views see, and of one at which photos show that nothing is there.
 UNSEEN, BARRED = 2.0, 3.0
@@ -43,6 +43,47 @@ def window_statistics(begin, end, grey, counts, radius, least, mean, scale):  # 
                 scale[y, x] = np.float32(1.0) / np.sqrt(squares)
 
 
+@inlined
+def _sum_along(there, here, radius, plain, square, mixed):  # type: ignore[no-untyped-def]
+    """Sums over windows of 2 radius + 1 px of a row: of its values, of their squares, of products with another row's.
+
+    Three px at once and then two by two: the sums are read and written half as often as px by px.
+
+    Args:
+        there, here: [W] float32; plain, square, mixed: [W - 2 radius] float32 output.
+    """
+    inner = len(plain)
+    a, b, c = there[:inner], there[1 : 1 + inner], there[2 : 2 + inner]
+    p, q, r = here[:inner], here[1 : 1 + inner], here[2 : 2 + inner]
+    for x in range(inner):
+        plain[x] = a[x] + b[x] + c[x]
+        square[x] = a[x] * a[x] + b[x] * b[x] + c[x] * c[x]
+        mixed[x] = a[x] * p[x] + b[x] * q[x] + c[x] * r[x]
+    for k in range(3, 2 * radius + 1, 2):
+        a, b = there[k : k + inner], there[k + 1 : k + 1 + inner]
+        p, q = here[k : k + inner], here[k + 1 : k + 1 + inner]
+        for x in range(inner):
+            plain[x] += a[x] + b[x]
+            square[x] += a[x] * a[x] + b[x] * b[x]
+            mixed[x] += a[x] * p[x] + b[x] * q[x]
+
+
+@inlined
+def _sum_down(rows, total):  # type: ignore[no-untyped-def]
+    """The sum of an odd number of rows, 3 at least, as `_sum_along` takes px.
+
+    Args:
+        rows: [N, W] float32; total: [W] float32 output.
+    """
+    a, b, c = rows[0], rows[1], rows[2]
+    for x in range(len(total)):
+        total[x] = a[x] + b[x] + c[x]
+    for k in range(3, rows.shape[0], 2):
+        a, b = rows[k], rows[k + 1]
+        for x in range(len(total)):
+            total[x] += a[x] + b[x]
+
+
 @kernel
 def plane_costs(  # type: ignore[no-untyped-def]
     begin,
@@ -74,7 +115,7 @@ def plane_costs(  # type: ignore[no-untyped-def]
         turns [N, 3, 3], shifts [N, 3]: px of view n, times depth = turns @ (u, v, 1) + shifts * inverse depth.
         planes: [D] inverse depths, as multiples of around: [H, W] float64 of the reference view; ones for planes that
             face it.
-        fewest: 1 or 2 other views that must see a window.
+        radius: 1 at least; fewest: 1 or 2 other views that must see a window.
         costs: [D, H, W] float32 output; `UNSEEN` where fewer see the window.
     """
     x0, y0, x1, y1 = box[0], box[1], box[2], box[3]
@@ -121,20 +162,10 @@ def plane_costs(  # type: ignore[no-untyped-def]
                             lower = image[j + 1, i] + a * (image[j + 1, i + 1] - image[j + 1, i])
                             value[x] = upper + b * (lower - upper)
                 plain, square, mixed = sums[0, y], sums[1, y], sums[2, y]
-                plain[:], square[:], mixed[:] = 0.0, 0.0, 0.0
-                for k in range(2 * radius + 1):
-                    there, here = value[k : k + inner], grey[y + top, left + k : left + k + inner]
-                    for x in range(inner):
-                        plain[x] += there[x]
-                        square[x] += there[x] * there[x]
-                        mixed[x] += there[x] * here[x]
+                _sum_along(value, grey[y + top, left:right], radius, plain, square, mixed)
             for y in range(radius, h - radius):
-                total[:, :] = 0.0
-                for k in range(2 * radius + 1):
-                    for s in range(3):
-                        whole, part = total[s], sums[s, y - radius + k]
-                        for x in range(inner):
-                            whole[x] += part[x]
+                for s in range(3):
+                    _sum_down(sums[s, y - radius : y + radius + 1], total[s])
                 row = slice(left + radius, left + radius + inner)
                 middle, inverse_spread = mean[y + top, row], scale[y + top, row]
                 best, next_best = first[y], second[y]

@@ -12,6 +12,7 @@ from dgs.core.camera import Camera
 from dgs.core.errors import Cancelled, DgsError
 from dgs.core.mesh.build import MeshSettings, build_mesh
 from dgs.core.mesh.matching import Matching, matched_surfaces, smooth_depth
+from dgs.core.mesh.matching_kernels import nearest_places
 from dgs.core.mesh.surfaces import SeenSurface, weights
 from dgs.core.progress import Silent
 from scipy.ndimage import binary_erosion
@@ -112,6 +113,26 @@ def test_filling_leaves_no_holes_in_depths_that_are_right() -> None:
         held.append(float(np.mean(one.weight[inner] > 0)))
     assert min(held) > 0.99, held
     assert np.median(np.abs(errors(after))) < 0.4
+
+
+def test_the_nearest_place_is_the_least_of_what_a_px_and_those_beside_it_see() -> None:
+    """Against plain Python: more places than are projected together, and views of two sizes."""
+    random = np.random.default_rng(3)
+    sizes = np.array([[21, 15], [13, 18]], np.int32)
+    lens = np.array([[20.0, 0, 8], [0, 20, 7], [0, 0, 1]])
+    projections, offsets = np.stack([lens, lens @ np.diag([1.0, 1, -1])]), np.array([[0.0, 0, 0], [1.0, 0, 6]])
+    places = random.uniform([-2, -2, -1], [2, 2, 6], (400, 3))
+    found = np.full((2, 18, 21), np.inf, np.float32)
+    nearest_places(0, 2, places, projections, offsets, sizes, found)
+    expected = np.full_like(found, np.inf)
+    for view, (width, height) in enumerate(sizes):
+        for u, v, depth in places @ projections[view].T + offsets[view]:
+            if depth > 0 and 0 <= u / depth < width and 0 <= v / depth < height:
+                i, j = int(u / depth), int(v / depth)
+                around = expected[view, max(0, j - 1) : min(height, j + 2), max(0, i - 1) : min(width, i + 2)]
+                around[:] = np.minimum(around, np.float32(depth))
+    assert 0.1 < np.isinf(found[:, :15, :13]).mean() < 0.9
+    np.testing.assert_allclose(found, expected, rtol=1e-6)
 
 
 def test_cameras_that_see_nothing_in_common_have_the_twins_own_surface() -> None:

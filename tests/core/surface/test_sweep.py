@@ -4,12 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from dgs.core.camera import Camera
 from dgs.core.imaging.medium import Medium
 from dgs.core.imaging.psf_text import parse_psf
 from dgs.core.surface.agreement import AgreementSettings, agreed, compared, lifted_map
 from dgs.core.surface.choice import chosen_references, neighbours_of
 from dgs.core.surface.fill import filled_maps
-from dgs.core.surface.stack import StackSettings, stack_views
+from dgs.core.surface.stack import StackSettings, stack_pictures, stack_views
 from dgs.core.surface.sweep import DepthMap, SweepSettings, swept
 from dgs.core.surface.sweep_kernels import UNSEEN, plane_costs, window_statistics
 from dgs.tests.core.surface.scenes import arc, around, drawn
@@ -162,6 +163,43 @@ def test_points_are_seen_through_only_by_views_that_see_behind_them(scene, views
     assert (found[1].conflict >= 2).mean() > 0.9 and (found[2].conflict == 0).mean() > 0.9
 
 
+def test_points_are_compared_as_one_by_one():
+    """Against plain Python: points of four maps with holes and some in none, more than are projected together."""
+    random, size = np.random.default_rng(2), (17, 23)
+    moved = np.array([[0.0, 0, 0], [0.3, 0, 0], [0, 0.4, -0.2], [0, 0, 4.5]])
+    cameras = [Camera(str(n), 23, 17, 20.0, 20.0, 11.5, 8.5, np.eye(3), -at) for n, at in enumerate(moved)]
+    views = stack_pictures(cameras, [np.zeros(size, np.float32)] * 4, [np.ones(size, bool)] * 4)
+    depths = random.choice([0.0, 2.0, 2.01, 2.05, 2.3], (len(cameras), *size)).astype(np.float32)
+    maps = [DepthMap(index, depth, np.ones_like(depth)) for index, depth in enumerate(depths)]
+    lifted = np.concatenate([lifted_map(one, views) for one in maps])
+    lifted += random.uniform(-1e-3, 1e-3, lifted.shape)  # (none lies just between two px)
+    points = np.concatenate([lifted, random.uniform(-3, 5, (150, 3))])
+    own = random.integers(-1, len(maps), len(points)).astype(np.int32)
+    settings = AgreementSettings(same=0.004, through=0.02)
+    found = compared(points, own, maps, views, settings)
+    for n in range(len(points)):
+        alike, behind, asked, ratios = 0, 0, 0, [1.0]
+        for index in range(len(maps)):
+            u, v, depth = views.projections[index] @ points[n] + views.offsets[index]
+            i, j = (int(np.floor(side / depth - 0.5)) for side in (u, v))
+            if index == own[n] or depth <= 0 or not (0 <= i < size[1] - 1 and 0 <= j < size[0] - 1):
+                continue
+            asked += 1
+            near = depths[index, j : j + 2, i : i + 2].ravel()
+            seen = near[near > 0].astype(float)
+            if not len(seen):
+                continue
+            nearest = seen[np.abs(seen - depth).argmin()]
+            if abs(nearest - depth) < settings.same * depth:
+                alike += 1
+                ratios.append(nearest / depth)
+            else:
+                behind += len(seen) == 4 and seen.min() > (1 + settings.through) * depth
+        assert (found.agree[n], found.conflict[n], found.asked[n]) == (alike, behind, asked)
+        assert np.isclose(found.ratio[n], np.mean(ratios), rtol=1e-6)
+    assert len(points) > 600 and all(len(set(of)) > 2 for of in (found.agree, found.conflict, found.asked))
+
+
 def test_gaps_are_bridged_on_surfaces_and_not_across_edges(scene, views):
     truth = [DepthMap(i, d.astype(np.float32), np.ones_like(d, np.float32)) for i, d in enumerate(scene.depths)]
     holed = [DepthMap(m.view, m.depth.copy(), m.confidence) for m in truth]
@@ -181,9 +219,10 @@ def test_gaps_are_bridged_on_surfaces_and_not_across_edges(scene, views):
     assert not any(m.depth.any() for k, m in enumerate(found) if k != 4)
 
 
-def test_costs_are_correlations_of_windows_that_the_other_view_shows_whole():
+@pytest.mark.parametrize("radius", [1, 2, 3])
+def test_costs_are_correlations_of_windows_that_the_other_view_shows_whole(radius):
     """Against numpy's, of a view that shows the same moved by (3, 2) px, with noise and a px that does not count."""
-    random, (height, width), radius = np.random.default_rng(0), (24, 31), 2
+    random, (height, width) = np.random.default_rng(0), (24, 31)
     grey = random.random((height, width)).astype(np.float32)
     other = (0.5 * np.roll(grey, (2, 3), (0, 1)) + 0.2 * random.random(grey.shape)).astype(np.float32)
     counts = np.ones((2, height, width), bool)
@@ -201,12 +240,12 @@ def test_costs_are_correlations_of_windows_that_the_other_view_shows_whole():
     expected = np.full(grey.shape, UNSEEN)
     for y in range(radius, height - radius - 3):  # (a px at the frame's end has no neighbour to be drawn between)
         for x in range(radius, width - radius - 4):
-            here, there = (slice(y + j - 2, y + j + 3) for j in (0, 2)), (slice(x + i - 2, x + i + 3) for i in (0, 3))
-            (rows, moved_rows), (columns, moved_columns) = here, there
+            rows, moved_rows = (slice(y + j - radius, y + j + radius + 1) for j in (0, 2))
+            columns, moved_columns = (slice(x + i - radius, x + i + radius + 1) for i in (0, 3))
             if counts[1, moved_rows, moved_columns].all():
                 alike = np.corrcoef(grey[rows, columns].ravel(), other[moved_rows, moved_columns].ravel())[0, 1]
                 expected[y, x] = 1.0 - alike
-    assert 0.0 < np.mean(expected == UNSEEN) < 0.6 and expected.min() < 0.1
+    assert 0.0 < np.mean(expected == UNSEEN) < 0.7 and expected.min() < 0.1
     np.testing.assert_allclose(costs(0, 0, width, height), expected, atol=1e-5)
     part = costs(8, 6, 20, 17)
     np.testing.assert_allclose(part[6:17, 8:20], expected[6:17, 8:20], atol=1e-5)
