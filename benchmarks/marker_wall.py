@@ -57,8 +57,8 @@ def built() -> None:
         _add_marker(scene, number, face, (paper, ink))
     for thing in scene.objects:
         thing.pass_index = OBJECT_INDEX
-    _add_light(scene)
-    _add_camera(scene)
+    add_lamps(scene)
+    add_moving_camera(scene)
 
 
 def _placed(middle: tuple[float, float, float], turn: float) -> Any:
@@ -90,7 +90,8 @@ def _add_sheet(scene: Any, sheet: Sheet, world: Any, materials: tuple[Any, Any])
         add_mesh(scene, "sheet", vertices, faces, material)
 
 
-def _add_light(scene: Any) -> None:
+def add_lamps(scene: Any) -> None:
+    """A room's sky, and two lamps before the wall."""
     add_sky(scene, "room", (0.9, 0.95, 1.0), 0.6)
     for spot, power in (((-1.5, -2.0, 1.5), 60.0), ((1.8, -1.8, 0.6), 30.0)):
         light = bpy.data.lights.new("lamp", "AREA")
@@ -101,7 +102,7 @@ def _add_light(scene: Any) -> None:
         scene.collection.objects.link(lamp)
 
 
-def _add_camera(scene: Any) -> None:
+def add_moving_camera(scene: Any) -> None:
     """A camera that looks at the wall's middle from another place in each frame."""
     camera = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))
     camera.data.lens, camera.data.sensor_width, camera.rotation_mode = 36.0, 36.0, "QUATERNION"

@@ -70,11 +70,13 @@ class Width:
         value: distance between its two edges, px.
         uncertainty: standard deviation that both fits tell together, px.
         blur: mean blur of the two edges, px.
+        middle: half-way between the edges, in the profile's positions.
     """
 
     value: float
     uncertainty: float
     blur: float
+    middle: float = 0.0
 
 
 def fit_edge(positions: ArrayLike, values: ArrayLike) -> Edge | None:
@@ -144,4 +146,5 @@ def fit_width(positions: ArrayLike, values: ArrayLike, middle: float = 0.0) -> W
         -right.position - left.position,
         float(np.hypot(left.uncertainty, right.uncertainty)),
         (left.blur + right.blur) / 2,
+        (left.position - right.position) / 2,
     )

@@ -192,7 +192,8 @@ def _width(
     try:
         points = (_point(twin, asked.photo, asked.across[0]), _point(twin, asked.photo, asked.across[1]))
         ends = [end_on_surface(views, sight, *pair, across, called) for pair in (points, points[::-1])]
-        return width_on(sight, points, (ends[0], ends[1]), generator.standard_normal(DRAWS), asked.name)
+        draws = generator.standard_normal(DRAWS)
+        return width_on(sight, points, (ends[0], ends[1]), draws, asked.name, views.blur_is)
     except DgsError as error:
         progress.note(str(error))
         return str(error)
@@ -218,7 +219,7 @@ def _width_between(
     try:
         if best is None or points is None:
             raise DgsError(f"No photo sees both ends of '{asked.name}'", "Set them where photos show both sides")
-        return width_on(best, points, ends, generator.standard_normal(DRAWS), asked.name)
+        return width_on(best, points, ends, generator.standard_normal(DRAWS), asked.name, views.blur_is)
     except DgsError as error:
         progress.note(str(error))
         return str(error)

@@ -16,11 +16,13 @@ from ..errors import Cancelled
 from ..forward import ForwardModel, low_pass_on_grid, shared_medium, sharp_depths, space_of
 from ..frames import Frame
 from ..gaussians import Gaussians
+from ..imaging.medium import BlurSpace
 from ..mesh.surfaces import SURFACE
 from ..numbers import number
 from ..progress import Progress
 from ..rasterizer import RasterSettings
 from ..sfm.sharpen import LUMA
+from ..training.grid import GridView
 from ..training.scale import SceneScale
 from ..twin.opened import OpenedTwin
 
@@ -50,6 +52,7 @@ class Sight:
         image: [3, H, W] float32 sRGB: the twin, sharp.
         blur: standard deviation of the photo's blur, px.
         trained: whether the twin was trained on the photo.
+        view: the photo itself, with its point spread.
     """
 
     camera: Camera
@@ -58,11 +61,25 @@ class Sight:
     image: Floats = field(repr=False)
     blur: float = 0.0
     trained: bool = True
+    view: GridView | None = field(default=None, repr=False)
 
     @cached_property
     def grey(self) -> Floats:
         """[H, W] luma of the twin, sharp."""
         return np.tensordot(np.array(LUMA, np.float32), self.image, 1)
+
+
+@dataclass(frozen=True)
+class BlurOrigin:
+    """Of the photos' point spreads.
+
+    Attributes:
+        space: that they act in.
+        estimated: whether their widths were found from the photos, not given.
+    """
+
+    space: BlurSpace = "srgb"
+    estimated: bool = False
 
 
 @dataclass(frozen=True)
@@ -73,12 +90,14 @@ class Sights:
         views: by photo name; scale: of the scene's own units.
         noise: root mean square of what the photos show otherwise than the twin through the blur, sRGB in [0, 1].
         gaussians: the twin in the scene's own units, for lines of sight that are no photo's.
+        blur_is: where the photos' blur acts, and where it comes from.
     """
 
     views: dict[str, Sight]
     scale: SceneScale
     noise: float
     gaussians: Gaussians | None = None
+    blur_is: BlurOrigin = BlurOrigin()
 
     @property
     def blur(self) -> float:
@@ -128,10 +147,12 @@ def sights(twin: OpenedTwin, names: Sequence[str], progress: Progress) -> Sights
             seen[:, margin : margin + h, margin : margin + w].numpy(),
             blur,
             view.name in trained,
+            view,
         )
         progress.advance(index + 1)
     noise = max(float(np.sqrt(np.mean(squares))), kept[0].rounding)
-    return Sights(found, twin.scale, noise, gaussians.detached())
+    origin = BlurOrigin(space, twin.settings.medium.psf.startswith("auto"))
+    return Sights(found, twin.scale, noise, gaussians.detached(), origin)
 
 
 def _tensor(shown: Floats) -> Floats:

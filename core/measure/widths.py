@@ -1,4 +1,8 @@
-"""Width of a line or a crack across a profile: both flanks are fitted on the sharp twin, seen by a photo's camera."""
+"""Width of a line or a crack across a profile.
+
+Behind a known point spread it is what the photo says through the blur (`core.measure.line_fit`). Elsewhere, and where
+the photo alone shows no line, both flanks are fitted on the sharp twin, seen by the photo's camera.
+"""
 
 from __future__ import annotations
 
@@ -11,9 +15,10 @@ from ..errors import DgsError
 from ..evaluation.edges import fit_width
 from ..evaluation.profiles import Sampler, intensity_profile
 from ..numbers import number
+from .line_width import width_through
 from .places import SurfacePoint
 from .request import Point
-from .sights import Sight
+from .sights import BlurOrigin, Sight
 from .values import DRAWS, Value
 
 Array = NDArray[np.float64]
@@ -42,30 +47,52 @@ class WidthSettings:
         "draft twin of benchmarks/cracked_wall.py",
     )
     blurred: float = number(2.0, "times the blur", "up to which a width has the standard deviation of narrow ones")
+    seen_through: float = number(
+        1.0, "px", "standard deviation of the blur from which on the photo is asked through it, not the twin"
+    )
 
 
 WIDTHS = WidthSettings()
 
 
 def width_on(
-    sight: Sight, across: tuple[Point, Point], ends: tuple[SurfacePoint, SurfacePoint], draws: Array, name: str
+    sight: Sight,
+    across: tuple[Point, Point],
+    ends: tuple[SurfacePoint, SurfacePoint],
+    draws: Array,
+    name: str,
+    blur: BlurOrigin = BlurOrigin(),
 ) -> Value:
     """The width of what lies between two points beside a line.
 
     Args:
-        sight: the photo's camera; across: the points, px of the undistorted view.
+        sight: of the photo; across: the points, px of the undistorted view.
         ends: the same on the surface: they say how large a px is along the profile.
         draws: [DRAWS] of a normal distribution.
+        blur: where the photos' blur acts, and comes from.
 
     Raises:
-        DgsError: there are no two flanks between the points.
+        DgsError: there is no line with two flanks between the points.
     """
-    start, end = np.array(across[0]), np.array(across[1])
-    length = float(np.linalg.norm(end - start))
+    length = float(np.hypot(across[1][0] - across[0][0], across[1][1] - across[0][1]))
     if length < WIDTHS.shortest:
         raise DgsError(
             f"The points of '{name}' are {length:.1f} px apart: too few for two flanks", "Set them further out"
         )
+    seen = width_through(sight, across, blur) if sight.blur >= WIDTHS.seen_through else None
+    width, pixels = _on_twin(sight, across, name) if seen is None else seen
+    pixel = float(np.linalg.norm(ends[1].position - ends[0].position)) / length
+    depth = float(np.mean([sight.camera.rotation[2] @ p.position + sight.camera.translation[2] for p in ends]))
+    nearer = float(np.mean([np.sqrt(np.trace(p.covariance)) for p in ends])) / depth  # a px is as large as it is far
+    spread = np.hypot(pixels * pixel, width * pixel * nearer)
+    assert len(draws) == DRAWS
+    return Value(width * pixel, width * pixel + spread * draws, pixel, 1)
+
+
+def _on_twin(sight: Sight, across: tuple[Point, Point], name: str) -> tuple[float, float]:
+    """Width and its standard deviation, px, on the sharp twin."""
+    start, end = np.array(across[0]), np.array(across[1])
+    length = float(np.linalg.norm(end - start))
     along = (end - start) / length
     beside = np.array([-along[1], along[0]])
     sampler = Sampler.of(sight.image.transpose(1, 2, 0))
@@ -86,13 +113,7 @@ def width_on(
     value = float(np.median(widths))
     scatter = 1.2533 * 1.4826 * float(np.median(np.abs(widths - value))) / np.sqrt(len(widths))
     fits = float(np.median([width.uncertainty for width in found])) / np.sqrt(len(widths))
-    pixels = float(np.hypot(max(scatter, fits), _left_by_blur(value, sight.blur)))
-    pixel = float(np.linalg.norm(ends[1].position - ends[0].position)) / length
-    depth = float(np.mean([sight.camera.rotation[2] @ p.position + sight.camera.translation[2] for p in ends]))
-    nearer = float(np.mean([np.sqrt(np.trace(p.covariance)) for p in ends])) / depth  # a px is as large as it is far
-    spread = np.hypot(pixels * pixel, value * pixel * nearer)
-    assert len(draws) == DRAWS
-    return Value(value * pixel, value * pixel + spread * draws, pixel, 1)
+    return value, float(np.hypot(max(scatter, fits), _left_by_blur(value, sight.blur)))
 
 
 def _left_by_blur(width: float, blur: float) -> float:
