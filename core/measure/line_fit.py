@@ -1,6 +1,6 @@
 """The width of a line that a blur has smeared, by what photos say of it: no picture is sharpened for it.
 
-Between its two edges lies one level, outside two others, and on these a texture that nobody knows. The texture is taken
+Between its two edges lies one level, outside two others, and on these a texture that is not known. It is taken
 for a Gaussian process whose covariance falls with the distance r as exp(-r / l): that of patches with sharp borders,
 and of most surfaces where they are magnified. Through the blur, profiles across the line are Gaussian, too, so that
 each width has a likelihood in which every texture has been thought of (Rasmussen and Williams 2006, ch. 2 and 5).
