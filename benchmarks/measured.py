@@ -3,6 +3,7 @@
     python -m benchmarks.measured FOLDER                     # what is missing is rendered, trained and measured; hours
     python -m benchmarks.measured FOLDER --only shelf-5      # one set
     python -m benchmarks.measured FOLDER --table             # what is there already
+    python -m benchmarks.measured FOLDER --only shelf-5 --marks 4   # each corner on four photos; printed, not kept
 
 FOLDER holds sets NAME-SIGMA (photos of the laboratory's scenes blurred by SIGMA px, with depth maps; NAME-0 is sharp)
 and twins/NAME-SIGMA (the draft preset, cameras given). Each figure is kept in benchmarks/measured.json as soon as it is
@@ -28,7 +29,7 @@ from dgs.core.camera import Camera
 from dgs.core.formats.cameras import read_cameras
 from dgs.core.measure.measured import measure
 from dgs.core.measure.places import PRECISION
-from dgs.core.measure.request import AskedMeasure, AskedPlace, MeasureRequest
+from dgs.core.measure.request import AskedMeasure, AskedPlace, MeasureRequest, Point
 from dgs.core.mesh.build import MeshSettings, build_mesh
 from dgs.core.mesh.matching import Matching
 from dgs.core.mesh.surfaces import weights
@@ -53,6 +54,8 @@ SIGMAS = (0, 1, 2, 3, 5, 8)
 #: What the settings of `core.measure.places` were chosen on; all others check them.
 CHOSEN_ON = ("shelf-3", "shelf-5", "orrery-2", "orrery-5")
 PHOTOS, LENGTHS, STEP = 8, 480, 6.0
+#: px from a photo's border within which nothing is marked.
+EDGE = 3.0
 
 
 def run_dgs(*words: object) -> None:
@@ -101,8 +104,32 @@ def corners(photos: Path, camera: Camera, count: int) -> tuple[np.ndarray, np.nd
     return np.array(found).reshape(-1, 2), np.array(places).reshape(-1, 3)
 
 
-def lengths(photos: Path, twin_folder: Path) -> dict[str, Any]:
-    """Errors and intervals of lengths, px-equivalents."""
+def shown_by(photos: Path, cameras: dict[str, Camera], place: np.ndarray) -> dict[str, np.ndarray]:
+    """[2] px of a place in each photo that shows it."""
+    found = {}
+    for name, camera in cameras.items():
+        x, y, z = camera.rotation @ place + camera.translation
+        at = np.array([camera.fx * x / z + camera.cx, camera.fy * y / z + camera.cy])
+        if z > 0 and (at > EDGE).all() and (at < [camera.width - EDGE, camera.height - EDGE]).all():
+            depth = true_depth(photos, name)[int(at[1]), int(at[0])]
+            if abs(depth - z) < 2 * z / camera.fx:  # (False where it is not known)
+                found[name] = at
+    return found
+
+
+def marked(own: str, shown: dict[str, np.ndarray], marks: int, random: np.random.Generator) -> dict[str, Point]:
+    """A place's marks on its own photo and some others that show it, evenly chosen, each off by what a click is."""
+    others = sorted(set(shown) - {own})
+    chosen = np.unique(np.linspace(0, len(others) - 1, min(marks - 1, len(others))).round().astype(int))
+    found = dict[str, Point]()
+    for name in (own, *(others[index] for index in chosen if marks > 1)):
+        x, y = shown[name] + random.normal(0.0, PRECISION.click, 2)
+        found[name] = (float(x), float(y))
+    return found
+
+
+def lengths(photos: Path, twin_folder: Path, marks: int = 1) -> dict[str, Any]:
+    """Errors and intervals of lengths, px-equivalents, of corners that are marked on so many photos."""
     twin, random = open_twin(twin_folder, Silent()), np.random.default_rng(0)
     cameras = read_cameras(photos / "transforms.json").pinholes()
     names = sorted(view.name for view in twin.views)
@@ -113,9 +140,12 @@ def lengths(photos: Path, twin_folder: Path) -> dict[str, Any]:
         for a, b in pairs:
             ends = []
             for index in (a, b):
-                mark = found[index] + random.normal(0.0, PRECISION.click, 2)
                 ends.append(f"{photo} {index}")
-                places.setdefault(ends[-1], AskedPlace(ends[-1], {photo: (mark[0], mark[1])}, None, None))
+                shown = {photo: found[index]}
+                if marks > 1:
+                    shown = shown_by(photos, {name: cameras[name] for name in names}, true[index]) | shown
+                where = marked(photo, shown, marks, random)
+                places.setdefault(ends[-1], AskedPlace(ends[-1], where, None, None))
             name = f"{photo} {len(measures)}"
             measures.append(AskedMeasure(name, "length", (ends[0], ends[1])))
             truth[name] = float(np.linalg.norm(true[a] - true[b]))
@@ -222,7 +252,12 @@ def main() -> None:
     parser.add_argument("folder", type=Path)
     parser.add_argument("--only", action="append", metavar="SET")
     parser.add_argument("--table", action="store_true")
+    parser.add_argument("--marks", type=int, default=1, help="photos that each corner is marked on")
     options = parser.parse_args()
+    if options.marks > 1:
+        for name in options.only or [f"{scene}-5" for scene in SCENES]:
+            print(name, lengths(*prepared(options.folder, name), marks=options.marks), flush=True)
+        return
     rows = json.loads(ROWS.read_text()) if ROWS.is_file() else {}
     wanted = options.only or [f"{scene}-{sigma}" for sigma in SIGMAS for scene in SCENES]
     parts = {"held": lengths, "F": mesh_errors}  # what each adds to a row, by a figure that it brings
