@@ -40,7 +40,7 @@ def training_settings(
     Args:
         limited: whether a time limit will say how many steps there are.
         sigma: px, of the photos' blur (`Medium.mean_sigma`).
-        sharp: whether nothing else blurs either.
+        sharp: whether nothing else blurs either, the camera's own motion left aside.
     """
     usual = usual_settings(request, machine)
     if sharp and sigma <= BLUR_WIDTH.sharp_until:

@@ -102,7 +102,12 @@ class Formation:
     @property
     def blurs(self) -> bool:
         """Whether any effect spreads light."""
-        return self.motion is not None or any(effect.reach(1.0) > 0 for effect in self.light)
+        return self.motion is not None or self.spreads
+
+    @property
+    def spreads(self) -> bool:
+        """Whether any effect spreads light even while the camera stands still."""
+        return any(effect.reach(1.0) > 0 for effect in self.light)
 
     def scaled(self, factor: float) -> Formation:
         """The same chain in a world that is `factor` times as large; the very same one where nothing moved."""

@@ -90,6 +90,14 @@ def test_every_effect_says_its_physics(name):
         assert torch.allclose(effect.undone(effect.forward(light, shot()), shot()), light, atol=1e-12)
 
 
+@pytest.mark.parametrize("name", list(SIMULATED))
+def test_a_moving_camera_alone_blurs_without_spreading_light(name):
+    """Steps are given by it: photos that their own motion blurs get as many as sharp ones."""
+    found, spreading = Formation([made(name)]), ("defocus", "glass", "field_blur", "kernels")
+    assert found.spreads == (name in spreading)
+    assert found.blurs == (name in (*spreading, "motion"))
+
+
 def test_haze_is_koschmieder_s_law():
     haze = Haze(torch.tensor([0.5] * 3), torch.tensor([0.8] * 3))
     dark = torch.full((3, 1, 1), 0.2)
