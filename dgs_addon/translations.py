@@ -1,8 +1,8 @@
 """The add-on's texts in other languages than English: languages/LOCALE.json, English text to translation.
 
 Texts with figures hold places for them ('{count} photos'): code translates first and fills in then, so
-that a language may change their order. What the engine itself says stays English, like its log, but for
-its verdict (`verdicts`).
+that a language may change their order. What the engine says has a table of its
+own (`engine_sentences`); its log and its reports stay English.
 A new language is a new file.
 """
 

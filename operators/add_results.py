@@ -8,6 +8,7 @@ import bpy
 from bpy.app.translations import pgettext_rpt as rpt_
 
 from ..core.errors import DgsError
+from ..dgs_addon.engine_sentences import in_users_language
 from ..dgs_addon.job import runner
 from ..dgs_addon.job.results import add_twin_of
 from ..dgs_addon.paths import absolute, out_folder
@@ -53,7 +54,7 @@ class DGS_OT_add_results(bpy.types.Operator):
         try:
             twin = add_twin_of(out, context.scene)
         except DgsError as error:
-            self.report({"ERROR"}, str(error))
+            self.report({"ERROR"}, in_users_language(str(error)))
             return {"CANCELLED"}
         runner.settle(out)
         self.report({"INFO"}, rpt_("{count:,} splats").format(count=len(twin.data.vertices)))

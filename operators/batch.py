@@ -10,6 +10,7 @@ from bpy.app.translations import pgettext_rpt as rpt_
 
 from ..core.errors import DgsError
 from ..dgs_addon.engine.interpreter import find_python, why_not
+from ..dgs_addon.engine_sentences import in_users_language
 from ..dgs_addon.job import batch, runner
 
 
@@ -43,14 +44,14 @@ class DGS_OT_batch(bpy.types.Operator):
             folders = batch.absolute_sets(self.directory)
             begun = batch.start(folders, context.scene.dgs, find_python())
         except DgsError as error:
-            self.report({"ERROR"}, str(error))
+            self.report({"ERROR"}, in_users_language(str(error)))
             return {"CANCELLED"}
         if not bpy.app.background:
             self.report({"INFO"}, rpt_("{count} sets of photos").format(count=len(folders)))
             return {"FINISHED"}
         batch.wait()
         if begun.error:
-            self.report({"ERROR"}, begun.error)
+            self.report({"ERROR"}, in_users_language(begun.error))
             return {"CANCELLED"}
         return {"FINISHED"}
 

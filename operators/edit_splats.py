@@ -8,6 +8,7 @@ import bpy
 from bpy.app.translations import pgettext_rpt as rpt_
 
 from ..core.errors import DgsError
+from ..dgs_addon.engine_sentences import in_users_language
 from ..dgs_addon.scene.restoring import Missing, missing_splats, restore
 from ..dgs_addon.scene.selection import read_splats
 from ..dgs_addon.scene.sources import read_sources
@@ -146,7 +147,7 @@ class DGS_OT_restore_splats(bpy.types.Operator):
         try:
             missing = missing_splats(context.object)
         except DgsError as error:
-            self.report({"ERROR"}, str(error))
+            self.report({"ERROR"}, in_users_language(str(error)))
             return None
         if not len(missing.rows):
             self.report({"INFO"}, rpt_("No splat of this twin was deleted"))

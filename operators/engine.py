@@ -11,6 +11,7 @@ from ..core.errors import DgsError
 from ..dgs_addon.engine import install
 from ..dgs_addon.engine.folder import engine_folder
 from ..dgs_addon.engine.interpreter import find_python, preferences
+from ..dgs_addon.engine_sentences import in_users_language
 from ..dgs_addon.paths import absolute
 
 
@@ -82,7 +83,7 @@ class DGS_OT_check_engine(bpy.types.Operator):
         try:
             python = find_python()
         except DgsError as error:
-            self.report({"ERROR"}, str(error))
+            self.report({"ERROR"}, in_users_language(str(error)))
             return {"CANCELLED"}
         return _wait(self, install.run([install.doctor_step(python)]))
 
@@ -112,7 +113,7 @@ def _wait(operator: Any, work: Any) -> set[str]:
     for line in work.lines:
         print(line)
     if work.status != 0:
-        last = work.lines[-1] if work.lines else rpt_("no output")
+        last = in_users_language(work.lines[-1]) if work.lines else rpt_("no output")
         operator.report({"ERROR"}, rpt_("{step} failed: {words}").format(step=rpt_(work.title), words=last))
         return {"CANCELLED"}
     return {"FINISHED"}

@@ -8,6 +8,7 @@ import bpy
 
 from ..core.errors import DgsError
 from ..dgs_addon.engine.interpreter import find_python
+from ..dgs_addon.engine_sentences import in_users_language
 from ..dgs_addon.job.request import request_of
 from ..dgs_addon.questions import estimate
 from ..dgs_addon.window import redraw
@@ -34,7 +35,7 @@ class DGS_OT_estimate(bpy.types.Operator):
             arguments = request_of("reconstruct", context.scene).arguments
             command = estimate.estimate_command(find_python(), arguments)
         except DgsError as error:
-            self.report({"ERROR"}, str(error))
+            self.report({"ERROR"}, in_users_language(str(error)))
             return {"CANCELLED"}
         estimate.question.ask(estimate.signature(context.scene.dgs), "Estimating", command)
         return answered(self, estimate.question, redraw)

@@ -9,6 +9,7 @@ import bpy
 
 from ..core.errors import DgsError
 from ..dgs_addon.engine.interpreter import why_not
+from ..dgs_addon.engine_sentences import in_users_language
 from ..dgs_addon.questions import exact
 from ..dgs_addon.scene.twin import scene_twin
 from ..dgs_addon.window import redraw, redraw_views
@@ -33,7 +34,7 @@ class DGS_OT_exact_view(bpy.types.Operator):
         try:
             view = exact.start(twin, context.scene, show_exact_view)
         except DgsError as error:
-            self.report({"ERROR"}, str(error))
+            self.report({"ERROR"}, in_users_language(str(error)))
             return {"CANCELLED"}
         if not bpy.app.background:
             return {"FINISHED"}
@@ -41,7 +42,7 @@ class DGS_OT_exact_view(bpy.types.Operator):
             view.drain()
             time.sleep(0.02)
         if view.error:
-            self.report({"ERROR"}, view.error)
+            self.report({"ERROR"}, in_users_language(view.error))
             return {"CANCELLED"}
         return {"FINISHED"}
 

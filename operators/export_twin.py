@@ -12,6 +12,7 @@ from bpy_extras.io_utils import ExportHelper
 from ..core.errors import DgsError, OutputError
 from ..core.formats.gaussians import write_gaussians, written_formats
 from ..core.twin.folder import PARTS
+from ..dgs_addon.engine_sentences import in_users_language
 from ..dgs_addon.paths import absolute, chosen_photos
 from ..dgs_addon.scene.shown import is_limited, is_moved, placed, shown_part
 from ..dgs_addon.scene.twin import is_twin, read_twin
@@ -67,7 +68,7 @@ class DGS_OT_export_twin(bpy.types.Operator, ExportHelper):
                 cloud = placed(twin, cloud)
             write_gaussians(path, cloud)
         except DgsError as error:
-            self.report({"ERROR"}, str(error))
+            self.report({"ERROR"}, in_users_language(str(error)))
             return {"CANCELLED"}
         self.report({"INFO"}, _done(len(cloud), path))
         if not self.only_shown and is_limited(twin, whole):

@@ -11,6 +11,7 @@ from bpy_extras.io_utils import ImportHelper
 
 from ..core.errors import DgsError
 from ..core.formats.cameras import browsed_suffixes, camera_labels
+from ..dgs_addon.engine_sentences import in_users_language
 from ..dgs_addon.scene.cameras import add_cameras
 from ..dgs_addon.scene.changes import noting
 
@@ -43,7 +44,7 @@ class DGS_OT_import_cameras(bpy.types.Operator, ImportHelper):
             with noting(context.scene):
                 cameras = add_cameras(Path(bpy.path.abspath(self.filepath)), photos, context.scene)
         except DgsError as error:
-            self.report({"ERROR"}, str(error))
+            self.report({"ERROR"}, in_users_language(str(error)))
             return {"CANCELLED"}
         self.report({"INFO"}, rpt_("{count} cameras").format(count=len(cameras)))
         return {"FINISHED"}

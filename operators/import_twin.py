@@ -11,6 +11,7 @@ from bpy_extras.io_utils import ImportHelper
 
 from ..core.errors import DgsError
 from ..core.formats.gaussians import SPLAT_FORMATS, read_gaussians, read_suffixes
+from ..dgs_addon.engine_sentences import in_users_language
 from ..dgs_addon.scene.changes import noting
 from ..dgs_addon.scene.setting_up import set_up_scene
 from ..dgs_addon.scene.sources import remember_source
@@ -56,7 +57,7 @@ class DGS_OT_import_twin(bpy.types.Operator, ImportHelper):
             cloud = read_gaussians(path)
             twin = add_twin(cloud, path.stem, context.collection)
         except DgsError as error:
-            self.report({"ERROR"}, str(error))
+            self.report({"ERROR"}, in_users_language(str(error)))
             return {"CANCELLED"}
         remember_source(twin.data, path, cloud)
         if self.prepare:

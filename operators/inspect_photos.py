@@ -8,6 +8,7 @@ import bpy
 
 from ..core.errors import DgsError
 from ..dgs_addon.engine.interpreter import find_python
+from ..dgs_addon.engine_sentences import in_users_language
 from ..dgs_addon.paths import absolute, out_folder
 from ..dgs_addon.questions import inspection
 from ..dgs_addon.window import redraw
@@ -40,14 +41,14 @@ class DGS_OT_inspect_photos(bpy.types.Operator):
         settings = context.scene.dgs
         photos, out = absolute(settings.photos), out_folder(settings)
         if photos is None or out is None:
-            self.report({"ERROR"}, "No photos are chosen. Choose their folder in step 1.")
+            self.report({"ERROR"}, in_users_language("No photos are chosen. Choose their folder in step 1."))
             return {"CANCELLED"}
         found = out / "cameras"
         cameras = found if found.is_dir() else None
         try:
             command = inspection.inspect_command(find_python(), photos, out / "inspection", cameras, self.replace)
         except DgsError as error:
-            self.report({"ERROR"}, str(error))
+            self.report({"ERROR"}, in_users_language(str(error)))
             return {"CANCELLED"}
         inspection.effects.ask((settings.photos,), "Inspecting the photos", command)
         return answered(self, inspection.effects, redraw)

@@ -14,6 +14,7 @@ from bpy.app.translations import pgettext_rpt as rpt_
 from ..core.errors import DgsError, FormatError
 from ..dgs_addon.engine.errand import Errand, ErrandStep
 from ..dgs_addon.engine.interpreter import find_python
+from ..dgs_addon.engine_sentences import in_users_language
 from ..dgs_addon.questions import meshes
 from ..dgs_addon.questions.measures import folder_of, mesh_command, why_no_measure
 from ..dgs_addon.scene.surface import add_surface
@@ -73,7 +74,7 @@ class DGS_OT_make_mesh(bpy.types.Operator):
         try:
             command = mesh_command(find_python(), folder_of(twin), place, self.detail, self.faces, size)
         except DgsError as error:
-            self.report({"ERROR"}, str(error))
+            self.report({"ERROR"}, in_users_language(str(error)))
             return {"CANCELLED"}
         errand = meshes.begin(Errand([ErrandStep("Making the mesh", command)]), twin.name)
         if not bpy.app.background:
@@ -84,7 +85,7 @@ class DGS_OT_make_mesh(bpy.types.Operator):
             time.sleep(0.05)
         _done(errand, twin, place, scene)
         if meshes.error:
-            self.report({"ERROR"}, meshes.error)
+            self.report({"ERROR"}, in_users_language(meshes.error))
             return {"CANCELLED"}
         self.report({"INFO"}, rpt_("The mesh is in the scene"))
         return {"FINISHED"}

@@ -12,6 +12,7 @@ from mathutils import Vector
 
 from ..core.errors import DgsError, FormatError
 from ..dgs_addon.drawing.measures import Pending, set_pending
+from ..dgs_addon.engine_sentences import in_users_language
 from ..dgs_addon.questions.measures import answered, ask_again, conversation, why_no_measure
 from ..dgs_addon.scene.measures import KIND_ITEMS, KINDS, add_measure, given_place, remove_measure, sight_line
 from ..dgs_addon.scene.twin import is_twin
@@ -61,7 +62,7 @@ class DGS_OT_measure(OfATwin, bpy.types.Operator):
             _check_count(self.kind, len(places))
             talk = conversation(twin)
         except DgsError as error:
-            self.report({"ERROR"}, str(error))
+            self.report({"ERROR"}, in_users_language(str(error)))
             return {"CANCELLED"}
         item = add_measure(twin, self.kind, places, self._name())
         try:
@@ -71,7 +72,7 @@ class DGS_OT_measure(OfATwin, bpy.types.Operator):
                 raise FormatError(item.reason.rstrip("."))
         except DgsError as error:
             remove_measure(twin, len(twin.dgs_measures.items) - 1)
-            self.report({"ERROR"}, str(error))
+            self.report({"ERROR"}, in_users_language(str(error)))
             return {"CANCELLED"}
         return {"FINISHED"}
 
@@ -81,12 +82,12 @@ class DGS_OT_measure(OfATwin, bpy.types.Operator):
             return self.execute(context)
         area = context.area
         if area is None or area.type != "VIEW_3D":
-            self.report({"ERROR"}, "This is no 3D view")
+            self.report({"ERROR"}, rpt_("This is no 3D view"))
             return {"CANCELLED"}
         try:
             self._talk = conversation(context.object)
         except DgsError as error:
-            self.report({"ERROR"}, str(error))
+            self.report({"ERROR"}, in_users_language(str(error)))
             return {"CANCELLED"}
         self._region = next(region for region in area.regions if region.type == "WINDOW")
         self._view = area.spaces.active.region_3d
@@ -169,7 +170,7 @@ class DGS_OT_measure(OfATwin, bpy.types.Operator):
         """Takes in what has come; on the main thread."""
         clicked, hover = self._talk.take("click"), self._talk.take("hover")
         if self._talk.error:
-            self.report({"ERROR"}, self._talk.error)
+            self.report({"ERROR"}, in_users_language(self._talk.error))
             return self._end(context, {"CANCELLED"})
         if self._ending:
             answer = self._talk.take("all")
@@ -212,7 +213,7 @@ class DGS_OT_measure(OfATwin, bpy.types.Operator):
         except DgsError as error:
             self._ending = False  # (nothing to take back a second time)
             remove_measure(self._twin, len(self._twin.dgs_measures.items) - 1)
-            self.report({"ERROR"}, str(error))
+            self.report({"ERROR"}, in_users_language(str(error)))
             return self._end(context, {"CANCELLED"})
         self._ending = False
         return self._end(context, {"FINISHED"})
@@ -268,7 +269,7 @@ def again(operator: Any, twin: Any) -> set[str]:
         if bpy.app.background:
             answered(twin, talk.wait("all"))
     except DgsError as error:
-        operator.report({"ERROR"}, str(error))
+        operator.report({"ERROR"}, in_users_language(str(error)))
         return {"CANCELLED"}
     if not bpy.app.background:
 

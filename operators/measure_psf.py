@@ -11,6 +11,7 @@ from bpy_extras.io_utils import ImportHelper
 from ..core.errors import DgsError
 from ..core.photos.kinds import HEIF, SUFFIXES
 from ..dgs_addon.engine.interpreter import find_python, why_not
+from ..dgs_addon.engine_sentences import in_users_language
 from ..dgs_addon.paths import out_folder
 from ..dgs_addon.questions import inspection
 from ..dgs_addon.window import redraw
@@ -51,7 +52,7 @@ class DGS_OT_measure_psf(bpy.types.Operator, ImportHelper):
                 find_python(), photo, kernel, settings.blur_space == "linear", self.replace
             )
         except DgsError as error:
-            self.report({"ERROR"}, str(error))
+            self.report({"ERROR"}, in_users_language(str(error)))
             return {"CANCELLED"}
         inspection.point_spread.ask((str(photo),), "Measuring the point spread", command)
         asking = context.scene.session_uid

@@ -15,6 +15,7 @@ from ..core.errors import DgsError
 from ..core.files import write_text
 from ..core.measure.boards import parsed_board
 from ..core.measure.rows import check_table_name, table_text
+from ..dgs_addon.engine_sentences import in_users_language
 from ..dgs_addon.questions.measures import answered, ask_again
 from ..dgs_addon.scene.measures import (
     UNIT_ITEMS,
@@ -135,12 +136,12 @@ class DGS_OT_scale_by_board(OfATwin, bpy.types.Operator):
             talk = ask_again(twin)
         except DgsError as error:
             _taken_back(twin, former, error)
-            self.report({"ERROR"}, str(error))
+            self.report({"ERROR"}, in_users_language(str(error)))
             return {"CANCELLED"}
         if bpy.app.background:
             _take_board(twin, former, talk.wait("all"))
             if held.trouble:
-                self.report({"ERROR"}, held.trouble)
+                self.report({"ERROR"}, in_users_language(held.trouble))
             return {"CANCELLED"} if held.trouble else {"FINISHED"}
 
         def check() -> float | None:
@@ -214,7 +215,7 @@ class DGS_OT_export_measures(_OfAMeasure, bpy.types.Operator, ExportHelper):
             rows = rows_of_table(twin)
             write_text(path, table_text(rows, path.suffix.lower(), twin=twin.name, asked=asked_of(twin), **_more(twin)))
         except DgsError as error:
-            self.report({"ERROR"}, str(error))
+            self.report({"ERROR"}, in_users_language(str(error)))
             return {"CANCELLED"}
         self.report({"INFO"}, rpt_("{count} measures in {name}").format(count=len(rows), name=path.name))
         return {"FINISHED"}

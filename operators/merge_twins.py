@@ -8,6 +8,7 @@ import bpy
 from bpy.app.translations import pgettext_rpt as rpt_
 
 from ..core.errors import DgsError
+from ..dgs_addon.engine_sentences import in_users_language
 from ..dgs_addon.job.results import FOLDER
 from ..dgs_addon.scene.merging import apply_transform, merge
 from ..dgs_addon.scene.removal import take_out
@@ -33,7 +34,7 @@ class DGS_OT_merge_twins(bpy.types.Operator):
         try:
             merge(target, others)
         except DgsError as error:
-            self.report({"ERROR"}, str(error))
+            self.report({"ERROR"}, in_users_language(str(error)))
             return {"CANCELLED"}
         target.pop(FOLDER, None)
         for other in others:
@@ -66,7 +67,7 @@ class DGS_OT_apply_transform(bpy.types.Operator):
             for twin in {context.object, *(thing for thing in context.selected_objects if is_twin(thing))}:
                 apply_transform(twin)
         except DgsError as error:
-            self.report({"ERROR"}, str(error))
+            self.report({"ERROR"}, in_users_language(str(error)))
             return {"CANCELLED"}
         return {"FINISHED"}
 

@@ -9,6 +9,7 @@ import bpy
 from bpy.app.translations import pgettext_rpt as rpt_
 
 from ..core.errors import DgsError
+from ..dgs_addon.engine_sentences import in_users_language
 from ..dgs_addon.scene.placing import markers, set_length, set_up
 from ..dgs_addon.scene.twin import scene_twin
 
@@ -34,7 +35,7 @@ class DGS_OT_set_length(_OfATwin, bpy.types.Operator):
         try:
             factor = set_length(twin, markers(twin, context.selected_objects), context.scene.dgs.known_length)
         except DgsError as error:
-            self.report({"ERROR"}, str(error))
+            self.report({"ERROR"}, in_users_language(str(error)))
             return {"CANCELLED"}
         self.report({"INFO"}, rpt_("Scaled by {factor:.4g}").format(factor=factor))
         return {"FINISHED"}
@@ -53,7 +54,7 @@ class DGS_OT_set_up(_OfATwin, bpy.types.Operator):
         try:
             angle = set_up(twin, markers(twin, context.selected_objects))
         except DgsError as error:
-            self.report({"ERROR"}, str(error))
+            self.report({"ERROR"}, in_users_language(str(error)))
             return {"CANCELLED"}
         self.report({"INFO"}, rpt_("Turned by {angle:.1f} degrees").format(angle=math.degrees(angle)))
         return {"FINISHED"}

@@ -8,6 +8,7 @@ import bpy
 
 from ..core.errors import DgsError
 from ..dgs_addon.engine.interpreter import why_not
+from ..dgs_addon.engine_sentences import in_users_language
 from ..dgs_addon.job import runner
 from ..dgs_addon.job.request import Request, resumed_request
 from ..dgs_addon.paths import out_folder
@@ -30,7 +31,7 @@ class DGS_OT_resume_job(bpy.types.Operator):
             reason = "There is no unfinished job"
         else:
             record, fault = runner.unfinished(out)
-            reason = fault or ("There is no unfinished job" if record is None else why_not())
+            reason = in_users_language(fault) or ("There is no unfinished job" if record is None else why_not())
         cls.poll_message_set(reason)
         return not reason
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ..core.errors import DgsError, FormatError
 from ..dgs_addon.drawing.seen import photos_that_see
+from ..dgs_addon.engine_sentences import in_users_language
 from ..dgs_addon.scene.floaters import photos_of_splats, sizes_of_islands
 from ..dgs_addon.scene.selection import Splats, read_splats, select
 from ..dgs_addon.scene.twin import is_twin
@@ -70,7 +71,7 @@ class _Select(_OfATwin):
                     chosen = splats.selected | chosen if self.action == "EXTEND" else splats.selected & ~chosen
                 selected += select(twin, chosen)
         except DgsError as error:
-            self.report({"ERROR"}, str(error))  # type: ignore[attr-defined]
+            self.report({"ERROR"}, in_users_language(str(error)))  # type: ignore[attr-defined]
             return {"CANCELLED"}
         words = rpt_("{found:,} of {count:,} splats found, {selected:,} selected")
         self.report({"INFO"}, words.format(found=found, count=count, selected=selected))  # type: ignore[attr-defined]
@@ -229,7 +230,7 @@ class DGS_OT_select_floaters(_Select, bpy.types.Operator):
         try:
             return photos_that_see(twin, context.scene, manager.progress_update)
         except DgsError as error:
-            self.report({"WARNING"}, str(error))
+            self.report({"WARNING"}, in_users_language(str(error)))
             return frames
         finally:
             manager.progress_end()

@@ -8,6 +8,7 @@ import bpy
 from bpy.app.translations import pgettext_rpt as rpt_
 
 from ..core.errors import DgsError
+from ..dgs_addon.engine_sentences import in_users_language
 from ..dgs_addon.job.results import add_cameras_of
 from ..dgs_addon.paths import out_folder, pictures_folder
 from ..dgs_addon.scene.changes import noting
@@ -36,7 +37,7 @@ class DGS_OT_show_cameras(bpy.types.Operator):
             with noting(context.scene):
                 cameras = add_cameras_of(out, pictures_folder(settings), context.scene)
         except DgsError as error:
-            self.report({"ERROR"}, str(error))
+            self.report({"ERROR"}, in_users_language(str(error)))
             return {"CANCELLED"}
         self.report({"INFO"}, rpt_("{count} cameras").format(count=len(cameras)))
         return {"FINISHED"}

@@ -8,6 +8,7 @@ from typing import Any
 import bpy
 
 from ..core.errors import DgsError
+from ..dgs_addon.engine_sentences import in_users_language
 from ..dgs_addon.job.results import FOLDER
 from ..dgs_addon.scene.known import add_known, show_known
 from ..dgs_addon.scene.twin import OWN_BASE, is_twin
@@ -38,7 +39,7 @@ class DGS_OT_show_known(bpy.types.Operator):
         try:
             add_known(twin, Path(str(twin[FOLDER])) / "known.npy")
         except DgsError as error:
-            self.report({"ERROR"}, str(error))
+            self.report({"ERROR"}, in_users_language(str(error)))
             return {"CANCELLED"}
         show_known(twin, True)
         return {"FINISHED"}

@@ -8,6 +8,7 @@ import bpy
 from bpy.app.translations import pgettext_rpt as rpt_
 
 from ..core.errors import DgsError
+from ..dgs_addon.engine_sentences import in_users_language
 from ..dgs_addon.job.results import add_suggested
 from ..dgs_addon.paths import out_folder
 
@@ -33,7 +34,7 @@ class DGS_OT_show_next_views(bpy.types.Operator):
         try:
             cameras = add_suggested(out, context.scene)
         except DgsError as error:
-            self.report({"ERROR"}, str(error))
+            self.report({"ERROR"}, in_users_language(str(error)))
             return {"CANCELLED"}
         self.report({"INFO"}, rpt_("{count} cameras").format(count=len(cameras)))
         return {"FINISHED"}

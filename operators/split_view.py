@@ -7,6 +7,7 @@ from typing import Any
 import bpy
 
 from ..core.errors import DgsError
+from ..dgs_addon.engine_sentences import in_users_language
 from ..dgs_addon.questions import exact, split_view
 from ..dgs_addon.scene.twin import scene_twin
 from .exact_view import show_exact_view, why_no_view
@@ -42,7 +43,7 @@ class DGS_OT_split_view(bpy.types.Operator):
             try:
                 exact.start(twin, context.scene, show_exact_view)
             except DgsError as error:
-                self.report({"ERROR"}, str(error))
+                self.report({"ERROR"}, in_users_language(str(error)))
                 return {"CANCELLED"}
         return {"FINISHED"}
 

@@ -10,9 +10,11 @@ from typing import Any
 
 import bpy
 from bpy.app.translations import pgettext_iface as iface_
+from bpy.app.translations import pgettext_rpt as rpt_
 
 from ..core.errors import DgsError, ForeignFiles
 from ..dgs_addon.engine.interpreter import find_python, why_not
+from ..dgs_addon.engine_sentences import in_users_language
 from ..dgs_addon.job import batch, runner
 from ..dgs_addon.job.foreign import foreign_files
 from ..dgs_addon.job.request import Kind, Request
@@ -64,7 +66,7 @@ class Replacing:
         out = self.folder(context)
         held = foreign_files(self.kind, out) if out is not None else ""
         column = layout.column(align=True)
-        for line in wrapped(held or iface_("This folder holds nothing of others"), _WIDTH):
+        for line in wrapped(in_users_language(held) or iface_("This folder holds nothing of others"), _WIDTH):
             column.label(text=line, translate=False)
         layout.label(text="To leave them alone, choose another folder here:")
         layout.prop(context.scene.dgs, "test_set" if self.kind == "synthesize" else "out", text="")
@@ -104,12 +106,12 @@ def start_job(operator: Any, context: Any, make: Callable[[], Request], needs_en
         request = replace(make(), overwrite=overwrite)
         job = runner.start(request, find_python() if needs_engine else Path(sys.executable), context.scene)
     except DgsError as error:
-        operator.report({"ERROR"}, str(error))
+        operator.report({"ERROR"}, in_users_language(str(error)))
         return {"CANCELLED"}
     if not bpy.app.background:
         return {"FINISHED"}
     runner.wait()
     if job.state.phase != "done":
-        operator.report({"ERROR"}, job.state.error or "Cancelled; what was done is kept.")
+        operator.report({"ERROR"}, in_users_language(job.state.error) or rpt_("Cancelled; what was done is kept"))
         return {"CANCELLED"}
     return {"FINISHED"}

@@ -8,6 +8,7 @@ import bpy
 
 from ..core.errors import DgsError
 from ..dgs_addon.engine.interpreter import find_python, why_not
+from ..dgs_addon.engine_sentences import in_users_language
 from ..dgs_addon.job import runner
 from ..dgs_addon.job.results import add_suggested
 from ..dgs_addon.paths import out_folder
@@ -48,7 +49,7 @@ class DGS_OT_suggest_next_views(bpy.types.Operator):
         try:
             command = next_views_command(find_python(), out, self.count)
         except DgsError as error:
-            self.report({"ERROR"}, str(error))
+            self.report({"ERROR"}, in_users_language(str(error)))
             return {"CANCELLED"}
         question.ask((str(out),), "Looking for the next views", command)
 

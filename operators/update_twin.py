@@ -11,6 +11,7 @@ from ..core.errors import DgsError
 from ..core.lock import working_on
 from ..core.twin.folder import TwinFolder
 from ..dgs_addon.engine.interpreter import why_not
+from ..dgs_addon.engine_sentences import in_users_language
 from ..dgs_addon.job import runner
 from ..dgs_addon.job.request import update_request
 from ..dgs_addon.job.results import add_twin_of, twin_of
@@ -103,7 +104,7 @@ class DGS_OT_rollback_twin(bpy.types.Operator):
             if twin_of(out, context.scene) is not None:
                 add_twin_of(out, context.scene)
         except DgsError as error:
-            self.report({"ERROR"}, str(error))
+            self.report({"ERROR"}, in_users_language(str(error)))
             return {"CANCELLED"}
         return {"FINISHED"}
 
@@ -131,7 +132,7 @@ class DGS_OT_show_states(bpy.types.Operator):
         try:
             things = add_states(out, context.scene, frames=self.frames)
         except DgsError as error:
-            self.report({"ERROR"}, str(error))
+            self.report({"ERROR"}, in_users_language(str(error)))
             return {"CANCELLED"}
         twin = twin_of(out, context.scene)
         if twin is not None:

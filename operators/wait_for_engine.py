@@ -9,6 +9,7 @@ from typing import Any
 import bpy
 
 from ..dgs_addon.engine.question import Question
+from ..dgs_addon.engine_sentences import in_users_language
 
 
 def answered(operator: Any, question: Question, then: Callable[[], None]) -> set[str]:
@@ -27,6 +28,6 @@ def answered(operator: Any, question: Question, then: Callable[[], None]) -> set
         time.sleep(0.05)
     then()
     if question.error:
-        operator.report({"ERROR"}, question.error)
+        operator.report({"ERROR"}, in_users_language(question.error))
         return {"CANCELLED"}
     return {"FINISHED"}

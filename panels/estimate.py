@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from ..dgs_addon.engine_sentences import in_users_language
 from ..dgs_addon.questions import estimate
 from .layout import sentence
 
@@ -17,7 +18,7 @@ def draw_estimate(layout: Any, context: Any) -> None:
     if question.subject != estimate.signature(settings):
         return
     if question.error:
-        sentence(layout, context, question.error, "ERROR")
+        sentence(layout, context, in_users_language(question.error), "ERROR")
     if not question.answer:
         return
     column = layout.column(align=True)

@@ -6,6 +6,7 @@ from typing import Any
 
 from ..core.outputs import asks_to_overwrite
 from ..dgs_addon.engine.question import Question
+from ..dgs_addon.engine_sentences import in_users_language
 from ..dgs_addon.questions import inspection
 from .layout import figures, sentence
 
@@ -57,10 +58,10 @@ def _draw_error(layout: Any, context: Any, question: Question, button: str) -> N
     """What went wrong; where files of others would be replaced, the button that allows it."""
     if not asks_to_overwrite(question.error):
         if question.error:
-            sentence(layout, context, question.error, "ERROR")
+            sentence(layout, context, in_users_language(question.error), "ERROR")
         return
     box = layout.box()
-    sentence(box, context, question.error.partition(". ")[0], "ERROR")
+    sentence(box, context, in_users_language(question.error.partition(". ")[0]), "ERROR")
     row = box.row()
     row.operator_context = "EXEC_DEFAULT"  # without the file browser: the photo is the same
     pressed = row.operator(button, text="Replace", icon="FILE_REFRESH")

@@ -8,6 +8,7 @@ from typing import Any
 from bpy.app.translations import pgettext_iface as iface_
 
 from ..core.outputs import asks_to_overwrite
+from ..dgs_addon.engine_sentences import in_users_language
 from ..dgs_addon.job import pictures, runner
 from ..dgs_addon.job.state import JobState, duration_text
 from ..dgs_addon.paths import absolute, out_folder
@@ -130,7 +131,7 @@ def _ended(layout: Any, context: Any, job: runner.Job) -> None:
         return
     box = layout.box()
     if job.state.phase == "failed":
-        sentence(box, context, job.state.error, "ERROR")
+        sentence(box, context, in_users_language(job.state.error), "ERROR")
     else:
         sentence(box, context, "Cancelled; what was done is kept", "INFO")
     if asks_to_overwrite(job.state.error):
@@ -150,14 +151,14 @@ def _before(layout: Any, context: Any) -> None:
     out = out_folder(context.scene.dgs)
     record, fault = runner.unfinished(out) if out is not None else (None, "")
     if fault:
-        sentence(layout.box(), context, fault, "ERROR")
+        sentence(layout.box(), context, in_users_language(fault), "ERROR")
     if record is None:
         return
     box = layout.box()
     if record.interrupted:
         sentence(box, context, "The last job was interrupted; its last checkpoint is kept", "ERROR")
     elif record.error:
-        sentence(box, context, record.error, "ERROR")
+        sentence(box, context, in_users_language(record.error), "ERROR")
     else:
         sentence(box, context, "The last job was cancelled; what was done is kept", "INFO")
     if Path(record.photos) != absolute(context.scene.dgs.photos):  # the job's own are resumed, not those of step 1

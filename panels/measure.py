@@ -8,6 +8,7 @@ import bpy
 from bpy.app.translations import pgettext_iface as iface_
 
 from ..core.measure.rows import NO_SCALE
+from ..dgs_addon.engine_sentences import in_users_language
 from ..dgs_addon.questions import measures, meshes
 from ..dgs_addon.scene.comparison import changed_mesh, changes_of, line_of, shows_changes
 from ..dgs_addon.scene.measures import KINDS, active_measure, board_of, known_measure, measures_of, value_text
@@ -65,7 +66,7 @@ class DGS_PT_twin_measure(Sidebar, bpy.types.Panel):
         if meshes.making():
             column.label(text="Making the mesh...", icon="TIME")
         elif meshes.error and meshes.subject == twin.name:
-            sentence(column, context, meshes.error, "ERROR")
+            sentence(column, context, in_users_language(meshes.error), "ERROR")
         layout.operator("dgs.compare_earlier", icon="RECOVER_LAST")
         _draw_changes(layout, context, twin)
 
@@ -127,7 +128,7 @@ def _draw_list(layout: Any, context: Any, twin: Any, held: Any) -> None:
         span = {"low": f"{item.low:,.4g}", "high": f"{item.high:,.4g}", "unit": item.unit.replace("^2", "²")}
         figures(layout, "95 %: {low} to {high} {unit}", "ARROW_LEFTRIGHT", **span)
     elif item is not None and item.reason:
-        sentence(layout, context, item.reason, "ERROR")
+        sentence(layout, context, in_users_language(item.reason), "ERROR")
     row = layout.row(align=True)
     row.operator("dgs.know_length", icon="DRIVER_DISTANCE")
     row.operator("dgs.scale_by_board", text="Marker Board", icon="MESH_GRID")
@@ -139,7 +140,7 @@ def _draw_list(layout: Any, context: Any, twin: Any, held: Any) -> None:
 def _draw_scale(layout: Any, context: Any, held: Any, known: Any, board: Any) -> None:
     """Where the scale comes from."""
     if held.trouble:
-        sentence(layout, context, held.trouble, "ERROR")
+        sentence(layout, context, in_users_language(held.trouble), "ERROR")
     if known is not None:
         length = {"name": known.name, "length": f"{held.length:.6g}", "unit": held.unit}
         figures(layout, "Scale: {name} is {length} {unit}", "CHECKMARK", **length)

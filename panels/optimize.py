@@ -8,6 +8,7 @@ from typing import Any
 import bpy
 from bpy.app.translations import pgettext_iface as iface_
 
+from ..dgs_addon.engine_sentences import in_users_language
 from ..dgs_addon.job import batch, runner
 from ..dgs_addon.job.state import duration_text
 from ..dgs_addon.job.steps import results
@@ -75,9 +76,10 @@ def _draw_batch(layout: Any, context: Any) -> None:
             row.label(text=f"{name}  {score}", icon="CHECKMARK", translate=False)
             row.operator("dgs.take_set", text="Add Twin").number = place
         else:
-            sentence(box, context, "{name}: {why}", "ERROR", name=name, why=line["why"] or iface_(line["how"]))
+            why = in_users_language(line["why"]) or iface_(line["how"])
+            sentence(box, context, "{name}: {why}", "ERROR", name=name, why=why)
     if not work.lines:
-        sentence(box, context, work.error or "It ended before any twin was made", "ERROR")
+        sentence(box, context, in_users_language(work.error) or "It ended before any twin was made", "ERROR")
 
 
 def _draw_more(layout: Any, settings: Any) -> None:

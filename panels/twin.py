@@ -8,6 +8,7 @@ import bpy
 
 from ..dgs_addon.drawing.live import SHOWN
 from ..dgs_addon.drawing.render_engine import ENGINE
+from ..dgs_addon.engine_sentences import in_users_language
 from ..dgs_addon.paths import out_folder
 from ..dgs_addon.questions import next_views
 from ..dgs_addon.scene.crop import crop_box
@@ -89,7 +90,7 @@ def _draw_search(layout: Any, context: Any) -> None:
     if next_views.question.running:
         layout.label(text="Looking for views...", icon="TIME")
     elif next_views.question.error and next_views.question.subject == (str(out_folder(context.scene.dgs)),):
-        sentence(layout, context, next_views.question.error, "ERROR")
+        sentence(layout, context, in_users_language(next_views.question.error), "ERROR")
 
 
 class DGS_PT_twin_look(Sidebar, bpy.types.Panel):

@@ -7,13 +7,13 @@ from typing import Any
 import bpy
 from bpy.app.translations import pgettext_iface as iface_
 
+from ..dgs_addon.engine_sentences import in_users_language
 from ..dgs_addon.job.steps import results
 from ..dgs_addon.job.test_set import is_to_be_found
 from ..dgs_addon.laboratory.media.registry import MEDIA
 from ..dgs_addon.questions import exact
 from ..dgs_addon.scene.cameras import photo_behind
 from ..dgs_addon.scene.twin import scene_twin
-from ..dgs_addon.verdicts import in_users_language
 from .job import draw_beside
 from .layout import Step, folded, ready, sentence, split
 

@@ -15,6 +15,7 @@ from bpy.app.translations import pgettext_rpt as rpt_
 
 from ...core.errors import DeviceError
 from ..engine.interpreter import preferences, why_not
+from ..engine_sentences import in_users_language
 from .card import Card
 
 #: Words in the names of programs that stand in for a graphics card.
@@ -68,7 +69,7 @@ def choice(wish: str, named: Sequence[str], failure: str = "") -> Drawer:
     if wish == ENGINE:
         return Drawer(False, rpt_("The engine draws, as the preference says"))
     if failure:
-        return Drawer(False, rpt_("The engine draws: {reason}").format(reason=failure))
+        return Drawer(False, rpt_("The engine draws: {reason}").format(reason=in_users_language(failure).rstrip(".")))
     if wish == CARD:
         return Drawer(True, rpt_("'{name}' draws, as the preference says").format(name=name))
     if not named:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ...core.colour import srgb_to_linear
 from ...core.errors import CameraError, DgsError
 from ...core.serving.messages import View
+from ..engine_sentences import in_users_language
 from ..scene.material import OWN_ENGINE
 from .holdouts import held_out, holdout_corners
 from .meshes import draw_meshes, forget_meshes, visible_meshes
@@ -61,7 +62,7 @@ class DescatterRenderEngine(bpy.types.RenderEngine):
         picture = None if self._view is None else self._drawn(self._view)
         guessed = None if self._guessed is None or picture is None else self._drawn(self._guessed)
         if self._failure:
-            self.report({"ERROR"}, self._failure)
+            self.report({"ERROR"}, in_users_language(self._failure))
         if picture is None:
             return
         height, width = picture.pixels.shape[:2]
@@ -106,7 +107,7 @@ class DescatterRenderEngine(bpy.types.RenderEngine):
             background = None
         look = Look(depth=bool(meshes), light=True, background=background, through=is_through(context.scene))
         failure = draw_twins(context, depsgraph, look)
-        self.update_stats("", failure)
+        self.update_stats("", in_users_language(failure))
 
     def _asked(self, depsgraph: Any) -> View:
         scene = depsgraph.scene_eval

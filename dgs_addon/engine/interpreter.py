@@ -12,6 +12,7 @@ import bpy
 
 from ...core.errors import DeviceError
 from ...core.photos.kinds import HEIF_PACKAGE
+from ..engine_sentences import in_users_language
 from .folder import engine_folder, engine_python, is_installed
 
 #: Python to use before all others, for tests and for many machines set up alike.
@@ -77,5 +78,5 @@ def why_not() -> str:
     try:
         find_python()
     except DeviceError as error:
-        return str(error)
+        return in_users_language(str(error))
     return ""
