@@ -209,6 +209,10 @@ def _german(robot: Robot) -> Story:
     view.use_translate_interface = True
     yield 1.0
     seen["german"] = bpy.app.translations.pgettext_iface("Find Cameras", "Operator")
+    try:
+        bpy.ops.dgs.import_twin(filepath=str(FOLDER / "gone.ply"))
+    except RuntimeError as error:  # (how Blender hands on what an operator reports)
+        seen["german error"] = str(error)
     yield from robot.picture("german")
     view.language = before
     yield 0.5

@@ -112,6 +112,7 @@ def test_it_speaks_german(seen: dict[str, object]) -> None:
     if "german" not in seen:
         pytest.skip("this Blender was built without languages")
     assert seen["german"] == "Kameras finden"
+    assert "Es gibt keine Datei" in str(seen["german error"]) and "gone.ply" in str(seen["german error"])
 
 
 def test_a_killed_engine_leaves_blender_alive_and_can_go_on(seen: dict[str, object]) -> None:
