@@ -120,6 +120,17 @@ def project_and_sort(
 
 
 def blend(p: Projected, splats: Floats, background: Floats, width: int, height: int) -> tuple[Any, ...]:
+    """Blends every tile of a view front to back.
+
+    Args:
+        p: tiles and their lists; `pair_rows` is written, for the way back.
+        splats: [N, SPLAT_WIDTH] float32 as they are blended: projected Gaussians, maybe moved or of other colours.
+        background: [3] float32 sRGB.
+
+    Returns:
+        Image [3, H, W] sRGB and transmittance [H, W] float32, how many of its list each tile blended [tiles] int32, and
+        how many pairs of a Gaussian and a px were evaluated.
+    """
     image = np.empty((3, height, width), np.float32)
     transmittance = np.empty((height, width), np.float32)
     tiles = len(p.tile_starts) - 1
@@ -153,6 +164,15 @@ def blend_backward(
     image_gradient: Floats,
     alpha_gradient: Floats,
 ) -> Floats:
+    """Takes gradients of a view back to its pairs of a Gaussian and a tile.
+
+    Args:
+        p, splats: as `blend` was given them; image, transmittance, blended: what it returned.
+        image_gradient: [3, H, W]; alpha_gradient: [H, W] float32.
+
+    Returns:
+        [P + 2, SLOT_WIDTH] float32, a row for each pair; the last two are zero.
+    """
     # (two rows more, because vectors are read whole)
     slots = np.empty((len(p.pairs) + 2, SLOT_WIDTH), np.float32)
     slots[-2:] = 0.0

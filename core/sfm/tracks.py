@@ -61,11 +61,17 @@ def _poses(model: Any, ids: list[int]) -> dict[str, Floats]:
 
 
 def moved(views: ViewStack, model: Any) -> ViewStack:
+    """The same photos with the cameras of a COLMAP model that has all of them."""
     poses = _poses(model, views.ids)
     return ViewStack(views.ids, views.images, views.sizes, **poses)
 
 
 def views_of(model: Any, greys: dict[str, NDArray[np.float32]]) -> ViewStack:
+    """Photos of a COLMAP model with their cameras.
+
+    Args:
+        greys: by photo name, [H, W] float32 each; smaller ones are filled up with zeros.
+    """
     ids = sorted(model.reg_image_ids())
     photos = [greys[model.images[i].name] for i in ids]
     heights, widths = zip(*[p.shape for p in photos], strict=True)
@@ -76,6 +82,7 @@ def views_of(model: Any, greys: dict[str, NDArray[np.float32]]) -> ViewStack:
 
 
 def tracks_of(model: Any, views: ViewStack) -> PointTracks:
+    """Points of a COLMAP model, and where photos of `views` see them."""
     index = {image_id: i for i, image_id in enumerate(views.ids)}
     pixels = {i: np.array([p.xy for p in model.images[i].points2D]) for i in views.ids}
     point, view, seen, positions = [], [], [], []

@@ -23,12 +23,14 @@ class Graph:
         self.tree.nodes.clear()
 
     def node(self, kind: str, **properties: Any) -> Any:
+        """A new node of a kind, with these properties."""
         node = self.tree.nodes.new(kind)
         for key, value in properties.items():
             setattr(node, key, value)
         return node
 
     def put(self, socket: Any, value: Any) -> None:
+        """Links an output to a socket, or sets its value: a number, or a linear Rec. 709 colour of three."""
         if hasattr(value, "is_output"):
             self.tree.links.new(value, socket)
         elif isinstance(value, tuple) and socket.type == "RGBA":
@@ -37,12 +39,14 @@ class Graph:
             socket.default_value = value
 
     def math(self, operation: str, *values: Any) -> Any:
+        """The output of a Math node; values: outputs or numbers."""
         node = self.node("ShaderNodeMath", operation=operation)
         for socket, value in zip(node.inputs, values, strict=False):
             self.put(socket, value)
         return node.outputs[0]
 
     def mix(self, share: Any, first: Any, second: Any, blend: str = "MIX") -> Any:
+        """The output of a Mix node for colours; share 0 is the first alone."""
         node = self.node("ShaderNodeMix", data_type="RGBA", blend_type=blend)
         # Sockets by index: names of this node differ between versions. 6 and 7 are the colours.
         self.put(node.inputs[0], share)
@@ -51,6 +55,7 @@ class Graph:
         return node.outputs[2]
 
     def ramp(self, value: Any, stops: Sequence[tuple[float, Colour]], constant: bool = False) -> Any:
+        """Colours by a value in [0, 1], stops at rising positions; constant: steps instead of blends."""
         node = self.node("ShaderNodeValToRGB")
         elements = node.color_ramp.elements
         while len(elements) < len(stops):
@@ -64,9 +69,11 @@ class Graph:
         return node.outputs[0]
 
     def attribute(self, name: str) -> Any:
+        """The output of a number that the mesh has under this name."""
         return self.node("ShaderNodeAttribute", attribute_name=name).outputs["Fac"]
 
     def finish(self, colour: Any, roughness: float, specular: float) -> Any:
+        """The material, its surface a Principled BSDF of this colour."""
         surface = self.node("ShaderNodeBsdfPrincipled")
         self.put(surface.inputs["Base Color"], colour)
         surface.inputs["Roughness"].default_value = roughness
