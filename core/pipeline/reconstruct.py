@@ -147,7 +147,8 @@ def _stages(run: RunSettings, given: Spreads | None, truth: TruthFolder | None, 
     if run.effects != "none":
         watch.lap("effects")
     chosen = effects.chosen
-    settings = training_settings(run.training, machine, timing.limited, sigma, not chosen.formation.spreads)
+    sharp = 0 if chosen.formation.spreads else len(views.fitted)
+    settings = training_settings(run.training, machine, timing.limited, sigma, sharp)
     found = cameras.source == "sfm"
     asked = TrainingJob(
         effects.fitted, effects.heldout, points, effects.medium, settings, chosen.formation, found=found
