@@ -70,7 +70,7 @@ def estimate(sample: PhotoSample, run: RunDescription, machine: Machine, progres
     own, scene = contrast(sample.photos), run.scene_key(sample.files)
     out: dict[str, Any] = {}
     for name in PRESETS:
-        preset = _preset(sample, name, fitted)
+        preset = _preset(sample, name)
         count = run.max_gaussians or min(preset.max_gaussians, _supported(sample, run, name, fitted))
         hurried = name == "draft"
         few = photo_work(sample.photos, search=run.search, hurried=hurried, compiled=compiled, points=run.points)
@@ -102,10 +102,10 @@ def estimate(sample: PhotoSample, run: RunDescription, machine: Machine, progres
     }
 
 
-def _preset(sample: PhotoSample, name: PresetName, fitted: int) -> TrainingSettings:
+def _preset(sample: PhotoSample, name: PresetName) -> TrainingSettings:
     """As a run takes it that finds no blur but the medium's."""
     preset = TrainingSettings.preset(name)
-    return steps_for_sharp(preset, fitted) if _sigma(sample) <= BLUR_WIDTH.sharp_until else preset
+    return steps_for_sharp(preset) if _sigma(sample) <= BLUR_WIDTH.sharp_until else preset
 
 
 def _sigma(sample: PhotoSample) -> float:

@@ -147,8 +147,7 @@ def _stages(run: RunSettings, given: Spreads | None, truth: TruthFolder | None, 
     if run.effects != "none":
         watch.lap("effects")
     chosen = effects.chosen
-    sharp = 0 if chosen.formation.spreads else len(views.fitted)
-    settings = training_settings(run.training, machine, timing.limited, sigma, sharp)
+    settings = training_settings(run.training, machine, timing.limited, sigma, not chosen.formation.spreads)
     found = cameras.source == "sfm"
     asked = TrainingJob(
         effects.fitted, effects.heldout, points, effects.medium, settings, chosen.formation, found=found

@@ -33,18 +33,18 @@ def usual_settings(request: TrainingRequest, machine: Machine) -> TrainingSettin
 
 
 def training_settings(
-    request: TrainingRequest, machine: Machine, limited: bool, sigma: float, sharp: int = 0
+    request: TrainingRequest, machine: Machine, limited: bool, sigma: float, sharp: bool = False
 ) -> TrainingSettings:
     """The settings of the optimization.
 
     Args:
         limited: whether a time limit will say how many steps there are.
         sigma: px, of the photos' blur (`Medium.mean_sigma`).
-        sharp: how many photos are fitted where nothing else blurs them but the camera's own motion; 0 otherwise.
+        sharp: whether nothing else blurs either, the camera's own motion left aside.
     """
     usual = usual_settings(request, machine)
     if sharp and sigma <= BLUR_WIDTH.sharp_until:
-        usual = steps_for_sharp(usual, sharp)
+        usual = steps_for_sharp(usual)
     degree = harmonics_for(usual, sigma) if request.sh_degree is None else request.sh_degree
     settings = replace(
         usual,

@@ -176,19 +176,11 @@ def harmonics_for(preset: TrainingSettings, sigma: float, numbers: BlurWidthSett
     return max(preset.sh_degree, numbers.sharp_degree) if sigma <= numbers.sharp_until else preset.sh_degree
 
 
-def steps_for_sharp(preset: TrainingSettings, photos: int, numbers: BlurWidthSettings = BLUR_WIDTH) -> TrainingSettings:
-    """The preset for photos that nothing blurs but motion: more steps, and Gaussians that grow with their root.
-
-    Few photos do not show by themselves what is there, and their twins are fitted to what is wrong with each: they get
-    no more (as `smoothed_for` keeps them smooth).
-
-    Args:
-        photos: that are fitted.
-    """
+def steps_for_sharp(preset: TrainingSettings) -> TrainingSettings:
+    """The preset for photos that nothing blurs but motion: more steps, and Gaussians that grow with their root."""
     if preset.until is not None:
         return preset
-    few = min(1.0, (numbers.few_photos / max(photos, 1)) ** 2)
-    more = 1.0 + (PRESETS.sharp_more - 1.0) * (1.0 - few)
+    more = PRESETS.sharp_more
     return replace(
         preset, steps=round(more * preset.steps), max_gaussians=round(math.sqrt(more) * preset.max_gaussians)
     )
@@ -227,15 +219,13 @@ class PresetSettings:
     sharp_more: float = number(
         1.5,
         "times",
-        "the steps where nothing blurs, or the camera's motion alone does, and photos are many: such photos go on to"
-        " gain where blurred ones have shown what they can; what is more falls with the square of their number",
+        "the steps where nothing blurs, or the camera's motion alone does: such photos go on to gain where blurred ones"
+        " have shown what they can",
         "fine beside balanced, held-out views: sharp lego +1.6 dB, shelf +0.3, shaken shelf +0.6; blurred ball and copr"
         " 0.0; the factor itself is a first choice; village balanced 2.8 dB below best asked for it",
         "balanced, held-out views: room 27.20 -> 27.90 dB, plant 27.10 -> 27.34, orrery 29.75 -> 30.08,"
         " orrery-front 33.80 -> 33.85; shaken, paths learned: shelf 31.66 -> 32.04, ball 27.24 -> 27.34 (orrery,"
-        " twice the steps, 30.72 -> 30.85). Defocused: orrery 27.86 -> 27.76, left as it was. Few real sharp photos"
-        " lose, all with the whole factor: banana (14) 27.78 -> 27.35, brighton (15) 18.12 -> 17.84: they get none."
-        " Checked on copr (36), 932 and 1397 steps: 29.08, 29.39",
+        " twice the steps, 30.72 -> 30.85). Defocused: orrery 27.86 -> 27.76, left as it was",
     )
 
 
