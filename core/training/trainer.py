@@ -59,7 +59,7 @@ from .overlap import photos_of_one_side
 from .ranks import ALONE, RankLost, Ranks
 from .scale import SceneScale, scene_scale
 from .schedule import harmonics_degree
-from .settings import TrainingSettings, rates_of_long_runs, smoothed_for, smoothness, start_share, trust
+from .settings import TrainingSettings, calm_end, rates_of_long_runs, smoothed_for, smoothness, start_share, trust
 from .through_glass import GlassObjective, behind_glass
 from .twin_tracks import LaidBeside, carried, sighted
 
@@ -307,9 +307,9 @@ class Trainer:
 
     def rates(self, share: float) -> dict[str, float]:
         """Step sizes at a share of the run."""
-        r = self.settings.rates
-        means = r.means * (r.means_end / r.means) ** min(share, 1.0)
-        calmer = rates_of_long_runs(self.settings.steps)
+        r, share = self.settings.rates, min(share, 1.0)
+        means = r.means * (r.means_end / r.means) ** share
+        calmer = rates_of_long_runs(self.settings.steps) * calm_end(share)
         return {name: calmer * rate for name, rate in {**asdict(r), "means": means}.items()}
 
     def view_at(self, level: Level, step: int) -> GridView:

@@ -33,7 +33,7 @@ from dgs.core.training.optimizer import Adam
 from dgs.core.training.photometric import FILL, PhotometricLoss, valid_pixels
 from dgs.core.training.scale import SCALE, SceneScale, scene_scale
 from dgs.core.training.schedule import SCHEDULE, Schedule
-from dgs.core.training.settings import LONG_RUN, TrainingSettings, rates_of_long_runs, smoothed_for
+from dgs.core.training.settings import CALM_END, LONG_RUN, TrainingSettings, rates_of_long_runs, smoothed_for
 from dgs.core.training.specks import speck_gradient, speck_price
 from dgs.core.training.trainer import Trainer
 from dgs.core.training.variation import SMOOTH, variation_gradient
@@ -442,10 +442,19 @@ def trainer() -> Trainer:
 
 def test_step_sizes_of_places_fall_by_a_power(trainer: Trainer) -> None:
     r = trainer.settings.rates
-    assert trainer.rates(0.0)["means"] == r.means and trainer.rates(1.0)["means"] == pytest.approx(r.means_end)
+    assert trainer.rates(0.0)["means"] == r.means
     assert trainer.rates(0.5)["means"] == pytest.approx(math.sqrt(r.means * r.means_end))
-    assert trainer.rates(2.0)["means"] == pytest.approx(r.means_end)
     assert trainer.rates(0.7)["log_scales"] == r.log_scales
+
+
+def test_a_run_comes_to_rest(trainer: Trainer) -> None:
+    """All step sizes fall in its last part, by a power of the share: half of that part, the root of the whole fall."""
+    r, begin, end = trainer.settings.rates, CALM_END.begin, CALM_END.end
+    assert trainer.rates(begin)["sh"] == r.sh and trainer.rates(begin + 0.01)["sh"] < r.sh
+    assert trainer.rates((1 + begin) / 2)["sh_rest"] == pytest.approx(math.sqrt(end) * r.sh_rest)
+    assert trainer.rates(1.0) == trainer.rates(2.0)
+    for name, rate in trainer.rates(1.0).items():
+        assert rate == pytest.approx(end * (r.means_end if name == "means" else getattr(r, name))), name
 
 
 def test_step_sizes_of_long_runs_fall_with_the_root_of_the_steps(
