@@ -290,6 +290,11 @@ class _Run:
             self.history.append(row)
             self._best.see(trainer, row)
             self._evaluation_seconds = clock.spent() - spent
+            if "heldout_psnr" in row and trainer.judge_dropout(share, row["heldout_psnr"]):
+                self.progress.note(
+                    "Photos that are held out are explained much worse than those that are fitted: a random part of the"
+                    f" Gaussians is left out of each step from step {trainer.step} on"
+                )
             schedule.evaluated(trainer.step, spent, row.get("heldout_psnr"))
             self.progress.advance(done, **row)
         elif trainer.step % RUN.report_every == 0:

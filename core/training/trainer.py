@@ -41,6 +41,7 @@ from .checkpoint import Checkpoint
 from .contrast import scene_contrast
 from .contribution import SeenByPhotos, due, needed, photos_asked, seen_by
 from .density import DensityControl
+from .dropout import DROPOUT, learned_by_heart, left_out
 from .finest import hold_sizes, narrowest_blur
 from .focus import SETTINGS as FOCUS
 from .focus import BlurByDepth, Seen
@@ -162,7 +163,7 @@ class Trainer:
         self.repairs: dict[str, int] = {}
         self.culled: dict[str, int] = {}
         # how often all photos were asked, what went since none needed it, and how often cameras were adjusted
-        self.asked = {"photos": 0, "unneeded": 0, "adjusted": 0}
+        self.asked = {"photos": 0, "unneeded": 0, "adjusted": 0, "dropout": 0}
         self._origin: dict[str, Any] | None = None
 
     def _settings_for(
@@ -318,12 +319,15 @@ class Trainer:
         return level.views[_order(self.settings.seed, step // n, n)[step % n]]
 
     def _shown(self, share: float) -> Gaussians:
-        """The Gaussians with as many harmonics as the run has come to; gradients flow to the optimizer's own."""
+        """The Gaussians of a step, with as many harmonics as the run has come to; gradients flow to the optimizer's."""
         gaussians, highest = self.optimizer.gaussians, self.settings.sh_degree
         degree = harmonics_degree(share, highest)
-        if degree == highest:
+        if degree != highest:
+            gaussians = replace(gaussians, sh=gaussians.sh[:, : SH_COEFFICIENTS[degree]])
+        if not self.asked["dropout"]:
             return gaussians
-        return replace(gaussians, sh=gaussians.sh[:, : SH_COEFFICIENTS[degree]])
+        more = left_out(len(gaussians), share, np.random.default_rng([self.settings.seed, 6, self.step]))
+        return replace(gaussians, opacity_logits=gaussians.opacity_logits + more.to(self.device))
 
     def backdrop(self) -> torch.Tensor:
         """[3] the colour behind the twin in this step: the photos' mean, shaken.
@@ -642,15 +646,31 @@ class Trainer:
                 continue
             self._find_unseen(level, view)
             self.follow_unseen(level, view)
-            shown, photo = self.exposed(level, view).degraded.cpu().numpy(), view.planes()
-            if self.learned.exposures is not None:
-                shown = exposed_by_halves(shown, photo, view.valid, view.present())
-            errors[index] = mean_square(shown - photo, view.valid)
+            errors[index] = self._error(level, view)
         if not self.ranks.alone:
             total = torch.tensor(errors)  # (float32: zeros of the other ranks are added)
             self.ranks.add([total])
             errors = total.tolist()
         return psnr_of(errors)
+
+    def _error(self, level: Level, view: GridView) -> float:
+        """Mean square of what the twin, as it is, shows through the medium less a photo."""
+        shown, photo = self.exposed(level, view).degraded.cpu().numpy(), view.planes()
+        if self.learned.exposures is not None:
+            shown = exposed_by_halves(shown, photo, view.valid, view.present())
+        return mean_square(shown - photo, view.valid)
+
+    def judge_dropout(self, share: float, heldout_psnr: float) -> bool:
+        """Whether Gaussians are left out of steps from here on, at a share of the run where held-out photos are known.
+
+        Not where held-out photos have something of their own to be found first: what is wrong with it counts as a gap.
+        """
+        if self.asked["dropout"] or self.learned.unseen_visits or not self.ranks.alone or share < DROPOUT.begin:
+            return False
+        level, count = self.levels[-1], min(DROPOUT.compared, len(self.views))
+        fitted = [self._error(level, level.views[i * len(level.views) // count]) for i in range(count)]
+        self.asked["dropout"] = int(learned_by_heart(heldout_psnr, psnr_of(fitted), share))
+        return bool(self.asked["dropout"])
 
     def result(self) -> Gaussians:
         """The twin so far: in the world of the cameras, as the usual viewers draw it."""
