@@ -1,9 +1,9 @@
 """Gaussians left out at random, where photos are learned by heart.
 
-Photos that do not agree (moved leaves, other light) or are few can each be explained by Gaussians that conspire before that
-photo alone; photos that are held out are then predicted worse and worse. With some Gaussians left out of every step, at
-random, none may count on the others (dropout: Srivastava et al. 2014; of Gaussians: Park et al. 2025, "DropGaussian").
-Where photos agree it costs detail, so the photos that are held out decide.
+Photos that do not agree (moved leaves, other light) or are few can each be explained by Gaussians that conspire before
+that photo alone; photos that are held out are then predicted worse and worse. With some Gaussians left out of every
+step, at random, none may count on the others (dropout: Srivastava et al. 2014; of Gaussians: Park et al. 2025,
+"DropGaussian"). Where photos agree it costs detail, so the photos that are held out decide.
 """
 
 from __future__ import annotations

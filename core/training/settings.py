@@ -68,8 +68,8 @@ class CalmEndSettings:
     begin: float = number(
         0.85,
         "share of the run",
-        "from which on all step sizes fall, geometrically: each step follows one photo, and the last few would remain in"
-        " the twin (the mean over the last 50 to 200 steps is no better)",
+        "from which on all step sizes fall, geometrically: each step follows one photo, and the last few would remain"
+        " in the twin (the mean over the last 50 to 200 steps is no better)",
         "held-out views, balanced: 33 real photos of copr 29.87 dB without, 30.13; 40 photos of lego (400 px) 33.32,"
         " 33.40; begun at 0.5 lego lost (33.21), at 0.75 33.36",
     )
