@@ -3,12 +3,13 @@
 Photos that do not agree (moved leaves, other light) or are few can each be explained by Gaussians that conspire before
 that photo alone; photos that are held out are then predicted worse and worse. With some Gaussians left out of every
 step, at random, none may count on the others (dropout: Srivastava et al. 2014; of Gaussians: Park et al. 2025,
-"DropGaussian"). Where photos agree it costs detail, so the photos that are held out decide.
+"DropGaussian"). Where photos agree it costs detail, so the photos that are held out decide: they have to get worse.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,10 +26,19 @@ class DropoutSettings:
     gap: float = number(
         2.0,
         "times",
-        "the mean squared error of held-out photos over that of fitted ones, from which on Gaussians are left out",
-        "in the middle of a run brighton has 5.5, banana 2.3; there it gains",
+        "the mean squared error of held-out photos over that of fitted ones, from which on Gaussians may be left out",
     )
     begin: float = number(0.3, "share of the run", "before which nothing is judged: surfaces are being found")
+    patience: int = number(
+        3, "evaluations", "of held-out photos, all of which are worse than the best before, say that these get worse"
+    )
+    loss: float = number(
+        0.05,
+        "dB on held-out photos",
+        "by which all of them have to be worse",
+        "as much as is a gain elsewhere (`ScheduleSettings.plateau_gain`)",
+        "a village of which they hardly got better (dropout would cost 0.18 dB) is left alone",
+    )
     most: float = number(
         0.2,
         "share of the Gaussians",
@@ -43,9 +53,15 @@ DROPOUT = DropoutSettings()
 _GONE = -1e3
 
 
-def learned_by_heart(heldout: float, fitted: float, share: float, settings: DropoutSettings = DROPOUT) -> bool:
-    """Whether photos are, given the PSNR (dB) of held-out and of fitted ones, and the share in [0, 1] of the run."""
-    return share >= settings.begin and fitted - heldout > 10.0 * math.log10(settings.gap)
+def getting_worse(scores: Sequence[float], settings: DropoutSettings = DROPOUT) -> bool:
+    """Whether held-out photos are explained worse and worse, given all PSNR (dB) so far."""
+    before, late = scores[: -settings.patience], scores[-settings.patience :]
+    return bool(before) and max(late) < max(before) - settings.loss
+
+
+def learned_by_heart(heldout: float, fitted: float, settings: DropoutSettings = DROPOUT) -> bool:
+    """Whether photos are, given the PSNR (dB) of held-out and of fitted ones."""
+    return fitted - heldout > 10.0 * math.log10(settings.gap)
 
 
 def left_out(count: int, share: float, random: np.random.Generator, settings: DropoutSettings = DROPOUT) -> Tensor:

@@ -290,10 +290,11 @@ class _Run:
             self.history.append(row)
             self._best.see(trainer, row)
             self._evaluation_seconds = clock.spent() - spent
-            if "heldout_psnr" in row and trainer.judge_dropout(share, row["heldout_psnr"]):
+            scores = [score for one in self.history if (score := one.get("heldout_psnr")) is not None]
+            if trainer.judge_dropout(share, scores):
                 self.progress.note(
-                    "Photos that are held out are explained much worse than those that are fitted: a random part of the"
-                    f" Gaussians is left out of each step from step {trainer.step} on"
+                    "Photos that are held out get worse, and are worse than those that are fitted: from step"
+                    f" {trainer.step} on a random part of the Gaussians is left out of each step"
                 )
             schedule.evaluated(trainer.step, spent, row.get("heldout_psnr"))
             self.progress.advance(done, **row)

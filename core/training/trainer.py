@@ -41,7 +41,7 @@ from .checkpoint import Checkpoint
 from .contrast import scene_contrast
 from .contribution import SeenByPhotos, due, needed, photos_asked, seen_by
 from .density import DensityControl
-from .dropout import DROPOUT, learned_by_heart, left_out
+from .dropout import DROPOUT, getting_worse, learned_by_heart, left_out
 from .finest import hold_sizes, narrowest_blur
 from .focus import SETTINGS as FOCUS
 from .focus import BlurByDepth, Seen
@@ -660,16 +660,23 @@ class Trainer:
             shown = exposed_by_halves(shown, photo, view.valid, view.present())
         return mean_square(shown - photo, view.valid)
 
-    def judge_dropout(self, share: float, heldout_psnr: float) -> bool:
-        """Whether Gaussians are left out of steps from here on, at a share of the run where held-out photos are known.
+    def judge_dropout(self, share: float, scores: Sequence[float]) -> bool:
+        """Whether Gaussians are left out of steps from here on.
 
-        Not where held-out photos have something of their own to be found first: what is wrong with it counts as a gap.
+        Not where a blur is inverted, which has a price on invented detail already, nor where held-out photos have
+        something of their own to be found first: what is wrong with it counts as a gap.
+
+        Args:
+            share: of the run, in [0, 1]; scores: PSNR (dB) of held-out photos so far.
         """
-        if self.asked["dropout"] or self.learned.unseen_visits or not self.ranks.alone or share < DROPOUT.begin:
+        level = self.levels[-1]
+        if self.asked["dropout"] or share < DROPOUT.begin or not getting_worse(scores):
             return False
-        level, count = self.levels[-1], min(DROPOUT.compared, len(self.views))
+        if self.learned.unseen_visits or level.ratio is not None or not self.ranks.alone:
+            return False
+        count = min(DROPOUT.compared, len(self.views))
         fitted = [self._error(level, level.views[i * len(level.views) // count]) for i in range(count)]
-        self.asked["dropout"] = int(learned_by_heart(heldout_psnr, psnr_of(fitted), share))
+        self.asked["dropout"] = int(learned_by_heart(scores[-1], psnr_of(fitted)))
         return bool(self.asked["dropout"])
 
     def result(self) -> Gaussians:

@@ -72,7 +72,7 @@ class Course:
     def adjust_cameras(self, share: float, cancelled: Callable[[], bool]) -> None:
         """Nothing was found here."""
 
-    def judge_dropout(self, share: float, heldout_psnr: float) -> bool:
+    def judge_dropout(self, share: float, scores: list[float]) -> bool:
         """Photos agree here."""
         return False
 
