@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from typing import Protocol
 
@@ -11,11 +11,14 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from ..colour import decoding_derivative, encoding_derivative, linear_to_srgb, srgb_to_linear
+from ..colour import ToneCurve, decoding_derivative, encoding_derivative, linear_to_srgb, srgb_to_linear
 from ..compiled import run
 from ..frames import in_a_row
 from ..imaging.medium import BlurSpace
-from .collecting_kernels import STEPS, collect, distribute
+from .collecting_kernels import STEPS, collect, distribute, file_as, steepen, straighten
+
+#: No curve besides sRGB's.
+SRGB = ToneCurve()
 
 #: Rows of all channels that are worth a call to a thread.
 _GRAIN = 64
@@ -41,15 +44,20 @@ class Collected(Protocol):
         ...
 
 
-def collected(frames: Sequence[Tensor], weights: Sequence[float] | Tensor, space: BlurSpace) -> Collected:
+def collected(
+    frames: Sequence[Tensor], weights: Sequence[float] | Tensor, space: BlurSpace, curve: ToneCurve = SRGB
+) -> Collected:
     """The mean of frames [3, h, w] sRGB, in linear light or of their display values; the very frame where it is one.
 
     Args:
         weights: shares of the photo's light, of sum 1: one for each frame, or [K, h, 1] for each of its rows, or
             [K, 1, w] for each of its columns.
+        curve: the camera's own, on top of sRGB.
     """
     if len(frames) == 1:
         return _Single(frames[0])
+    if curve:
+        return _Filed(frames, weights, space, curve)
     if space == "srgb":
         return _Displayed(frames, weights)
     if all(frame.device.type == "cpu" and frame.dtype == torch.float32 for frame in frames):
@@ -71,6 +79,35 @@ class _Single:
 def _over_planes(weights: Sequence[float] | Tensor, like: Tensor) -> Sequence[float | Tensor]:
     """Weights that multiply a frame: numbers, or [h, 1] or [1, w] for each."""
     return list(weights.to(like)) if isinstance(weights, Tensor) else weights
+
+
+class _Filed:
+    """What a camera with a curve of its own files."""
+
+    def __init__(
+        self, frames: Sequence[Tensor], weights: Sequence[float] | Tensor, space: BlurSpace, curve: ToneCurve
+    ) -> None:
+        self._frames, self._curve = in_a_row([frame.detach() for frame in frames]), curve
+        self._plain = collected(list(_by_curve(straighten, curve, self._frames)), weights, space)
+        self.shown = _by_curve(file_as, curve, self._plain.shown)
+
+    def gradient(self, upstream: Tensor) -> list[Tensor]:
+        parts = in_a_row(self._plain.gradient(upstream / self._curve.slope(self.shown)))
+        return list(_by_curve(steepen, self._curve, self._frames, parts))
+
+
+def _by_curve(step: Callable[..., None], curve: ToneCurve, values: Tensor, gradients: Tensor | None = None) -> Tensor:
+    """Values [..., h, w] taken through a camera's curve by a kernel, or gradients back through it."""
+    if values.device.type != "cpu" or values.dtype != torch.float32:
+        if gradients is not None:
+            return gradients * curve.slope(values)
+        return curve.undone(values) if step is straighten else curve.filed(values)
+    source = values.contiguous().numpy()
+    out = np.empty_like(source) if gradients is None else gradients.numpy()
+    rows = out.reshape(-1, out.shape[-1])
+    shape = np.float32(curve.toe), np.float32(curve.shoulder)
+    run(step, len(rows), source.reshape(rows.shape), *shape, rows, grain=_GRAIN)
+    return torch.from_numpy(out)
 
 
 class _Displayed:

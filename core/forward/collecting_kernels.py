@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from ..colour import NEWTON
 from ..compiled import inlined, kernel
 
 #: Entries of the table for display values 0 to 1; the power itself is taken above.
@@ -73,3 +74,51 @@ def distribute(
                 else:
                     slope = np.float32(1 / 12.92)
                 to[x] = weight * scale[x] * slope
+
+
+@inlined
+def straightened(value: Any, toe: Any, shoulder: Any) -> Any:
+    """`ToneCurve.undone` of one value."""
+    inside = min(max(value, np.float32(0.0)), np.float32(1.0))
+    rest, beyond = np.float32(1.0) - inside, value - inside
+    ends = toe * min(beyond, np.float32(0.0)) + shoulder * max(beyond, np.float32(0.0))
+    return value + inside * rest * (toe * rest - shoulder * inside) + ends
+
+
+@inlined
+def steepness(value: Any, toe: Any, shoulder: Any) -> Any:
+    """`ToneCurve.slope` of one value."""
+    inside = min(max(value, np.float32(0.0)), np.float32(1.0))
+    low = (np.float32(1.0) - inside) * (np.float32(1.0) - np.float32(3.0) * inside)
+    high = inside * (np.float32(3.0) * inside - np.float32(2.0))
+    return np.float32(1.0) + toe * low + shoulder * high
+
+
+@kernel
+def straighten(begin: int, end: int, filed: Any, toe: Any, shoulder: Any, out: Any) -> None:
+    """Items are rows: out [R, W] = sRGB's own values of what a camera filed, [R, W]."""
+    for row in range(begin, end):
+        source, to = filed[row], out[row]
+        for x in range(source.shape[0]):
+            to[x] = straightened(source[x], toe, shoulder)
+
+
+@kernel
+def file_as(begin: int, end: int, srgb: Any, toe: Any, shoulder: Any, out: Any) -> None:
+    """Items are rows: the inverse of `straighten`."""
+    for row in range(begin, end):
+        source, to = srgb[row], out[row]
+        for x in range(source.shape[0]):
+            found = source[x]
+            for _ in range(NEWTON):
+                found -= (straightened(found, toe, shoulder) - source[x]) / steepness(found, toe, shoulder)
+            to[x] = found
+
+
+@kernel
+def steepen(begin: int, end: int, filed: Any, toe: Any, shoulder: Any, out: Any) -> None:
+    """Items are rows: gradients out [R, W] in sRGB's own values become those in what was filed, in place."""
+    for row in range(begin, end):
+        source, to = filed[row], out[row]
+        for x in range(source.shape[0]):
+            to[x] *= steepness(source[x], toe, shoulder)

@@ -27,7 +27,7 @@ from ..rasterizer import (
     with_gradient,
 )
 from ..rendering import OPAQUE_ENOUGH
-from .collecting import Collected, collected
+from .collecting import SRGB, Collected, collected
 from .medium import MediumModel, SubFrame
 from .surface import surface_depth, where_they_agree
 
@@ -242,7 +242,8 @@ class ForwardModel:
         passages = [self.formation.passage(r.image.detach(), one) for r, one in zip(renders, shots, strict=True)]
         frames = tuple(SharpFrame(p, sub.weight) for p, sub in zip(passages, subs, strict=True))
         space = medium.space if poses is None else "linear"  # a sensor collects light
-        light = collected([p.reached for p in passages], [sub.weight for sub in subs], space)
+        curve = SRGB if motion is None else motion.curve
+        light = collected([p.reached for p in passages], [sub.weight for sub in subs], space, curve)
         return Exposed(medium, self.formation, shots[0], frames, renders, light)
 
     def _along_path(
@@ -258,12 +259,13 @@ class ForwardModel:
         plain = replace(self.settings, depth=False)
         renders = render_path(gaussians, camera, poses, background=background, settings=plain)
         still = Formation()
-        assert self.formation.motion is not None
-        rows = self.formation.motion.row_weights(len(poses), shot.height, shot.width, shot.margin)
+        motion = self.formation.motion
+        assert motion is not None
+        rows = motion.row_weights(len(poses), shot.height, shot.width, shot.margin)
         shares = [1.0 / len(poses)] * len(poses) if rows is None else rows.mean(dim=(1, 2)).tolist()
         images = renders.images.detach()
         frames = tuple(SharpFrame(still.passage(i, shot), share) for i, share in zip(images, shares, strict=True))
-        light = collected([f.passage.reached for f in frames], shares if rows is None else rows, "linear")
+        light = collected([f.passage.reached for f in frames], shares if rows is None else rows, "linear", motion.curve)
         if not self.formation.light:
             return Exposed(medium, self.formation, shot, frames, renders, light)
         middle: Rendered | None = None

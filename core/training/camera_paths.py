@@ -37,6 +37,7 @@ from ..pose import Pose
 from ..rigid_motion import twist_between
 from .path_slopes import Linearised, Sampled, slopes_along
 from .readout import LearnedReadout, slopes_in_readout, step_and_variance
+from .tone import LearnedTone, slopes_in_curve, step_of
 
 #: What some of the numbers below were chosen on, by single runs; docs/real_blur.md has the figures.
 _SHAKEN = "27 photos of the rendered ball, shaken by 4 to 16 px (Cycles), one seed"
@@ -185,10 +186,12 @@ class CameraPaths:
         cameras: of the photos, by name, on the photos' own grid, in units in which the scene is at distance 1.
         fitted: names of those that are trained on: their mean offset is 0.
         step: photo px per px of the coarsest grid.
+        alone: whether light meets no other effect on its way to the sensor, so that the camera's curve is asked for.
 
     Attributes:
         motion: the paths as they are; the forward model's own, so that it sees every step.
         readout: what is found of a rolling shutter; None where its readout was given.
+        tone: what is found of the camera's own curve; None where it is not asked for.
     """
 
     def __init__(
@@ -199,6 +202,7 @@ class CameraPaths:
         step: int,
         seed: int,
         settings: CameraPathSettings = SETTINGS,
+        alone: bool = True,
     ) -> None:
         self.settings, names = settings, [name for name in start.names if name in cameras]
         self._units = torch.from_numpy(np.stack([px_units(cameras[name]) for name in names])).float()
@@ -207,9 +211,11 @@ class CameraPaths:
         known = min(start.order, settings.order) + 1
         twists[:, :known] = start.for_photos(names).parameters["twists"][:, :known]
         self.motion = CameraMotion(names, twists, readout=start.readout, readout_given=start.readout_given)
+        self.motion.curve = start.curve
         self._index = {name: i for i, name in enumerate(names)}
         self._fitted = [self._index[name] for name in fitted if name in self._index]
         self.readout = None if start.readout_given else LearnedReadout(len(self._fitted))
+        self.tone = LearnedTone(len(self._fitted), start.curve) if alone else None
         self._common = common_to([cameras[names[i]] for i in self._fitted], settings.photos_per_bend)
         self._placed = torch.zeros(len(names), 6)
         self._visits = np.zeros(len(names), np.int64)
@@ -263,15 +269,22 @@ class CameraPaths:
             return
         self._visits[i] += 1
         if len(exposed.frames) < 2 or name not in self._depths:
-            if self.readout is not None and i in self._fitted:
-                self.readout.see_nothing(self._fitted.index(i))
+            self._see_nothing(i)
             return
         visit = Visit(i, name, camera, photo, counts)
         path = self._equations(visit, exposed)
         self._see_readout(visit, exposed, path)
+        self._see_tone(visit, exposed, path)
         self._move(visit, path)
         self._settle(i)
         self._move_readout()
+        self._move_tone()
+
+    def _see_nothing(self, index: int) -> None:
+        """A fitted photo that stood still says nothing of what all share."""
+        for shared in (self.readout, self.tone):
+            if shared is not None and index in self._fitted:
+                shared.see_nothing(self._fitted.index(index))
 
     def _see_readout(self, visit: Visit, exposed: Exposed, path: Linearised) -> None:
         """Asks a fitted photo what it says of a rolling shutter."""
@@ -282,6 +295,26 @@ class CameraPaths:
         rows, columns = slopes_in_readout(exposed, self.motion.readout, at)
         found = (*step_and_variance(rows, path), *step_and_variance(columns, path))
         self.readout.see(self._fitted.index(visit.index), found)
+
+    def _see_tone(self, visit: Visit, exposed: Exposed, path: Linearised) -> None:
+        """Asks a fitted photo what it says of the camera's curve."""
+        if self.tone is None or visit.index not in self._fitted:
+            return
+        height, width = visit.photo.shape[1:]
+        rows = self.motion.row_weights(len(exposed.frames), height, width, exposed.shot.margin)
+        slopes = slopes_in_curve(exposed, rows, Sampled.of(height, width, self.settings.looked_at))
+        self.tone.see(self._fitted.index(visit.index), *step_of(slopes, path))
+
+    def _move_tone(self) -> None:
+        """Takes the curve's next step where all photos have said something of it since the last one."""
+        if self.tone is not None and self.tone.due:
+            self.tone.move()
+            self._show_tone()
+
+    def _show_tone(self) -> None:
+        """Lets the forward model file light by the curve as it is."""
+        if self.tone is not None:
+            self.motion.curve, self.motion.curve_error = self.tone.curve, self.tone.error
 
     def _move_readout(self) -> None:
         """Takes the shutter's next step where all photos have said something of it since the last one."""
@@ -487,7 +520,8 @@ class CameraPaths:
         rolls = {} if self.readout is None else self.readout.state()
         counts = {"paths.visits": self._visits.copy(), "paths.readout": np.array([self.motion.readout])}
         placed = {"paths.placed": self._placed.numpy().copy()}
-        return {"paths": self._twists.numpy().copy(), "paths.drawn": when, **placed, **counts, **drawn, **rolls}
+        curve = {} if self.tone is None else self.tone.state()
+        return {"paths": self._twists.numpy().copy(), "paths.drawn": when, **placed, **counts, **drawn, **rolls} | curve
 
     def restore(self, arrays: Mapping[str, NDArray[Any]]) -> bool:
         """Goes on from `state`; whether it is there, and of these photos."""
@@ -501,6 +535,9 @@ class CameraPaths:
             return False
         self.motion.readout = float(readout[0])
         self.motion.readout_error = None if self.readout is None else self.readout.error
+        if self.tone is not None and not self.tone.restore(arrays):
+            return False
+        self._show_tone()
         self._twists.copy_(torch.from_numpy(np.asarray(twists, np.float32)))
         placed = arrays.get("paths.placed")  # (older checkpoints have none)
         if placed is not None:

@@ -53,7 +53,7 @@ class LearnedEffects:
         exposure = next((effect for effect in start.effects if isinstance(effect, Exposure)), None)
         self.exposures = None if exposure is None or not exposure.names else LearnedExposures(exposure)
         moved = start.motion
-        self.paths = None if moved is None else CameraPaths(moved, cameras, fitted, step, seed)
+        self.paths = None if moved is None else CameraPaths(moved, cameras, fitted, step, seed, alone=not start.light)
         self.formation = start
         if self.paths is not None:
             self.formation = Formation([self.paths.motion if e is moved else e for e in start.effects])

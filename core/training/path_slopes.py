@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from ..colour import decoding_derivative, encoding_derivative, srgb_to_linear
+from ..colour import ToneCurve, decoding_derivative, encoding_derivative, srgb_to_linear
 from ..devices import all_in_memory
 from ..forward import Exposed
 from ..frames import in_a_row
@@ -70,13 +70,13 @@ def slopes_along(exposed: Exposed, basis: Tensor, at: Sampled) -> Slopes:
         seen, *both = all_in_memory(degraded, *_differences(_parts_through_effects(exposed, basis), at))
         encode, difference = encoding_derivative(srgb_to_linear(seen), seen), dict(zip(AXES, both, strict=True))
         return lambda down, right: difference[down, right] * 0.5 * encode
-    frames = _photo_px(exposed, in_a_row([frame.passage.reached for frame in exposed.frames]))
+    frames = photo_px(exposed, in_a_row([frame.passage.reached for frame in exposed.frames]))
     seen, own, *both = all_in_memory(degraded, at.of_planes(frames), *_differences(frames, at))
-    encode, difference = encoding_derivative(srgb_to_linear(seen), seen), dict(zip(AXES, both, strict=True))
-    decode = decoding_derivative(own, srgb_to_linear(own))
+    encode, decode = _through_curve(exposed, seen, own)
+    difference = dict(zip(AXES, both, strict=True))
     shares = basis
     if basis.dim() == 4:
-        shares = _sampled(exposed, basis, at)
+        shares = sampled(exposed, basis, at)
 
     def of_frames(down: int, right: int) -> Tensor:
         return _parts(shares, difference[down, right] * decode * 0.5) * encode
@@ -98,10 +98,27 @@ def change_by(exposed: Exposed, shares: Tensor, at: Sampled) -> Tensor:
         return part * encoding_derivative(srgb_to_linear(seen), seen)
     # Where all rows are exposed at once the first and the last frame alone count.
     used = [k for k, share in enumerate(shares) if bool(share.any())]
-    frames = torch.stack([at.of_planes(_photo_px(exposed, exposed.frames[k].passage.reached)) for k in used])
+    frames = torch.stack([at.of_planes(photo_px(exposed, exposed.frames[k].passage.reached)) for k in used])
     seen, own = all_in_memory(degraded, frames)
-    light = _parts(_sampled(exposed, shares[used][None], at), srgb_to_linear(own))[0]
-    return light * encoding_derivative(srgb_to_linear(seen), seen)
+    curve = curve_of(exposed)
+    light = _parts(sampled(exposed, shares[used][None], at), srgb_to_linear(curve.undone(own) if curve else own))[0]
+    return light * _through_curve(exposed, seen, own)[0]
+
+
+def curve_of(exposed: Exposed) -> ToneCurve:
+    """The camera's own, by which it filed the photo."""
+    motion = exposed.formation.motion
+    return ToneCurve() if motion is None else motion.curve
+
+
+def _through_curve(exposed: Exposed, seen: Tensor, own: Tensor) -> tuple[Tensor, Tensor]:
+    """Derivatives of what the photo files, `seen`, by its light, and of the frames' light by their values, `own`."""
+    curve = curve_of(exposed)
+    if not curve:
+        return encoding_derivative(srgb_to_linear(seen), seen), decoding_derivative(own, srgb_to_linear(own))
+    there, here = (srgb_to_linear(curve.undone(values)) for values in (seen, own))
+    encode = encoding_derivative(there, curve.undone(seen)) / curve.slope(seen)
+    return encode, decoding_derivative(curve.undone(own), here) * curve.slope(own)
 
 
 def _differences(planes: Tensor, at: Sampled) -> list[Tensor]:
@@ -134,16 +151,16 @@ def _parts_through_effects(exposed: Exposed, basis: Tensor) -> Tensor:
         for effect in passage.effects:
             through = effect.forward(through, passage.shot)
         parts.append(through - passage.stages[-1])
-    return _photo_px(exposed, torch.stack(parts))
+    return photo_px(exposed, torch.stack(parts))
 
 
-def _photo_px(exposed: Exposed, planes: Tensor) -> Tensor:
+def photo_px(exposed: Exposed, planes: Tensor) -> Tensor:
     """The photo's own px [..., H, W] of planes with their margin."""
     m, shot = exposed.shot.margin, exposed.shot
     return planes[..., m : m + shot.height, m : m + shot.width]
 
 
-def _sampled(exposed: Exposed, shares: Tensor, at: Sampled) -> Tensor:
+def sampled(exposed: Exposed, shares: Tensor, at: Sampled) -> Tensor:
     """Shares [..., h, 1] or [..., 1, w] of the photo's own rows or columns that a step looks at."""
     m, shot = exposed.shot.margin, exposed.shot
     if shares.shape[-1] == 1:

@@ -22,6 +22,7 @@ from dataclasses import dataclass
 from types import ModuleType
 from typing import TYPE_CHECKING, cast
 
+from ...colour import ToneCurve
 from ...numbers import BY_DEFINITION, number
 from .effect import Effect, Shot
 
@@ -72,6 +73,8 @@ class CameraMotion(Effect):
         super().__init__({"twists": twists})
         self.names, self.unit, self.readout, self.readout_given = tuple(names), unit, readout, readout_given
         self.readout_error: float | None = None  # standard error of one that was learned
+        self.curve = ToneCurve()  # the camera's own, by which it files the light that it collected
+        self.curve_error: tuple[float, float] | None = None  # standard errors of its toe and shoulder, if learned
         self._index = {name: i for i, name in enumerate(self.names)}
 
     @property
@@ -198,7 +201,7 @@ class CameraMotion(Effect):
 
     def _with(self, names: Sequence[str], twists: Tensor, unit: float) -> CameraMotion:
         other = CameraMotion(names, twists, unit, self.readout, self.readout_given)
-        other.readout_error = self.readout_error
+        other.readout_error, other.curve, other.curve_error = self.readout_error, self.curve, self.curve_error
         return other
 
     def forward(self, light: Tensor, shot: Shot) -> Tensor:
@@ -210,7 +213,7 @@ class CameraMotion(Effect):
         return upstream
 
     def described(self) -> Mapping[str, object]:
-        """The unit, by photo the twists, [M + 1][6], and the readout of a rolling shutter, its error if learned."""
+        """The unit, by photo the twists, [M + 1][6], a shutter's readout, the camera's own curve; errors if learned."""
         twists = self.parameters["twists"].detach().cpu().double().numpy()
         rows = zip(self.names, twists, strict=True)
         return {
@@ -218,7 +221,15 @@ class CameraMotion(Effect):
             "twists": {name: [[float(f"{v:.5g}") for v in part] for part in row] for name, row in rows},
             **({"readout": float(f"{self.readout:.5g}")} if self.readout else {}),
             **({"readout_error": float(f"{self.readout_error:.3g}")} if self.readout and self.readout_error else {}),
+            **self._described_curve(),
         }
+
+    def _described_curve(self) -> dict[str, list[float]]:
+        """Toe and shoulder, and their errors; nothing of sRGB's own."""
+        if not self.curve:
+            return {}
+        found = {"curve": [float(f"{value:.4g}") for value in (self.curve.toe, self.curve.shoulder)]}
+        return found | ({"curve_error": [float(f"{e:.3g}") for e in self.curve_error]} if self.curve_error else {})
 
 
 def straight_paths(ways: Mapping[str, tuple[float, float]], order: int) -> CameraMotion:

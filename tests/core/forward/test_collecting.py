@@ -2,7 +2,7 @@
 
 import pytest
 import torch
-from dgs.core.colour import linear_to_srgb, srgb_to_linear
+from dgs.core.colour import ToneCurve, linear_to_srgb, srgb_to_linear
 from dgs.core.forward.collecting import CollectedLight, collected
 
 
@@ -61,3 +61,32 @@ def test_columns_of_a_photo_that_was_turned_upright_are_rows_of_its_sensor():
     assert torch.allclose(found.shown.double(), double.shown, atol=1e-5)
     for own, other in zip(found.gradient(upstream), double.gradient(upstream.double()), strict=True):
         assert torch.allclose(own.double(), other, atol=1e-4)
+
+
+@pytest.mark.parametrize("curve", [ToneCurve(0.6, 0.5), ToneCurve(-0.2, 0.7)])
+def test_a_cameras_own_curve_files_the_light(curve):
+    """The kernels against the formula, and the formula's gradient against differences."""
+    random = torch.Generator().manual_seed(11)
+    frames = [torch.rand(3, 5, 7, generator=random) * 1.2 - 0.1 for _ in range(3)]
+    upstream, shares = torch.randn(3, 5, 7, generator=random), [0.2, 0.5, 0.3]
+    found = collected(frames, shares, "linear", curve)
+    doubles = [frame.double() for frame in frames]
+    right = collected(doubles, shares, "linear", curve)
+    assert torch.allclose(found.shown.double(), right.shown, atol=5e-6)
+    light = sum(w * srgb_to_linear(curve.undone(f)) for w, f in zip(shares, doubles, strict=True))
+    assert torch.allclose(srgb_to_linear(curve.undone(right.shown)), light, atol=1e-6)
+    gradients = right.gradient(upstream.double())
+    for mine, exact in zip(found.gradient(upstream), gradients, strict=True):
+        assert torch.allclose(mine.double(), exact, rtol=5e-4, atol=2e-5)
+    step = 1e-6
+    for k, way in enumerate(torch.randn(3, 3, 5, 7, generator=random).double()):
+        moved = [[f + sign * step * way if i == k else f for i, f in enumerate(doubles)] for sign in (1, -1)]
+        up, down = (collected(some, shares, "linear", curve).shown for some in moved)
+        change = ((up - down) / (2 * step) * upstream).sum()
+        assert float(change) == pytest.approx(float((gradients[k] * way).sum()), rel=1e-4, abs=1e-4)
+
+
+def test_no_curve_is_the_very_same_light():
+    frames = [torch.rand(3, 5, 7, generator=torch.Generator().manual_seed(k)) for k in range(3)]
+    plain, same = (collected(frames, [0.2, 0.5, 0.3], "linear", *more) for more in ((), (ToneCurve(),)))
+    assert torch.equal(plain.shown, same.shown)

@@ -1,0 +1,155 @@
+"""A camera's own contrast, found of all photos of a moving camera together.
+
+What a px shows of a moving camera is a mean of light, and a camera files light by a curve of its own
+(`core.colour.ToneCurve`): so edges along a path say what the curve is. With the frames' values v_k and shares w_k,
+u = u(v) and D(u) linear light, the photo is the v of D(u(v)) = sum of w_k D(u(v_k)), and changes with a parameter p of
+the curve by
+
+    dv / dp = (sum of w_k D'(u_k) du/dp(v_k) / D'(u(v)) - du/dp(v)) / u'(v),
+
+which is none where all frames are alike. Every visit of a photo gives a Gauss-Newton step of both parameters, its path
+free to follow. Once every photo has said something, the curve moves on by the step of all of them together.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from ..colour import ToneCurve, decoding_derivative, srgb_to_linear
+from ..devices import all_in_memory
+from ..forward import Exposed
+from ..frames import in_a_row
+from ..numbers import number
+from .path_slopes import Linearised, Sampled, curve_of, photo_px, sampled
+
+Array = NDArray[np.float64]
+_FIRST = "a first choice; no other value was compared"
+
+
+@dataclass(frozen=True)
+class ToneSettings:
+    """When a curve is asked for, and how it moves."""
+
+    visits: int = number(3, "visits", "of every photo, before it is asked for: paths have to be found first", _FIRST)
+    fewest: int = number(5, "photos", "whose path says something of it, or it stays sRGB's", _FIRST)
+    prior: float = number(0.5, "of a slope", "standard deviation of toe and shoulder", _FIRST)
+    faster: float = number(
+        1.5, "factor", "on each further step the same way: the twin hides a part of what is left", _FIRST
+    )
+    fastest: float = number(4.0, "factor", "on a step at most", _FIRST)
+    longest_step: float = number(0.2, "of a slope", "that toe and shoulder change by at a time", _FIRST)
+    lowest: float = number(-0.5, "of a slope", "that they may be: the curve has to rise", _FIRST)
+    highest: float = number(1.0, "of a slope", "that they may be: the curve has to rise", _FIRST)
+
+
+SETTINGS = ToneSettings()
+
+
+def slopes_in_curve(exposed: Exposed, rows: Tensor | None, at: Sampled) -> Tensor:
+    """[2, K] of the photo (as it was filed) by the toe and by the shoulder of its camera's curve.
+
+    Args:
+        rows: [T, H + 2m, 1] or [T, 1, W + 2m] shares that frames have of the light of each row; None for even ones.
+    """
+    curve, frames = curve_of(exposed), in_a_row([frame.passage.reached for frame in exposed.frames])
+    own, seen = all_in_memory(at.of_planes(photo_px(exposed, frames)), at.of_planes(exposed.degraded))
+    shares = torch.full((len(own), 1, 1), 1.0 / len(own)) if rows is None else sampled(exposed, rows, at)
+    straight, met = curve.undone(own), curve.undone(seen)
+    light = decoding_derivative(straight, srgb_to_linear(straight)) * shares[:, None]
+    back = decoding_derivative(met, srgb_to_linear(met))
+    of_frames, of_photo = (curve.parts(values.clamp(0.0, 1.0)) for values in (own, seen))
+    change = [(light * frame).sum(dim=0) / back - photo for frame, photo in zip(of_frames, of_photo, strict=True)]
+    return (torch.stack(change) / curve.slope(seen)).reshape(2, -1)
+
+
+def step_of(slopes: Tensor, path: Linearised) -> tuple[Array, Array]:
+    """[P, P] precision and [P] vector of a photo's own step of P parameters, its path following.
+
+    Args:
+        slopes: [P, K] of the photo by the parameters.
+    """
+    weighted = slopes * path.weight
+    cross = (path.jacobian @ weighted.T).double() * path.trust  # [30, P]
+    along = torch.linalg.solve(path.matrix, torch.cat([cross, path.vector[:, None]], dim=1))
+    precision = (weighted @ slopes.T).double() * path.trust - cross.T @ along[:, :-1]
+    wanted = (weighted @ path.rest).double() * path.trust - cross.T @ along[:, -1]
+    if not bool(torch.isfinite(precision).all() and torch.isfinite(wanted).all()):
+        return np.zeros((len(slopes), len(slopes))), np.zeros(len(slopes))
+    return precision.numpy(), wanted.numpy()
+
+
+class LearnedTone:
+    """What the visits of the fitted photos say of the curve.
+
+    Args:
+        photos: how many are fitted; curve: to begin with.
+
+    Attributes:
+        curve: as it is now.
+        error: standard errors of toe and shoulder; None as long as nothing was found.
+    """
+
+    def __init__(self, photos: int, curve: ToneCurve = ToneCurve(), settings: ToneSettings = SETTINGS) -> None:
+        self.settings, self.curve = settings, curve
+        self.error: tuple[float, float] | None = None
+        self._latest = np.full((photos, 6), np.nan)  # precision [2, 2] and vector [2] of each photo's last step
+        self._visits = np.zeros(photos, np.int64)
+        self._last, self._pace = np.zeros(2), 1.0
+
+    def see(self, photo: int, precision: Array, wanted: Array) -> None:
+        """Keeps a photo's own step (`step_of`) in the place of its last one."""
+        self._visits[photo] += 1
+        self._latest[photo] = [*precision.ravel(), *wanted]
+
+    def see_nothing(self, photo: int) -> None:
+        """The same of a photo that stood still."""
+        self.see(photo, np.zeros((2, 2)), np.zeros(2))
+
+    @property
+    def due(self) -> bool:
+        """Whether all photos have said something since the curve moved last."""
+        seen = bool(np.isfinite(self._latest).all()) and len(self._latest) > 0
+        return seen and int(self._visits.min()) >= self.settings.visits
+
+    def move(self) -> None:
+        """Takes the curve on after a round of the photos; it stays where too few of them say anything."""
+        s, now = self.settings, np.array([self.curve.toe, self.curve.shoulder])
+        informed, whole = int(self._latest[:, 0].astype(bool).sum()), self._latest.sum(axis=0)
+        self._latest[:] = np.nan
+        if informed < s.fewest:
+            return
+        prior = np.eye(2) / s.prior**2
+        precision = whole[:4].reshape(2, 2) + prior
+        step = np.linalg.solve(precision, whole[4:] - prior @ now)
+        toe, shoulder = np.sqrt(np.diag(np.linalg.inv(precision)))
+        self.error = float(toe), float(shoulder)
+        self._pace = min(self._pace * s.faster, s.fastest) if float(step @ self._last) > 0 else 1.0
+        self._last = step
+        step = np.clip(self._pace * step, -s.longest_step, s.longest_step)
+        self.curve = ToneCurve(*(float(value) for value in np.clip(now + step, s.lowest, s.highest)))
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """What a checkpoint keeps."""
+        error = (np.nan, np.nan) if self.error is None else self.error
+        pace = np.array([*self._last, self._pace, self.curve.toe, self.curve.shoulder, *error])
+        return {"tone.latest": self._latest.copy(), "tone.visits": self._visits.copy(), "tone.pace": pace}
+
+    def restore(self, arrays: Mapping[str, NDArray[Any]]) -> bool:
+        """Goes on from `state`; whether it is there, and of these photos."""
+        latest, visits, pace = (arrays.get(f"tone.{name}") for name in ("latest", "visits", "pace"))
+        if latest is None or visits is None or pace is None or latest.shape != self._latest.shape:
+            return False
+        if visits.shape != self._visits.shape or pace.shape != (7,) or not np.isfinite(pace[:5]).all():
+            return False
+        self._latest, self._visits = np.array(latest, np.float64), np.array(visits, np.int64)
+        self._last, self._pace = np.array(pace[:2], np.float64), float(pace[2])
+        self.curve = ToneCurve(float(pace[3]), float(pace[4]))
+        self.error = (float(pace[5]), float(pace[6])) if np.isfinite(pace[5:]).all() else None
+        return True
