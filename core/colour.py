@@ -23,6 +23,8 @@ _SRGB_KNEE, _LINEAR_KNEE = 0.04045, 0.0031308
 _SLOPE, _OFFSET, _POWER = 12.92, 0.055, 2.4
 #: Newton's steps to the inverse of a camera's own curve: five leave less than 1e-5 of curves as they are learned.
 NEWTON = 5
+#: From which on a camera's curve is worth a word: photos that were rendered in sRGB come to 0.12 (docs/real_blur.md).
+_NOTABLE = 0.2
 
 
 def srgb_to_linear(srgb: Values) -> Values:
@@ -80,6 +82,11 @@ class ToneCurve:
 
     def __bool__(self) -> bool:
         return bool(self.toe or self.shoulder)
+
+    @property
+    def notable(self) -> bool:
+        """Whether it differs from sRGB by more than what photos leave open."""
+        return max(abs(self.toe), abs(self.shoulder)) > _NOTABLE
 
     def undone(self, filed: Tensor) -> Tensor:
         """SRGB's own values of filed ones, elementwise; differentiable."""

@@ -40,7 +40,7 @@ from .photos import LoadedPhotos, read_photos
 from .refinement import RefinementJob, refine
 from .report import camera_facts, medium_facts, photo_facts, write_report
 from .scores import ViewScorer, resolvable_period, score_views
-from .shutter import check_shutter, shutter_found, with_shutter
+from .shutter import check_shutter, curve_found, shutter_found, with_shutter
 from .simulated import simulate
 from .surface import with_samples
 from .timing import MakeTiming, NoteKeeper, Stopwatch, Timing, Untimed
@@ -157,8 +157,9 @@ def _stages(run: RunSettings, given: Spreads | None, truth: TruthFolder | None, 
         keeper.note("The time limit is more than the longest training of these photos takes: the run ends before it")
     job = replace(asked, settings=planned.settings)
     trained = train_twin(job, machine, _resumes(run, course.ranks), run.snapshots, folder, keeper, course.ranks)
-    if said := shutter_found(trained.formation):
-        keeper.note(said)
+    for found_of in (shutter_found, curve_found):
+        if said := found_of(trained.formation):
+            keeper.note(said)
     watch.lap("prepare")
     watch.part("prepare", {name: round(float(trained.seconds[name]), 3) for name in ("compile", "train")})
 

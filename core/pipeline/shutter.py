@@ -1,4 +1,4 @@
-"""A rolling shutter that was given: the camera's motion as it was chosen, with the rows' own times."""
+"""What all photos of a moving camera share: a rolling shutter that was given or found, and the camera's own curve."""
 
 from __future__ import annotations
 
@@ -45,4 +45,16 @@ def shutter_found(formation: Formation) -> str:
     return (
         f"A rolling shutter: from the first to the last row {motion.readout:.2f} +- {2.0 * motion.readout_error:.2f} "
         "exposures pass, or as many from the last to the first"
+    )
+
+
+def curve_found(formation: Formation) -> str:
+    """What a training found of the camera's own contrast, in words; '' where it is sRGB's or was not sought."""
+    motion = formation.motion
+    if motion is None or motion.curve_error is None or not motion.curve.notable:
+        return ""
+    toe, shoulder = (2.0 * error for error in motion.curve_error)
+    return (
+        f"The camera's own contrast, seen along the paths: toe {motion.curve.toe:.2f} +- {toe:.2f}, shoulder "
+        f"{motion.curve.shoulder:.2f} +- {shoulder:.2f} (0 and 0 are sRGB; above, it presses shadows or lights together)"
     )

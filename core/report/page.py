@@ -17,7 +17,7 @@ from ..imaging.psf import PointSpread
 from .charts import Axis, Marker, line_chart, scatter_map
 from .foci import drawn_foci, usual_scale
 from .kernels import drawn_kernels
-from .paths import drawn_paths, shutter_said
+from .paths import curve_said, drawn_paths, shutter_said
 from .pictures import ViewPictures, embedded
 from .words import blurred_by_effects, limits, not_simulated, simulated
 
@@ -88,6 +88,7 @@ def page(
         blurred=blurred_by_effects(report),
         paths=drawn_paths(report),
         shutter=shutter_said(report),
+        curve=curve_said(report),
         kernels=drawn_kernels(report),
         foci=(foci := drawn_foci(report)),
         focus_scale=usual_scale(foci),

@@ -11,6 +11,8 @@ from markupsafe import Markup
 from numpy.polynomial import legendre
 from numpy.typing import NDArray
 
+from ..colour import ToneCurve
+
 #: Points of a path that are drawn, and the side of its picture in the units of its SVG.
 POINTS, SIDE = 33, 64
 #: Space around the longest path, in the same units.
@@ -45,6 +47,20 @@ def shutter_said(report: Mapping[str, Any]) -> str:
     return (
         f"A rolling shutter: {abs(parameters['readout']):.2f} exposures pass from one end of the photo to the other "
         f"({how}). A path is of the whole photo, of which each row saw a part."
+    )
+
+
+def curve_said(report: Mapping[str, Any]) -> str:
+    """The camera's own contrast, in words; '' where it is sRGB's."""
+    parameters = _learned(report) or {}
+    curve = ToneCurve(*parameters.get("curve", (0.0, 0.0)))
+    if not curve.notable:
+        return ""
+    errors = parameters.get("curve_error")
+    how = "" if errors is None else f" (standard errors {errors[0]:.2g} and {errors[1]:.2g})"
+    return (
+        f"The camera has a contrast of its own, by which light was added up: toe {curve.toe:.2f}, shoulder "
+        f"{curve.shoulder:.2f}{how}; 0 and 0 are sRGB, and above them shadows or lights are pressed together."
     )
 
 

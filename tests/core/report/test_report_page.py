@@ -310,6 +310,12 @@ def test_learned_paths_are_drawn():
     assert found["a.png"].length == pytest.approx(0.01 * focal) and found["b.png"].length == pytest.approx(0.02 * focal)
     text = page(report, pictures(), None, cameras())
     assert "Camera paths of all 2 photos" in text and text.count('aria-label="path"') == 2
+    assert "contrast of its own" not in text
+    row["parameters"] |= {"curve": [-0.24, 0.69], "curve_error": [0.02, 0.04]}
+    text = page(report, pictures(), None, cameras())
+    assert "toe -0.24, shoulder 0.69 (standard errors 0.02 and 0.04)" in " ".join(text.split())
+    row["parameters"]["curve"] = [0.08, 0.12]
+    assert "contrast of its own" not in page(report, pictures(), None, cameras())
 
 
 def test_photos_that_effects_blurred_are_not_called_sharp():
