@@ -56,5 +56,5 @@ def curve_found(formation: Formation) -> str:
     toe, shoulder = (2.0 * error for error in motion.curve_error)
     return (
         f"The camera's own contrast, seen along the paths: toe {motion.curve.toe:.2f} +- {toe:.2f}, shoulder "
-        f"{motion.curve.shoulder:.2f} +- {shoulder:.2f} (0 and 0 are sRGB; above, it presses shadows or lights together)"
+        f"{motion.curve.shoulder:.2f} +- {shoulder:.2f} (0 and 0: sRGB; above, it presses shadows or lights together)"
     )
