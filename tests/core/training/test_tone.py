@@ -76,20 +76,19 @@ def seen(learned, step, precision=1e4):
             learned.see(photo, precision * np.eye(2), precision * np.array(step))
 
 
-def test_the_curve_moves_by_the_photos_step_faster_while_it_goes_on():
+def test_the_curve_moves_by_the_photos_step():
     learned = LearnedTone(6)
     seen(learned, (0.1, -0.05))
     assert learned.due
     learned.move()
     assert (learned.curve.toe, learned.curve.shoulder) == pytest.approx((0.1, -0.05), rel=1e-3) and not learned.due
     assert learned.error == pytest.approx((1 / np.sqrt(6e4), 1 / np.sqrt(6e4)), rel=0.1)
-    seen(learned, (0.1, -0.05))
-    learned.move()
-    further = learned.curve.toe
-    assert further == pytest.approx(0.1 + SETTINGS.faster * 0.1, rel=1e-2)
     seen(learned, (-0.02, 0.01))
     learned.move()
-    assert learned.curve.toe == pytest.approx(further - 0.02, rel=1e-2), "back at its own pace"
+    assert (learned.curve.toe, learned.curve.shoulder) == pytest.approx((0.08, -0.04), rel=1e-2)
+    seen(learned, (0.9, 0.0))
+    learned.move()
+    assert learned.curve.toe == pytest.approx(0.08 + SETTINGS.longest_step, rel=1e-2), "not too far at once"
 
 
 def test_the_curve_always_rises():
@@ -129,4 +128,4 @@ def test_a_checkpoint_goes_on_where_it_was():
         one.move()
     assert learned.curve == other.curve
     assert not LearnedTone(5).restore(learned.state()) and not other.restore({})
-    assert not other.restore({**learned.state(), "tone.pace": np.full(7, np.nan)})
+    assert not other.restore({**learned.state(), "tone.curve": np.full(4, np.nan)})
