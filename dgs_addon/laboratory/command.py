@@ -84,6 +84,8 @@ def _add_sensor(group: argparse._ArgumentGroup, usual: SynthesizeSettings) -> No
     add = group.add_argument
     drift = "largest change of exposure over the photos, up or down"
     add("--exposure-drift", type=float, default=usual.exposure_drift, metavar="STOPS", help=drift)
+    curve = "the camera's own curve, of photos and sharp pictures: s:POWER, or film:STRENGTH as of phones"
+    add("--contrast", default=usual.contrast, metavar="CURVE", help=curve)
     add("--noise", type=float, default=usual.noise, help="standard deviation on encoded values in [0, 1]")
     white = "count photons: electrons that white is (shot noise)"
     add("--full-well", type=float, default=usual.full_well, metavar="ELECTRONS", help=white)
@@ -137,6 +139,7 @@ def settings_of(args: argparse.Namespace) -> SynthesizeSettings:
         sharp_share=args.sharp_share,
         holdout_every=args.holdout_every,
         medium_samples=args.medium_samples,
+        contrast=args.contrast,
     )
 
 

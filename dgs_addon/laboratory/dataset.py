@@ -192,11 +192,11 @@ def _frame(
 
 
 def _sharp(settings: SynthesizeSettings, linear: NDArray[np.float32]) -> NDArray[np.uint8] | NDArray[np.uint16]:
-    """The picture that a perfect camera takes in clear air."""
+    """The picture that a perfect camera of the same contrast takes in clear air."""
     return degrade.photograph(
         _before_background(settings, linear),
         np.ones((1, 1)),
-        degrade.Sensor(settings.bits),
+        degrade.Sensor(settings.bits, contrast=settings.contrast),
         blur_space="linear",
         margin=settings.overscan,
         seed=(settings.seed, 0),
@@ -214,7 +214,7 @@ def _photo(
     photo = degrade.photograph(
         _before_background(settings, linear),
         kernel,
-        degrade.Sensor(settings.bits, settings.noise, settings.full_well, settings.read_noise),
+        degrade.Sensor(settings.bits, settings.noise, settings.full_well, settings.read_noise, settings.contrast),
         blur_space=settings.blur_space,
         margin=settings.overscan,
         seed=(settings.seed, index),

@@ -13,9 +13,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.errors import PsfError
+from ...core.errors import DgsError, PsfError
 from ...core.imaging.kernel_files import read_kernel
 
+_CURVES = "Write s:POWER or film:STRENGTH, such as s:1.4 or film:1"
+#: Of a camera's own contrast: a power of 4, and a strength of 4, leave a photo of black, white and little between.
+_STEEPEST = 4.0
 _FORMS = "Write none, gaussian:SIGMA, gaussian:SX,SY,ANGLE, disk:RADIUS or file:PATH"
 
 
@@ -34,12 +37,45 @@ class Sensor:
         noise: standard deviation, of encoded values in [0, 1], added before rounding.
         full_well: electrons that white is: light is counted in whole ones, with Poisson's noise; 0 for no counting.
         read_noise: electrons rms that are added to the count.
+        contrast: the camera's own curve on sRGB values (`curved`); '' for none.
     """
 
     bits: int
     noise: float = 0.0
     full_well: float = 0.0
     read_noise: float = 0.0
+    contrast: str = ""
+
+
+def curve_of(contrast: str) -> tuple[str, float]:
+    """Kind and strength of a camera's own curve.
+
+    Raises:
+        DgsError: the text makes no sense.
+    """
+    kind, _, strength = contrast.partition(":")
+    try:
+        value = float(strength)
+    except ValueError:
+        value = math.nan
+    least = 1 / _STEEPEST if kind == "s" else -_STEEPEST
+    if kind not in ("s", "film") or not least <= value <= _STEEPEST or (kind == "film" and value == 0):
+        raise DgsError(f"The contrast '{contrast[:60]}' makes no sense", _CURVES)
+    return kind, value
+
+
+def curved(encoded: NDArray[np.float64], contrast: str) -> NDArray[np.float64]:
+    """What a camera with a curve of its own stores in the place of sRGB values in [0, 1]; black and white stay.
+
+    Args:
+        contrast: 's:POWER' makes an S, x^a / (x^a + (1 - x)^a); 'film:STRENGTH' presses lights together as film does,
+            (1 - exp(-k x)) / (1 - exp(-k)). Neither is of the engine's own family.
+    """
+    kind, value = curve_of(contrast)
+    x = np.clip(encoded, 0.0, 1.0)
+    if kind == "film":
+        return np.asarray(np.expm1(-value * x) / math.expm1(-value))
+    return np.asarray(x**value / (x**value + (1 - x) ** value))
 
 
 def kernel_of(psf: str) -> NDArray[np.float64]:
@@ -138,6 +174,8 @@ def photograph(
         generator = np.random.default_rng((*seed, 23))
         electrons = generator.poisson(np.clip(decode(encoded), 0.0, 1.0) * sensor.full_well)
         encoded = encode((electrons + generator.normal(0.0, sensor.read_noise, electrons.shape)) / sensor.full_well)
+    if sensor.contrast:
+        encoded = curved(encoded, sensor.contrast)
     if sensor.noise > 0:
         encoded = encoded + np.random.default_rng(seed).normal(0.0, sensor.noise, encoded.shape)
     return quantise(encoded if through is None else np.concatenate([encoded, alpha], axis=-1), sensor.bits)

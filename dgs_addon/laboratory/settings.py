@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass, fields, replace
 from typing import Any, Literal
 
 from ...core.errors import DgsError, FormatError
+from .degrade import curve_of
 from .media.registry import medium_of
 from .scenes import SCENES as BUILT_SCENES
 
@@ -36,6 +37,7 @@ _LATER = (
     "sharp_share",
     "holdout_every",
     "medium_samples",
+    "contrast",
 )
 #: px that Blender renders and JPEG files hold at most.
 LONGEST_SIDE = 65_500
@@ -89,6 +91,7 @@ class SynthesizeSettings:
         holdout_every: views 0, n, 2n ... are to be held out: they have neither shake nor defocus; 0 for none.
         medium_samples: Cycles' paths per pixel of photos through what it renders; 0 for as many as of sharp pictures,
             but at least `FEWEST_THROUGH_MEDIA`.
+        contrast: the camera's own curve on sRGB values, of photos and sharp pictures (`degrade.curved`); '' for none.
     """
 
     scene: str = "rugby-ball"
@@ -124,6 +127,7 @@ class SynthesizeSettings:
     sharp_share: float = 0.0
     holdout_every: int = 8
     medium_samples: int = 0
+    contrast: str = ""
 
     def __post_init__(self) -> None:
         self._check_media()
@@ -174,6 +178,8 @@ class SynthesizeSettings:
             raise DgsError("A set is of a mesh or of a .blend, not of both", "Give --mesh or --scene")
 
     def _check_media(self) -> None:
+        if self.contrast:
+            curve_of(self.contrast)
         names = [text.partition(":")[0] for text in self.media]
         media = [medium_of(text) for text in self.media]
         twice = next((name for name in names if names.count(name) > 1), "")
@@ -244,6 +250,7 @@ class SynthesizeSettings:
             "sharp_share",
             "holdout_every",
             "medium_samples",
+            "contrast",
             *EXTRAS,
         }
         kept = {key: value for key, value in self.to_json().items() if key not in after}

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from dgs.core.errors import DgsError
 from dgs.dgs_addon.laboratory import degrade
 from scipy import special
 
@@ -45,3 +46,21 @@ def test_kernel_file(tmp_path):
     kernel = np.random.default_rng(0).random((5, 7))
     np.save(tmp_path / "kernel.npy", kernel)
     np.testing.assert_allclose(degrade.kernel_of(f"file:{tmp_path / 'kernel.npy'}"), kernel / kernel.sum())
+
+
+def test_a_cameras_own_contrast_is_in_photos_and_sharp_pictures_alike():
+    linear = np.random.default_rng(1).random((9, 11, 3), dtype=np.float32)
+    options = {"blur_space": "linear", "margin": 0, "seed": (0, 0)}
+    plain, film, s_shaped = (
+        degrade.photograph(linear, np.ones((1, 1)), degrade.Sensor(16, contrast=text), **options) / 65535
+        for text in ("", "film:1", "s:1.4")
+    )
+    # The light that a curve stored, by its inverse.
+    np.testing.assert_allclose(-np.log(1 - film * (1 - np.exp(-1.0))), plain, atol=1e-4)
+    odds = np.log(plain / (1 - plain))
+    np.testing.assert_allclose(1 / (1 + np.exp(-1.4 * odds)), s_shaped, atol=1e-4)
+    ends = degrade.curved(np.array([0.0, 1.0, 2.0, -1.0]), "film:1")
+    np.testing.assert_allclose(ends, [0, 1, 1, 0], atol=1e-12)
+    for text in ("film:0", "film:9", "s:0.1", "s:", "gamma:2", "s:nan"):
+        with pytest.raises(DgsError, match="makes no sense"):
+            degrade.curve_of(text)
