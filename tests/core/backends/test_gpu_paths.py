@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from dgs.core.colour import ToneCurve
 from dgs.core.devices import all_in_memory
 from dgs.core.forward.collecting import collected
 from dgs.core.gaussians import Gaussians
@@ -101,15 +102,16 @@ def test_a_path_without_gaussians_and_one_beside_the_frame(card):
         assert torch.allclose(found, behind[None, :, None, None].expand_as(found))
 
 
+@pytest.mark.parametrize("curve", [ToneCurve(), ToneCurve(-0.2, 0.7)])
 @pytest.mark.parametrize("weights", [[0.2, 0.5, 0.3], "rows", "columns"])
-def test_light_is_collected_on_the_card_as_in_memory(card, weights):
+def test_light_is_collected_on_the_card_as_in_memory(card, weights, curve):
     random = torch.Generator().manual_seed(0)
     frames, upstream = torch.rand(3, 3, 11, 17, generator=random), torch.randn(3, 11, 17, generator=random)
     if isinstance(weights, str):
         shares = torch.rand(3, 11, 1, generator=random) if weights == "rows" else torch.rand(3, 1, 17, generator=random)
         weights = shares / shares.sum(dim=0)
-    own = collected(list(frames.double()), weights if isinstance(weights, list) else weights.double(), "linear")
-    there = collected(list(brought_up(frames)), weights, "linear")
+    own = collected(list(frames.double()), weights if isinstance(weights, list) else weights.double(), "linear", curve)
+    there = collected(list(brought_up(frames)), weights, "linear", curve)
     assert torch.allclose(there.shown.cpu().double(), own.shown, atol=3e-6)
     parts = zip(there.gradient(brought_up(upstream)), own.gradient(upstream.double()), strict=True)
     for found, expected in parts:
