@@ -13,12 +13,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.errors import DgsError, PsfError
+from ...core.errors import PsfError
 from ...core.imaging.kernel_files import read_kernel
+from .contrast import curve_of
 
-_CURVES = "Write s:POWER or film:STRENGTH, such as s:1.4 or film:1"
-#: Of a camera's own contrast: a power of 4, and a strength of 4, leave a photo of black, white and little between.
-_STEEPEST = 4.0
 _FORMS = "Write none, gaussian:SIGMA, gaussian:SX,SY,ANGLE, disk:RADIUS or file:PATH"
 
 
@@ -45,23 +43,6 @@ class Sensor:
     full_well: float = 0.0
     read_noise: float = 0.0
     contrast: str = ""
-
-
-def curve_of(contrast: str) -> tuple[str, float]:
-    """Kind and strength of a camera's own curve.
-
-    Raises:
-        DgsError: the text makes no sense.
-    """
-    kind, _, strength = contrast.partition(":")
-    try:
-        value = float(strength)
-    except ValueError:
-        value = math.nan
-    least = 1 / _STEEPEST if kind == "s" else -_STEEPEST
-    if kind not in ("s", "film") or not least <= value <= _STEEPEST or (kind == "film" and value == 0):
-        raise DgsError(f"The contrast '{contrast[:60]}' makes no sense", _CURVES)
-    return kind, value
 
 
 def curved(encoded: NDArray[np.float64], contrast: str) -> NDArray[np.float64]:

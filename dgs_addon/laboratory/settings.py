@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass, fields, replace
 from typing import Any, Literal
 
 from ...core.errors import DgsError, FormatError
-from .degrade import curve_of
+from .contrast import curve_of
 from .media.registry import medium_of
 from .scenes import SCENES as BUILT_SCENES
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from dgs.core.errors import DgsError
 from dgs.dgs_addon.laboratory import degrade
+from dgs.dgs_addon.laboratory.contrast import curve_of
 from scipy import special
 
 
@@ -63,4 +64,4 @@ def test_a_cameras_own_contrast_is_in_photos_and_sharp_pictures_alike():
     np.testing.assert_allclose(ends, [0, 1, 1, 0], atol=1e-12)
     for text in ("film:0", "film:9", "s:0.1", "s:", "gamma:2", "s:nan"):
         with pytest.raises(DgsError, match="makes no sense"):
-            degrade.curve_of(text)
+            curve_of(text)
