@@ -1,4 +1,4 @@
-"""sRGB and linear light, the one place that has the curve (IEC 61966-2-1), and cameras' own curves on top of it.
+"""sRGB and linear light, the one place that has the curve (IEC 61966-2-1).
 
 Outside [0, 1] both curves go on monotonically: linearly below 0 (the curve's own first segment)
 and by the same power above 1. Slopes are finite everywhere. Arrays need numpy only.
@@ -6,7 +6,6 @@ and by the same power above 1. Slopes are finite everywhere. Arrays need numpy o
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeVar, cast
 
 import numpy as np
@@ -21,10 +20,6 @@ Values = TypeVar("Values", "Tensor", NDArray[np.float32], NDArray[np.float64])
 _SRGB_KNEE, _LINEAR_KNEE = 0.04045, 0.0031308
 #: Slope of the straight segment, and offset and exponent of the power above it (the standard's).
 _SLOPE, _OFFSET, _POWER = 12.92, 0.055, 2.4
-#: Newton's steps to the inverse of a camera's own curve: five leave less than 1e-5 of curves as they are learned.
-NEWTON = 5
-#: From which on a camera's curve is worth a word: photos that were rendered in sRGB come to 0.12 (docs/real_blur.md).
-_NOTABLE = 0.2
 
 
 def srgb_to_linear(srgb: Values) -> Values:
@@ -64,52 +59,3 @@ def encoding_derivative(linear: Tensor, srgb: Tensor) -> Tensor:
     import torch  # heavy: torch
 
     return torch.where(linear > _LINEAR_KNEE, (srgb + _OFFSET) / (_POWER * linear), _SLOPE)
-
-
-@dataclass(frozen=True)
-class ToneCurve:
-    """A camera's own contrast. What it files, v in [0, 1], is sRGB's own value u after the inverse of a cubic curve,
-
-        u(v) = v + toe v (1 - v)^2 - shoulder v^2 (1 - v),
-
-    with u'(0) = 1 + toe and u'(1) = 1 + shoulder: where they are above 0, the camera pressed shadows and lights
-    together, and drew the values between them apart. Black and white stay; outside [0, 1] the curve goes on straight.
-    0 and 0 is sRGB.
-    """
-
-    toe: float = 0.0
-    shoulder: float = 0.0
-
-    def __bool__(self) -> bool:
-        return bool(self.toe or self.shoulder)
-
-    @property
-    def notable(self) -> bool:
-        """Whether it differs from sRGB by more than what photos leave open."""
-        return max(abs(self.toe), abs(self.shoulder)) > _NOTABLE
-
-    def undone(self, filed: Tensor) -> Tensor:
-        """SRGB's own values of filed ones, elementwise; differentiable."""
-        inside = filed.clamp(0.0, 1.0)
-        toe, shoulder = self.parts(inside)
-        beyond = filed - inside
-        ends = self.toe * beyond.clamp(max=0.0) + self.shoulder * beyond.clamp(min=0.0)
-        return filed + self.toe * toe + self.shoulder * shoulder + ends
-
-    def slope(self, filed: Tensor) -> Tensor:
-        """Derivative of `undone`."""
-        inside = filed.clamp(0.0, 1.0)
-        return 1.0 + self.toe * (1 - inside) * (1 - 3 * inside) + self.shoulder * inside * (3 * inside - 2)
-
-    def filed(self, srgb: Tensor) -> Tensor:
-        """The inverse of `undone`; not differentiable."""
-        found = srgb.clone()
-        for _ in range(NEWTON):
-            found = found - (self.undone(found) - srgb) / self.slope(found)
-        return found
-
-    @staticmethod
-    def parts(inside: Tensor) -> tuple[Tensor, Tensor]:
-        """Derivatives of `undone` by toe and by shoulder at filed values in [0, 1]."""
-        rest = 1 - inside
-        return inside * rest * rest, -inside * inside * rest

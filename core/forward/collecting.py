@@ -11,10 +11,11 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from ..colour import ToneCurve, decoding_derivative, encoding_derivative, linear_to_srgb, srgb_to_linear
+from ..colour import decoding_derivative, encoding_derivative, linear_to_srgb, srgb_to_linear
 from ..compiled import run
 from ..frames import in_a_row
 from ..imaging.medium import BlurSpace
+from ..tone_curve import ToneCurve
 from .collecting_kernels import STEPS, collect, distribute, file_as, steepen, straighten
 
 #: No curve besides sRGB's.

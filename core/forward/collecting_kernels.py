@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from ..colour import NEWTON
 from ..compiled import inlined, kernel
+from ..tone_curve import NEWTON
 
 #: Entries of the table for display values 0 to 1; the power itself is taken above.
 STEPS = 4096

@@ -11,7 +11,7 @@ from markupsafe import Markup
 from numpy.polynomial import legendre
 from numpy.typing import NDArray
 
-from ..colour import ToneCurve
+from ..tone_curve import ToneCurve
 
 #: Points of a path that are drawn, and the side of its picture in the units of its SVG.
 POINTS, SIDE = 33, 64

@@ -9,10 +9,11 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from ..colour import ToneCurve, decoding_derivative, encoding_derivative, srgb_to_linear
+from ..colour import decoding_derivative, encoding_derivative, srgb_to_linear
 from ..devices import all_in_memory
 from ..forward import Exposed
 from ..frames import in_a_row
+from ..tone_curve import ToneCurve
 
 #: The picture's axes: down, and to the right.
 AXES = (1, 0), (0, 1)

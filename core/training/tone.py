@@ -1,7 +1,7 @@
 """A camera's own contrast, found of all photos of a moving camera together.
 
 What a px shows of a moving camera is a mean of light, and a camera files light by a curve of its own
-(`core.colour.ToneCurve`): so edges along a path say what the curve is. With the frames' values v_k and shares w_k,
+(`core.tone_curve.ToneCurve`): so edges along a path say what the curve is. With the frames' values v_k and shares w_k,
 u = u(v) and D(u) linear light, the photo is the v of D(u(v)) = sum of w_k D(u(v_k)), and changes with a parameter p of
 the curve by
 
@@ -22,11 +22,12 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from ..colour import ToneCurve, decoding_derivative, srgb_to_linear
+from ..colour import decoding_derivative, srgb_to_linear
 from ..devices import all_in_memory
 from ..forward import Exposed
 from ..frames import in_a_row
 from ..numbers import number
+from ..tone_curve import ToneCurve
 from .path_slopes import Linearised, Sampled, curve_of, photo_px, sampled
 
 Array = NDArray[np.float64]

@@ -22,8 +22,8 @@ from dataclasses import dataclass
 from types import ModuleType
 from typing import TYPE_CHECKING, cast
 
-from ...colour import ToneCurve
 from ...numbers import BY_DEFINITION, number
+from ...tone_curve import ToneCurve
 from .effect import Effect, Shot
 
 if TYPE_CHECKING:

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from dgs.core.colour import ToneCurve
 from dgs.core.devices import all_in_memory
 from dgs.core.forward.collecting import collected
 from dgs.core.gaussians import Gaussians
@@ -15,6 +14,7 @@ from dgs.core.imaging.formation.chain import Formation
 from dgs.core.imaging.formation.motion import straight_paths
 from dgs.core.imaging.medium import Medium
 from dgs.core.rasterizer import render, render_path
+from dgs.core.tone_curve import ToneCurve
 from dgs.core.training.trainer import Trainer
 from dgs.tests.back_ends import brought_up, or_skip
 from dgs.tests.core.rasterizer.test_frames_along_a_path import SETTINGS, camera, gaussians, poses

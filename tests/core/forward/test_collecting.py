@@ -2,8 +2,9 @@
 
 import pytest
 import torch
-from dgs.core.colour import ToneCurve, linear_to_srgb, srgb_to_linear
+from dgs.core.colour import linear_to_srgb, srgb_to_linear
 from dgs.core.forward.collecting import CollectedLight, collected
+from dgs.core.tone_curve import ToneCurve
 
 
 def reference(frames, weights):

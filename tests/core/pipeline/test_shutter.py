@@ -1,7 +1,6 @@
 """A rolling shutter in the row of stages: given, left to the training, and refused where nothing moves."""
 
 import pytest
-from dgs.core.colour import ToneCurve
 from dgs.core.errors import DgsError
 from dgs.core.imaging.formation.chain import Formation
 from dgs.core.imaging.formation.motion import straight_paths
@@ -11,6 +10,7 @@ from dgs.core.pipeline.shutter import check_shutter, curve_found, with_shutter
 from dgs.core.pipeline.simulated import SimulatedEffects
 from dgs.core.progress import Silent
 from dgs.core.shutter import ShutterRequest
+from dgs.core.tone_curve import ToneCurve
 from dgs.tests.core.training.training_scenes import blurred_scene
 
 

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from dgs.core.colour import ToneCurve
 from dgs.core.imaging.formation.chain import Formation
 from dgs.core.imaging.formation.motion import straight_paths
 from dgs.core.imaging.medium import Medium
 from dgs.core.progress import Silent
+from dgs.core.tone_curve import ToneCurve
 from dgs.core.training.job import TrainingJob
 from dgs.core.training.path_slopes import Linearised, Sampled
 from dgs.core.training.run import train
