@@ -5,12 +5,14 @@
 
 Packages without Blender's module run folder by folder; every other test file runs in a process of its own, because
 bpy keeps global state that a test file may not inherit. As many processes at a time as there are cores. What failed
-is printed whole, the rest in a line each. The last line is the sum of all: `N passed, N failed, N skipped`.
+is printed whole, the rest in a line each. A process that hangs is ended, says what each of its threads was at, and
+is begun anew, once. The last line is the sum of all: `N passed, N failed, N skipped`.
 """
 
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
 import tempfile
@@ -27,6 +29,11 @@ TOGETHER = ("tests/core", "tests/studies", "tests/command_line", "tests/hard_cas
 LONG = ("tests/core/pipeline", "tests/blender/job", "tests/hard_cases", "tests/core/sfm", "tests/core/training")
 #: pytest's status where no test was selected.
 NOTHING_SELECTED = 5
+#: Seconds that a process may take: three times those of the longest one on two cores. The limit of pytest for a test
+#: raises in the main thread, which does not end one that waits for a stuck thread.
+LIMIT = 900.0
+#: Seconds that a process may take to say what each of its threads was at.
+LAST_WORDS = 20.0
 
 
 @dataclass(frozen=True)
@@ -39,6 +46,7 @@ class Ran:
         status: of the process.
         seconds: wall time.
         output: all it printed.
+        hung: it had to be ended.
     """
 
     target: str
@@ -48,6 +56,7 @@ class Ran:
     status: int
     seconds: float
     output: str
+    hung: bool = False
 
     @property
     def fine(self) -> bool:
@@ -67,28 +76,50 @@ def targets() -> list[str]:
     return sorted(found, key=lambda name: (not name.startswith(LONG), not name.startswith("tests/blender"), name))
 
 
-def run(target: str, arguments: list[str]) -> Ran:
-    """Runs pytest on `target`, in a process of its own."""
+def run(target: str, arguments: list[str]) -> list[Ran]:
+    """Runs pytest on `target` in a process of its own; once more if that hangs."""
+    first = attempt(target, arguments)
+    return [first, attempt(target, arguments)] if first.hung else [first]
+
+
+def attempt(target: str, arguments: list[str], limit: float = LIMIT) -> Ran:
+    """Runs pytest on `target`, for `limit` seconds at most."""
     environment = {**os.environ, "OMP_WAIT_POLICY": "passive"}
     for name in ("BLENDER_USER_RESOURCES", "PYTHONPATH"):
         environment.pop(name, None)
     began = time.perf_counter()
-    with tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory() as folder, tempfile.TemporaryFile("w+", errors="replace") as said:
         results = Path(folder) / "results.xml"
-        done = subprocess.run(
+        process = subprocess.Popen(
             [sys.executable, "-m", "pytest", f"--junitxml={results}", target, *arguments],
             cwd=ROOT,
             env=environment,
             stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
+            stdout=said,  # (a pipe would be held open by what a hung process leaves behind)
             stderr=subprocess.STDOUT,
-            text=True,
-            errors="replace",
-            check=False,
         )
+        hung = not ends(process, limit)
         passed, failed, skipped = counts(results)
-    broken = done.returncode not in (0, 1, NOTHING_SELECTED)  # ended early: a crash counts as a failed test
-    return Ran(target, passed, failed + broken, skipped, done.returncode, time.perf_counter() - began, done.stdout)
+        said.seek(0)
+        output = said.read()
+    broken = hung or process.returncode not in (0, 1, NOTHING_SELECTED)  # ended early: a crash counts as a failed test
+    return Ran(target, passed, failed + broken, skipped, process.returncode, time.perf_counter() - began, output, hung)
+
+
+def ends(process: subprocess.Popen[bytes], limit: float) -> bool:
+    """Waits for a process for `limit` seconds, then has it say what its threads are at (pytest's fault handler), and
+    ends it; False if that was needed."""
+    try:
+        process.wait(limit)
+        return True
+    except subprocess.TimeoutExpired:
+        process.send_signal(signal.SIGABRT)
+    try:
+        process.wait(LAST_WORDS)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
+    return False
 
 
 def counts(results: Path) -> tuple[int, int, int]:
@@ -104,25 +135,32 @@ def counts(results: Path) -> tuple[int, int, int]:
     return total - failed - skipped, failed, skipped
 
 
+def report(ran: Ran) -> None:
+    """Prints a line, and all that was said where something failed."""
+    if ran.status == NOTHING_SELECTED:
+        return
+    sums = f"{ran.passed} passed, {ran.failed} failed, {ran.skipped} skipped"
+    print(f"{ran.target:52s} {sums} {ran.seconds:.0f} s" + (", hung" if ran.hung else ""), flush=True)
+    if not ran.fine:
+        print(ran.output, flush=True)
+
+
 def main() -> int:
     """Runs everything; 1 if anything failed or nothing ran."""
     arguments, jobs = sys.argv[1:], len(os.sched_getaffinity(0))
     if arguments[:1] == ["--jobs"]:
         jobs, arguments = int(arguments[1]), arguments[2:]
-    began, all_ran = time.perf_counter(), []
+    began, last, hung = time.perf_counter(), [], []
     with ThreadPoolExecutor(max(1, jobs)) as pool:
-        for ran in pool.map(lambda target: run(target, arguments), targets()):
-            all_ran.append(ran)
-            if ran.status == NOTHING_SELECTED:
-                continue
-            print(
-                f"{ran.target:52s} {ran.passed} passed, {ran.failed} failed, {ran.skipped} skipped {ran.seconds:.0f} s",
-                flush=True,
-            )
-            if not ran.fine:
-                print(ran.output, flush=True)
-    passed, failed, skipped = (sum(getattr(ran, name) for ran in all_ran) for name in ("passed", "failed", "skipped"))
-    broken = [ran.target for ran in all_ran if not ran.fine]
+        for attempts in pool.map(lambda target: run(target, arguments), targets()):
+            for ran in attempts:
+                report(ran)
+            last.append(attempts[-1])
+            hung += attempts[:-1]
+    passed, failed, skipped = (sum(getattr(ran, name) for ran in last) for name in ("passed", "failed", "skipped"))
+    broken = [ran.target for ran in last if not ran.fine]
+    if hung:
+        print("Hung, and begun anew: " + ", ".join(ran.target for ran in hung))
     if broken:
         print("Failed: " + ", ".join(broken))
     print(f"All tests took {time.perf_counter() - began:.0f} s")
