@@ -1,18 +1,39 @@
-"""Cameras that a training adjusted: they stand beside the twin in the place of those that were found.
+"""Cameras that a training adjusted: they stand beside the twin in the place of those that were found or given.
 
 The twin fits them, and whoever looks from a photo's camera, exports it or measures goes by them. A run that is resumed
-goes on from what was found, as its checkpoint does.
+goes on from what there was before, as its checkpoint does.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
 from ..imaging.formation.chain import Formation
 from ..imaging.formation.motion import motion_of
 from ..reconstruction import Reconstruction
 from ..training.run import Trained
 from ..twin.folder import TwinFolder
+
+
+def adjusted(trained: Trained) -> bool:
+    """Whether the training moved the cameras."""
+    return bool(trained.counters.get("cameras adjusted"))
+
+
+def contradicted(given: Reconstruction, trained: Trained) -> str | None:
+    """What is said of cameras that were given and moved; None where they stayed."""
+    motion = motion_of(trained.formation.effects)
+    if motion is None or not adjusted(trained):
+        return None
+    offsets = (motion.offset(name, given.lenses[name].fx) for name in motion.names if name in given.poses)
+    moved = [offset for offset in offsets if offset is not None]
+    by = f"{np.median(moved):.1f} px in the median, {max(moved):.1f} at most"
+    return (
+        f"The photos contradict the cameras that were given: they are adjusted with the twin, by {by}."
+        " As they were given they lie in cameras/found"
+    )
 
 
 def keep_adjusted(found: Reconstruction, trained: Trained, folder: TwinFolder) -> Formation:
@@ -25,7 +46,7 @@ def keep_adjusted(found: Reconstruction, trained: Trained, folder: TwinFolder) -
         OutputError: they cannot be written.
     """
     motion = motion_of(trained.formation.effects)
-    if motion is None or not trained.counters.get("cameras adjusted"):
+    if motion is None or not adjusted(trained):
         return trained.formation
     focals = {name: lens.fx for name, lens in found.lenses.items()}
     poses = {name: motion.mean_pose(name, pose, focals[name]) for name, pose in found.poses.items()}

@@ -20,6 +20,7 @@ from ..progress import Progress
 from ..reconstruction import Reconstruction
 from ..report.summary import RunFacts, TimeFacts
 from ..run_settings import RunSettings
+from ..training.adjusting import Adjust
 from ..training.job import TrainingJob
 from ..training.ranks import ALONE, Ranks
 from ..training.run import Trained
@@ -28,7 +29,7 @@ from ..twin.begun import BegunRun, Start
 from ..twin.folder import TwinFolder
 from ..views import SparsePoints
 from ..warming import begin_warming
-from .adjusted import keep_adjusted
+from .adjusted import adjusted, contradicted, keep_adjusted
 from .blind import Spreads, given_spreads
 from .cameras import FoundCameras, cameras_of, given_cameras, search_for
 from .effects.decision import parse_effects
@@ -149,17 +150,18 @@ def _stages(run: RunSettings, given: Spreads | None, truth: TruthFolder | None, 
     chosen = effects.chosen
     settings = training_settings(run.training, machine, timing.limited, sigma, not chosen.formation.spreads)
     found = cameras.source == "sfm"
+    adjust: Adjust = "always" if found else "contradicted"
     asked = TrainingJob(
-        effects.fitted, effects.heldout, points, effects.medium, settings, chosen.formation, found=found
+        effects.fitted, effects.heldout, points, effects.medium, settings, chosen.formation, adjust=adjust
     )
     planned = fit_into_time(asked, photos, run.training.max_gaussians, run.resume, timing, folder)
     if planned.enough:
         keeper.note("The time limit is more than the longest training of these photos takes: the run ends before it")
     job = replace(asked, settings=planned.settings)
     trained = train_twin(job, machine, _resumes(run, course.ranks), run.snapshots, folder, keeper, course.ranks)
-    for found_of in (shutter_found, curve_found):
-        if said := found_of(trained.formation):
-            keeper.note(said)
+    moved = None if found else contradicted(cameras.reconstruction, trained)
+    for said in filter(None, (shutter_found(trained.formation), curve_found(trained.formation), moved)):
+        keeper.note(said)
     watch.lap("prepare")
     watch.part("prepare", {name: round(float(trained.seconds[name]), 3) for name in ("compile", "train")})
 
@@ -167,7 +169,8 @@ def _stages(run: RunSettings, given: Spreads | None, truth: TruthFolder | None, 
     period = resolvable_period(effects.typical)
     seen = formation_of_all(trained.formation, views.names)
     viewer = _viewer(trained, cameras.reconstruction, machine.device)
-    scorer = ViewScorer(viewer, cameras.reconstruction, effects.medium, truth, period, keeper, seen, found)
+    stood = found or adjusted(trained)
+    scorer = ViewScorer(viewer, cameras.reconstruction, effects.medium, truth, period, keeper, seen, stood)
     scored = score_views(scorer, photos, loaded.held, machine.threads, timing, folder)
     if over := timing.overrun():
         keeper.note(f"The time limit was passed by {over:.0f} s: the cameras alone took {watch.seconds['sfm']:.0f} s")

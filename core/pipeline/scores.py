@@ -72,8 +72,8 @@ class ViewScorer:
         period: finest period in px that one photo holds.
         progress: hears of what could not be compared.
         formation: effects besides the point spread.
-        found: the cameras were found from the photos. Where a path was learned of a photo, its sharp view is then taken
-            from where the camera was on average; cameras that were given stay where they are.
+        found: the cameras were found from the photos, or adjusted to them. Where a path was learned of a photo, its
+            sharp view is then taken from where the camera was on average; other cameras stay where they are.
     """
 
     viewer: Viewer

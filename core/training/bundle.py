@@ -50,6 +50,8 @@ class AdjustmentSettings:
 
 
 SETTINGS = AdjustmentSettings()
+#: Of a prior that keeps cameras where they are.
+_FIXED = 1e-4
 
 
 @dataclass(frozen=True)
@@ -101,9 +103,7 @@ def adjusted(
         Cameras and points still have the freedom of a similarity.
     """
     problem = _Problem(cameras, seen, focal, settings)
-    state = _State(
-        np.stack([c.rotation for c in cameras]), np.stack([c.translation for c in cameras]), points.copy(), 0.0
-    )
+    state = problem.state(cameras, points)
     damping = settings.damping
     for _ in range(settings.iterations):
         weight = problem.weights(state)
@@ -119,6 +119,27 @@ def adjusted(
     return Adjusted(found, state.points, float(np.median(np.linalg.norm(problem.residual(state)[0], axis=1))))
 
 
+def contradiction(
+    cameras: Sequence[Camera], points: Floats, seen: Observations, found: Adjusted, settings: AdjustmentSettings
+) -> float:
+    """How much better observations are explained by other cameras than by other points alone, over what chance does.
+
+    Each of the six numbers of a camera takes one off the weighted squares where nothing is wrong with it and
+    observations err as they are thought to, so that this is 1 there (or less, as `settings` hold cameras back).
+
+    Args:
+        found: what `adjusted` made of all this, with one focal length throughout.
+    """
+    problem = _Problem(cameras, seen, False, settings)
+    moved, before = problem.state(found.cameras, found.points), problem.state(cameras, points)
+    weight = problem.weights(moved)
+    held = _Problem(cameras, seen, False, replace(settings, camera_prior=settings.camera_prior * _FIXED))
+    for _ in range(settings.iterations // 4):  # (points alone are found at once)
+        before = held.step(before, weight, settings.damping)
+    gained = problem.cost(before, weight) - problem.cost(moved, weight)
+    return gained / (6 * len(cameras))
+
+
 class _Problem:
     def __init__(
         self, cameras: Sequence[Camera], seen: Observations, focal: bool, settings: AdjustmentSettings
@@ -132,6 +153,11 @@ class _Problem:
         pose = np.concatenate([px, px, 2 * px, px, px, px], axis=1).ravel()
         # Precisions of the prior that every camera is where it was.
         self.prior = 1.0 / np.append(pose * settings.camera_prior, settings.focal_prior if focal else 1e-9) ** 2
+
+    def state(self, cameras: Sequence[Camera], points: Floats) -> _State:
+        """Cameras and points as they are."""
+        turned, placed = np.stack([c.rotation for c in cameras]), np.stack([c.translation for c in cameras])
+        return _State(turned, placed, points.copy(), 0.0)
 
     def residual(self, state: _State) -> tuple[Floats, Floats, Floats]:
         """[K, 2] px, [K, 3] points before the cameras, [K] focal lengths."""

@@ -9,6 +9,7 @@ from typing import Any
 from ..imaging.formation.chain import Formation
 from ..imaging.medium import Medium
 from ..views import SparsePoints, View
+from .adjusting import Adjust
 from .settings import TrainingSettings
 
 
@@ -21,7 +22,7 @@ class TrainingJob:
         points: sparse points in the same world.
         medium, formation: point spreads, and effects besides them.
         evaluated: whether held-out photos are looked at in the course of the run, too, and not only at its end.
-        found: the cameras were found from the photos, so that they may be moved where paths are learned.
+        adjust: which cameras may be moved where paths are learned.
     """
 
     views: Sequence[View]
@@ -31,7 +32,7 @@ class TrainingJob:
     settings: TrainingSettings
     formation: Formation = Formation()
     evaluated: bool = True
-    found: bool = False
+    adjust: Adjust = "never"
 
 
 @dataclass(frozen=True)

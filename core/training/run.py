@@ -124,7 +124,7 @@ def train(
     compile_kernels(settings.sh_degree)
     compiled_at = time.perf_counter()
     trainer = Trainer(job.views, job.heldout, job.points, job.medium, settings, job.formation)
-    trainer.found = job.found
+    trainer.adjust = job.adjust
     agreed = {name: value for name, value in asdict(settings).items() if name not in ("threads", "device")}
     ranks.agree({"version": VERSION, **trainer.fingerprint(), "settings": agreed}, rank_difference)
     trainer.join(ranks)

@@ -33,7 +33,7 @@ from ..numbers import number
 from ..rasterizer import RasterSettings
 from ..views import SparsePoints, View
 from .adjusting import SETTINGS as ADJUSTING
-from .adjusting import adjusted_cameras, placed_camera
+from .adjusting import Adjust, adjusted_cameras, placed_camera
 from .adjusting import due as due_adjustments
 from .behind import background_of, colour_behind, without_empty
 from .camera_paths import SETTINGS as PATHS
@@ -88,6 +88,8 @@ _CULLED = {
     "degenerate": "without a shape, too bright or too far (Gaussian-views)",
     "behind": "behind the camera (Gaussian-views)",
 }
+#: What photos said of cameras that were given.
+_BELIEVED, _CONTRADICTED = 1, 2
 
 
 class Trainer:
@@ -103,7 +105,7 @@ class Trainer:
 
     Attributes:
         ranks: processes that train together (`join`); each renders photos of its own in a step.
-        found: the cameras were found from the photos, and may be moved where paths are learned (`adjust_cameras`).
+        adjust: which cameras may be moved where paths are learned (`adjust_cameras`).
 
     Raises:
         CameraError: no point lies in front of a camera.
@@ -119,7 +121,8 @@ class Trainer:
         formation: Formation = Formation(),
         start: Gaussians | None = None,
     ) -> None:
-        self.ranks, self.found = ALONE, False
+        self.ranks = ALONE
+        self.adjust: Adjust = "never"
         self.together = photos_of_one_side(views, points)  # they average noise; copies average none
         self.scale: SceneScale = scene_scale([v.camera for v in views], points)
         settings = self._settings_for(settings, medium, formation, views)
@@ -162,8 +165,9 @@ class Trainer:
         self.step = 0
         self.repairs: dict[str, int] = {}
         self.culled: dict[str, int] = {}
-        # how often all photos were asked, what went since none needed it, and how often cameras were adjusted
-        self.asked = {"photos": 0, "unneeded": 0, "adjusted": 0, "dropout": 0}
+        # how often all photos were asked, what went since none needed it, how often cameras were adjusted, and whether
+        # cameras that were given were contradicted (2) or not (1)
+        self.asked = {"photos": 0, "unneeded": 0, "adjusted": 0, "dropout": 0, "given": 0}
         self._origin: dict[str, Any] | None = None
 
     def _settings_for(
@@ -533,7 +537,7 @@ class Trainer:
         What the photos showed when cameras were adjusted last is not quite the twin that became of it.
         """
         paths = self.learned.paths
-        if paths is not None and self.asked["adjusted"] and view.name in paths.motion.names:
+        if paths is not None and self.cameras_moved and view.name in paths.motion.names:
             for _ in range(ADJUSTING.unseen_rounds):
                 paths.place(view.camera, placed_camera(sighted(self._laid_beside(level, view))))
 
@@ -567,13 +571,24 @@ class Trainer:
             self.asked["unneeded"] += before - len(rows)
         self.asked["photos"] += 1
 
+    @property
+    def cameras_moved(self) -> bool:
+        """Whether cameras were adjusted so far."""
+        return self.asked["adjusted"] > 0 and self.asked["given"] != _BELIEVED
+
+    def _adjusts(self, share: float) -> bool:
+        """Whether cameras are to be adjusted at a share of the run."""
+        movable = self.adjust != "never" and self.asked["given"] != _BELIEVED
+        return movable and self.asked["adjusted"] < due_adjustments(share)
+
     def adjust_cameras(self, share: float, cancelled: Callable[[], bool] = lambda: False) -> None:
         """Moves all cameras and the surface by what photos show beside the twin, where a share of the run makes it due.
 
-        Only cameras that were found, in photos that were shaken. Where it is cancelled on the way, it is still due.
+        Only of photos that were shaken: cameras that were found, and given ones that the photos contradict when this
+        is due for the first time. Where it is cancelled on the way, it is still due.
         """
         paths = self.learned.paths
-        if paths is None or not self.found or self.asked["adjusted"] >= due_adjustments(share):
+        if paths is None or not self._adjusts(share):
             return
         level = self.levels[0] if share < self.settings.coarse_share else self.levels[-1]
         if sum(view.camera.width * view.camera.height for view in level.views) > ADJUSTING.most_px:
@@ -593,7 +608,10 @@ class Trainer:
         self.asked["adjusted"] = due_adjustments(share)
         fitted = sum(view in level.views for view in views)
         random = np.random.default_rng([self.settings.seed, 5, self.step])
-        moved = adjusted_cameras(sightings[:fitted], sightings[fitted:], random)
+        given = self.adjust == "contradicted" and not self.asked["given"]
+        moved = adjusted_cameras(sightings[:fitted], sightings[fitted:], random, given=given)
+        if given:
+            self.asked["given"] = _BELIEVED if moved is None else _CONTRADICTED
         if moved is None:
             return
         for view, camera in zip(views, moved.cameras, strict=True):
@@ -692,7 +710,7 @@ class Trainer:
         """What was added, removed, refused and repaired so far."""
         names = {f"refused, non-finite gradient of {n}": c for n, c in self.optimizer.refused.items()}
         refused = {"refused, non-finite gradients": sum(names.values()), **names}
-        adjusted = {"cameras adjusted": self.asked["adjusted"]} if self.asked["adjusted"] else {}
+        adjusted = {"cameras adjusted": self.asked["adjusted"]} if self.cameras_moved else {}
         culled = {f"culled, {_CULLED[reason]}": self.culled.get(reason, 0) for reason in _CULLED}
         always = {"dropped, non-finite Gaussians": 0, "clamped scales, most at once": 0, **self.repairs}
         return {**self.density.counts, "unneeded": self.asked["unneeded"], **adjusted, **refused, **always, **culled}

@@ -1,6 +1,7 @@
 """Cameras that were found wrong, adjusted by what drawn photos show beside a twin that is bent alike."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from dgs.core.imaging.formation.motion import straight_paths
 from dgs.core.imaging.medium import Medium
 from dgs.core.progress import Silent
 from dgs.core.rasterizer import RasterSettings
-from dgs.core.training.adjusting import SETTINGS, adjusted_cameras, due
+from dgs.core.training.adjusting import SETTINGS, Adjust, adjusted_cameras, due
 from dgs.core.training.camera_paths import CameraPaths
 from dgs.core.training.job import TrainingJob
 from dgs.core.training.origin import cameras_of, origin
@@ -128,20 +129,20 @@ def test_a_path_that_was_placed_keeps_its_place(scene):
     assert not CameraPaths(start, cameras, list(cameras), 1, 0).restore(broken)
 
 
-def job(scene, found: bool) -> TrainingJob:
+def job(scene, adjust: Adjust) -> TrainingJob:
     _, views = truly_moved(scene)
     wrong = [replace(v, camera=shaken(v.camera, np.random.default_rng(i), 0.004)) for i, v in enumerate(views)]
     chain = Formation([straight_paths({v.name: (0.0, 0.0) for v in wrong}, 1)])
     settings = replace(SHORT, steps=120, max_gaussians=1500)
-    return TrainingJob(wrong[:-2], wrong[-2:], scene.points, Medium(), settings, chain, found=found)
+    return TrainingJob(wrong[:-2], wrong[-2:], scene.points, Medium(), settings, chain, adjust=adjust)
 
 
 def test_only_cameras_that_were_found_are_adjusted(scene):
     trainers = []
-    for found in (False, True):
-        one = job(scene, found)
+    for adjust in ("never", "always"):
+        one = job(scene, adjust)
         trainer = Trainer(one.views, one.heldout, one.points, one.medium, one.settings, one.formation)
-        trainer.found = found
+        trainer.adjust = adjust
         for step in range(72):
             trainer.advance(step / 120)
         trainer.adjust_cameras(0.6)
@@ -156,10 +157,42 @@ def test_only_cameras_that_were_found_are_adjusted(scene):
     assert (before == moved.optimizer.gaussians.means).all(), "once at each share"
 
 
-def test_sets_that_would_not_fit_into_memory_stay_as_they_are(scene, monkeypatch):
-    one = job(scene, True)
+def test_cameras_that_were_given_are_moved_where_photos_contradict_them(scene):
+    """True ones and wrong ones beside the true scene: what photos show of them differs many times over."""
+    true = [view.camera for view in scene.views]
+    wrong = [shaken(camera, np.random.default_rng(0), 0.004) for camera in true]
+    for cameras, expected in ((true, False), (wrong, True)):
+        seen = [sighting(scene, c, scene.sharp[c.name]) for c in cameras]
+        found = adjusted_cameras(seen, [], np.random.default_rng(1), given=True)
+        assert (found is not None) == expected
+        assert adjusted_cameras(seen, [], np.random.default_rng(1)) is not None
+
+
+@pytest.mark.parametrize(("doubt", "moves"), [(np.inf, False), (0.0, True)])
+def test_a_run_asks_once_whether_given_cameras_are_contradicted(scene, doubt, moves, monkeypatch):
+    settings = replace(SETTINGS, doubt=doubt)
+    monkeypatch.setattr("dgs.core.training.trainer.adjusted_cameras", partial(adjusted_cameras, settings=settings))
+    one = job(scene, "contradicted")
     trainer = Trainer(one.views, one.heldout, one.points, one.medium, one.settings, one.formation)
-    trainer.found = True
+    trainer.adjust = one.adjust
+    for step in range(72):
+        trainer.advance(step / 120)
+    trainer.adjust_cameras(0.35)
+    assert trainer.cameras_moved == moves == bool((trainer.learned.paths._placed != 0).any())
+    assert ("cameras adjusted" in trainer.counters()) == moves
+    before = trainer.optimizer.gaussians.means.clone()
+    again = Trainer(one.views, one.heldout, one.points, one.medium, one.settings, one.formation)
+    again.adjust = one.adjust
+    again.restore(trainer.state(0.0, []))
+    monkeypatch.setattr("dgs.core.training.trainer.adjusted_cameras", adjusted_cameras)
+    again.adjust_cameras(0.95)
+    assert torch.equal(before, again.optimizer.gaussians.means) != moves, "what was said first holds"
+
+
+def test_sets_that_would_not_fit_into_memory_stay_as_they_are(scene, monkeypatch):
+    one = job(scene, "always")
+    trainer = Trainer(one.views, one.heldout, one.points, one.medium, one.settings, one.formation)
+    trainer.adjust = "always"
     monkeypatch.setattr("dgs.core.training.trainer.ADJUSTING", replace(SETTINGS, most_px=100_000))
     trainer.advance(0.6)
     before = trainer.optimizer.gaussians.means.clone()
@@ -171,11 +204,11 @@ def test_sets_that_would_not_fit_into_memory_stay_as_they_are(scene, monkeypatch
 
 def test_a_run_that_is_resumed_goes_on_to_the_bit(scene):
     """With what was adjusted, and no share twice."""
-    one = job(scene, True)
+    one = job(scene, "always")
 
     def begun() -> Trainer:
         trainer = Trainer(one.views, one.heldout, one.points, one.medium, one.settings, one.formation)
-        trainer.found = True
+        trainer.adjust = "always"
         return trainer
 
     def advanced(trainer: Trainer, steps: range) -> None:
@@ -196,14 +229,15 @@ def test_a_run_that_is_resumed_goes_on_to_the_bit(scene):
 
 
 def test_a_whole_run_adjusts_the_cameras_that_it_found(scene):
-    placed = [train(job(scene, found), Silent()).formation.motion.parameters["twists"][:, 0] for found in (True, False)]
+    trained = [train(job(scene, adjust), Silent()) for adjust in ("always", "never")]
+    placed = [one.formation.motion.parameters["twists"][:, 0] for one in trained]
     assert float((placed[0] - placed[1]).abs().max()) > 1e-4
 
 
 def test_a_cancelled_adjustment_is_still_due(scene):
-    one = job(scene, True)
+    one = job(scene, "always")
     trainer = Trainer(one.views, one.heldout, one.points, one.medium, one.settings, one.formation)
-    trainer.found = True
+    trainer.adjust = "always"
     trainer.advance(0.6)
     before = trainer.optimizer.gaussians.means.clone()
     trainer.adjust_cameras(0.6, lambda: True)

@@ -15,6 +15,7 @@ from dgs.core.training.bundle import (
     _State,
     adjusted,
     aligned_camera,
+    contradiction,
 )
 from dgs.core.training.pose_steps import twisted
 from scipy.optimize import least_squares
@@ -66,6 +67,24 @@ def test_a_camera_does_not_run_away_from_where_it_was() -> None:
         away.append(float(np.abs(projected(found, points) - projected(truth, points)).max()))
     assert away == sorted(away, reverse=True)
     assert away[0] < np.abs(projected(began, points) - projected(truth, points)).max() + 1e-6
+
+
+@pytest.mark.parametrize("noise", [0.05, 0.5])
+def test_right_cameras_are_contradicted_by_chance_alone(noise: float) -> None:
+    """Whatever the noise: about 1 where cameras are right, many times that where they are off by as much as it."""
+    points, settings = scattered(150, 1), replace(SETTINGS, camera_prior=50.0, observations_per_fact=1.0)
+    truth = [
+        twisted(camera(0.5 * i, 0.2 * (i % 2)), np.array([0, 0, 0, 0.05 * i, -0.1 * i, 0.1 * i])) for i in range(5)
+    ]
+    random, said = np.random.default_rng(2), []
+    exact = seen_by(truth, points, error=1.0)
+    seen = replace(exact, position=exact.position + noise * random.standard_normal(exact.position.shape))
+    for beside in (0.0, noise / PX):
+        cameras = [twisted(c, np.append(3.0 * beside * random.standard_normal(3), np.zeros(3))) for c in truth]
+        found = adjusted(cameras, points, seen, False, settings)
+        said.append(contradiction(cameras, points, seen, found, settings))
+    assert 0.2 < said[0] < 1.5
+    assert said[1] > 10.0 * said[0]
 
 
 def zoomed(c: Camera, factor: float) -> Camera:
