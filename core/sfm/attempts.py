@@ -150,7 +150,8 @@ def _try(job: SfmJob, recipe: Recipe, index: int, say: Say) -> tuple[Any, mappin
         model = found[0] if found else None
         if model is not None and job.settings.refine.rounds > 0:
             say(stage="refinement", recipe=recipe.name)
-            model = pixel_exact(model, greys, job.settings.refine)
+            settings = job.settings.unfiltered() if job.kernel is None else job.settings.refine
+            model = pixel_exact(model, greys, settings)
     if model is not None:
         geometry = replace(geometry, contradicted=contradicted_share(database, model))
         model.extract_colors_for_all_images(str(images))

@@ -102,6 +102,19 @@ class SfmSettings:
         30, "photos", "sets of at least this many do not match each with each; see `core.sfm.pairs`"
     )
     every_pair_below: int = number(150, "photos", "sets that match each with each where a recipe asks for it")
+    unfiltered_correlation: float = number(
+        0.6,
+        "correlation",
+        "in place of `refine.correlation` where no blur is undone: photos may each be shaken in their own way, and what"
+        " is left of them by a higher one are pairs that were shaken alike",
+        "shaken photos (Cycles) of the ball, two contrasts, and of the shelf, three seeds: cameras off by 1.1 instead"
+        " of 1.7 px, at worst 4.4 instead of 13.6 (ball), 1.2 and 3.3 instead of 1.3 and 4.3 (shelf); no other value"
+        " was tried",
+        "sharp photos of ball, shelf and village, two seeds: 0.22, 0.58, 0.67 instead of 0.22, 0.69, 0.60 px",
+    )
+    unfiltered_new_correlation: float = number(
+        0.7, "correlation", "in place of `refine.new_correlation`, likewise", "chosen with it"
+    )
     many: int = number(
         50,
         "photos",
@@ -126,6 +139,11 @@ class SfmSettings:
     hurried_observations: int = number(120, "count", "observations per photo that a draft's refinement keeps")
     refine: RefineSettings = field(default_factory=RefineSettings)
     refine_many: RefineSettings = field(default_factory=lambda: RefineSettings(rounds=1, observations_per_photo=400))
+
+    def unfiltered(self) -> RefineSettings:
+        """Of a small set whose photos are taken as they are."""
+        correlation, new = self.unfiltered_correlation, self.unfiltered_new_correlation
+        return replace(self.refine, correlation=correlation, new_correlation=new)
 
     def hurried(self) -> SfmSettings:
         """For drafts: half the observations in a small set's refinement."""
