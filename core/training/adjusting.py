@@ -97,21 +97,28 @@ def due(share: float, settings: AdjustingSettings = SETTINGS) -> int:
     return sum(share >= at for at in settings.shares)
 
 
+def contradicted(
+    fitted: Sequence[Sighting], random: np.random.Generator, settings: AdjustingSettings = SETTINGS
+) -> bool:
+    """Whether photos contradict the cameras beyond chance and beyond what the twin, half trained, errs by itself."""
+    tracks = tracks_through(fitted, random) if len(fitted) > 1 else None
+    if tracks is None:
+        return False
+    cameras = [sighting.camera for sighting in fitted]
+    found = adjusted(cameras, *tracks, False, _numbers(settings))
+    return contradiction(cameras, *tracks, found, _numbers(settings)) >= settings.doubt
+
+
 def adjusted_cameras(
     fitted: Sequence[Sighting],
     unseen: Sequence[Sighting],
     random: np.random.Generator,
     settings: AdjustingSettings = SETTINGS,
-    *,
-    given: bool = False,
 ) -> Moved | None:
     """Moves all cameras, and those of photos that are held out to where the moved surface is seen by them.
 
     The world keeps its place and size: that of the cameras is what it was. Held-out photos move nothing but their own
     cameras. None where photos show too little, or too much is asked of the cameras.
-
-    Args:
-        given: the cameras are believed unless the photos contradict them; None if they do not.
     """
     tracks = tracks_through(fitted, random) if len(fitted) > 1 else None
     if tracks is None:
@@ -119,8 +126,6 @@ def adjusted_cameras(
     surface, seen = tracks
     before = [sighting.camera for sighting in fitted]
     found = adjusted(before, surface, seen, False, _numbers(settings))
-    if given and contradiction(before, surface, seen, found, _numbers(settings)) < settings.doubt:
-        return None
     still = align_similarity({c.name: c for c in found.cameras}, {c.name: c for c in before})
     cameras, points = [still.camera(camera) for camera in found.cameras], still.points(found.points)
     cameras += [_placed(sighting, surface, points, settings) for sighting in unseen]

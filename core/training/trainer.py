@@ -33,7 +33,7 @@ from ..numbers import number
 from ..rasterizer import RasterSettings
 from ..views import SparsePoints, View
 from .adjusting import SETTINGS as ADJUSTING
-from .adjusting import Adjust, adjusted_cameras, placed_camera
+from .adjusting import Adjust, adjusted_cameras, contradicted, placed_camera
 from .adjusting import due as due_adjustments
 from .behind import background_of, colour_behind, without_empty
 from .camera_paths import SETTINGS as PATHS
@@ -62,7 +62,7 @@ from .scale import SceneScale, scene_scale
 from .schedule import harmonics_degree
 from .settings import TrainingSettings, calm_end, rates_of_long_runs, smoothed_for, smoothness, start_share, trust
 from .through_glass import GlassObjective, behind_glass
-from .twin_tracks import LaidBeside, carried, sighted
+from .twin_tracks import LaidBeside, Sighting, carried, sighted
 
 
 @dataclass(frozen=True)
@@ -574,7 +574,7 @@ class Trainer:
     @property
     def cameras_moved(self) -> bool:
         """Whether cameras were adjusted so far."""
-        return self.asked["adjusted"] > 0 and self.asked["given"] != _BELIEVED
+        return self.asked["adjusted"] > 0
 
     def _adjusts(self, share: float) -> bool:
         """Whether cameras are to be adjusted at a share of the run."""
@@ -593,33 +593,47 @@ class Trainer:
         level = self.levels[0] if share < self.settings.coarse_share else self.levels[-1]
         if sum(view.camera.width * view.camera.height for view in level.views) > ADJUSTING.most_px:
             return
-        unseen = self._on_grid(self.heldout, level.step)
+        fitted = [view for view in level.views if view.name in paths.motion.names]
+        seen = self._beside(level, fitted, cancelled)
+        if seen is None or not self._doubted(seen):
+            return
+        unseen = [view for view in self._on_grid(self.heldout, level.step) if view.name in paths.motion.names]
         for view in unseen:
             for _ in range(ADJUSTING.unseen_visits):
                 self.follow_unseen(level, view)
-        views = [view for view in (*level.views, *unseen) if view.name in paths.motion.names]
-        with ThreadPoolExecutor(compiled.threads()) as pool:  # (shifts take longer than renders, and one core each)
-            pending = []
-            for view in views:
-                if cancelled():
-                    return
-                pending.append(pool.submit(sighted, self._laid_beside(level, view)))
-            sightings = [one.result() for one in pending]
+        others = self._beside(level, unseen, cancelled)
+        if others is None:
+            return
         self.asked["adjusted"] = due_adjustments(share)
-        fitted = sum(view in level.views for view in views)
-        random = np.random.default_rng([self.settings.seed, 5, self.step])
-        given = self.adjust == "contradicted" and not self.asked["given"]
-        moved = adjusted_cameras(sightings[:fitted], sightings[fitted:], random, given=given)
-        if given:
-            self.asked["given"] = _BELIEVED if moved is None else _CONTRADICTED
+        moved = adjusted_cameras(seen, others, self._drawn_tracks())
         if moved is None:
             return
-        for view, camera in zip(views, moved.cameras, strict=True):
+        for view, camera in zip([*fitted, *unseen], moved.cameras, strict=True):
             paths.place(view.camera, camera)
         means = self.optimizer.gaussians.means
         with torch.no_grad():
             places = carried(means.cpu().double().numpy(), moved.before, moved.after)
             means.copy_(torch.from_numpy(places).to(means))
+
+    def _doubted(self, seen: Sequence[Sighting]) -> bool:
+        """Whether the cameras may be wrong: found ones always may; of given ones the photos are asked, once."""
+        if self.adjust == "contradicted" and not self.asked["given"]:
+            self.asked["given"] = _CONTRADICTED if contradicted(seen, self._drawn_tracks()) else _BELIEVED
+        return self.asked["given"] != _BELIEVED
+
+    def _drawn_tracks(self) -> np.random.Generator:
+        """Which points of the twin are followed through the photos in this step."""
+        return np.random.default_rng([self.settings.seed, 5, self.step])
+
+    def _beside(self, level: Level, views: Sequence[GridView], cancelled: Callable[[], bool]) -> list[Sighting] | None:
+        """Where photos lie beside the twin; None if it is cancelled."""
+        with ThreadPoolExecutor(compiled.threads()) as pool:  # (shifts take longer than renders, and one core each)
+            pending = []
+            for view in views:
+                if cancelled():
+                    return None
+                pending.append(pool.submit(sighted, self._laid_beside(level, view)))
+            return [one.result() for one in pending]
 
     def _laid_beside(self, level: Level, view: GridView) -> LaidBeside:
         """A photo, and what the twin shows of it."""

@@ -13,7 +13,7 @@ from dgs.core.imaging.formation.motion import straight_paths
 from dgs.core.imaging.medium import Medium
 from dgs.core.progress import Silent
 from dgs.core.rasterizer import RasterSettings
-from dgs.core.training.adjusting import SETTINGS, Adjust, adjusted_cameras, due
+from dgs.core.training.adjusting import SETTINGS, Adjust, adjusted_cameras, contradicted, due
 from dgs.core.training.camera_paths import CameraPaths
 from dgs.core.training.job import TrainingJob
 from dgs.core.training.origin import cameras_of, origin
@@ -163,15 +163,14 @@ def test_cameras_that_were_given_are_moved_where_photos_contradict_them(scene):
     wrong = [shaken(camera, np.random.default_rng(0), 0.004) for camera in true]
     for cameras, expected in ((true, False), (wrong, True)):
         seen = [sighting(scene, c, scene.sharp[c.name]) for c in cameras]
-        found = adjusted_cameras(seen, [], np.random.default_rng(1), given=True)
-        assert (found is not None) == expected
-        assert adjusted_cameras(seen, [], np.random.default_rng(1)) is not None
+        assert contradicted(seen, np.random.default_rng(1)) == expected
+    assert not contradicted(seen[:1], np.random.default_rng(1)), "one photo contradicts nothing"
 
 
 @pytest.mark.parametrize(("doubt", "moves"), [(np.inf, False), (0.0, True)])
 def test_a_run_asks_once_whether_given_cameras_are_contradicted(scene, doubt, moves, monkeypatch):
-    settings = replace(SETTINGS, doubt=doubt)
-    monkeypatch.setattr("dgs.core.training.trainer.adjusted_cameras", partial(adjusted_cameras, settings=settings))
+    asked = partial(contradicted, settings=replace(SETTINGS, doubt=doubt))
+    monkeypatch.setattr("dgs.core.training.trainer.contradicted", asked)
     one = job(scene, "contradicted")
     trainer = Trainer(one.views, one.heldout, one.points, one.medium, one.settings, one.formation)
     trainer.adjust = one.adjust
@@ -184,7 +183,7 @@ def test_a_run_asks_once_whether_given_cameras_are_contradicted(scene, doubt, mo
     again = Trainer(one.views, one.heldout, one.points, one.medium, one.settings, one.formation)
     again.adjust = one.adjust
     again.restore(trainer.state(0.0, []))
-    monkeypatch.setattr("dgs.core.training.trainer.adjusted_cameras", adjusted_cameras)
+    monkeypatch.setattr("dgs.core.training.trainer.contradicted", pytest.fail)
     again.adjust_cameras(0.95)
     assert torch.equal(before, again.optimizer.gaussians.means) != moves, "what was said first holds"
 
