@@ -22,7 +22,7 @@ def adjusted(trained: Trained) -> bool:
     return bool(trained.counters.get("cameras adjusted"))
 
 
-def contradicted(given: Reconstruction, trained: Trained) -> str | None:
+def adjustment_said(given: Reconstruction, trained: Trained) -> str | None:
     """What is said of cameras that were given and moved; None where they stayed."""
     motion = motion_of(trained.formation.effects)
     if motion is None or not adjusted(trained):

@@ -29,7 +29,7 @@ from ..twin.begun import BegunRun, Start
 from ..twin.folder import TwinFolder
 from ..views import SparsePoints
 from ..warming import begin_warming
-from .adjusted import adjusted, contradicted, keep_adjusted
+from .adjusted import adjusted, adjustment_said, keep_adjusted
 from .blind import Spreads, given_spreads
 from .cameras import FoundCameras, cameras_of, given_cameras, search_for
 from .effects.decision import parse_effects
@@ -159,7 +159,7 @@ def _stages(run: RunSettings, given: Spreads | None, truth: TruthFolder | None, 
         keeper.note("The time limit is more than the longest training of these photos takes: the run ends before it")
     job = replace(asked, settings=planned.settings)
     trained = train_twin(job, machine, _resumes(run, course.ranks), run.snapshots, folder, keeper, course.ranks)
-    moved = None if found else contradicted(cameras.reconstruction, trained)
+    moved = None if found else adjustment_said(cameras.reconstruction, trained)
     for said in filter(None, (shutter_found(trained.formation), curve_found(trained.formation), moved)):
         keeper.note(said)
     watch.lap("prepare")

@@ -105,7 +105,7 @@ class SfmSettings:
     unfiltered_correlation: float = number(
         0.6,
         "correlation",
-        "in place of `refine.correlation` where no blur is undone: photos may each be shaken in their own way, and what"
+        "in place of `refine.correlation` where no blur is given: photos may each be shaken in their own way, and what"
         " is left of them by a higher one are pairs that were shaken alike",
         "shaken photos (Cycles) of the ball, two contrasts, and of the shelf, three seeds: cameras off by 1.1 instead"
         " of 1.7 px, at worst 4.4 instead of 13.6 (ball), 1.2 and 3.3 instead of 1.3 and 4.3 (shelf); no other value"

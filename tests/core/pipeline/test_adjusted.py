@@ -10,7 +10,7 @@ from dgs.core.formats.cameras import read_cameras
 from dgs.core.imaging.formation.chain import Formation
 from dgs.core.imaging.formation.motion import CameraMotion
 from dgs.core.lens import Lens
-from dgs.core.pipeline.adjusted import contradicted, keep_adjusted
+from dgs.core.pipeline.adjusted import adjustment_said, keep_adjusted
 from dgs.core.pose import Pose
 from dgs.core.reconstruction import Figures, Reconstruction, no_points
 from dgs.core.twin.folder import TwinFolder
@@ -36,8 +36,8 @@ def places(folder: Path) -> dict[str, float]:
 
 
 def test_it_is_said_how_far_given_cameras_are_off():
-    assert contradicted(FOUND, trained(0)) is None
-    said = contradicted(FOUND, trained(5))
+    assert adjustment_said(FOUND, trained(0)) is None
+    said = adjustment_said(FOUND, trained(5))
     # (one of two cameras moved 0.2 aside, of a unit that is one away: 22 px at a focal length of 110)
     assert said is not None and "by 11.0 px in the median, 22.0 at most" in said
 
