@@ -34,7 +34,7 @@ from .workers import Task, Workers, add_workers, chosen
 #: Options that every run gets as they were given.
 _PASSED = (
     *("psf", "blur_space", "effects", "cameras", "background", "max_size", "holdout_every", "preset", "time_limit"),
-    *("max_gaussians", "sh_degree", "seed", "refine_cameras", "device", "threads", "overwrite"),
+    *("max_gaussians", "sh_degree", "seed", "adjust_cameras", "refine_cameras", "device", "threads", "overwrite"),
 )
 #: What is read of the report of a twin.
 _REPORT = {
@@ -98,6 +98,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--max-gaussians", type=whole(100), metavar="N", help="the preset's if not given")
     add("--sh-degree", type=whole(0, 3), metavar="D", help="spherical harmonics; the preset's if not given")
     add("--seed", type=whole(0, 2**31 - 1), default=0, metavar="N", help="same seed, same twins (CPU)")
+    add(
+        "--adjust-cameras",
+        choices=("auto", "never", "always"),
+        default="auto",
+        help="where photos were shaken, move them",
+    )
     add("--refine-cameras", action="store_true", help="move cameras by the loss before the training")
     add_machine(parser)
     add_workers(parser, "twins made")

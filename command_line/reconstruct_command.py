@@ -79,6 +79,13 @@ def _add_given(data: argparse._ArgumentGroup) -> None:
     )
     add_max_size(data)
     data.add_argument(
+        "--adjust-cameras",
+        choices=("auto", "never", "always"),
+        default="auto",
+        help="where photos were shaken, move the cameras with the twin: auto those that were found, and given ones "
+        "only if the photos contradict them; never keeps them, to measure by exact ones; always moves given ones, too",
+    )
+    data.add_argument(
         "--refine-cameras",
         action="store_true",
         help="before the training, move cameras and focal length by the loss through the blur; kept "
@@ -178,6 +185,7 @@ def reconstruct_command(options: argparse.Namespace, progress: Reporting) -> int
         threads=options.threads,
         resume=options.resume,
         keep_cameras=options.keep_cameras,
+        adjust_cameras=options.adjust_cameras,
         refine_cameras=options.refine_cameras,
         reference_cameras=options.reference_cameras,
         snapshots=options.snapshots,

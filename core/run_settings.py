@@ -13,6 +13,9 @@ from .glass import GlassRequest, parse_glass
 from .shutter import ShutterRequest, parse_shutter
 
 PresetName = Literal["draft", "balanced", "fine", "best"]
+#: Which cameras of shaken photos are adjusted with the twin: found ones, and given ones that photos contradict; none;
+#: all.
+AdjustCameras = Literal["auto", "never", "always"]
 #: Frames of a movie if nobody says how many: dense enough around an object, and a minute of cameras at most.
 DEFAULT_FRAMES = 60
 _PATHS = ("photos", "out", "cameras", "truth", "masks", "reference_cameras")
@@ -82,9 +85,11 @@ class MediumSettings:
 
 @dataclass(frozen=True)
 class CameraSettings:
-    """Where the photos were taken from: `ReconstructSettings.cameras`, `.refine_cameras` and `.reference_cameras`."""
+    """Where the photos were taken from: `ReconstructSettings.cameras`, `.adjust_cameras`, `.refine_cameras` and
+    `.reference_cameras`."""
 
     given: Path | None = None
+    adjust: AdjustCameras = "auto"
     refine: bool = False
     reference: Path | None = None
 
@@ -161,6 +166,8 @@ class ReconstructSettings:
         glass: frosted glass before the camera (`core.glass.parse_glass`).
         rolling_shutter: rows that are exposed one after the other (`core.shutter.parse_shutter`).
         memory: bytes that the run should hold at most; photos are then kept on disk, in `out`/.run. None: in memory.
+        adjust_cameras: where photos were shaken, move the cameras with the twin: 'auto' those that were found, and
+            given ones that the photos contradict; 'never'; 'always'.
         refine_cameras: move the cameras by the loss before the training (`pipeline.refinement`).
         reference_cameras: true cameras, only for reporting errors.
         snapshots: write the twin so far and a picture of it to `out`/.run/snapshot while training.
@@ -193,6 +200,7 @@ class ReconstructSettings:
     glass: str | None = None
     rolling_shutter: str | None = None
     snapshots: bool = False
+    adjust_cameras: AdjustCameras = "auto"
     refine_cameras: bool = False
     reference_cameras: Path | None = None
     memory: int | None = None
@@ -238,7 +246,7 @@ class ReconstructSettings:
                 self.photos, self.masks, self.frames, self.holdout_every, self.max_size, background, self.memory
             ),
             medium=MediumSettings(psf, self.blur_space, motion_apart, "auto" in words),
-            cameras=CameraSettings(self.cameras, self.refine_cameras, self.reference_cameras),
+            cameras=CameraSettings(self.cameras, self.adjust_cameras, self.refine_cameras, self.reference_cameras),
             effects=self.effects,
             glass=glass,
             shutter=None if self.rolling_shutter is None else parse_shutter(self.rolling_shutter),

@@ -46,6 +46,7 @@ _FIELDS = {
     "blender#images": "photos frames masks out max_size",
     "usage#what-is-behind-the-object": "background",
     "blender#cameras": "cameras model",
+    "effects#motion": "adjust_cameras",
     "twin#cameras-through-the-loss---refine-cameras": "refine_cameras",
     "usage#the-blur---psf": "medium sigma* angle psf_file blur_space",
     "effects#--effects": "effects",

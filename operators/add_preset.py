@@ -9,7 +9,18 @@ from bl_operators.presets import AddPresetBase
 SUBFOLDER = "descatter"
 #: What a preset holds: how photos are treated, never which photos these are or where anything lies.
 _NAMES = (
-    *("max_size", "background", "medium", "sigma", "sigma_minor", "angle", "blur_space", "effects", "refine_cameras"),
+    *(
+        "max_size",
+        "background",
+        "medium",
+        "sigma",
+        "sigma_minor",
+        "angle",
+        "blur_space",
+        "effects",
+        "adjust_cameras",
+        "refine_cameras",
+    ),
     *("preset", "time_limit", "max_gaussians", "sh_degree", "holdout_every", "seed", "device", "threads"),
     *("add_when_done", "live"),
 )

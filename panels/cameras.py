@@ -34,6 +34,7 @@ class DGS_PT_cameras(Step, bpy.types.Panel):
         else:
             layout.operator("dgs.find_cameras", icon="VIEW_CAMERA", text="Find Cameras")
             self._state(layout, context)
+        layout.prop(settings, "adjust_cameras")
         layout.prop(settings, "refine_cameras")
         layout.operator("dgs.show_cameras", icon="OUTLINER_OB_CAMERA")
 

@@ -13,6 +13,8 @@ import numpy as np
 from ..imaging.formation.chain import Formation
 from ..imaging.formation.motion import motion_of
 from ..reconstruction import Reconstruction
+from ..run_settings import AdjustCameras
+from ..training.adjusting import Adjust
 from ..training.run import Trained
 from ..twin.folder import TwinFolder
 
@@ -22,7 +24,14 @@ def adjusted(trained: Trained) -> bool:
     return bool(trained.counters.get("cameras adjusted"))
 
 
-def adjustment_said(given: Reconstruction, trained: Trained) -> str | None:
+def adjusts(asked: AdjustCameras, found: bool) -> Adjust:
+    """Which cameras a training moves, as it was asked for, and whether they were found in the photos."""
+    if asked == "auto":
+        return "always" if found else "contradicted"
+    return asked
+
+
+def adjustment_said(given: Reconstruction, trained: Trained, asked: AdjustCameras = "auto") -> str | None:
     """What is said of cameras that were given and moved; None where they stayed."""
     motion = motion_of(trained.formation.effects)
     if motion is None or not adjusted(trained):
@@ -30,10 +39,8 @@ def adjustment_said(given: Reconstruction, trained: Trained) -> str | None:
     offsets = (motion.offset(name, given.lenses[name].fx) for name in motion.names if name in given.poses)
     moved = [offset for offset in offsets if offset is not None]
     by = f"{np.median(moved):.1f} px in the median, {max(moved):.1f} at most"
-    return (
-        f"The photos contradict the cameras that were given: they are adjusted with the twin, by {by}."
-        " As they were given they lie in cameras/found"
-    )
+    why = "The photos contradict the cameras that were given: they" if asked == "auto" else "Given cameras"
+    return f"{why} are adjusted with the twin, by {by}. As they were given they lie in cameras/found"
 
 
 def keep_adjusted(found: Reconstruction, trained: Trained, folder: TwinFolder) -> Formation:

@@ -20,7 +20,6 @@ from ..progress import Progress
 from ..reconstruction import Reconstruction
 from ..report.summary import RunFacts, TimeFacts
 from ..run_settings import RunSettings
-from ..training.adjusting import Adjust
 from ..training.job import TrainingJob
 from ..training.ranks import ALONE, Ranks
 from ..training.run import Trained
@@ -29,7 +28,7 @@ from ..twin.begun import BegunRun, Start
 from ..twin.folder import TwinFolder
 from ..views import SparsePoints
 from ..warming import begin_warming
-from .adjusted import adjusted, adjustment_said, keep_adjusted
+from .adjusted import adjusted, adjustment_said, adjusts, keep_adjusted
 from .blind import Spreads, given_spreads
 from .cameras import FoundCameras, cameras_of, given_cameras, search_for
 from .effects.decision import parse_effects
@@ -150,16 +149,21 @@ def _stages(run: RunSettings, given: Spreads | None, truth: TruthFolder | None, 
     chosen = effects.chosen
     settings = training_settings(run.training, machine, timing.limited, sigma, not chosen.formation.spreads)
     found = cameras.source == "sfm"
-    adjust: Adjust = "always" if found else "contradicted"
     asked = TrainingJob(
-        effects.fitted, effects.heldout, points, effects.medium, settings, chosen.formation, adjust=adjust
+        effects.fitted,
+        effects.heldout,
+        points,
+        effects.medium,
+        settings,
+        chosen.formation,
+        adjust=adjusts(run.cameras.adjust, found),
     )
     planned = fit_into_time(asked, photos, run.training.max_gaussians, run.resume, timing, folder)
     if planned.enough:
         keeper.note("The time limit is more than the longest training of these photos takes: the run ends before it")
     job = replace(asked, settings=planned.settings)
     trained = train_twin(job, machine, _resumes(run, course.ranks), run.snapshots, folder, keeper, course.ranks)
-    moved = None if found else adjustment_said(cameras.reconstruction, trained)
+    moved = None if found else adjustment_said(cameras.reconstruction, trained, run.cameras.adjust)
     for said in filter(None, (shutter_found(trained.formation), curve_found(trained.formation), moved)):
         keeper.note(said)
     watch.lap("prepare")

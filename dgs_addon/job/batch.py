@@ -27,7 +27,7 @@ _TICK = 0.5
 #: Options of a run that the command has for all sets.
 _SHARED = (
     *("psf", "blur_space", "background", "max_size", "preset", "holdout_every", "seed", "max_gaussians", "effects"),
-    *("refine_cameras", "time_limit", "sh_degree", "device", "threads"),
+    *("adjust_cameras", "refine_cameras", "time_limit", "sh_degree", "device", "threads"),
 )
 #: What is read of a line of the table.
 _LINE = {"photos": text, "out": text, "how": text, "why": sentence, "registered": sentence, "psnr?": (number,)}

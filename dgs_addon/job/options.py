@@ -94,6 +94,7 @@ OPTIONS: dict[str, Option] = {
     "seed": Option("--seed", _whole(0), int),
     "max_gaussians": Option("--max-gaussians", _whole(1), int),
     "effects": Option("--effects", _one_of(*(item[0] for item in effect_items()))),
+    "adjust_cameras": Option("--adjust-cameras", _one_of("auto", "never", "always")),
     "refine_cameras": Option("--refine-cameras", _switch, write=lambda _: ""),
     "time_limit": Option("--time-limit", _seconds, lambda text: float(text.removesuffix("s")), lambda v: f"{v:.1f}s"),
     "sh_degree": Option("--sh-degree", _whole(0, 3), int),

@@ -185,6 +185,16 @@ class DGS_PG_settings(bpy.types.PropertyGroup):
         default="auto",
         description="What is simulated besides the blur: what photos need, or one effect",
     )
+    adjust_cameras: bpy.props.EnumProperty(
+        name="Adjust Cameras",
+        items=[
+            ("auto", "As Needed", "Cameras that were found, and given ones only if the photos contradict them"),
+            ("never", "Never", "Keep them as they are: to measure by exact cameras"),
+            ("always", "Always", "Given ones, too: they are only roughly right"),
+        ],
+        default="auto",
+        description="Move the cameras of shaken photos together with the twin",
+    )
     refine_cameras: bpy.props.BoolProperty(
         name="Refine Cameras",
         description="Move cameras to where their photos fit all others; kept only where photos then fit clearly better",

@@ -223,6 +223,8 @@ def _effort(settings: Any) -> Options:
         options["effects"] = settings.effects
     if settings.background != "auto":
         options["background"] = settings.background
+    if settings.adjust_cameras != "auto":
+        options["adjust_cameras"] = settings.adjust_cameras
     if settings.refine_cameras:
         options["refine_cameras"] = True
     if settings.time_limit > 0:

@@ -80,11 +80,17 @@ def test_it_is_cancelled_and_ends_with_the_add_on(sets: Path) -> None:
 def test_every_option_is_one_of_the_command(sets: Path) -> None:
     settings: Any = bpy.context.scene.dgs
     settings.medium, settings.sigma, settings.threads, settings.time_limit = "gaussian", 2.0, 2, 1.5
+    settings.adjust_cameras = "never"
     settings.refine_cameras, settings.sh_degree, settings.max_size, settings.background = True, "1", 400, "white"
     command = batch.batch_command(Path("python"), [sets / "cup"], batch.shared_options(settings))
     parser = argparse.ArgumentParser()
     add_arguments(parser)
     parsed = parser.parse_args(command[3:])
-    assert parsed.photos == [sets / "cup"] and parsed.time_limit == 90.0 and parsed.refine_cameras
+    assert (
+        parsed.photos == [sets / "cup"]
+        and parsed.time_limit == 90.0
+        and parsed.refine_cameras
+        and parsed.adjust_cameras == "never"
+    )
     assert (parsed.psf, parsed.threads, parsed.sh_degree, parsed.max_size) == ("gaussian:2", 2, 1, 400)
     assert (parsed.max_gaussians, parsed.background, parsed.preset, parsed.control) == (200, "white", "draft", True)

@@ -141,6 +141,7 @@ def test_the_results_go_where_the_user_wants_them_and_nowhere_else(
 
 def test_jobs_of_the_version_before_are_understood(settings: Any, photo_set: Path, tmp_path: Path) -> None:
     settings.max_size, settings.time_limit, settings.sh_degree = 64, 1.5, "0"
+    settings.adjust_cameras = "never"
     settings.refine_cameras, settings.effects, settings.truth = True, "auto", str(photo_set / "photos")
     settings.masks, settings.seed, settings.device = str(photo_set), 7, "cpu"
     request = request_of("reconstruct", bpy.context.scene)
@@ -171,6 +172,7 @@ def test_every_option_is_one_that_the_command_line_has(photo_set: Path, tmp_path
         "max_gaussians": 500,
         "effects": "auto",
         "background": "white",
+        "adjust_cameras": "always",
         "refine_cameras": True,
         "time_limit": 90.0,
         "sh_degree": 2,

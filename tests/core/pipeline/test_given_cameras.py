@@ -5,23 +5,35 @@ from pathlib import Path
 import numpy as np
 import pytest
 from dgs.core.formats.cameras import read_cameras
+from dgs.core.pipeline.adjusted import adjusts
 from dgs.core.pipeline.reconstruct import reconstruct
 from dgs.core.progress import Silent
-from dgs.core.run_settings import ReconstructSettings
+from dgs.core.run_settings import AdjustCameras, ReconstructSettings
 from dgs.tests.command_line.scene import write_scene
 
 
-@pytest.mark.parametrize("doubted", [False, True])
-def test_given_cameras_are_moved_if_photos_contradict_them(tmp_path: Path, monkeypatch, doubted: bool) -> None:
+def test_what_is_asked_for_decides_and_whether_cameras_were_found() -> None:
+    assert [adjusts("auto", found) for found in (True, False)] == ["always", "contradicted"]
+    assert [adjusts("never", found) for found in (True, False)] == ["never", "never"]
+    assert [adjusts("always", found) for found in (True, False)] == ["always", "always"]
+
+
+@pytest.mark.parametrize(
+    ("adjust", "doubted", "moves"), [("auto", False, False), ("auto", True, True), ("always", False, True)]
+)
+def test_given_cameras_are_moved_if_photos_contradict_them_or_as_asked(
+    tmp_path: Path, monkeypatch, adjust: AdjustCameras, doubted: bool, moves: bool
+) -> None:
     write_scene(tmp_path)
     out, asked = tmp_path / "out", []
     monkeypatch.setattr("dgs.core.training.trainer.contradicted", lambda *_: asked.append(1) or doubted)
     words = {"cameras": tmp_path / "model", "effects": "motion", "preset": "draft", "max_gaussians": 500}
-    run = ReconstructSettings(tmp_path / "photos", out, holdout_every=4, **words).split()
+    run = ReconstructSettings(tmp_path / "photos", out, holdout_every=4, adjust_cameras=adjust, **words).split()
     notes = reconstruct(run, Silent()).report["notes"]
-    assert len(asked) == 1, "once in a run"
+    assert len(asked) == (adjust == "auto"), "once in a run, and only if the photos are to decide"
     given, kept = (read_cameras(place).pinholes() for place in (tmp_path / "model", out / "cameras"))
     moved = max(np.abs(kept[name].translation - camera.translation).max() for name, camera in given.items())
-    assert (moved > 1e-4) == doubted
-    assert (out / "cameras" / "found").is_dir() == doubted
-    assert any("contradict the cameras that were given" in note for note in notes) == doubted
+    assert (moved > 1e-4) == moves
+    assert (out / "cameras" / "found").is_dir() == moves
+    assert any("contradict the cameras that were given" in note for note in notes) == (adjust == "auto" and moves)
+    assert any("cameras/found" in note for note in notes) == moves
