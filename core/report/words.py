@@ -77,14 +77,25 @@ def _out_of_focus(report: Mapping[str, Any]) -> list[str]:
 
 
 def _glass(found: Mapping[str, Any]) -> str:
-    """Where the glass stands and how wide it blurs."""
-    error = found["distance_error"]
-    where = f"{found['distance']:.4g}" + (f" ± {error:.2g}" if error else "")
+    """Where the glass stands, how it leans, and how wide it blurs."""
+    where = _measured(found, "distance", "")
+    leans = (
+        f", its right edge turned towards the camera by {_measured(found, 'tilt_right', ' degrees')} and its lower "
+        f"edge by {_measured(found, 'tilt_down', ' degrees')},"
+        if "tilt_right" in found
+        else ","
+    )
     return (
-        f"The blur: that of frosted glass at {where} before the camera (the cameras' unit), which turns light by "
+        f"The blur: that of frosted glass at {where} before the camera (the cameras' unit){leans} which turns light by "
         f"{found['angle']:.3g} degrees: {found['width_nearest']:.2f} px wide on what is nearest, "
         f"{found['width_farthest']:.2f} px on what is farthest."
     )
+
+
+def _measured(found: Mapping[str, Any], name: str, unit: str) -> str:
+    """A value, with its standard error if it was not given."""
+    error = found.get(f"{name}_error", 0.0)
+    return f"{found[name]:.4g}" + (f" ± {error:.2g}" if error else "") + unit
 
 
 def _sentence(name: str) -> str:

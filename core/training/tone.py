@@ -13,6 +13,7 @@ free to follow. Once every photo has said something, the curve moves on by the s
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -48,6 +49,13 @@ class ToneSettings:
     )
     fewest: int = number(5, "photos", "whose path says something of it, or it stays sRGB's", _FIRST)
     prior: float = number(0.5, "of a slope", "standard deviation of toe and shoulder", _FIRST)
+    off: float = number(
+        0.1,
+        "of a slope",
+        "by which they are off whatever chance does, root mean square: a soft twin looks like less contrast",
+        "shelf and ball in sRGB, ball with film's shoulder: 0 to 0.16, where chance leaves 0.01 to 0.02",
+        "an orrery with film's shoulder: 0.01 and 0.11",
+    )
     longest_step: float = number(0.2, "of a slope", "that toe and shoulder change by at a time", _FIRST)
     lowest: float = number(-0.5, "of a slope", "that they may be: the curve has to rise", _FIRST)
     highest: float = number(1.0, "of a slope", "that they may be: the curve has to rise", _FIRST)
@@ -97,7 +105,8 @@ class LearnedTone:
 
     Attributes:
         curve: as it is now.
-        error: standard errors of toe and shoulder; None as long as nothing was found.
+        error: standard errors of toe and shoulder, with what experience adds to them; None as long as nothing was
+            found.
     """
 
     def __init__(self, photos: int, curve: ToneCurve = ToneCurve(), settings: ToneSettings = SETTINGS) -> None:
@@ -132,7 +141,7 @@ class LearnedTone:
         precision = whole[:4].reshape(2, 2) + prior
         step = np.linalg.solve(precision, whole[4:] - prior @ now)
         toe, shoulder = np.sqrt(np.diag(np.linalg.inv(precision)))
-        self.error = float(toe), float(shoulder)
+        self.error = math.hypot(toe, s.off), math.hypot(shoulder, s.off)
         step = np.clip(step, -s.longest_step, s.longest_step)
         self.curve = ToneCurve(*(float(value) for value in np.clip(now + step, s.lowest, s.highest)))
 

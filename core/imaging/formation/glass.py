@@ -25,7 +25,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Self, TypeVar
 
-from ...numbers import number
+from ...numbers import NOT_CHECKED, number
 from .by_depth import DepthBlur, occlusion
 from .effect import Shot, off_axis, radius2
 
@@ -45,6 +45,23 @@ class GlassSettings:
     index: float = number(1.5, "refractive index", "of window glass", "definition", "rendered glass")
     grazing: float = number(
         0.05, "share of the distance on the axis", "over the depth of a tilted glass, at least: no ray runs along it"
+    )
+    off: float = number(
+        0.1,
+        "share of the distance",
+        "by which one that was found is off whatever chance does, root mean square: a twin takes up a part of the blur,"
+        " edges look wider than they are",
+        "six sets behind Cycles' glass, distances shown by points or learned with the twin: 1 to 20 % off, where chance"
+        " left 1 to 6 (docs/real_blur.md)",
+        NOT_CHECKED,
+    )
+    off_tilt: float = number(
+        15.0,
+        "degrees",
+        "by which an angle that was found is off whatever chance does, root mean square",
+        "angles learned with the twin: 4 to 36 degrees off behind Cycles' glass, 1 to 4 behind the engine's own, where"
+        " chance left 0.3 to 0.6",
+        NOT_CHECKED,
     )
 
 
@@ -207,21 +224,30 @@ class FrostedGlass(DepthBlur):
         return found
 
     def described(self) -> Mapping[str, object]:
-        """Angle in degrees, depth of the glass in the cameras' unit, standard errors (0 where given), widths in px."""
+        """Angle in degrees, depth of the glass in the cameras' unit, standard errors (0 where given), widths in px.
+
+        Errors are those of chance, and what experience adds to them.
+        """
         scene = self.scene
         shown = {
             "angle": math.degrees(self.angle),
             "angle_error": math.degrees(self.errors[0] / scene.focal),
             "distance": self.distance,
-            "distance_error": self.errors[1],
+            "distance_error": _stated(self.errors[1], GLASS.off * self.distance),
             "width_nearest": self.sigma(scene.nearest, scene.diagonal),
             "width_farthest": self.sigma(scene.farthest, scene.diagonal),
         }
         if "tilt" in self.parameters:
             names = ("tilt_right", "tilt_down")
             shown |= {name: math.degrees(math.atan(lean)) for name, lean in zip(names, self.tilt, strict=True)}
-            shown |= {f"{name}_error": math.degrees(error) for name, error in zip(names, self.tilt_errors, strict=True)}
+            errors = (_stated(math.degrees(error), GLASS.off_tilt) for error in self.tilt_errors)
+            shown |= {f"{name}_error": error for name, error in zip(names, errors, strict=True)}
         return {key: float(f"{value:.5g}") for key, value in shown.items()}
+
+
+def _stated(error: float, beyond_chance: float) -> float:
+    """A standard error, with what is off whatever chance does; 0 of what was given."""
+    return math.hypot(error, beyond_chance) if error else 0.0
 
 
 def oblique(tangent2: Values, incidence: Values | None = None) -> Values:

@@ -409,6 +409,9 @@ def test_glass_says_where_it_stands():
     blur = simulated(report)[0]
     for words in ("0.371 ± 0.002", "0.79 degrees", "1.50 px wide on what is nearest", "5.00 px"):
         assert words in blur, words
+    row["parameters"] |= {"tilt_right": -25.0, "tilt_right_error": 0.0, "tilt_down": 4.5, "tilt_down_error": 15.02}
+    blur = simulated(report)[0]
+    assert "right edge turned towards the camera by -25 degrees and its lower edge by 4.5 ± 15 degrees" in blur
 
 
 def test_a_report_says_how_much_of_the_twin_was_never_in_focus():

@@ -1,5 +1,6 @@
 """Frosted glass: its widths, its gradients, its special cases."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -7,7 +8,7 @@ import pytest
 import torch
 from dgs.core.imaging.formation.chain import Formation
 from dgs.core.imaging.formation.effect import Shot
-from dgs.core.imaging.formation.glass import FrostedGlass, GlassScene, Stand, oblique
+from dgs.core.imaging.formation.glass import GLASS, FrostedGlass, GlassScene, Stand, oblique
 from dgs.core.imaging.operator import BlurOperator
 from dgs.core.imaging.psf import PointSpread
 from dgs.tests.core.imaging.formation.test_focus import H, W, smooth
@@ -71,6 +72,16 @@ def test_a_tilted_glass_is_met_at_another_depth_on_each_ray():
         np.hypot(1.38, 1.13) / np.sqrt(2), rel=0.01
     )
     assert glass(0.02, distance, tilt=lean).described()["tilt_right"] == pytest.approx(35.0, rel=1e-4)
+
+
+def test_what_was_found_is_stated_with_more_than_chance_and_what_was_given_without_an_error():
+    sheet = glass(0.02, 2.0, tilt=torch.tensor([0.5, 0.0]))
+    shown = sheet.described()
+    assert shown["distance_error"] == shown["tilt_right_error"] == shown["tilt_down_error"] == 0.0
+    sheet.errors, sheet.tilt_errors = (0.0, 0.01), (math.radians(8.0), 0.001)
+    shown = sheet.described()
+    assert shown["distance_error"] == pytest.approx(math.hypot(0.01, GLASS.off * 2.0), rel=1e-4)
+    assert shown["tilt_right_error"] == pytest.approx(math.hypot(8.0, GLASS.off_tilt), rel=1e-4)
 
 
 def test_a_glass_in_the_world_is_one_plane_for_all_cameras():
