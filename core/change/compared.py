@@ -14,8 +14,9 @@ from ..twin.opened import OpenedTwin
 from .alignment import SAME, composed, inverse, matched_worlds
 from .evidence import Evidence, evidence
 from .findings import Alignment, Changes, Region
-from .kinds import Compared, regions_of
+from .kinds import regions_of
 from .motion import common_motion, enough, paired
+from .pair import Compared
 from .regions import tested
 from .settings import ALIGNMENT, REGIONS
 from .surface import Surface, behind, surface_of
@@ -99,7 +100,7 @@ def _compared(surface: Surface, beside: Surface, rows: tuple[Evidence, Evidence]
     cameras = surface.cameras[:: max(1, len(surface.cameras) // REGIONS.depths)]
     farther = behind(beside.twin, [out.camera(camera) for camera in cameras], out.points(surface.places.at))
     gap = farther / (out.scale * surface.places.pixel)
-    return Compared(surface, beside, own, other, common, tested(own, other, surface.places, common), gap)
+    return Compared(surface, beside, own, other, common, tested(own, other, surface.places, common), gap, into)
 
 
 def _left(found: Compared) -> tuple[float, float]:

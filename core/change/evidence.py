@@ -104,8 +104,8 @@ def evidence(
         Cancelled: the user asked to stop.
     """
     views = photos.kept
-    step = _step(photos)
-    about = _About(surface, photos, places, step)
+    step = step_of(photos)
+    about = About(surface, photos, places, step)
     progress.stage("compare", len(views))
     found = []
     for index, view in enumerate(views):
@@ -116,12 +116,29 @@ def evidence(
     return Evidence(*(np.stack(part).astype(np.float32) for part in zip(*found, strict=True)))
 
 
-def _step(photos: OpenedTwin) -> int:
+def step_of(photos: OpenedTwin) -> int:
     """Photo px per px that are compared: what the blur allows, where photos are large."""
     return max(1, min(photos.step, photos.views[0].camera.width // EVIDENCE.finest))
 
 
-class _About:
+@dataclass(frozen=True)
+class Shown:
+    """What a photo would show of a surface that has not changed.
+
+    Attributes:
+        grid: the photo, on the grid that is compared; its camera stands in the surface's unit.
+        sharp: [3, H + 2m, W + 2m] without its blur; degraded: what its blur makes of such an image, [3, H, W].
+        image: [3, H, W] `sharp`, degraded; depth: [H, W] of the surface, NaN where there is none.
+    """
+
+    grid: GridView
+    sharp: torch.Tensor = field(repr=False)
+    degraded: Callable[[torch.Tensor], torch.Tensor] = field(repr=False)
+    image: Floats = field(repr=False)
+    depth: Floats = field(repr=False)
+
+
+class About:
     """Compares photos with a surface one by one."""
 
     def __init__(self, surface: OpenedTwin, photos: OpenedTwin, places: Places, step: int) -> None:
@@ -134,27 +151,40 @@ class _About:
             self.drawn, lambda v: shared_medium(v.psf, Frame(v.camera.height, v.camera.width, margin), space), margin
         )
 
-    def seen_in(self, view: View, camera: Camera) -> tuple[Floats, Floats, Floats, float]:
-        """Matrices [N, 3, 3], moments [N, 3], energies [N] and gain of a photo, whose camera stands in this world."""
-        medium, scale = self.photos.medium, self.surface.scale
-        grid = GridView(view, scale.camera_to_unit(camera), self.step, medium.psf_for(view.name), medium.blur_space)
-        depths = sharp_depths(self.gaussians, grid.camera, self.drawn, held=SURFACE.held)
-        depth = np.where(depths.alpha >= SURFACE.opacity, depths.surface, np.nan)
+    def shown(self, view: View, camera: Camera) -> Shown:
+        """What a photo would show, whose camera stands in this world."""
+        medium = self.photos.medium
+        at = self.surface.scale.camera_to_unit(camera)
+        grid = GridView(view, at, self.step, medium.psf_for(view.name), medium.blur_space)
         with torch.no_grad():
             sharp = self.model.sharp(self.gaussians, grid.camera, self.photos.background).image
-            shown = self.model.medium(grid).degraded(sharp).numpy()
+            degraded = self.model.medium(grid).degraded
+            return Shown(grid, sharp, degraded, degraded(sharp).numpy(), self.depth(grid.camera))
+
+    def depth(self, camera: Camera) -> Floats:
+        """[H, W] of the surface before a camera in its unit; NaN where there is none."""
+        depths = sharp_depths(self.gaussians, camera, self.drawn, held=SURFACE.held)
+        return np.where(depths.alpha >= SURFACE.opacity, depths.surface, np.nan)
+
+    def seen_in(self, view: View, camera: Camera) -> tuple[Floats, Floats, Floats, float]:
+        """Matrices [N, 3, 3], moments [N, 3], energies [N] and gain of a photo, whose camera stands in this world."""
+        shown = self.shown(view, camera)
+        difference, light = lit_alike(shown.image, shown.grid.planes())
+        return *self.said(shown, difference, light), light.gain
+
+    def said(self, shown: Shown, difference: Floats, light: SlowLight) -> tuple[Floats, Floats, Floats]:
+        """Matrices [N, 3, 3], moments [N, 3] and energies [N] of a difference [3, H, W] from what would be shown."""
         count = len(self.unit)
         matrix, moment = np.zeros((count, 3, 3), np.float32), np.zeros((count, 3), np.float32)
         energy = np.zeros(count, np.float32)
-        index, at, projection = projected(self.unit, grid.camera, depth)
-        difference, light = lit_alike(shown, grid.planes())
-        products, sides, squares = equations(shown, difference, light)
+        index, at, projection = projected(self.unit, shown.grid.camera, shown.depth)
+        products, sides, squares = equations(shown.image, difference, light)
         # Px of the grid for each px-equivalent.
-        projection = projection * (self.places.pixel[index] / scale.size)[:, None, None]
+        projection = projection * (self.places.pixel[index] / self.surface.scale.size)[:, None, None]
         matrix[index] = np.einsum("nki,kln,nlj->nij", projection, products[:, :, at[1], at[0]], projection)
         moment[index] = np.einsum("nki,kn->ni", projection, sides[:, at[1], at[0]])
         energy[index] = squares[at[1], at[0]]
-        return matrix, moment, energy, light.gain
+        return matrix, moment, energy
 
 
 def projected(places: Array, camera: Camera, depth: Floats) -> tuple[NDArray[np.int64], NDArray[np.int64], Array]:
@@ -169,11 +199,16 @@ def projected(places: Array, camera: Camera, depth: Floats) -> tuple[NDArray[np.
     at = np.stack([u[index], v[index]]).astype(int)
     same = abs(depth[at[1], at[0]] - z[index]) < EVIDENCE.same * z[index] / camera.fx
     index, at = index[same], at[:, same]
-    x, y, z = local[index].T
-    jacobian = np.zeros((len(index), 2, 3))
-    jacobian[:, 0, 0], jacobian[:, 0, 2] = camera.fx / z, -camera.fx * x / z**2
-    jacobian[:, 1, 1], jacobian[:, 1, 2] = camera.fy / z, -camera.fy * y / z**2
-    return index, at, jacobian @ camera.rotation
+    return index, at, jacobian(local[index], camera)
+
+
+def jacobian(local: Array, camera: Camera) -> Array:
+    """[M, 2, 3] how px move with places of the world, [M, 3] in the camera's own axes."""
+    x, y, z = local.T
+    found = np.zeros((len(local), 2, 3))
+    found[:, 0, 0], found[:, 0, 2] = camera.fx / z, -camera.fx * x / z**2
+    found[:, 1, 1], found[:, 1, 2] = camera.fy / z, -camera.fy * y / z**2
+    return found @ camera.rotation
 
 
 def equations(shown: Floats, difference: Floats, light: SlowLight) -> tuple[Floats, Floats, Floats]:

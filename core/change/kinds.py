@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
-from .evidence import Array, Evidence
+from .evidence import Array
 from .findings import Region
-from .motion import CommonMotion, Motion, between, pooled
-from .regions import Tested, components
+from .motion import Motion, between, pooled
+from .pair import Compared
+from .parts import parted, sized
+from .regions import components
 from .settings import EVIDENCE, REGIONS
 from .surface import Surface
 
@@ -21,40 +21,21 @@ Indices = NDArray[np.int64]
 _ROBUST = 1.4826
 
 
-@dataclass(frozen=True)
-class Compared:
-    """One surface before the photos of both twins.
-
-    Attributes:
-        surface, beside: that of one twin, and the other's.
-        own, other: what both sets of photos say, rows paired, the common motion taken out of `other`.
-        common: that motion; tested: what was found at each place.
-        gap: [N] how much farther the other twin's surface lies than each place, px-equivalents; NaN where it has none.
-    """
-
-    surface: Surface
-    beside: Surface
-    own: Evidence
-    other: Evidence
-    common: CommonMotion
-    tested: Tested
-    gap: Array = field(repr=False)
-
-
 def regions_of(found: Compared) -> list[Region]:
     """What has changed of a surface: first what is contradicted, with the motions that its window sees around it."""
     surface, tested = found.surface, found.tested
     tree = cKDTree(surface.places.at / np.median(surface.places.pixel))
     free, gone, regions = tested.moved & ~tested.gone, tested.gone.copy(), list[Region]()
+    moving = list[Indices]()
     for part in components(free | gone, surface.edges, surface.area):
         if gone[part].mean() < REGIONS.minor:  # the edges of what has moved
-            regions.append(_moved(found, part))
+            moving.append(part)
             free[part] = gone[part] = False
     for seed in components(gone, surface.edges, surface.area):
         near = np.unique(np.concatenate(tree.query_ball_point(tree.data[seed], REGIONS.halo)).astype(np.int64))
         regions.append(_contradicted(found, seed, np.union1d(seed, near[free[near]])))
         free[near] = False
-    regions += [_moved(found, part) for part in components(free, surface.edges, surface.area)]
+    regions += _moved(found, [*moving, *components(free, surface.edges, surface.area)])
     return sorted(regions, key=lambda region: -region.area)
 
 
@@ -71,17 +52,22 @@ def _contradicted(found: Compared, seed: Indices, places: Indices) -> Region:
     return _grown(found, places) or _region(found, "repainted", places, None, None)
 
 
-def _moved(found: Compared, places: Indices) -> Region:
-    """One motion of all its places, unless its two sides go apart."""
-    grown = _grown(found, places)
-    if grown is not None:
-        return grown
-    motion = _together(found, _within(found, places, EVIDENCE.window))
-    way = motion.by[0]
-    size = float(np.linalg.norm(way))
-    along = way / max(size, 1e-12)
-    deviation = float(np.sqrt(along @ motion.covariance[0] @ along))
-    return _region(found, "moved", places, size, deviation, way)
+def _moved(found: Compared, regions: list[Indices]) -> list[Region]:
+    """Regions whose two sides go apart, and the parts of all others, each with a motion of its own."""
+    grown = [(places, _grown(found, places)) for places in regions]
+    parts = [
+        part
+        for places, region in grown
+        if region is None
+        for part in parted(found, places, _together(found, _within(found, places, EVIDENCE.window)))
+    ]
+    said = [region for _, region in grown if region is not None]
+    if not parts:
+        return said
+    motions = sized(found, parts)
+    for part, way, deviation in zip(parts, motions.by, motions.deviation, strict=True):
+        said.append(_region(found, "moved", part.places, float(np.linalg.norm(way)), float(deviation), way))
+    return said
 
 
 def _within(found: Compared, places: Indices, depth: float) -> Indices:

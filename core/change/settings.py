@@ -77,6 +77,36 @@ class RegionSettings:
     detail: float = number(2.0, "px", "side of the mesh's voxels", WALL)
 
 
+#: `benchmarks.tiled_wall`: every second of 24 tiles of 27 px, 7 px apart, moved by 1 px through 5 px of blur.
+TILES = "a rendered wall of tiles that move to the right"
+OTHER_TILES = "the same upwards, and towards the cameras"
+
+
+@dataclass(frozen=True)
+class PartSettings:
+    """Of how a region is parted, and of how large the motions of its parts are."""
+
+    near: float = number(3.0, "px-equivalents", "about a place whose motion is asked by itself", TILES, OTHER_TILES)
+    peak: float = number(0.8, "share", "of a region's places that have moved by less than its peak", TILES, OTHER_TILES)
+    likely: float = number(
+        0.5, "share", "of the peak from which a place belongs to a part: half of it is where blur leaves an edge", TILES
+    )
+    least: float = number(0.8, "share", "of the peak, for a part that reaches as little as it may", TILES, OTHER_TILES)
+    most: float = number(0.35, "share", "of the peak, for a part that reaches as far as it may", TILES, OTHER_TILES)
+    about: float = number(
+        22.0, "px-equivalents", "about a part where what may have gone along counts: two windows", BY_DEFINITION
+    )
+    sure: float = number(
+        2.0, "standard deviations", "below half of a part's motion, from which a place is still", TILES
+    )
+    inside: float = number(4.0, "px-equivalents", "from what does not belong to a part, for its motion", TILES)
+    places: int = number(5, "count", "places of a part that are asked at least", TILES)
+    photos: int = number(12, "count", "photos before which parts are moved, evenly chosen: these have no noise", TILES)
+    rounds: int = number(2, "count", "in which parts are moved: by what shows, and by what is missing then", TILES)
+    lowest: float = number(0.5, "share", "of a motion that shows at least: what is divided by less is a guess", TILES)
+    small: float = number(0.1, "share", "of a change that is degraded, for its derivative", BY_DEFINITION)
+
+
 @dataclass(frozen=True)
 class PictureSettings:
     """Of what is drawn."""
@@ -88,4 +118,5 @@ class PictureSettings:
     steps: int = number(9, "count", "colours of that bar that change.json names, evenly chosen", BY_DEFINITION)
 
 
-EVIDENCE, ALIGNMENT, REGIONS, PICTURE = EvidenceSettings(), AlignmentSettings(), RegionSettings(), PictureSettings()
+EVIDENCE, ALIGNMENT, REGIONS = EvidenceSettings(), AlignmentSettings(), RegionSettings()
+PARTS, PICTURE = PartSettings(), PictureSettings()
