@@ -8,7 +8,7 @@ import bpy
 
 from ..dgs_addon.data_sets import came_with_photos
 from ..dgs_addon.job.steps import cameras_found, results
-from .layout import Step, figures, ready, sentence, split
+from .layout import Step, figures, folded, ready, sentence, split
 
 
 class DGS_PT_cameras(Step, bpy.types.Panel):
@@ -34,9 +34,11 @@ class DGS_PT_cameras(Step, bpy.types.Panel):
         else:
             layout.operator("dgs.find_cameras", icon="VIEW_CAMERA", text="Find Cameras")
             self._state(layout, context)
-        layout.prop(settings, "adjust_cameras")
-        layout.prop(settings, "refine_cameras")
         layout.operator("dgs.show_cameras", icon="OUTLINER_OB_CAMERA")
+        body = folded(layout, "cameras", "More")
+        if body is not None:
+            body.prop(settings, "adjust_cameras")
+            body.prop(settings, "refine_cameras")
 
     def _state(self, layout: Any, context: Any) -> None:
         held = results(context.scene)
