@@ -4,7 +4,8 @@
     .venv/bin/python tools/test.py [--jobs N] [pytest arguments]
 
 Packages without Blender's module run folder by folder; every other test file runs in a process of its own, because
-bpy keeps global state that a test file may not inherit. As many processes at a time as there are cores. What failed
+bpy keeps global state that a test file may not inherit. The files right in a folder with many below it are a
+pattern, `tests/core/test_*.py`: each process spends seconds on its imports. As many processes at a time as there are cores. What failed
 is printed whole, the rest in a line each. A process that hangs is ended, says what each of its threads was at, and
 is begun anew, once. The last line is the sum of all: `N passed, N failed, N skipped`.
 """
@@ -23,8 +24,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
-#: Folders whose test files share a process (no bpy there).
-TOGETHER = ("tests/core", "tests/studies", "tests/command_line", "tests/hard_cases")
+#: Folders whose test files share a process (no bpy there, or, in tests/gui, in processes of its own only).
+TOGETHER = ("tests/core", "tests/studies", "tests/command_line", "tests/hard_cases", "tests/api", "tests/gui")
+#: Those right in here are one process, and those of each folder below are another.
+GROUND = "tests/core"
 #: Longest first, so that no long one is left alone at the end (seconds on two cores; others in any order).
 LONG = ("tests/core/pipeline", "tests/blender/job", "tests/hard_cases", "tests/core/sfm", "tests/core/training")
 #: pytest's status where no test was selected.
@@ -70,9 +73,8 @@ def targets() -> list[str]:
     for file in (ROOT / "tests").rglob("test_*.py"):
         name = file.relative_to(ROOT).as_posix()
         together = next((folder for folder in TOGETHER if name.startswith(folder + "/")), None)
-        found.add(
-            name if together is None or file.parent == ROOT / "tests/core" else file.parent.relative_to(ROOT).as_posix()
-        )
+        folder = file.parent.relative_to(ROOT).as_posix()
+        found.add(name if together is None else f"{GROUND}/test_*.py" if folder == GROUND else folder)
     return sorted(found, key=lambda name: (not name.startswith(LONG), not name.startswith("tests/blender"), name))
 
 
@@ -85,13 +87,15 @@ def run(target: str, arguments: list[str]) -> list[Ran]:
 def attempt(target: str, arguments: list[str], limit: float = LIMIT) -> Ran:
     """Runs pytest on `target`, for `limit` seconds at most."""
     environment = {**os.environ, "OMP_WAIT_POLICY": "passive"}
-    for name in ("BLENDER_USER_RESOURCES", "PYTHONPATH"):
+    # (Without bytecode on disk each of the hundreds of processes that tests start compiles the project anew: 0.3 s.)
+    for name in ("BLENDER_USER_RESOURCES", "PYTHONPATH", "PYTHONDONTWRITEBYTECODE"):
         environment.pop(name, None)
+    files = sorted(path.relative_to(ROOT).as_posix() for path in ROOT.glob(target)) if "*" in target else [target]
     began = time.perf_counter()
     with tempfile.TemporaryDirectory() as folder, tempfile.TemporaryFile("w+", errors="replace") as said:
         results = Path(folder) / "results.xml"
         process = subprocess.Popen(
-            [sys.executable, "-m", "pytest", f"--junitxml={results}", target, *arguments],
+            [sys.executable, "-m", "pytest", f"--junitxml={results}", *files, *arguments],
             cwd=ROOT,
             env=environment,
             stdin=subprocess.DEVNULL,

@@ -33,7 +33,7 @@ def test_widths_are_those_that_a_training_simulates(standing: bool):
 
 def test_a_leaning_glass_is_found_with_its_angles_and_its_distance():
     photos, distance = behind_sheet(1, Sheet(0.7, (25.0, -10.0)))
-    found = glass_of(photos).plane
+    found = photos.once(glass_of).plane
     assert not found.standing and found.over_parallel.errors > 2.0
     assert found.distance == pytest.approx(distance, rel=0.1) and found.far == pytest.approx(FAR, rel=0.1)
     angles = np.degrees(np.arctan(found.lean))
@@ -48,7 +48,7 @@ def test_a_leaning_glass_is_found_with_its_angles_and_its_distance():
 
 def test_a_glass_that_stands_in_the_world_is_no_leaning_one():
     photos, distance = behind_sheet(4, Sheet(0.6, (-20.0, 5.0), standing=True))
-    found = glass_of(photos).plane
+    found = photos.once(glass_of).plane
     assert found.standing and np.degrees(np.arctan(found.lean)) == pytest.approx([-20.0, 5.0], abs=6.0)
     assert 0.5 * distance < found.distance < 1.1 * distance
     sheet = build(photos)
@@ -58,7 +58,7 @@ def test_a_glass_that_stands_in_the_world_is_no_leaning_one():
 
 def test_a_parallel_glass_is_not_said_to_lean():
     photos, distance = behind_sheet(4, Sheet(0.75))
-    seen = glass_of(photos)
+    seen = photos.once(glass_of)
     assert seen.better_than_even and seen.plane is None
     assert build(photos).tilt == (0.0, 0.0)
 

@@ -129,22 +129,39 @@ def test_a_path_that_was_placed_keeps_its_place(scene):
     assert not CameraPaths(start, cameras, list(cameras), 1, 0).restore(broken)
 
 
-def job(scene, adjust: Adjust) -> TrainingJob:
-    _, views = truly_moved(scene)
+@pytest.fixture(scope="module")
+def taken(scene):
+    """Photos of cameras that moved."""
+    return truly_moved(scene)[1]
+
+
+def job(scene, views, adjust: Adjust, steps: int = 120) -> TrainingJob:
     wrong = [replace(v, camera=shaken(v.camera, np.random.default_rng(i), 0.004)) for i, v in enumerate(views)]
     chain = Formation([straight_paths({v.name: (0.0, 0.0) for v in wrong}, 1)])
-    settings = replace(SHORT, steps=120, max_gaussians=1500)
+    settings = replace(SHORT, steps=steps, max_gaussians=1500)
     return TrainingJob(wrong[:-2], wrong[-2:], scene.points, Medium(), settings, chain, adjust=adjust)
 
 
-def test_only_cameras_that_were_found_are_adjusted(scene):
+def trainer_of(one: TrainingJob) -> Trainer:
+    trainer = Trainer(one.views, one.heldout, one.points, one.medium, one.settings, one.formation)
+    trainer.adjust = one.adjust
+    return trainer
+
+
+@pytest.fixture(scope="module")
+def advanced(scene, taken):
+    """What a training leaves at six tenths of its course, no camera adjusted yet: all begin alike."""
+    trainer = trainer_of(job(scene, taken, "never"))
+    for step in range(72):
+        trainer.advance(step / 120)
+    return trainer.state(0.0, [])
+
+
+def test_only_cameras_that_were_found_are_adjusted(scene, taken, advanced):
     trainers = []
     for adjust in ("never", "always"):
-        one = job(scene, adjust)
-        trainer = Trainer(one.views, one.heldout, one.points, one.medium, one.settings, one.formation)
-        trainer.adjust = adjust
-        for step in range(72):
-            trainer.advance(step / 120)
+        trainer = trainer_of(job(scene, taken, adjust))
+        trainer.restore(advanced)
         trainer.adjust_cameras(0.6)
         trainers.append(trainer)
     assert [trainer.asked["adjusted"] for trainer in trainers] == [0, due(0.6)]
@@ -168,30 +185,25 @@ def test_cameras_that_were_given_are_moved_where_photos_contradict_them(scene):
 
 
 @pytest.mark.parametrize(("doubt", "moves"), [(np.inf, False), (0.0, True)])
-def test_a_run_asks_once_whether_given_cameras_are_contradicted(scene, doubt, moves, monkeypatch):
+def test_a_run_asks_once_whether_given_cameras_are_contradicted(scene, taken, advanced, doubt, moves, monkeypatch):
     asked = partial(contradicted, settings=replace(SETTINGS, doubt=doubt))
     monkeypatch.setattr("dgs.core.training.trainer.contradicted", asked)
-    one = job(scene, "contradicted")
-    trainer = Trainer(one.views, one.heldout, one.points, one.medium, one.settings, one.formation)
-    trainer.adjust = one.adjust
-    for step in range(72):
-        trainer.advance(step / 120)
+    one = job(scene, taken, "contradicted")
+    trainer = trainer_of(one)
+    trainer.restore(advanced)
     trainer.adjust_cameras(0.35)
     assert trainer.cameras_moved == moves == bool((trainer.learned.paths._placed != 0).any())
     assert ("cameras adjusted" in trainer.counters()) == moves
     before = trainer.optimizer.gaussians.means.clone()
-    again = Trainer(one.views, one.heldout, one.points, one.medium, one.settings, one.formation)
-    again.adjust = one.adjust
+    again = trainer_of(one)
     again.restore(trainer.state(0.0, []))
     monkeypatch.setattr("dgs.core.training.trainer.contradicted", pytest.fail)
     again.adjust_cameras(0.95)
     assert torch.equal(before, again.optimizer.gaussians.means) != moves, "what was said first holds"
 
 
-def test_sets_that_would_not_fit_into_memory_stay_as_they_are(scene, monkeypatch):
-    one = job(scene, "always")
-    trainer = Trainer(one.views, one.heldout, one.points, one.medium, one.settings, one.formation)
-    trainer.adjust = "always"
+def test_sets_that_would_not_fit_into_memory_stay_as_they_are(scene, taken, monkeypatch):
+    trainer = trainer_of(job(scene, taken, "always"))
     monkeypatch.setattr("dgs.core.training.trainer.ADJUSTING", replace(SETTINGS, most_px=100_000))
     trainer.advance(0.6)
     before = trainer.optimizer.gaussians.means.clone()
@@ -201,42 +213,35 @@ def test_sets_that_would_not_fit_into_memory_stay_as_they_are(scene, monkeypatch
     assert "cameras adjusted" not in trainer.counters()
 
 
-def test_a_run_that_is_resumed_goes_on_to_the_bit(scene):
+def test_a_run_that_is_resumed_goes_on_to_the_bit(scene, taken):
     """With what was adjusted, and no share twice."""
-    one = job(scene, "always")
+    one = job(scene, taken, "always")
 
-    def begun() -> Trainer:
-        trainer = Trainer(one.views, one.heldout, one.points, one.medium, one.settings, one.formation)
-        trainer.adjust = "always"
-        return trainer
-
-    def advanced(trainer: Trainer, steps: range) -> None:
+    def go_on(trainer: Trainer, steps: range) -> None:
         for step in steps:
             trainer.advance(step / 60)
             trainer.adjust_cameras(step / 60)
 
-    whole, again = begun(), begun()
-    advanced(whole, range(24))
+    whole, again = trainer_of(one), trainer_of(one)
+    go_on(whole, range(24))
     state = whole.state(0.0, [])
     assert state.counters["asked.adjusted"] == due(23 / 60) > 0
     again.restore(state)
     for trainer in (whole, again):
-        advanced(trainer, range(24, 36))
+        go_on(trainer, range(24, 36))
     assert whole.asked["adjusted"] == again.asked["adjusted"] == due(35 / 60)
     assert torch.equal(whole.optimizer.gaussians.means, again.optimizer.gaussians.means)
     assert torch.equal(whole.learned.paths._placed, again.learned.paths._placed)
 
 
-def test_a_whole_run_adjusts_the_cameras_that_it_found(scene):
-    trained = [train(job(scene, adjust), Silent()) for adjust in ("always", "never")]
+def test_a_whole_run_adjusts_the_cameras_that_it_found(scene, taken):
+    trained = [train(job(scene, taken, adjust, steps=40), Silent()) for adjust in ("always", "never")]
     placed = [one.formation.motion.parameters["twists"][:, 0] for one in trained]
     assert float((placed[0] - placed[1]).abs().max()) > 1e-4
 
 
-def test_a_cancelled_adjustment_is_still_due(scene):
-    one = job(scene, "always")
-    trainer = Trainer(one.views, one.heldout, one.points, one.medium, one.settings, one.formation)
-    trainer.adjust = "always"
+def test_a_cancelled_adjustment_is_still_due(scene, taken):
+    trainer = trainer_of(job(scene, taken, "always"))
     trainer.advance(0.6)
     before = trainer.optimizer.gaussians.means.clone()
     trainer.adjust_cameras(0.6, lambda: True)

@@ -49,18 +49,18 @@ def test_the_slope_is_that_of_renders(scene, out_of_focus, readout, alike, turne
     assert abs(float(torch.corrcoef(torch.stack([own[1], true]))[0, 1])) < 0.5, "columns are something else"
 
 
-def found_by_training(scene, readout, given=None):
+def found_by_training(scene, readout, given=None, steps=80):
     _, views = truly_moved(scene, px=7.0, readout=readout)
     start = straight_paths({view.name: (0.0, 0.0) for view in views}, 1)
     if given is not None:
         start = start.rolling(given)
         start.readout_given = True
-    settings = replace(SHORT, steps=240)
+    settings = replace(SHORT, steps=steps)
     return train(TrainingJob(views, [], scene.points, Medium(), settings, Formation([start])), Silent())
 
 
 def test_a_training_finds_the_readout_with_its_error(scene):
-    motion = found_by_training(scene, 1.0).formation.motion
+    motion = found_by_training(scene, 1.0, steps=160).formation.motion
     assert motion.readout == pytest.approx(1.0, abs=0.15) and 0.0 < motion.readout_error < 0.1
     described = motion.described()
     assert described["readout"] == pytest.approx(motion.readout, rel=1e-4) and described["readout_error"] > 0

@@ -52,7 +52,7 @@ def found_by_training(scene, curve):
     pixels = [np.round(photo * 255).astype(np.uint8).transpose(1, 2, 0).copy() for photo in photos]
     views = [replace(view, photo=photo) for view, photo in zip(scene.views, pixels, strict=True)]
     start = straight_paths({view.name: (0.0, 0.0) for view in views}, 1)
-    job = TrainingJob(views, [], scene.points, Medium(), replace(SHORT, steps=300), Formation([start]))
+    job = TrainingJob(views, [], scene.points, Medium(), replace(SHORT, steps=200), Formation([start]))
     return train(job, Silent()).formation.motion
 
 
