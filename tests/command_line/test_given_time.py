@@ -74,7 +74,7 @@ def test_time_that_helps_nobody_is_not_used(scene, tmp_path, monkeypatch):
 
 
 def test_the_time_is_kept_and_all_of_it_is_used(scene, tmp_path, monkeypatch):
-    limit = 25.0
+    limit = 14.0
     monkeypatch.setattr(plan, "PLANNING", replace(plan.PLANNING, useful_steps=10**6))
     began = time.perf_counter()
     outcome = reconstructed(settings(scene, tmp_path, time_limit=limit), began)
