@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 
+from ..core.imports import large_imports
 from ..core.outputs import check_output_folder
 from ..core.photos.data_set import photos_in
 from ..core.run_settings import RUN_MARKS, RUN_REPLACES, ReconstructSettings
@@ -35,7 +36,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def cameras_command(options: argparse.Namespace, progress: Reporting) -> int:
     """Writes OUT/cameras; `reconstruct --resume` takes them from there."""
-    from ..core.pipeline.only_cameras import only_cameras  # heavy: torch
+    with large_imports():
+        from ..core.pipeline.only_cameras import only_cameras  # heavy: torch
 
     check_output_folder(options.out, RUN_MARKS, options.overwrite, RUN_REPLACES)
     settings = ReconstructSettings(

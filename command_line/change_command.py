@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from ..core.imports import large_imports
 from .arguments import add_overwrite, add_progress, show_defaults, whole
 from .progress_choice import Reporting
 
@@ -36,7 +37,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def change_command(options: argparse.Namespace, progress: Reporting) -> int:
     """Writes OUT and prints what has changed."""
-    from ..core.change import written  # heavy: torch
+    with large_imports():
+        from ..core.change import written  # heavy: torch
 
     job = written.ChangeJob(
         options.before,

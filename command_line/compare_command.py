@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 
+from ..core.imports import large_imports
 from ..studies.comparison.settings import CompareSettings
 from .arguments import whole
 from .progress_choice import Reporting
@@ -39,12 +40,14 @@ def compare_command(options: argparse.Namespace, progress: Reporting) -> int:
     )
     begin_in(settings.out, ("compare.json", "mismatch.json"), options.overwrite)
     if settings.mismatch:
-        from ..studies.comparison.mismatch import study  # heavy: torch
+        with large_imports():
+            from ..studies.comparison.mismatch import study  # heavy: torch
 
         study(settings, progress)
         progress.finished({"table": str(settings.out / "mismatch.md")})
         return 0
-    from ..studies.comparison.runs import compare  # heavy: torch
+    with large_imports():
+        from ..studies.comparison.runs import compare  # heavy: torch
 
     content = compare(settings, progress, elsewhere(options, progress))
     if settings.rows:

@@ -6,6 +6,7 @@ import argparse
 import json
 from pathlib import Path
 
+from ..core.imports import large_imports
 from ..core.photos.data_set import with_data_set
 from ..core.run_settings import ReconstructSettings
 from .arguments import add_machine, add_medium, add_memory, add_progress, show_defaults, whole
@@ -36,11 +37,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def estimate_command(options: argparse.Namespace, progress: Reporting) -> int:
     """Prints the prediction for every preset."""
-    from ..core.effort.estimate import PhotoSample, RunDescription, estimate, table  # heavy: torch
-    from ..core.effort.model import sample  # heavy: torch
-    from ..core.machine import Machine  # late: slows --help
-    from ..core.pipeline.effects.decision import parse_effects  # heavy: torch
-    from ..core.pipeline.sampled import sample_photos  # heavy: torch
+    with large_imports():
+        from ..core.effort.estimate import PhotoSample, RunDescription, estimate, table  # heavy: torch
+        from ..core.effort.model import sample  # heavy: torch
+        from ..core.machine import Machine  # late: slows --help
+        from ..core.pipeline.effects.decision import parse_effects  # heavy: torch
+        from ..core.pipeline.sampled import sample_photos  # heavy: torch
 
     settings = ReconstructSettings(
         photos=options.photos,

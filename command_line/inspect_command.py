@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from ..core.background import BackgroundRequest
 from ..core.files import check_writable, write_json
+from ..core.imports import large_imports
 from ..core.outputs import check_outputs, placing_outputs
 from ..core.photos.data_set import data_set, photos_in
 from .arguments import add_machine, add_masks, add_overwrite, add_progress, show_defaults
@@ -50,13 +51,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def inspect_command(options: argparse.Namespace, progress: Reporting) -> int:
     """Prints a table (or JSON) of every effect, and writes pictures."""
-    from ..core.effects.inspect import inspect_photos  # heavy: torch
-    from ..core.inspection.cameras import with_cameras  # heavy: torch
-    from ..core.inspection.photo_set import PhotoSet  # heavy: torch
-    from ..core.inspection.pictures import PICTURES, draw_inspection  # heavy: torch
-    from ..core.machine import use_machine  # late: slows --help
-    from ..core.photos.load import load_photos  # heavy: torch
-    from ..core.photos.uniform import before_background  # heavy: torch
+    with large_imports():
+        from ..core.effects.inspect import inspect_photos  # heavy: torch
+        from ..core.inspection.cameras import with_cameras  # heavy: torch
+        from ..core.inspection.photo_set import PhotoSet  # heavy: torch
+        from ..core.inspection.pictures import PICTURES, draw_inspection  # heavy: torch
+        from ..core.machine import use_machine  # late: slows --help
+        from ..core.photos.load import load_photos  # heavy: torch
+        from ..core.photos.uniform import before_background  # heavy: torch
 
     began = time.perf_counter()
     threads = use_machine(options.threads)

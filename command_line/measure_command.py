@@ -8,6 +8,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+from ..core.imports import large_imports
 from .arguments import add_overwrite, add_progress, show_defaults, whole
 from .control import follow_master
 from .progress_choice import Reporting
@@ -40,7 +41,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def measure_command(options: argparse.Namespace, progress: Reporting) -> int:
     """Prints what was measured; writes OUT if it is named."""
-    from ..core.measure import listening, written  # heavy: torch
+    with large_imports():
+        from ..core.measure import listening, written  # heavy: torch
 
     if str(options.points) == "-":
         return _listening(options, progress, listening.listen)

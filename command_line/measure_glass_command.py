@@ -8,6 +8,7 @@ import math
 from pathlib import Path
 
 from ..core.errors import PhotoError
+from ..core.imports import large_imports
 from .arguments import add_progress, show_defaults
 from .progress_choice import Reporting
 
@@ -39,7 +40,8 @@ def measure_glass_command(options: argparse.Namespace, progress: Reporting) -> i
     for photo in options.photos:
         if not photo.is_file():  # (a pipe would be waited for)
             raise PhotoError(f"'{photo}' is no photo", "Give photos of a point of light or an edge")
-    from ..core.calibration.glass import glass_from_photos  # heavy: torch
+    with large_imports():
+        from ..core.calibration.glass import glass_from_photos  # heavy: torch
 
     progress.stage("measure")
     measured, widths = glass_from_photos(options.photos, options.distances, options.focal)

@@ -7,6 +7,7 @@ import json
 from pathlib import Path
 
 from ..core.errors import OutputError
+from ..core.imports import large_imports
 from ..core.outputs import check_outputs, placing_outputs
 from .arguments import add_overwrite, add_progress, show_defaults
 from .progress_choice import Reporting
@@ -36,9 +37,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def measure_psf_command(options: argparse.Namespace, progress: Reporting) -> int:
     """Writes the kernel and a picture beside it, and prints width and uncertainty."""
-    from ..core.calibration.measure import measure_psf, write_kernel  # heavy: torch
-    from ..core.calibration.measured import mtf50  # heavy: torch
-    from ..core.calibration.pictures import draw_psf  # heavy: torch
+    with large_imports():
+        from ..core.calibration.measure import measure_psf, write_kernel  # heavy: torch
+        from ..core.calibration.measured import mtf50  # heavy: torch
+        from ..core.calibration.pictures import draw_psf  # heavy: torch
 
     if options.out.is_dir():
         raise OutputError(f"'{options.out}' is a folder", "Give --out the name of a file, such as kernel.tif")

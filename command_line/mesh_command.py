@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from ..core.imports import large_imports
 from .arguments import LARGEST_COUNT, above_zero, add_overwrite, add_progress, show_defaults, whole
 from .progress_choice import Reporting
 
@@ -43,7 +44,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def mesh_command(options: argparse.Namespace, progress: Reporting) -> int:
     """Writes OUT and says how large, how fine and how whole it is."""
-    from ..core.mesh.written import MeshSettings, write_twin_mesh  # heavy: torch
+    with large_imports():
+        from ..core.mesh.written import MeshSettings, write_twin_mesh  # heavy: torch
 
     settings = MeshSettings(
         options.detail, options.faces, views=options.views, texture=options.texture, matching=options.matching

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..core.errors import FormatError
+from ..core.imports import large_imports
 from .arguments import add_machine, add_progress, show_defaults, whole
 from .progress_choice import Reporting
 
@@ -62,13 +63,14 @@ def next_view_command(options: argparse.Namespace, progress: Reporting) -> int:
 
 
 def _rank_and_write(options: argparse.Namespace, progress: Reporting) -> int:
-    from ..core.machine import use_machine  # late: slows --help
-    from ..core.report.known import add_chapter  # heavy: torch
-    from ..core.twin.folder import TwinFolder  # late: slows --help
-    from ..core.twin.opened import open_twin  # heavy: torch
-    from ..core.uncertainty.candidates import CAMERA_PATHS, candidates, candidates_from  # heavy: torch
-    from ..core.uncertainty.next_view import NextViewSettings, rank  # heavy: torch
-    from ..core.uncertainty.pictures import draw_expected  # heavy: torch
+    with large_imports():
+        from ..core.machine import use_machine  # late: slows --help
+        from ..core.report.known import add_chapter  # heavy: torch
+        from ..core.twin.folder import TwinFolder  # late: slows --help
+        from ..core.twin.opened import open_twin  # heavy: torch
+        from ..core.uncertainty.candidates import CAMERA_PATHS, candidates, candidates_from  # heavy: torch
+        from ..core.uncertainty.next_view import NextViewSettings, rank  # heavy: torch
+        from ..core.uncertainty.pictures import draw_expected  # heavy: torch
 
     began = time.perf_counter()
     use_machine(options.threads)

@@ -9,6 +9,7 @@ from typing import Any
 
 from ..core.effects.choices import effects_help
 from ..core.errors import Cancelled
+from ..core.imports import large_imports
 from ..core.outputs import check_output_folder
 from ..core.photos.data_set import with_data_set
 from ..core.run_settings import RUN_MARKS, RUN_REPLACES, ReconstructSettings
@@ -155,9 +156,10 @@ def _add_effort(effort: argparse._ArgumentGroup) -> None:
 
 def reconstruct_command(options: argparse.Namespace, progress: Reporting) -> int:
     """Runs the whole pipeline, alone or as one of several ranks; 130 if it was stopped (the twin so far is saved)."""
-    from ..core.effort.clock import process_began  # late: slows --help
-    from ..core.effort.timing import RunDescription, RunTiming  # heavy: torch
-    from ..core.pipeline.together import reconstruct  # heavy: torch
+    with large_imports():
+        from ..core.effort.clock import process_began  # late: slows --help
+        from ..core.effort.timing import RunDescription, RunTiming  # heavy: torch
+        from ..core.pipeline.together import reconstruct  # heavy: torch
 
     if not options.resume:  # (what goes on there is its own)
         read = options.photos.name if options.photos.parent.resolve() == options.out.resolve() else None

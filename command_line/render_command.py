@@ -9,6 +9,7 @@ from ..core.background import BLACK, parse_colour
 from ..core.devices import choose_device
 from ..core.errors import Cancelled
 from ..core.files import check_writable
+from ..core.imports import large_imports
 from ..core.outputs import check_outputs, placing_outputs
 from .arguments import CAMERAS, SPLATS, add_machine, add_overwrite, add_progress, show_defaults
 from .progress_choice import Reporting
@@ -37,11 +38,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def render_command(options: argparse.Namespace, progress: Reporting) -> int:
     """Writes OUT/NAME.png for every camera of the model, sharp or through the given PSF."""
-    from ..core.formats.cameras import read_cameras  # heavy: numpy
-    from ..core.formats.gaussians import read_gaussians, unusable  # heavy: numpy
-    from ..core.imaging.medium import Medium  # heavy: torch
-    from ..core.imaging.psf_text import parse_psf  # heavy: torch
-    from ..core.machine import use_machine  # late: slows --help
+    with large_imports():
+        from ..core.formats.cameras import read_cameras  # heavy: numpy
+        from ..core.formats.gaussians import read_gaussians, unusable  # heavy: numpy
+        from ..core.imaging.medium import Medium  # heavy: torch
+        from ..core.imaging.psf_text import parse_psf  # heavy: torch
+        from ..core.machine import use_machine  # late: slows --help
 
     psf = parse_psf(options.psf)
     behind = None if options.background == "transparent" else parse_colour(options.background)
@@ -51,11 +53,12 @@ def render_command(options: argparse.Namespace, progress: Reporting) -> int:
         progress.note(f"'{options.twin}': {fault}")
     check_writable(options.out)
 
-    from ..core.gaussians import Gaussians  # heavy: torch
-    from ..core.photos.undistort import Undistortion  # heavy: torch
-    from ..core.photos.write import render_names, write_png  # heavy: torch
-    from ..core.pipeline.views import Viewer, to_pixels  # heavy: torch
-    from ..core.training.scale import twin_scale  # heavy: torch
+    with large_imports():
+        from ..core.gaussians import Gaussians  # heavy: torch
+        from ..core.photos.undistort import Undistortion  # heavy: torch
+        from ..core.photos.write import render_names, write_png  # heavy: torch
+        from ..core.pipeline.views import Viewer, to_pixels  # heavy: torch
+        from ..core.training.scale import twin_scale  # heavy: torch
 
     use_machine(options.threads)
     model = read_cameras(options.cameras)

@@ -6,6 +6,7 @@ import argparse
 import os
 import sys
 
+from ..core.imports import large_imports
 from .arguments import add_machine, show_defaults
 from .control import follow_master
 from .progress_choice import Reporting
@@ -28,7 +29,8 @@ def serve_command(options: argparse.Namespace, progress: Reporting) -> int:
     answers = os.fdopen(os.dup(1), "w", encoding="utf-8", newline="\n")
     os.dup2(2, 1)
 
-    from ..core.serving.server import serve  # heavy: torch, numba
+    with large_imports():
+        from ..core.serving.server import serve  # heavy: torch, numba
 
     def write(line: str) -> None:
         answers.write(f"{line}\n")

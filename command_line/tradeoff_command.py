@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 
+from ..core.imports import large_imports
 from ..studies.tradeoff.settings import TradeoffSettings
 from .progress_choice import Reporting
 from .study_arguments import StudyWords, add_study, asked_of_study, begin_in, elsewhere
@@ -32,8 +33,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def tradeoff_command(options: argparse.Namespace, progress: Reporting) -> int:
     """Measures, and names the page and the front."""
-    from ..studies.tradeoff.chart import front_names  # heavy: torch
-    from ..studies.tradeoff.runs import measure_tradeoff  # heavy: torch
+    with large_imports():
+        from ..studies.tradeoff.chart import front_names  # heavy: torch
+        from ..studies.tradeoff.runs import measure_tradeoff  # heavy: torch
 
     settings = TradeoffSettings(**asked_of_study(options), target=options.target)
     begin_in(settings.out, ("tradeoff.json",), options.overwrite)

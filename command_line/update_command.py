@@ -8,6 +8,7 @@ import os
 from pathlib import Path
 
 from ..core.errors import DgsError, FormatError
+from ..core.imports import large_imports
 from ..core.sfm.child import Waiting
 from ..core.twin.folder import TwinFolder
 from .arguments import add_machine, add_progress, show_defaults, whole
@@ -62,7 +63,8 @@ def update_command(options: argparse.Namespace, progress: Reporting) -> int:
         raise DgsError(f"--share is {options.share:g}", "Give a share above 0 and up to 2")
     waiting = _helper(options)  # it imports its own libraries while this process imports torch
     try:
-        from ..core.pipeline.update import UpdateSettings, update  # heavy: torch
+        with large_imports():
+            from ..core.pipeline.update import UpdateSettings, update  # heavy: torch
 
         settings = UpdateSettings(
             options.twin, options.photos, options.cameras, options.share, options.threads, options.seed

@@ -4,6 +4,7 @@ What tests share is imported the same way (`dgs.tests...`, `dgs.benchmarks...`);
 `run_dgs` is.
 """
 
+import gc
 import os
 import tempfile
 from collections.abc import Iterator
@@ -17,6 +18,14 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import run_dgs
 
 run_dgs.mount_package()
+# Files of tests import torch: half a million objects, through which no garbage is looked for, neither now nor later.
+gc.disable()
+
+
+def pytest_collection_finish() -> None:
+    """All is imported."""
+    gc.freeze()
+    gc.enable()
 
 
 @pytest.fixture

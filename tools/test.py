@@ -5,9 +5,9 @@
 
 Packages without Blender's module run folder by folder; every other test file runs in a process of its own, because
 bpy keeps global state that a test file may not inherit. The files right in a folder with many below it are a
-pattern, `tests/core/test_*.py`: each process spends seconds on its imports. As many processes at a time as there are cores. What failed
-is printed whole, the rest in a line each. A process that hangs is ended, says what each of its threads was at, and
-is begun anew, once. The last line is the sum of all: `N passed, N failed, N skipped`.
+pattern, `tests/core/test_*.py`: each process spends seconds on its imports. As many processes at a time as there are
+cores. What failed is printed whole, the rest in a line each. A process that hangs is ended, says what each of its
+threads was at, and is begun anew, once. The last line is the sum of all: `N passed, N failed, N skipped`.
 """
 
 from __future__ import annotations

@@ -43,11 +43,15 @@ def end_with_parent() -> None:
 def main(folder: Path, waiting: bool = False) -> int:
     """Tries recipe after recipe; the best trusted model goes to `folder`/best (COLMAP binary)."""
     # late: the package is mounted where this file starts
-    from dgs.core import compiled
-    from dgs.core.sfm import attempts, described, known_poses, placing
-    from dgs.core.sfm.child import GO, wait_for
-    from dgs.core.sfm.job import KNOWN, ONLY_FEATURES, REFERENCES, read_job
-    from dgs.core.sfm.refine import compile_early
+    from dgs.core.imports import large_imports
+
+    with large_imports():
+        # late, too
+        from dgs.core import compiled
+        from dgs.core.sfm import attempts, described, known_poses, placing
+        from dgs.core.sfm.child import GO, wait_for
+        from dgs.core.sfm.job import KNOWN, ONLY_FEATURES, REFERENCES, read_job
+        from dgs.core.sfm.refine import compile_early
 
     if waiting:
         wait_for(folder / GO)
