@@ -23,6 +23,8 @@ from typing import Any
 
 #: Gaussians and photos are few, so that a job takes seconds and most kills hit the optimization.
 GAUSSIANS = 2000
+#: How much is optimized: it has to outlast the latest moment of a kill.
+PRESET = "fine"
 #: Share of the kills that wait for the optimization to begin; the others come while the engine still prepares.
 TRAINING = 0.7
 #: Latest moment of a kill, in seconds after the engine was started; and after the optimization has begun, where
@@ -66,7 +68,7 @@ def kill_jobs(photos: Path, out: Path, kills: int, seed: int) -> tuple[list[Kill
     settings.photos, settings.out = str(photos / "photos"), str(out)
     settings.cameras, settings.model = "model", str(photos / "model")
     settings.medium, settings.sigma = "gaussian", 2.5
-    settings.preset, settings.max_gaussians, settings.holdout_every = "fine", GAUSSIANS, 4
+    settings.preset, settings.max_gaussians, settings.holdout_every = PRESET, GAUSSIANS, 4
     settings.add_when_done = False
     moments, done = random.Random(seed), []
     request = request_of("reconstruct", bpy.context.scene)

@@ -28,8 +28,11 @@ ROOT = Path(__file__).resolve().parent.parent
 TOGETHER = ("tests/core", "tests/studies", "tests/command_line", "tests/hard_cases", "tests/api", "tests/gui")
 #: Those right in here are one process, and those of each folder below are another.
 GROUND = "tests/core"
-#: Longest first, so that no long one is left alone at the end (seconds on two cores; others in any order).
-LONG = ("tests/core/pipeline", "tests/blender/job", "tests/hard_cases", "tests/core/sfm", "tests/core/training")
+#: Longest first, in this order, so that no long one is left alone at the end; then what has bpy, then the others.
+LONG = (
+    *("tests/command_line", "tests/core/training", "tests/core/inspection", "tests/core/pipeline", "tests/hard_cases"),
+    *("tests/core/test_", "tests/studies/comparison", "tests/core/backends", "tests/blender/job"),
+)
 #: pytest's status where no test was selected.
 NOTHING_SELECTED = 5
 #: Seconds that a process may take: three times those of the longest one on two cores. The limit of pytest for a test
@@ -75,7 +78,12 @@ def targets() -> list[str]:
         together = next((folder for folder in TOGETHER if name.startswith(folder + "/")), None)
         folder = file.parent.relative_to(ROOT).as_posix()
         found.add(name if together is None else f"{GROUND}/test_*.py" if folder == GROUND else folder)
-    return sorted(found, key=lambda name: (not name.startswith(LONG), not name.startswith("tests/blender"), name))
+    return sorted(found, key=lambda name: (rank(name), not name.startswith("tests/blender"), name))
+
+
+def rank(target: str) -> int:
+    """Its place in `LONG`, or behind all of them."""
+    return next((place for place, name in enumerate(LONG) if target.startswith(name)), len(LONG))
 
 
 def run(target: str, arguments: list[str]) -> list[Ran]:

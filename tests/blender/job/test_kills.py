@@ -17,8 +17,9 @@ from dgs.tools import kill_engine  # noqa: E402
 
 @pytest.mark.timeout(1200)
 def test_killed_at_random_moments(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(kill_engine, "LATEST", 4.0)
-    monkeypatch.setattr(kill_engine, "LATEST_TRAINING", 4.0)
+    monkeypatch.setattr(kill_engine, "LATEST", 2.0)
+    monkeypatch.setattr(kill_engine, "LATEST_TRAINING", 2.0)
+    monkeypatch.setattr(kill_engine, "PRESET", "balanced")
     dgs.register()
     try:
         write_scene(tmp_path / "set")

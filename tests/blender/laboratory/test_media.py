@@ -256,7 +256,8 @@ def test_a_lamp_out_of_focus_is_a_disc_as_large_as_the_formula_says(depth: float
 
 @pytest.mark.parametrize("depth", [1.0, 2.0])
 def test_fog_takes_contrast_by_the_way_through_it(depth: float, tmp_path: Path) -> None:
-    settings = lamps(tmp_path / "a.blend", [(48.0, 32.0, depth, 30.0)], media=("fog:0.6",), samples=64)
+    squares = [(48.0, 32.0, depth, 30.0)]
+    settings = lamps(tmp_path / "a.blend", squares, media=("fog:0.6",), samples=64, medium_samples=32)
     synthesize(settings, tmp_path / "set")
     steps = []
     for folder in ("sharp", "photos"):

@@ -108,7 +108,7 @@ def test_motion_smears_along_itself_by_as_many_px_as_predicted(way: str, along: 
 
 @pytest.mark.parametrize("depth", [1.0, 2.0])
 def test_fog_takes_contrast_by_beer_and_lambert(depth: float, tmp_path: Path) -> None:
-    settings = replace(patch(tmp_path / "a.blend", depth), fog=0.6)
+    settings = replace(patch(tmp_path / "a.blend", depth), fog=0.6, samples=50)
     synthesize(settings, tmp_path / "set")
     steps = []
     for folder in ("sharp", "photos"):
