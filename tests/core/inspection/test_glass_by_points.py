@@ -76,9 +76,10 @@ def test_a_given_width_leaves_the_distance(behind, distance):
     "truth", [Truth(), Truth(psf=(2.0, 2.0, 0.0)), Truth(motion=8.0)], ids=["sharp", "psf", "motion"]
 )
 def test_no_glass_where_there_is_none(scene, truth):
-    evidence = inspect(others(scene, truth))
+    photos = others(scene, truth)
+    evidence = inspect(photos)
     assert not evidence.needed and "--glass" in evidence.evidence
-    assert build(others(scene, Truth())).spread == 0.0
+    assert build(photos).spread == 0.0
 
 
 def test_an_even_blur_is_no_glass_though_a_glass_is_wider_off_the_axis():

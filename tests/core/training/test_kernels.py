@@ -99,7 +99,7 @@ def test_the_middle_of_a_kernel_stays():
 
 def test_kernels_are_found_and_the_twin_is_sharper_for_it(scene):
     fitted, held = scene.views[:-2], scene.views[-2:]
-    settings, errors = replace(SHORT, steps=240, coarse_share=0.0), []
+    settings, errors = replace(SHORT, steps=180, coarse_share=0.0), []
     for chain in (Formation(), start(scene.views)):
         twin = train(TrainingJob(fitted, held, scene.points, Medium(), settings, chain), Silent())
         with torch.no_grad():

@@ -80,7 +80,8 @@ def test_auto_simulates_what_is_confirmed(sets):
     photos = sets["field"]
     views = undistorted_views(list(photos.photos), photos.cameras)
     asked = "auto,-haze,-exposure,-vignetting,-saturation"
-    chosen = choose_effects(asked, photos.photos, photos.cameras, views, MEDIUM, SETTINGS, Silent())
+    short = replace(SETTINGS, steps=40)  # (of a trial of motion, which is none of it)
+    chosen = choose_effects(asked, photos.photos, photos.cameras, views, MEDIUM, short, Silent())
     assert chosen.formation.names == ("field_blur",)
     line = next(d for d in chosen.decisions if d.name == "field_blur")
     assert "same points" in line.why and line.parameters and line.evidence["needed"]
