@@ -132,8 +132,8 @@ def test_a_shaken_training_ends_where_the_cpu_s_does(card):
     ways = {view.name: (0.02, 0.01 * i) for i, view in enumerate(scene.views)}
     losses = {}
     for device in ("cpu", "gpu"):
-        settings = replace(SHORT, device=device)
+        settings = replace(SHORT, device=device, steps=24)
         paths = Formation([straight_paths(ways, 2)])
         trainer = Trainer(scene.views, [], scene.points, Medium(None), settings, paths)
-        losses[device] = np.mean([float(trainer.advance(step / 40)) for step in range(40)][-8:])
+        losses[device] = np.mean([float(trainer.advance(step / 24)) for step in range(24)][-8:])
     assert losses["gpu"] == pytest.approx(losses["cpu"], rel=0.05), losses

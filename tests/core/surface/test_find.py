@@ -94,8 +94,8 @@ def test_surfaces_in_front_of_a_wall(tmp_path):
 def test_photos_that_were_shaken_are_compared_on_smaller_views(tmp_path):
     """Each is blurred along a way of its own: half the size agrees on more, as exactly; sharp ones keep their size."""
     scene = drawn(arc(9), (320, 240), 333.0)
-    way = np.random.default_rng(2)
-    for at, photo in enumerate(scene.photos):
+    sharp, way = list(scene.photos), np.random.default_rng(2)
+    for at, photo in enumerate(sharp):
         turn, length = way.uniform(0, np.pi), way.uniform(12.0, 20.0)
         steps = length * np.linspace(-0.5, 0.5, 21)[:, None] * [np.sin(turn), np.cos(turn)]
         smeared = [shift(photo.pixels.astype(np.float32), (*step, 0), order=1, mode="nearest") for step in steps]
@@ -108,9 +108,8 @@ def test_photos_that_were_shaken_are_compared_on_smaller_views(tmp_path):
         off.append(np.median(_off(found.points.positions[sure])))
         share.append(float(re.findall(r"(\d+)%", found.words)[0]))
     assert share[1] > 1.4 * share[0] and off[1] < 1.3 * off[0]
-    sharp = drawn(arc(9), (320, 240), 333.0)
     asked = (SurfaceSettings(smaller=SmallerSettings(doubtful=doubtful)) for doubtful in (0.0, 1.0))
-    words = [surface_points(sharp.photos, sharp.cameras, Medium(), tmp_path, 2, Silent(), one).words for one in asked]
+    words = [surface_points(sharp, scene.cameras, Medium(), tmp_path, 2, Silent(), one).words for one in asked]
     assert words[0] == words[1]
 
 
