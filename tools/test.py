@@ -3,11 +3,11 @@
 
     .venv/bin/python tools/test.py [--jobs N] [pytest arguments]
 
-Packages without Blender's module run folder by folder; every other test file runs in a process of its own, because
-bpy keeps global state that a test file may not inherit. The files right in a folder with many below it are a
-pattern, `tests/core/test_*.py`: each process spends seconds on its imports. As many processes at a time as there are
-cores. What failed is printed whole, the rest in a line each. A process that hangs is ended, says what each of its
-threads was at, and is begun anew, once. The last line is the sum of all: `N passed, N failed, N skipped`.
+Packages without Blender's module run folder by folder, as each process spends seconds on its imports; every other
+test file runs in a process of its own, because bpy keeps global state that a test file may not inherit. As many
+processes at a time as there are cores. What failed is printed whole, the rest in a line each. A process that hangs is
+ended, says what each of its threads was at, and is begun anew, once. The last line is the sum of all: `N passed, N
+failed, N skipped`.
 """
 
 from __future__ import annotations
@@ -26,8 +26,6 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 #: Folders whose test files share a process (no bpy there, or, in tests/gui, in processes of its own only).
 TOGETHER = ("tests/core", "tests/studies", "tests/command_line", "tests/hard_cases", "tests/api", "tests/gui")
-#: Those right in here are one process, and those of each folder below are another.
-GROUND = "tests/core"
 #: Longest first, in this order, so that no long one is left alone at the end; then what has bpy, then the others.
 LONG = (
     *("tests/command_line", "tests/core/training", "tests/core/inspection", "tests/core/pipeline", "tests/hard_cases"),
@@ -74,11 +72,13 @@ def targets() -> list[str]:
     """What to run, the longest first."""
     found: set[str] = set()
     for file in (ROOT / "tests").rglob("test_*.py"):
-        name = file.relative_to(ROOT).as_posix()
-        together = next((folder for folder in TOGETHER if name.startswith(folder + "/")), None)
-        folder = file.parent.relative_to(ROOT).as_posix()
-        found.add(name if together is None else f"{GROUND}/test_*.py" if folder == GROUND else folder)
-    return sorted(found, key=lambda name: (rank(name), not name.startswith("tests/blender"), name))
+        name, folder = (path.relative_to(ROOT).as_posix() for path in (file, file.parent))
+        found.add(folder if f"{folder}/".startswith(tuple(f"{one}/" for one in TOGETHER)) else name)
+    # (pytest goes into the folders of a folder, whose tests would run twice)
+    return sorted(
+        (f"{name}/test_*.py" if any(other.startswith(f"{name}/") for other in found) else name for name in found),
+        key=lambda name: (rank(name), not name.startswith("tests/blender"), name),
+    )
 
 
 def rank(target: str) -> int:

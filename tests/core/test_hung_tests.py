@@ -1,4 +1,4 @@
-"""tools/test.py: a process of tests that hangs is ended, heard and begun anew once."""
+"""tools/test.py: every file is run, once; a process of tests that hangs is ended, heard and begun anew once."""
 
 import importlib.util
 import subprocess
@@ -27,6 +27,15 @@ def runner(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
     monkeypatch.setitem(sys.modules, "dgs_tools_test", module)
     described.loader.exec_module(module)
     return module
+
+
+def test_every_file_is_run_once(runner: ModuleType) -> None:
+    """pytest goes into the folders of a folder, which are targets of their own."""
+    run = []
+    for target in runner.targets():
+        at = runner.ROOT / target
+        run += runner.ROOT.glob(target) if "*" in target else at.rglob("test_*.py") if at.is_dir() else [at]
+    assert sorted(run) == sorted((runner.ROOT / "tests").rglob("test_*.py"))
 
 
 def test_what_hangs_fails_and_says_where(runner: ModuleType, tmp_path: Path) -> None:
