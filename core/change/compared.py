@@ -14,7 +14,7 @@ from ..twin.opened import OpenedTwin
 from .alignment import SAME, composed, inverse, matched_worlds
 from .evidence import Evidence, evidence
 from .findings import Alignment, Changes, Region
-from .kinds import regions_of
+from .kinds import regions_of, vanished_of
 from .motion import common_motion, enough, paired
 from .pair import Compared
 from .regions import tested
@@ -114,8 +114,7 @@ def _new(swapped: Compared, world: Similarity) -> list[Region]:
     """What stands on the second surface only, in the first world: what has vanished, seen from there."""
     return [
         replace(one, kind="appeared", centre=world.points(one.centre), pixel=one.pixel * world.scale, after=True)
-        for one in regions_of(swapped)
-        if one.kind == "vanished"
+        for one in vanished_of(swapped)
     ]
 
 

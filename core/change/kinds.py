@@ -22,7 +22,18 @@ _ROBUST = 1.4826
 
 
 def regions_of(found: Compared) -> list[Region]:
-    """What has changed of a surface: first what is contradicted, with the motions that its window sees around it."""
+    """What has changed of a surface: what is contradicted, and how far all else has moved."""
+    contradicted, moving = _told_apart(found)
+    return sorted([*contradicted, *_moved(found, moving)], key=lambda region: -region.area)
+
+
+def vanished_of(found: Compared) -> list[Region]:
+    """What stands before one set of photos only."""
+    return [region for region in _told_apart(found)[0] if region.kind == "vanished"]
+
+
+def _told_apart(found: Compared) -> tuple[list[Region], list[Indices]]:
+    """What is contradicted, with the motions that its window sees around it, and places that have moved."""
     surface, tested = found.surface, found.tested
     tree = cKDTree(surface.places.at / np.median(surface.places.pixel))
     free, gone, regions = tested.moved & ~tested.gone, tested.gone.copy(), list[Region]()
@@ -35,8 +46,7 @@ def regions_of(found: Compared) -> list[Region]:
         near = np.unique(np.concatenate(tree.query_ball_point(tree.data[seed], REGIONS.halo)).astype(np.int64))
         regions.append(_contradicted(found, seed, np.union1d(seed, near[free[near]])))
         free[near] = False
-    regions += _moved(found, [*moving, *components(free, surface.edges, surface.area)])
-    return sorted(regions, key=lambda region: -region.area)
+    return regions, [*moving, *components(free, surface.edges, surface.area)]
 
 
 def _contradicted(found: Compared, seed: Indices, places: Indices) -> Region:
