@@ -139,4 +139,6 @@ def test_the_window_stays_alive(seen: dict[str, object]) -> None:
             f"{part['late']}, of these waiting for a core: {part['waited']} (load {part['load']:.1f})"
         )
     assert seen["job"]["undrawn_usual"] < 0.2
-    assert seen["job"]["undrawn"] >= 0.97, "the panel is redrawn so often that the window stutters"
+    # The click, the picture that is taken and the twin's arrival draw the window up to 15 times, however short the job.
+    drawn = (1.0 - seen["job"]["undrawn"]) * seen["job"]["ticks"]
+    assert drawn < 15 + 0.02 * seen["job"]["ticks"], "the panel is redrawn so often that the window stutters"
