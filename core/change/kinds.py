@@ -23,16 +23,16 @@ _ROBUST = 1.4826
 
 def regions_of(found: Compared) -> list[Region]:
     """What has changed of a surface: what is contradicted, and how far all else has moved."""
-    contradicted, moving = _told_apart(found)
+    contradicted, moving = _gone_and_moving(found)
     return sorted([*contradicted, *_moved(found, moving)], key=lambda region: -region.area)
 
 
 def vanished_of(found: Compared) -> list[Region]:
     """What stands before one set of photos only."""
-    return [region for region in _told_apart(found)[0] if region.kind == "vanished"]
+    return [region for region in _gone_and_moving(found)[0] if region.kind == "vanished"]
 
 
-def _told_apart(found: Compared) -> tuple[list[Region], list[Indices]]:
+def _gone_and_moving(found: Compared) -> tuple[list[Region], list[Indices]]:
     """What is contradicted, with the motions that its window sees around it, and places that have moved."""
     surface, tested = found.surface, found.tested
     tree = cKDTree(surface.places.at / np.median(surface.places.pixel))
