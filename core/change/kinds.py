@@ -82,12 +82,7 @@ def _moved(found: Compared, regions: list[Indices]) -> list[Region]:
 
 def _within(found: Compared, places: Indices, depth: float) -> Indices:
     """Those at least `depth` px-equivalents from held places that have not changed; half as far, or all, if too few."""
-    others = found.tested.held.copy()
-    others[places] = False
-    if not others.any():
-        return places
-    at = found.surface.places.at / np.median(found.surface.places.pixel)
-    away = cKDTree(at[others]).query(at[places])[0]
+    away = found.depth_of(places)
     for least in (depth, depth / 2):
         if (away > least).sum() >= REGIONS.side_places:
             return np.asarray(places[away > least])

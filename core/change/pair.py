@@ -4,6 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
 from ..evaluation.poses import Similarity
 from .evidence import Array, Evidence
 from .motion import CommonMotion
@@ -30,3 +34,12 @@ class Compared:
     tested: Tested
     gap: Array = field(repr=False)
     into: Similarity
+
+    def depth_of(self, places: NDArray[np.int64]) -> Array:
+        """[M] how far places lie inside a group [M], px-equivalents to the nearest held one outside; inf for none."""
+        others = self.tested.held.copy()
+        others[places] = False
+        if not others.any():
+            return np.full(len(places), np.inf)
+        at = self.surface.places.at / np.median(self.surface.places.pixel)
+        return np.asarray(cKDTree(at[others]).query(at[places])[0])

@@ -77,12 +77,7 @@ def _some(places: Indices, instead: Indices) -> Indices:
 
 def _inner(found: Compared, core: Indices) -> Indices:
     """Places of a core that lie farthest from what is held and does not belong to it."""
-    others = found.tested.held.copy()
-    others[core] = False
-    if not others.any():
-        return core
-    at = found.surface.places.at / np.median(found.surface.places.pixel)
-    away = cKDTree(at[others]).query(at[core])[0]
+    away = found.depth_of(core)
     inside = away > min(PARTS.inside, float(np.sort(away)[-min(PARTS.places, len(away))]) - 1e-9)
     return np.asarray(core[inside])
 

@@ -80,6 +80,7 @@ class RegionSettings:
 #: `benchmarks.tiled_wall`: every second of 24 tiles of 27 px, 7 px apart, moved by 1 px through 5 px of blur.
 TILES = "a rendered wall of tiles that move to the right"
 OTHER_TILES = "the same upwards, and towards the cameras"
+BOTH = f"{TILES}; {WALL}, of whose block a spot is found"
 
 
 @dataclass(frozen=True)
@@ -96,14 +97,12 @@ class PartSettings:
     about: float = number(
         22.0, "px-equivalents", "about a part where what may have gone along counts: two windows", BY_DEFINITION
     )
-    sure: float = number(
-        2.0, "standard deviations", "below half of a part's motion, from which a place is still", TILES
-    )
+    sure: float = number(2.0, "standard deviations", "below half of a part's motion, from which a place is still", BOTH)
     inside: float = number(4.0, "px-equivalents", "from what does not belong to a part, for its motion", TILES)
     places: int = number(5, "count", "places of a part that are asked at least", TILES)
     photos: int = number(12, "count", "photos before which parts are moved, evenly chosen: these have no noise", TILES)
     rounds: int = number(2, "count", "in which parts are moved: by what shows, and by what is missing then", TILES)
-    lowest: float = number(0.5, "share", "of a motion that shows at least: what is divided by less is a guess", TILES)
+    lowest: float = number(0.5, "share", "of a motion that shows at least: what is divided by less is a guess", BOTH)
     small: float = number(0.1, "share", "of a change that is degraded, for its derivative", BY_DEFINITION)
 
 
