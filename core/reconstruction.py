@@ -54,6 +54,7 @@ class Figures:
         attempts: everything that was tried, in order.
         offset: what was taken from all positions, where the world lay too far from its origin for float32.
         scattered: whether the points are random ones, because the cameras came without any.
+        from_photos: whether structure from motion found them, this one or another; False where they may be exact.
         doubted: share of the pairs of photos that contradict the cameras, where they are doubted for it; else 0.
     """
 
@@ -68,6 +69,7 @@ class Figures:
     offset: tuple[float, float, float] | None = None
     scattered: bool = False
     doubted: float = 0.0
+    from_photos: bool = False
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,8 @@ from .glass import GlassRequest, parse_glass
 from .shutter import ShutterRequest, parse_shutter
 
 PresetName = Literal["draft", "balanced", "fine", "best"]
-#: Which cameras of shaken photos are adjusted with the twin: found ones, and given ones that photos contradict; none;
-#: all.
+#: Which cameras of shaken photos are adjusted with the twin: those found in photos, and others that photos contradict;
+#: none; all.
 AdjustCameras = Literal["auto", "never", "always"]
 #: Frames of a movie if nobody says how many: dense enough around an object, and a minute of cameras at most.
 DEFAULT_FRAMES = 60
@@ -167,7 +167,7 @@ class ReconstructSettings:
         rolling_shutter: rows that are exposed one after the other (`core.shutter.parse_shutter`).
         memory: bytes that the run should hold at most; photos are then kept on disk, in `out`/.run. None: in memory.
         adjust_cameras: where photos were shaken, move the cameras with the twin: 'auto' those that were found, and
-            given ones that the photos contradict; 'never'; 'always'.
+            others that the photos contradict; 'never'; 'always'.
         refine_cameras: move the cameras by the loss before the training (`pipeline.refinement`).
         reference_cameras: true cameras, only for reporting errors.
         snapshots: write the twin so far and a picture of it to `out`/.run/snapshot while training.

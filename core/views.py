@@ -85,12 +85,15 @@ class SparsePoints:
         confidence: [M] float32 in (0, 1], where the points are dense samples of surfaces: how sure it is that a surface
             is there. None where they are sparse: surfaces lie between them.
         samples: dense samples of the surfaces between sparse points, with a confidence, where those were looked for.
+        error_px: mean reprojection error of the features that a camera file's points come from, px of its lenses; NaN
+            where it does not say.
     """
 
     positions: NDArray[np.float64]
     colours: NDArray[np.uint8]
     confidence: NDArray[np.float32] | None = None
     samples: SparsePoints | None = None
+    error_px: float = float("nan")
 
     def chosen(self, which: NDArray[np.bool_] | NDArray[np.int64]) -> SparsePoints:
         """Some of the points, by a mask [M] or by their indices; without samples."""

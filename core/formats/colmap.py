@@ -125,16 +125,23 @@ def read_colmap_points(path: Path) -> SparsePoints:
             rows = _text_points((folder / "points3D.txt").read_text(encoding="utf-8"))
         else:
             rows = []
-        values = np.array(rows, np.float64).reshape(-1, 7)
+        values = np.array(rows, np.float64).reshape(-1, 9)
     except (OSError, struct.error, ValueError, IndexError) as error:
         raise FormatError(
             f"The points in '{folder}' are damaged ({type(error).__name__}: {error})", "Export them again"
         ) from error
-    finite = np.isfinite(values).all(axis=1)
+    finite = np.isfinite(values[:, :7]).all(axis=1)
     if not finite.all():
         raise FormatError(f"{int((~finite).sum())} points in '{folder}' are not finite", "Export them again")
     values = values[np.argsort(values[:, 0], kind="stable")]  # by their number, in whichever order they were written
-    return SparsePoints(values[:, 1:4].copy(), values[:, 4:].astype(np.uint8), _confidence(folder, len(values)))
+    confidence, error_px = _confidence(folder, len(values)), _mean_error(values[:, 7], values[:, 8])
+    return SparsePoints(values[:, 1:4].copy(), values[:, 4:7].astype(np.uint8), confidence, error_px=error_px)
+
+
+def _mean_error(errors: NDArray[np.float64], seen: NDArray[np.float64]) -> float:
+    """Mean reprojection error (px) of points [M], each as often as it was seen; NaN where the model keeps none."""
+    known = np.isfinite(errors) & (errors >= 0)  # (COLMAP writes -1 for an error that it has not computed)
+    return float(np.average(errors[known], weights=np.maximum(seen[known], 1))) if known.any() else float("nan")
 
 
 def _confidence(folder: Path, count: int) -> NDArray[np.float32] | None:
@@ -169,8 +176,8 @@ def write_lenses(
     Args:
         path: folder, created if missing.
         lenses, poses: by image name; equal lenses are shared.
-        points: written without tracks (the photos' observations are not kept); of dense ones the confidence stands in
-            a file of ours beside the model.
+        points: written without tracks (the photos' observations are not kept), each with the mean error of all; of
+            dense ones the confidence stands in a file of ours beside the model.
         binary: .bin files, else .txt.
 
     Raises:
@@ -198,7 +205,9 @@ def write_lenses(
         rotation = pycolmap.Rotation3d(np.asarray(pose.rotation, float))
         model.add_image_with_trivial_frame(image, pycolmap.Rigid3d(rotation, np.asarray(pose.translation, float)))
     for position, colour in zip(points.positions, points.colours, strict=True):
-        model.add_point3D(position, pycolmap.Track(), colour)
+        added = model.add_point3D(position, pycolmap.Track(), colour)
+        if np.isfinite(points.error_px):
+            model.point3D(added).error = points.error_px
     way_out = "Free some space on that disk or choose another folder"
     beside = path / f".model.{os.getpid()}.part"  # (on the same disk)
     try:
@@ -235,12 +244,12 @@ def _cut_off(folder: Path, lenses: Mapping[str, Lens], points: int) -> str | Non
 
 
 def _binary_points(data: bytes) -> list[tuple[float, ...]]:
-    """Rows of number x y z r g b."""
+    """Rows of number x y z r g b, the mean reprojection error, and in how many photos it was seen."""
     (count,) = struct.unpack_from("<Q", data)
     rows, at = [], 8
     for _ in range(count):
-        *row, _error, track = struct.unpack_from("<Q3d3BdQ", data, at)
-        rows.append(tuple(row))
+        *row, track = struct.unpack_from("<Q3d3BdQ", data, at)
+        rows.append((*row, float(track)))
         at = _inside(data, at + 51 + 8 * track)
     return rows
 
@@ -253,7 +262,7 @@ def _inside(data: bytes, at: int) -> int:
 
 def _text_points(text: str) -> list[tuple[float, ...]]:
     lines = (line.split() for line in text.splitlines() if line.strip() and not line.startswith("#"))
-    return [tuple(map(float, line[:7])) for line in lines]
+    return [(*map(float, [*line, "-1"][:8]), len(line[8:]) / 2) for line in lines]
 
 
 def _pose(values: tuple[float, ...]) -> Pose:

@@ -82,4 +82,4 @@ def _find(path: Path) -> Path | None:
     return path / FILE if (path / FILE).is_file() else None
 
 
-LLFF = CameraFormatSpec(name="llff", label=FILE, suffixes=(".npy",), find=_find, read=read_llff)
+LLFF = CameraFormatSpec("llff", FILE, suffixes=(".npy",), find=_find, read=read_llff, from_photos=True)

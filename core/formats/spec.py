@@ -53,6 +53,7 @@ class CameraFormatSpec:
         read: takes that place, and the photos' (width, height) by lower-case stem for files that do not say the
             size; raises FormatError where they cannot be used.
         read_points: takes that place; None for a format that has no points.
+        from_photos: whether such files come of structure from motion only, so that no cameras in them are exact.
     """
 
     name: str
@@ -61,3 +62,4 @@ class CameraFormatSpec:
     find: Callable[[Path], Path | None]
     read: Callable[[Path, Mapping[str, tuple[int, int]]], LensesAndPoses]
     read_points: Callable[[Path], SparsePoints] | None = None
+    from_photos: bool = False

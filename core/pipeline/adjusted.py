@@ -25,21 +25,25 @@ def adjusted(trained: Trained) -> bool:
 
 
 def adjusts(asked: AdjustCameras, found: bool) -> Adjust:
-    """Which cameras a training moves, as it was asked for, and whether they were found in the photos."""
+    """Which cameras a training moves, as it was asked for, and whether they were found in photos."""
     if asked == "auto":
         return "always" if found else "contradicted"
     return asked
 
 
 def adjustment_said(given: Reconstruction, trained: Trained, asked: AdjustCameras = "auto") -> str | None:
-    """What is said of cameras that were given and moved; None where they stayed."""
+    """What is said of cameras that were given and moved, and why; None where they stayed."""
     motion = motion_of(trained.formation.effects)
     if motion is None or not adjusted(trained):
         return None
     offsets = (motion.offset(name, given.lenses[name].fx) for name in motion.names if name in given.poses)
     moved = [offset for offset in offsets if offset is not None]
     by = f"{np.median(moved):.1f} px in the median, {max(moved):.1f} at most"
-    why = "The photos contradict the cameras that were given: they" if asked == "auto" else "Given cameras"
+    why = "Given cameras"
+    if asked == "auto":
+        found = given.figures.from_photos
+        reason = "were found in such photos" if found else "are contradicted by the photos"
+        why = f"The cameras that were given {reason}: they"
     return f"{why} are adjusted with the twin, by {by}. As they were given they lie in cameras/found"
 
 

@@ -156,7 +156,7 @@ def _stages(run: RunSettings, given: Spreads | None, truth: TruthFolder | None, 
         effects.medium,
         settings,
         chosen.formation,
-        adjust=adjusts(run.cameras.adjust, found),
+        adjust=adjusts(run.cameras.adjust, found or cameras.reconstruction.figures.from_photos),
     )
     planned = fit_into_time(asked, photos, run.training.max_gaussians, run.resume, timing, folder)
     if planned.enough:

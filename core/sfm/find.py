@@ -109,6 +109,7 @@ def _found(
         seconds,
         tuple(attempts),
         doubted=chosen.contradicted if chosen.verdict == CONTRADICTED else 0.0,
+        from_photos=True,
     )
     return Reconstruction(
         {names[n]: p for n, p in poses.items()}, {names[n]: v for n, v in lenses.items()}, points, figures

@@ -29,6 +29,14 @@ class GivenCameraSettings:
     same_place: float = number(
         1e-12, "share", "of the largest coordinate: cameras no farther apart stand at one place", BY_DEFINITION
     )
+    from_features: float = number(
+        0.5,
+        "px",
+        "mean reprojection error of the points that come with cameras, from which these were found in photos as these"
+        " are. Exact cameras come with exact points, or none; features of sharp photos are right to 0.1 to 0.2 px on"
+        " banana, brighton and copr, of shaken and defocused ones to 1.3 px (tea, drinks)",
+        BY_DEFINITION,
+    )
 
 
 SETTINGS = GivenCameraSettings()
@@ -76,9 +84,18 @@ def _given(photos: list[Photo], model: CameraModel, path: Path, started: float) 
         )
     fitted = {p.name: _fitted(model.lenses[chosen[p.name]], p) for p in photos if p.name in chosen}
     focal = float(np.mean([(lens.fx + lens.fy) / 2 for lens in fitted.values()]))
+    error = points.error_px * float(np.mean([fitted[n].width / model.lenses[c].width for n, c in chosen.items()]))
     figures = Figures(
-        model.spec.name, len(photos), len(chosen), focal, float("nan"), float("nan"), time.perf_counter() - started
+        model.spec.name,
+        len(photos),
+        len(chosen),
+        focal,
+        error,
+        angle_deg=float("nan"),
+        seconds=time.perf_counter() - started,
+        from_photos=model.spec.from_photos or error >= SETTINGS.from_features,
     )
+    points = replace(points, error_px=error)
     found = Reconstruction({n: model.poses[c] for n, c in chosen.items()}, fitted, points, figures)
     if len(points.positions):
         return found

@@ -188,7 +188,7 @@ class DGS_PG_settings(bpy.types.PropertyGroup):
     adjust_cameras: bpy.props.EnumProperty(
         name="Adjust Cameras",
         items=[
-            ("auto", "As Needed", "Cameras that were found, and given ones only if the photos contradict them"),
+            ("auto", "As Needed", "Cameras found in photos; others only if the photos contradict them"),
             ("never", "Never", "Keep them as they are: to measure by exact cameras"),
             ("always", "Always", "Given ones, too: they are only roughly right"),
         ],

@@ -10,6 +10,7 @@ from dgs.core.lens import MODELS, Lens
 from dgs.core.pose import Pose
 from dgs.core.reconstruction import no_points
 from dgs.core.views import SparsePoints
+from dgs.tests.core.sfm.models import tracked_model
 from dgs.tests.crashes import DONE, REFUSED, SmallDisk, can_mount, status_of
 
 pytest.importorskip("pycolmap")
@@ -59,6 +60,24 @@ def test_reads_points_as_pycolmap_does(tmp_path: Path, binary: bool) -> None:
         read_colmap_points(tmp_path)
     file.unlink()
     assert len(read_colmap_points(tmp_path).positions) == 0
+
+
+@pytest.mark.parametrize("binary", [True, False])
+@pytest.mark.parametrize("errors", [(0.2, 1.1, -1.0), (-1.0, -1.0, -1.0)])
+def test_a_model_says_how_far_its_features_lie_beside_its_points(tmp_path: Path, binary: bool, errors) -> None:
+    """In the mean over all observations: 2 of the first point, 4 of the second; -1 is an error that nobody computed."""
+    tracked_model(tmp_path, errors, binary)
+    error = read_colmap_points(tmp_path).error_px
+    assert error == pytest.approx((2 * 0.2 + 4 * 1.1) / 6) if max(errors) > 0 else np.isnan(error)
+
+
+@pytest.mark.parametrize("binary", [True, False])
+@pytest.mark.parametrize("error", [0.7, float("nan")])
+def test_the_error_of_points_survives_without_their_tracks(tmp_path: Path, binary: bool, error: float) -> None:
+    points = SparsePoints(np.zeros((2, 3)), np.zeros((2, 3), np.uint8), error_px=error)
+    lens, pose = Lens("PINHOLE", 64, 48, (50.0, 50.0, 32.0, 24.0)), Pose(np.eye(3), np.zeros(3))
+    write_lenses(tmp_path, {"a": lens}, {"a": pose}, points, binary)
+    assert read_colmap_points(tmp_path).error_px == pytest.approx(error, nan_ok=True)
 
 
 def test_a_cut_off_model_is_explained(tmp_path: Path) -> None:

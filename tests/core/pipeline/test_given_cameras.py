@@ -35,5 +35,5 @@ def test_given_cameras_are_moved_if_photos_contradict_them_or_as_asked(
     moved = max(np.abs(kept[name].translation - camera.translation).max() for name, camera in given.items())
     assert (moved > 1e-4) == moves
     assert (out / "cameras" / "found").is_dir() == moves
-    assert any("contradict the cameras that were given" in note for note in notes) == (adjust == "auto" and moves)
+    assert any("are contradicted by the photos" in note for note in notes) == (adjust == "auto" and moves)
     assert any("cameras/found" in note for note in notes) == moves

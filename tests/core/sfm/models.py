@@ -106,3 +106,14 @@ def geometry_of(matches: Sequence[tuple[int, int]], kind: str = "CALIBRATED", ho
     if homography is not None:
         geometry.H = np.asarray(homography, float)
     return geometry
+
+
+def tracked_model(folder: Path, errors: Sequence[float], binary: bool) -> None:
+    """Writes four cameras and points of which the first was seen by two, the others by all, with these errors (px)."""
+    points = np.array([[0.1 * k, -0.1 * k, 3.0] for k in range(len(errors))])
+    seen_by = [(1, 2), *[(1, 2, 3, 4)] * (len(errors) - 1)]
+    model = model_of([(0.1 * k, 0.0, 0.0) for k in range(4)], points, seen_by=seen_by)
+    for number, error in zip(sorted(model.points3D), errors, strict=True):
+        model.points3D[number].error = error
+    folder.mkdir(exist_ok=True)
+    (model.write_binary if binary else model.write_text)(str(folder))

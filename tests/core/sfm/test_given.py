@@ -13,6 +13,7 @@ from dgs.core.lens import Lens
 from dgs.core.photos.load import Photo
 from dgs.core.sfm.given import _fitted, _key, _table, load_cameras
 from dgs.core.views import SparsePoints
+from dgs.tests.core.sfm.models import tracked_model
 
 
 def photo(name: str, width: int = 40, height: int = 30, scale: float = 1.0) -> Photo:
@@ -106,3 +107,27 @@ def test_cameras_of_other_photos_and_missing_ones(tmp_path: Path) -> None:
         load_cameras(path, [photo("x.png"), photo("y.png")])
     with pytest.raises(FormatError, match="There is no camera file"):
         load_cameras(tmp_path / "none", [photo("0.png")])
+
+
+@pytest.mark.parametrize(
+    ("error", "size", "found"), [(0.6, 160, True), (0.4, 160, False), (0.6, 80, False), (-1.0, 160, False)]
+)
+def test_cameras_whose_points_come_from_features_were_found_in_photos(
+    tmp_path: Path, error: float, size: int, found: bool
+) -> None:
+    """Features of sharp photos lie nearer; photos of half the size have half the error."""
+    tracked_model(tmp_path, (error, error), binary=True)
+    figures = load_cameras(tmp_path, [photo(f"000{n}.png", size * 5 // 4, size) for n in range(1, 5)]).figures
+    assert figures.from_photos == found
+    assert (
+        figures.reprojection_px == pytest.approx(error * size / 160) if error > 0 else np.isnan(figures.reprojection_px)
+    )
+
+
+def test_a_file_of_llff_comes_of_structure_from_motion(tmp_path: Path) -> None:
+    pose = np.concatenate([np.eye(3), np.zeros((3, 1)), [[60.0], [80.0], [70.0]]], axis=1)
+    rows = np.stack([np.concatenate([pose.ravel(), [1.0, 9.0]])] * 2)
+    rows[1, 3] = 1.0
+    np.save(tmp_path / "poses_bounds.npy", rows)
+    photos = [photo("a.png", 80, 60), photo("b.png", 80, 60)]
+    assert load_cameras(tmp_path, photos).figures.from_photos
