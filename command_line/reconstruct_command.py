@@ -83,8 +83,9 @@ def _add_given(data: argparse._ArgumentGroup) -> None:
         "--adjust-cameras",
         choices=("auto", "never", "always"),
         default="auto",
-        help="where photos were shaken, move the cameras with the twin: auto those found in photos, here or by "
-        "another program, and other given ones only if the photos contradict them; never keeps them, to measure by exact ones; always moves given ones, too",
+        help="where photos were shaken, move the cameras with the twin: auto those found in photos, here or by another "
+        "program, and others only if the photos contradict them; never keeps them, to measure by exact ones; always "
+        "moves all",
     )
     data.add_argument(
         "--refine-cameras",
