@@ -138,7 +138,7 @@ def choose_effects(
     found = {e.name: e for e in inspect_photos(source, progress, wanted)}
     on, off = _by_name(mode, forced)
     trials = _Trials.called_for(found.values(), source) if mode == "auto" else _Trials()
-    ablation = Ablation(views, cameras.points, medium, settings) if mode == "auto" else None
+    ablation = Ablation(views, cameras.points, medium, settings, progress) if mode == "auto" else None
     choice = _Choice(source, progress, ablation, trials)
     for name in sorted(on):
         choice.force(name, everything=mode == "all")

@@ -24,6 +24,20 @@ from dgs.core.training.settings import TrainingSettings
 SETTINGS = TrainingSettings(steps=30, max_gaussians=2000, sh_degree=0, threads=1)
 
 
+class Notes(Silent):
+    """Remembers what it hears, and is cancelled when it is asked for the `stop`-th time."""
+
+    def __init__(self, stop: float = np.inf):
+        self.heard, self.asked, self.stop = [], 0, stop
+
+    def note(self, text):
+        self.heard.append(text)
+
+    def cancelled(self):
+        self.asked += 1
+        return self.asked >= self.stop
+
+
 @pytest.fixture(scope="module")
 def scene():
     return make_scene(3, width=192, height=128, views=12, finer=2)
@@ -139,6 +153,53 @@ def test_where_hardly_any_photo_learns_a_path_no_plain_twin_is_trained(dim, monk
     trial = ablation.Ablation(undistorted_views(list(dim.photos), dim.cameras), dim.cameras.points, Medium(), SETTINGS)
     found = trial._compare_paths(ablation.Arm(), ablation.Arm())
     assert asked == [0] and not found.confirms and "finds paths in 10% of the photos" in found.seen
+
+
+@pytest.mark.parametrize(
+    ("short", "long", "confirms", "asked"),
+    [
+        ((0.5, 0.0, 0.5, 0.0, 0.5, 0.0), 0.8, True, 4),  # in doubt, and cleared up
+        ((0.5, 0.0, 0.5, 0.0, 0.5, 0.0), -0.1, False, 3),  # (the first longer pair settles it)
+        ((0.11, 0.09, 0.11, 0.09, 0.11, 0.09), 0.8, False, 1),  # out of reach of what counts
+        ((2.1, 1.9, 2.1, 1.9, 2.1, 1.9), -0.1, True, 1),  # clear at once
+    ],
+)
+def test_what_short_trainings_leave_in_doubt_longer_ones_decide(dim, monkeypatch, short, long, confirms, asked):
+    trials, notes = [], Notes()
+
+    def scores(self, arm, medium, pair):
+        if not arm.formation.names:
+            return np.full(6, 30.0)
+        trials.append((self.settings.steps, self.settings.max_gaussians))
+        longer = self.settings.steps > ablation.SETTINGS.path_steps
+        return 30.0 + (long + np.linspace(-0.01, 0.01, 6) if longer else np.array(short))
+
+    monkeypatch.setattr(ablation.Ablation, "_scores", scores)
+    views = undistorted_views(list(dim.photos), dim.cameras)
+    trial = ablation.Ablation(views, dim.cameras.points, Medium(), TrainingSettings.preset("balanced"), notes)
+    trial._cut(ablation.SETTINGS.path_steps, ablation.SETTINGS.path_gaussians)
+    monkeypatch.setattr(ablation.Ablation, "_against_even_blur", lambda self, without, with_it, found: found)
+    with_it = ablation.Arm(Formation([straight_paths({view.name: (0.01, 0.0) for view in views}, 1)]))
+    found = trial._compare_paths(ablation.Arm(), with_it)
+    assert found.confirms is confirms
+    short_ones, more = (200, 6000), (600, 18000)
+    assert trials == [short_ones, short_ones, more, more][:asked] if asked < 4 else trials[-1] == more
+    assert any("in doubt" in note for note in notes.heard) == (more in trials)
+
+
+def test_a_trial_ends_in_the_middle_of_its_training_when_the_run_is_cancelled(dim):
+    views, impatient = undistorted_views(list(dim.photos), dim.cameras), Notes(stop=5)
+    with pytest.raises(Cancelled, match="while effects were tried"):
+        ablation.Ablation(views, dim.cameras.points, Medium(), SETTINGS, impatient).compare(
+            ablation.Arm(), ablation.Arm()
+        )
+    assert impatient.asked == 5
+
+
+def test_a_trial_is_no_longer_than_the_training(dim):
+    views = undistorted_views(list(dim.photos), dim.cameras)
+    settings = replace(TrainingSettings.preset("balanced"), steps=150)
+    assert ablation.Ablation(views, dim.cameras.points, Medium(), settings)._on(views, 1)._longer() is None
 
 
 def test_the_trial_trains_and_judges_for_real(dim):
