@@ -139,9 +139,12 @@ def read_colmap_points(path: Path) -> SparsePoints:
 
 
 def _mean_error(errors: NDArray[np.float64], seen: NDArray[np.float64]) -> float:
-    """Mean reprojection error (px) of points [M], each as often as it was seen; NaN where the model keeps none."""
-    known = np.isfinite(errors) & (errors >= 0)  # (COLMAP writes -1 for an error that it has not computed)
-    return float(np.average(errors[known], weights=np.maximum(seen[known], 1))) if known.any() else float("nan")
+    """Mean reprojection error (px) of points [M], each as often as it was seen; NaN where the model keeps none.
+
+    COLMAP writes -1 for an error that it has not computed; what programs write for points without tracks is none.
+    """
+    known = np.isfinite(errors) & (errors >= 0) & (seen > 0)
+    return float(np.average(errors[known], weights=seen[known])) if known.any() else float("nan")
 
 
 def _confidence(folder: Path, count: int) -> NDArray[np.float32] | None:
@@ -176,8 +179,8 @@ def write_lenses(
     Args:
         path: folder, created if missing.
         lenses, poses: by image name; equal lenses are shared.
-        points: written without tracks (the photos' observations are not kept), each with the mean error of all; of
-            dense ones the confidence stands in a file of ours beside the model.
+        points: written without tracks (the photos' observations are not kept); of dense ones the confidence stands in
+            a file of ours beside the model.
         binary: .bin files, else .txt.
 
     Raises:
@@ -205,9 +208,7 @@ def write_lenses(
         rotation = pycolmap.Rotation3d(np.asarray(pose.rotation, float))
         model.add_image_with_trivial_frame(image, pycolmap.Rigid3d(rotation, np.asarray(pose.translation, float)))
     for position, colour in zip(points.positions, points.colours, strict=True):
-        added = model.add_point3D(position, pycolmap.Track(), colour)
-        if np.isfinite(points.error_px):
-            model.point3D(added).error = points.error_px
+        model.add_point3D(position, pycolmap.Track(), colour)
     way_out = "Free some space on that disk or choose another folder"
     beside = path / f".model.{os.getpid()}.part"  # (on the same disk)
     try:
