@@ -33,8 +33,8 @@ class GivenCameraSettings:
         0.1,
         "px",
         "mean reprojection error of points with tracks that come with cameras, from which these were found in photos:"
-        " exact cameras come with exact points, or none. COLMAP's defaults leave 0.53 and 0.64 px of the rendered ball and"
-        " shelf, shaken, 0.36 and 0.49 of sharp ones; models of real photos here have 0.12 to 1.3",
+        " exact cameras come with exact points, or none. COLMAP's defaults leave 0.53 and 0.64 px of the rendered ball"
+        " and shelf, shaken, 0.36 and 0.49 of sharp ones; models of real photos here have 0.12 to 1.3",
         BY_DEFINITION,
     )
 
