@@ -235,7 +235,7 @@ def test_a_run_that_is_resumed_goes_on_to_the_bit(scene, taken):
 
 
 def test_a_whole_run_adjusts_the_cameras_that_it_found(scene, taken):
-    trained = [train(job(scene, taken, adjust, steps=40), Silent()) for adjust in ("always", "never")]
+    trained = [train(job(scene, taken, adjust, steps=80), Silent()) for adjust in ("always", "never")]
     placed = [one.formation.motion.parameters["twists"][:, 0] for one in trained]
     assert float((placed[0] - placed[1]).abs().max()) > 1e-4
 
