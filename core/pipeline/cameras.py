@@ -97,7 +97,9 @@ def cameras_of(
     if given is not None:
         found = given
         if resumed and search.refined:
-            found = replace(given, reconstruction=load_cameras(folder.camera_folder, photos))
+            moved, figures = load_cameras(folder.camera_folder, photos), given.reconstruction.figures
+            figures = replace(moved.figures, from_photos=figures.from_photos)  # (what is kept does not say it)
+            found = replace(given, reconstruction=replace(moved, figures=figures))
         elif given.reconstruction.figures.scattered:
             seen = [photo for photo in photos if photo.name not in search.held]
             began = time.perf_counter()
