@@ -77,6 +77,8 @@ fi
 
 "$VENV/bin/python" -c 'import bpy, numba, pycolmap, torch' ||
   { echo "A package does not load; see the message above." >&2; exit 1; }
+# The extension's own wheels, while there is a network (it asks for them again if they are not there).
+"$VENV/bin/python" -m tools.extension --wheels
 rm -f "$VENV"/installed-*
 touch "$STAMP"
 say "Ready: $VENV"

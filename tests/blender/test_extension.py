@@ -39,7 +39,8 @@ print("installed")
 
 @pytest.fixture(scope="module")
 def package() -> Path:
-    subprocess.run([sys.executable, "-m", "tools.extension"], cwd=ROOT, check=True, capture_output=True)
+    done = subprocess.run([sys.executable, "-m", "tools.extension"], cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
     return ROOT / "dist" / f"dgs-{VERSION}.zip"
 
 
