@@ -155,24 +155,32 @@ def test_where_hardly_any_photo_learns_a_path_no_plain_twin_is_trained(dim, monk
     assert asked == [0] and not found.confirms and "finds paths in 10% of the photos" in found.seen
 
 
+_CLEAR, _NEAR, _DOUBTFUL, _NOTHING = (
+    np.array(gains) for gains in ([2.0, 2.1] * 3, [0.4, 0.42] * 3, [0.5, 0.0] * 3, [0.11, 0.09] * 3)
+)
+_TRIALS = ((200, 6000), (400, 6000), (600, 18000))
+
+
 @pytest.mark.parametrize(
-    ("short", "long", "confirms", "asked"),
+    ("gains", "confirms", "pairs"),
     [
-        ((0.5, 0.0, 0.5, 0.0, 0.5, 0.0), 0.8, True, 4),  # in doubt, and cleared up
-        ((0.5, 0.0, 0.5, 0.0, 0.5, 0.0), -0.1, False, 3),  # (the first longer pair settles it)
-        ((0.11, 0.09, 0.11, 0.09, 0.11, 0.09), 0.8, False, 1),  # out of reach of what counts
-        ((2.1, 1.9, 2.1, 1.9, 2.1, 1.9), -0.1, True, 1),  # clear at once
+        ((_CLEAR,), True, (1,)),  # clear at once
+        ((_NOTHING, _CLEAR), True, (1, 1)),  # the shortest may not say no
+        ((_NOTHING, _NOTHING), False, (1, 1)),  # longer ones may
+        ((_NEAR, _NOTHING), False, (2, 1)),  # what just confirms is asked again
+        ((_NEAR, _NEAR, _NEAR), True, (2, 2, 2)),  # the longest may just confirm
+        ((_DOUBTFUL, _DOUBTFUL, _CLEAR), True, (2, 2, 1)),  # in doubt, and cleared up
+        ((_DOUBTFUL, _DOUBTFUL, -_NOTHING), False, (2, 2, 1)),
     ],
 )
-def test_what_short_trainings_leave_in_doubt_longer_ones_decide(dim, monkeypatch, short, long, confirms, asked):
+def test_what_short_trainings_do_not_settle_longer_ones_do(dim, monkeypatch, gains, confirms, pairs):
     trials, notes = [], Notes()
 
     def scores(self, arm, medium, pair):
         if not arm.formation.names:
             return np.full(6, 30.0)
         trials.append((self.settings.steps, self.settings.max_gaussians))
-        longer = self.settings.steps > ablation.SETTINGS.path_steps
-        return 30.0 + (long + np.linspace(-0.01, 0.01, 6) if longer else np.array(short))
+        return 30.0 + gains[_TRIALS.index(trials[-1])]
 
     monkeypatch.setattr(ablation.Ablation, "_scores", scores)
     views = undistorted_views(list(dim.photos), dim.cameras)
@@ -182,9 +190,8 @@ def test_what_short_trainings_leave_in_doubt_longer_ones_decide(dim, monkeypatch
     with_it = ablation.Arm(Formation([straight_paths({view.name: (0.01, 0.0) for view in views}, 1)]))
     found = trial._compare_paths(ablation.Arm(), with_it)
     assert found.confirms is confirms
-    short_ones, more = (200, 6000), (600, 18000)
-    assert trials == [short_ones, short_ones, more, more][:asked] if asked < 4 else trials[-1] == more
-    assert any("in doubt" in note for note in notes.heard) == (more in trials)
+    assert trials == [which for which, count in zip(_TRIALS, pairs, strict=False) for _ in range(count)]
+    assert sum("do not settle" in note for note in notes.heard) == len(pairs) - 1
 
 
 def test_a_trial_ends_in_the_middle_of_its_training_when_the_run_is_cancelled(dim):
@@ -199,7 +206,7 @@ def test_a_trial_ends_in_the_middle_of_its_training_when_the_run_is_cancelled(di
 def test_a_trial_is_no_longer_than_the_training(dim):
     views = undistorted_views(list(dim.photos), dim.cameras)
     settings = replace(TrainingSettings.preset("balanced"), steps=150)
-    assert ablation.Ablation(views, dim.cameras.points, Medium(), settings)._on(views, 1)._longer() is None
+    assert ablation.Ablation(views, dim.cameras.points, Medium(), settings)._on(views, 1)._longer(2, 1) is None
 
 
 def test_the_trial_trains_and_judges_for_real(dim):
