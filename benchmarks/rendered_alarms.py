@@ -3,7 +3,7 @@
     python -m benchmarks.rendered_alarms [--only NAME ...]
 
 Each set is rendered once (benchmarks/data/alarms), then given to the product as a user gives it, `reconstruct PHOTOS
---effects auto`, with few Gaussians, as what follows the decision does not matter here. Writes
+--effects auto`: trials are no longer than the training, so that it is the usual one. Writes
 benchmarks/rendered_alarms.json and the table between the markers in docs/studies/effects.md. Resumable: sets that the
 same engine has decided on are kept.
 """
@@ -93,8 +93,8 @@ def decided(sharp: SharpSet, folder: Path) -> dict[str, Any]:
         return {"failed": rendered.stderr[-400:]}
     twin = folder / "twin"
     shutil.rmtree(twin, ignore_errors=True)
-    run = ["reconstruct", str(folder / "photos"), "--out", str(twin), "--effects", "auto", "--preset", "draft"]
-    run += ["--max-gaussians", "4000", *(["--cameras", str(folder / "transforms.json")] if sharp.given else [])]
+    run = ["reconstruct", str(folder / "photos"), "--out", str(twin), "--effects", "auto"]
+    run += ["--cameras", str(folder / "transforms.json")] if sharp.given else []
     trained = _command(*run)
     if trained.returncode != 0:
         return {"failed": trained.stderr[-400:]}
