@@ -155,9 +155,9 @@ def table(found: dict[str, Any]) -> str:
         )
     if found["trials"]:
         lines.append(
-            "With the trials of effects; one that is confirmed makes the training longer: a shake or a focus of"
+            "With the trials of effects, which take minutes more where short ones do not settle a shake; one that is"
         )
-        lines.append("each photo up to five times.")
+        lines.append("confirmed makes the training longer: a shake or a focus of each photo up to five times.")
     lines.append("'best' takes so long at most: it ends as soon as held-out photos gain no more.")
     if found["busy"] is not None and found["busy"] > RECORDS.disturbed_share:
         lines.append(f"Other programs keep {100 * found['busy']:.0f} % of the machine busy: it may take much longer.")
