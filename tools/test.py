@@ -4,10 +4,10 @@
     .venv/bin/python tools/test.py [--jobs N] [pytest arguments]
 
 Packages without Blender's module run folder by folder, as each process spends seconds on its imports; every other
-test file runs in a process of its own, because bpy keeps global state that a test file may not inherit. One process
-more at a time than there are cores, as a fifth of their time goes into waiting. What failed is printed whole, the rest
-in a line each. A process that hangs is ended, says what each of its threads was at, and is begun anew, once. The last
-line is the sum of all: `N passed, N failed, N skipped`.
+test file runs in a process of its own, because bpy keeps global state that a test file may not inherit. As many
+processes at a time as there are cores. What failed is printed whole, the rest in a line each. A process that hangs is
+ended, says what each of its threads was at, and is begun anew, once. The last line is the sum of all: `N passed, N
+failed, N skipped`.
 """
 
 from __future__ import annotations
@@ -36,8 +36,6 @@ NOTHING_SELECTED = 5
 #: Seconds that a process may take: three times those of the longest one on two cores. The limit of pytest for a test
 #: raises in the main thread, which does not end one that waits for a stuck thread.
 LIMIT = 900.0
-#: Processes at a time beyond the number of cores: tests wait for what they start, kill and ask.
-BESIDE = 1
 #: Seconds that a process may take to say what each of its threads was at.
 LAST_WORDS = 20.0
 
@@ -161,7 +159,7 @@ def report(ran: Ran) -> None:
 
 def main() -> int:
     """Runs everything; 1 if anything failed or nothing ran."""
-    arguments, jobs = sys.argv[1:], len(os.sched_getaffinity(0)) + BESIDE
+    arguments, jobs = sys.argv[1:], len(os.sched_getaffinity(0))
     if arguments[:1] == ["--jobs"]:
         jobs, arguments = int(arguments[1]), arguments[2:]
     began, last, hung = time.perf_counter(), [], []
