@@ -113,6 +113,13 @@ class TrialSettings:
         " village",
         "sharp photos of copr 0.06 +- 0.17, of banana 0.50 +- 0.21, of brighton 0.13 +- 0.26: none is confirmed",
     )
+    longer_gain: float = number(
+        0.35,
+        "dB",
+        "that paths must gain in longer trials, as `path_gain`",
+        "between a sharp room with noise and drifting exposures, 0.30 +- 0.11, and a weakly shaken village, 0.39 +-"
+        " 0.12 (cameras found: 0.45 +- 0.12); a sharp plant with noise and JPEG 0.20 +- 0.05",
+    )
     clearly: float = number(
         2.0,
         "times",
@@ -271,7 +278,7 @@ class Ablation:
         if longer is not None:
             short = f"{found.mean:+.2f} +- {found.error:.2f} dB"
             self._progress.note(f"motion: short trainings do not settle it ({short}); longer ones are made")
-            trial, found = longer, longer._compare(without, with_it, True, SETTINGS.path_gain, not_found)
+            trial, found = longer, longer._compare(without, with_it, True, SETTINGS.longer_gain, not_found)
         blurs = self.medium.blurs or without.formation.blurs
         return found if blurs or not found.confirms else trial._against_even_blur(without, with_it, found)
 

@@ -170,6 +170,7 @@ _TRIALS = ((200, 6000), (600, 18000))
         ((_NOTHING, _NOTHING), False, (1, 1)),  # long ones can
         ((_NEAR, _NOTHING), False, (2, 1)),  # what just confirms is asked again
         ((_NEAR, _NEAR), True, (2, 2)),  # long ones may just confirm
+        ((_NEAR, _NEAR - 0.08), False, (2, 1)),  # that asks for more than the gain of short ones
         ((_DOUBTFUL, _CLEAR), True, (2, 1)),  # in doubt, and cleared up
         ((_DOUBTFUL, -_NOTHING), False, (2, 1)),
     ],
