@@ -22,6 +22,7 @@ from dgs.core.inspection.photo_set import PhotoSet
 from dgs.core.photos.load import load_photos
 from dgs.core.photos.undistort import undistorted_views
 from dgs.core.photos.uniform import before_background
+from dgs.core.pipeline.effects.ablation import TrialTerms
 from dgs.core.pipeline.effects.choose import choose_effects
 from dgs.core.progress import Silent
 from dgs.core.sfm.given import load_cameras
@@ -50,7 +51,9 @@ def looked_at(photos: Path, cameras: Path, max_size: int | None, inspect_only: b
     held = {photo.name for photo in used[::8]}
     fitted = [view for view in undistorted_views(used, known) if view.name not in held]
     began = time.process_time()
-    chosen = choose_effects("auto", used, known, fitted, Medium(), TrainingSettings.preset("balanced"), Silent())
+    chosen = choose_effects(
+        "auto", used, known, fitted, Medium(), TrialTerms(TrainingSettings.preset("balanced")), Silent()
+    )
     row["simulated"] = [d.name for d in chosen.decisions if d.on]
     row["auto_s"] = time.process_time() - began
     row["trials"] = {

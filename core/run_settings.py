@@ -26,13 +26,14 @@ FROSTED_GLASS = "glass"
 FREE_KERNELS = "kernels"
 
 #: Names that only a run leaves in its folder, and those that it replaces there (of `core.twin.folder.PARTS`).
-RUN_MARKS = ("report.json", "checkpoint.npz", "plan.json", "sfm", "job.json")
+RUN_MARKS = ("report.json", "checkpoint.npz", "trials.json", "plan.json", "sfm", "job.json")
 RUN_REPLACES = (
     "frames",
     "photos.txt",
     "inputs.json",
     "cameras",
     "sfm",
+    "trials.json",
     "plan.json",
     "snapshot",
     "checkpoint.npz",

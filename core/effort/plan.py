@@ -54,6 +54,12 @@ class PlanSettings:
     probing: float = number(0.01, "share", "of what is left, for each of the four to six parts of a probe")
     coarse_steps: int = number(150, "steps", "with fewer, a grid of half the resolution buys more than it loses")
     camera_share: float = number(0.35, "share", "of the time: cameras that would take more are found in a hurry")
+    trial_share: float = number(
+        0.35,
+        "share",
+        "of what is left after the cameras that trials of effects may take: what they find is worth decibels, and so is"
+        " the training's time",
+    )
     scored: int = number(2, "views", "that are scored however short the time is")
     score_share: float = number(0.12, "share", "of the time that scoring more views than that may take")
     spare_share: float = number(0.01, "share", "of the time, kept back for what cannot be foreseen")
@@ -169,6 +175,11 @@ class Budget:
         stages = self._stages(self._work(photos, len(photos), 0))
         self.hurried = stages["sfm"] + stages["surface"] > PLANNING.camera_share * self.limit
         return self.hurried
+
+    def for_trials(self) -> Callable[[], float]:
+        """Seconds that are left to trials of effects: a share of what is left now, less what passes from now on."""
+        end = self.spent() + PLANNING.trial_share * max(0.0, self.left())
+        return lambda: end - self.spent()
 
     def train(
         self,

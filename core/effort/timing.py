@@ -6,6 +6,7 @@ Made for `pipeline.timing.Timing`: a run is handed one and asks it; this package
 from __future__ import annotations
 
 import contextlib
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -52,6 +53,10 @@ class RunTiming:
     ) -> PlannedTraining:
         """The training that fits into what is left; see `Budget.train`."""
         return PlannedTraining(job.settings) if self.budget is None else self.budget.train(job, photos, fixed, earlier)
+
+    def for_trials(self) -> Callable[[], float]:
+        """Seconds that are left to trials of effects, from now on asked each time; infinite without a limit."""
+        return (lambda: math.inf) if self.budget is None else self.budget.for_trials()
 
     def another(self) -> bool:
         """Whether there is time to score one more view."""

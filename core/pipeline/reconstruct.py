@@ -31,7 +31,9 @@ from ..warming import begin_warming
 from .adjusted import adjusted, adjustment_said, adjusts, keep_adjusted
 from .blind import Spreads, given_spreads
 from .cameras import FoundCameras, cameras_of, given_cameras, search_for
+from .effects.ablation import TrialTerms
 from .effects.decision import parse_effects
+from .effects.kept import KeptTrials
 from .effects.unseen import formation_of_all
 from .fitted import split_views
 from .glass import glass_shown, with_glass
@@ -139,7 +141,8 @@ def _stages(run: RunSettings, given: Spreads | None, truth: TruthFolder | None, 
     views = split_views(photos, cameras.reconstruction, loaded.held, keeper)
     sigma = blur.medium.mean_sigma([photo.name for photo in photos])
     settings = training_settings(run.training, machine, timing.limited, sigma)
-    effects = simulate(run.effects, photos, cameras.reconstruction, views, blur.medium, settings, keeper)
+    terms = TrialTerms(settings, timing.for_trials(), KeptTrials(folder, run.resume))
+    effects = simulate(run.effects, photos, cameras.reconstruction, views, blur.medium, terms, keeper)
     if (glass := run.glass or glass_shown(effects, given is None)) is not None:
         effects = with_glass(effects, glass, points, keeper, PhotoSet(photos, cameras.reconstruction))
         sigma = effects.sigma
@@ -177,7 +180,8 @@ def _stages(run: RunSettings, given: Spreads | None, truth: TruthFolder | None, 
     scorer = ViewScorer(viewer, cameras.reconstruction, effects.medium, truth, period, keeper, seen, stood)
     scored = score_views(scorer, photos, loaded.held, machine.threads, timing, folder)
     if over := timing.overrun():
-        keeper.note(f"The time limit was passed by {over:.0f} s: the cameras alone took {watch.seconds['sfm']:.0f} s")
+        took = f"the cameras took {watch.seconds['sfm']:.0f} s, effects {watch.seconds.get('effects', 0.0):.0f} s"
+        keeper.note(f"The time limit was passed by {over:.0f} s: {took}")
     watch.lap("save")
     facts = RunFacts(
         asked={**run.asked, "photos": str(begun.final(loaded.source)), "psf": blur.spreads.source},

@@ -11,8 +11,8 @@ from ..imaging.psf import PointSpread
 from ..photos.load import Photo
 from ..progress import Progress
 from ..reconstruction import Reconstruction
-from ..training.settings import TrainingSettings
 from ..views import View
+from .effects.ablation import TrialTerms
 from .effects.choose import Chosen, choose_effects
 from .fitted import SplitViews
 
@@ -46,20 +46,20 @@ def simulate(
     cameras: Reconstruction,
     views: SplitViews,
     medium: Medium,
-    settings: TrainingSettings,
+    terms: TrialTerms,
     progress: Progress,
 ) -> SimulatedEffects:
     """Decides which effects are simulated, and undoes on the photos what need not be simulated in every step.
 
     Args:
         asked: as `--effects` takes it; photos: those with a camera.
-        settings: of the training; trials are like it, but short.
+        terms: what trials are bound to.
 
     Raises:
         DgsError: an effect was forced on that these photos say nothing about, or free kernels beside a point spread.
         Cancelled: the user asked to stop.
     """
-    chosen = choose_effects(asked, photos, cameras, views.fitted, medium, settings, progress)
+    chosen = choose_effects(asked, photos, cameras, views.fitted, medium, terms, progress)
     if chosen.formation.kernels is not None and medium.blurs:
         raise DgsError(
             "Free kernels stand for all of a photo's blur, so none can be given beside them",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Protocol
@@ -31,6 +32,9 @@ class Timing(Protocol):
             photos: those with a camera; fixed: Gaussians, where the user wants so many.
             earlier: the plan of the run that is resumed, empty where it is gone; None for a new run.
         """
+
+    def for_trials(self) -> Callable[[], float]:
+        """Seconds that are left to trials of effects, from now on asked each time; infinite without a limit."""
 
     def another(self) -> bool:
         """Whether there is time to score one more view; asked by several threads, each time before one."""
@@ -71,6 +75,10 @@ class Untimed:
     ) -> PlannedTraining:
         """The training as it was asked for."""
         return PlannedTraining(job.settings)
+
+    def for_trials(self) -> Callable[[], float]:
+        """As many as they take."""
+        return lambda: math.inf
 
     def another(self) -> bool:
         """Yes."""

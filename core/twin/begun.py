@@ -33,7 +33,7 @@ _CAMERAS = ("cameras", "sfm", "inputs.json")
 _TAKEN: dict[Start, tuple[str, ...]] = {
     "anew": (),
     "cameras": _CAMERAS,
-    "resume": (*_CAMERAS, "photos.txt", "checkpoint.npz", "plan.json"),
+    "resume": (*_CAMERAS, "photos.txt", "checkpoint.npz", "trials.json", "plan.json"),
 }
 
 

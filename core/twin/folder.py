@@ -22,7 +22,7 @@ from ..cloud import GaussianCloud
 from ..errors import FormatError
 from ..files import make_folder, output_error, read_json, write_bytes, write_json, write_text
 from ..formats.ply import write_ply
-from ..json_shape import anything, check_shape, count, positive, text
+from ..json_shape import anything, check_shape, count, number, positive, sentence, text
 from ..reconstruction import Reconstruction
 from ..transaction import FolderChange, changing, recover
 
@@ -56,6 +56,7 @@ PARTS = (
     Part("photos", "update", folder=True, lasting=True),  # new photos: only ever added
     Part("cameras", "cameras", state=True, folder=True),
     Part("sfm", "cameras", folder=True),
+    Part("trials.json", "effects"),
     Part("plan.json", "training"),
     Part("snapshot", "training", folder=True),
     Part("checkpoint.npz", "training", state=True),
@@ -101,6 +102,8 @@ _REPORT = {
 }
 #: What is read of plan.json.
 _PLAN = {"gaussians": positive, "grid_step": (positive,)}
+#: What trials.json holds: by trial what `core.pipeline.effects.comparison.Comparison` does; no 'least' is infinity.
+_TRIALS = {"*": {"differences": [number], "seen": sentence, "least": (number,), "least_lost": number}}
 #: What inputs.json holds.
 _INPUTS = {"photos": {"*": text}, "cameras?": (text,)}
 #: What is read of twin.json.
@@ -196,6 +199,19 @@ class TwinFolder:
         try:
             content = read_json(self.path / "plan.json")
             check_shape(content, _PLAN)
+        except (OSError, ValueError):
+            return {}
+        return dict(content)
+
+    def save_trials(self, said: Mapping[str, Any]) -> None:
+        """What trials of effects said; raises OutputError."""
+        write_json(self.path / "trials.json", dict(said))
+
+    def trials(self) -> dict[str, Any]:
+        """What `save_trials` kept; empty where there is none, or it is damaged."""
+        try:
+            content = read_json(self.path / "trials.json")
+            check_shape(content, _TRIALS)
         except (OSError, ValueError):
             return {}
         return dict(content)

@@ -109,6 +109,21 @@ def _plan() -> Reader:
     return Reader("plan.json", write, read, "plan.json", damaged, forgives=True)
 
 
+def _trials() -> Reader:
+    def write(place: Path) -> None:
+        place.mkdir(exist_ok=True)
+        said = {"differences": [0.25, -1.0], "seen": "", "least": None, "least_lost": 0.1}
+        TwinFolder(place).save_trials({"0123456789abcdef" * 2: said})
+
+    def read(place: Path) -> object:
+        trials = TwinFolder(place).trials()
+        for said in trials.values():
+            assert np.isfinite(np.array(said["differences"], np.float64)).all()
+        return trials
+
+    return Reader("trials.json", write, read, "trials.json", damaged, forgives=True)
+
+
 def _history() -> Reader:
     """What a rollback brings back, opened."""
 
@@ -240,7 +255,7 @@ def _page() -> Reader:
 def state_readers() -> list[Reader]:
     """All of them."""
     make: tuple[Callable[[], Reader], ...] = (
-        *(_checkpoint, _features, _plan, _history, _journal, _owner, _records, _choices, _written, _page),
+        *(_checkpoint, _features, _trials, _plan, _history, _journal, _owner, _records, _choices, _written, _page),
     )
     return [
         *(one() for one in make),

@@ -21,6 +21,7 @@ from ...core.imaging.medium import Medium
 from ...core.machine import machine, use_machine
 from ...core.numbers import number
 from ...core.pipeline.cameras import CameraSearch, FoundCameras
+from ...core.pipeline.effects.ablation import TrialTerms
 from ...core.pipeline.fitted import split_views
 from ...core.pipeline.refinement import RefinementJob, refine
 from ...core.pipeline.simulated import simulate
@@ -212,7 +213,7 @@ def one_run(knob: Knob, settings: TrainingSettings, sets: _Sets, progress: Progr
     began, processor = time.perf_counter(), time.process_time()
     medium = data.medium if knob.medium else Medium(None, data.medium.blur_space)
     views = split_views(data.photos, data.cameras, measure.held, Quiet(progress))
-    effects = simulate(knob.effects, data.photos, data.cameras, views, medium, settings, Quiet(progress))
+    effects = simulate(knob.effects, data.photos, data.cameras, views, medium, TrialTerms(settings), Quiet(progress))
     evaluations = _Evaluations(
         data,
         measure.held[:: max(1, len(measure.held) // NUMBERS.evaluated_views)][: NUMBERS.evaluated_views],

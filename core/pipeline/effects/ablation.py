@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import stdtrit
 
+from ...effects.registry import switches
 from ...effects.spec import Switch
 from ...errors import Cancelled
 from ...imaging.formation.chain import Formation
@@ -18,7 +20,6 @@ from ...imaging.formation.motion import CameraMotion
 from ...imaging.medium import Medium
 from ...imaging.psf import PointSpread
 from ...lens import Lens
-from ...numbers import BY_DEFINITION, number
 from ...photos.empty import background_shows
 from ...pose import Pose
 from ...progress import Progress, Silent
@@ -29,110 +30,13 @@ from ...training.scale import scene_scale
 from ...training.settings import TrainingSettings
 from ...views import SparsePoints, View
 from ..views import Viewer
+from .comparison import SETTINGS, Array, Comparison
 from .corrected import corrected, over_filed
+from .kept import KeptTrials
 from .matched import matched_psnr
-
-Array = NDArray[np.float64]
 
 #: Squared length of a straight path over the mean variance of its light along both axes: L^2 / 12 along it, 0 across.
 STRAIGHT = 24.0
-
-
-@dataclass(frozen=True)
-class TrialSettings:
-    """Numbers of the short trainings."""
-
-    every: int = number(
-        4, "photos", "of which one is judged by a pair of trainings without it, others by the next pair"
-    )
-    fewest_judged: int = number(5, "photos", "judged at least, by all pairs together")
-    most_judged: int = number(8, "photos", "judged by a pair at most")
-    pairs: int = number(2, "count", "pairs of trainings, each with a seed and judged photos of its own")
-    steps: int = number(100, "steps", "of a short training")
-    gaussians: int = number(2000, "count", "of a short training")
-    side: int = number(
-        80,
-        "px",
-        "along the shorter side, to which photos are averaged down: what is tried changes from photo to photo, or "
-        "slowly over the frame and the depth, and shows there as well, at a price that does not grow with the photos",
-    )
-    points: int = number(1000, "count", "sparse points that a trial of what the sensor does starts from at most")
-    shortest_path: float = number(
-        1.0, "px", "of a path that counts as one: shorter ones blur less than the px", "judgement"
-    )
-    path_seen: float = number(1.5, "px of the trial's grid", "from which on a path that was learned is one")
-    photos_moved: float = number(0.2, "share of the photos", "that learn a path at least, or none is simulated")
-    path_gain: float = number(
-        0.3,
-        "dB",
-        "that paths must gain besides being no chance: photos that are held out are aligned by theirs a little",
-        "sharp photos of copr gained 0.05 and of banana 0.21, shaken ones of the rendered ball 1.7",
-        "tea (real, shaken) 0.57; no other sharp set",
-    )
-    round_share: float = number(
-        0.33,
-        "of what paths gain",
-        "that a round blur of all photos must gain to stand for paths that do not beat it beyond chance",
-        "a ball behind the engine's own glass: half; tea (really shaken): none of it",
-        "no other value was tried",
-    )
-    focus_gain: float = number(
-        0.1,
-        "dB",
-        "that a focus of each photo must gain besides being no chance: held-out photos have theirs, too",
-        "a rendered depth of field 0.21 +- 0.05",
-        "sharp photos of banana 0.04 +- 0.12 and copr 0.03 +- 0.06, forced to be tried; as a loss that contradicts what"
-        " points show: drinks, where the trial has 0.00, -0.05 or -0.10 +- 0.04 and the whole run gains 0.85",
-    )
-    focus_seen: float = number(
-        0.4, "px of the trial's grid", "of blur (standard deviation) off the focus, from which on there is one"
-    )
-    focus_side: int = number(200, "px", "shorter side of the photos in a trial of a focus at least")
-    path_px: float = number(4.0, "px", "that a path must still be long in a trial of it")
-    path_side: int = number(200, "px", "shorter side of the photos' middles in a trial of a path")
-    path_steps: int = number(
-        200,
-        "steps",
-        "in a trial of a path: with half of them paths of 6 px are not confirmed",
-        "drawn scenes with paths of 6 and 12 px, photos of 720 px",
-    )
-    path_gaussians: int = number(
-        6000,
-        "count",
-        "in a trial of a path; with half of them and of the side paths of 12 px on photos of 720 px are not confirmed",
-        "drawn scenes with paths of 6 and 12 px, photos of 720 px",
-    )
-    longer: int = number(
-        3,
-        "times",
-        "the steps and Gaussians of a trial of a path, where short ones are not clear: what 200 steps make of a scene"
-        " is too poor for a weak shake (2 to 6 px: -0.09 +- 0.06 dB on a shelf, 0.08 +- 0.06 in a village; with 600"
-        " steps 2.4 +- 0.4 and 0.39 +- 0.12, sharp ones -0.27 +- 0.04), and so wrong from inside a room that shaken and"
-        " sharp photos gain alike (0.19 +- 0.10 and 0.10 +- 0.13; 0.85 +- 0.21 and -0.12 +- 0.10)",
-        "these rendered sets; 400 steps with 6000 Gaussians gain 0.86 +- 0.16 on the shelf, but -0.09 +- 0.11 in the"
-        " village",
-        "sharp photos of copr 0.06 +- 0.17, of banana 0.50 +- 0.21, of brighton 0.13 +- 0.26: none is confirmed",
-    )
-    longer_gain: float = number(
-        0.35,
-        "dB",
-        "that paths must gain in longer trials, as `path_gain`",
-        "between a sharp room with noise and drifting exposures, 0.30 +- 0.11, and a weakly shaken village, 0.39 +-"
-        " 0.12 (cameras found: 0.45 +- 0.12); a sharp plant with noise and JPEG 0.20 +- 0.05",
-    )
-    clearly: float = number(
-        2.0,
-        "times",
-        "what confirms after both pairs of trainings: where the first alone gains so much, the second is spared, and"
-        " so are longer ones",
-        "a first choice: a pair's photos do not know how far two trainings differ by chance",
-    )
-    chance: float = number(
-        0.0228, "probability", "that chance gives as large a gain: a normal's beyond two standard errors", BY_DEFINITION
-    )
-
-
-SETTINGS = TrialSettings()
 
 
 @dataclass(frozen=True)
@@ -144,64 +48,37 @@ class Arm:
 
 
 @dataclass(frozen=True)
-class Comparison:
-    """Paired differences (dB), one for each judged photo.
+class TrialTerms:
+    """What all trials of a run are bound to.
 
     Attributes:
-        seen: what else there is to say; least: gain (dB) that confirms at least.
-        least_lost: loss (dB) that contradicts at least.
+        settings: of the training; steps, Gaussians and points are cut down.
+        left: seconds that they may still take; kept: what they said before.
     """
 
-    differences: Array
-    seen: str = ""
-    least: float = 0.0
-    least_lost: float = 0.0
+    settings: TrainingSettings
+    left: Callable[[], float] = lambda: math.inf
+    kept: KeptTrials = field(default_factory=KeptTrials)
 
-    @property
-    def mean(self) -> float:
-        """Mean gain, dB."""
-        return float(self.differences.mean())
 
-    @property
-    def error(self) -> float:
-        """Standard error of `mean`."""
-        count = len(self.differences)
-        return float(self.differences.std(ddof=1) / math.sqrt(count)) if count > 1 else math.inf
-
-    @property
-    def confirms(self) -> bool:
-        """Whether the gain is more than chance."""
-        return self.mean > max(self.needed * self.error, self.least)
-
-    @property
-    def clear(self) -> bool:
-        """Whether far more is gained than confirms."""
-        wanted = max(self.needed * self.error, self.least)
-        return len(self.differences) >= SETTINGS.fewest_judged and self.mean > SETTINGS.clearly * wanted
-
-    @property
-    def settled(self) -> bool:
-        """Whether a second pair of trainings would hardly change the verdict: clear, not found, or out of reach."""
-        if self.seen or self.clear:
-            return True
-        return len(self.differences) >= SETTINGS.fewest_judged and self.mean + self.needed * self.error < self.least
-
-    @property
-    def contradicts(self) -> bool:
-        """Whether the loss is more than chance, or what was tried is not found at all."""
-        return bool(self.seen) or self.mean < -self.least_lost - self.needed * self.error
-
-    @property
-    def needed(self) -> float:
-        """Standard errors that a gain must exceed: 2 with many photos, more with few (Student's t)."""
-        return -float(stdtrit(max(1, len(self.differences) - 1), SETTINGS.chance))
+class _TimeIsUpError(Exception):
+    """A training was cut off, as trials may take no longer."""
 
 
 class _Hushed(Silent):
-    """Says nothing, and is cancelled with the run."""
+    """Says nothing, and is cancelled with the run, or when trials may take no longer.
 
-    def __init__(self, progress: Progress) -> None:
-        self.cancelled = progress.cancelled  # type: ignore[method-assign]
+    Attributes:
+        by_user: whether the run was.
+    """
+
+    def __init__(self, progress: Progress, terms: TrialTerms) -> None:
+        self._progress, self._terms, self.by_user = progress, terms, False
+
+    def cancelled(self) -> bool:
+        """Whether the training ends here."""
+        self.by_user = self._progress.cancelled()
+        return self.by_user or self._terms.left() <= 0.0
 
 
 class Ablation:
@@ -209,11 +86,11 @@ class Ablation:
 
     Args:
         views: those of the training; held-out ones of the report take no part.
-        points, settings: of the training; steps, Gaussians and points are cut down.
+        points: of the training.
         medium: of the training. Effects of the sensor are tried without its blur: photos disagree about gains and
             corners as much when both twins stay soft, and fewer points do. What the light meets before the blur
             is tried through it, from all points: it goes by their depth.
-        progress: may cancel them, and hears where they get longer.
+        terms: what trainings are bound to; progress: may cancel them, and hears where they get longer.
     """
 
     def __init__(
@@ -221,18 +98,19 @@ class Ablation:
         views: Sequence[View],
         points: SparsePoints,
         medium: Medium,
-        settings: TrainingSettings,
+        terms: TrialTerms,
         progress: Progress = Silent(),
     ) -> None:
-        self.views, self.points, self._progress = list(views), points, progress
+        self.views, self.points, self._progress, self._terms = list(views), points, progress, terms
         self.step = max(1, min((min(v.camera.width, v.camera.height) for v in self.views), default=1) // SETTINGS.side)
-        self._asked = settings
-        self.settings = replace(settings, time_limit=None, until=None, min_steps=0, grid_step=None)
+        self._asked = terms.settings
+        self.settings = replace(self._asked, time_limit=None, until=None, min_steps=0, grid_step=None)
         self._cut(SETTINGS.steps, SETTINGS.gaussians)
         self._full, self.medium = medium, medium.on_grid(self.step)
         self._lengths: list[float] = []  # of paths that were learned, or widths off the focus, px of the trial's grid
         self._scored: dict[tuple[tuple[str, ...], tuple[Switch, ...], str, int], Array] = {}
         self._compared = 0  # pairs that the last comparison took
+        self._slowest = 0.0  # s, of a pair
 
     def judged(self, pair: int) -> list[int]:
         """Which photos a pair of trainings is judged by."""
@@ -249,10 +127,31 @@ class Ablation:
         return sum(len(self.judged(pair)) for pair in range(SETTINGS.pairs)) >= SETTINGS.fewest_judged
 
     def compare(self, without: Arm, with_it: Arm) -> Comparison:
-        """`with_it` against `without`.
+        """`with_it` against `without`; what was kept of the same trial, where it was made before.
 
         Photos of which no px counts are no part of it.
+
+        Raises:
+            Cancelled: the user asked to stop. OutputError: what it says cannot be kept.
         """
+        asked = self._asked_for(without, with_it)
+        said = self._terms.kept.get(asked)
+        if said is None:
+            try:
+                said = self._made(without, with_it)
+            except _TimeIsUpError:
+                said = Comparison.not_made("the time limit leaves no time to try it")
+            self._terms.kept.put(asked, said)
+        return said
+
+    def _asked_for(self, without: Arm, with_it: Arm) -> str:
+        """Which trial that is, of which run."""
+        masked = [[name for name, switch in switches().items() if switch in arm.masked] for arm in (without, with_it)]
+        arms = sorted(without.formation.names), sorted(with_it.formation.names), masked
+        run = replace(self.settings, device="auto", threads=0)
+        return repr((arms, self.step, run, self._full, [view.name for view in self.views]))
+
+    def _made(self, without: Arm, with_it: Arm) -> Comparison:
         if without.formation.learns_focus is not with_it.formation.learns_focus:
             arms = [Formation([e for e in a.formation.effects if e.place != "sensor"]) for a in (without, with_it)]
             finer = self._whole(Arm(with_it.formation, without.masked))
@@ -277,10 +176,18 @@ class Ablation:
         longer = None if found.contradicts or found.clear else self._longer()
         if longer is not None:
             short = f"{found.mean:+.2f} +- {found.error:.2f} dB"
-            self._progress.note(f"motion: short trainings do not settle it ({short}); longer ones are made")
-            trial, found = longer, longer._compare(without, with_it, True, SETTINGS.longer_gain, not_found)
-        blurs = self.medium.blurs or without.formation.blurs
-        return found if blurs or not found.confirms else trial._against_even_blur(without, with_it, found)
+            enough = self._terms.left() >= SETTINGS.longer_takes * self._slowest
+            then = "longer ones are made" if enough else "the time limit leaves none for longer ones"
+            self._progress.note(f"motion: short trainings do not settle it ({short}); {then}")
+            longer = longer if enough else None
+        with contextlib.suppress(_TimeIsUpError):
+            if longer is not None:
+                found = longer._compare(without, with_it, True, SETTINGS.longer_gain, not_found)
+                trial = longer
+            blurs = self.medium.blurs or without.formation.blurs
+            if found.confirms and not blurs:
+                return trial._against_even_blur(without, with_it, found)
+        return found
 
     def _against_even_blur(self, without: Arm, with_it: Arm, found: Comparison) -> Comparison:
         """Paths against one round blur of all photos, as wide as they are, by the pairs that judged them.
@@ -328,17 +235,29 @@ class Ablation:
         Args:
             through: whether photos are tried through the medium; least: see `Comparison`.
             not_found: (lengths or widths that were learned) -> what to say where they are none.
+
+        Raises:
+            _TimeIsUpError: before the first pair had an end.
         """
         medium = self.medium if through else Medium()
         found: list[Array] = []
         for pair in range(SETTINGS.pairs):
+            if pair and self._terms.left() < self._slowest:
+                break  # what one pair says decides
+            begun = time.perf_counter()
+            try:
+                second = self._scores(with_it, medium, pair)
+                lengths = np.asarray(self._lengths)
+                seen = not_found(lengths) if len(lengths) else ""
+                if seen:
+                    return Comparison(np.zeros(len(lengths)), seen, least)
+                found.append(second - self._scores(without, medium, pair))
+            except _TimeIsUpError:
+                if not found:
+                    raise
+                break
+            self._slowest = max(self._slowest, time.perf_counter() - begun)
             self._compared = pair + 1
-            second = self._scores(with_it, medium, pair)
-            lengths = np.asarray(self._lengths)
-            seen = not_found(lengths) if len(lengths) else ""
-            if seen:
-                return Comparison(np.zeros(len(lengths)), seen, least)
-            found.append(second - self._scores(without, medium, pair))
             differences = np.concatenate(found)
             so_far = Comparison(differences[np.isfinite(differences)], least=least)
             if so_far.settled:
@@ -366,9 +285,12 @@ class Ablation:
         points = self.points if blurred else _fewer(self.points)
         scale = scene_scale([view.camera for view in fitted], points)
         job = TrainingJob(fitted, others, points, medium, settings, formation, evaluated=False)
-        trained = train(job, _Hushed(self._progress))
+        hushed = _Hushed(self._progress, self._terms)
+        trained = train(job, hushed)
         if trained.stopped == "cancelled":
-            raise Cancelled("Stopped while effects were tried")
+            if hushed.by_user:
+                raise Cancelled("Stopped while effects were tried")
+            raise _TimeIsUpError
         if (moved := trained.formation.motion) is not None:
             lengths = [moved.length(v.name, v.camera.fx) / moved.exposures for v in fitted]
             self._lengths.extend(lengths)
@@ -402,7 +324,7 @@ class Ablation:
 
     def _on(self, views: list[View], step: int) -> Ablation:
         """Trials on other views, of which `step` px become one."""
-        other = Ablation(views, self.points, self._full, self._asked, self._progress)
+        other = Ablation(views, self.points, self._full, self._terms, self._progress)
         other.step, other.medium = step, self._full.on_grid(step)
         other._cut(SETTINGS.path_steps, SETTINGS.path_gaussians)
         return other

@@ -29,10 +29,9 @@ from ...numbers import number
 from ...photos.load import Photo
 from ...progress import Progress
 from ...reconstruction import Reconstruction
-from ...training.settings import TrainingSettings
 from ...views import View
-from .ablation import SETTINGS as TRIALS
-from .ablation import Ablation, Arm
+from .ablation import Ablation, Arm, TrialTerms
+from .comparison import SETTINGS as TRIALS
 from .confirmed import confirmed_by_points
 from .corrected import corrected
 from .decision import Decision, parse_effects
@@ -61,6 +60,8 @@ class UsualSettings:
 
 
 USUAL = UsualSettings()
+#: Why nothing can be tried on a small set.
+TOO_FEW = "too few photos are there to try it"
 
 
 @dataclass
@@ -110,14 +111,14 @@ def choose_effects(
     cameras: Reconstruction,
     views: Sequence[View],
     medium: Medium,
-    settings: TrainingSettings,
+    terms: TrialTerms,
     progress: Progress,
 ) -> Chosen:
     """Inspects the photos, tries what they call for, and decides.
 
     Args:
         asked: as `--effects` takes it.
-        views: those of the training.
+        views: those of the training; terms: what trials are bound to.
 
     Returns:
         The very same as without any effect where none is asked for, or 'usual' finds nothing.
@@ -138,7 +139,7 @@ def choose_effects(
     found = {e.name: e for e in inspect_photos(source, progress, wanted)}
     on, off = _by_name(mode, forced)
     trials = _Trials.called_for(found.values(), source) if mode == "auto" else _Trials()
-    ablation = Ablation(views, cameras.points, medium, settings, progress) if mode == "auto" else None
+    ablation = Ablation(views, cameras.points, medium, terms, progress) if mode == "auto" else None
     choice = _Choice(source, progress, ablation, trials)
     for name in sorted(on):
         choice.force(name, everything=mode == "all")
@@ -357,19 +358,20 @@ class _Choice:
         assert self._ablation is not None
         certain = name in self._trials.certain
         if not self._ablation.possible and not certain:
-            return Decision(name, False, "the photos call for it, but too few are there to confirm it")
+            return Decision(name, False, f"the photos call for it, but {TOO_FEW}")
         switch = switches()[name]
         effect = built(name, self._source)
         if effect is None and switch.build is not None:
             return Decision(name, False, "the photos call for it, but too few points are seen to estimate its size")
         more = self.state.with_effect(name, effect)
         if not self._ablation.possible:
-            shown = f"{_showing(name)} show it beyond doubt; too few photos are there to try it"
-            return Decision(name, True, self._settled(name, more, shown), seconds=time.perf_counter() - began)
+            return self._untried(name, more, TOO_FEW, began)
         # On the trial's coarse grid blurs that vary are below a px: they would cost time and show nothing.
         fine = [n for n, effect in self.state.simulated.items() if isinstance(effect, SpreadingEffect)]
         arms = (Arm(state.formation(fine), state.masked()) for state in (self.state, more))
         result = self._ablation.compare(*arms)
+        if not result.made:
+            return self._untried(name, more, result.seen, began)
         if len(result.differences) < TRIALS.fewest_judged:
             return Decision(name, False, "the photos call for it, but they are clipped too widely to confirm it")
         shown = result.seen or f"{result.mean:+.3f} +- {result.error:.3f} dB on photos held out of a short training"
@@ -378,6 +380,16 @@ class _Choice:
             on, shown = True, f"{_showing(name)} show it beyond doubt, and nothing contradicts ({shown})"
         why = self._settled(name, more if on else None, shown)
         return Decision(name, on, why, None, result.mean, result.error, time.perf_counter() - began)
+
+    def _untried(self, name: str, more: _State, reason: str, began: float) -> Decision:
+        """Of an effect that cannot be tried: what is beyond doubt is simulated all the same."""
+        if reason != TOO_FEW:
+            self._progress.note(f"{name}: {reason}")
+        if name not in self._trials.certain:
+            why = f"the photos call for it, but {reason}"
+            return Decision(name, False, why, seconds=time.perf_counter() - began)
+        why = self._settled(name, more, f"{_showing(name)} show it beyond doubt; {reason}")
+        return Decision(name, True, why, seconds=time.perf_counter() - began)
 
     def _by_evidence(self, name: str) -> Decision:
         """What the evidence calls needed, where that is a comparison between photos itself."""

@@ -19,6 +19,7 @@ from dgs.core.errors import DgsError
 from dgs.core.imaging.formation.effect import Shot
 from dgs.core.imaging.medium import Medium
 from dgs.core.photos.undistort import undistorted_views
+from dgs.core.pipeline.effects.ablation import TrialTerms
 from dgs.core.pipeline.effects.choose import choose_effects, proposed
 from dgs.core.pipeline.effects.decision import parse_effects
 from dgs.core.progress import Silent
@@ -102,7 +103,7 @@ def test_inspect_measures_it(with_toy, photos):
 def test_a_run_undoes_it(with_toy, photos):
     views = undistorted_views(list(photos.photos), photos.cameras)
     settings = TrainingSettings(steps=5, threads=1)
-    chosen = choose_effects("dust", photos.photos, photos.cameras, views, Medium(), settings, Silent())
+    chosen = choose_effects("dust", photos.photos, photos.cameras, views, Medium(), TrialTerms(settings), Silent())
     assert chosen.formation.names == ("dust",) and chosen.decisions[-1].parameters["loss"] > 0
     before, after = views[0].planes(), chosen.corrected(views)[0].planes()
     assert np.median(after[before > 0.1] / before[before > 0.1]) > 1.01

@@ -232,6 +232,16 @@ def test_what_is_left_goes_to_the_training(monkeypatch: pytest.MonkeyPatch):
     assert late.left() < 0
 
 
+def test_trials_get_a_share_of_what_the_cameras_leave():
+    spent = [20.0]
+    left = Budget(120.0, lambda: spent[0], []).for_trials()
+    assert left() == pytest.approx(100.0 * PLANNING.trial_share)
+    spent[0] = 50.0
+    assert left() == pytest.approx(100.0 * PLANNING.trial_share - 30.0)
+    spent[0] = 130.0
+    assert Budget(120.0, lambda: spent[0], []).for_trials()() == 0.0
+
+
 def test_waiting_does_not_count():
     waited, worked = [0.0], since(time.perf_counter() - 6.0)
     budget = Budget(10.0, lambda: worked() - waited[0], [])

@@ -14,6 +14,7 @@ from dgs.core.imaging.psf import PointSpread
 from dgs.core.inspection.glass_by_points import Gain, GlassShown
 from dgs.core.inspection.photo_set import PhotoSet
 from dgs.core.pipeline import glass
+from dgs.core.pipeline.effects.ablation import TrialTerms
 from dgs.core.pipeline.effects.choose import Chosen, choose_effects
 from dgs.core.pipeline.effects.decision import Decision
 from dgs.core.pipeline.glass import depths_between, middle_camera, stands_of, with_glass
@@ -154,5 +155,8 @@ def test_only_its_name_or_its_evidence_switches_it_on(scene, tmp_path):
     from dgs.core.effects.registry import switches
 
     assert [name for name, switch in switches().items() if switch.by_name_only] == ["glass", "kernels"]
-    assert choose_effects("none", [], None, scene.views, Medium(), TrainingSettings(), Silent()).decisions == []
+    assert (
+        choose_effects("none", [], None, scene.views, Medium(), TrialTerms(TrainingSettings()), Silent()).decisions
+        == []
+    )
     assert np.isfinite(depths_between(scene.views, scene.points)).all()

@@ -126,7 +126,7 @@ def test_a_start_takes_over_what_it_may(tmp_path):
     assert names(BegunRun(folder, "anew", movie=True)) == {"frames"}
     assert names(BegunRun(folder, "cameras")) == {"cameras", "sfm", "inputs.json"}
     shutil.rmtree(tmp_path / RUN)
-    taken = {"cameras", "sfm", "inputs.json", "photos.txt", "checkpoint.npz", "plan.json", CONTINUES}
+    taken = {"cameras", "sfm", "inputs.json", "photos.txt", "checkpoint.npz", "trials.json", "plan.json", CONTINUES}
     assert names(BegunRun(folder, "resume")) == taken
     again = BegunRun(folder, "resume")
     again.check_photos({}, None)

@@ -11,6 +11,7 @@ from dgs.core.effects.registry import EFFECTS, switches
 from dgs.core.imaging.medium import Medium
 from dgs.core.inspection.photo_set import PhotoSet
 from dgs.core.photos.undistort import undistorted_views
+from dgs.core.pipeline.effects.ablation import TrialTerms
 from dgs.core.pipeline.effects.choose import choose_effects
 from dgs.core.progress import Silent
 from dgs.core.reconstruction import Reconstruction
@@ -69,7 +70,7 @@ def test_inspection_goes_on(twelve, change):
 def test_auto_goes_on(twelve, change):
     photos = change(twelve)
     views = undistorted_views(list(photos.photos), photos.cameras)
-    chosen = choose_effects("auto", photos.photos, photos.cameras, views, Medium(), SETTINGS, Silent())
+    chosen = choose_effects("auto", photos.photos, photos.cameras, views, Medium(), TrialTerms(SETTINGS), Silent())
     assert [d.name for d in chosen.decisions] == list(switches())
     if change is four:  # too few for a trial: exposures, which do differ, are learned as an ordinary run learns them
         assert chosen.formation.names == ("exposure",) and not chosen.masked

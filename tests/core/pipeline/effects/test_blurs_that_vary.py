@@ -20,7 +20,7 @@ from dgs.core.imaging.psf_text import parse_psf
 from dgs.core.inspection.photo_set import PhotoSet
 from dgs.core.inspection.same_points import focus_shift
 from dgs.core.photos.undistort import undistorted_views
-from dgs.core.pipeline.effects.ablation import Ablation
+from dgs.core.pipeline.effects.ablation import Ablation, TrialTerms
 from dgs.core.pipeline.effects.choose import choose_effects
 from dgs.core.pipeline.effects.confirmed import confirmed_by_points
 from dgs.core.pipeline.views import Viewer
@@ -81,7 +81,7 @@ def test_auto_simulates_what_is_confirmed(sets):
     views = undistorted_views(list(photos.photos), photos.cameras)
     asked = "auto,-haze,-exposure,-vignetting,-saturation"
     short = replace(SETTINGS, steps=40)  # (of a trial of motion, which is none of it)
-    chosen = choose_effects(asked, photos.photos, photos.cameras, views, MEDIUM, short, Silent())
+    chosen = choose_effects(asked, photos.photos, photos.cameras, views, MEDIUM, TrialTerms(short), Silent())
     assert chosen.formation.names == ("field_blur",)
     line = next(d for d in chosen.decisions if d.name == "field_blur")
     assert "same points" in line.why and line.parameters and line.evidence["needed"]
@@ -92,7 +92,7 @@ def test_a_size_that_cannot_be_estimated_is_said(sets):
     photos = PhotoSet(grey, sets["clean"].cameras)
     assert built("defocus", photos) is None and built("field_blur", photos) is None and shared_focus(photos) is None
     with pytest.raises(DgsError, match="defocus"):
-        choose_effects("defocus", photos.photos, photos.cameras, [], MEDIUM, SETTINGS, Silent())
+        choose_effects("defocus", photos.photos, photos.cameras, [], MEDIUM, TrialTerms(SETTINGS), Silent())
 
 
 def test_the_twin_is_sharper_with_it(sets, true_defocus):
@@ -153,7 +153,7 @@ def test_a_trial_need_not_confirm_what_points_show_beyond_doubt(scene, sets, mon
     monkeypatch.setattr(Ablation, "_scores", scores)
     asked = "auto,-haze,-exposure,-vignetting,-saturation,-field_blur,-motion"
     views = undistorted_views(photos, cameras)
-    chosen = choose_effects(asked, photos, cameras, views, MEDIUM, SETTINGS, Silent())
+    chosen = choose_effects(asked, photos, cameras, views, MEDIUM, TrialTerms(SETTINGS), Silent())
     line = next(d for d in chosen.decisions if d.name == LensFocus.name)
     assert chosen.formation.learns_focus is simulated and line.on is simulated, line
     assert ("beyond doubt" if simulated else "not confirmed") in line.why

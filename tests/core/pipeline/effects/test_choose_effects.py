@@ -14,6 +14,7 @@ from dgs.core.inspection.evidence import judged
 from dgs.core.inspection.photo_set import PhotoSet
 from dgs.core.photos.undistort import undistorted_views
 from dgs.core.pipeline.effects import ablation
+from dgs.core.pipeline.effects.ablation import TrialTerms
 from dgs.core.pipeline.effects.choose import _Trials, choose_effects
 from dgs.core.pipeline.effects.decision import parse_effects
 from dgs.core.pipeline.effects.matched import matched_psnr
@@ -51,7 +52,7 @@ def dim(scene):
 
 def chosen(asked, photos):
     views = undistorted_views(list(photos.photos), photos.cameras)
-    return choose_effects(asked, photos.photos, photos.cameras, views, Medium(), SETTINGS, Silent()), views
+    return choose_effects(asked, photos.photos, photos.cameras, views, Medium(), TrialTerms(SETTINGS), Silent()), views
 
 
 def test_what_can_be_asked_for():
@@ -134,7 +135,9 @@ def test_a_trial_ends_where_its_first_pair_has_settled_it(dim, monkeypatch, gain
         return 30.0 + (np.array(gains) if arm.formation.names else np.zeros(len(gains)))
 
     monkeypatch.setattr(ablation.Ablation, "_scores", scores)
-    trial = ablation.Ablation(undistorted_views(list(dim.photos), dim.cameras), dim.cameras.points, Medium(), SETTINGS)
+    trial = ablation.Ablation(
+        undistorted_views(list(dim.photos), dim.cameras), dim.cameras.points, Medium(), TrialTerms(SETTINGS)
+    )
     exposure = chosen("exposure", dim)[0].formation
     found = trial._compare(ablation.Arm(), ablation.Arm(exposure), through=False, least=least)
     assert [pair for pair, names in asked if not names] == list(range(pairs))
@@ -150,7 +153,9 @@ def test_where_hardly_any_photo_learns_a_path_no_plain_twin_is_trained(dim, monk
         return np.full(6, 30.0)
 
     monkeypatch.setattr(ablation.Ablation, "_scores", scores)
-    trial = ablation.Ablation(undistorted_views(list(dim.photos), dim.cameras), dim.cameras.points, Medium(), SETTINGS)
+    trial = ablation.Ablation(
+        undistorted_views(list(dim.photos), dim.cameras), dim.cameras.points, Medium(), TrialTerms(SETTINGS)
+    )
     found = trial._compare_paths(ablation.Arm(), ablation.Arm())
     assert asked == [0] and not found.confirms and "finds paths in 10% of the photos" in found.seen
 
@@ -186,7 +191,9 @@ def test_what_short_trainings_do_not_settle_longer_ones_do(dim, monkeypatch, gai
 
     monkeypatch.setattr(ablation.Ablation, "_scores", scores)
     views = undistorted_views(list(dim.photos), dim.cameras)
-    trial = ablation.Ablation(views, dim.cameras.points, Medium(), TrainingSettings.preset("balanced"), notes)
+    trial = ablation.Ablation(
+        views, dim.cameras.points, Medium(), TrialTerms(TrainingSettings.preset("balanced")), notes
+    )
     trial._cut(ablation.SETTINGS.path_steps, ablation.SETTINGS.path_gaussians)
     monkeypatch.setattr(ablation.Ablation, "_against_even_blur", lambda self, without, with_it, found: found)
     with_it = ablation.Arm(Formation([straight_paths({view.name: (0.01, 0.0) for view in views}, 1)]))
@@ -199,7 +206,7 @@ def test_what_short_trainings_do_not_settle_longer_ones_do(dim, monkeypatch, gai
 def test_a_trial_ends_in_the_middle_of_its_training_when_the_run_is_cancelled(dim):
     views, impatient = undistorted_views(list(dim.photos), dim.cameras), Notes(stop=5)
     with pytest.raises(Cancelled, match="while effects were tried"):
-        ablation.Ablation(views, dim.cameras.points, Medium(), SETTINGS, impatient).compare(
+        ablation.Ablation(views, dim.cameras.points, Medium(), TrialTerms(SETTINGS), impatient).compare(
             ablation.Arm(), ablation.Arm()
         )
     assert impatient.asked == 5
@@ -208,24 +215,24 @@ def test_a_trial_ends_in_the_middle_of_its_training_when_the_run_is_cancelled(di
 def test_a_trial_is_no_longer_than_the_training(dim):
     views = undistorted_views(list(dim.photos), dim.cameras)
     settings = replace(TrainingSettings.preset("balanced"), steps=150)
-    assert ablation.Ablation(views, dim.cameras.points, Medium(), settings)._on(views, 1)._longer() is None
+    assert ablation.Ablation(views, dim.cameras.points, Medium(), TrialTerms(settings))._on(views, 1)._longer() is None
 
 
 def test_the_trial_trains_and_judges_for_real(dim):
     """Real trainings, too short to be good: photos that were judged were not fitted, and both arms share them."""
     views = undistorted_views(list(dim.photos), dim.cameras)
-    trial = ablation.Ablation(views, dim.cameras.points, Medium(), SETTINGS)
+    trial = ablation.Ablation(views, dim.cameras.points, Medium(), TrialTerms(SETTINGS))
     assert trial.possible and not set(trial.judged(0)) & set(trial.judged(1))
     result = trial.compare(ablation.Arm(), ablation.Arm())
     assert len(result.differences) == 6 and (result.differences == 0).all() and not result.confirms
-    assert not ablation.Ablation(views[:4], dim.cameras.points, Medium(), SETTINGS).possible
+    assert not ablation.Ablation(views[:4], dim.cameras.points, Medium(), TrialTerms(SETTINGS)).possible
 
 
 def test_a_trial_s_price_does_not_grow_with_the_photos(dim):
     views = undistorted_views(list(dim.photos), dim.cameras)
     large = [coarse_view(view, 1) for view in views]
     large = [replace(v, photo=v.photo.repeat(4, axis=0).repeat(4, axis=1), camera=enlarged(v.camera, 4)) for v in large]
-    small, wide = (ablation.Ablation(v, dim.cameras.points, Medium(), SETTINGS) for v in (views, large))
+    small, wide = (ablation.Ablation(v, dim.cameras.points, Medium(), TrialTerms(SETTINGS)) for v in (views, large))
     heights = [trial._coarse(trial.views[0], Medium()).camera.height for trial in (small, wide)]
     assert max(heights) < 2 * ablation.SETTINGS.side and wide.step == large[0].camera.height // ablation.SETTINGS.side
     assert len(ablation._fewer(small.points).positions) == ablation.SETTINGS.points < len(dim.cameras.points.positions)
@@ -256,7 +263,7 @@ def test_trials_stop_when_asked_to(dim):
 
     views = undistorted_views(list(dim.photos), dim.cameras)
     with pytest.raises(Cancelled):
-        choose_effects("auto", dim.photos, dim.cameras, views, Medium(), SETTINGS, Stopping())
+        choose_effects("auto", dim.photos, dim.cameras, views, Medium(), TrialTerms(SETTINGS), Stopping())
 
 
 def test_matched_scores_take_the_photo_s_own_gain():
@@ -275,7 +282,7 @@ def test_a_trial_of_motion_sees_paths_and_stays_cheap(dim):
     views = undistorted_views(list(dim.photos), dim.cameras)
     large = [replace(v, photo=v.photo.repeat(4, axis=0).repeat(4, axis=1), camera=enlarged(v.camera, 4)) for v in views]
     side = ablation.SETTINGS.path_side
-    trial = ablation.Ablation(large, dim.cameras.points, Medium(), SETTINGS)
+    trial = ablation.Ablation(large, dim.cameras.points, Medium(), TrialTerms(SETTINGS))
     moved = Formation([straight_paths({v.name: (9.0 / v.camera.fx, 0.0) for v in large}, 1)])
     finer = trial._finer(ablation.Arm(moved))
     coarse = finer._coarse(finer.views[0], Medium())
@@ -308,7 +315,7 @@ def path_scores(even, paths):
 def test_paths_must_explain_more_than_a_round_blur_of_all_photos(dim, monkeypatch, even, confirmed):
     monkeypatch.setattr(ablation.Ablation, "_scores", path_scores(even, 0.9))
     views = undistorted_views(list(dim.photos), dim.cameras)
-    trial = ablation.Ablation(views, dim.cameras.points, Medium(), SETTINGS)
+    trial = ablation.Ablation(views, dim.cameras.points, Medium(), TrialTerms(SETTINGS))
     moved = straight_paths({view.name: (0.01, 0.0) for view in views}, 1)
     result = trial.compare(ablation.Arm(), ablation.Arm(Formation([moved])))
     assert result.confirms is confirmed and ("round blur" in result.seen) is not confirmed
@@ -330,7 +337,7 @@ def test_paths_stay_where_a_round_blur_explains_next_to_nothing(dim, monkeypatch
     moved = straight_paths({view.name: (0.01, 0.0) for view in views}, 1)
     for even, confirmed in ((0.0, True), (0.3, False)):
         monkeypatch.setattr(ablation.Ablation, "_scores", noisy(even + 0.25))
-        trial = ablation.Ablation(views, dim.cameras.points, Medium(), SETTINGS)
+        trial = ablation.Ablation(views, dim.cameras.points, Medium(), TrialTerms(SETTINGS))
         result = trial.compare(ablation.Arm(), ablation.Arm(Formation([moved])))
         assert result.confirms is confirmed
 

@@ -9,7 +9,7 @@ from dgs.core.imaging.formation.chain import Formation
 from dgs.core.imaging.formation.exposure import Exposure
 from dgs.core.imaging.medium import Medium
 from dgs.core.photos.undistort import undistorted_views
-from dgs.core.pipeline.effects.ablation import Ablation
+from dgs.core.pipeline.effects.ablation import Ablation, TrialTerms
 from dgs.core.pipeline.effects.choose import choose_effects
 from dgs.core.pipeline.effects.unseen import formation_of_all, with_unseen
 from dgs.core.pipeline.fitted import SplitViews
@@ -37,7 +37,7 @@ def ordinary(photos, held=()):
     views = undistorted_views(list(photos.photos), photos.cameras)
     progress = Listening()
     fitted = [view for view in views if view.name not in held]
-    chosen = choose_effects("usual", photos.photos, photos.cameras, fitted, Medium(), SETTINGS, progress)
+    chosen = choose_effects("usual", photos.photos, photos.cameras, fitted, Medium(), TrialTerms(SETTINGS), progress)
     return chosen, views, progress.notes
 
 
@@ -66,7 +66,7 @@ def test_auto_learns_what_a_run_learns_that_asks_for_nothing(scene, monkeypatch,
     monkeypatch.setattr(Ablation, "_scores", scores)
     views = undistorted_views(list(photos.photos), photos.cameras)
     asked = "auto,-haze,-vignetting,-saturation,-field_blur,-motion,-defocus"
-    chosen = choose_effects(asked, photos.photos, photos.cameras, views, Medium(), SETTINGS, Silent())
+    chosen = choose_effects(asked, photos.photos, photos.cameras, views, Medium(), TrialTerms(SETTINGS), Silent())
     line = next(d for d in chosen.decisions if d.name == "exposure")
     assert ("exposure" in chosen.formation.names) is learned and line.on is learned, line
     assert ("beyond doubt" if learned else "not confirmed") in line.why
@@ -76,7 +76,7 @@ def test_auto_learns_it_where_too_few_photos_are_there_for_a_trial(scene):
     photos = validation.photo_set(scene, degrade(scene, Truth(exposure=0.2), seed=1))
     views = undistorted_views(list(photos.photos), photos.cameras)[:3]
     asked = "auto,-haze,-vignetting,-saturation,-field_blur,-motion,-defocus"
-    chosen = choose_effects(asked, photos.photos, photos.cameras, views, Medium(), SETTINGS, Silent())
+    chosen = choose_effects(asked, photos.photos, photos.cameras, views, Medium(), TrialTerms(SETTINGS), Silent())
     assert chosen.formation.names == ("exposure",)
     assert "too few photos" in next(d for d in chosen.decisions if d.name == "exposure").why
 
@@ -86,7 +86,7 @@ def test_held_out_photos_are_not_looked_at(scene):
     views = undistorted_views(list(photos.photos), photos.cameras)
     split = SplitViews(views[1:], views[:1], [view.name for view in views])
     for asked in ("usual", "exposure"):
-        found = simulate(asked, photos.photos, photos.cameras, split, Medium(), SETTINGS, Silent())
+        found = simulate(asked, photos.photos, photos.cameras, split, Medium(), TrialTerms(SETTINGS), Silent())
         (exposure,) = found.chosen.formation.effects
         assert set(exposure.names) == {view.name for view in views[1:]}
         assert np.abs(found.heldout[0].planes() - views[0].planes()).max() < 1e-4
