@@ -10,7 +10,11 @@ next view. Twins, cameras, renders and checkpoints must be identical to the bit,
 reports but times and memory. Digests would not do: processors and libraries differ in their last bits.
 
 The earlier commit is named in tools/same_reference.txt; a change that is meant to change twins moves it there, and says
-why. Its results are kept in the work folder, so that only the first call runs them. Status 0: all the same.
+why. Its results are kept in the work folder, so that only the first call runs them.
+
+What differs is run again, with the code here and, if that says the same twice, with the earlier code: where one of them
+differs from itself, it is not the change that made the difference, and the run is called unsteady. Status 0: all the
+same, or unsteady.
 """
 
 from __future__ import annotations
@@ -300,31 +304,59 @@ def earlier_tree(commit: str, work: Path) -> Path:
     return tree
 
 
+@dataclass(frozen=True)
+class Trees:
+    """What a run is made with: the earlier code and the code here, the photos, and where results go."""
+
+    earlier: Path
+    data: Path
+    kept: Path
+    here: Path
+
+    def compared(self, run: Run) -> tuple[str, list[str]]:
+        """'the same', 'DIFFERS' or 'UNSTEADY', and in what."""
+        old, done, new = self.kept / run.name, self.kept / f"{run.name}.done", self.here / run.name
+        if not done.is_file():
+            perform(self.earlier, run, self.data, old)
+            done.touch()
+        perform(ROOT, run, self.data, new)
+        found = differences(old, new)
+        if not found:
+            return "the same", []
+        again = self.here / "again" / run.name
+        perform(ROOT, run, self.data, again)
+        if not differences(old, again):
+            return "UNSTEADY", found
+        if not differences(new, again):
+            done.unlink()
+            shutil.rmtree(old)
+            perform(self.earlier, run, self.data, old)
+            done.touch()
+            if not differences(old, new):
+                return "UNSTEADY", found
+        return "DIFFERS", found
+
+
 def compare(commit: str, names: list[str], work: Path) -> int:
     """Runs, compares, prints a line for each run; how many differ."""
     data = work / "data"
     if not (data / "model" / "points3D.txt").is_file():
         shutil.rmtree(data, ignore_errors=True)
         make_photos(data)
-    tree, wrong = earlier_tree(commit, work), 0
-    here = Path(tempfile.mkdtemp(prefix="here-", dir=work))
+    wrong = 0
+    trees = Trees(
+        earlier_tree(commit, work), data, work / f"runs-{commit}", Path(tempfile.mkdtemp(prefix="here-", dir=work))
+    )
     try:
         for run in (r for r in RUNS if not names or r.name in names):
             began = time.perf_counter()
-            old, done = work / f"runs-{commit}" / run.name, work / f"runs-{commit}" / f"{run.name}.done"
-            if not done.is_file():
-                perform(tree, run, data, old)
-                done.touch()
-            perform(ROOT, run, data, here / run.name)
-            found = differences(old, here / run.name)
-            wrong += bool(found)
-            print(
-                f"{run.name:10s} {'DIFFERS' if found else 'the same'} ({time.perf_counter() - began:.0f} s)", flush=True
-            )
+            verdict, found = trees.compared(run)
+            wrong += verdict == "DIFFERS"
+            print(f"{run.name:10s} {verdict} ({time.perf_counter() - began:.0f} s)", flush=True)
             for line in found[:20]:
                 print(f"    {line}", flush=True)
     finally:
-        shutil.rmtree(here, ignore_errors=True)
+        shutil.rmtree(trees.here, ignore_errors=True)
     return wrong
 
 
@@ -337,7 +369,7 @@ def main() -> int:
     options = parser.parse_args()
     options.work.mkdir(parents=True, exist_ok=True)
     wrong = compare(options.against, options.only, options.work.resolve())
-    print("All runs are the same" if not wrong else f"{wrong} runs differ")
+    print("No run differs by the change" if not wrong else f"{wrong} runs differ")
     return int(bool(wrong))
 
 
