@@ -14,6 +14,7 @@ from ..inspection.photo_set import PhotoSet
 from ..lock import working_on
 from ..machine import Machine
 from ..outputs import claim_output_folder
+from ..photos.load import Photo
 from ..photos.movie import is_movie
 from ..photos.truth import TruthFolder
 from ..progress import Progress
@@ -24,6 +25,7 @@ from ..training.job import TrainingJob
 from ..training.ranks import ALONE, Ranks
 from ..training.run import Trained
 from ..training.scale import scene_scale
+from ..training.settings import TrainingSettings
 from ..twin.begun import BegunRun, Start
 from ..twin.folder import TwinFolder
 from ..views import SparsePoints
@@ -35,15 +37,15 @@ from .effects.ablation import TrialTerms
 from .effects.decision import parse_effects
 from .effects.kept import KeptTrials
 from .effects.unseen import formation_of_all
-from .fitted import split_views
+from .fitted import SplitViews, split_views
 from .glass import glass_shown, with_glass
-from .medium import medium_of
+from .medium import FoundMedium, medium_of
 from .photos import LoadedPhotos, read_photos
 from .refinement import RefinementJob, refine
 from .report import camera_facts, medium_facts, photo_facts, write_report
 from .scores import ViewScorer, resolvable_period, score_views
 from .shutter import check_shutter, curve_found, shutter_found, with_shutter
-from .simulated import simulate
+from .simulated import SimulatedEffects, simulate
 from .surface import with_samples
 from .timing import MakeTiming, NoteKeeper, Stopwatch, Timing, Untimed
 from .training import fit_into_time, train_twin, training_settings, usual_settings
@@ -127,68 +129,113 @@ def _inputs(run: RunSettings) -> list[Path]:
     return [path for path in paths if path is not None]
 
 
+@dataclass(frozen=True)
+class _Scene:
+    """What the first stages found: photos, their blur and cameras, and what the training begins with."""
+
+    loaded: LoadedPhotos
+    blur: FoundMedium
+    cameras: FoundCameras
+    photos: list[Photo]
+    points: SparsePoints
+    views: SplitViews
+
+    @property
+    def found(self) -> bool:
+        """Whether the cameras are this run's own."""
+        return self.cameras.source == "sfm"
+
+
 def _stages(run: RunSettings, given: Spreads | None, truth: TruthFolder | None, course: _Course) -> FinishedRun:
     """The row itself."""
-    begun, machine, timing = course.begun, course.machine, course.timing
-    watch, keeper, folder = course.watch, course.keeper, course.begun.folder
+    folder, keeper = course.begun.folder, course.keeper
     loaded = read_photos(run.photos, folder, keeper)
     blur = medium_of(run.medium, given, loaded.photos, keeper)
-    watch.lap("photos")
+    course.watch.lap("photos")
     cameras = _cameras(run, loaded, blur.medium, course)
     photos = loaded.placed(cameras.reconstruction.poses)
     points = _first_points(run, loaded, cameras, blur.medium, course)
-
     views = split_views(photos, cameras.reconstruction, loaded.held, keeper)
-    sigma = blur.medium.mean_sigma([photo.name for photo in photos])
-    settings = training_settings(run.training, machine, timing.limited, sigma)
-    terms = TrialTerms(settings, timing.for_trials(), KeptTrials(folder, run.resume))
-    effects = simulate(run.effects, photos, cameras.reconstruction, views, blur.medium, terms, keeper)
-    if (glass := run.glass or glass_shown(effects, given is None)) is not None:
-        effects = with_glass(effects, glass, points, keeper, PhotoSet(photos, cameras.reconstruction))
+    scene = _Scene(loaded, blur, cameras, photos, points, views)
+    effects, settings = _effects(run, scene, given is None, course)
+    trained = _training(run, scene, effects, settings, course)
+    return _saved(run, scene, effects, trained, truth, course)
+
+
+def _effects(
+    run: RunSettings, scene: _Scene, blind: bool, course: _Course
+) -> tuple[SimulatedEffects, TrainingSettings]:
+    """What is simulated besides the blur, and the training's settings for it; `blind`: no blur was given."""
+    timing, keeper, known = course.timing, course.keeper, scene.cameras.reconstruction
+    medium = scene.blur.medium
+    sigma = medium.mean_sigma([photo.name for photo in scene.photos])
+    settings = training_settings(run.training, course.machine, timing.limited, sigma)
+    terms = TrialTerms(settings, timing.for_trials(), KeptTrials(course.begun.folder, run.resume))
+    effects = simulate(run.effects, scene.photos, known, scene.views, medium, terms, keeper)
+    if (glass := run.glass or glass_shown(effects, blind)) is not None:
+        effects = with_glass(effects, glass, scene.points, keeper, PhotoSet(scene.photos, known))
         sigma = effects.sigma
     effects = with_shutter(effects, run.shutter, keeper)
     if run.effects != "none":
-        watch.lap("effects")
-    chosen = effects.chosen
-    settings = training_settings(run.training, machine, timing.limited, sigma, not chosen.formation.spreads)
-    found = cameras.source == "sfm"
+        course.watch.lap("effects")
+    sharp = not effects.chosen.formation.spreads
+    return effects, training_settings(run.training, course.machine, timing.limited, sigma, sharp)
+
+
+def _training(
+    run: RunSettings, scene: _Scene, effects: SimulatedEffects, settings: TrainingSettings, course: _Course
+) -> Trained:
+    """The training itself, as long as its time allows; what it found of the cameras is said."""
+    watch, keeper, folder, known = course.watch, course.keeper, course.begun.folder, scene.cameras.reconstruction
     asked = TrainingJob(
         effects.fitted,
         effects.heldout,
-        points,
+        scene.points,
         effects.medium,
         settings,
-        chosen.formation,
-        adjust=adjusts(run.cameras.adjust, found or cameras.reconstruction.figures.from_photos),
+        effects.chosen.formation,
+        adjust=adjusts(run.cameras.adjust, scene.found or known.figures.from_photos),
     )
-    planned = fit_into_time(asked, photos, run.training.max_gaussians, run.resume, timing, folder)
+    planned = fit_into_time(asked, scene.photos, run.training.max_gaussians, run.resume, course.timing, folder)
     if planned.enough:
         keeper.note("The time limit is more than the longest training of these photos takes: the run ends before it")
-    job = replace(asked, settings=planned.settings)
-    trained = train_twin(job, machine, _resumes(run, course.ranks), run.snapshots, folder, keeper, course.ranks)
-    moved = None if found else adjustment_said(cameras.reconstruction, trained, run.cameras.adjust)
+    job, resumes = replace(asked, settings=planned.settings), _resumes(run, course.ranks)
+    trained = train_twin(job, course.machine, resumes, run.snapshots, folder, keeper, course.ranks)
+    moved = None if scene.found else adjustment_said(known, trained, run.cameras.adjust)
     for said in filter(None, (shutter_found(trained.formation), curve_found(trained.formation), moved)):
         keeper.note(said)
     watch.lap("prepare")
     watch.part("prepare", {name: round(float(trained.seconds[name]), 3) for name in ("compile", "train")})
+    return trained
 
+
+def _saved(
+    run: RunSettings,
+    scene: _Scene,
+    effects: SimulatedEffects,
+    trained: Trained,
+    truth: TruthFolder | None,
+    course: _Course,
+) -> FinishedRun:
+    """Held-out views scored, and the report of it all."""
+    begun, machine, timing, watch, keeper = course.begun, course.machine, course.timing, course.watch, course.keeper
+    loaded, known, folder = scene.loaded, scene.cameras.reconstruction, begun.folder
     keeper.stage("save", len(loaded.held) + 2)
     period = resolvable_period(effects.typical)
-    seen = formation_of_all(trained.formation, views.names)
-    viewer = _viewer(trained, cameras.reconstruction, machine.device)
-    stood = found or adjusted(trained)
-    scorer = ViewScorer(viewer, cameras.reconstruction, effects.medium, truth, period, keeper, seen, stood)
-    scored = score_views(scorer, photos, loaded.held, machine.threads, timing, folder)
+    seen = formation_of_all(trained.formation, scene.views.names)
+    viewer, stood = _viewer(trained, known, machine.device), scene.found or adjusted(trained)
+    scorer = ViewScorer(viewer, known, effects.medium, truth, period, keeper, seen, stood)
+    scored = score_views(scorer, scene.photos, loaded.held, machine.threads, timing, folder)
     if over := timing.overrun():
         took = f"the cameras took {watch.seconds['sfm']:.0f} s, effects {watch.seconds.get('effects', 0.0):.0f} s"
         keeper.note(f"The time limit was passed by {over:.0f} s: {took}")
     watch.lap("save")
     facts = RunFacts(
-        asked={**run.asked, "photos": str(begun.final(loaded.source)), "psf": blur.spreads.source},
+        asked={**run.asked, "photos": str(begun.final(loaded.source)), "psf": scene.blur.spreads.source},
         photos=photo_facts(loaded.finally_in(begun)),
-        cameras=camera_facts(cameras),
-        medium=medium_facts(blur, effects),
-        effects=chosen.with_learned(keep_adjusted(cameras.reconstruction, trained, folder)).plain(),
+        cameras=camera_facts(scene.cameras),
+        medium=medium_facts(scene.blur, effects),
+        effects=effects.chosen.with_learned(keep_adjusted(known, trained, folder)).plain(),
         trained=trained,
         scores=scored.scores,
         fitted=scored.fitted,
