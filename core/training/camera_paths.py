@@ -35,7 +35,7 @@ from ..imaging.formation.path_poses import mean_twist, middles, polynomials
 from ..numbers import BY_DEFINITION, number
 from ..pose import Pose
 from ..rigid_motion import twist_between
-from .path_slopes import Linearised, Sampled, slopes_along
+from .path_slopes import Linearised, Looked, Sampled, slopes_along
 from .readout import LearnedReadout, slopes_in_readout, step_and_variance
 from .tone import LearnedTone, slopes_in_curve, step_of
 
@@ -272,13 +272,19 @@ class CameraPaths:
             self._see_nothing(i)
             return
         visit = Visit(i, name, camera, photo, counts)
-        path = self._equations(visit, exposed)
-        self._see_readout(visit, exposed, path)
-        self._see_tone(visit, exposed, path)
+        looked = self._looked(visit, exposed)
+        path = self._equations(visit, looked)
+        self._see_readout(visit, looked, path)
+        self._see_tone(visit, looked, path)
         self._move(visit, path)
         self._settle(i)
         self._move_readout()
         self._move_tone()
+
+    def _looked(self, visit: Visit, exposed: Exposed) -> Looked:
+        """A photo along its path in the px that a step looks at."""
+        height, width = visit.photo.shape[1:]
+        return Looked(exposed, Sampled.of(height, width, self.settings.looked_at))
 
     def _see_nothing(self, index: int) -> None:
         """A fitted photo that stood still says nothing of what all share."""
@@ -286,23 +292,21 @@ class CameraPaths:
             if shared is not None and index in self._fitted:
                 shared.see_nothing(self._fitted.index(index))
 
-    def _see_readout(self, visit: Visit, exposed: Exposed, path: Linearised) -> None:
+    def _see_readout(self, visit: Visit, looked: Looked, path: Linearised) -> None:
         """Asks a fitted photo what it says of a rolling shutter."""
         if self.readout is None or visit.index not in self._fitted:
             return
-        height, width = visit.photo.shape[1:]
-        at = Sampled.of(height, width, self.settings.looked_at)
-        rows, columns = slopes_in_readout(exposed, self.motion.readout, at)
+        rows, columns = slopes_in_readout(looked, self.motion.readout)
         found = (*step_and_variance(rows, path), *step_and_variance(columns, path))
         self.readout.see(self._fitted.index(visit.index), found)
 
-    def _see_tone(self, visit: Visit, exposed: Exposed, path: Linearised) -> None:
+    def _see_tone(self, visit: Visit, looked: Looked, path: Linearised) -> None:
         """Asks a fitted photo what it says of the camera's curve."""
         if self.tone is None or visit.index not in self._fitted:
             return
         height, width = visit.photo.shape[1:]
-        rows = self.motion.row_weights(len(exposed.frames), height, width, exposed.shot.margin)
-        slopes = slopes_in_curve(exposed, rows, Sampled.of(height, width, self.settings.looked_at))
+        frames, margin = len(looked.exposed.frames), looked.exposed.shot.margin
+        slopes = slopes_in_curve(looked, self.motion.row_weights(frames, height, width, margin))
         self.tone.see(self._fitted.index(visit.index), *step_of(slopes, path))
 
     def _move_tone(self) -> None:
@@ -328,12 +332,12 @@ class CameraPaths:
         self.motion.readout_error = self.readout.error
 
     def _step(self, visit: Visit, exposed: Exposed) -> None:
-        self._move(visit, self._equations(visit, exposed))
+        self._move(visit, self._equations(visit, self._looked(visit, exposed)))
 
-    def _equations(self, visit: Visit, exposed: Exposed) -> Linearised:
+    def _equations(self, visit: Visit, looked: Looked) -> Linearised:
         """What a step of a photo's path solves."""
         s = self.settings
-        jacobian, rest, weight = self._linearised(visit, exposed)
+        jacobian, rest, weight = self._linearised(visit, looked)
         limit = max(s.huber * 1.4826 * float(rest.abs().median()), 1e-3)
         weight = weight * (limit / rest.abs().clamp(min=1e-12)).clamp(max=1.0)
         weighted, noise = jacobian * weight, float((weight * rest.square()).sum() / weight.sum().clamp(min=1.0))
@@ -479,17 +483,16 @@ class CameraPaths:
         each = [s.prior_offset, *(way / m**s.prior_fall for m in range(1, s.order + 1))]
         return torch.tensor(each, dtype=torch.float64).repeat_interleave(6)
 
-    def _linearised(self, visit: Visit, exposed: Exposed) -> tuple[Tensor, Tensor, Tensor]:
+    def _linearised(self, visit: Visit, looked: Looked) -> tuple[Tensor, Tensor, Tensor]:
         """Jacobian [(M + 1) 6, K] by px, what is left of the photo [K] (sRGB), and which of it counts [K]."""
-        photo, counts = visit.photo, visit.counts
+        photo, counts, exposed, at = visit.photo, visit.counts, looked.exposed, looked.at
         height, width = photo.shape[1:]
-        at = Sampled.of(height, width, self.settings.looked_at)
         count = len(exposed.frames)
         basis = polynomials(middles(count), self.settings.order).T / count  # [M + 1, T]
         rows = self.motion.row_weights(count, height, width, exposed.shot.margin)
         if rows is not None:
             basis = basis[..., None, None] * (count * rows)  # [M + 1, T, H + 2m, 1] or [M + 1, T, 1, W + 2m]
-        slope = slopes_along(exposed, basis, at)
+        slope = slopes_along(looked, basis)
         seen, shown = all_in_memory(at.of_planes(exposed.degraded), at.of_planes(photo))
         du, dv = (flow[:, None] for flow in self._flow(visit.index, visit.name, visit.camera, at))
         jacobian = -(slope(0, 1)[:, None] * du + slope(1, 0)[:, None] * dv)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import torch
 from torch import Tensor
@@ -59,22 +60,97 @@ class Linearised:
     vector: Tensor
 
 
-def slopes_along(exposed: Exposed, basis: Tensor, at: Sampled) -> Slopes:
+class Filed:
+    """Values as a camera filed them, and what follows from its curve; each is computed once."""
+
+    def __init__(self, values: Tensor, curve: ToneCurve) -> None:
+        self.values, self.curve = values, curve
+
+    @cached_property
+    def srgb(self) -> Tensor:
+        """SRGB's own values."""
+        return self.curve.undone(self.values) if self.curve else self.values
+
+    @cached_property
+    def light(self) -> Tensor:
+        """Linear."""
+        return srgb_to_linear(self.srgb)
+
+    @cached_property
+    def slope(self) -> Tensor:
+        """Derivative of sRGB's own values by those that were filed."""
+        return self.curve.slope(self.values)
+
+    @cached_property
+    def decoding(self) -> Tensor:
+        """Derivative of the light by sRGB's own values."""
+        return decoding_derivative(self.srgb, self.light)
+
+    @property
+    def decode(self) -> Tensor:
+        """Derivative of the light by what was filed."""
+        return self.decoding * self.slope if self.curve else self.decoding
+
+    @property
+    def encode(self) -> Tensor:
+        """Derivative of what was filed by the light."""
+        encode = encoding_derivative(self.light, self.srgb)
+        return encode / self.slope if self.curve else encode
+
+
+class Looked:
+    """A photo along its path in the px that a step looks at.
+
+    Args:
+        exposed: what the twin shows in it; at: which px.
+    """
+
+    def __init__(self, exposed: Exposed, at: Sampled) -> None:
+        self.exposed, self.at = exposed, at
+
+    @cached_property
+    def curve(self) -> ToneCurve:
+        """The camera's own, by which it filed the photo."""
+        motion = self.exposed.formation.motion
+        return ToneCurve() if motion is None else motion.curve
+
+    @cached_property
+    def _held(self) -> list[Tensor]:
+        """The photo, its frames, and their differences along both axes, from a card all at once."""
+        frames = photo_px(self.exposed, in_a_row([frame.passage.reached for frame in self.exposed.frames]))
+        of_photo, of_frames = self.at.of_planes(self.exposed.degraded), self.at.of_planes(frames)
+        return all_in_memory(of_photo, of_frames, *_differences(frames, self.at))
+
+    @cached_property
+    def seen(self) -> Filed:
+        """[3, h, w] the photo."""
+        return Filed(self._held[0].contiguous(), self.curve)
+
+    @cached_property
+    def own(self) -> Filed:
+        """[T, 3, h, w] its frames."""
+        return Filed(self._held[1].contiguous(), self.curve)
+
+    @property
+    def differences(self) -> dict[tuple[int, int], Tensor]:
+        """[T, 3, h, w] along each of `AXES`, of the next px and the one before."""
+        return dict(zip(AXES, self._held[2:], strict=True))
+
+
+def slopes_along(looked: Looked, basis: Tensor) -> Slopes:
     """Slopes of the photo by the shift of each part of the path.
 
     Args:
         basis: [M + 1, T] share of frame t in part m, or [M + 1, T, H + 2m, 1] in each row of it, or
             [M + 1, T, 1, W + 2m] in each column; the first is the photo.
     """
-    degraded = at.of_planes(exposed.degraded)
+    exposed, at = looked.exposed, looked.at
     if exposed.together is not None:
+        degraded = at.of_planes(exposed.degraded)
         seen, *both = all_in_memory(degraded, *_differences(_parts_through_effects(exposed, basis), at))
         encode, difference = encoding_derivative(srgb_to_linear(seen), seen), dict(zip(AXES, both, strict=True))
         return lambda down, right: difference[down, right] * 0.5 * encode
-    frames = photo_px(exposed, in_a_row([frame.passage.reached for frame in exposed.frames]))
-    seen, own, *both = all_in_memory(degraded, at.of_planes(frames), *_differences(frames, at))
-    encode, decode = _through_curve(exposed, seen, own)
-    difference = dict(zip(AXES, both, strict=True))
+    encode, decode, difference = looked.seen.encode, looked.own.decode, looked.differences
     shares = basis
     if basis.dim() == 4:
         shares = sampled(exposed, basis, at)
@@ -85,41 +161,23 @@ def slopes_along(exposed: Exposed, basis: Tensor, at: Sampled) -> Slopes:
     return of_frames
 
 
-def change_by(exposed: Exposed, shares: Tensor, at: Sampled) -> Tensor:
+def change_by(looked: Looked, shares: Tensor) -> Tensor:
     """[3, h, w] (sRGB) by which a photo changes with the frames' light.
 
     Args:
         shares: [T, H + 2m, 1] of each frame's light in each row, or [T, 1, W + 2m] in each column, which add up to
             none.
     """
-    degraded = at.of_planes(exposed.degraded)
+    exposed, at = looked.exposed, looked.at
     if exposed.together is not None:
         basis = torch.stack([shares, shares])  # (the first stands for the photo)
-        seen, part = all_in_memory(degraded, at.of_planes(_parts_through_effects(exposed, basis)[1]))
+        seen, part = all_in_memory(
+            at.of_planes(exposed.degraded), at.of_planes(_parts_through_effects(exposed, basis)[1])
+        )
         return part * encoding_derivative(srgb_to_linear(seen), seen)
     # Where all rows are exposed at once the first and the last frame alone count.
     used = [k for k, share in enumerate(shares) if bool(share.any())]
-    frames = torch.stack([at.of_planes(photo_px(exposed, exposed.frames[k].passage.reached)) for k in used])
-    seen, own = all_in_memory(degraded, frames)
-    curve = curve_of(exposed)
-    light = _parts(sampled(exposed, shares[used][None], at), srgb_to_linear(curve.undone(own) if curve else own))[0]
-    return light * _through_curve(exposed, seen, own)[0]
-
-
-def curve_of(exposed: Exposed) -> ToneCurve:
-    """The camera's own, by which it filed the photo."""
-    motion = exposed.formation.motion
-    return ToneCurve() if motion is None else motion.curve
-
-
-def _through_curve(exposed: Exposed, seen: Tensor, own: Tensor) -> tuple[Tensor, Tensor]:
-    """Derivatives of what the photo files, `seen`, by its light, and of the frames' light by their values, `own`."""
-    curve = curve_of(exposed)
-    if not curve:
-        return encoding_derivative(srgb_to_linear(seen), seen), decoding_derivative(own, srgb_to_linear(own))
-    there, here = (srgb_to_linear(curve.undone(values)) for values in (seen, own))
-    encode = encoding_derivative(there, curve.undone(seen)) / curve.slope(seen)
-    return encode, decoding_derivative(curve.undone(own), here) * curve.slope(own)
+    return _parts(sampled(exposed, shares[used][None], at), looked.own.light[used])[0] * looked.seen.encode
 
 
 def _differences(planes: Tensor, at: Sampled) -> list[Tensor]:

@@ -22,10 +22,9 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from ..forward import Exposed
 from ..imaging.formation.row_windows import over_photo, row_ends, was_turned
 from ..numbers import number
-from .path_slopes import Linearised, Sampled, change_by
+from .path_slopes import Linearised, Looked, change_by
 
 Array = NDArray[np.float64]
 
@@ -66,15 +65,16 @@ class ReadoutSettings:
 SETTINGS = ReadoutSettings()
 
 
-def slopes_in_readout(exposed: Exposed, readout: float, at: Sampled) -> Tensor:
+def slopes_in_readout(looked: Looked, readout: float) -> Tensor:
     """[2, K] of the photo (sRGB) by the readout, in exposures; the second with columns in the place of rows.
 
     Rows are the sensor's: columns of a photo that was turned upright.
     """
+    exposed, at = looked.exposed, looked.at
     height, width = exposed.shot.height, exposed.shot.width
     turned = was_turned(height, width)
     ends = row_ends(len(exposed.frames), min(height, width), torch.tensor(readout), exposed.shot.margin)
-    change = change_by(exposed, over_photo(ends, turned), at)
+    change = change_by(looked, over_photo(ends, turned))
     down, across = ((torch.arange(side) + 0.5) / side - 0.5 for side in (height, width))
     both = change * down[at.rows][:, None], change * across[at.columns]
     return torch.stack(both[::-1] if turned else both).reshape(2, -1)

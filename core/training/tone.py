@@ -23,13 +23,9 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from ..colour import decoding_derivative, srgb_to_linear
-from ..devices import all_in_memory
-from ..forward import Exposed
-from ..frames import in_a_row
 from ..numbers import number
 from ..tone_curve import ToneCurve
-from .path_slopes import Linearised, Sampled, curve_of, photo_px, sampled
+from .path_slopes import Linearised, Looked, sampled
 
 Array = NDArray[np.float64]
 _FIRST = "a first choice; no other value was compared"
@@ -64,21 +60,19 @@ class ToneSettings:
 SETTINGS = ToneSettings()
 
 
-def slopes_in_curve(exposed: Exposed, rows: Tensor | None, at: Sampled) -> Tensor:
+def slopes_in_curve(looked: Looked, rows: Tensor | None) -> Tensor:
     """[2, K] of the photo (as it was filed) by the toe and by the shoulder of its camera's curve.
 
     Args:
         rows: [T, H + 2m, 1] or [T, 1, W + 2m] shares that frames have of the light of each row; None for even ones.
     """
-    curve, frames = curve_of(exposed), in_a_row([frame.passage.reached for frame in exposed.frames])
-    own, seen = all_in_memory(at.of_planes(photo_px(exposed, frames)), at.of_planes(exposed.degraded))
-    shares = torch.full((len(own), 1, 1), 1.0 / len(own)) if rows is None else sampled(exposed, rows, at)
-    straight, met = curve.undone(own), curve.undone(seen)
-    light = decoding_derivative(straight, srgb_to_linear(straight)) * shares[:, None]
-    back = decoding_derivative(met, srgb_to_linear(met))
-    of_frames, of_photo = (curve.parts(values.clamp(0.0, 1.0)) for values in (own, seen))
-    change = [(light * frame).sum(dim=0) / back - photo for frame, photo in zip(of_frames, of_photo, strict=True)]
-    return (torch.stack(change) / curve.slope(seen)).reshape(2, -1)
+    own, seen, count = looked.own, looked.seen, len(looked.exposed.frames)
+    shares = torch.full((count, 1, 1), 1.0 / count) if rows is None else sampled(looked.exposed, rows, looked.at)
+    light = own.decoding * shares[:, None]
+    of_frames, of_photo = (looked.curve.parts(filed.values.clamp(0.0, 1.0)) for filed in (own, seen))
+    parts = zip(of_frames, of_photo, strict=True)
+    change = [(light * frame).sum(dim=0) / seen.decoding - photo for frame, photo in parts]
+    return (torch.stack(change) / seen.slope).reshape(2, -1)
 
 
 def step_of(slopes: Tensor, path: Linearised) -> tuple[Array, Array]:

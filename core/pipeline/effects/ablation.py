@@ -182,7 +182,7 @@ class Ablation:
             longer = longer if enough else None
         with contextlib.suppress(_TimeIsUpError):
             if longer is not None:
-                found = longer._compare(without, with_it, True, SETTINGS.longer_gain, not_found)
+                found = longer._compare(without, with_it, True, SETTINGS.longer_gain, not_found, last=True)
                 trial = longer
             blurs = self.medium.blurs or without.formation.blurs
             if found.confirms and not blurs:
@@ -229,12 +229,14 @@ class Ablation:
         through: bool,
         least: float = 0.0,
         not_found: Callable[[Array], str] = lambda lengths: "",
+        last: bool = False,
     ) -> Comparison:
         """Pair by pair, until the verdict is settled.
 
         Args:
             through: whether photos are tried through the medium; least: see `Comparison`.
             not_found: (lengths or widths that were learned) -> what to say where they are none.
+            last: no longer trainings follow: what is surely more than confirms need not be clear.
 
         Raises:
             _TimeIsUpError: before the first pair had an end.
@@ -260,7 +262,7 @@ class Ablation:
             self._compared = pair + 1
             differences = np.concatenate(found)
             so_far = Comparison(differences[np.isfinite(differences)], least=least)
-            if so_far.settled:
+            if so_far.settled or (last and so_far.surely_more):
                 break
         return so_far
 

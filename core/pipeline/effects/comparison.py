@@ -164,6 +164,12 @@ class Comparison:
         return len(self.differences) >= SETTINGS.fewest_judged and self.mean > SETTINGS.clearly * wanted
 
     @property
+    def surely_more(self) -> bool:
+        """Whether more is gained than confirms at least, whatever chance did."""
+        enough = len(self.differences) >= SETTINGS.fewest_judged
+        return enough and self.mean - self.needed * self.error > self.least
+
+    @property
     def settled(self) -> bool:
         """Whether a second pair of trainings would hardly change the verdict: clear, not found, or out of reach."""
         if self.seen or self.clear:

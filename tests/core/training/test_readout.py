@@ -12,7 +12,7 @@ from dgs.core.imaging.medium import Medium
 from dgs.core.progress import Silent
 from dgs.core.training.camera_paths import backwards
 from dgs.core.training.job import TrainingJob
-from dgs.core.training.path_slopes import Linearised, Sampled
+from dgs.core.training.path_slopes import Linearised, Looked, Sampled
 from dgs.core.training.readout import SETTINGS, LearnedReadout, slopes_in_readout, step_and_variance
 from dgs.core.training.run import train
 from dgs.tests.core.training.moved_photos import exposed_by, truly_moved, turned_upright
@@ -40,7 +40,7 @@ def test_the_slope_is_that_of_renders(scene, out_of_focus, readout, alike, turne
     lens = [LensFocus([camera.name], torch.tensor([0.03]), torch.tensor([0.7]))] if out_of_focus else []
     motion = straight_paths({camera.name: (5.0 / camera.fx, 3.0 / camera.fx)}, 4).rolling(readout)
     every = Sampled(slice(0, camera.height), slice(0, camera.width))
-    own = slopes_in_readout(exposed_by(scene, camera, motion, *lens), readout, every)
+    own = slopes_in_readout(Looked(exposed_by(scene, camera, motion, *lens), every), readout)
     pair = [exposed_by(scene, camera, motion.rolling(readout + by), *lens).degraded for by in (0.2, -0.2)]
     true = ((pair[0] - pair[1]) / 0.4).reshape(-1)
     assert own.shape == (2, len(true))

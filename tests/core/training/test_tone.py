@@ -11,7 +11,7 @@ from dgs.core.imaging.medium import Medium
 from dgs.core.progress import Silent
 from dgs.core.tone_curve import ToneCurve
 from dgs.core.training.job import TrainingJob
-from dgs.core.training.path_slopes import Linearised, Sampled
+from dgs.core.training.path_slopes import Linearised, Looked, Sampled
 from dgs.core.training.run import train
 from dgs.core.training.tone import SETTINGS, LearnedTone, slopes_in_curve, step_of
 from dgs.tests.core.training.moved_photos import exposed_by, truly_moved
@@ -36,7 +36,7 @@ def test_the_slopes_are_those_of_what_is_filed(scene, curve, readout):
     every = Sampled(slice(0, camera.height), slice(0, camera.width))
     exposed = filed(scene, camera, motion, curve)
     rows = motion.row_weights(len(exposed.frames), camera.height, camera.width)
-    own = slopes_in_curve(exposed, rows, every)
+    own = slopes_in_curve(Looked(exposed, every), rows)
     for k, name in enumerate(("toe", "shoulder")):
         pair = [replace(curve, **{name: getattr(curve, name) + by}) for by in (0.02, -0.02)]
         up, down = (filed(scene, camera, motion, other).degraded for other in pair)
