@@ -178,6 +178,10 @@ def _spectra(still: Tensor, photo: Tensor) -> tuple[Tensor, Tensor]:
     return together.sum(dim=0), (of_still.real.square() + of_still.imag.square()).sum(dim=0)
 
 
+def _stay() -> None:
+    """The step of a photo that says nothing."""
+
+
 class CameraPaths:
     """Paths of photos, fitted and held-out ones.
 
@@ -264,22 +268,35 @@ class CameraPaths:
             camera: of the photo on the grid.
             exposed: what the twin shows in it; photo: [3, H, W] sRGB; counts: [H, W] bool px that count, None for all.
         """
+        self.ask(name, camera, exposed, photo, counts)()
+
+    def ask(
+        self, name: str, camera: Camera, exposed: Exposed, photo: Tensor, counts: Tensor | None = None
+    ) -> Callable[[], None]:
+        """What `learn` asks a photo, and what then takes the step: until that is called, no path and no curve moves.
+
+        The asking changes nothing that the forward model reads, so that a backward pass may run beside it.
+        """
         i = self._index.get(name)
         if i is None:
-            return
+            return _stay
         self._visits[i] += 1
         if len(exposed.frames) < 2 or name not in self._depths:
             self._see_nothing(i)
-            return
+            return _stay
         visit = Visit(i, name, camera, photo, counts)
         looked = self._looked(visit, exposed)
         path = self._equations(visit, looked)
         self._see_readout(visit, looked, path)
         self._see_tone(visit, looked, path)
-        self._move(visit, path)
-        self._settle(i)
-        self._move_readout()
-        self._move_tone()
+
+        def take() -> None:
+            self._move(visit, path)
+            self._settle(visit.index)
+            self._move_readout()
+            self._move_tone()
+
+        return take
 
     def _looked(self, visit: Visit, exposed: Exposed) -> Looked:
         """A photo along its path in the px that a step looks at."""

@@ -362,6 +362,7 @@ class Trainer:
         asked = self.learned.asked(view, exposed, photo, share)
         wanted = photo if asked is None else asked.photo
         weight = None if asked is None else asked.weight
+        take = self._ask_path(level, view, exposed, wanted, backdrop)
         through = self.through_glass(level, view)
         if through is not None:
             loss = self._ask_through_glass(through, exposed, wanted, valid, share, weight)
@@ -371,7 +372,7 @@ class Trainer:
             exposed.backward(found.gradient if weight is None else found.gradient * weight)
             loss = found.loss
         self._collect(exposed)
-        self._follow_path(level, view, exposed, wanted, backdrop)
+        take()
         self._follow_focus(view, exposed, wanted)
         if share >= KERNELS.begin:
             self._follow_kernel(view, exposed, wanted)
@@ -449,6 +450,32 @@ class Trainer:
         arrays = {name: array for name, array in self._arrays().items() if array.dtype == np.float32}
         self._take(self.ranks.arrays_of_first(arrays))
 
+    def _ask_path(
+        self, level: Level, view: GridView, exposed: Exposed, photo: torch.Tensor, behind: torch.Tensor
+    ) -> Callable[[], None]:
+        """What a photo says of its path, asked beside the backward pass; what is returned takes the step.
+
+        A photo whose path is compared with others, or that is blurred besides, is asked when that is called.
+        """
+        paths, alone = self.learned.paths, lambda: self._follow_path(level, view, exposed, photo, behind)
+        if paths is None:
+            return alone
+        apart = self.device.type == "cpu" and view.psf is None and compiled.threads() > 1
+        if not apart or paths.looks_again(view.name):
+            return alone
+        asking = _beside().submit(self._asked_path, level, view, exposed, photo, behind)
+        return lambda: asking.result()()
+
+    def _asked_path(
+        self, level: Level, view: GridView, exposed: Exposed, photo: torch.Tensor, behind: torch.Tensor
+    ) -> Callable[[], None]:
+        paths = self.learned.paths
+        assert paths is not None
+        if paths.wants_depth(view.name, view.camera):
+            self._still(level, view, behind)
+        counts = None if view.valid is None else torch.from_numpy(view.valid).to(self.device)
+        return paths.ask(view.name, view.camera, exposed, photo, counts)
+
     def _follow_path(
         self, level: Level, view: GridView, exposed: Exposed, photo: torch.Tensor, behind: torch.Tensor
     ) -> None:
@@ -458,16 +485,22 @@ class Trainer:
             return
         again = paths.looks_again(view.name)
         if again or paths.wants_depth(view.name, view.camera):
-            settings = replace(self.raster_settings(level), depth=True)
-            with torch.no_grad():
-                still = sharp_view(self.optimizer.gaussians, view.camera, settings, behind)
-            assert still.mean_depth is not None
-            paths.see_depth(view.name, still.mean_depth)
+            still = self._still(level, view, behind)
         counts = None if view.valid is None else torch.from_numpy(view.valid).to(self.device)
         if again:
             expose = lambda: self.exposed(level, view, behind)  # noqa: E731
-            paths.look_again(view.name, view.camera, photo, still.image, expose, counts)
+            paths.look_again(view.name, view.camera, photo, still, expose, counts)
         paths.learn(view.name, view.camera, exposed, photo, counts)
+
+    def _still(self, level: Level, view: GridView, behind: torch.Tensor) -> torch.Tensor:
+        """[3, H, W] sRGB as the twin shows a photo without motion; its path goes by the depth there from now on."""
+        assert self.learned.paths is not None
+        settings = replace(self.raster_settings(level), depth=True)
+        with torch.no_grad():
+            still = sharp_view(self.optimizer.gaussians, view.camera, settings, behind)
+        assert still.mean_depth is not None
+        self.learned.paths.see_depth(view.name, still.mean_depth)
+        return still.image
 
     def _follow_focus(self, view: GridView, exposed: Exposed, photo: torch.Tensor) -> None:
         """Learns a step of a photo's focus."""
@@ -801,6 +834,12 @@ class Trainer:
         self.density.counts = group("density.")
         self.step = checkpoint.step
         self.learned.restore(checkpoint.arrays)
+
+
+@lru_cache(maxsize=1)
+def _beside() -> ThreadPoolExecutor:
+    """The thread beside that of the training: one for all trainings, as torch keeps threads of its own for each."""
+    return ThreadPoolExecutor(1, "dgs-beside")
 
 
 @lru_cache(maxsize=2)

@@ -1,5 +1,6 @@
 """Learned camera paths: their slope against differences of renders, what they find, and what is kept of them."""
 
+import threading
 from dataclasses import replace
 
 import numpy as np
@@ -51,7 +52,8 @@ def test_the_slope_in_every_coefficient_is_that_of_the_renders(scene, out_of_foc
         drawn = sharp_view(scene.truth, camera, replace(SETTINGS, depth=True)).mean_depth
     paths.see_depth(camera.name, drawn)
     photo = torch.zeros(3, camera.height, camera.width)
-    jacobian, _, _ = paths._linearised(Visit(0, camera.name, camera, photo, None), exposed)
+    visit = Visit(0, camera.name, camera, photo, None)
+    jacobian, _, _ = paths._linearised(visit, paths._looked(visit, exposed))
     units = torch.from_numpy(px_units(camera)).float()
     twists = paths.motion.parameters["twists"]
     for part, axis in ((0, 0), (0, 4), (1, 3), (1, 5), (2, 4), (3, 1)):
@@ -112,6 +114,25 @@ def test_a_run_that_is_resumed_goes_on_to_the_bit(scene):
     del state.arrays["paths"]
     with pytest.raises(CheckpointError, match="camera paths"):
         trainer().restore(state)
+
+
+def test_a_photo_is_asked_beside_the_backward_pass_and_the_twin_is_the_same_to_the_bit(scene, monkeypatch):
+    _, views = truly_moved(scene, px=7.0)
+    start = straight_paths({view.name: (0.0, 0.0) for view in views}, 1)
+    job = TrainingJob(views, [], scene.points, Medium(), replace(SHORT, steps=40, threads=2), Formation([start]))
+    asked, asks = [], CameraPaths.ask
+    thread = lambda *seen: asked.append(threading.current_thread().name) or asks(*seen)  # noqa: E731
+    monkeypatch.setattr(CameraPaths, "ask", thread)
+    beside = train(job, Silent())
+    assert sum(name.startswith("dgs-beside") for name in asked) > len(asked) / 2
+    asked.clear()
+    monkeypatch.setattr(Trainer, "_ask_path", lambda self, *seen: lambda: self._follow_path(*seen))
+    after = train(job, Silent())
+    assert {"MainThread"} == set(asked)
+    for (name, one), (_, other) in zip(beside.gaussians.named(), after.gaussians.named(), strict=True):
+        assert torch.equal(one, other), name
+    paths = [trained.formation.motion.parameters["twists"] for trained in (beside, after)]
+    assert torch.equal(*paths)
 
 
 def test_offsets_of_all_photos_together_do_not_move_the_scene(scene):
