@@ -160,8 +160,8 @@ def test_where_hardly_any_photo_learns_a_path_no_plain_twin_is_trained(dim, monk
     assert asked == [0] and not found.confirms and "finds paths in 10% of the photos" in found.seen
 
 
-_CLEAR, _NEAR, _DOUBTFUL, _NOTHING = (
-    np.array(gains) for gains in ([2.0, 2.1] * 3, [0.4, 0.42] * 3, [0.5, 0.0] * 3, [0.11, 0.09] * 3)
+_CLEAR, _NEAR, _VARIED, _DOUBTFUL, _NOTHING = (
+    np.array(gains) for gains in ([2.0, 2.1] * 3, [0.4, 0.42] * 3, [0.9, 0.3] * 3, [0.5, 0.0] * 3, [0.11, 0.09] * 3)
 )
 _TRIALS = ((200, 6000), (600, 18000))
 
@@ -174,7 +174,8 @@ _TRIALS = ((200, 6000), (600, 18000))
         ((_NOTHING, _CLEAR), True, (1, 1)),  # that nothing is gained short ones cannot say
         ((_NOTHING, _NOTHING), False, (1, 1)),  # long ones can
         ((_NEAR, _NOTHING), False, (2, 1)),  # what just confirms is asked again
-        ((_NEAR, _NEAR), True, (2, 2)),  # long ones may just confirm
+        ((_NEAR, _NEAR), True, (2, 1)),  # long ones may just confirm, and end where that is sure
+        ((_NEAR, _VARIED), True, (2, 2)),  # one pair of them leaves it to chance
         ((_NEAR, _NEAR - 0.08), False, (2, 1)),  # that asks for more than the gain of short ones
         ((_DOUBTFUL, _CLEAR), True, (2, 1)),  # in doubt, and cleared up
         ((_DOUBTFUL, -_NOTHING), False, (2, 1)),
