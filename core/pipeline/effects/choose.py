@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -30,7 +31,7 @@ from ...photos.load import Photo
 from ...progress import Progress
 from ...reconstruction import Reconstruction
 from ...views import View
-from .ablation import Ablation, Arm, TrialTerms
+from .ablation import Ablation, Arm, TrialCourse, TrialTerms
 from .comparison import SETTINGS as TRIALS
 from .confirmed import confirmed_by_points
 from .corrected import corrected
@@ -62,6 +63,8 @@ class UsualSettings:
 USUAL = UsualSettings()
 #: Why nothing can be tried on a small set.
 TOO_FEW = "too few photos are there to try it"
+#: Parts of a trial that progress is said in.
+_PARTS = 100
 
 
 @dataclass
@@ -144,12 +147,14 @@ def choose_effects(
     for name in sorted(on):
         choice.force(name, everything=mode == "all")
     tried = [name for name in trials.names if name not in on and name not in off]
-    progress.stage("effects", len(tried))
+    progress.stage("effects", _PARTS * len(tried))
     for index, name in enumerate(tried):
         if progress.cancelled():
             raise Cancelled("Stopped while effects were tried")
+        if ablation is not None:
+            ablation.course = TrialCourse(partial(_say_how_far, progress, index))
         choice.attempt(name)
-        progress.advance(index + 1)
+        progress.advance(_PARTS * (index + 1))
     for name in there:
         why = "forced off" if name in off else ("not needed" if mode == "auto" else "not asked for")
         choice.lines.setdefault(name, Decision(name, False, why))
@@ -157,6 +162,11 @@ def choose_effects(
     simulated = [d.name for d in chosen.decisions if d.on]
     progress.note(f"Effects besides the blur: {', '.join(simulated) or 'none'}")
     return chosen
+
+
+def _say_how_far(progress: Progress, before: int, share: float) -> None:
+    """So many trials are over, and a share of the next one."""
+    progress.advance(int(_PARTS * (before + share)))
 
 
 def _by_name(mode: str, forced: Sequence[str]) -> tuple[set[str], set[str]]:

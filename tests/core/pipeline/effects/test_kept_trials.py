@@ -17,7 +17,7 @@ from dgs.core.imaging.medium import Medium
 from dgs.core.photos.undistort import undistorted_views
 from dgs.core.photos.write import write_png
 from dgs.core.pipeline.effects import choose
-from dgs.core.pipeline.effects.ablation import Ablation, Arm, TrialTerms
+from dgs.core.pipeline.effects.ablation import Ablation, Arm, TrialCourse, TrialTerms
 from dgs.core.pipeline.effects.choose import choose_effects
 from dgs.core.pipeline.effects.comparison import SETTINGS as TRIALS
 from dgs.core.pipeline.effects.comparison import Comparison
@@ -110,6 +110,23 @@ def test_a_longer_trial_is_begun_only_where_it_will_end(dim, views, monkeypatch)
         trial._cut(TRIALS.path_steps, TRIALS.path_gaussians)
         found = trial._compare_paths(Arm(), moved)
         assert (TRIALS.longer * TRIALS.path_steps in steps) is longer and not found.confirms and found.made
+
+
+def test_a_trial_says_how_far_it_is(dim, views, monkeypatch):
+    """In hundredths of a trial, never backwards: a bar that stands for minutes looks like a run that hangs."""
+    heard = []
+    moved = Formation([straight_paths({view.name: (0.01, 0.0) for view in views}, 1)])
+    trial = Ablation(views, dim.cameras.points, Medium(), TrialTerms(replace(SHORT, steps=60)))
+    trial.course = TrialCourse(heard.append)
+    monkeypatch.setattr(Comparison, "contradicts", False)
+    monkeypatch.setattr(Comparison, "settled", False)
+    monkeypatch.setattr(Comparison, "surely_more", False)
+    monkeypatch.setattr(
+        "dgs.core.pipeline.effects.ablation.SETTINGS", replace(TRIALS, path_steps=20, path_gaussians=500, path_seen=0.0)
+    )
+    trial.compare(Arm(), Arm(moved))
+    assert heard == sorted(heard) and 0 < heard[0] < 0.1 and 0.85 < heard[-1] <= 0.99
+    assert len({round(share, 2) for share in heard}) > 20
 
 
 def test_what_cannot_be_tried_in_time_is_simulated_only_beyond_doubt(dim, views, monkeypatch):
