@@ -115,11 +115,14 @@ class Looked:
         return ToneCurve() if motion is None else motion.curve
 
     @cached_property
+    def _frames(self) -> Tensor:
+        """[T, 3, H, W] of the photo's px, all of them."""
+        return photo_px(self.exposed, in_a_row([frame.passage.reached for frame in self.exposed.frames]))
+
+    @cached_property
     def _held(self) -> list[Tensor]:
-        """The photo, its frames, and their differences along both axes, from a card all at once."""
-        frames = photo_px(self.exposed, in_a_row([frame.passage.reached for frame in self.exposed.frames]))
-        of_photo, of_frames = self.at.of_planes(self.exposed.degraded), self.at.of_planes(frames)
-        return all_in_memory(of_photo, of_frames, *_differences(frames, self.at))
+        """The photo and its frames, from a card at once."""
+        return all_in_memory(self.at.of_planes(self.exposed.degraded), self.at.of_planes(self._frames))
 
     @cached_property
     def seen(self) -> Filed:
@@ -131,10 +134,9 @@ class Looked:
         """[T, 3, h, w] its frames."""
         return Filed(self._held[1].contiguous(), self.curve)
 
-    @property
     def differences(self) -> dict[tuple[int, int], Tensor]:
         """[T, 3, h, w] along each of `AXES`, of the next px and the one before."""
-        return dict(zip(AXES, self._held[2:], strict=True))
+        return dict(zip(AXES, all_in_memory(*_differences(self._frames, self.at)), strict=True))
 
 
 def slopes_along(looked: Looked, basis: Tensor) -> Slopes:
@@ -150,7 +152,7 @@ def slopes_along(looked: Looked, basis: Tensor) -> Slopes:
         seen, *both = all_in_memory(degraded, *_differences(_parts_through_effects(exposed, basis), at))
         encode, difference = encoding_derivative(srgb_to_linear(seen), seen), dict(zip(AXES, both, strict=True))
         return lambda down, right: difference[down, right] * 0.5 * encode
-    encode, decode, difference = looked.seen.encode, looked.own.decode, looked.differences
+    encode, decode, difference = looked.seen.encode, looked.own.decode, looked.differences()
     shares = basis
     if basis.dim() == 4:
         shares = sampled(exposed, basis, at)
