@@ -455,12 +455,14 @@ class Trainer:
     ) -> Callable[[], None]:
         """What a photo says of its path, asked beside the backward pass; what is returned takes the step.
 
-        A photo whose path is compared with others, or that is blurred besides, is asked when that is called.
+        A photo whose path is compared with others, or whose light passes more than the path, is asked when that is
+        called: effects keep what they computed.
         """
         paths, alone = self.learned.paths, lambda: self._follow_path(level, view, exposed, photo, behind)
         if paths is None:
             return alone
-        apart = self.device.type == "cpu" and view.psf is None and compiled.threads() > 1
+        plain = view.psf is None and exposed.together is None
+        apart = plain and self.device.type == "cpu" and compiled.threads() > 1
         if not apart or paths.looks_again(view.name):
             return alone
         asking = _beside().submit(self._asked_path, level, view, exposed, photo, behind)
