@@ -59,6 +59,8 @@ class PlanSettings:
         "share",
         "of what is left after the cameras that trials of effects may take: what they find is worth decibels, and so is"
         " the training's time",
+        "a first choice; no other value was tried",
+        "a weakly shaken shelf: limits of 60 and 300 s were kept, 300 s sufficed to find the shake",
     )
     scored: int = number(2, "views", "that are scored however short the time is")
     score_share: float = number(0.12, "share", "of the time that scoring more views than that may take")
