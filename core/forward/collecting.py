@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import lru_cache
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 import torch
@@ -16,7 +16,7 @@ from ..compiled import run
 from ..frames import in_a_row
 from ..imaging.medium import BlurSpace
 from ..tone_curve import ToneCurve
-from .collecting_kernels import STEPS, collect, distribute, file_as, steepen, straighten
+from .collecting_kernels import STEPS, collect, collect_filed, distribute, distribute_filed
 
 #: No curve besides sRGB's.
 SRGB = ToneCurve()
@@ -57,14 +57,12 @@ def collected(
     """
     if len(frames) == 1:
         return _Single(frames[0])
+    if space == "linear" and all(frame.device.type == "cpu" and frame.dtype == torch.float32 for frame in frames):
+        columns = isinstance(weights, Tensor) and weights.dim() == 3 and weights.shape[1] == 1
+        return _Turned(frames, weights, curve) if columns else CollectedLight(frames, weights, curve)
     if curve:
         return _Filed(frames, weights, space, curve)
-    if space == "srgb":
-        return _Displayed(frames, weights)
-    if all(frame.device.type == "cpu" and frame.dtype == torch.float32 for frame in frames):
-        columns = isinstance(weights, Tensor) and weights.dim() == 3 and weights.shape[1] == 1
-        return _Turned(frames, weights) if columns else CollectedLight(frames, weights)
-    return _Light(frames, weights)
+    return _Displayed(frames, weights) if space == "srgb" else _Light(frames, weights)
 
 
 class _Single:
@@ -83,32 +81,18 @@ def _over_planes(weights: Sequence[float] | Tensor, like: Tensor) -> Sequence[fl
 
 
 class _Filed:
-    """What a camera with a curve of its own files."""
+    """What a camera with a curve of its own files, on any device and of any type."""
 
     def __init__(
         self, frames: Sequence[Tensor], weights: Sequence[float] | Tensor, space: BlurSpace, curve: ToneCurve
     ) -> None:
         self._frames, self._curve = in_a_row([frame.detach() for frame in frames]), curve
-        self._plain = collected(list(_by_curve(straighten, curve, self._frames)), weights, space)
-        self.shown = _by_curve(file_as, curve, self._plain.shown)
+        self._plain = collected(list(curve.undone(self._frames)), weights, space)
+        self.shown = curve.filed(self._plain.shown)
 
     def gradient(self, upstream: Tensor) -> list[Tensor]:
         parts = in_a_row(self._plain.gradient(upstream / self._curve.slope(self.shown)))
-        return list(_by_curve(steepen, self._curve, self._frames, parts))
-
-
-def _by_curve(step: Callable[..., None], curve: ToneCurve, values: Tensor, gradients: Tensor | None = None) -> Tensor:
-    """Values [..., h, w] taken through a camera's curve by a kernel, or gradients back through it."""
-    if values.device.type != "cpu" or values.dtype != torch.float32:
-        if gradients is not None:
-            return gradients * curve.slope(values)
-        return curve.undone(values) if step is straighten else curve.filed(values)
-    source = values.contiguous().numpy()
-    out = np.empty_like(source) if gradients is None else gradients.numpy()
-    rows = out.reshape(-1, out.shape[-1])
-    shape = np.float32(curve.toe), np.float32(curve.shoulder)
-    run(step, len(rows), source.reshape(rows.shape), *shape, rows, grain=_GRAIN)
-    return torch.from_numpy(out)
+        return list(parts * self._curve.slope(self._frames))
 
 
 class _Displayed:
@@ -141,11 +125,14 @@ class _Light:
 class CollectedLight:
     """The mean in linear light of frames [3, h, w] sRGB, float32 on the CPU.
 
+    Args:
+        curve: the camera's own, on top of sRGB, by which frames and photo are filed.
+
     Attributes:
-        light, shown: [3, h, w] their mean in linear light, and that as display values.
+        light: [3, h, w] their mean; shown: the same as it is filed.
     """
 
-    def __init__(self, frames: Sequence[Tensor], weights: Sequence[float] | Tensor) -> None:
+    def __init__(self, frames: Sequence[Tensor], weights: Sequence[float] | Tensor, curve: ToneCurve = SRGB) -> None:
         self._frames = in_a_row([frame.detach() for frame in frames]).numpy()
         shape = self._frames.shape[1:]
         rows = np.asarray(weights, np.float32).reshape(len(frames), -1)
@@ -153,21 +140,24 @@ class CollectedLight:
         self._weights = np.ascontiguousarray(
             np.tile(np.broadcast_to(rows, (len(frames), shape[1])), (1, shape[0])), np.float32
         )
-        light, shown = np.empty(shape, np.float32), np.empty(shape, np.float32)
+        self._curve = (np.float32(curve.toe), np.float32(curve.shoulder)) if curve else ()
+        # Their mean in linear light, as sRGB, and, where the camera has a curve of its own, as it is filed.
+        self._means = tuple(np.empty(shape, np.float32) for _ in range(3 if curve else 2))
         self._rows = shape[0] * shape[1]
-        run(collect, self._rows, *self._flat(), self._of(light), self._of(shown), grain=_GRAIN)
-        self.light, self.shown = torch.from_numpy(light), torch.from_numpy(shown)
+        kernel = collect_filed if curve else collect
+        run(kernel, self._rows, *self._flat(), *map(self._of, self._means), grain=_GRAIN)
+        self.light, self.shown = torch.from_numpy(self._means[0]), torch.from_numpy(self._means[-1])
 
     def gradient(self, upstream: Tensor) -> list[Tensor]:
         """The gradient in each frame, given that in `shown`."""
         out = np.empty_like(self._frames)
-        came = self._of(upstream.contiguous().numpy())
-        mine = self._of(self.light.numpy()), self._of(self.shown.numpy())
-        run(distribute, self._rows, came, *self._flat(), *mine, self._of(out), grain=_GRAIN)
+        came, means = self._of(upstream.contiguous().numpy()), map(self._of, self._means)
+        kernel = distribute_filed if self._curve else distribute
+        run(kernel, self._rows, came, *self._flat(), *means, self._of(out), grain=_GRAIN)
         return list(torch.from_numpy(out))
 
-    def _flat(self) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
-        return self._of(self._frames), self._weights, decoding_table()
+    def _flat(self) -> tuple[Any, ...]:
+        return self._of(self._frames), self._weights, decoding_table(), *self._curve
 
     def _of(self, planes: NDArray[np.float32]) -> NDArray[np.float32]:
         """[..., 3 h, w]: rows of all channels."""
@@ -177,9 +167,9 @@ class CollectedLight:
 class _Turned:
     """The same by columns: of the photo as its sensor took it, before it was turned upright."""
 
-    def __init__(self, frames: Sequence[Tensor], weights: Sequence[float] | Tensor) -> None:
+    def __init__(self, frames: Sequence[Tensor], weights: Sequence[float] | Tensor, curve: ToneCurve) -> None:
         assert isinstance(weights, Tensor)
-        self._taken = CollectedLight([frame.mT.contiguous() for frame in frames], weights.mT)
+        self._taken = CollectedLight([frame.mT.contiguous() for frame in frames], weights.mT, curve)
         self.shown = self._taken.shown.mT.contiguous()
 
     def gradient(self, upstream: Tensor) -> list[Tensor]:

@@ -95,30 +95,78 @@ def steepness(value: Any, toe: Any, shoulder: Any) -> Any:
 
 
 @kernel
-def straighten(begin: int, end: int, filed: Any, toe: Any, shoulder: Any, out: Any) -> None:
-    """Items are rows: out [R, W] = sRGB's own values of what a camera filed, [R, W]."""
+def collect_filed(
+    begin: int,
+    end: int,
+    frames: Any,
+    weights: Any,
+    table: Any,
+    toe: Any,
+    shoulder: Any,
+    light: Any,
+    shown: Any,
+    out: Any,
+) -> None:
+    """`collect` of frames that a camera filed by a curve of its own; out [R, W] = shown, as it files that."""
+    srgb = np.empty(light.shape[1], np.float32)  # (a pass of its own fits vector registers, a table does not)
     for row in range(begin, end):
-        source, to = filed[row], out[row]
-        for x in range(source.shape[0]):
-            to[x] = straightened(source[x], toe, shoulder)
-
-
-@kernel
-def file_as(begin: int, end: int, srgb: Any, toe: Any, shoulder: Any, out: Any) -> None:
-    """Items are rows: the inverse of `straighten`."""
-    for row in range(begin, end):
-        source, to = srgb[row], out[row]
-        for x in range(source.shape[0]):
-            found = source[x]
+        to, plain = light[row], shown[row]
+        to[:] = np.float32(0.0)
+        for k in range(frames.shape[0]):
+            source, weight = frames[k, row], weights[k, row]
+            for x in range(to.shape[0]):
+                srgb[x] = straightened(source[x], toe, shoulder)
+            for x in range(to.shape[0]):
+                to[x] += weight * decoded(srgb[x], table)
+        for x in range(to.shape[0]):
+            v = to[x]
+            if v > LINEAR_KNEE:
+                plain[x] = np.float32(1.055) * v ** np.float32(1 / 2.4) - np.float32(0.055)
+            else:
+                plain[x] = v * np.float32(12.92)
+        file = out[row]
+        for x in range(to.shape[0]):
+            found = plain[x]
             for _ in range(NEWTON):
-                found -= (straightened(found, toe, shoulder) - source[x]) / steepness(found, toe, shoulder)
-            to[x] = found
+                found -= (straightened(found, toe, shoulder) - plain[x]) / steepness(found, toe, shoulder)
+            file[x] = found
 
 
 @kernel
-def steepen(begin: int, end: int, filed: Any, toe: Any, shoulder: Any, out: Any) -> None:
-    """Items are rows: gradients out [R, W] in sRGB's own values become those in what was filed, in place."""
+def distribute_filed(
+    begin: int,
+    end: int,
+    upstream: Any,
+    frames: Any,
+    weights: Any,
+    table: Any,
+    toe: Any,
+    shoulder: Any,
+    light: Any,
+    shown: Any,
+    file: Any,
+    out: Any,
+) -> None:
+    """`distribute` behind `collect_filed`; file: [R, W] what that gave, in which upstream is."""
+    scale, srgb = np.empty(upstream.shape[1], np.float32), np.empty(upstream.shape[1], np.float32)
     for row in range(begin, end):
-        source, to = filed[row], out[row]
-        for x in range(source.shape[0]):
-            to[x] *= steepness(source[x], toe, shoulder)
+        came, lit, seen = upstream[row], light[row], shown[row]
+        for x in range(scale.shape[0]):
+            steep = came[x] / steepness(file[row, x], toe, shoulder)
+            if lit[x] > LINEAR_KNEE:
+                scale[x] = steep * (seen[x] + np.float32(0.055)) / (np.float32(2.4) * lit[x])
+            else:
+                scale[x] = steep * np.float32(12.92)
+        for k in range(frames.shape[0]):
+            source, weight, to = frames[k, row], weights[k, row], out[k, row]
+            for x in range(scale.shape[0]):
+                srgb[x] = straightened(source[x], toe, shoulder)
+            for x in range(scale.shape[0]):
+                v = srgb[x]
+                if v > KNEE:
+                    slope = np.float32(2.4) * decoded(v, table) / (v + np.float32(0.055))
+                else:
+                    slope = np.float32(1 / 12.92)
+                to[x] = weight * scale[x] * slope
+            for x in range(scale.shape[0]):
+                to[x] *= steepness(source[x], toe, shoulder)

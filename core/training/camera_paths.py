@@ -27,7 +27,6 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from ..camera import Camera
-from ..colour import srgb_to_linear
 from ..devices import all_in_memory, in_memory
 from ..forward import Exposed
 from ..imaging.formation.motion import CameraMotion
@@ -35,9 +34,12 @@ from ..imaging.formation.path_poses import mean_twist, middles, polynomials
 from ..numbers import BY_DEFINITION, number
 from ..pose import Pose
 from ..rigid_motion import twist_between
-from .path_slopes import Linearised, Looked, Sampled, slopes_along
+from .along import Along
+from .path_equations import PathEquations, SeenPx
+from .path_slopes import Looked, Sampled
 from .readout import LearnedReadout, slopes_in_readout, step_and_variance
-from .tone import LearnedTone, slopes_in_curve, step_of
+from .straight_ways import left_by_ways
+from .tone import LearnedTone
 
 #: What some of the numbers below were chosen on, by single runs; docs/real_blur.md has the figures.
 _SHAKEN = "27 photos of the rendered ball, shaken by 4 to 16 px (Cycles), one seed"
@@ -168,16 +170,6 @@ def backwards(twists: Tensor) -> Tensor:
     return twists * torch.tensor([(-1.0) ** m for m in range(twists.shape[-2])])[:, None]
 
 
-def _spectra(still: Tensor, photo: Tensor) -> tuple[Tensor, Tensor]:
-    """[h, w / 2 + 1] real part of still* photo, and |still|^2, of windowed light [3, h, w] and summed over channels."""
-    height, width = photo.shape[1:]
-    window = torch.hann_window(height)[:, None] * torch.hann_window(width)[None, :]
-    lights = (srgb_to_linear(planes) for planes in (still, photo))
-    of_still, of_photo = (torch.fft.rfft2((light - light.mean(dim=(1, 2), keepdim=True)) * window) for light in lights)
-    together = of_still.real * of_photo.real + of_still.imag * of_photo.imag
-    return together.sum(dim=0), (of_still.real.square() + of_still.imag.square()).sum(dim=0)
-
-
 def _stay() -> None:
     """The step of a photo that says nothing."""
 
@@ -286,9 +278,8 @@ class CameraPaths:
             return _stay
         visit = Visit(i, name, camera, photo, counts)
         looked = self._looked(visit, exposed)
-        path = self._equations(visit, looked)
-        self._see_readout(visit, looked, path)
-        self._see_tone(visit, looked, path)
+        path = self._equations(visit, looked, *self._shared(i))
+        self._see_shared(i, path)
 
         def take() -> None:
             self._move(visit, path)
@@ -309,22 +300,21 @@ class CameraPaths:
             if shared is not None and index in self._fitted:
                 shared.see_nothing(self._fitted.index(index))
 
-    def _see_readout(self, visit: Visit, looked: Looked, path: Linearised) -> None:
-        """Asks a fitted photo what it says of a rolling shutter."""
-        if self.readout is None or visit.index not in self._fitted:
-            return
-        rows, columns = slopes_in_readout(looked, self.motion.readout)
-        found = (*step_and_variance(rows, path), *step_and_variance(columns, path))
-        self.readout.see(self._fitted.index(visit.index), found)
+    def _shared(self, index: int) -> tuple[bool, bool]:
+        """Whether a photo is asked what it says of a rolling shutter, and of the camera's curve."""
+        fitted = index in self._fitted
+        return fitted and self.readout is not None, fitted and self.tone is not None
 
-    def _see_tone(self, visit: Visit, looked: Looked, path: Linearised) -> None:
-        """Asks a fitted photo what it says of the camera's curve."""
-        if self.tone is None or visit.index not in self._fitted:
-            return
-        height, width = visit.photo.shape[1:]
-        frames, margin = len(looked.exposed.frames), looked.exposed.shot.margin
-        slopes = slopes_in_curve(looked, self.motion.row_weights(frames, height, width, margin))
-        self.tone.see(self._fitted.index(visit.index), *step_of(slopes, path))
+    def _see_shared(self, index: int, path: PathEquations) -> None:
+        """Keeps what a photo says of a rolling shutter (rows and columns), and of the camera's curve."""
+        readout, tone = self._shared(index)
+        if readout:
+            assert self.readout is not None
+            rows, columns = (step_and_variance(path, slice(k, k + 1)) for k in (0, 1))
+            self.readout.see(self._fitted.index(index), (*rows, *columns))
+        if tone:
+            assert self.tone is not None
+            self.tone.see(self._fitted.index(index), *path.step_of(slice(-2, None)))
 
     def _move_tone(self) -> None:
         """Takes the curve's next step where all photos have said something of it since the last one."""
@@ -351,20 +341,27 @@ class CameraPaths:
     def _step(self, visit: Visit, exposed: Exposed) -> None:
         self._move(visit, self._equations(visit, self._looked(visit, exposed)))
 
-    def _equations(self, visit: Visit, looked: Looked) -> Linearised:
-        """What a step of a photo's path solves."""
+    def _equations(self, visit: Visit, looked: Looked, readout: bool = False, tone: bool = False) -> PathEquations:
+        """What a step of a photo's path solves, and what the photo says of a rolling shutter and the camera's curve."""
         s = self.settings
-        jacobian, rest, weight = self._linearised(visit, looked)
-        limit = max(s.huber * 1.4826 * float(rest.abs().median()), 1e-3)
-        weight = weight * (limit / rest.abs().clamp(min=1e-12)).clamp(max=1.0)
-        weighted, noise = jacobian * weight, float((weight * rest.square()).sum() / weight.sum().clamp(min=1.0))
-        trust = s.independent / max(float(weight.numel()), 1.0) / max(noise, 1e-8)
-        matrix, vector = (weighted @ jacobian.T).double() * trust, (weighted @ rest).double() * trust
+        seen, weight = self._seen(visit, looked, readout, tone), self._counted(visit, looked.at)
+        size = seen.rest.abs()
+        limit = max(s.huber * 1.4826 * float(size.median()), 1e-3)
+        weight = weight * (limit / size.clamp(min=1e-12)).clamp(max=1.0)
+        sums = seen.sums(weight)
+        noise = float(sums[-1, -1]) / max(float(weight.sum()), 1.0)
+        sums *= s.independent / max(float(weight.numel()), 1.0) / max(noise, 1e-8)
         precision = self._prior(visit.name) ** -2.0
         beside = self._now(visit)
         beside[:6] -= (self._placed[visit.index] / self._units[visit.index]).double()
-        vector = vector - beside * precision
-        return Linearised(jacobian, rest, weight, trust, matrix + torch.diag(precision), vector)
+        path, asked = slice(len(precision)), slice(len(precision), -1)
+        return PathEquations(
+            sums[path, path] + torch.diag(precision),
+            sums[path, -1] - beside * precision,
+            sums[asked, path],
+            sums[asked, asked],
+            sums[asked, -1],
+        )
 
     def stands(self, camera: Camera) -> Camera:
         """The camera of a photo where it was on average."""
@@ -386,7 +383,7 @@ class CameraPaths:
         """[(M + 1) 6] float64 coefficients of a photo's path, px."""
         return (self._twists[visit.index] / self._units[visit.index]).reshape(-1).double()
 
-    def _move(self, visit: Visit, path: Linearised) -> None:
+    def _move(self, visit: Visit, path: PathEquations) -> None:
         """Takes a part of the step."""
         i, s, now = visit.index, self.settings, self._now(visit)
         move = torch.linalg.solve(path.matrix, path.vector).float() * s.part
@@ -455,27 +452,16 @@ class CameraPaths:
         return float(counted.mean()) if len(counted) else 0.0
 
     def _straight(self, visit: Visit, still: Tensor) -> list[Tensor]:
-        """Straight paths [M + 1, 6] of different directions, those that explain a photo best.
-
-        The picture without motion is convolved with each, which is nearly what a turn of the camera does, in one
-        transform: a path's share of the photo at frequency f is the mean of exp(-2 pi i f . way(t)).
-        """
+        """Straight paths [M + 1, 6] of different directions, those that explain a photo best."""
         s, photo, camera = self.settings, visit.photo.cpu(), visit.camera
         height, width = photo.shape[1:]
-        together, alone = _spectra(still.cpu(), photo)
-        fy, fx = torch.fft.fftfreq(height)[:, None], torch.fft.rfftfreq(width)[None, :]
         count = int(math.log(s.longest * math.hypot(height, width)) / math.log(s.again_factor))
-        found = []
-        for turn in range(s.again_turns):
-            x, y = math.cos(math.pi * turn / s.again_turns), math.sin(math.pi * turn / s.again_turns)
-            along, rests = fx * x + fy * y, []
-            for length in (s.again_factor**k for k in range(count)):
-                transfer = torch.sinc(length * along)
-                # |photo - transfer still|^2 without the photo's own power, which is the same for all.
-                left = transfer * (transfer * alone - 2.0 * together)
-                rests.append((float(left.sum(dtype=torch.float64)), length))
-            rest, length = min(rests)
-            found.append((rest, length * x, length * y))
+        angles, lengths = np.pi * np.arange(s.again_turns) / s.again_turns, s.again_factor ** np.arange(count)
+        rests = left_by_ways(still.cpu(), photo, angles, lengths)
+        found = [
+            (float(rests[turn].min()), length * math.cos(angle), length * math.sin(angle))
+            for turn, (angle, length) in enumerate(zip(angles, lengths[rests.argmin(axis=1)], strict=True))
+        ]
         beside = [(found[turn - 1][0], found[(turn + 1) % len(found)][0]) for turn in range(len(found))]
         lowest = sorted(f for f, (left, right) in zip(found, beside, strict=True) if f[0] <= left and f[0] <= right)
         starts = []
@@ -500,27 +486,30 @@ class CameraPaths:
         each = [s.prior_offset, *(way / m**s.prior_fall for m in range(1, s.order + 1))]
         return torch.tensor(each, dtype=torch.float64).repeat_interleave(6)
 
-    def _linearised(self, visit: Visit, looked: Looked) -> tuple[Tensor, Tensor, Tensor]:
-        """Jacobian [(M + 1) 6, K] by px, what is left of the photo [K] (sRGB), and which of it counts [K]."""
-        photo, counts, exposed, at = visit.photo, visit.counts, looked.exposed, looked.at
-        height, width = photo.shape[1:]
+    def _seen(self, visit: Visit, looked: Looked, readout: bool = False, tone: bool = False) -> SeenPx:
+        """How a photo's px change with its path, and with what else is asked; what is left of them (sRGB)."""
+        exposed, at, (height, width) = looked.exposed, looked.at, visit.photo.shape[1:]
         count = len(exposed.frames)
         basis = polynomials(middles(count), self.settings.order).T / count  # [M + 1, T]
         rows = self.motion.row_weights(count, height, width, exposed.shot.margin)
         if rows is not None:
             basis = basis[..., None, None] * (count * rows)  # [M + 1, T, H + 2m, 1] or [M + 1, T, 1, W + 2m]
-        slope = slopes_along(looked, basis)
-        seen, shown = all_in_memory(at.of_planes(exposed.degraded), at.of_planes(photo))
-        du, dv = (flow[:, None] for flow in self._flow(visit.index, visit.name, visit.camera, at))
-        jacobian = -(slope(0, 1)[:, None] * du + slope(1, 0)[:, None] * dv)
-        rest = (shown - seen).reshape(-1)
-        weight = torch.ones_like(rest)
-        if counts is not None:
-            weight = in_memory(at.of_planes(counts)).expand(3, -1, -1).reshape(-1).to(rest.dtype)
-        return jacobian.reshape(6 * len(basis), -1), rest, weight
+        along = Along.of(looked, basis, tone)
+        seen, shown = all_in_memory(at.of_planes(exposed.degraded), at.of_planes(visit.photo))
+        beside = [slopes_in_readout(looked, self.motion.readout)] if readout else []
+        beside += [] if along.by_curve is None else [along.by_curve]
+        asked = torch.cat(beside) if beside else torch.empty((0, *seen.shape))
+        flow = self._flow(visit.index, visit.name, visit.camera, at)
+        return SeenPx(along.right, along.down, flow, asked, shown - seen)
 
-    def _flow(self, index: int, name: str, camera: Camera, at: Sampled) -> tuple[Tensor, Tensor]:
-        """[6, h, w] px of the grid, along x and along y, by which a px of motion in each axis moves what is seen."""
+    def _counted(self, visit: Visit, at: Sampled) -> Tensor:
+        """[3, h, w] 1 for the px of a photo that count."""
+        if visit.counts is None:
+            return torch.ones_like(at.of_planes(visit.photo), device="cpu")
+        return in_memory(at.of_planes(visit.counts)).expand(3, -1, -1).float()
+
+    def _flow(self, index: int, name: str, camera: Camera, at: Sampled) -> Tensor:
+        """[2, 6, h, w] px of the grid, along x and along y, by which a px of motion in each axis moves what is seen."""
         rows, columns = torch.arange(camera.height)[at.rows], torch.arange(camera.width)[at.columns]
         y, x = torch.meshgrid(
             (rows + 0.5 - camera.cy) / camera.fy, (columns + 0.5 - camera.cx) / camera.fx, indexing="ij"
@@ -529,7 +518,7 @@ class CameraPaths:
         du = torch.stack([near, zero, -near * x, -x * y, 1 + x * x, -y])
         dv = torch.stack([zero, near, -near * y, -(1 + y * y), x * y, x])
         units = f * self._units[index][:, None, None]
-        return (du * units).float(), (dv * units).float()
+        return torch.stack([du * units, dv * units]).float()
 
     def state(self) -> dict[str, NDArray[Any]]:
         """What a checkpoint keeps."""

@@ -43,23 +43,6 @@ class Sampled:
         return planes[..., rows, columns]
 
 
-@dataclass(frozen=True)
-class Linearised:
-    """What a step of a path is taken from, a photo seen in K values of px and channels.
-
-    Attributes:
-        jacobian: [30, K]; rest: [K] what is left of the photo; weight: [K] of each.
-        trust: what a weighted px counts as; matrix [30, 30], vector [30]: normal equations, the prior included.
-    """
-
-    jacobian: Tensor
-    rest: Tensor
-    weight: Tensor
-    trust: float
-    matrix: Tensor
-    vector: Tensor
-
-
 class Filed:
     """Values as a camera filed them, and what follows from its curve; each is computed once."""
 
@@ -115,14 +98,19 @@ class Looked:
         return ToneCurve() if motion is None else motion.curve
 
     @cached_property
-    def _frames(self) -> Tensor:
+    def whole(self) -> Tensor:
+        """[T, 3, H + 2m, W + 2m] the frames as they were filed, with their margin."""
+        return in_a_row([frame.passage.reached for frame in self.exposed.frames])
+
+    @property
+    def frames(self) -> Tensor:
         """[T, 3, H, W] of the photo's px, all of them."""
-        return photo_px(self.exposed, in_a_row([frame.passage.reached for frame in self.exposed.frames]))
+        return photo_px(self.exposed, self.whole)
 
     @cached_property
     def _held(self) -> list[Tensor]:
         """The photo and its frames, from a card at once."""
-        return all_in_memory(self.at.of_planes(self.exposed.degraded), self.at.of_planes(self._frames))
+        return all_in_memory(self.at.of_planes(self.exposed.degraded), self.at.of_planes(self.frames))
 
     @cached_property
     def seen(self) -> Filed:
@@ -134,9 +122,13 @@ class Looked:
         """[T, 3, h, w] its frames."""
         return Filed(self._held[1].contiguous(), self.curve)
 
+    def light(self, used: list[int]) -> Tensor:
+        """[K, 3, h, w] linear, of some of its frames."""
+        return Filed(self._held[1][used], self.curve).light
+
     def differences(self) -> dict[tuple[int, int], Tensor]:
         """[T, 3, h, w] along each of `AXES`, of the next px and the one before."""
-        return dict(zip(AXES, all_in_memory(*_differences(self._frames, self.at)), strict=True))
+        return dict(zip(AXES, all_in_memory(*_differences(self.frames, self.at)), strict=True))
 
 
 def slopes_along(looked: Looked, basis: Tensor) -> Slopes:
@@ -179,7 +171,7 @@ def change_by(looked: Looked, shares: Tensor) -> Tensor:
         return part * encoding_derivative(srgb_to_linear(seen), seen)
     # Where all rows are exposed at once the first and the last frame alone count.
     used = [k for k, share in enumerate(shares) if bool(share.any())]
-    return _parts(sampled(exposed, shares[used][None], at), looked.own.light[used])[0] * looked.seen.encode
+    return _parts(sampled(exposed, shares[used][None], at), looked.light(used))[0] * looked.seen.encode
 
 
 def _differences(planes: Tensor, at: Sampled) -> list[Tensor]:

@@ -24,7 +24,8 @@ from torch import Tensor
 
 from ..imaging.formation.row_windows import over_photo, row_ends, was_turned
 from ..numbers import number
-from .path_slopes import Linearised, Looked, change_by
+from .path_equations import PathEquations
+from .path_slopes import Looked, change_by
 
 Array = NDArray[np.float64]
 
@@ -66,7 +67,7 @@ SETTINGS = ReadoutSettings()
 
 
 def slopes_in_readout(looked: Looked, readout: float) -> Tensor:
-    """[2, K] of the photo (sRGB) by the readout, in exposures; the second with columns in the place of rows.
+    """[2, 3, h, w] of the photo (sRGB) by the readout, in exposures; the second with columns in the place of rows.
 
     Rows are the sensor's: columns of a photo that was turned upright.
     """
@@ -77,21 +78,17 @@ def slopes_in_readout(looked: Looked, readout: float) -> Tensor:
     change = change_by(looked, over_photo(ends, turned))
     down, across = ((torch.arange(side) + 0.5) / side - 0.5 for side in (height, width))
     both = change * down[at.rows][:, None], change * across[at.columns]
-    return torch.stack(both[::-1] if turned else both).reshape(2, -1)
+    return torch.stack(both[::-1] if turned else both)
 
 
-def step_and_variance(slope: Tensor, path: Linearised) -> tuple[float, float]:
+def step_and_variance(path: PathEquations, which: slice) -> tuple[float, float]:
     """A photo's own step of the readout, its path following, and the variance of that; endless where it says nothing.
 
     Args:
-        slope: [K] of the photo by the readout.
+        which: of what was asked beside the path is the readout.
     """
-    weighted = slope * path.weight
-    cross = (path.jacobian @ weighted).double() * path.trust
-    along = torch.linalg.solve(path.matrix, torch.stack([cross, path.vector], dim=1))
-    precision = float((weighted @ slope).double() * path.trust - cross @ along[:, 0])
-    wanted = float((weighted @ path.rest).double() * path.trust - cross @ along[:, 1])
-    if not precision > 1e-6 or not np.isfinite(wanted):
+    precision, wanted = (float(found.item()) for found in path.step_of(which))
+    if not precision > 1e-6:
         return 0.0, np.inf
     return wanted / precision, 1.0 / precision
 

@@ -25,7 +25,7 @@ from torch import Tensor
 
 from ..numbers import number
 from ..tone_curve import ToneCurve
-from .path_slopes import Linearised, Looked, sampled
+from .path_slopes import Looked, sampled
 
 Array = NDArray[np.float64]
 _FIRST = "a first choice; no other value was compared"
@@ -61,7 +61,7 @@ SETTINGS = ToneSettings()
 
 
 def slopes_in_curve(looked: Looked, rows: Tensor | None) -> Tensor:
-    """[2, K] of the photo (as it was filed) by the toe and by the shoulder of its camera's curve.
+    """[2, 3, h, w] of the photo (as it was filed) by the toe and by the shoulder of its camera's curve.
 
     Args:
         rows: [T, H + 2m, 1] or [T, 1, W + 2m] shares that frames have of the light of each row; None for even ones.
@@ -72,23 +72,7 @@ def slopes_in_curve(looked: Looked, rows: Tensor | None) -> Tensor:
     of_frames, of_photo = (looked.curve.parts(filed.values.clamp(0.0, 1.0)) for filed in (own, seen))
     parts = zip(of_frames, of_photo, strict=True)
     change = [(light * frame).sum(dim=0) / seen.decoding - photo for frame, photo in parts]
-    return (torch.stack(change) / seen.slope).reshape(2, -1)
-
-
-def step_of(slopes: Tensor, path: Linearised) -> tuple[Array, Array]:
-    """[P, P] precision and [P] vector of a photo's own step of P parameters, its path following.
-
-    Args:
-        slopes: [P, K] of the photo by the parameters.
-    """
-    weighted = slopes * path.weight
-    cross = (path.jacobian @ weighted.T).double() * path.trust  # [30, P]
-    along = torch.linalg.solve(path.matrix, torch.cat([cross, path.vector[:, None]], dim=1))
-    precision = (weighted @ slopes.T).double() * path.trust - cross.T @ along[:, :-1]
-    wanted = (weighted @ path.rest).double() * path.trust - cross.T @ along[:, -1]
-    if not bool(torch.isfinite(precision).all() and torch.isfinite(wanted).all()):
-        return np.zeros((len(slopes), len(slopes))), np.zeros(len(slopes))
-    return precision.numpy(), wanted.numpy()
+    return torch.stack(change) / seen.slope
 
 
 class LearnedTone:
@@ -110,7 +94,7 @@ class LearnedTone:
         self._visits = np.zeros(photos, np.int64)
 
     def see(self, photo: int, precision: Array, wanted: Array) -> None:
-        """Keeps a photo's own step (`step_of`) in the place of its last one."""
+        """Keeps a photo's own step (`PathEquations.step_of`) in the place of its last one."""
         self._visits[photo] += 1
         self._latest[photo] = [*precision.ravel(), *wanted]
 

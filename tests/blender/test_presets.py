@@ -14,6 +14,7 @@ from dgs.core.cloud import GaussianCloud  # noqa: E402
 from dgs.dgs_addon.scene.nodes import splat_modifier  # noqa: E402
 from dgs.dgs_addon.scene.twin import add_twin  # noqa: E402
 from dgs.operators.add_preset import SUBFOLDER, DGS_OT_add_preset  # noqa: E402
+from dgs.panels.presets import DGS_PT_presets  # noqa: E402
 
 
 @pytest.fixture(autouse=True)
@@ -25,6 +26,7 @@ def add_on() -> Iterator[None]:
 
 def test_settings_are_kept_and_come_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("BLENDER_USER_SCRIPTS", str(tmp_path))
+    monkeypatch.setattr(DGS_PT_presets, "bl_label", DGS_PT_presets.bl_label)  # (Blender writes the chosen one's there)
     settings = bpy.context.scene.dgs
     settings.photos = "/my/photos"
     settings.medium, settings.sigma, settings.preset, settings.sh_degree = "gaussian", 3.25, "fine", "0"

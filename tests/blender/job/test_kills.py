@@ -20,12 +20,13 @@ def test_killed_at_random_moments(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(kill_engine, "LATEST", 2.0)
     monkeypatch.setattr(kill_engine, "LATEST_TRAINING", 2.0)
     monkeypatch.setattr(kill_engine, "PRESET", "balanced")
+    monkeypatch.setattr(kill_engine, "GAUSSIANS", 300)
     dgs.register()
     try:
         write_scene(tmp_path / "set")
-        kills, phase = kill_engine.kill_jobs(tmp_path / "set", tmp_path / "out", 4, seed=1)
+        kills, phase = kill_engine.kill_jobs(tmp_path / "set", tmp_path / "out", 3, seed=1)
     finally:
         dgs.unregister()
-    assert phase == "done" and len(kills) == 4
+    assert phase == "done" and len(kills) == 3
     assert all(kill.alive for kill in kills)
     assert max(kill.lost for kill in kills) <= kill_engine.ALLOWED

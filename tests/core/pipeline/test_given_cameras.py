@@ -15,6 +15,7 @@ from dgs.core.progress import Silent
 from dgs.core.run_settings import AdjustCameras, ReconstructSettings
 from dgs.core.sfm.given import load_cameras
 from dgs.core.sfm.settings import SfmSettings
+from dgs.core.training import settings
 from dgs.core.twin.folder import TwinFolder
 from dgs.tests.command_line.scene import write_scene
 
@@ -48,6 +49,7 @@ def test_given_cameras_are_moved_if_photos_contradict_them_or_as_asked(
     write_scene(tmp_path)
     out, asked = tmp_path / "out", []
     monkeypatch.setattr("dgs.core.training.trainer.contradicted", lambda *_: asked.append(1) or doubted)
+    monkeypatch.setattr(settings, "PRESETS", replace(settings.PRESETS, draft_steps=80))
     words = {"cameras": tmp_path / "model", "effects": "motion", "preset": "draft", "max_gaussians": 500}
     run = ReconstructSettings(tmp_path / "photos", out, holdout_every=4, adjust_cameras=adjust, **words).split()
     notes = reconstruct(run, Silent()).report["notes"]

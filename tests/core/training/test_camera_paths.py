@@ -53,7 +53,7 @@ def test_the_slope_in_every_coefficient_is_that_of_the_renders(scene, out_of_foc
     paths.see_depth(camera.name, drawn)
     photo = torch.zeros(3, camera.height, camera.width)
     visit = Visit(0, camera.name, camera, photo, None)
-    jacobian, _, _ = paths._linearised(visit, paths._looked(visit, exposed))
+    jacobian = paths._seen(visit, paths._looked(visit, exposed)).by_path().reshape(30, -1)
     units = torch.from_numpy(px_units(camera)).float()
     twists = paths.motion.parameters["twists"]
     for part, axis in ((0, 0), (0, 4), (1, 3), (1, 5), (2, 4), (3, 1)):

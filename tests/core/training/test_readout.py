@@ -12,7 +12,8 @@ from dgs.core.imaging.medium import Medium
 from dgs.core.progress import Silent
 from dgs.core.training.camera_paths import backwards
 from dgs.core.training.job import TrainingJob
-from dgs.core.training.path_slopes import Linearised, Looked, Sampled
+from dgs.core.training.path_equations import PathEquations
+from dgs.core.training.path_slopes import Looked, Sampled
 from dgs.core.training.readout import SETTINGS, LearnedReadout, slopes_in_readout, step_and_variance
 from dgs.core.training.run import train
 from dgs.tests.core.training.moved_photos import exposed_by, truly_moved, turned_upright
@@ -40,7 +41,7 @@ def test_the_slope_is_that_of_renders(scene, out_of_focus, readout, alike, turne
     lens = [LensFocus([camera.name], torch.tensor([0.03]), torch.tensor([0.7]))] if out_of_focus else []
     motion = straight_paths({camera.name: (5.0 / camera.fx, 3.0 / camera.fx)}, 4).rolling(readout)
     every = Sampled(slice(0, camera.height), slice(0, camera.width))
-    own = slopes_in_readout(Looked(exposed_by(scene, camera, motion, *lens), every), readout)
+    own = slopes_in_readout(Looked(exposed_by(scene, camera, motion, *lens), every), readout).reshape(2, -1)
     pair = [exposed_by(scene, camera, motion.rolling(readout + by), *lens).degraded for by in (0.2, -0.2)]
     true = ((pair[0] - pair[1]) / 0.4).reshape(-1)
     assert own.shape == (2, len(true))
@@ -136,10 +137,10 @@ def test_photos_that_stood_still_say_nothing():
     learned.see_nothing(5)
     assert learned.due and learned.moved(0.0)[0] == pytest.approx(0.4)
     matrix, vector = torch.eye(2).double(), torch.zeros(2).double()
-    path = Linearised(torch.zeros(2, 4), torch.ones(4), torch.ones(4), 1.0, matrix, vector)
-    assert step_and_variance(torch.zeros(4), path) == (0.0, np.inf)
-    step, variance = step_and_variance(torch.full((4,), 0.5), path)
-    assert (step, variance) == pytest.approx((2.0, 1.0))
+    own, wanted = torch.tensor([[0.0, 0.0], [0.0, 1.0]]).double(), torch.tensor([0.0, 2.0]).double()
+    path = PathEquations(matrix, vector, torch.zeros(2, 2).double(), own, wanted)
+    assert step_and_variance(path, slice(0, 1)) == (0.0, np.inf)
+    assert step_and_variance(path, slice(1, 2)) == pytest.approx((2.0, 1.0))
 
 
 def test_what_a_checkpoint_keeps_goes_on():

@@ -11,9 +11,9 @@ from dgs.core.imaging.medium import Medium
 from dgs.core.progress import Silent
 from dgs.core.tone_curve import ToneCurve
 from dgs.core.training.job import TrainingJob
-from dgs.core.training.path_slopes import Linearised, Looked, Sampled
+from dgs.core.training.path_slopes import Looked, Sampled
 from dgs.core.training.run import train
-from dgs.core.training.tone import SETTINGS, LearnedTone, slopes_in_curve, step_of
+from dgs.core.training.tone import SETTINGS, LearnedTone, slopes_in_curve
 from dgs.tests.core.training.moved_photos import exposed_by, truly_moved
 from dgs.tests.core.training.training_scenes import SHORT, blurred_scene
 
@@ -36,7 +36,7 @@ def test_the_slopes_are_those_of_what_is_filed(scene, curve, readout):
     every = Sampled(slice(0, camera.height), slice(0, camera.width))
     exposed = filed(scene, camera, motion, curve)
     rows = motion.row_weights(len(exposed.frames), camera.height, camera.width)
-    own = slopes_in_curve(Looked(exposed, every), rows)
+    own = slopes_in_curve(Looked(exposed, every), rows).reshape(2, -1)
     for k, name in enumerate(("toe", "shoulder")):
         pair = [replace(curve, **{name: getattr(curve, name) + by}) for by in (0.02, -0.02)]
         up, down = (filed(scene, camera, motion, other).degraded for other in pair)
@@ -112,11 +112,6 @@ def test_photos_that_stood_still_or_are_too_few_say_nothing():
     learned.move()
     assert learned.curve == ToneCurve(0.1, 0.0) and learned.error is None
     assert not LearnedTone(0).due
-    matrix, vector = torch.eye(2).double(), torch.zeros(2).double()
-    path = Linearised(torch.zeros(2, 4), torch.ones(4), torch.ones(4), 1.0, matrix, vector)
-    for nothing in (0.0, float("nan")):
-        precision, wanted = step_of(torch.full((2, 4), nothing), path)
-        assert not precision.any() and not wanted.any()
 
 
 def test_a_checkpoint_goes_on_where_it_was():

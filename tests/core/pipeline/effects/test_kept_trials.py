@@ -25,6 +25,7 @@ from dgs.core.pipeline.effects.kept import KeptTrials
 from dgs.core.pipeline.reconstruct import reconstruct
 from dgs.core.progress import Silent
 from dgs.core.run_settings import ReconstructSettings
+from dgs.core.training import settings
 from dgs.core.training.settings import TrainingSettings
 from dgs.core.twin.folder import TwinFolder
 from dgs.tests.core.surface.scenes import arc, drawn
@@ -122,7 +123,7 @@ def test_a_trial_says_how_far_it_is(dim, views, monkeypatch):
     monkeypatch.setattr(Comparison, "settled", False)
     monkeypatch.setattr(Comparison, "surely_more", False)
     monkeypatch.setattr(
-        "dgs.core.pipeline.effects.ablation.SETTINGS", replace(TRIALS, path_steps=20, path_gaussians=500, path_seen=0.0)
+        "dgs.core.pipeline.effects.ablation.SETTINGS", replace(TRIALS, path_steps=20, path_gaussians=300, path_seen=0.0)
     )
     trial.compare(Arm(), Arm(moved))
     assert heard == sorted(heard) and 0 < heard[0] < 0.1 and 0.85 < heard[-1] <= 0.99
@@ -182,7 +183,8 @@ def test_another_run_s_trials_are_not_believed(dim, views, counted, tmp_path):
     assert compared(SHORT, views) == (first, 0), "all are kept beside each other"
 
 
-def test_a_run_that_is_resumed_tries_nothing_again(tmp_path, counted):
+def test_a_run_that_is_resumed_tries_nothing_again(tmp_path, counted, monkeypatch):
+    monkeypatch.setattr(settings, "PRESETS", replace(settings.PRESETS, draft_steps=40))
     scene = drawn(arc(12), (96, 72))
     (tmp_path / "photos").mkdir()
     for index, photo in enumerate(scene.photos):
