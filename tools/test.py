@@ -3,9 +3,8 @@
 
     .venv/bin/python tools/test.py [--jobs N] [pytest arguments]
 
-Packages without Blender's module run folder by folder, as each process spends seconds on its imports; every other
-test file runs in a process of its own, because bpy keeps global state that a test file may not inherit. As many
-processes at a time as there are cores. What failed is printed whole, the rest in a line each. A process that hangs is
+Files of one folder share a process, as each spends seconds on its imports. As many processes at a time as there are
+cores. What failed is printed whole, the rest in a line each. A process that hangs is
 ended, says what each of its threads was at, and is begun anew, once. The last line is the sum of all: `N passed, N
 failed, N skipped`.
 """
@@ -24,12 +23,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
-#: Folders whose test files share a process (no bpy there, or, in tests/gui, in processes of its own only).
-TOGETHER = ("tests/core", "tests/studies", "tests/command_line", "tests/hard_cases", "tests/api", "tests/gui")
-#: Longest first, in this order, so that no long one is left alone at the end; then what has bpy, then the others.
+#: Longest first, in this order, so that no long one is left alone at the end.
 LONG = (
-    *("tests/command_line", "tests/core/training", "tests/core/inspection", "tests/core/pipeline", "tests/hard_cases"),
-    *("tests/core/test_", "tests/studies/comparison", "tests/core/backends", "tests/blender/job"),
+    *("tests/command_line", "tests/blender/test_", "tests/core/training", "tests/core/inspection", "tests/blender/job"),
+    *("tests/core/pipeline", "tests/hard_cases", "tests/core/measure", "tests/blender", "tests/studies/comparison"),
+    *("tests/core/test_", "tests/core/backends", "tests/core/surface", "tests/core/twin"),
 )
 #: pytest's status where no test was selected.
 NOTHING_SELECTED = 5
@@ -70,14 +68,11 @@ class Ran:
 
 def targets() -> list[str]:
     """What to run, the longest first."""
-    found: set[str] = set()
-    for file in (ROOT / "tests").rglob("test_*.py"):
-        name, folder = (path.relative_to(ROOT).as_posix() for path in (file, file.parent))
-        found.add(folder if f"{folder}/".startswith(tuple(f"{one}/" for one in TOGETHER)) else name)
+    found = {file.parent.relative_to(ROOT).as_posix() for file in (ROOT / "tests").rglob("test_*.py")}
     # (pytest goes into the folders of a folder, whose tests would run twice)
     return sorted(
         (f"{name}/test_*.py" if any(other.startswith(f"{name}/") for other in found) else name for name in found),
-        key=lambda name: (rank(name), not name.startswith("tests/blender"), name),
+        key=lambda name: (rank(name), name),
     )
 
 

@@ -179,7 +179,8 @@ class Trainer:
             camera = views[0].camera
             sigma = formation.glass.sigma(self.scale.size, math.hypot(camera.width, camera.height))
         settings = smoothed_for(settings, sigma, self.together)
-        learned = (formation.motion, PATHS), (formation.focus, FOCUS), (formation.kernels, KERNELS)
+        moved = formation.motion is not None and any(view.name in formation.motion.names for view in views)
+        learned = (moved or None, PATHS), (formation.focus, FOCUS), (formation.kernels, KERNELS)
         coarse = [numbers.coarse_share for effect, numbers in learned if effect is not None]
         return replace(
             settings,

@@ -43,10 +43,22 @@ _PATHS_COST = 0.9
 
 @dataclass(frozen=True)
 class Arm:
-    """What one of two trainings simulates and masks."""
+    """What one of two trainings simulates and masks.
+
+    Attributes:
+        still: whether photos that are trained on stand still: only those that judge have a path.
+    """
 
     formation: Formation = field(default_factory=Formation)
     masked: tuple[Switch, ...] = ()
+    still: bool = False
+
+    def of_pair(self, judged: Sequence[str]) -> Formation:
+        """What is simulated where these photos judge."""
+        if not self.still:
+            return self.formation
+        effects = self.formation.effects
+        return Formation([e.for_photos(judged) if isinstance(e, CameraMotion) else e for e in effects])
 
 
 @dataclass(frozen=True)
@@ -147,7 +159,7 @@ class Ablation:
         self._cut(SETTINGS.steps, SETTINGS.gaussians)
         self._full, self.medium = medium, medium.on_grid(self.step)
         self._lengths: list[float] = []  # of paths that were learned, or widths off the focus, px of the trial's grid
-        self._scored: dict[tuple[tuple[str, ...], tuple[Switch, ...], str, int], Array] = {}
+        self._scored: dict[tuple[tuple[str, ...], tuple[Switch, ...], bool, str, int], Array] = {}
         self._compared = 0  # pairs that the last comparison took
         self._slowest = 0.0  # s, of a pair
         self.course, self._of_paths = TrialCourse(), False
@@ -227,10 +239,23 @@ class Ablation:
             if longer is not None:
                 found = longer._compare(without, with_it, True, SETTINGS.longer_gain, not_found, last=True)
                 trial = longer
+            if found.confirms and trial is longer:
+                found = trial._against_still_photos(with_it, found)
             blurs = self.medium.blurs or without.formation.blurs
             if found.confirms and not blurs:
                 return trial._against_even_blur(without, with_it, found)
         return found
+
+    def _against_still_photos(self, with_it: Arm, found: Comparison) -> Comparison:
+        """Paths against none in the photos that are trained on, where those that judge have theirs all the same.
+
+        A path of its own explains a photo better whatever the twin: it lays the twin where it fits, and spreads what
+        stands in the wrong place. So photos that nothing moved are explained better, too, though their twin is worse.
+        """
+        pairs, still = range(self._compared), replace(with_it, still=True)
+        scores = [self._scores(with_it, self.medium, pair) - self._scores(still, self.medium, pair) for pair in pairs]
+        seen = "than a path of each photo that judges, before a twin of still ones: nothing moved"
+        return _against(found, scores, SETTINGS.still_share, seen)
 
     def _against_even_blur(self, without: Arm, with_it: Arm, found: Comparison) -> Comparison:
         """Paths against one round blur of all photos, as wide as they are, by the pairs that judged them.
@@ -244,15 +269,9 @@ class Ablation:
         even = Medium(PointSpread(sigma_x=sigma, sigma_y=sigma), "linear")
         pairs = range(self._compared)
         scores = [self._scores(with_it, self.medium, pair) - self._scores(without, even, pair) for pair in pairs]
-        differences = np.concatenate(scores)
-        beyond = Comparison(differences[np.isfinite(differences)])
-        if beyond.confirms or beyond.mean > (1.0 - SETTINGS.round_share) * found.mean:
-            return found
-        seen = (
-            f"paths explain {found.mean:+.2f} dB more than none, but {beyond.mean:+.2f} +- {beyond.error:.2f} dB more "
-            f"than a round blur that all photos share ({sigma * self.step:.1f} px): blur of a medium, not of motion"
-        )
-        return replace(found, seen=seen, least=math.inf)
+        width = f"{sigma * self.step:.1f} px"
+        seen = f"than a round blur that all photos share ({width}): blur of a medium, not of motion"
+        return _against(found, scores, SETTINGS.round_share, seen)
 
     def _compare_foci(self, without: Arm, with_it: Arm) -> Comparison:
         """The same for the photos' focus: where nothing is found out of focus, nothing else is trained."""
@@ -312,10 +331,11 @@ class Ablation:
     def _scores(self, arm: Arm, medium: Medium, pair: int) -> Array:
         """PSNR in dB of every photo that a pair is judged by, photos' own gains matched."""
         kind = "own" if medium is self.medium else "even" if medium.blurs else "none"
-        key = (tuple(sorted(arm.formation.names)), arm.masked, kind, pair)
+        key = (tuple(sorted(arm.formation.names)), arm.masked, arm.still, kind, pair)
         if key not in self._scored:
             views = [self._coarse(view, medium) for view in corrected(self.views, arm.formation, arm.masked)]
-            self._scored[key] = np.asarray(self._of_pair(views, arm.formation, medium, pair))
+            judged = [views[i].name for i in self.judged(pair)]
+            self._scored[key] = np.asarray(self._of_pair(views, arm.of_pair(judged), medium, pair))
         return self._scored[key]
 
     def _of_pair(self, views: list[View], formation: Formation, medium: Medium, pair: int) -> list[float]:
@@ -339,7 +359,7 @@ class Ablation:
                 raise Cancelled("Stopped while effects were tried")
             raise _TimeIsUpError
         if (moved := trained.formation.motion) is not None:
-            lengths = [moved.length(v.name, v.camera.fx) / moved.exposures for v in fitted]
+            lengths = [moved.length(v.name, v.camera.fx) / moved.exposures for v in fitted if v.name in moved.names]
             self._lengths.extend(lengths)
         if (focus := trained.formation.focus) is not None:
             self._lengths.extend(focus.widest(v.name, math.hypot(v.camera.width, v.camera.height)) for v in fitted)
@@ -408,6 +428,20 @@ class Ablation:
 
     def _coarse(self, view: View, medium: Medium) -> View:
         return coarse_view(view, self.step, medium.blur_space)
+
+
+def _against(found: Comparison, scores: Sequence[Array], share: float, seen: str) -> Comparison:
+    """What was found, unless something else explains a share of it, and paths do not beat that beyond chance.
+
+    Args:
+        scores: dB of paths over the other, of each pair; seen: what to say of it.
+    """
+    differences = np.concatenate(scores)
+    beyond = Comparison(differences[np.isfinite(differences)])
+    if beyond.confirms or beyond.mean > (1.0 - share) * found.mean:
+        return found
+    more = f"paths explain {found.mean:+.2f} dB more than none, but {beyond.mean:+.2f} +- {beyond.error:.2f} dB more"
+    return replace(found, seen=f"{more} {seen}", least=math.inf)
 
 
 def cropped(view: View, side: int) -> View:

@@ -52,6 +52,14 @@ class TrialSettings:
         "a ball behind the engine's own glass: half; tea (really shaken): none of it",
         "no other value was tried",
     )
+    still_share: float = number(
+        0.75,
+        "of what paths gain in longer trials",
+        "that paths of judging photos alone must gain, before a twin of still ones, to stand for paths that do not beat"
+        " it beyond chance",
+        "a sharp plant on white 0.89, which loses 0.5 dB by paths, a sharp room with noise and drifting exposures 0.94;"
+        " shaken sets: a village, weakly, 0.63, a shelf, weakly, 0.41, a plant 0.51",
+    )
     focus_gain: float = number(
         0.1,
         "dB",

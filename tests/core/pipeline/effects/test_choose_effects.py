@@ -13,7 +13,7 @@ from dgs.core.imaging.medium import Medium
 from dgs.core.inspection.evidence import judged
 from dgs.core.inspection.photo_set import PhotoSet
 from dgs.core.photos.undistort import undistorted_views
-from dgs.core.pipeline.effects import ablation
+from dgs.core.pipeline.effects import ablation, choose
 from dgs.core.pipeline.effects.ablation import TrialTerms
 from dgs.core.pipeline.effects.choose import _Trials, choose_effects
 from dgs.core.pipeline.effects.decision import parse_effects
@@ -197,11 +197,50 @@ def test_what_short_trainings_do_not_settle_longer_ones_do(dim, monkeypatch, gai
     )
     trial._cut(ablation.SETTINGS.path_steps, ablation.SETTINGS.path_gaussians)
     monkeypatch.setattr(ablation.Ablation, "_against_even_blur", lambda self, without, with_it, found: found)
+    monkeypatch.setattr(ablation.Ablation, "_against_still_photos", lambda self, with_it, found: found)
     with_it = ablation.Arm(Formation([straight_paths({view.name: (0.01, 0.0) for view in views}, 1)]))
     found = trial._compare_paths(ablation.Arm(), with_it)
     assert found.confirms is confirms
     assert trials == [which for which, count in zip(_TRIALS, pairs, strict=False) for _ in range(count)]
     assert sum("do not settle" in note for note in notes.heard) == len(pairs) - 1
+
+
+@pytest.mark.parametrize(("still", "confirmed"), [(0.0, True), (0.6, True), (0.9, False)])
+def test_longer_trials_ask_whether_photos_that_judge_need_more_than_a_path_of_their_own(
+    dim, monkeypatch, still, confirmed
+):
+    """Paths explain 1 dB more than none, beyond chance over `still` only where that is less than three quarters."""
+    spread = np.array([1.6, -1.2, 1.3, -0.9, 1.0, -1.8])
+
+    def scores(self, arm, medium, pair):
+        if not arm.formation.names:
+            return np.full(6, 30.0)
+        if self.settings.steps <= ablation.SETTINGS.path_steps:
+            return 30.1 + 0.02 * spread
+        return 31.0 + 0.02 * spread if not arm.still else 30.0 + still + 0.5 * spread
+
+    monkeypatch.setattr(ablation.Ablation, "_scores", scores)
+    monkeypatch.setattr(ablation.Ablation, "_against_even_blur", lambda self, without, with_it, found: found)
+    views = undistorted_views(list(dim.photos), dim.cameras)
+    trial = ablation.Ablation(views, dim.cameras.points, Medium(), TrialTerms(TrainingSettings.preset("balanced")))
+    trial._cut(ablation.SETTINGS.path_steps, ablation.SETTINGS.path_gaussians)
+    moved = ablation.Arm(Formation([straight_paths({view.name: (0.01, 0.0) for view in views}, 1)]))
+    found = trial._compare_paths(ablation.Arm(), moved)
+    assert found.confirms is confirmed and ("nothing moved" in found.seen) is not confirmed
+
+
+def test_only_photos_that_judge_have_a_path_where_others_stand_still(dim):
+    names = [photo.name for photo in dim.photos]
+    exposure = choose.built("exposure", dim)
+    moved = ablation.Arm(Formation([straight_paths(dict.fromkeys(names, (0.01, 0.0)), 1), exposure]))
+    still = replace(moved, still=True).of_pair(names[:2])
+    assert list(still.motion.names) == names[:2] and still.names == moved.formation.names
+    assert moved.of_pair(names[:2]) is moved.formation
+    views = undistorted_views(list(dim.photos), dim.cameras)
+    settings = replace(SETTINGS, steps=6, max_gaussians=300)
+    trial = ablation.Ablation(views, dim.cameras.points, Medium(), TrialTerms(settings))
+    only = replace(moved, formation=Formation([moved.formation.motion]), still=True)
+    assert np.isfinite(trial._scores(only, trial.medium, 0)).all() and not trial._lengths
 
 
 def test_a_trial_ends_in_the_middle_of_its_training_when_the_run_is_cancelled(dim):
