@@ -255,7 +255,7 @@ class Ablation:
         pairs, still = range(self._compared), replace(with_it, still=True)
         scores = [self._scores(with_it, self.medium, pair) - self._scores(still, self.medium, pair) for pair in pairs]
         seen = "than a path of each photo that judges, before a twin of still ones: nothing moved"
-        return _against(found, scores, SETTINGS.still_share, seen)
+        return _against(found, scores, seen)
 
     def _against_even_blur(self, without: Arm, with_it: Arm, found: Comparison) -> Comparison:
         """Paths against one round blur of all photos, as wide as they are, by the pairs that judged them.
@@ -271,7 +271,7 @@ class Ablation:
         scores = [self._scores(with_it, self.medium, pair) - self._scores(without, even, pair) for pair in pairs]
         width = f"{sigma * self.step:.1f} px"
         seen = f"than a round blur that all photos share ({width}): blur of a medium, not of motion"
-        return _against(found, scores, SETTINGS.round_share, seen)
+        return _against(found, scores, seen)
 
     def _compare_foci(self, without: Arm, with_it: Arm) -> Comparison:
         """The same for the photos' focus: where nothing is found out of focus, nothing else is trained."""
@@ -430,15 +430,15 @@ class Ablation:
         return coarse_view(view, self.step, medium.blur_space)
 
 
-def _against(found: Comparison, scores: Sequence[Array], share: float, seen: str) -> Comparison:
-    """What was found, unless something else explains a share of it, and paths do not beat that beyond chance.
+def _against(found: Comparison, scores: Sequence[Array], seen: str) -> Comparison:
+    """What was found, unless a rival explains a share of it, and paths do not beat that beyond chance.
 
     Args:
-        scores: dB of paths over the other, of each pair; seen: what to say of it.
+        scores: dB of paths over the rival, of each pair; seen: what to say of it.
     """
     differences = np.concatenate(scores)
     beyond = Comparison(differences[np.isfinite(differences)])
-    if beyond.confirms or beyond.mean > (1.0 - share) * found.mean:
+    if beyond.confirms or beyond.mean > (1.0 - SETTINGS.rival_share) * found.mean:
         return found
     more = f"paths explain {found.mean:+.2f} dB more than none, but {beyond.mean:+.2f} +- {beyond.error:.2f} dB more"
     return replace(found, seen=f"{more} {seen}", least=math.inf)

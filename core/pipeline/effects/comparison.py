@@ -45,20 +45,14 @@ class TrialSettings:
         "sharp photos of copr gained 0.05 and of banana 0.21, shaken ones of the rendered ball 1.7",
         "tea (real, shaken) 0.57; no other sharp set",
     )
-    round_share: float = number(
+    rival_share: float = number(
         0.33,
         "of what paths gain",
-        "that a round blur of all photos must gain to stand for paths that do not beat it beyond chance",
-        "a ball behind the engine's own glass: half; tea (really shaken): none of it",
-        "no other value was tried",
-    )
-    still_share: float = number(
-        0.75,
-        "of what paths gain in longer trials",
-        "that paths of judging photos alone must gain, before a twin of still ones, to stand for paths that do not beat"
-        " it beyond chance",
-        "a sharp plant on white 0.89, which loses 0.5 dB by paths, a sharp room with noise and drifting exposures 0.94;"
-        " shaken sets: a village, weakly, 0.63, a shelf, weakly, 0.41, a plant 0.51",
+        "that a rival must gain to stand for paths that do not beat it beyond chance: a round blur of all photos, or in"
+        " longer trials paths of the judging photos alone, before a twin of still ones",
+        "a ball behind the engine's own glass: a round blur half; tea (really shaken): none of it",
+        "sharp plants on white: judging photos alone gain 0.89 and 0.63, a sharp room 0.94; shaken sets beat them beyond"
+        " chance",
     )
     focus_gain: float = number(
         0.1,
