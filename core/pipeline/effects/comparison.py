@@ -51,8 +51,8 @@ class TrialSettings:
         "that a rival must gain to stand for paths that do not beat it beyond chance: a round blur of all photos, or in"
         " longer trials paths of the judging photos alone, before a twin of still ones",
         "a ball behind the engine's own glass: a round blur half; tea (really shaken): none of it",
-        "sharp plants on white: judging photos alone gain 0.89 and 0.63, a sharp room 0.94; shaken sets beat them beyond"
-        " chance",
+        "sharp plants on white: judging photos alone gain 0.89 and 0.63, a sharp room 0.94; shaken sets beat that by"
+        " more than chance",
     )
     focus_gain: float = number(
         0.1,

@@ -209,7 +209,7 @@ def test_what_short_trainings_do_not_settle_longer_ones_do(dim, monkeypatch, gai
 def test_longer_trials_ask_whether_photos_that_judge_need_more_than_a_path_of_their_own(
     dim, monkeypatch, still, confirmed
 ):
-    """Paths explain 1 dB more than none: `still` stands for them from a third of that on, unless chance is ruled out."""
+    """Paths explain 1 dB more than none: `still` stands for them from a third on, unless chance is ruled out."""
     spread = np.array([1.6, -1.2, 1.3, -0.9, 1.0, -1.8])
 
     def scores(self, arm, medium, pair):
