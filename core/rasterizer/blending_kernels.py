@@ -241,6 +241,7 @@ def backward_tiles(
     image_gradient,
     alpha_gradient,
     slots,
+    more,
 ):  # type: ignore[no-untyped-def]
     """Gradients of tiles `begin` to `end`, one slot per (Gaussian, tile) pair.
 
@@ -248,6 +249,7 @@ def backward_tiles(
         image, transmittance, blended, pair_rows: what `blend_tiles` wrote.
         image_gradient: [3, H, W]; alpha_gradient: [H, W].
         slots: [P, 9] output; pairs that were not blended are set to zero.
+        more: float32; above 0 gradients are added to what `slots` hold.
     """
     height, width = transmittance.shape
     state = on_cache_lines(5 * PLANE)
@@ -302,6 +304,7 @@ def backward_tiles(
                 alpha_minimum,
                 slots,
                 np.int64(pairs[position, SLOT]),
+                more,
             )
-        for position in range(end_of_blending, last):
+        for position in range(end_of_blending if more == f32(0.0) else last, last):
             slots[pairs[position, SLOT], :] = f32(0.0)

@@ -161,21 +161,23 @@ def blend_backward(
     image: Floats,
     transmittance: Floats,
     blended: Any,
-    image_gradient: Floats,
-    alpha_gradient: Floats,
+    gradients: tuple[Floats, Floats],
+    to: Floats | None = None,
 ) -> Floats:
     """Takes gradients of a view back to its pairs of a Gaussian and a tile.
 
     Args:
         p, splats: as `blend` was given them; image, transmittance, blended: what it returned.
-        image_gradient: [3, H, W]; alpha_gradient: [H, W] float32.
+        gradients: in the image [3, H, W], and in alpha [H, W] float32.
+        to: what another view of the same pairs returned; gradients are added to it.
 
     Returns:
         [P + 2, SLOT_WIDTH] float32, a row for each pair; the last two are zero.
     """
-    # (two rows more, because vectors are read whole)
-    slots = np.empty((len(p.pairs) + 2, SLOT_WIDTH), np.float32)
-    slots[-2:] = 0.0
+    slots = to
+    if slots is None:  # (two rows more, because vectors are read whole)
+        slots = np.empty((len(p.pairs) + 2, SLOT_WIDTH), np.float32)
+        slots[-2:] = 0.0
     run(
         backward_tiles,
         len(p.tile_starts) - 1,
@@ -188,9 +190,9 @@ def blend_backward(
         transmittance,
         blended,
         p.pair_rows,
-        image_gradient,
-        alpha_gradient,
+        *gradients,
         slots,
+        np.float32(to is not None),
         grain=8,
     )
     return slots
@@ -245,18 +247,16 @@ class _Rasterize(torch.autograd.Function):
         p: Projected = ctx.projected
         count = len(p.status)
         d_image_array = d_image.contiguous().numpy()
-        d_alpha_array = d_alpha.contiguous().numpy()
-        slots = blend_backward(p, p.splats, ctx.image, ctx.transmittance, ctx.blended, d_image_array, d_alpha_array)
+        gradients = d_image_array, d_alpha.contiguous().numpy()
+        slots = blend_backward(p, p.splats, ctx.image, ctx.transmittance, ctx.blended, gradients)
         depth_gradient = np.zeros(0, np.float32)
         if ctx.settings.depth and bool(d_depth.any()):
             shape = ctx.transmittance.shape
             stack = np.zeros((3, *shape), np.float32)
             stack[0] = ctx.depth
-            gradient = np.zeros((3, *shape), np.float32)
-            gradient[0] = d_depth.numpy()
-            more = blend_backward(
-                p, _depth_splats(p.splats), stack, ctx.transmittance, ctx.blended, gradient, np.zeros(shape, np.float32)
-            )
+            gradients = np.zeros((3, *shape), np.float32), np.zeros(shape, np.float32)
+            gradients[0][0] = d_depth.numpy()
+            more = blend_backward(p, _depth_splats(p.splats), stack, ctx.transmittance, ctx.blended, gradients)
             totals = np.concatenate(([0.0], np.cumsum(more[:, M_RED], dtype=np.float64)))
             depth_gradient = (totals[p.slot_starts[1:]] - totals[p.slot_starts[:-1]]).astype(np.float32)
             more[:, M_RED:] = 0.0

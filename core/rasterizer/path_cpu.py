@@ -17,14 +17,13 @@ from ..gaussians import Gaussians
 from ..rendering import RasterSettings, RenderedPath, ScreenStatistics
 from .binning_kernels import begin_pairs, depth_order, list_seen
 from .cpu import PARTS, Floats, Projected, blend, blend_backward, new_splats, numpy_parameters, view_vector
-from .path_kernels import STRAY_WIDTH, add_slots, count_swept, follow, moved_splats, place_swept
+from .path_kernels import STRAY_WIDTH, count_swept, follow, moved_splats, place_swept
 from .projection_backward_kernels import project_backward
 from .projection_kernels import BLOCK, CULL_REASONS, RECORD_WIDTH, project
-from .splat_kernels import SLOT_WIDTH
 
 #: By how much of its larger side a frame is widened where Gaussians are projected: what the path brings into view.
 _BESIDE = 0.25
-#: Gaussians, or rows of gradient slots, that are worth a call to a thread.
+#: Gaussians that are worth a call to a thread.
 _GRAIN = 2048
 
 
@@ -110,15 +109,16 @@ class _RasterizePath(torch.autograd.Function):
         shared, size = found.projected, (camera.width, camera.height)
         culled = zip(CULL_REASONS[1:], shared.reasons[1:], strict=True)
         screen.culled = {reason: int(n) for reason, n in culled if n}
-        behind, splats = background.detach().contiguous().numpy(), new_splats(len(shared.splats))
+        behind = background.detach().contiguous().numpy()
         images = np.empty((len(poses), 3, camera.height, camera.width), np.float32)
         ctx.kept = []
         for k in range(len(poses)):
+            splats = new_splats(len(shared.status))
             run(moved_splats, len(splats), shared.splats, found.centres[k], splats, grain=_GRAIN)
             frame = replace(shared, pair_rows=np.empty(len(shared.pairs), np.int32))
             images[k], transmittance, blended, evaluations = blend(frame, splats, behind, *size)
             screen.evaluations += evaluations
-            ctx.kept.append((frame, transmittance, blended))
+            ctx.kept.append((frame, splats, transmittance, blended))
         ctx.found, ctx.screen, ctx.images = found, screen, images
         return torch.from_numpy(images)
 
@@ -127,11 +127,9 @@ class _RasterizePath(torch.autograd.Function):
         shared: Projected = ctx.found.projected
         count, came = len(shared.status), d_images.contiguous().numpy()
         no_alpha = np.zeros(came.shape[2:], np.float32)
-        splats, slots = new_splats(count), np.zeros((len(shared.pairs) + 2, SLOT_WIDTH), np.float32)
-        for k, (frame, transmittance, blended) in enumerate(ctx.kept):
-            run(moved_splats, count, shared.splats, ctx.found.centres[k], splats, grain=_GRAIN)
-            more = blend_backward(frame, splats, ctx.images[k], transmittance, blended, came[k], no_alpha)
-            run(add_slots, len(slots), more, slots, grain=_GRAIN)
+        slots: Floats | None = None
+        for (frame, splats, transmittance, blended), image, gradient in zip(ctx.kept, ctx.images, came, strict=True):
+            slots = blend_backward(frame, splats, image, transmittance, blended, (gradient, no_alpha), slots)
         outputs, d_screen = [np.empty_like(p) for p in shared.parameters], np.empty((count, 2), np.float32)
         blocks = -(-count // BLOCK)
         d_view = np.empty((blocks, 12), np.float64)

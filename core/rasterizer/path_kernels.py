@@ -137,11 +137,3 @@ def moved_splats(begin, end, splats, centres, moved):  # type: ignore[no-untyped
     for g in range(begin, end):
         moved[g, :] = splats[g, :]
         moved[g, X], moved[g, Y] = centres[g, 0], centres[g, 1]
-
-
-@kernel
-def add_slots(begin, end, more, slots):  # type: ignore[no-untyped-def]
-    """Adds gradient slots [P, 9], rows `begin` to `end`."""
-    for i in range(begin, end):
-        for k in range(slots.shape[1]):
-            slots[i, k] += more[i, k]

@@ -210,8 +210,12 @@ def blend_depth(typing_context, state, splats, rays, lens, g, left, top, first, 
 
 
 @intrinsic
-def backward_splat(typing_context, state, splats, g, left, top, first, last, stride, alpha_minimum, slots, slot):  # type: ignore[no-untyped-def]
-    """Takes Gaussian `g` out of a tile's running sums and writes its gradients into `slots[slot]`."""
+def backward_splat(typing_context, state, splats, g, left, top, first, last, stride, alpha_minimum, slots, slot, more):  # type: ignore[no-untyped-def]
+    """Takes Gaussian `g` out of a tile's running sums and writes its gradients into `slots[slot]`.
+
+    Args:
+        more: float32; above 0 they are added to what is there.
+    """
 
     def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
         tile = Buffer(context, builder, signature.args[0], arguments[0])
@@ -241,12 +245,13 @@ def backward_splat(typing_context, state, splats, g, left, top, first, last, str
         s_yy = end * (s_y - sums[1]) + 2.0 * sums[2] - sums[1]
         out = Buffer(context, builder, signature.args[9], arguments[9])
         to = builder.mul(arguments[10], ir.Constant(arguments[10].type, SLOT_WIDTH))
-        moments = [s_x, s_y, s_x * dx, s_y * dx, s_yy, s, sums[3], sums[4], sums[5]]
-        out.put_first(to, sums_of(moments), SLOT_WIDTH)
+        moments = sums_of([s_x, s_y, s_x * dx, s_y * dx, s_yy, s, sums[3], sums[4], sums[5]])
+        adds = Lanes(builder, arguments[11]).compare(">", 0.0)
+        out.put_first(to, choose(adds, out.row(to) + moments, moments), SLOT_WIDTH)
         return context.get_dummy_value()
 
     f, i = types.float32, types.int64
-    return types.void(state, splats, i, f, f, i, i, i, f, slots, i), generate
+    return types.void(state, splats, i, f, f, i, i, i, f, slots, i, f), generate
 
 
 @intrinsic

@@ -6,12 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
 from ..compiled import run
 from ..forward.collecting import decoding_table
-from .path_slopes import Looked, sampled, slopes_along
-from .path_step_kernels import slope_rows
+from .path_slopes import Looked, change_by, sampled, slopes_along
+from .path_step_kernels import change_rows, slope_rows
 from .tone import slopes_in_curve
 
 
@@ -51,27 +52,73 @@ class Along:
         return Along(right, down, slopes_in_curve(looked, basis[0] if basis.dim() == 4 else None))
 
 
+def changed_by(looked: Looked, shares: Tensor) -> Tensor:
+    """[3, h, w] (sRGB) by which a photo changes with the frames' light; `path_slopes.change_by` is the specification.
+
+    Args:
+        shares: [T, H + 2m, 1] of each frame's light in each row, or [T, 1, W + 2m] in each column, which add up to
+            none.
+    """
+    if shares.shape[-1] > 1 or not _in_memory(looked):
+        return change_by(looked, shares)
+    used = shares[..., 0].any(dim=1).nonzero()[:, 0]
+    rows = sampled(looked.exposed, shares[used], looked.at)[..., 0].float().contiguous()
+    _, height, width = looked.at.of_planes(looked.exposed.degraded).shape
+    out = torch.empty((3, height, width))
+    run(
+        change_rows,
+        3 * height,
+        *_planes(looked),
+        _where(looked),
+        used.numpy(),
+        rows.numpy(),
+        *_curve(looked),
+        out.numpy(),
+        grain=8,
+    )
+    return out
+
+
+def _in_memory(looked: Looked) -> bool:
+    """Whether all is in memory and the frames' light meets no other effect."""
+    frames = looked.whole
+    return looked.exposed.together is None and frames.device.type == "cpu" and frames.dtype == torch.float32
+
+
+def _planes(looked: Looked) -> list[NDArray[np.float32]]:
+    """Frames and photo."""
+    return [planes.contiguous().numpy() for planes in (looked.whole, looked.exposed.degraded)]
+
+
+def _where(looked: Looked) -> NDArray[np.int64]:
+    """First row and column that are looked at, every how many, and the frames' margin."""
+    at = looked.at
+    return np.array([at.rows.start, at.columns.start, at.rows.step or 1, looked.exposed.shot.margin], np.int64)
+
+
+def _curve(looked: Looked) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Toe and shoulder of the camera's own curve, and the table of sRGB's."""
+    return np.array([looked.curve.toe, looked.curve.shoulder], np.float32), decoding_table()
+
+
 def _in_one_pass(looked: Looked, basis: Tensor) -> Along | None:
-    """By a compiled kernel, where all is in memory and the frames' light meets no other effect."""
-    exposed, at, frames = looked.exposed, looked.at, looked.whole
+    """By a compiled kernel, where that is possible."""
     columns = basis.dim() == 4 and basis.shape[-1] > 1
-    if exposed.together is not None or columns or frames.device.type != "cpu" or frames.dtype != torch.float32:
+    if columns or not _in_memory(looked):
         return None
-    seen = at.of_planes(exposed.degraded)
-    _, height, width = seen.shape
+    exposed, at = looked.exposed, looked.at
+    _, height, width = at.of_planes(exposed.degraded).shape
     shares = basis[:, :, None] if basis.dim() == 2 else sampled(exposed, basis, at)[..., 0]
     shares = shares.float().expand(-1, -1, height).contiguous()
     slopes = torch.empty((2 * len(basis), 3, height, width))
     right, down, by_curve = slopes[: len(basis)], slopes[len(basis) :], torch.empty((2, 3, height, width))
-    where = np.array([at.rows.start, at.columns.start, at.rows.step, exposed.shot.margin], np.int64)
     run(
         slope_rows,
         3 * height,
-        *(planes.contiguous().numpy() for planes in (frames, exposed.degraded)),
-        where,
+        *_planes(looked),
+        _where(looked),
         shares.numpy(),
-        np.array([looked.curve.toe, looked.curve.shoulder], np.float32),
-        decoding_table(),
+        *_curve(looked),
         *(planes.numpy() for planes in (right, down, by_curve)),
         grain=8,
     )

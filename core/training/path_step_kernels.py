@@ -1,7 +1,7 @@
 """What a step of a path asks of a photo, row by row: how it changes, and the sums over its px.
 
-The first mirrors `Along.in_torch`, the second `SeenPx.sums_in_torch`. Each frame's light is read off the table of the
-forward pass (`forward.collecting_kernels`), once for all that is asked.
+They mirror `Along.in_torch`, `path_slopes.change_by` and `SeenPx.sums_in_torch`. Each frame's light is read off the
+table of the forward pass (`forward.collecting_kernels`).
 """
 
 from __future__ import annotations
@@ -107,6 +107,34 @@ def slope_rows(
             rest, own = f32(1) - inside, decoding(lit, light)
             low[x] = (low[x] / own - inside * rest * rest) / steep
             high[x] = (high[x] / own + inside * inside * rest) / steep
+
+
+@kernel
+def change_rows(
+    begin: int, end: int, frames: Any, photo: Any, at: Any, used: Any, shares: Any, curve: Any, table: Any, out: Any
+) -> None:
+    """Items are rows that a step looks at, of all channels: out [3, h, w] = what a photo changes by with frames' light.
+
+    Args:
+        used: [K] int64 which frames; shares: [K, h] of their light in each row; others as of `slope_rows`.
+    """
+    height, width = shares.shape[1], out.shape[2]
+    toe, shoulder, first, every, m = curve[0], curve[1], at[1], at[2], at[3]
+    srgb = np.empty(width, f32)
+    for item in range(begin, end):
+        c, row = item // height, item % height
+        y, to = at[0] + row * every, out[c, row]
+        to[:] = f32(0)
+        for k in range(used.shape[0]):
+            here, share = frames[used[k], c, m + y], shares[k, row]
+            for x in range(width):
+                srgb[x] = straightened(here[m + first + x * every], toe, shoulder)
+            for x in range(width):
+                to[x] += share * decoded(srgb[x], table)
+        for x in range(width):
+            v = photo[c, y, first + x * every]
+            lit = straightened(v, toe, shoulder)
+            to[x] *= encoding(decoded(lit, table), lit) / steepness(v, toe, shoulder)
 
 
 @kernel

@@ -24,8 +24,9 @@ from torch import Tensor
 
 from ..imaging.formation.row_windows import over_photo, row_ends, was_turned
 from ..numbers import number
+from .along import changed_by
 from .path_equations import PathEquations
-from .path_slopes import Looked, change_by
+from .path_slopes import Looked
 
 Array = NDArray[np.float64]
 
@@ -75,7 +76,7 @@ def slopes_in_readout(looked: Looked, readout: float) -> Tensor:
     height, width = exposed.shot.height, exposed.shot.width
     turned = was_turned(height, width)
     ends = row_ends(len(exposed.frames), min(height, width), torch.tensor(readout), exposed.shot.margin)
-    change = change_by(looked, over_photo(ends, turned))
+    change = changed_by(looked, over_photo(ends, turned))
     down, across = ((torch.arange(side) + 0.5) / side - 0.5 for side in (height, width))
     both = change * down[at.rows][:, None], change * across[at.columns]
     return torch.stack(both[::-1] if turned else both)

@@ -8,10 +8,11 @@ import torch
 from dgs.core.colour import srgb_to_linear
 from dgs.core.imaging.formation.motion import straight_paths
 from dgs.core.imaging.formation.path_poses import middles, polynomials
+from dgs.core.imaging.formation.row_windows import over_photo, row_ends
 from dgs.core.tone_curve import ToneCurve
-from dgs.core.training.along import Along
+from dgs.core.training.along import Along, changed_by
 from dgs.core.training.path_equations import PathEquations, SeenPx
-from dgs.core.training.path_slopes import Looked, Sampled
+from dgs.core.training.path_slopes import Looked, Sampled, change_by
 from dgs.core.training.straight_ways import left_by_ways
 from dgs.tests.core.training.moved_photos import exposed_by
 from dgs.tests.core.training.training_scenes import blurred_scene
@@ -53,6 +54,18 @@ def test_a_shutter_that_rolls_over_columns_is_asked_in_torch(scene):
     columns = torch.full((5, len(looked.whole), 1, width), 0.1)
     found = Along.of(looked, columns, False)
     assert torch.equal(found.right, Along.in_torch(looked, columns, False).right)
+
+
+@pytest.mark.parametrize("curve", [ToneCurve(), ToneCurve(0.4, 0.3)], ids=["srgb", "own"])
+@pytest.mark.parametrize("readout", [0.0, 1.0])
+@pytest.mark.parametrize("most", [12_000, 900])
+def test_what_a_shutter_changes_is_what_torch_says(scene, curve, readout, most):
+    looked, _ = along(scene, curve, readout, most)
+    height, margin = looked.exposed.shot.height, looked.exposed.shot.margin
+    ends = over_photo(row_ends(len(looked.whole), height, torch.tensor(readout), margin), False)
+    found, true = changed_by(looked, ends), change_by(looked, ends)
+    assert found.shape == true.shape and float(true.abs().max()) > 1e-3
+    assert torch.allclose(found, true, atol=2e-5 * float(true.abs().max()), rtol=1e-4)
 
 
 @pytest.mark.parametrize("beside", [0, 4])

@@ -41,12 +41,12 @@ def test_a_straight_turn_moves_the_middle_of_the_photo_as_far_as_it_says():
     assert motion.poses("c", CAMERA) is None and motion.way("c", 80.0) is None
 
 
-def test_as_many_frames_as_the_path_has_px_on_the_grid():
+def test_frames_lie_as_close_on_the_grid_as_they_have_to():
     motion = straight_paths({"a": (6.0 / 80.0, 0.0), "b": (0.5 / 80.0, 0.0), "c": (90.0 / 80.0, 0.0)}, 1)
-    assert motion.frames("a", CAMERA) == 7 and len(motion.poses("a", CAMERA)) == 7
+    assert motion.frames("a", CAMERA) == math.ceil(6.0 / SETTINGS.spacing) + 1 == len(motion.poses("a", CAMERA))
     assert motion.frames("b", CAMERA) == 1 and motion.frames("c", CAMERA) == SETTINGS.most
     coarse = Camera("a", 32, 24, 40.0, 40.0, 16.0, 12.0, np.eye(3), np.zeros(3))
-    assert motion.frames("a", coarse) == 4
+    assert motion.frames("a", coarse) == math.ceil(3.0 / SETTINGS.spacing) + 1
 
 
 def test_paths_follow_the_world_s_size_and_know_their_photos():
