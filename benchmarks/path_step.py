@@ -47,7 +47,8 @@ def along_paths(plain: Any, frames: int) -> Any:
         return training(plain.views, Formation())
     camera, twists = plain.levels[-1].views[0].camera, torch.zeros(len(names), 5, 6)  # (as many as trainings learn)
     twists[:, 1, 4] = 1.0
-    twists *= (frames - 1.5) * SETTINGS.spacing / CameraMotion(names, twists).length(names[0], camera.fx)
+    px = (frames - 1.5) * (1.0 if frames <= SETTINGS.bent else SETTINGS.spacing)
+    twists *= px / CameraMotion(names, twists).length(names[0], camera.fx)
     known = training(plain.views, Formation([CameraMotion(names, twists.clone())]))
     level = known.levels[-1]
     smeared = []

@@ -30,21 +30,22 @@ def scene():
 @pytest.mark.parametrize(
     ("out_of_focus", "readout", "alike", "turned"),
     [
-        (False, 0.0, 0.93, False),
-        (True, 0.0, 0.8, False),
-        (False, 1.5, 0.93, False),
+        (False, 0.0, 0.92, False),
+        (True, 0.0, 0.75, False),
+        (False, 1.5, 0.92, False),
         (True, -1.5, 0.75, False),
-        (False, 1.5, 0.93, True),
+        (False, 1.5, 0.92, True),
     ],
 )
 def test_the_slope_in_every_coefficient_is_that_of_the_renders(scene, out_of_focus, readout, alike, turned):
     """No view is rendered for it; differences of renders say the same wherever depth is smooth.
 
     Out of focus a px shows what lies beside it, which flows otherwise: frame by frame they are no more alike (0.84).
+    Differences of renders hold what changes its place in the order of depth of the path's middle, too.
     """
     camera = turned_upright(scene.views[0].camera) if turned else scene.views[0].camera
     lens = [LensFocus([camera.name], torch.tensor([0.03]), torch.tensor([0.7]))] if out_of_focus else []
-    start = straight_paths({camera.name: (4.0 / camera.fx, 2.0 / camera.fx)}, 4).rolling(readout)
+    start = straight_paths({camera.name: (6.0 / camera.fx, 3.0 / camera.fx)}, 4).rolling(readout)
     paths = CameraPaths(start, {camera.name: camera}, [camera.name], 1, 0)
     assert paths.motion.readout == readout
     exposed = exposed_by(scene, camera, paths.motion, *lens)
@@ -82,7 +83,7 @@ def test_paths_are_found_and_the_twin_is_sharper_for_it(scene):
                 image = sharp_view(twin.gaussians, view.camera, RasterSettings(low_pass=twin.low_pass)).image
             errors.append(float(np.square(image.numpy() - scene.sharp[view.name]).mean()))
         scores.append(-10 * np.log10(np.mean(errors)))
-    assert scores[1] > scores[0] + 0.5, scores
+    assert scores[1] > scores[0] + 0.4, scores
     found = twin.formation.motion
     assert set(found.names) == {v.name for v in views}, "held-out photos have paths of their own"
     focal = {v.name: v.camera.fx for v in views}

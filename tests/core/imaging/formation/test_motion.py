@@ -41,12 +41,17 @@ def test_a_straight_turn_moves_the_middle_of_the_photo_as_far_as_it_says():
     assert motion.poses("c", CAMERA) is None and motion.way("c", 80.0) is None
 
 
-def test_frames_lie_as_close_on_the_grid_as_they_have_to():
-    motion = straight_paths({"a": (6.0 / 80.0, 0.0), "b": (0.5 / 80.0, 0.0), "c": (90.0 / 80.0, 0.0)}, 1)
-    assert motion.frames("a", CAMERA) == math.ceil(6.0 / SETTINGS.spacing) + 1 == len(motion.poses("a", CAMERA))
-    assert motion.frames("b", CAMERA) == 1 and motion.frames("c", CAMERA) == SETTINGS.most
+@pytest.mark.parametrize(
+    ("px", "frames"), [(0.5, 1), (1.0, 3), (3.0, 4), (4.0, 5), (6.0, 5), (6.5, 6), (9.0, 7), (90.0, SETTINGS.most)]
+)
+def test_frames_lie_a_px_apart_until_a_path_can_be_bent_and_farther_beyond(px, frames):
+    motion = straight_paths({"a": (px / 80.0, 0.0)}, 1)
+    assert motion.frames("a", CAMERA) == frames
+    seen = motion.poses("a", CAMERA)
+    assert seen is not None and len(seen) == frames
     coarse = Camera("a", 32, 24, 40.0, 40.0, 16.0, 12.0, np.eye(3), np.zeros(3))
-    assert motion.frames("a", coarse) == math.ceil(3.0 / SETTINGS.spacing) + 1
+    halved = straight_paths({"a": (px / 160.0, 0.0)}, 1)
+    assert motion.frames("a", coarse) == halved.frames("a", CAMERA)
 
 
 def test_paths_follow_the_world_s_size_and_know_their_photos():
