@@ -1,6 +1,7 @@
 """Learned camera paths against the true ones of a rendered set (`synthesize --medium shake:...`).
 
     python -m benchmarks.paths SET TWIN [TWIN ...]
+    python -m benchmarks.paths SET TWIN --draw view_004.png --to PICTURE     # both paths of one photo
 
 Nine points at the scene's distance are projected from 17 places along both paths, with the set's own cameras; the error
 is their distance, root mean square over points and exposure, in px. Which way a path was run no photo says: the better
@@ -13,6 +14,7 @@ from __future__ import annotations
 
 import argparse
 import json
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -54,8 +56,28 @@ def between(times: NDArray[np.float64], seen: NDArray[np.float64], wanted: NDArr
     return np.stack([np.interp(wanted, times, column) for column in flat.T], axis=1).reshape(-1, *seen.shape[1:])
 
 
-def errors(folder: Path, twin: Path) -> dict[str, tuple[float, float]]:
-    """px, places in the order of time and in any order, by name of the photos that were fitted."""
+@dataclass(frozen=True)
+class BothPaths:
+    """Where nine points are seen from a photo's places, px.
+
+    Attributes:
+        ours, true: [17, 9, 2] at the manifest's times.
+        our_places, true_places: [PLACES, 9, 2] at times that lie evenly.
+    """
+
+    ours: NDArray[np.float64]
+    true: NDArray[np.float64]
+    our_places: NDArray[np.float64]
+    true_places: NDArray[np.float64]
+
+    @property
+    def off(self) -> tuple[float, float]:
+        """px, places in the order of time and in any order."""
+        return in_order(self.ours, self.true), in_any_order(self.our_places, self.true_places)
+
+
+def both_paths(folder: Path, twin: Path) -> dict[str, BothPaths]:
+    """By name of the photos that were fitted."""
     manifest = json.loads((folder / "manifest.json").read_text())
     report = json.loads((twin / "report.json").read_text())
     learned = next(e["parameters"] for e in report["effects"] if e["name"] == "motion" and e["on"])
@@ -70,20 +92,43 @@ def errors(folder: Path, twin: Path) -> dict[str, tuple[float, float]]:
         shake, twist = manifest["through"][camera.name].get("shake"), torch.tensor(learned["twists"][camera.name])
         poses = np.array(shake["poses"]) if shake else np.repeat(still[None], len(times), axis=0)
         true = shown_at(camera, poses, learned["unit"])
-        ours = shown_at(camera, poses_on(twist.double(), camera, times).numpy(), learned["unit"])
-        closely = shown_at(camera, poses_on(twist.double(), camera, middles).numpy(), learned["unit"])
-        places = between(times.numpy(), true, middles.numpy())
-        found[camera.name] = in_order(ours, true), in_any_order(closely, places)
+        ours, places = (
+            shown_at(camera, poses_on(twist.double(), camera, at).numpy(), learned["unit"]) for at in (times, middles)
+        )
+        found[camera.name] = BothPaths(ours, true, places, between(times.numpy(), true, middles.numpy()))
     return found
 
 
+def draw(paths: BothPaths, name: str, picture: Path) -> None:
+    """The middle point's way along both paths, the time as colour, and what a point of light leaves of each."""
+    from matplotlib import pyplot
+
+    figure, axes = pyplot.subplots(2, 2, figsize=(7.0, 7.0), layout="constrained")
+    ways = {"true path": paths.true_places[:, 4], "learned path": paths.our_places[:, 4]}
+    middle = ways["true path"].mean(axis=0)
+    reach = max(float(np.abs(way - middle).max()) for way in ways.values()) + 1.0
+    grid = np.arange(-reach, reach, 0.1)
+    for column, (title, way) in enumerate(ways.items()):
+        x, y = (way - middle).T
+        seen = axes[0, column].scatter(x, y, c=np.linspace(0, 1, len(x)), s=14, cmap="viridis")
+        spots = [np.exp(-0.5 * ((grid[None] - at[:, None]) / 0.5) ** 2) for at in (x, y)]
+        axes[1, column].imshow(spots[1].T @ spots[0], extent=(-reach, reach, reach, -reach), cmap="gray")
+        axes[0, column].set(title=title, xlim=(-reach, reach), ylim=(reach, -reach), aspect="equal")
+        axes[1, column].set(title="a point of light", xlabel="px")
+    figure.colorbar(seen, ax=axes[0, :], label="time in the exposure", shrink=0.8)
+    figure.suptitle(f"{name}: off by {paths.off[0]:.2f} px in the order of time, by {paths.off[1]:.2f} px in any order")
+    figure.savefig(picture, dpi=90)
+
+
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("set", type=Path)
     parser.add_argument("twins", type=Path, nargs="+")
+    parser.add_argument("--draw", metavar="PHOTO", help="draw this photo's paths, as the first twin has them")
+    parser.add_argument("--to", type=Path, default=Path("paths.png"), help="file of the picture")
     options = parser.parse_args()
     for twin in options.twins:
-        found = errors(options.set, twin)
+        found = {name: paths.off for name, paths in both_paths(options.set, twin).items()}
         print(f"{twin}: {len(found)} paths")
         for k, order in enumerate(("in the order of time", "in any order")):
             px, worst = np.array([both[k] for both in found.values()]), max(found, key=lambda name, k=k: found[name][k])
@@ -91,6 +136,8 @@ def main() -> None:
                 f"  places {order}: median {np.median(px):.2f} px, within {SMALL} px {np.mean(px <= SMALL):.0%}, "
                 f"worst {px.max():.2f} px ({worst})"
             )
+    if options.draw:
+        draw(both_paths(options.set, options.twins[0])[options.draw], options.draw, options.to)
 
 
 if __name__ == "__main__":
