@@ -17,7 +17,7 @@ setup:  ## Create .venv with the pinned packages (at once if it is there)
 demo: setup  ## Render a small blurred set of a ball, reconstruct it, write a .blend (demo_output/)
 	@$(PY) -m tools.demo
 
-test: setup  ## All tests, files side by side (13 minutes on 2 cores); ARGS="-k word" goes to pytest
+test: setup  ## All tests, files side by side (a quarter of an hour on 2 cores); ARGS="-k word" goes to pytest
 	@$(PY) tools/test.py $(ARGS)
 
 same: setup  ## The same twins, to the bit, as the commit in tools/same_reference.txt? ARGS="--against COMMIT"
