@@ -109,16 +109,15 @@ class _RasterizePath(torch.autograd.Function):
         shared, size = found.projected, (camera.width, camera.height)
         culled = zip(CULL_REASONS[1:], shared.reasons[1:], strict=True)
         screen.culled = {reason: int(n) for reason, n in culled if n}
-        behind = background.detach().contiguous().numpy()
+        behind, splats = background.detach().contiguous().numpy(), new_splats(len(shared.status))
         images = np.empty((len(poses), 3, camera.height, camera.width), np.float32)
         ctx.kept = []
         for k in range(len(poses)):
-            splats = new_splats(len(shared.status))
             run(moved_splats, len(splats), shared.splats, found.centres[k], splats, grain=_GRAIN)
             frame = replace(shared, pair_rows=np.empty(len(shared.pairs), np.int32))
             images[k], transmittance, blended, evaluations = blend(frame, splats, behind, *size)
             screen.evaluations += evaluations
-            ctx.kept.append((frame, splats, transmittance, blended))
+            ctx.kept.append((frame, transmittance, blended))
         ctx.found, ctx.screen, ctx.images = found, screen, images
         return torch.from_numpy(images)
 
@@ -127,9 +126,10 @@ class _RasterizePath(torch.autograd.Function):
         shared: Projected = ctx.found.projected
         count, came = len(shared.status), d_images.contiguous().numpy()
         no_alpha = np.zeros(came.shape[2:], np.float32)
-        slots: Floats | None = None
-        for (frame, splats, transmittance, blended), image, gradient in zip(ctx.kept, ctx.images, came, strict=True):
-            slots = blend_backward(frame, splats, image, transmittance, blended, (gradient, no_alpha), slots)
+        splats, slots = new_splats(count), None  # (moved again: those of all frames would fill a large set's memory)
+        for k, (frame, transmittance, blended) in enumerate(ctx.kept):
+            run(moved_splats, count, shared.splats, ctx.found.centres[k], splats, grain=_GRAIN)
+            slots = blend_backward(frame, splats, ctx.images[k], transmittance, blended, (came[k], no_alpha), slots)
         outputs, d_screen = [np.empty_like(p) for p in shared.parameters], np.empty((count, 2), np.float32)
         blocks = -(-count // BLOCK)
         d_view = np.empty((blocks, 12), np.float64)
