@@ -49,8 +49,8 @@ class MotionSettings:
         "px of the grid",
         "between the frames of a longer path: what that adds lies beyond what a grid's px can show",
         "plant (Cycles) shaken by 4 to 20 px, true cameras, 1500 steps: 35.27 dB in 146 s, with 1 px 35.30 in 197;"
-        " shelf by 2 to 6 px, with `bent` of 3: 32.42 and 126, with 1 px 32.46 and 148, with 2 px 32.39 and 115; nothing else"
-        " checks it",
+        " shelf by 2 to 6 px, with `bent` of 3: 32.42 and 126, with 1 px 32.46 and 148, with 2 px 32.39 and 115;"
+        " nothing else checks it",
     )
     most: int = number(
         9, "frames", "of a path, however long: frames that lie 2 px apart leave ripples that splats cannot follow"
