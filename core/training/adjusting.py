@@ -15,9 +15,9 @@ from typing import Literal
 import numpy as np
 
 from ..camera import Camera
-from ..evaluation.poses import align_similarity
 from ..numbers import number
 from .bundle import AdjustmentSettings, Floats, adjusted, aligned_camera, contradiction
+from .gauge import as_first_seen
 from .twin_tracks import Sighting, lifted, observed, tracks_through
 
 #: Which cameras are adjusted: none; those that were given, if photos contradict them; those that were found in photos.
@@ -112,13 +112,15 @@ def contradicted(
 def adjusted_cameras(
     fitted: Sequence[Sighting],
     unseen: Sequence[Sighting],
+    first: Sequence[Camera],
     random: np.random.Generator,
     settings: AdjustingSettings = SETTINGS,
 ) -> Moved | None:
     """Moves all cameras, and those of photos that are held out to where the moved surface is seen by them.
 
-    The world keeps its place and size: that of the cameras is what it was. Held-out photos move nothing but their own
-    cameras. None where photos show too little, or too much is asked of the cameras.
+    The world keeps its place, turn and size: as the cameras `first` of the fitted photos, before any adjustment, see
+    it. Held-out photos move nothing but their own cameras. None where photos show too little, or too much is asked of
+    the cameras.
     """
     tracks = tracks_through(fitted, random) if len(fitted) > 1 else None
     if tracks is None:
@@ -126,7 +128,7 @@ def adjusted_cameras(
     surface, seen = tracks
     before = [sighting.camera for sighting in fitted]
     found = adjusted(before, surface, seen, False, _numbers(settings))
-    still = align_similarity({c.name: c for c in found.cameras}, {c.name: c for c in before})
+    still = as_first_seen(first, found, seen)
     cameras, points = [still.camera(camera) for camera in found.cameras], still.points(found.points)
     cameras += [_placed(sighting, surface, points, settings) for sighting in unseen]
     pairs = zip([*fitted, *unseen], cameras, strict=True)

@@ -189,8 +189,8 @@ class _Problem:
         """One damped step of all."""
         rest, local, length = self.residual(state)
         at, which, k = self.seen.camera, self.seen.point, len(self.seen)
-        by_local, by_camera = _derivatives(local, length)
-        by_point = by_local @ state.rotation[at]
+        by_local_point, by_camera = _derivatives(local, length)
+        by_point = by_local_point @ state.rotation[at]
         root = np.sqrt(weight)[:, None]
         columns = np.concatenate([6 * at[:, None] + np.arange(6), np.full((k, 1), self.size - 1)], axis=1)
         rows = 2 * np.arange(k)[:, None] + np.arange(2)
@@ -241,18 +241,29 @@ def aligned_camera(
     return found
 
 
-def _derivatives(local: Floats, length: Floats) -> tuple[Floats, Floats]:
-    """Of positions [K, 2] in the points before the camera [K, 2, 3], and in the camera's twist and zoom [K, 2, 7]."""
-    k = len(local)
+def by_local(local: Floats, length: Floats) -> Floats:
+    """[K, 2, 3] derivatives of positions in the points [K, 3] before the camera; length: [K] focal lengths in px."""
     x, y, z = local.T
-    by_local = np.zeros((k, 2, 3))
-    by_local[:, 0, 0] = by_local[:, 1, 1] = length / z
-    by_local[:, 0, 2], by_local[:, 1, 2] = -length * x / z**2, -length * y / z**2
-    cross = np.zeros((k, 3, 3))  # a turn moves a point by turn x point
+    found = np.zeros((len(local), 2, 3))
+    found[:, 0, 0] = found[:, 1, 1] = length / z
+    found[:, 0, 2], found[:, 1, 2] = -length * x / z**2, -length * y / z**2
+    return found
+
+
+def turned_by(points: Floats) -> Floats:
+    """[K, 3, 3] derivatives of points [K, 3] in a turn of the axes that they are given in: turn x point."""
+    x, y, z = points.T
+    cross = np.zeros((len(points), 3, 3))
     cross[:, 0, 1], cross[:, 0, 2], cross[:, 1, 0] = z, -y, -z
     cross[:, 1, 2], cross[:, 2, 0], cross[:, 2, 1] = x, y, -x
-    zoom = (local[:, :2] * (length / z)[:, None])[..., None]
-    return by_local, np.concatenate([by_local, by_local @ cross, zoom], axis=2)
+    return cross
+
+
+def _derivatives(local: Floats, length: Floats) -> tuple[Floats, Floats]:
+    """Of positions [K, 2] in the points before the camera [K, 2, 3], and in the camera's twist and zoom [K, 2, 7]."""
+    by_point = by_local(local, length)
+    zoom = (local[:, :2] * (length / local[:, 2])[:, None])[..., None]
+    return by_point, np.concatenate([by_point, by_point @ turned_by(local), zoom], axis=2)
 
 
 def _sparse(

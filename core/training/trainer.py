@@ -641,7 +641,7 @@ class Trainer:
         if others is None:
             return
         self.asked["adjusted"] = due_adjustments(share)
-        moved = adjusted_cameras(seen, others, self._drawn_tracks())
+        moved = adjusted_cameras(seen, others, [view.camera for view in fitted], self._drawn_tracks())
         if moved is None:
             return
         for view, camera in zip([*fitted, *unseen], moved.cameras, strict=True):

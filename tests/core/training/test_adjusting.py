@@ -49,7 +49,7 @@ def test_cameras_are_found_where_photos_show_the_twin_elsewhere(scene):
     true = [view.camera for view in scene.views]
     wrong = [shaken(camera, random, 0.004) for camera in true]
     seen = [sighting(scene, c, scene.sharp[c.name]) for c in wrong]
-    found = adjusted_cameras(seen[:-2], seen[-2:], np.random.default_rng(1))
+    found = adjusted_cameras(seen[:-2], seen[-2:], wrong[:-2], np.random.default_rng(1))
     assert found is not None
     assert off(wrong[:-2], true[:-2]) > 0.008
     assert off(found.cameras[:-2], true[:-2]) < 0.5 * off(wrong[:-2], true[:-2])
@@ -62,8 +62,8 @@ def test_cameras_are_found_where_photos_show_the_twin_elsewhere(scene):
 def test_held_out_photos_move_nothing_else(scene):
     wrong = [shaken(view.camera, np.random.default_rng(2), 0.004) for view in scene.views]
     seen = [sighting(scene, c, scene.sharp[c.name]) for c in wrong]
-    alone = adjusted_cameras(seen[:-2], [], np.random.default_rng(1))
-    beside = adjusted_cameras(seen[:-2], seen[-2:], np.random.default_rng(1))
+    alone = adjusted_cameras(seen[:-2], [], wrong[:-2], np.random.default_rng(1))
+    beside = adjusted_cameras(seen[:-2], seen[-2:], wrong[:-2], np.random.default_rng(1))
     assert (alone.after == beside.after).all()
     assert all((a.rotation == b.rotation).all() for a, b in zip(alone.cameras, beside.cameras, strict=False))
 
@@ -73,14 +73,14 @@ def test_photos_that_show_nothing_move_nothing(scene):
     whole = np.ones((camera.height, camera.width), np.float32)
     blind = Sighting(camera, np.stack([whole, whole]), 9.0 * whole, whole)
     assert tracks_through([blind] * 4, np.random.default_rng(0)) is None
-    assert adjusted_cameras([blind] * 4, [], np.random.default_rng(0)) is None
-    assert adjusted_cameras([], [], np.random.default_rng(0)) is None
+    assert adjusted_cameras([blind] * 4, [], [camera] * 4, np.random.default_rng(0)) is None
+    assert adjusted_cameras([], [], [], np.random.default_rng(0)) is None
 
 
 def test_a_twin_that_asks_for_too_much_moves_nothing(scene):
     wrong = [shaken(view.camera, np.random.default_rng(3), 0.004) for view in scene.views]
     seen = [sighting(scene, camera, scene.sharp[camera.name]) for camera in wrong]
-    assert adjusted_cameras(seen, [], np.random.default_rng(1), replace(SETTINGS, farthest=1e-4)) is None
+    assert adjusted_cameras(seen, [], wrong, np.random.default_rng(1), replace(SETTINGS, farthest=1e-4)) is None
 
 
 def test_px_that_do_not_count_show_no_points(scene):
