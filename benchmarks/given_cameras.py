@@ -2,8 +2,8 @@
 
     python -m benchmarks.given_cameras SET FOLDER [--effects auto none] [--more WORDS]
 
-SET holds `photos/` (shaken, say) and `sharp/`, as `synthesize` writes them. Each sixth view is held out with its sharp
-photo; COLMAP finds cameras in all of them together, as data sets are made; a twin is made of the others with these
+SET holds `photos/` (shaken, say) and `sharp/`, as `synthesize` writes them. Each eighth view, whose photo is sharp there,
+is held out; COLMAP finds cameras in all of them together, as data sets are made; a twin is made of the others with these
 cameras, for each choice of effects, and one of the sharp photos. Held-out views are compared with their sharp photos
 from their cameras as COLMAP found them, and from where the finished twin lies best on them. What lies between the two
 is either an error of that camera, which the sharp photos' twin shares, or the twin has left the cameras' world.
@@ -36,8 +36,8 @@ from dgs.core.twin.opened import OpenedTwin, open_twin
 from dgs.core.views import View
 
 ROOT = Path(__file__).resolve().parents[1]
-#: One view of so many is held out.
-EVERY = 6
+#: One view of so many is held out: those that `synthesize` leaves sharp.
+EVERY = 8
 #: Times that a held-out view is placed before the finished twin, and px of its border that do not count.
 ROUNDS, BORDER = 5, 8
 
@@ -47,7 +47,7 @@ def write_set(source: Path, folder: Path) -> None:
     for name in ("fit", "fit_sharp", "held", "all"):
         (folder / name).mkdir(parents=True)
     for index, photo in enumerate(sorted((source / "photos").iterdir())):
-        held, sharp = index % EVERY == EVERY // 2, source / "sharp" / photo.name
+        held, sharp = index % EVERY == 0, source / "sharp" / photo.name
         for name in ("held", "all") if held else ("fit", "all"):
             shutil.copy(sharp if held else photo, folder / name / photo.name)
         if not held:
