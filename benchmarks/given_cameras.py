@@ -2,11 +2,12 @@
 
     python -m benchmarks.given_cameras SET FOLDER [--effects auto none] [--more WORDS]
 
-SET holds `photos/` (shaken, say) and `sharp/`, as `synthesize` writes them. Each eighth view, whose photo is sharp there,
-is held out; COLMAP finds cameras in all of them together, as data sets are made; a twin is made of the others with these
-cameras, for each choice of effects, and one of the sharp photos. Held-out views are compared with their sharp photos
-from their cameras as COLMAP found them, and from where the finished twin lies best on them. What lies between the two
-is either an error of that camera, which the sharp photos' twin shares, or the twin has left the cameras' world.
+SET holds `photos/` (shaken, say) and `sharp/`, as `synthesize` writes them. Each eighth view, whose photo is sharp
+there, is held out; COLMAP finds cameras in all of them together, as data sets are made; a twin is made of the others
+with these cameras, for each choice of effects, and one of the sharp photos. Held-out views are compared with their
+sharp photos from their cameras as COLMAP found them, and from where the finished twin lies best on them. What lies
+between the two is either an error of that camera, which the sharp photos' twin shares, or the twin has left the
+cameras' world.
 """
 
 from __future__ import annotations
