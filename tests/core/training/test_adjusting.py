@@ -38,6 +38,16 @@ def sighting(scene, camera, photo):
     return sighted(LaidBeside(camera, seen.image.numpy(), photo, seen.mean_depth.numpy()))
 
 
+def beside(first, cameras, points) -> float:
+    """px^2, mean, by which the first cameras see points beside where others see them."""
+
+    def seen(camera):
+        local = points @ camera.rotation.T + camera.translation
+        return local[:, :2] / local[:, 2:] * camera.fx
+
+    return float(np.mean([np.square(seen(a) - seen(b)).sum(1).mean() for a, b in zip(first, cameras, strict=True)]))
+
+
 def test_adjustments_are_due_at_their_shares():
     assert due(0.0) == 0
     assert [due(at) for at in SETTINGS.shares] == list(range(1, len(SETTINGS.shares) + 1))
@@ -57,6 +67,17 @@ def test_cameras_are_found_where_photos_show_the_twin_elsewhere(scene):
     for camera, before, at in zip(found.cameras[-2:], wrong[-2:], true[-2:], strict=True):
         beside = np.linalg.norm(still.camera(camera).centre - at.centre)
         assert beside < 0.7 * np.linalg.norm(before.centre - at.centre), "a held-out one is placed as well"
+
+
+def test_the_world_stays_where_the_first_cameras_see_it(scene):
+    """Whoever looks from them sees the surface nearer to its place than where it is laid by the cameras' centres."""
+    wrong = [shaken(view.camera, np.random.default_rng(5), 0.004) for view in scene.views]
+    seen = [sighting(scene, c, scene.sharp[c.name]) for c in wrong]
+    found = adjusted_cameras(seen, [], wrong, np.random.default_rng(1))
+    by_centres = align_similarity({c.name: c for c in found.cameras}, {c.name: c for c in wrong})
+    moved = [by_centres.camera(camera) for camera in found.cameras]
+    kept, laid = beside(wrong, found.cameras, found.after), beside(wrong, moved, by_centres.points(found.after))
+    assert kept < 0.2 * laid
 
 
 def test_held_out_photos_move_nothing_else(scene):
