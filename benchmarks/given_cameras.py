@@ -53,6 +53,7 @@ def write_set(source: Path, folder: Path) -> None:
             shutil.copy(sharp if held else photo, folder / name / photo.name)
         if not held:
             shutil.copy(sharp, folder / "fit_sharp" / photo.name)
+    pycolmap.logging.minloglevel = pycolmap.logging.ERROR.value
     lens = pycolmap.ImageReaderOptions()
     lens.camera_model = "SIMPLE_RADIAL"
     database = folder / "database.db"

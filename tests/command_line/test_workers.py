@@ -51,23 +51,26 @@ def started(arguments: list[str], new_session: bool = False) -> subprocess.Popen
     )
 
 
-def running(mark: str) -> dict[int, int]:
-    """Processes with this in their command, and their parents."""
+def running(out: Path) -> dict[int, int]:
+    """Processes with this folder in their command, and their parents.
+
+    (The whole path: tests of other folders run beside these, and a part of a name is in their commands, too.)
+    """
     found = {}
     for folder in Path("/proc").glob("[0-9]*"):
         try:
-            if mark in (folder / "cmdline").read_text():
+            if str(out) in (folder / "cmdline").read_text():
                 found[int(folder.name)] = int((folder / "stat").read_text().rpartition(")")[2].split()[1])
         except OSError:
             continue
     return found
 
 
-def children_of(mark: str, wanted: int) -> dict[int, int]:
-    """The trainings that write into the folder `mark`, and their workers, once there are so many."""
+def children_of(out: Path, wanted: int) -> dict[int, int]:
+    """The trainings that write into the folder, and their workers, once there are so many."""
     end = time.monotonic() + 120
     while time.monotonic() < end:
-        found = {pid: parent for pid, parent in running(mark).items() if "reconstruct" in command_of(pid)}
+        found = {pid: parent for pid, parent in running(out).items() if "reconstruct" in command_of(pid)}
         if len(found) >= wanted:
             return found
         time.sleep(0.1)
@@ -101,12 +104,12 @@ def test_two_workers_make_the_twins_that_one_makes_and_one_that_fails_stops_no_o
     assert run(words(sets, "alone", "a", "--threads", "1")) == 0
     made, alone = (sets / out / "a-twin" / "twin.ply" for out in ("two", "alone"))
     assert made.read_bytes() == alone.read_bytes()
-    assert not running("two/a-twin")
+    assert not running(sets / "two" / "a-twin")
 
 
 def test_a_worker_that_is_killed_costs_what_it_was_at(sets: Path) -> None:
     process = started(words(sets, "killed", "a b", "--workers", "2"))
-    trainings = children_of("killed", 2)
+    trainings = children_of(sets / "killed", 2)
     victim, worker = next(iter(trainings.items()))
     os.kill(worker, signal.SIGKILL)
     end = time.monotonic() + 5
@@ -114,12 +117,12 @@ def test_a_worker_that_is_killed_costs_what_it_was_at(sets: Path) -> None:
         time.sleep(0.05)
     assert not command_of(victim), "the training of a dead worker goes on for nobody"
     assert hows(process) == ["done", "done"] and process.returncode == 0
-    assert not running("killed/")
+    assert not running(sets / "killed")
 
 
 def test_a_training_that_is_killed_is_asked_for_once_more(sets: Path) -> None:
     process = started(words(sets, "shot", "a", "--workers", "1"))
-    victim = next(iter(children_of("shot", 1)))
+    victim = next(iter(children_of(sets / "shot", 1)))
     os.kill(victim, signal.SIGKILL)
     assert hows(process) == ["done"] and process.returncode == 0
 
@@ -129,12 +132,12 @@ def test_ctrl_c_keeps_what_is_done_and_begins_no_other(sets: Path) -> None:
     asked = words(sets, "stopped", "a b c", "--workers", "1")
     asked[asked.index("draft")] = "balanced"
     process = started(asked, new_session=True)
-    children_of("stopped", 1)
+    children_of(sets / "stopped", 1)
     time.sleep(4)
     os.killpg(process.pid, signal.SIGINT)
     lines = hows(process)
     assert process.returncode == 130 and sorted(lines)[0] == "not begun" and set(lines) <= {"stopped", "not begun"}
-    assert not running("stopped/")
+    assert not running(sets / "stopped")
 
 
 @pytest.fixture
