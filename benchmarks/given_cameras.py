@@ -31,6 +31,7 @@ from dgs.core.progress import Silent
 from dgs.core.rasterizer import RasterSettings
 from dgs.core.rendering import Rendered
 from dgs.core.sfm.given import load_cameras
+from dgs.core.training.adjusting import SETTINGS as ADJUSTING
 from dgs.core.training.adjusting import placed_camera
 from dgs.core.training.twin_tracks import LaidBeside, sighted
 from dgs.core.twin.opened import OpenedTwin, open_twin
@@ -89,7 +90,7 @@ def laid(twin: OpenedTwin, view: View) -> View:
     for _ in range(ROUNDS):
         seen = drawn(twin, view)
         assert seen.mean_depth is not None
-        depth = torch.where(seen.alpha > 0.5, seen.mean_depth, 0.0).numpy()
+        depth = torch.where(seen.alpha > ADJUSTING.opaque, seen.mean_depth, 0.0).numpy()
         beside = LaidBeside(view.camera, seen.image.numpy(), view.planes(), depth, view.mask)
         view = replace(view, camera=placed_camera(sighted(beside)))
     return view
