@@ -7,7 +7,7 @@ Steps of many cameras with their points are in `adjust`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,7 +18,6 @@ from scipy.spatial.transform import Rotation
 from torch import Tensor
 
 from ..camera import Camera
-from ..evaluation.poses import align_similarity
 from ..numbers import BY_DEFINITION, number
 
 Floats = NDArray[np.float64]
@@ -111,12 +110,3 @@ def photometric_step(
     step = np.linalg.inv(matrix + 1.0 / settings.prior**2 * np.eye(6)) @ vector
     longest = float(np.abs(step).max())
     return np.asarray(step * min(1.0, settings.longest / max(longest, 1e-12)) * units)
-
-
-def without_gauge(before: Sequence[Camera], after: Sequence[Camera]) -> list[Camera]:
-    """`after` moved by the similarity that aligns it with `before`: the world keeps its place, turn and size."""
-    if len(before) < 2:
-        return list(after)
-    name = lambda cameras: {str(i): c for i, c in enumerate(cameras)}  # noqa: E731 (used twice, in one line)
-    similarity = align_similarity(name(after), name(before))
-    return [similarity.camera(camera) for camera in after]

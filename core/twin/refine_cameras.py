@@ -25,9 +25,9 @@ from ..imaging.medium import Medium
 from ..numbers import number
 from ..progress import Progress
 from ..training.bundle import adjusted
-from ..training.grid import GridView
+from ..training.gauge import as_first_seen
+from ..training.grid import GridView, coarse_camera
 from ..training.level import Level
-from ..training.pose_steps import without_gauge
 from ..training.settings import TrainingSettings
 from ..training.trainer import Trainer
 from ..views import SparsePoints, View
@@ -224,9 +224,9 @@ def _agreed(
     focal: bool,
     progress: Progress,
 ) -> list[View]:
-    """The views with the cameras that their photos agree on, the world where it was."""
+    """The views with the cameras that their photos agree on, the world where the cameras saw it at first."""
     short = replace(settings, steps=SETTINGS.round_steps)
-    views = list(views)
+    began, views = [view.camera for view in views], list(views)
     for index in range(SETTINGS.rounds):
         stage = f"cameras by the loss, {index + 1} of {SETTINGS.rounds}"
         trainer = _trained(views, points, medium, short, stage, progress)
@@ -235,11 +235,13 @@ def _agreed(
         surface, seen = observations(trainer, settings.seed + index)
         if len(seen) < SETTINGS.observations_per_photo * len(views):
             break  # the photos show too little in common; the judges decide on what there is
-        after = adjusted(before, surface, seen, focal).cameras
+        found = adjusted(before, surface, seen, focal)
+        first = [coarse_camera(trainer.scale.camera_to_unit(camera), level.step) for camera in began]
+        still = as_first_seen(first, found, seen)
         aligner = ViewAligner(trainer)
         views = [
-            replace(view, camera=aligner.world(view.camera, camera, level.step))
-            for view, camera in zip(views, without_gauge(before, after), strict=True)
+            replace(view, camera=aligner.world(view.camera, still.camera(camera), level.step))
+            for view, camera in zip(views, found.cameras, strict=True)
         ]
     return views
 
