@@ -2,9 +2,10 @@
 
 FOLDER holds `photos/`, `sharp/` and true `cameras/` (as `synthesize` writes them). Every camera is shaken by about so
 many px; a twin is made with the shaken cameras as they are, one with `--refine-cameras`, and one with the true cameras.
-Held-out views are compared with the sharp truth at two places: at their TRUE ones, moved into each twin's world by the
-similarity that lays the trained photos' true cameras over those that the twin has; and where the twin, seen through the
-blur, lies best on the blurred held-out photo (a world that is bent a little is no blurred one).
+Held-out views are compared with the sharp truth from three places: from their TRUE ones, as whoever has another camera
+of the given world sees the twin; from there, moved by the similarity that lays the trained photos' true cameras over
+those that the twin has; and from where the twin, seen through the blur, lies best on the blurred held-out photo (a world
+that is bent a little is no blurred one).
 """
 
 from __future__ import annotations
@@ -52,17 +53,17 @@ def shaken(truth: Reconstruction, px: float, seed: int) -> dict[str, Camera]:
 
 
 def score(folder: Path, truth: Reconstruction, sharp: TruthFolder) -> np.ndarray:
-    """Mean PSNR (dB) of the held-out views at their true places, and where the twin, through the blur, lies on them."""
+    """Mean PSNR (dB) of the held-out views at their true places, there by the similarity, and where the twin, through
+    the blur, lies on them."""
     twin = open_twin(folder, Silent())
     behind = [float(c) for c in twin.background]
     viewer = Viewer(twin.gaussians, twin.scale, "cpu", background=(behind[0], behind[1], behind[2]))
     right = truth.cameras()
     mine = {n: c for n, c in twin.reconstruction.cameras().items() if n not in twin.held}
     into = align_similarity({n: right[n] for n in mine}, mine)
-    held = [v for v in twin.views if v.name in twin.held]
     held = [
         replace(v, camera=v.camera.moved(c.rotation, c.translation))
-        for v, c in ((v, into.camera(right[v.name])) for v in held)
+        for v, c in ((v, into.camera(right[v.name])) for v in twin.views if v.name in twin.held)
     ]
     settings = TrainingSettings(sh_degree=twin.gaussians.sh_degree, coarse_share=0.0)
     trainer = Trainer(held, [], twin.reconstruction.points, twin.medium, settings, start=twin.gaussians)
@@ -71,12 +72,12 @@ def score(folder: Path, truth: Reconstruction, sharp: TruthFolder) -> np.ndarray
         align_view(trainer, trainer.levels[-1], on_grid)
         laid = ViewAligner(trainer).world(view.camera, on_grid.camera, trainer.levels[-1].step)
         wanted = sharp.pixels(view.name)
-        pair = []
-        for camera in (view.camera, laid):
+        each = []
+        for camera in (right[view.name], view.camera, laid):
             lens = twin.reconstruction.lenses[view.name]
             seen = to_pixels(viewer.sharp(lens, Pose(camera.rotation, camera.translation)))
-            pair.append(psnr(seen / 255.0, wanted / float(np.iinfo(wanted.dtype).max)))
-        found.append(pair)
+            each.append(psnr(seen / 255.0, wanted / float(np.iinfo(wanted.dtype).max)))
+        found.append(each)
     return np.mean(found, axis=0)
 
 
@@ -104,7 +105,7 @@ def main() -> int:
             (work / "photos" / photo.name).symlink_to(photo.resolve())
         truth = load_cameras(options.data / "cameras", load_photos(work / "photos", None, Silent()))
         best = score(made(work / "photos", options.data / "cameras", work / "true", options.psf), truth, sharp)
-        print(f"true cameras {best.round(2)} dB (true places, laid)", flush=True)
+        print(f"true cameras {best.round(2)} dB (true places, by the similarity, laid)", flush=True)
         for px in options.px:
             rows = []
             for seed in range(options.seeds):
