@@ -4,8 +4,8 @@ FOLDER holds `photos/`, `sharp/` and true `cameras/` (as `synthesize` writes the
 many px; a twin is made with the shaken cameras as they are, one with `--refine-cameras`, and one with the true cameras.
 Held-out views are compared with the sharp truth from three places: from their TRUE ones, as whoever has another camera
 of the given world sees the twin; from there, moved by the similarity that lays the trained photos' true cameras over
-those that the twin has; and from where the twin, seen through the blur, lies best on the blurred held-out photo (a world
-that is bent a little is no blurred one).
+those that the twin has; and from where the twin, seen through the blur, lies best on the blurred held-out photo (a
+world that is bent a little is no blurred one).
 """
 
 from __future__ import annotations
