@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from .camera import Camera
     from .frames import Evaluation, Frame
     from .gaussians import Gaussians
-    from .rendering import RasterSettings, Rendered, RenderedPath
+    from .rendering import RasterSettings, Rendered, RenderedLayers, RenderedPath
 
 #: A back end's name: a key of `REGISTRY`, or 'auto'.
 BackendName = str
@@ -123,10 +123,12 @@ class Backend(Protocol):
     Attributes:
         one_width: evaluation of a symmetric blur that suits frames of one size ('separable' or 'fourier').
         photo_bytes: photos of a set that may stay on the device from step to step; 0 where they are brought each time.
+        layers: whether `render_layers` is there.
     """
 
     one_width: str
     photo_bytes: int
+    layers: bool
 
     def check(self) -> None:
         """Raises DeviceError, with the way out, where the back end cannot work on this machine."""
@@ -170,6 +172,12 @@ class Backend(Protocol):
         self, gaussians: Gaussians, camera: Camera, background: Tensor | None, poses: Tensor, settings: RasterSettings
     ) -> RenderedPath:
         """See `core.rasterizer.render_path`."""
+        ...
+
+    def render_layers(
+        self, gaussians: Gaussians, camera: Camera, place: Tensor, background: Tensor | None, settings: RasterSettings
+    ) -> RenderedLayers:
+        """See `core.rasterizer.render_layers`."""
         ...
 
     def surface_of_centres(self, gaussians: Gaussians, camera: Camera, settings: RasterSettings, held: float) -> Tensor:

@@ -91,3 +91,23 @@ class RenderedPath:
 
     images: Tensor
     screens: tuple[ScreenStatistics, ...]
+
+
+@dataclass
+class RenderedLayers:
+    """One view, and its layers by distance: each as it is seen where nothing nearer than its neighbours is there.
+
+    Gaussians have a place [N] along the layers, from 0 for the farthest on. Layer k shows those less than 1 from k,
+    each with the share 1 - |place - k|; what lies at k + 2 or nearer is not there. So a layer goes on behind what hides
+    it.
+
+    Attributes:
+        numbers: of the layers that show anything, from the farthest on; one at least.
+        planes: [L, 4, H, W] of each: colours (sRGB) times the share that they cover, and that share. The farthest one
+            holds the background, too, so that its share is what nothing in it or before it covers.
+        view: all Gaussians together, as `render` shows them; its depth is without gradient.
+    """
+
+    numbers: tuple[int, ...]
+    planes: Tensor
+    view: Rendered

@@ -21,8 +21,9 @@ from ..imaging.formation.layered_kernels import gathered, returned, returned_thr
 from ..imaging.run_kernels import BLOCK
 from ..numbers import number
 from ..rasterizer.cpu import render_cpu
+from ..rasterizer.layers_cpu import render_layers_cpu
 from ..rasterizer.path_cpu import render_path_cpu
-from ..rendering import RasterSettings, Rendered, RenderedPath
+from ..rendering import RasterSettings, Rendered, RenderedLayers, RenderedPath
 from ..training.adam_kernels import ROWS, RUN, adam_step
 from ..training.photometric import PhotometricLoss
 from ..training.speck_kernels import binomial, derivatives, differences, structure
@@ -72,6 +73,12 @@ class CpuBackend(ReferenceBackend):
     ) -> RenderedPath:
         """See `Backend`."""
         return render_path_cpu(gaussians, camera, background, poses, settings)
+
+    def render_layers(
+        self, gaussians: Gaussians, camera: Camera, place: Tensor, background: Tensor | None, settings: RasterSettings
+    ) -> RenderedLayers:
+        """See `Backend`."""
+        return render_layers_cpu(gaussians, camera, place, background, settings)
 
     def blurs(
         self, kernel: NDArray, taps: tuple[NDArray, NDArray] | None, frame: Frame, dtype: torch.dtype

@@ -17,8 +17,8 @@ from ..frames import Evaluation, Frame
 from ..gaussians import Gaussians
 from ..imaging.formation.layered import layer_gathered, layer_returned, layer_weighed
 from ..rasterizer.depths import surface_of_centres
-from ..rasterizer.reference import render_reference
-from ..rendering import RasterSettings, Rendered, RenderedPath
+from ..rasterizer.reference import render_layers_reference, render_reference
+from ..rendering import RasterSettings, Rendered, RenderedLayers, RenderedPath
 from ..training.contribution import add_seen_in_torch
 from ..training.exposures import reexposed_in_torch
 from ..training.guards import guarded_in_torch
@@ -32,6 +32,7 @@ class ReferenceBackend:
 
     one_width = "fourier"
     photo_bytes = 0
+    layers = True
 
     def check(self) -> None:
         """Works everywhere."""
@@ -67,6 +68,12 @@ class ReferenceBackend:
         """See `Backend`: one frame after the other."""
         frames = [self.render(gaussians, camera, background, pose, settings) for pose in poses.to(gaussians.means)]
         return RenderedPath(torch.stack([frame.image for frame in frames]), tuple(frame.screen for frame in frames))
+
+    def render_layers(
+        self, gaussians: Gaussians, camera: Camera, place: Tensor, background: Tensor | None, settings: RasterSettings
+    ) -> RenderedLayers:
+        """See `Backend`."""
+        return render_layers_reference(gaussians, camera, place, background, settings)
 
     def surface_of_centres(self, gaussians: Gaussians, camera: Camera, settings: RasterSettings, held: float) -> Tensor:
         """See `Backend`: by the compiled kernels, of single precision."""

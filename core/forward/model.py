@@ -10,6 +10,7 @@ import torch
 from torch import Tensor
 
 from ..camera import Camera
+from ..colour import srgb_to_linear
 from ..frames import in_a_row
 from ..gaussians import Gaussians
 from ..imaging.formation.chain import Formation, Passage
@@ -30,6 +31,7 @@ from ..rendering import OPAQUE_ENOUGH
 from .collecting import SRGB, Collected, collected
 from .medium import MediumModel, SubFrame
 from .surface import surface_depth, where_they_agree
+from .through_layers import ThroughLayers, layered_focus, through_layers
 
 
 class Exposure(Protocol):
@@ -106,6 +108,7 @@ class Exposed:
         frames: what was rendered: one, or several sub-frames of one exposure.
         renders: the same by the rasterizer, with gradient: frame by frame, or those along a path together.
         collected: the frames' light; together: its way through the effects where frames do not pass them one by one.
+        layers: the one frame's, where it was rendered in layers: its gradient goes back through them.
     """
 
     medium: MediumModel
@@ -115,6 +118,7 @@ class Exposed:
     renders: tuple[Rendered, ...] | RenderedPath = field(repr=False)
     collected: Collected = field(repr=False)
     together: PassedTogether | None = field(repr=False, default=None)
+    layers: ThroughLayers | None = field(repr=False, default=None)
 
     @property
     def mean_depth(self) -> Tensor | None:
@@ -160,6 +164,12 @@ class Exposed:
         Args:
             in_sharp: [3, H + 2m, W + 2m] gradient of the loss in the one sharp frame itself, besides.
         """
+        if self.layers is not None:
+            total = with_gradient(self.layers.reached, upstream)
+            if in_sharp is not None:
+                total = total + with_gradient(self.layers.view.image, in_sharp)
+            total.backward()  # type: ignore[no-untyped-call]
+            return
         if self.together is not None:
             upstream = self.together.passage.gradient(upstream)
         shares = self.collected.gradient(upstream)
@@ -234,6 +244,10 @@ class ForwardModel:
         if poses is not None and len(poses) > 1:
             return self._along_path(gaussians, wide, poses, background, shot, medium)
         subs = medium.sub_frames(wide) if poses is None else self._one_by_one(wide, poses.to(gaussians.means))
+        if len(subs) == 1 and subs[0].pose is None:
+            layered = self._in_layers(gaussians, subs[0], background, shot, medium)
+            if layered is not None:
+                return layered
         renders = tuple(
             render(gaussians, sub.camera, background=background, pose=sub.pose, settings=self.settings) for sub in subs
         )
@@ -245,6 +259,23 @@ class ForwardModel:
         curve = SRGB if motion is None else motion.curve
         light = collected([p.reached for p in passages], [sub.weight for sub in subs], space, curve)
         return Exposed(medium, self.formation, shots[0], frames, renders, light)
+
+    def _in_layers(
+        self, gaussians: Gaussians, sub: SubFrame, background: Tensor | None, shot: Shot, medium: MediumModel
+    ) -> Exposed | None:
+        """What a lens out of focus shows; None where the frame is to pass the effects as one picture."""
+        focus = layered_focus(self.formation, shot.name, gaussians.means.device)
+        if focus is None:
+            return None
+        layers = through_layers(gaussians, sub.camera, background, self.settings, focus, shot)
+        if layers is None:
+            return None
+        shot = replace(shot, depth=self.surface(gaussians, sub, layers.view))
+        image, reached = layers.view.image.detach(), layers.reached.detach()
+        passage = Passage(image, shot, [focus], [srgb_to_linear(image), srgb_to_linear(reached)], reached)
+        light = collected([reached], [1.0], medium.space)
+        frames, renders = (SharpFrame(passage, 1.0),), (layers.view,)
+        return Exposed(medium, self.formation, shot, frames, renders, light, layers=layers)
 
     def _along_path(
         self,

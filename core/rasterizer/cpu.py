@@ -198,7 +198,7 @@ def blend_backward(
     return slots
 
 
-def _depth_splats(splats: Floats) -> Floats:
+def depth_splats(splats: Floats) -> Floats:
     """The same splats with their depth for a colour."""
     out = splats.copy()
     out[:, RED] = splats[:, DEPTH]
@@ -234,7 +234,7 @@ class _Rasterize(torch.autograd.Function):
         screen.culled = {reason: int(n) for reason, n in culled if n}
         depth = np.zeros((0, 0), np.float32)
         if settings.depth:
-            far = _depth_splats(projected.splats)
+            far = depth_splats(projected.splats)
             depth = blend(projected, far, np.zeros(3, np.float32), camera.width, camera.height)[0][0].copy()
         ctx.projected, ctx.screen, ctx.settings = projected, screen, settings
         ctx.image, ctx.transmittance, ctx.blended = image, transmittance, blended
@@ -256,7 +256,7 @@ class _Rasterize(torch.autograd.Function):
             stack[0] = ctx.depth
             gradients = np.zeros((3, *shape), np.float32), np.zeros(shape, np.float32)
             gradients[0][0] = d_depth.numpy()
-            more = blend_backward(p, _depth_splats(p.splats), stack, ctx.transmittance, ctx.blended, gradients)
+            more = blend_backward(p, depth_splats(p.splats), stack, ctx.transmittance, ctx.blended, gradients)
             totals = np.concatenate(([0.0], np.cumsum(more[:, M_RED], dtype=np.float64)))
             depth_gradient = (totals[p.slot_starts[1:]] - totals[p.slot_starts[:-1]]).astype(np.float32)
             more[:, M_RED:] = 0.0

@@ -8,7 +8,7 @@ from torch import Tensor
 from ..camera import Camera
 from ..devices import Backend, BackendName, backend_named, backend_on
 from ..gaussians import Gaussians
-from ..rendering import RasterSettings, Rendered, RenderedPath
+from ..rendering import RasterSettings, Rendered, RenderedLayers, RenderedPath
 
 
 def render(
@@ -64,6 +64,30 @@ def render_path(
         DeviceError: the back end does not fit the tensors or is not installed.
     """
     return _found(gaussians, backend).render_path(gaussians, camera, background, poses, settings)
+
+
+def render_layers(
+    gaussians: Gaussians,
+    camera: Camera,
+    place: Tensor,
+    *,
+    background: Tensor | None = None,
+    settings: RasterSettings = RasterSettings(),
+    backend: BackendName = "auto",
+) -> RenderedLayers:
+    """One view in layers by distance, for effects that differ with it (a lens out of focus).
+
+    Args:
+        place: [N] of each Gaussian along the layers, 0 or more, larger where nearer (`RenderedLayers`); others as of
+            `render`.
+
+    Returns:
+        The layers; gradients flow to all five parameters, the places and the background.
+
+    Raises:
+        DeviceError: the back end does not fit the tensors, is not installed, or has no layers (`Backend.layers`).
+    """
+    return _found(gaussians, backend).render_layers(gaussians, camera, place, background, settings)
 
 
 def _found(gaussians: Gaussians, backend: BackendName) -> Backend:

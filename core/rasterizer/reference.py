@@ -5,13 +5,15 @@ Any device, float32 and float64. Slow; the other back ends are measured against 
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import torch
 from torch import Tensor
 
 from ..camera import Camera
 from ..constants import ALPHA_MAXIMUM, TILE, TRANSMITTANCE_STOP
 from ..gaussians import Gaussians
-from ..rendering import RasterSettings, Rendered, ScreenStatistics
+from ..rendering import RasterSettings, Rendered, RenderedLayers, ScreenStatistics
 from .projection import Projected, camera_pose, project, select, visible
 
 
@@ -19,47 +21,95 @@ def render_reference(
     gaussians: Gaussians, camera: Camera, background: Tensor | None, pose: Tensor | None, settings: RasterSettings
 ) -> Rendered:
     """Renders one view; arguments and result as in `render`."""
-    means = gaussians.means
-    if pose is None:
-        pose = camera_pose(camera, means)
-    if background is None:
-        background = means.new_zeros(3)
-
-    index, culled = visible(gaussians, camera, pose, settings)
-    splats = project(select(gaussians, index), camera, pose, settings)
-
-    radius = torch.zeros(len(gaussians), device=means.device)
-    radius[index] = splats.extent.amax(dim=1).float()
-    screen = ScreenStatistics(radius, culled)
-    if splats.mean.requires_grad:
-
-        def keep_gradient(gradient: Tensor | None) -> None:
-            if gradient is not None:
-                everywhere = gradient.new_zeros(len(gaussians), 2)
-                screen.mean_gradient = everywhere.index_copy(0, index, gradient)
-
-        splats.mean.register_hook(keep_gradient)
-
-    order = depth_order(splats)
-    owners, tiles, columns, rows = tile_pairs(splats, order, camera.width, camera.height)
-    # One gather for all tiles: its backward pass is one scatter, not one per tile.
-    values = torch.cat(
-        [splats.mean, splats.conic, splats.opacity[:, None], splats.colour, splats.depth[:, None]], dim=1
-    )[owners]
-    counts = torch.bincount(tiles, minlength=columns * rows).tolist()
-    blended = torch.stack(
-        [
-            blend(part, tile % columns * TILE, tile // columns * TILE, settings.alpha_minimum)
-            for tile, part in enumerate(values.split(counts))
-        ]
-    )  # [tiles, TILE * TILE, 5]
-    screen.evaluations = int(owners.numel()) * TILE * TILE
-
-    planes = blended.reshape(rows, columns, TILE, TILE, 5).permute(4, 0, 2, 1, 3)
-    planes = planes.reshape(5, rows * TILE, columns * TILE)[:, : camera.height, : camera.width]
+    seen = _Seen.of(gaussians, camera, camera_pose(camera, gaussians.means) if pose is None else pose, settings)
+    splats = seen.splats
+    planes = seen.blended(splats.opacity, torch.cat([splats.colour, splats.depth[:, None]], dim=1))
     transmittance = planes[4]
-    image = planes[:3] + background[:, None, None] * transmittance
-    return Rendered(image, 1 - transmittance, planes[3] if settings.depth else None, screen)
+    image = planes[:3] + _over(background, gaussians)[:, None, None] * transmittance
+    return Rendered(image, 1 - transmittance, planes[3] if settings.depth else None, seen.screen)
+
+
+def render_layers_reference(
+    gaussians: Gaussians, camera: Camera, place: Tensor, background: Tensor | None, settings: RasterSettings
+) -> RenderedLayers:
+    """Renders one view in layers; arguments and result as in `render_layers`."""
+    seen = _Seen.of(gaussians, camera, camera_pose(camera, gaussians.means), settings)
+    splats, place, behind = seen.splats, place[seen.index], _over(background, gaussians)
+    planes = seen.blended(splats.opacity, torch.cat([splats.colour, splats.depth[:, None]], dim=1))
+    image = planes[:3] + behind[:, None, None] * planes[4]
+    depth = planes[3].detach() if settings.depth else None
+    view = Rendered(image, 1 - planes[4], depth, seen.screen)
+    numbers = layers_with(place.detach())
+    layers = []
+    for k in numbers:
+        off = (place - k).abs()
+        share = torch.where(off < 1, 1 - off, 0.0)[:, None]
+        shown = torch.where(place.detach() < k + 2, splats.opacity, 0.0)
+        layer = seen.blended(shown, torch.cat([share * splats.colour, share], dim=1))
+        if not layers:
+            layer = torch.cat([layer[:3] + behind[:, None, None] * layer[4], layer[3:4] + layer[4:]])
+        layers.append(layer[:4])
+    return RenderedLayers(numbers, torch.stack(layers), view)
+
+
+def layers_with(place: Tensor) -> tuple[int, ...]:
+    """Which layers Gaussians at these places [M] show in; the farthest one where there are none."""
+    found = torch.unique(torch.cat([place.floor(), place.ceil()]))
+    return tuple(int(k) for k in found.tolist()) or (0,)
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """What a camera sees, projected and sorted.
+
+    Attributes:
+        index: [M] which of the Gaussians; splats: they, projected; pairs: of `tile_pairs`.
+    """
+
+    camera: Camera
+    settings: RasterSettings
+    index: Tensor
+    splats: Projected
+    pairs: tuple[Tensor, Tensor, int, int]
+    screen: ScreenStatistics
+
+    @staticmethod
+    def of(gaussians: Gaussians, camera: Camera, pose: Tensor, settings: RasterSettings) -> _Seen:
+        index, culled = visible(gaussians, camera, pose, settings)
+        splats = project(select(gaussians, index), camera, pose, settings)
+        radius = torch.zeros(len(gaussians), device=gaussians.means.device)
+        radius[index] = splats.extent.amax(dim=1).float()
+        screen = ScreenStatistics(radius, culled)
+        if splats.mean.requires_grad:
+
+            def keep_gradient(gradient: Tensor | None) -> None:
+                if gradient is not None:
+                    everywhere = gradient.new_zeros(len(gaussians), 2)
+                    screen.mean_gradient = everywhere.index_copy(0, index, gradient)
+
+            splats.mean.register_hook(keep_gradient)
+        pairs = tile_pairs(splats, depth_order(splats), camera.width, camera.height)
+        screen.evaluations = int(pairs[0].numel()) * TILE * TILE
+        return _Seen(camera, settings, index, splats, pairs, screen)
+
+    def blended(self, opacity: Tensor, content: Tensor) -> Tensor:
+        """[5, H, W] what is blended of content [M, 4], and last the transmittance, with these opacities [M]."""
+        owners, tiles, columns, rows = self.pairs
+        # One gather for all tiles: its backward pass is one scatter, not one per tile.
+        values = torch.cat([self.splats.mean, self.splats.conic, opacity[:, None], content], dim=1)[owners]
+        counts = torch.bincount(tiles, minlength=columns * rows).tolist()
+        blended = torch.stack(
+            [
+                blend(part, tile % columns * TILE, tile // columns * TILE, self.settings.alpha_minimum)
+                for tile, part in enumerate(values.split(counts))
+            ]
+        )  # [tiles, TILE * TILE, 5]
+        planes = blended.reshape(rows, columns, TILE, TILE, 5).permute(4, 0, 2, 1, 3)
+        return planes.reshape(5, rows * TILE, columns * TILE)[:, : self.camera.height, : self.camera.width]
+
+
+def _over(background: Tensor | None, gaussians: Gaussians) -> Tensor:
+    return gaussians.means.new_zeros(3) if background is None else background
 
 
 @torch.no_grad()
@@ -99,11 +149,11 @@ def blend(values: Tensor, left: int, top: int, alpha_minimum: float) -> Tensor:
     """Blends the splats of one tile over each of its pixels (Kerbl et al. 2023, eq. 3).
 
     Args:
-        values: [L, 10] mean (2), conic (3), opacity, colour (3), depth; near to far.
+        values: [L, 10] mean (2), conic (3), opacity, content (4: colours and depth, say); near to far.
         left, top: the tile's first column and row.
 
     Returns:
-        [TILE * TILE, 5] colour without background (3), blended depth, final transmittance.
+        [TILE * TILE, 5] blended content (4), without background, and final transmittance.
     """
     mean, conic, opacity, content = values.split([2, 3, 1, 4], dim=1)
     steps = torch.arange(TILE, device=values.device, dtype=values.dtype) + 0.5

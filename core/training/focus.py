@@ -381,6 +381,9 @@ class LearnedFocus:
         with torch.no_grad():
             still = exposed.degraded
             moved = [shown_with(exposed, self.effect, self.effect.alone(name, other), at) for other in others]
+            if exposed.layers is not None:  # the slopes are those of one picture, blurred by the depth of its surface
+                own = shown_with(exposed, self.effect, self.effect.alone(name, now), at)
+                moved = [at.of_planes(still) + (one - own) for one in moved]
         return normal_equations(photo, still, list(zip(moved, small, strict=True)), counts, s)
 
     def state(self) -> dict[str, NDArray[Any]]:

@@ -16,7 +16,7 @@ from ...errors import DeviceError
 from ...frames import Evaluation, Frame
 from ...gaussians import Gaussians
 from ...numbers import number
-from ...rendering import RasterSettings, Rendered, RenderedPath
+from ...rendering import RasterSettings, Rendered, RenderedLayers, RenderedPath
 from ...warming import finish_warming
 from ..cpu import CPU, CpuBackend
 from ..reference import ReferenceBackend
@@ -56,6 +56,7 @@ class GpuBackend(ReferenceBackend):
 
     one_width = "separable"
     photo_bytes = CARD.photo_bytes
+    layers = False
 
     def __init__(self) -> None:
         self._host = CpuBackend()
@@ -103,6 +104,12 @@ class GpuBackend(ReferenceBackend):
     ) -> RenderedPath:
         """See `Backend`."""
         return render_path_gpu(gaussians, camera, background, poses, settings)
+
+    def render_layers(
+        self, gaussians: Gaussians, camera: Camera, place: Tensor, background: Tensor | None, settings: RasterSettings
+    ) -> RenderedLayers:
+        """See `Backend`: there are none on a card yet."""
+        raise DeviceError("A graphics card renders no layers by distance yet", "Use --device cpu")
 
     def surface_of_centres(self, gaussians: Gaussians, camera: Camera, settings: RasterSettings, held: float) -> Tensor:
         """See `Backend`."""

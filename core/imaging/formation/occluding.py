@@ -14,7 +14,7 @@ edge. What no px of the frame shows, as it lies behind, is taken for what is see
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Literal
@@ -98,6 +98,20 @@ def _ladder(shape: Shape, widest: float) -> list[float]:
     return [*(-v for v in reversed(found)), 0.0, *found]
 
 
+def ladder_of(shape: Shape, size: tuple[int, int]) -> list[float]:
+    """Signed variances (px^2) of the levels of a frame (height, width), from the farthest to the nearest."""
+    widest = OCCLUDING.widest if shape == "disk" else LAYERED.widest
+    return _ladder(shape, widest * min(size))
+
+
+def on_rung(shape: Shape, rung: int, planes: Tensor) -> Tensor:
+    """Planes [C, h, w] blurred by a rung, 0 for none; differentiable."""
+    if rung == 0:
+        return planes
+    _, height, width = planes.shape
+    return _rung(shape, rung, height, width, planes.dtype, planes.device)(planes)
+
+
 @lru_cache(maxsize=128)
 def _rung(shape: Shape, rung: int, height: int, width: int, dtype: torch.dtype, device: torch.device) -> BlurOperator:
     """The blur of rung `rung` >= 1 on frames of one size; beyond the frame its edge is repeated."""
@@ -124,8 +138,7 @@ class OccludingBlur(LadderBlur):
     """
 
     def __init__(self, width: Tensor, shape: Shape) -> None:
-        widest = OCCLUDING.widest if shape == "disk" else LAYERED.widest
-        ladder = _ladder(shape, widest * min(width.shape))
+        ladder = ladder_of(shape, (int(width.shape[0]), int(width.shape[1])))
         signed = (width * width.abs()).clamp(ladder[0], ladder[-1]).contiguous()
         lowest, highest = (float(v) for v in torch.aminmax(signed.detach()))
         self.identity = max(-lowest, highest) < LAYERED.invisible**2
@@ -164,18 +177,8 @@ class OccludingBlur(LadderBlur):
 
     def _covering(self, planes: list[Tensor]) -> tuple[list[Tensor | None], Tensor, Tensor]:
         """How much of each level's planes [C + 1, R, w] is seen, what to divide by [1, R, w], and the sum of them."""
-        seen: list[Tensor | None] = [None] * len(planes)  # None: nothing can be in front
-        covered: Tensor | None = None
-        for k in range(len(planes) - 1 - self._hides, -1, -1):
-            nearer = planes[k + self._hides][-1]
-            covered = nearer if covered is None else covered + nearer
-            seen[k] = (1.0 - covered).clamp(min=0.0)
-        total: Tensor | None = None
-        for plane, part in zip(planes, seen, strict=True):
-            visible = plane if part is None else part * plane
-            total = visible if total is None else total + visible
-        assert total is not None
-        return seen, total[-1:].clamp(min=OCCLUDING.least), total
+        seen, total = covered(dict(enumerate(planes)), self._hides)
+        return list(seen.values()), total[-1:].clamp(min=OCCLUDING.least), total
 
     def adjoint(self, upstream: Tensor, light: Tensor, out: Tensor) -> tuple[Tensor, Tensor | None]:
         """The transpose of `apply`, and the gradient in the widths [h, w] (None: they change nothing).
@@ -218,6 +221,29 @@ class OccludingBlur(LadderBlur):
     def _rung(self, rung: int) -> BlurOperator:
         v = self._place
         return _rung(self._shape, rung, v.shape[0], v.shape[1], v.dtype, v.device)
+
+
+def covered(planes: Mapping[int, Tensor], hides: int) -> tuple[dict[int, Tensor | None], Tensor]:
+    """How much of each level's planes [C + 1, R, w] is seen, [R, w] (None: all), and the sum of what is.
+
+    Args:
+        planes: by level, from the farthest on, the share that they cover last; hides: from which level on one hides.
+    """
+    seen: dict[int, Tensor | None] = {}
+    front: Tensor | None = None
+    waiting = sorted(planes)
+    for k in sorted(planes, reverse=True):
+        while waiting and waiting[-1] >= k + hides:
+            nearer = planes[waiting.pop()][-1]
+            front = nearer if front is None else front + nearer
+        seen[k] = None if front is None else (1.0 - front).clamp(min=0.0)  # (None: nothing can be in front)
+    total: Tensor | None = None
+    for k in sorted(planes):
+        part = seen[k]
+        visible = planes[k] if part is None else part * planes[k]
+        total = visible if total is None else total + visible
+    assert total is not None
+    return dict(sorted(seen.items())), total
 
 
 def unknown(rows: int) -> tuple[Tensor, Tensor]:

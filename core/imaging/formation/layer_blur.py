@@ -1,0 +1,65 @@
+"""A blur that grows with the distance, of a view that comes in layers: what is near hides what is behind it.
+
+Which widths belong to a layer, a ladder says (`occluding`): each Gaussian lies between two of its rungs by its own
+distance, so that what is thin and out of focus spreads by its own width even where most of the light that passes there
+comes from far behind. Layers go on behind what hides them, so that a blurred twig lets through the wall behind it:
+
+    H x = (sum_k V_k C_k) / (sum_k V_k A_k),     V_k = max(0, 1 - sum over j >= k + 2 of A_j)
+
+with C_k = K_k x_k and A_k = K_k a_k of each layer's light and of the share that it covers. Light adds up linearly, and a
+twin blends display values: what lies between both where several layers meet in a px goes to those that are seen there,
+so that without any blur the light is that of the view.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import torch
+from torch import Tensor
+
+from ...colour import srgb_to_linear
+from .occluding import OCCLUDING, Shape, covered, ladder_of, on_rung
+
+#: From which layer on one hides those behind it: neighbours share Gaussians.
+_HIDES = 2
+#: Share of a px below which the colour of what covers it is not asked for.
+_LEAST = 1e-3
+
+
+def places(width: Tensor, shape: Shape, size: tuple[int, int]) -> Tensor:
+    """[N] where Gaussians lie on the ladder of a frame (height, width), 0 for what is farthest out of focus behind.
+
+    Args:
+        width: [N] signed standard deviation, px of the frame: positive where nearer than the sharp plane; wider ones
+            than the ladder or the frame allow count as those. Differentiable.
+    """
+    ladder = width.new_tensor(ladder_of(shape, size))
+    signed = (width * width.abs()).clamp(float(ladder[0]), float(ladder[-1]))
+    below = (torch.searchsorted(ladder, signed.detach().contiguous(), right=True) - 1).clamp(0, len(ladder) - 2)
+    return below + (signed - ladder[below]) / (ladder[below + 1] - ladder[below])
+
+
+def blurred_layers(planes: Tensor, numbers: Sequence[int], image: Tensor, shape: Shape) -> Tensor:
+    """[3, h, w] linear light of a view in layers, each blurred by its rung; differentiable.
+
+    Args:
+        planes, numbers: of `core.rendering.RenderedLayers`, rendered at `places`; image: [3, h, w] sRGB, its view.
+    """
+    size = (int(planes.shape[2]), int(planes.shape[3]))
+    share = planes[:, 3:]
+    light = share * srgb_to_linear(planes[:, :3] / share.clamp(min=_LEAST))
+    together = dict(zip(numbers, torch.cat([light, share], dim=1), strict=True))
+    seen, total = covered(together, _HIDES)
+    more = srgb_to_linear(image) - _shown(total)
+    middle = len(ladder_of(shape, size)) // 2
+    spread = {}
+    for k, plane in together.items():
+        part = seen[k]
+        whole = torch.cat([plane[:3] + plane[3:] * (more if part is None else part * more), plane[3:]])
+        spread[k] = on_rung(shape, abs(k - middle), whole)
+    return _shown(covered(spread, _HIDES)[1])
+
+
+def _shown(total: Tensor) -> Tensor:
+    return total[:-1] / total[-1:].clamp(min=OCCLUDING.least)
