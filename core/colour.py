@@ -20,6 +20,8 @@ Values = TypeVar("Values", "Tensor", NDArray[np.float32], NDArray[np.float64])
 _SRGB_KNEE, _LINEAR_KNEE = 0.04045, 0.0031308
 #: Slope of the straight segment, and offset and exponent of the power above it (the standard's).
 _SLOPE, _OFFSET, _POWER = 12.92, 0.055, 2.4
+#: The same for compiled kernels: knee (a display value), slope, offset and power of the curve to linear light.
+DECODING = _SRGB_KNEE, _SLOPE, _OFFSET, _POWER
 
 
 def srgb_to_linear(srgb: Values) -> Values:

@@ -106,10 +106,13 @@ def ladder_of(shape: Shape, size: tuple[int, int]) -> list[float]:
 
 def on_rung(shape: Shape, rung: int, planes: Tensor) -> Tensor:
     """Planes [C, h, w] blurred by a rung, 0 for none; differentiable."""
-    if rung == 0:
-        return planes
+    return planes if rung == 0 else rung_of(shape, rung, planes)(planes)
+
+
+def rung_of(shape: Shape, rung: int, planes: Tensor) -> BlurOperator:
+    """The blur of rung `rung` >= 1 on planes [C, h, w]."""
     _, height, width = planes.shape
-    return _rung(shape, rung, height, width, planes.dtype, planes.device)(planes)
+    return _rung(shape, rung, height, width, planes.dtype, planes.device)
 
 
 @lru_cache(maxsize=128)
