@@ -64,12 +64,12 @@ def through_layers(
     row = focus.row_of(shot.name)
     assert row is not None
     towards = torch.from_numpy(camera.rotation[2]).to(gaussians.means)
-    with torch.no_grad():  # (a gradient in the depth moves Gaussians to where a wrong width fits: see docs/effects.md)
-        depth = gaussians.means @ towards + float(camera.translation[2])
-        width = focus.widths(list(focus.parameters.values()), depth, row, shot)
+    depth = gaussians.means @ towards + float(camera.translation[2])
+    width = focus.widths([value.detach() for value in focus.parameters.values()], depth, row, shot)
+    with torch.no_grad():
         if not bool((width[depth > settings.near].abs() >= LAYERED.invisible).any()):
             return None
-        place = places(width, focus.shape, (camera.height, camera.width))
+    place = places(width, focus.shape, (camera.height, camera.width))
     layers = render_layers(gaussians, camera, place, background=background, settings=settings)
     light = blurred_layers(layers.planes, layers.numbers, layers.view.image, focus.shape)
     return ThroughLayers(layers.view, linear_to_srgb(light))
