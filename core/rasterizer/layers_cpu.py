@@ -123,7 +123,8 @@ class _RasterizeLayers(torch.autograd.Function):
     def backward(ctx: Any, d_planes: Tensor, d_image: Tensor, d_alpha: Tensor, _: Tensor) -> Any:  # type: ignore[override]
         p: Projected = ctx.projected
         came, in_image, in_alpha = (gradient.contiguous().numpy() for gradient in (d_planes, d_image, d_alpha))
-        slots = blend_backward(p, p.splats, *ctx.view, (in_image, in_alpha))
+        image, transmittance, blended = ctx.view
+        slots = blend_backward(p, p.splats, image, transmittance, blended, (in_image, in_alpha))
         in_slots = np.zeros(len(p.pairs), np.float32)
         splats = new_splats(len(ctx.place)), new_splats(len(ctx.place))
         for layer, part in zip(ctx.layers, came, strict=True):

@@ -40,7 +40,7 @@ def render_layers_reference(
     depth = planes[3].detach() if settings.depth else None
     view = Rendered(image, 1 - planes[4], depth, seen.screen)
     numbers = layers_with(place.detach())
-    layers = []
+    layers: list[Tensor] = []
     for k in numbers:
         off = (place - k).abs()
         share = torch.where(off < 1, 1 - off, 0.0)[:, None]
