@@ -22,6 +22,7 @@ from torch import Tensor
 
 from ...colour import srgb_to_linear
 from ...compiled import run
+from . import layer_kernels
 from .occluding import OCCLUDING, Shape, covered, ladder_of, on_rung, rung_of
 
 #: From which layer on one hides those behind it: neighbours share Gaussians.
@@ -86,8 +87,6 @@ class _Compiled(torch.autograd.Function):
 
     @staticmethod
     def forward(ctx: Any, planes: Tensor, image: Tensor, numbers: tuple[int, ...], shape: Shape) -> Tensor:
-        from . import layer_kernels  # heavy: numba
-
         given, view = planes.detach().contiguous().numpy(), image.detach().contiguous().numpy()
         front = np.searchsorted(np.array(numbers), np.array(numbers) + _HIDES)
         limits = np.float32(_LEAST), np.float32(OCCLUDING.least)
@@ -105,8 +104,6 @@ class _Compiled(torch.autograd.Function):
 
     @staticmethod
     def backward(ctx: Any, came: Tensor) -> Any:  # type: ignore[override]
-        from . import layer_kernels
-
         given, view, front, limits, colours, spread, light = ctx.kept
         height, in_spread = given.shape[2], np.empty_like(given)
         upstream = came.contiguous().numpy()
