@@ -123,12 +123,10 @@ class Backend(Protocol):
     Attributes:
         one_width: evaluation of a symmetric blur that suits frames of one size ('separable' or 'fourier').
         photo_bytes: photos of a set that may stay on the device from step to step; 0 where they are brought each time.
-        layers: whether `render_layers` is there.
     """
 
     one_width: str
     photo_bytes: int
-    layers: bool
 
     def check(self) -> None:
         """Raises DeviceError, with the way out, where the back end cannot work on this machine."""

@@ -32,7 +32,6 @@ class ReferenceBackend:
 
     one_width = "fourier"
     photo_bytes = 0
-    layers = True
 
     def check(self) -> None:
         """Works everywhere."""

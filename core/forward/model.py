@@ -264,7 +264,7 @@ class ForwardModel:
         self, gaussians: Gaussians, sub: SubFrame, background: Tensor | None, shot: Shot, medium: MediumModel
     ) -> Exposed | None:
         """What a lens out of focus shows; None where the frame is to pass the effects as one picture."""
-        focus = layered_focus(self.formation, shot.name, gaussians.means.device)
+        focus = layered_focus(self.formation, shot.name)
         if focus is None:
             return None
         layers = through_layers(gaussians, sub.camera, background, self.settings, focus, shot)

@@ -14,7 +14,6 @@ from torch import Tensor
 
 from ..camera import Camera
 from ..colour import linear_to_srgb
-from ..devices import backend_on
 from ..gaussians import Gaussians
 from ..imaging.formation.chain import Formation
 from ..imaging.formation.effect import Shot
@@ -36,13 +35,13 @@ class ThroughLayers:
     reached: Tensor
 
 
-def layered_focus(formation: Formation, name: str, device: torch.device) -> FocusBlur | None:
+def layered_focus(formation: Formation, name: str) -> FocusBlur | None:
     """The focus that a photo is to be rendered in layers for; None where there is none, or none has been found yet.
 
-    Only where nothing else happens to the light before the medium, and on devices that have layers.
+    Only where nothing else happens to the light before the medium.
     """
     focus = formation.focus
-    if focus is None or len(formation.light) != 1 or not backend_on(device).layers:
+    if focus is None or len(formation.light) != 1:
         return None
     own = focus.of(name)
     return focus if own is not None and own.strength > 0 else None

@@ -85,7 +85,7 @@ def render_layers(
         The layers; gradients flow to all five parameters, the places and the background.
 
     Raises:
-        DeviceError: the back end does not fit the tensors, is not installed, or has no layers (`Backend.layers`).
+        DeviceError: the back end does not fit the tensors or is not installed.
     """
     return _found(gaussians, backend).render_layers(gaussians, camera, place, background, settings)
 

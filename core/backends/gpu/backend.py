@@ -16,6 +16,7 @@ from ...errors import DeviceError
 from ...frames import Evaluation, Frame
 from ...gaussians import Gaussians
 from ...numbers import number
+from ...rasterizer.layers_by_renders import render_layers_by_renders
 from ...rendering import RasterSettings, Rendered, RenderedLayers, RenderedPath
 from ...warming import finish_warming
 from ..cpu import CPU, CpuBackend
@@ -56,7 +57,6 @@ class GpuBackend(ReferenceBackend):
 
     one_width = "separable"
     photo_bytes = CARD.photo_bytes
-    layers = False
 
     def __init__(self) -> None:
         self._host = CpuBackend()
@@ -108,8 +108,8 @@ class GpuBackend(ReferenceBackend):
     def render_layers(
         self, gaussians: Gaussians, camera: Camera, place: Tensor, background: Tensor | None, settings: RasterSettings
     ) -> RenderedLayers:
-        """See `Backend`: there are none on a card yet."""
-        raise DeviceError("A graphics card renders no layers by distance yet", "Use --device cpu")
+        """See `Backend`."""
+        return render_layers_by_renders(self.render, gaussians, camera, place, background, settings)
 
     def surface_of_centres(self, gaussians: Gaussians, camera: Camera, settings: RasterSettings, held: float) -> Tensor:
         """See `Backend`."""
