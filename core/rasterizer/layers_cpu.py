@@ -38,14 +38,13 @@ _TILES = 8
 
 @dataclass
 class _Layer:
-    """One layer on its way: its lists and where its slots go in those of all, what it blends over, and what came."""
+    """One layer on its way: its lists, where its slots go in those of all, what it blends over, and what passes it."""
 
     k: np.float32
     lists: Projected
     slots: NDArray[np.int32]
     behind: tuple[Floats, Floats]
-    colours: tuple[Floats, Floats, Any] | None = None
-    covering: tuple[Floats, Floats, Any] | None = None
+    passed: tuple[Floats, Any] | None = None
 
     @staticmethod
     def of(p: Projected, place: Floats, number: int, background: Floats | None) -> _Layer:
@@ -64,18 +63,20 @@ class _Layer:
     def blended(self, splats: tuple[Floats, Floats], into: Floats) -> None:
         """Blends its splats into planes [4, H, W]."""
         _, height, width = into.shape
-        self.colours = blend(self.lists, splats[0], self.behind[0], width, height)[:3]
-        self.covering = blend(self.lists, splats[1], self.behind[1], width, height)[:3]
-        into[:3], into[3] = self.colours[0], self.covering[0][0]
+        into[:3], *passed, _ = blend(self.lists, splats[0], self.behind[0], width, height)
+        into[3] = blend(self.lists, splats[1], self.behind[1], width, height)[0][0]
+        self.passed = passed[0], passed[1]
 
-    def back(self, splats: tuple[Floats, Floats], came: Floats) -> tuple[Floats, Floats]:
-        """The slots of both kinds of splats, given gradients in the planes [4, H, W]."""
-        assert self.colours is not None and self.covering is not None
-        no_alpha, in_share = np.zeros(came.shape[1:], np.float32), np.zeros((3, *came.shape[1:]), np.float32)
-        in_share[0] = came[3]
+    def back(self, splats: tuple[Floats, Floats], shown: Floats, came: Floats) -> tuple[Floats, Floats]:
+        """The slots of both kinds of splats, given the planes [4, H, W] and gradients in them."""
+        assert self.passed is not None
+        no_alpha = np.zeros(came.shape[1:], np.float32)
+        share, in_share = np.zeros((3, *came.shape[1:]), np.float32), np.zeros((3, *came.shape[1:]), np.float32)
+        share[0], in_share[0] = shown[3], came[3]
+        colours = np.ascontiguousarray(shown[:3]), np.ascontiguousarray(came[:3])
         return (
-            blend_backward(self.lists, splats[0], *self.colours, (np.ascontiguousarray(came[:3]), no_alpha)),
-            blend_backward(self.lists, splats[1], *self.covering, (in_share, no_alpha)),
+            blend_backward(self.lists, splats[0], colours[0], *self.passed, (colours[1], no_alpha)),
+            blend_backward(self.lists, splats[1], share, *self.passed, (in_share, no_alpha)),
         )
 
 
@@ -116,7 +117,7 @@ class _RasterizeLayers(torch.autograd.Function):
             layer.blended(splats, planes[i])
             ctx.layers.append(layer)
         ctx.projected, ctx.screen, ctx.place = p, screen, at
-        ctx.view = image, transmittance, blended
+        ctx.view, ctx.planes = (image, transmittance, blended), planes
         return tuple(torch.from_numpy(one) for one in (planes, image, 1.0 - transmittance, depth))  # type: ignore[return-value]
 
     @staticmethod
@@ -127,9 +128,9 @@ class _RasterizeLayers(torch.autograd.Function):
         slots = blend_backward(p, p.splats, image, transmittance, blended, (in_image, in_alpha))
         in_slots = np.zeros(len(p.pairs), np.float32)
         splats = new_splats(len(ctx.place)), new_splats(len(ctx.place))
-        for layer, part in zip(ctx.layers, came, strict=True):
+        for layer, shown, part in zip(ctx.layers, ctx.planes, came, strict=True):
             run(splats_in_layer, len(ctx.place), p.splats, ctx.place, layer.k, *splats, grain=_GRAIN)
-            both, own = layer.back(splats, part), layer.lists.pairs
+            both, own = layer.back(splats, shown, part), layer.lists.pairs
             where = p.splats, ctx.place, layer.k, layer.slots
             run(add_layer, len(own), own, *both, *where, slots, in_slots, grain=_GRAIN)
         outputs, d_screen = [np.empty_like(one) for one in p.parameters], np.empty((len(p.status), 2), np.float32)
@@ -160,7 +161,7 @@ def _in_background(ctx: Any, in_farthest: Floats, in_image: Floats) -> Tensor | 
     """[3] gradient in the background, which the image and the farthest layer are blended over."""
     if not ctx.needs_input_grad[10]:
         return None
-    passed = ctx.layers[0].colours[1]
+    passed = ctx.layers[0].passed[0]
     found = (in_image * ctx.view[1]).sum(axis=(1, 2)) + (in_farthest[:3] * passed).sum(axis=(1, 2))
     return torch.from_numpy(found)
 

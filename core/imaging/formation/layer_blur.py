@@ -94,9 +94,10 @@ class _Compiled(torch.autograd.Function):
         height = given.shape[2]
         run(layer_kernels.light_of_layers, height, given, view, front, *limits, colours, before, grain=_ROWS)
         rungs = _rungs(numbers, planes, shape)
-        spread = np.empty_like(given)
-        for plane, rung, to in zip(torch.from_numpy(before), rungs, spread, strict=True):
-            to[...] = (plane if rung == 0 else rung_of(shape, rung, plane).apply(plane)).numpy()
+        spread = before  # (in its place: all layers of a large photo are gigabytes)
+        for plane, rung in zip(torch.from_numpy(spread), rungs, strict=True):
+            if rung > 0:
+                plane.copy_(rung_of(shape, rung, plane).apply(plane))
         light = np.empty_like(view)
         run(layer_kernels.sum_of_layers, height, spread, front, limits[1], light, grain=_ROWS)
         ctx.kept, ctx.rungs, ctx.shape = (given, view, front, limits, colours, spread, light), rungs, shape
@@ -104,14 +105,15 @@ class _Compiled(torch.autograd.Function):
 
     @staticmethod
     def backward(ctx: Any, came: Tensor) -> Any:  # type: ignore[override]
-        given, view, front, limits, colours, spread, light = ctx.kept
-        height, in_spread = given.shape[2], np.empty_like(given)
-        upstream = came.contiguous().numpy()
-        run(layer_kernels.sum_of_layers_back, height, spread, front, limits[1], light, upstream, in_spread, grain=_ROWS)
-        for plane, rung in zip(torch.from_numpy(in_spread), ctx.rungs, strict=True):
+        given, view, front, limits, colours, gradient, light = ctx.kept
+        del ctx.kept  # (gradients take the place of what was kept)
+        height = given.shape[2]
+        sums = gradient, front, limits[1], light, came.contiguous().numpy()
+        run(layer_kernels.sum_of_layers_back, height, *sums, grain=_ROWS)
+        for plane, rung in zip(torch.from_numpy(gradient), ctx.rungs, strict=True):
             if rung > 0:
                 plane.copy_(rung_of(ctx.shape, rung, plane).adjoint(plane))
-        in_planes, in_image = np.empty_like(given), np.empty_like(view)
-        rows = given, view, front, *limits, colours, in_spread, in_planes, in_image
+        in_image = np.empty_like(view)
+        rows = given, view, front, *limits, colours, gradient, in_image
         run(layer_kernels.light_of_layers_back, height, *rows, grain=_ROWS)
-        return torch.from_numpy(in_planes), torch.from_numpy(in_image), None, None
+        return torch.from_numpy(gradient), torch.from_numpy(in_image), None, None

@@ -101,11 +101,10 @@ def light_of_layers_back(
     least: Any,
     fewest: Any,
     light: Any,
-    came: Any,
     in_planes: Any,
     in_image: Any,
 ) -> None:
-    """Gradients [L, 4, h, w] in the planes and [3, h, w] in the image, given those in `light_of_layers`' output."""
+    """Gradients in the planes [L, 4, h, w] in the place of those in `light_of_layers`' output, and in the image."""
     count, _, _, width = planes.shape
     seen, in_seen = np.empty((count, width), f32), np.empty((count, width), f32)
     in_share = np.empty((count, width), f32)
@@ -118,7 +117,7 @@ def light_of_layers_back(
         for k in range(count):
             for x in range(width):
                 norm[x] += seen[k, x] * planes[k, 3, y, x]
-                in_share[k, x] = came[k, 3, y, x]
+                in_share[k, x] = in_planes[k, 3, y, x]
                 in_seen[k, x] = 0
         for c in range(3):
             total[:] = 0
@@ -127,7 +126,7 @@ def light_of_layers_back(
                 for x in range(width):
                     share = planes[k, 3, y, x]
                     total[x] += seen[k, x] * share * light[k, c, y, x]
-                    more[x] += seen[k, x] * share * came[k, c, y, x]
+                    more[x] += seen[k, x] * share * in_planes[k, c, y, x]
             for x in range(width):
                 divisor = max(norm[x], fewest)
                 value = decoded(image[c, y, x])
@@ -138,7 +137,7 @@ def light_of_layers_back(
                 more[x] = value - mean
             for k in range(count):
                 for x in range(width):
-                    share, own, back = planes[k, 3, y, x], light[k, c, y, x], came[k, c, y, x]
+                    share, own, back = planes[k, 3, y, x], light[k, c, y, x], in_planes[k, c, y, x]
                     in_seen[k, x] += share * (more[x] * back + own * in_total[x])
                     in_share[k, x] += back * (own + seen[k, x] * more[x]) + seen[k, x] * own * in_total[x]
                     divisor = max(share, least)
@@ -176,10 +175,8 @@ def sum_of_layers(begin: int, end: int, planes: Any, front: Any, fewest: Any, ou
 
 
 @kernel
-def sum_of_layers_back(
-    begin: int, end: int, planes: Any, front: Any, fewest: Any, light: Any, came: Any, in_planes: Any
-) -> None:
-    """Gradients [L, 4, h, w] in the planes, given the light [3, h, w] that `sum_of_layers` found, and that in it."""
+def sum_of_layers_back(begin: int, end: int, planes: Any, front: Any, fewest: Any, light: Any, came: Any) -> None:
+    """Gradients in the planes [L, 4, h, w], in their own place, given the light [3, h, w] and what came in it."""
     count, _, _, width = planes.shape
     seen, in_seen = np.empty((count, width), f32), np.empty((count, width), f32)
     in_share, norm, in_norm = np.empty((count, width), f32), np.empty(width, f32), np.empty(width, f32)
@@ -197,12 +194,12 @@ def sum_of_layers_back(
             for k in range(count):
                 for x in range(width):
                     back = came[c, y, x] / max(norm[x], fewest)
-                    in_planes[k, c, y, x] = seen[k, x] * back
                     in_seen[k, x] += planes[k, c, y, x] * back
+                    planes[k, c, y, x] = seen[k, x] * back
         for k in range(count):
             for x in range(width):
                 in_share[k, x] = seen[k, x] * in_norm[x]
                 in_seen[k, x] += planes[k, 3, y, x] * in_norm[x]
         hide(front, seen, in_seen, in_share)
         for k in range(count):
-            in_planes[k, 3, y] = in_share[k]
+            planes[k, 3, y] = in_share[k]
