@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from ..camera import Camera
 from ..errors import Cancelled
+from ..evaluation.poses import align_similarity
 from ..forward.compare import mask_of, mean_square
 from ..imaging.medium import Medium
 from ..numbers import number
@@ -150,7 +151,9 @@ def refine_cameras(
     kept = nearer.clear and float(gain.mean()) > -2.0 * error
     given = {view.name: view.camera for view in [*views, *judges]}
     tried = {**cameras[1], **placed[1]}
-    px = [np.linalg.norm(cameras[1][v.name].centre - v.camera.centre) / trainer.scale.size * v.camera.fx for v in views]
+    still = align_similarity(cameras[1], {view.name: view.camera for view in views})
+    off = {view.name: still.points(cameras[1][view.name].centre) - view.camera.centre for view in views}
+    px = [np.linalg.norm(off[view.name]) / trainer.scale.size * view.camera.fx for view in views]
     ratio = cameras[1][views[0].name].fx / views[0].camera.fx
     return Refined(
         kept,
