@@ -171,6 +171,35 @@ def test_depth_takes_its_part_of_the_gradient(scene):
     assert own == pytest.approx((loss(2e-3) - loss(-2e-3)) / 4e-3, rel=0.15)
 
 
+def test_slopes_of_one_picture_stand_for_those_of_its_layers(scene):
+    """A photo is rendered in layers; its slopes are those of one picture, blurred by the depth of its surface."""
+    view, lens = scene.views[0], true_lens(scene)
+    frame = Frame(view.camera.height, view.camera.width, 0)
+
+    def exposed(by_strength: float = 0.0, by_focus: float = 0.0):
+        now = lens.of(view.name)
+        changed = lens.alone(view.name, replace(now, strength=now.strength + by_strength, focus=now.focus + by_focus))
+        model = ForwardModel(SETTINGS, lambda _: medium_of(None, frame), 0, Formation([changed]))
+        with torch.no_grad():
+            return model.expose(scene.truth, Photo(view.camera)), changed
+
+    still, effect = exposed()
+    learned = LearnedFocus(lens, [view.name])
+    learned.effect, learned.begun, learned.common, learned._range = effect, True, lens.of(view.name).strength, 0.2
+    assert still.layers is not None
+    matrix, _ = learned._linearised(view.name, still, still.degraded, None)
+    small = learned.settings.change * learned.common, learned.settings.change * learned._range
+    slopes = [
+        (exposed(*by)[0].degraded - still.degraded).reshape(-1) / step
+        for by, step in (((small[0], 0.0), small[0]), ((0.0, small[1]), small[1]))
+    ]
+    wanted = torch.stack([torch.stack([one @ other for other in slopes]) for one in slopes]).numpy()
+    ratio = np.sqrt(np.diag(matrix) / np.diag(wanted))
+    assert ratio[0] / ratio[1] == pytest.approx(1.0, abs=0.06)
+    alike = [m[0, 1] / np.sqrt(m[0, 0] * m[1, 1]) for m in (matrix, wanted)]
+    assert alike[0] == pytest.approx(alike[1], abs=0.2)
+
+
 def test_a_flat_scene_is_left_as_it_is():
     """All at nearly one depth: no photo shows where it is focused, and nothing is blurred."""
     focus = LearnedFocus(LensFocus.unknown(["a"]), ["a"])
