@@ -263,7 +263,10 @@ def test_refined_cameras_are_judged_by_photos_and_shifts(
     trained: list[list[str]] = []
 
     def agreed(given: list[View], *_: Any) -> list[View]:
-        return [replace(v, camera=replace(v.camera.moved(np.eye(3), np.array([0.5, 0, 0])), fx=80.0)) for v in given]
+        # (To and fro: what all cameras share is the world's own move, and does not count.)
+        moves = [np.array([0.5 if index % 2 else -0.5, 0, 0]) for index in range(len(given))]
+        pairs = zip(given, moves, strict=True)
+        return [replace(v, camera=replace(v.camera.moved(np.eye(3), move), fx=80.0)) for v, move in pairs]
 
     def training(given: list[View], _points: Any, _medium: Any, short: TrainingSettings, stage: str, _p: Any) -> Any:
         trained.append([view.name for view in given])
