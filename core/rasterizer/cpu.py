@@ -198,6 +198,25 @@ def blend_backward(
     return slots
 
 
+def parameters_backward(
+    p: Projected, slots: Floats, depth_gradient: Floats = np.zeros(0, np.float32)
+) -> tuple[list[Floats], Floats, NDArray[np.float64]]:
+    """Takes the gradients of pairs of a Gaussian and a tile back to what was projected.
+
+    Args:
+        slots: of `blend_backward`; depth_gradient: [N] in the depths of the centres, empty for none.
+
+    Returns:
+        Gradients in the parameters, in their order; in the projected centres [N, 2] px; and in the view [blocks, 12].
+    """
+    outputs, d_screen = [np.empty_like(one) for one in p.parameters], np.empty((len(p.status), 2), np.float32)
+    blocks = -(-len(p.status) // BLOCK)
+    d_view = np.empty((blocks, 12), np.float64)
+    shared = p.view, *p.parameters, p.status, p.slot_starts, slots, depth_gradient
+    run(project_backward, blocks, *shared, *outputs, d_screen, d_view, grain=4)
+    return outputs, d_screen, d_view
+
+
 def depth_splats(splats: Floats) -> Floats:
     """The same splats with their depth for a colour."""
     out = splats.copy()
@@ -245,7 +264,6 @@ class _Rasterize(torch.autograd.Function):
     @staticmethod
     def backward(ctx: Any, d_image: Tensor, d_alpha: Tensor, d_depth: Tensor) -> Any:  # type: ignore[override]
         p: Projected = ctx.projected
-        count = len(p.status)
         d_image_array = d_image.contiguous().numpy()
         gradients = d_image_array, d_alpha.contiguous().numpy()
         slots = blend_backward(p, p.splats, ctx.image, ctx.transmittance, ctx.blended, gradients)
@@ -261,24 +279,7 @@ class _Rasterize(torch.autograd.Function):
             depth_gradient = (totals[p.slot_starts[1:]] - totals[p.slot_starts[:-1]]).astype(np.float32)
             more[:, M_RED:] = 0.0
             slots += more
-        outputs = [np.empty_like(parameter) for parameter in p.parameters]
-        d_screen = np.empty((count, 2), np.float32)
-        blocks = -(-count // BLOCK)
-        d_view = np.empty((blocks, 12), np.float64)
-        run(
-            project_backward,
-            blocks,
-            p.view,
-            *p.parameters,
-            p.status,
-            p.slot_starts,
-            slots,
-            depth_gradient,
-            *outputs,
-            d_screen,
-            d_view,
-            grain=4,
-        )
+        outputs, d_screen, d_view = parameters_backward(p, slots, depth_gradient)
         ctx.screen.mean_gradient = torch.from_numpy(d_screen)
         d_pose = None
         if ctx.pose_dtype is not None and ctx.needs_input_grad[9]:

@@ -22,12 +22,12 @@ from .cpu import (
     depth_splats,
     new_splats,
     numpy_parameters,
+    parameters_backward,
     project_and_sort,
     view_vector,
 )
 from .layers_kernels import add_layer, count_in_layer, list_layer, splats_in_layer
-from .projection_backward_kernels import project_backward
-from .projection_kernels import BLOCK, CULL_REASONS
+from .projection_kernels import CULL_REASONS
 from .reference import layers_with
 
 #: Gaussians, and pairs of one and a tile, that are worth a call to a thread.
@@ -121,7 +121,7 @@ class _RasterizeLayers(torch.autograd.Function):
         return tuple(torch.from_numpy(one) for one in (planes, image, 1.0 - transmittance, depth))  # type: ignore[return-value]
 
     @staticmethod
-    def backward(ctx: Any, d_planes: Tensor, d_image: Tensor, d_alpha: Tensor, _: Tensor) -> Any:  # type: ignore[override]
+    def backward(ctx: Any, d_planes: Tensor, d_image: Tensor, d_alpha: Tensor, d_depth: Tensor) -> Any:  # type: ignore[override]
         p: Projected = ctx.projected
         came, in_image, in_alpha = (gradient.contiguous().numpy() for gradient in (d_planes, d_image, d_alpha))
         image, transmittance, blended = ctx.view
@@ -133,23 +133,7 @@ class _RasterizeLayers(torch.autograd.Function):
             both, own = layer.back(splats, shown, part), layer.lists.pairs
             where = p.splats, ctx.place, layer.k, layer.slots
             run(add_layer, len(own), own, *both, *where, slots, in_slots, grain=_GRAIN)
-        outputs, d_screen = [np.empty_like(one) for one in p.parameters], np.empty((len(p.status), 2), np.float32)
-        blocks = -(-len(p.status) // BLOCK)
-        d_view, nothing = np.empty((blocks, 12), np.float64), np.zeros(0, np.float32)
-        run(
-            project_backward,
-            blocks,
-            p.view,
-            *p.parameters,
-            p.status,
-            p.slot_starts,
-            slots,
-            nothing,
-            *outputs,
-            d_screen,
-            d_view,
-            grain=4,
-        )
+        outputs, d_screen, _ = parameters_backward(p, slots)
         ctx.screen.mean_gradient = torch.from_numpy(d_screen)
         sums = np.concatenate(([0.0], np.cumsum(in_slots, dtype=np.float64)))
         d_place = (sums[p.slot_starts[1:]] - sums[p.slot_starts[:-1]]).astype(np.float32)

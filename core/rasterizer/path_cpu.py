@@ -16,9 +16,18 @@ from ..constants import TILE, TILE_ROWS
 from ..gaussians import Gaussians
 from ..rendering import RasterSettings, RenderedPath, ScreenStatistics
 from .binning_kernels import begin_pairs, depth_order, list_seen
-from .cpu import PARTS, Floats, Projected, blend, blend_backward, new_splats, numpy_parameters, view_vector
+from .cpu import (
+    PARTS,
+    Floats,
+    Projected,
+    blend,
+    blend_backward,
+    new_splats,
+    numpy_parameters,
+    parameters_backward,
+    view_vector,
+)
 from .path_kernels import STRAY_WIDTH, count_swept, follow, moved_splats, place_swept
-from .projection_backward_kernels import project_backward
 from .projection_kernels import BLOCK, CULL_REASONS, RECORD_WIDTH, project
 
 #: By how much of its larger side a frame is widened where Gaussians are projected: what the path brings into view.
@@ -130,23 +139,8 @@ class _RasterizePath(torch.autograd.Function):
         for k, (frame, transmittance, blended) in enumerate(ctx.kept):
             run(moved_splats, count, shared.splats, ctx.found.centres[k], splats, grain=_GRAIN)
             slots = blend_backward(frame, splats, ctx.images[k], transmittance, blended, (came[k], no_alpha), slots)
-        outputs, d_screen = [np.empty_like(p) for p in shared.parameters], np.empty((count, 2), np.float32)
-        blocks = -(-count // BLOCK)
-        d_view = np.empty((blocks, 12), np.float64)
-        run(
-            project_backward,
-            blocks,
-            shared.view,
-            *shared.parameters,
-            shared.status,
-            shared.slot_starts,
-            slots,
-            np.zeros(0, np.float32),
-            *outputs,
-            d_screen,
-            d_view,
-            grain=4,
-        )
+        assert slots is not None  # (a path has a frame)
+        outputs, d_screen, _ = parameters_backward(shared, slots)
         ctx.screen.mean_gradient = torch.from_numpy(d_screen)
         return (None, None, None, None, None, *(torch.from_numpy(o) for o in outputs))
 

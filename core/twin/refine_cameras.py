@@ -10,7 +10,7 @@ Blurred photos' brightness alone is no judge: where cameras of a real set were o
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -151,16 +151,13 @@ def refine_cameras(
     kept = nearer.clear and float(gain.mean()) > -2.0 * error
     given = {view.name: view.camera for view in [*views, *judges]}
     tried = {**cameras[1], **placed[1]}
-    still = align_similarity(cameras[1], {view.name: view.camera for view in views})
-    off = {view.name: still.points(cameras[1][view.name].centre) - view.camera.centre for view in views}
-    px = [np.linalg.norm(off[view.name]) / trainer.scale.size * view.camera.fx for view in views]
     ratio = cameras[1][views[0].name].fx / views[0].camera.fx
     return Refined(
         kept,
         tried if kept else given,
         tried,
         float(ratio - 1.0),
-        float(np.median(px)),
+        _moved_px(views, cameras[1], trainer.scale.size),
         float(losses[0].mean()),
         float(losses[1].mean()),
         error,
@@ -170,6 +167,13 @@ def refine_cameras(
         nearer.error if np.isfinite(nearer.error) else None,
         tuple(view.name for view in judges),
     )
+
+
+def _moved_px(views: Sequence[View], cameras: Mapping[str, Camera], distance: float) -> float:
+    """px at a distance, median, between the centres of cameras and those of the views, without the world's own move."""
+    still = align_similarity(cameras, {view.name: view.camera for view in views})
+    off = [still.points(cameras[view.name].centre) - view.camera.centre for view in views]
+    return float(np.median([np.linalg.norm(o) / distance * v.camera.fx for o, v in zip(off, views, strict=True)]))
 
 
 @dataclass(frozen=True)

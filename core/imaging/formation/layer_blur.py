@@ -27,7 +27,7 @@ from .occluding import OCCLUDING, Shape, covered, ladder_of, on_rung, rung_of
 
 #: From which layer on one hides those behind it: neighbours share Gaussians.
 _HIDES = 2
-#: Share of a px below which the colour of what covers it is not asked for.
+#: Share of a px below which the colour of what covers it is not asked for: a guard, nothing else was compared.
 _LEAST = 1e-3
 #: Rows that are worth a call to a thread.
 _ROWS = 8
