@@ -62,3 +62,17 @@ class Camera:
     def moved(self, rotation: NDArray[np.float64], translation: NDArray[np.float64]) -> Camera:
         """The same lens at another pose."""
         return replace(self, rotation=rotation, translation=translation)
+
+    def in_frame(self, points: NDArray[np.floating], beside: float = 0.0) -> NDArray[np.bool_]:
+        """Which points [M, 3] of the world are in front of the camera and in its frame: [M] bool.
+
+        Args:
+            beside: of the frame's sides, by which it counts as wider on each of them.
+        """
+        x, y, z = (points @ self.rotation.T + self.translation).T
+        ahead = z > 0
+        depth = np.where(ahead, z, 1.0)
+        u, v = self.fx * x / depth + self.cx, self.fy * y / depth + self.cy
+        right, down = beside * self.width, beside * self.height
+        across = (u >= -right) & (u < self.width + right)
+        return np.asarray(ahead & across & (v >= -down) & (v < self.height + down))

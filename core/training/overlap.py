@@ -11,7 +11,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..camera import Camera
 from ..numbers import number
 from ..views import SparsePoints, View, first_copies
 
@@ -51,19 +50,10 @@ def photos_of_one_side(views: Sequence[View], points: SparsePoints, settings: Ov
     nearest = np.cos(np.radians(settings.angle))
     counts = []
     for i in np.unique(np.linspace(0, len(cameras) - 1, settings.cameras).astype(int)):
-        mine = _in_frame(cameras[i], positions)
+        mine = cameras[i].in_frame(positions)
         counts.append((np.einsum("vmc,mc->vm", towards[:, mine], towards[i, mine]) >= nearest).sum(axis=0))
     found = np.concatenate(counts)
     return round(float(np.median(found))) if len(found) else len(cameras)
-
-
-def _in_frame(camera: Camera, positions: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """[M] whether points [M, 3] are in front of a camera and inside its frame."""
-    x, y, z = (positions @ camera.rotation.T + camera.translation).T
-    ahead = z > 0
-    depth = np.where(ahead, z, 1.0)
-    u, v = camera.fx * x / depth + camera.cx, camera.fy * y / depth + camera.cy
-    return np.asarray(ahead & (u >= 0) & (u < camera.width) & (v >= 0) & (v < camera.height))
 
 
 def _unit(vectors: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -63,6 +63,7 @@ from .schedule import harmonics_degree
 from .settings import TrainingSettings, calm_end, rates_of_long_runs, smoothed_for, smoothness, start_share, trust
 from .through_glass import GlassObjective, behind_glass
 from .twin_tracks import LaidBeside, Sighting, carried, sighted
+from .veils import veils
 
 
 @dataclass(frozen=True)
@@ -165,8 +166,8 @@ class Trainer:
         self.step = 0
         self.repairs: dict[str, int] = {}
         self.culled: dict[str, int] = {}
-        # how often all photos were asked, what went since none needed it, how often cameras were adjusted, and whether
-        # cameras that were given were contradicted (2) or not (1)
+        # how often all photos were asked, what went since none needed it or as a veil, how often cameras were adjusted,
+        # and whether cameras that were given were contradicted (2) or not (1)
         self.asked = {"photos": 0, "unneeded": 0, "adjusted": 0, "dropout": 0, "given": 0}
         self._origin: dict[str, Any] | None = None
 
@@ -591,7 +592,7 @@ class Trainer:
 
     def ask_photos(self, share: float) -> None:
         """Asks all photos what they see of each Gaussian, where a share in [0, 1] of the run makes it due, and goes on
-        without those that none of them needs."""
+        without those that none of them needs, and without veils (`training.veils`)."""
         if self.asked["photos"] >= due(share, self.settings.steps, len(self.views)):
             return
         level = self.levels[0]
@@ -600,7 +601,8 @@ class Trainer:
         chosen = [level.views[i * len(level.views) // count] for i in range(count)]
         photos = [(view.camera.with_margin(level.margin), self._counting(view, level.margin)) for view in chosen]
         settings = replace(self.raster_settings(level), depth=False)
-        rows = torch.nonzero(needed(self._seen(photos, settings)))[:, 0]
+        wanted = needed(self._seen(photos, settings)) & ~self._veils([view.camera for view in chosen])
+        rows = torch.nonzero(wanted)[:, 0]
         before = len(self.optimizer.gaussians)
         if 0 < len(rows) < before:
             self.density.keep(self.optimizer, rows)
@@ -692,6 +694,16 @@ class Trainer:
         found = seen_by(gaussians, own, settings) if own else SeenByPhotos.nothing(len(gaussians), self.device)
         self.ranks.add(list(found.sums()))
         return found
+
+    def _veils(self, cameras: Sequence[Camera]) -> torch.Tensor:
+        """[N] bool: Gaussians that are veils before photos' cameras, on all ranks the same."""
+        points = self.scale.points_to_unit(self.points.positions)
+        found = torch.from_numpy(veils(self.optimizer.gaussians.means.detach().cpu().numpy(), cameras, points))
+        if not self.ranks.alone:  # (centres differ in last digits where processors differ)
+            ranks = found.float()
+            self.ranks.add([ranks])
+            found = ranks > self.ranks.count - 0.5
+        return found.to(self.device)
 
     def _counting(self, view: GridView, margin: int) -> torch.Tensor | None:
         """[H + 2m, W + 2m] float32: 1 for the px that count in a photo; None for all of them."""
