@@ -700,9 +700,9 @@ class Trainer:
         points = self.scale.points_to_unit(self.points.positions)
         found = torch.from_numpy(veils(self.optimizer.gaussians.means.detach().cpu().numpy(), cameras, points))
         if not self.ranks.alone:  # (centres differ in last digits where processors differ)
-            ranks = found.float()
-            self.ranks.add([ranks])
-            found = ranks > self.ranks.count - 0.5
+            agreeing = found.float()
+            self.ranks.add([agreeing])
+            found = agreeing > self.ranks.count - 0.5
         return found.to(self.device)
 
     def _counting(self, view: GridView, margin: int) -> torch.Tensor | None:

@@ -32,6 +32,8 @@ def start(tmp_path):
         "fine",
         "--max-gaussians",
         "2000",
+        "--effects",
+        "none",
         "--progress",
         "json",
         "--control",
