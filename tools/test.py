@@ -4,9 +4,9 @@
     .venv/bin/python tools/test.py [--jobs N] [pytest arguments]
 
 Files of one folder share a process, as each spends seconds on its imports. One process more than there are cores at a
-time, as they wait for the processes that they start. What failed is printed whole, the rest in a line each. A process that hangs is
-ended, says what each of its threads was at, and is begun anew, once. The last line is the sum of all: `N passed, N
-failed, N skipped`.
+time, as they wait for the processes that they start. What failed is printed whole, the rest in a line each. A process
+that hangs is ended, says what each of its threads was at, and is begun anew, once. The last line is the sum of all:
+`N passed, N failed, N skipped`.
 """
 
 from __future__ import annotations
