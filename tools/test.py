@@ -3,10 +3,10 @@
 
     .venv/bin/python tools/test.py [--jobs N] [pytest arguments]
 
-Files of one folder share a process, as each spends seconds on its imports. One process more than there are cores at a
-time, as they wait for the processes that they start. What failed is printed whole, the rest in a line each. A process
-that hangs is ended, says what each of its threads was at, and is begun anew, once. The last line is the sum of all:
-`N passed, N failed, N skipped`.
+Files of one folder share a process, as each spends seconds on its imports. As many processes at a time as there are
+cores. What failed is printed whole, the rest in a line each. A process that hangs is
+ended, says what each of its threads was at, and is begun anew, once. The last line is the sum of all: `N passed, N
+failed, N skipped`.
 """
 
 from __future__ import annotations
@@ -33,9 +33,7 @@ LONG = (
 NOTHING_SELECTED = 5
 #: Seconds that a process may take: three times those of the longest one on two cores. The limit of pytest for a test
 #: raises in the main thread, which does not end one that waits for a stuck thread.
-LIMIT = 1200.0
-#: Processes besides one for each core.
-WAITING = 1
+LIMIT = 900.0
 #: Seconds that a process may take to say what each of its threads was at.
 LAST_WORDS = 20.0
 
@@ -156,7 +154,7 @@ def report(ran: Ran) -> None:
 
 def main() -> int:
     """Runs everything; 1 if anything failed or nothing ran."""
-    arguments, jobs = sys.argv[1:], len(os.sched_getaffinity(0)) + WAITING
+    arguments, jobs = sys.argv[1:], len(os.sched_getaffinity(0))
     if arguments[:1] == ["--jobs"]:
         jobs, arguments = int(arguments[1]), arguments[2:]
     began, last, hung = time.perf_counter(), [], []
