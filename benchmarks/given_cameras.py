@@ -31,9 +31,9 @@ from dgs.core.progress import Silent
 from dgs.core.rasterizer import RasterSettings
 from dgs.core.rendering import Rendered
 from dgs.core.sfm.given import load_cameras
-from dgs.core.training.adjusting import SETTINGS as ADJUSTING
-from dgs.core.training.adjusting import placed_camera
-from dgs.core.training.twin_tracks import LaidBeside, sighted
+from dgs.core.training.cameras.adjusting import SETTINGS as ADJUSTING
+from dgs.core.training.cameras.adjusting import placed_camera
+from dgs.core.training.cameras.twin_tracks import LaidBeside, sighted
 from dgs.core.twin.opened import OpenedTwin, open_twin
 from dgs.core.views import View
 

@@ -26,7 +26,7 @@ from dgs.core.photos.load import load_photos
 from dgs.core.photos.undistort import undistorted_views
 from dgs.core.progress import Silent
 from dgs.core.sfm.given import load_cameras
-from dgs.core.training.pose_steps import twisted
+from dgs.core.training.cameras.pose_steps import twisted
 from dgs.core.training.settings import TrainingSettings
 from dgs.core.twin.refine_cameras import refine_cameras
 from dgs.tests.core.training.training_scenes import Scene, blurred_scene

@@ -29,7 +29,7 @@ from dgs.core.pose import Pose
 from dgs.core.progress import Silent
 from dgs.core.reconstruction import Reconstruction
 from dgs.core.sfm.given import load_cameras
-from dgs.core.training.pose_steps import twisted
+from dgs.core.training.cameras.pose_steps import twisted
 from dgs.core.training.settings import TrainingSettings
 from dgs.core.training.trainer import Trainer
 from dgs.core.twin.consensus import align_view

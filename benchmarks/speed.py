@@ -115,7 +115,7 @@ def _one_iteration(row: Row, optimizer: Any, camera: Any, blur: Any, photo: Any)
     import torch
     from dgs.core.devices import backend_named
     from dgs.core.rasterizer import render
-    from dgs.core.training.photometric import PhotometricLoss
+    from dgs.core.training.loss.photometric import PhotometricLoss
 
     backend = backend_named(row["backend"])
     rates = dict.fromkeys([*(name for name, _ in optimizer.gaussians.named()), "sh_rest"], 1e-5)
@@ -151,8 +151,8 @@ def compile_seconds(_: Row) -> Row:
     from dgs.core.imaging.operator import BlurOperator
     from dgs.core.imaging.psf import PointSpread
     from dgs.core.rasterizer import render
+    from dgs.core.training.loss.photometric import PhotometricLoss
     from dgs.core.training.optimizer import Adam
-    from dgs.core.training.photometric import PhotometricLoss
 
     from . import scene
 

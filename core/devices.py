@@ -67,7 +67,7 @@ class AdamStep:
 
 @dataclass(frozen=True)
 class Missing:
-    """What is missing in a render, as a photo has it (`core.training.objective`), and how far the photo is believed.
+    """What is missing in a render, as a photo has it (`core.training.loss.objective`), and how far it is believed.
 
     Attributes:
         values: [3, H + 2m, W + 2m]; they may be a part of a larger tensor.
@@ -89,7 +89,7 @@ class Missing:
 
 @dataclass(frozen=True)
 class LevelCurve:
-    """What a photo's levels become with another exposure (`core.training.exposures`). In the computer's memory.
+    """What a photo's levels become with another exposure (`core.training.optics.exposures`). In the computer's memory.
 
     Attributes:
         table: [3, L] sRGB, of sRGB values k / (L - 1).
@@ -199,18 +199,18 @@ class Backend(Protocol):
     def photometric(
         self, image: Tensor, photo: Tensor, valid: Tensor | None, ssim_weight: float
     ) -> tuple[SupportsFloat, Tensor]:
-        """Value and gradient [3, H, W] of MAE + SSIM between two [3, H, W] sRGB; see `core.training.photometric`.
+        """Value and gradient [3, H, W] of MAE + SSIM between two [3, H, W] sRGB; see `core.training.loss.photometric`.
 
         To ask for the value's `float` may have to wait for the device.
         """
         ...
 
     def variation_gradient(self, image: Tensor, knee: float) -> Tensor:
-        """See `core.training.variation`."""
+        """See `core.training.loss.variation`."""
         ...
 
     def speck_gradient(self, image: Tensor) -> Tensor:
-        """See `core.training.specks`."""
+        """See `core.training.loss.specks`."""
         ...
 
     def add_variation(self, into: Tensor | None, image: Tensor, knee: float, weight: float) -> Tensor:
@@ -244,7 +244,7 @@ class Backend(Protocol):
         ...
 
     def collect(self, centres: Tensor, radius: Tensor, gradients: Tensor, views: Tensor) -> None:
-        """Adds up what one view shows of each Gaussian (`core.training.density`), in place.
+        """Adds up what one view shows of each Gaussian (`core.training.density.control`), in place.
 
         Args:
             centres: [N, 2] gradient in its projected centre; radius: [N] px, 0 where it is not seen.
@@ -264,7 +264,7 @@ class Backend(Protocol):
         camera: Camera,
         settings: RasterSettings,
     ) -> None:
-        """Adds up what one photo sees of each Gaussian, in place: see `core.training.contribution.SeenByPhotos`.
+        """Adds up what one photo sees of each Gaussian, in place (`core.training.density.contribution.SeenByPhotos`).
 
         Args:
             sums: [N] each: contribution, visibility, framed.

@@ -25,10 +25,10 @@ from ..rasterizer.layers_cpu import render_layers_cpu
 from ..rasterizer.path_cpu import render_path_cpu
 from ..rendering import RasterSettings, Rendered, RenderedLayers, RenderedPath
 from ..training.adam_kernels import ROWS, RUN, adam_step
-from ..training.photometric import PhotometricLoss
-from ..training.speck_kernels import binomial, derivatives, differences, structure
-from ..training.variation import SMOOTH
-from ..training.variation_kernels import edge_directions, negative_divergence
+from ..training.loss.photometric import PhotometricLoss
+from ..training.loss.speck_kernels import binomial, derivatives, differences, structure
+from ..training.loss.variation import SMOOTH
+from ..training.loss.variation_kernels import edge_directions, negative_divergence
 from .reference import ReferenceBackend
 
 

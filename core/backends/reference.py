@@ -19,12 +19,12 @@ from ..imaging.formation.layered import layer_gathered, layer_returned, layer_we
 from ..rasterizer.depths import surface_of_centres
 from ..rasterizer.reference import render_layers_reference, render_reference
 from ..rendering import RasterSettings, Rendered, RenderedLayers, RenderedPath
-from ..training.contribution import add_seen_in_torch
-from ..training.exposures import reexposed_in_torch
+from ..training.density.contribution import add_seen_in_torch
 from ..training.guards import guarded_in_torch
-from ..training.photometric import photometric_reference
-from ..training.specks import speck_gradient_in_torch
-from ..training.variation import variation_gradient_in_torch
+from ..training.loss.photometric import photometric_reference
+from ..training.loss.specks import speck_gradient_in_torch
+from ..training.loss.variation import variation_gradient_in_torch
+from ..training.optics.exposures import reexposed_in_torch
 
 
 class ReferenceBackend:

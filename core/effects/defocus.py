@@ -1,6 +1,6 @@
 """Defocus: what is nearer or farther than the plane in focus becomes a spot instead of a point.
 
-Each photo's own focus is learned with the twin (`LensFocus`, `core.training.focus`). Where a short trial does not
+A photo's own focus is learned with the twin (`LensFocus`, `core.training.optics.focus`). Where a short trial does not
 confirm that, what tiles show of one focus that all photos share is simulated as it is (`Defocus`).
 """
 

@@ -1,4 +1,4 @@
-"""Frosted glass before the camera: given, shown by points, or its distance learned (`core.training.glass`)."""
+"""Frosted glass before the camera: given, shown by points, or its distance learned (`core.training.optics.glass`)."""
 
 from __future__ import annotations
 

@@ -14,7 +14,7 @@ from ..machine import Machine
 from ..photos.load import Photo
 from ..progress import Progress
 from ..run_settings import PresetName
-from ..training.budget import supported_gaussians
+from ..training.density.budget import supported_gaussians
 from ..training.job import TrainingJob
 from ..training.settings import BLUR_WIDTH, TrainingSettings, harmonics_for, steps_for_sharp
 from ..views import heldout_names

@@ -16,7 +16,7 @@ import numpy as np
 from ..camera import Camera
 from ..numbers import number
 from ..photos.load import Photo
-from ..training.contribution import asking
+from ..training.density.contribution import asking
 from ..training.job import TrainingJob
 from ..training.run import RUN
 from ..training.settings import start_share

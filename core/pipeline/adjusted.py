@@ -14,7 +14,7 @@ from ..imaging.formation.chain import Formation
 from ..imaging.formation.motion import motion_of
 from ..reconstruction import Reconstruction
 from ..run_settings import AdjustCameras
-from ..training.adjusting import Adjust
+from ..training.cameras.adjusting import Adjust
 from ..training.run import Trained
 from ..twin.folder import TwinFolder
 

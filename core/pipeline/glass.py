@@ -19,7 +19,7 @@ from ..inspection.glass_by_points import glass_by_points
 from ..inspection.photo_set import PhotoSet
 from ..pose import Pose
 from ..progress import Progress
-from ..training.glass import SETTINGS
+from ..training.optics.glass import SETTINGS
 from ..training.scale import scene_scale
 from ..views import SparsePoints, View
 from .effects.decision import Decision

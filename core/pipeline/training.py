@@ -12,7 +12,7 @@ from ..machine import Machine
 from ..photos.load import Photo
 from ..progress import Progress
 from ..run_settings import TrainingRequest
-from ..training.budget import supported_gaussians
+from ..training.density.budget import supported_gaussians
 from ..training.job import PlannedTraining, TrainingJob
 from ..training.ranks import ALONE, OtherRankFinishes, Ranks
 from ..training.run import RUN, Trained, train

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..rasterizer import RasterSettings
-from ..training.contribution import seen_by
+from ..training.density.contribution import seen_by
 from .messages import View
 from .shared_area import SharedArea
 from .stage import Stage

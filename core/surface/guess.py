@@ -16,7 +16,7 @@ from scipy.spatial import cKDTree
 
 from .. import compiled
 from ..numbers import number
-from ..training.initial import depth_between
+from ..training.density.initial import depth_between
 from .agreement import compared, lifted_map
 from .hull import EMPTY, Hull
 from .maps import wanted_pixels

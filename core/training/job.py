@@ -9,7 +9,7 @@ from typing import Any
 from ..imaging.formation.chain import Formation
 from ..imaging.medium import Medium
 from ..views import SparsePoints, View
-from .adjusting import Adjust
+from .cameras.adjusting import Adjust
 from .settings import TrainingSettings
 
 

@@ -15,13 +15,13 @@ from ..forward import Exposed
 from ..imaging.formation.chain import Formation
 from ..imaging.formation.exposure import Exposure
 from ..imaging.formation.focus import FocusBlur
-from .camera_paths import CameraPaths
-from .exposures import SETTINGS as EXPOSURES
-from .exposures import Asked, LearnedExposures
-from .focus import LearnedFocus
-from .glass import LearnedGlass
 from .grid import GridView
-from .kernels import LearnedKernels
+from .optics.exposures import SETTINGS as EXPOSURES
+from .optics.exposures import Asked, LearnedExposures
+from .optics.focus import LearnedFocus
+from .optics.glass import LearnedGlass
+from .optics.kernels import LearnedKernels
+from .paths.camera_paths import CameraPaths
 from .scale import SceneScale
 
 

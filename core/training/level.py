@@ -9,8 +9,8 @@ from typing import Any
 from ..errors import PsfError
 from ..imaging.spectrum import NoiseToSignal
 from .grid import GridView
-from .objective import Objective
-from .through_glass import GlassObjective
+from .loss.objective import Objective
+from .loss.through_glass import GlassObjective
 
 
 @dataclass

@@ -12,8 +12,8 @@ import torch
 from ..devices import BackendName, backend_named, tensors_on
 from ..forward import sharp_view
 from ..rasterizer import RasterSettings, with_gradient
+from .density.initial import first_gaussians
 from .grid import coarse_camera, grid_step
-from .initial import first_gaussians
 from .job import TrainingJob
 from .scale import scene_scale
 from .trainer import Trainer

@@ -32,38 +32,38 @@ from ..imaging.spectrum import NoiseToSignal, noise_to_signal
 from ..numbers import number
 from ..rasterizer import RasterSettings
 from ..views import SparsePoints, View
-from .adjusting import SETTINGS as ADJUSTING
-from .adjusting import Adjust, adjusted_cameras, contradicted, placed_camera
-from .adjusting import due as due_adjustments
 from .behind import background_of, colour_behind, without_empty
-from .camera_paths import SETTINGS as PATHS
+from .cameras.adjusting import SETTINGS as ADJUSTING
+from .cameras.adjusting import Adjust, adjusted_cameras, contradicted, placed_camera
+from .cameras.adjusting import due as due_adjustments
+from .cameras.twin_tracks import LaidBeside, Sighting, carried, sighted
 from .checkpoint import Checkpoint
-from .contrast import scene_contrast
-from .contribution import SeenByPhotos, due, needed, photos_asked, seen_by
-from .density import DensityControl
-from .dropout import DROPOUT, getting_worse, learned_by_heart, left_out
-from .finest import hold_sizes, narrowest_blur
-from .focus import SETTINGS as FOCUS
-from .focus import BlurByDepth, Seen
-from .footprint import widened
+from .density.contribution import SeenByPhotos, due, needed, photos_asked, seen_by
+from .density.control import DensityControl
+from .density.dropout import DROPOUT, getting_worse, learned_by_heart, left_out
+from .density.finest import hold_sizes, narrowest_blur
+from .density.footprint import widened
+from .density.initial import first_gaussians
+from .density.overlap import photos_of_one_side
+from .density.veils import veils
 from .grid import GRID, GridView, grid_step
 from .guards import GUARDS, drop_non_finite
-from .initial import first_gaussians
 from .kept_photos import KeptPhotos, OnDevice
-from .kernels import SETTINGS as KERNELS
 from .learned import LearnedEffects
 from .level import Level, round_variance
-from .objective import Objective
+from .loss.contrast import scene_contrast
+from .loss.objective import Objective
+from .loss.through_glass import GlassObjective, behind_glass
+from .optics.focus import SETTINGS as FOCUS
+from .optics.focus import BlurByDepth, Seen
+from .optics.kernels import SETTINGS as KERNELS
 from .optimizer import Adam
 from .origin import origin
-from .overlap import photos_of_one_side
+from .paths.camera_paths import SETTINGS as PATHS
 from .ranks import ALONE, RankLost, Ranks
 from .scale import SceneScale, scene_scale
 from .schedule import harmonics_degree
 from .settings import TrainingSettings, calm_end, rates_of_long_runs, smoothed_for, smoothness, start_share, trust
-from .through_glass import GlassObjective, behind_glass
-from .twin_tracks import LaidBeside, Sighting, carried, sighted
-from .veils import veils
 
 
 @dataclass(frozen=True)
@@ -411,7 +411,7 @@ class Trainer:
         return self._kept[1].of(view, (red, green, blue))
 
     def _hold_sizes(self) -> None:
-        """Nothing is finer than the photo that has it most in focus shows (`training.finest`)."""
+        """Nothing is finer than the photo that has it most in focus shows (`training.density.finest`)."""
         focus = self.learned.focus
         if focus is not None and focus.begun:
             gaussians, level = self.optimizer.gaussians, self.levels[-1]
@@ -519,7 +519,7 @@ class Trainer:
             self.learned.kernels.learn(view.name, exposed, photo, counts)
 
     def _find_focus(self, level: Level, share: float) -> None:
-        """Compares all photos with the twin where a share of the run makes it due; see `training.focus`."""
+        """Compares all photos with the twin where a share of the run makes it due; see `training.optics.focus`."""
         focus = self.learned.focus
         if focus is None or not focus.due(share):
             return
@@ -592,7 +592,7 @@ class Trainer:
 
     def ask_photos(self, share: float) -> None:
         """Asks all photos what they see of each Gaussian, where a share in [0, 1] of the run makes it due, and goes on
-        without those that none of them needs, and without veils (`training.veils`)."""
+        without those that none of them needs, and without veils (`training.density.veils`)."""
         if self.asked["photos"] >= due(share, self.settings.steps, len(self.views)):
             return
         level = self.levels[0]

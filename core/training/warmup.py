@@ -14,11 +14,11 @@ from ..frames import Frame
 from ..gaussians import Gaussians
 from ..imaging.psf import PointSpread
 from ..rasterizer import RasterSettings
+from .loss.photometric import PhotometricLoss
+from .loss.specks import speck_gradient
+from .loss.variation import variation_gradient
 from .optimizer import Adam
-from .photometric import PhotometricLoss
 from .settings import Rates
-from .specks import speck_gradient
-from .variation import variation_gradient
 
 
 class _View(NamedTuple):

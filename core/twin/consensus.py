@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 
 from ..evaluation.shifts import Shifts, shifts_between
 from ..numbers import number
-from ..training.bundle import Observations, aligned_camera
+from ..training.cameras.bundle import Observations, aligned_camera
+from ..training.cameras.twin_tracks import on_surface, seen_points
 from ..training.grid import GridView
 from ..training.level import Level
 from ..training.trainer import Trainer
-from ..training.twin_tracks import on_surface, seen_points
 
 Floats = NDArray[np.float64]
 

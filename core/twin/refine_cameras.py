@@ -25,8 +25,8 @@ from ..forward.compare import mask_of, mean_square
 from ..imaging.medium import Medium
 from ..numbers import number
 from ..progress import Progress
-from ..training.bundle import adjusted
-from ..training.gauge import as_first_seen
+from ..training.cameras.bundle import adjusted
+from ..training.cameras.gauge import as_first_seen
 from ..training.grid import GridView, coarse_camera
 from ..training.level import Level
 from ..training.settings import TrainingSettings

@@ -20,8 +20,8 @@ from ..reconstruction import Reconstruction
 from ..sfm.find import find_cameras
 from ..sfm.given import load_cameras
 from ..sfm.settings import SfmSettings
+from ..training.cameras.pose_steps import photometric_step, twisted
 from ..training.grid import GridView
-from ..training.pose_steps import photometric_step, twisted
 from .opened import OpenedTwin
 from .placing import SETTINGS, Placing, shared_lens
 

@@ -20,7 +20,7 @@ from .process import picture_server
 
 #: A splat that is less than so many px of a photo, all its px added up by how much they show of it, is not seen there;
 #: or less than such a share of what a splat has there on average, where most are smaller than a px. (It is the share of
-#: `core.training.contribution`, below which the training itself does without a splat.)
+#: `core.training.density.contribution`, below which the training itself does without a splat.)
 _LEAST_PX, _LEAST_SHARE = 1.0, 0.15
 #: Px that count as none at all.
 _NOTHING = 1e-6

@@ -23,7 +23,7 @@ from ...core.imaging.kernel_samples import disc
 from ...core.imaging.operator import BlurOperator
 from ...core.imaging.psf import PointSpread, point_spread_from_samples
 from ...core.rasterizer import RasterSettings, render
-from ...core.training.photometric import PhotometricLoss
+from ...core.training.loss.photometric import PhotometricLoss
 
 #: What poison is made of, besides any finite number.
 SPECIAL = np.array([np.nan, np.inf, -np.inf, 0.0, -0.0, 1e-45, -1e-45, 1.2e-38, 3.4e38, -3.4e38, 1.0, -1.0], np.float32)

@@ -16,7 +16,7 @@ from ...core.imaging.formation.kernel_convolution import convolved, gradients, k
 from ...core.imaging.formation.kernels import KERNELS, PhotoKernels
 from ...core.imaging.psf import PointSpread
 from ...core.rasterizer import RasterSettings
-from ...core.training.kernels import LearnedKernels, best_weights
+from ...core.training.optics.kernels import LearnedKernels, best_weights
 from .case import Site, case
 from .scenes import make_camera, random_scene
 

@@ -21,14 +21,14 @@ from ...core.imaging.operator import BlurOperator
 from ...core.imaging.psf import PointSpread, point_spread_from_samples
 from ...core.imaging.spectrum import NoiseToSignal
 from ...core.rasterizer import ScreenStatistics
-from ...core.training.density import DensityControl
+from ...core.training.density.control import DensityControl
 from ...core.training.guards import drop_non_finite
-from ...core.training.objective import Objective
+from ...core.training.loss.objective import Objective
+from ...core.training.loss.photometric import PhotometricLoss, photometric_reference, structural_similarity_map
+from ...core.training.loss.specks import speck_gradient
+from ...core.training.loss.variation import variation_gradient
 from ...core.training.optimizer import Adam
-from ...core.training.photometric import PhotometricLoss, photometric_reference, structural_similarity_map
 from ...core.training.settings import TrainingSettings
-from ...core.training.specks import speck_gradient
-from ...core.training.variation import variation_gradient
 from ...core.views import View
 from .case import Site, case, explained, non_finite
 from .photographed import HEIGHT, WIDTH, arc, corner_points, looking, misfit, photographs, small_set, trained_steps

@@ -18,7 +18,7 @@ from ...core.camera import Camera
 from ...core.imaging.formation.chain import Formation
 from ...core.imaging.medium import Medium
 from ...core.imaging.psf import PointSpread
-from ...core.training.photometric import PhotometricLoss
+from ...core.training.loss.photometric import PhotometricLoss
 from ...core.training.settings import TrainingSettings
 from ...core.training.trainer import Trainer
 from ...core.views import SparsePoints, View

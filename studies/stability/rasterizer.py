@@ -13,7 +13,7 @@ from ...core.camera import Camera
 from ...core.constants import ALPHA_MAXIMUM, ALPHA_MINIMUM, NEAR_PLANE
 from ...core.gaussians import Gaussians
 from ...core.rasterizer import RasterSettings
-from ...core.training.density import DENSITY
+from ...core.training.density.control import DENSITY
 from .case import ALL, Site, case, worst
 from .photographed import small_set, trained_steps
 from .scenes import against_float64, drawn, joined, make_camera, pixels_apart, random_scene, rows, single

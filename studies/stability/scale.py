@@ -15,7 +15,7 @@ from ...core.pipeline.world import near_origin
 from ...core.pose import Pose
 from ...core.rasterizer import render
 from ...core.reconstruction import Figures, Reconstruction
-from ...core.training.initial import first_gaussians
+from ...core.training.density.initial import first_gaussians
 from ...core.training.scale import SceneScale, scene_scale
 from ...core.views import SparsePoints
 from .case import Site, case, explained

@@ -15,7 +15,7 @@ from dgs.core.imaging.operator import BlurOperator
 from dgs.core.imaging.psf import PointSpread, point_spread_from_samples
 from dgs.core.imaging.psf_text import parse_psf
 from dgs.core.rasterizer import RasterSettings, render
-from dgs.core.training.photometric import PhotometricLoss, photometric_reference
+from dgs.core.training.loss.photometric import PhotometricLoss, photometric_reference
 from dgs.studies.stability.fuzz import Fuzzer, fuzz
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st

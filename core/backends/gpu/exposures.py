@@ -1,4 +1,4 @@
-"""A photo with another exposure, on the card; specified in `core.training.exposures`."""
+"""A photo with another exposure, on the card; specified in `core.training.optics.exposures`."""
 
 from __future__ import annotations
 

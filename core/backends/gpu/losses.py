@@ -8,7 +8,7 @@ from math import prod
 import numpy as np
 from torch import Tensor
 
-from ...training.variation import SMOOTH
+from ...training.loss.variation import SMOOTH
 from .blocks import Mask, blocks, is_whole
 from .card import Memory, card
 from .tensors import empty, for_shader, in_place, written
@@ -30,7 +30,7 @@ class LossOnCard:
 def photometric_on_card(
     image: Tensor, photo: Tensor, valid: Tensor | None, ssim_weight: float
 ) -> tuple[LossOnCard, Tensor]:
-    """Value and gradient [3, H, W] of MAE + SSIM; see `core.training.photometric`.
+    """Value and gradient [3, H, W] of MAE + SSIM; see `core.training.loss.photometric`.
 
     Args:
         valid: [H, W] or [3, H, W] bool, which values of the photo count; None for all. Those not finite never do.

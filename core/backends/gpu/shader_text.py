@@ -8,10 +8,10 @@ from pathlib import Path
 
 from ... import colour, constants
 from ...rasterizer.projection import SMOOTH_ALPHA_EDGE
-from ...training import photometric_kernels as window
-from ...training.contribution import LEAST_FOOTPRINT
-from ...training.photometric import FILL
-from ...training.variation import SMOOTH
+from ...training.density.contribution import LEAST_FOOTPRINT
+from ...training.loss import photometric_kernels as window
+from ...training.loss.photometric import FILL
+from ...training.loss.variation import SMOOTH
 from .layout import LAYOUT
 from .radices import passes_text
 

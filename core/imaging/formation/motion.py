@@ -223,7 +223,7 @@ class CameraMotion(Effect):
         return light
 
     def gradient(self, upstream: Tensor, light: Tensor, shot: Shot) -> Tensor:
-        """The very same gradient; how paths are learned is in `core.training.camera_paths`."""
+        """The very same gradient; how paths are learned is in `core.training.paths.camera_paths`."""
         return upstream
 
     def described(self) -> Mapping[str, object]:

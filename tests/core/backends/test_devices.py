@@ -16,10 +16,10 @@ from dgs.core.devices import AdamStep, Entry, backend_named, backend_on, choose_
 from dgs.core.errors import DeviceError
 from dgs.core.gaussians import Gaussians
 from dgs.core.rasterizer import render
+from dgs.core.training.loss.specks import speck_gradient
+from dgs.core.training.loss.variation import variation_gradient
 from dgs.core.training.optimizer import Adam
-from dgs.core.training.specks import speck_gradient
 from dgs.core.training.trainer import Trainer
-from dgs.core.training.variation import variation_gradient
 
 ROOT = Path(__file__).resolve().parents[3]
 

@@ -19,7 +19,7 @@ from dgs.core.constants import LOG_SCALE_LIMIT, SH_C2, TRANSMITTANCE_STOP
 from dgs.core.devices import AdamStep, backend_named, choose_device, tensors_on
 from dgs.core.errors import DeviceError
 from dgs.core.rasterizer import RasterSettings, render
-from dgs.core.training.contribution import seen_by
+from dgs.core.training.density.contribution import seen_by
 from dgs.studies.stability.scenes import drawn, make_camera, random_scene
 from dgs.tests.back_ends import brought_up, or_skip
 
@@ -288,7 +288,7 @@ from dgs.core.backends.gpu.card import card
 from dgs.core.devices import choose_device
 from dgs.core.errors import DeviceError
 from dgs.core.rasterizer import RasterSettings, render
-from dgs.core.training.contribution import seen_by
+from dgs.core.training.density.contribution import seen_by
 from dgs.studies.stability.scenes import make_camera, random_scene
 choose_device("gpu")
 scene = random_scene(20).to(device="gpu")

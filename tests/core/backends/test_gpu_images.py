@@ -16,9 +16,9 @@ from dgs.core.imaging.operator import BlurOperator
 from dgs.core.imaging.psf import PointSpread, point_spread_from_samples
 from dgs.core.imaging.psf_text import parse_psf
 from dgs.core.imaging.spectrum import BINS, NoiseToSignal
-from dgs.core.training.objective import Inverse, Objective
+from dgs.core.training.loss.objective import Inverse, Objective
+from dgs.core.training.loss.specks import speck_price
 from dgs.core.training.settings import TrainingSettings
-from dgs.core.training.specks import speck_price
 from dgs.tests.back_ends import brought_up, or_skip
 
 #: Of float64's largest value; single precision and other orders of sums.

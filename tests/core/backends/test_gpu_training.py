@@ -11,7 +11,7 @@ from dgs.core.devices import backend_named
 from dgs.core.forward.compare import psnr_of
 from dgs.core.imaging.formation.chain import Formation
 from dgs.core.imaging.formation.exposure import Exposure
-from dgs.core.training.exposures import SETTINGS
+from dgs.core.training.optics.exposures import SETTINGS
 from dgs.core.training.trainer import Trainer
 from dgs.studies.stability.photographed import SIGMA, small_set, trained_steps
 from dgs.tests.back_ends import or_skip

@@ -7,7 +7,7 @@ from dgs.core.pipeline.timing import NoteKeeper, Stopwatch, Untimed
 from dgs.core.pipeline.training import UNTIL_STEPS, fit_into_time, training_settings, usual_settings
 from dgs.core.progress import Silent
 from dgs.core.run_settings import ReconstructSettings
-from dgs.core.training.budget import SETTINGS as BUDGET
+from dgs.core.training.density.budget import SETTINGS as BUDGET
 from dgs.core.training.job import TrainingJob
 from dgs.core.training.settings import TrainingSettings
 from dgs.core.twin.folder import TwinFolder

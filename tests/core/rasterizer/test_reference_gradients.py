@@ -96,7 +96,7 @@ def test_from_gaussians_to_loss_through_the_medium() -> None:
     """The whole chain that training differentiates: Gaussians -> image -> PSF -> loss."""
     from dgs.core.imaging.operator import BlurOperator
     from dgs.core.imaging.psf import PointSpread
-    from dgs.core.training.photometric import photometric_reference
+    from dgs.core.training.loss.photometric import photometric_reference
 
     height, width, margin = 14, 19, 3
     camera = make_camera(width, height, 20.0)

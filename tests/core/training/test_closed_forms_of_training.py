@@ -21,22 +21,22 @@ from dgs.core.imaging.psf import PointSpread
 from dgs.core.imaging.spectrum import BINS, NoiseToSignal
 from dgs.core.rasterizer import ScreenStatistics
 from dgs.core.training.behind import mean_colour
-from dgs.core.training.contrast import MINIMUM_CONTRAST, scene_contrast
-from dgs.core.training.density import DENSITY, DensityControl, _copies
-from dgs.core.training.footprint import pixel_sizes, widened
+from dgs.core.training.density.control import DENSITY, DensityControl, _copies
+from dgs.core.training.density.footprint import pixel_sizes, widened
+from dgs.core.training.density.initial import INITIAL, first_gaussians, gaussians_at, lifted_points
 from dgs.core.training.grid import GridView, averaged, coarse_camera, coarse_view, grid_step
 from dgs.core.training.guards import non_finite_rows, out_of_range
-from dgs.core.training.initial import INITIAL, first_gaussians, gaussians_at, lifted_points
 from dgs.core.training.job import PlannedTraining
-from dgs.core.training.objective import LossAndGradient, Objective
+from dgs.core.training.loss.contrast import MINIMUM_CONTRAST, scene_contrast
+from dgs.core.training.loss.objective import LossAndGradient, Objective
+from dgs.core.training.loss.photometric import FILL, PhotometricLoss, valid_pixels
+from dgs.core.training.loss.specks import speck_gradient, speck_price
+from dgs.core.training.loss.variation import SMOOTH, variation_gradient
 from dgs.core.training.optimizer import Adam
-from dgs.core.training.photometric import FILL, PhotometricLoss, valid_pixels
 from dgs.core.training.scale import SCALE, SceneScale, scene_scale
 from dgs.core.training.schedule import SCHEDULE, Schedule
 from dgs.core.training.settings import CALM_END, LONG_RUN, TrainingSettings, rates_of_long_runs, smoothed_for
-from dgs.core.training.specks import speck_gradient, speck_price
 from dgs.core.training.trainer import Trainer
-from dgs.core.training.variation import SMOOTH, variation_gradient
 from dgs.core.views import SparsePoints, View
 from dgs.tests.core.training.training_scenes import SHORT, blurred_scene, camera_at
 from scipy.spatial.transform import Rotation

@@ -21,10 +21,10 @@ from dgs.core.imaging.spectrum import NoiseToSignal
 from dgs.core.training import run as run_module
 from dgs.core.training import trainer as trainer_module
 from dgs.core.training.level import round_variance
+from dgs.core.training.loss.specks import speck_gradient, speck_gradient_in_torch
+from dgs.core.training.loss.variation import variation_gradient, variation_gradient_in_torch
 from dgs.core.training.ranks import ALONE
-from dgs.core.training.specks import speck_gradient, speck_gradient_in_torch
 from dgs.core.training.trainer import Trainer
-from dgs.core.training.variation import variation_gradient, variation_gradient_in_torch
 
 from .test_training_runs import Listens, StopsAfter, run
 from .training_scenes import SHORT, Scene, blurred_scene

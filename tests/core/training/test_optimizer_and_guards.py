@@ -8,7 +8,7 @@ import torch
 from dgs.core.errors import NonFiniteParameter
 from dgs.core.gaussians import Gaussians
 from dgs.core.rasterizer import ScreenStatistics
-from dgs.core.training.density import DENSITY, DensityControl
+from dgs.core.training.density.control import DENSITY, DensityControl
 from dgs.core.training.guards import GUARDS, drop_non_finite, limit_sizes
 from dgs.core.training.optimizer import Adam
 from dgs.tests.core.training.training_scenes import same

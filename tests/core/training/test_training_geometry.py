@@ -10,11 +10,11 @@ from dgs.core.constants import SH_C0
 from dgs.core.imaging.medium import Medium
 from dgs.core.imaging.psf import PointSpread
 from dgs.core.rasterizer import RasterSettings, render
-from dgs.core.training.footprint import widened
+from dgs.core.training.density.footprint import widened
+from dgs.core.training.density.initial import INITIAL, first_gaussians
 from dgs.core.training.grid import averaged, coarse_camera, grid_step
-from dgs.core.training.initial import INITIAL, first_gaussians
-from dgs.core.training.specks import speck_gradient, speck_price
-from dgs.core.training.variation import SMOOTH, variation_gradient
+from dgs.core.training.loss.specks import speck_gradient, speck_price
+from dgs.core.training.loss.variation import SMOOTH, variation_gradient
 from dgs.core.views import SparsePoints
 from dgs.tests.core.training.training_scenes import HEIGHT, WIDTH, camera_at, coloured_plane
 

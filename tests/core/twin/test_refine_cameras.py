@@ -10,8 +10,8 @@ from dgs.core.camera import Camera
 from dgs.core.evaluation.poses import Similarity, align_similarity
 from dgs.core.evaluation.shifts import shifts_between
 from dgs.core.progress import Silent
-from dgs.core.training.bundle import SETTINGS, Observations, adjusted, aligned_camera
-from dgs.core.training.pose_steps import twisted
+from dgs.core.training.cameras.bundle import SETTINGS, Observations, adjusted, aligned_camera
+from dgs.core.training.cameras.pose_steps import twisted
 from dgs.core.training.settings import TrainingSettings
 from dgs.core.twin import refine_cameras as refine_cameras_module
 from dgs.core.twin.refine_cameras import Nearer, refine_cameras

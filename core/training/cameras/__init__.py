@@ -1,0 +1,1 @@
+"""The cameras, adjusted to the twin while it is trained."""

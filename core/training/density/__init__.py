@@ -1,0 +1,1 @@
+"""How many Gaussians there are, where, and how fine: they begin, split, and go."""

@@ -1,0 +1,1 @@
+"""What drives the render of a photo, and its gradients."""

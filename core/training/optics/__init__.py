@@ -1,0 +1,1 @@
+"""What else lies between the scene and each photo: exposure, focus, frosted glass, a kernel: learned with the twin."""
