@@ -18,7 +18,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
-from scipy.linalg import LinAlgError, cholesky, solve_triangular, toeplitz
+from scipy.linalg import toeplitz
 from scipy.optimize import minimize
 
 from ..evaluation.edges import fit_width
@@ -26,6 +26,10 @@ from ..numbers import BY_DEFINITION, number
 from .line_spread import LineSpread
 
 Array = NDArray[np.float64]
+#: More than any squared row: what is left of it in the corner of a bordered covariance is positive.
+_BEYOND_ALL = 1e30
+#: Covariances: those of a guess, and of three beside it.
+_KEPT = 4
 _CHOSEN_ON = "lines of 4 to 16 px on four grounds, through 5 px (benchmarks/lined_wall.py, seed 0)"
 _CHECKED_ON = "the same through 2 and 3 px, and another wall (seed 1): 94 % of 384 intervals hold; through 8 px 86 %"
 
@@ -145,37 +149,28 @@ class LineLikelihood:
         self._moments = waves @ (np.arange(self.count) - (self.count - 1) / 2)
         distances = np.arange(len(self.cells)) * self.cell
         self._sharp = [
-            [toeplitz(row) for row in _covariances(distances, waves, spread.along, length)]
+            np.stack([toeplitz(row) for row in _covariances(distances, waves, spread.along, length)])
             for length in SETTINGS.lengths
         ]
-        self._half = [[self._blurs @ sharp for sharp in each] for each in self._sharp]
-        self._whole = [[half @ self._blurs.T for half in each] for each in self._half]
+        self._half = [self._blurs @ sharp for sharp in self._sharp]
+        self._whole = [half @ self._blurs.T for half in self._half]
+        self._found: dict[tuple[float, ...], Array] = {}
 
     def loss(self, guess: LineGuess) -> float:
         """Minus the logarithm of the likelihood of a guess (and of how usual its texture's length is)."""
-        total = 0.5 * (guess.length - float(np.log(SETTINGS.length))) ** 2
-        for k, profiles in enumerate(self.profiles):
-            covariance = self._covariance(guess, k)
-            for channel, texture in enumerate(self.textures):
-                try:
-                    root = self._root(covariance, guess, float(texture))
-                except LinAlgError:
-                    return float("inf")
-                total += float(np.log(np.diag(root)).sum())
-                if k == 0:
-                    total += self._levels(root, guess, profiles[:, channel])[1]
-                else:
-                    white = solve_triangular(root, profiles[:, channel], lower=True, check_finite=False)
-                    total += 0.5 * float(white @ white)
-        return total
+        usual = 0.5 * (guess.length - float(np.log(SETTINGS.length))) ** 2
+        covariance = self._covariance(guess)
+        try:
+            first = self._levels(covariance[0], guess)
+            logs, white = whitened(covariance[1:], self.profiles[1:].transpose(0, 2, 1)[:, :, None])
+        except np.linalg.LinAlgError:
+            return float("inf")
+        return usual + first.loss + float(logs.sum()) + 0.5 * float(np.vdot(white, white))
 
     def levels(self, guess: LineGuess) -> Array:
         """[3, 3] most likely levels before, in and behind the line, of each colour of the photos."""
-        covariance, found = self._covariance(guess, 0), []
-        for channel, texture in enumerate(self.textures):
-            root = self._root(covariance, guess, float(texture))
-            found.append(self._levels(root, guess, self.profiles[0][:, channel])[0])
-        return np.asarray(SETTINGS.level + np.stack(found, axis=1) @ self.colours.T)
+        found = self._levels(self._covariance(guess)[0], guess).found
+        return np.asarray(SETTINGS.level + found.T @ self.colours.T)
 
     def middle(self) -> float:
         """px where the blurred photo has the line's middle: between its flanks, or its centre of mass."""
@@ -194,30 +189,22 @@ class LineLikelihood:
         moved = [self._shapes(replace(guess, middle=guess.middle + way * aside)) / (2 * aside) for way in (-1.0, 1.0)]
         levels = (self.levels(guess) - SETTINGS.level) @ self.colours
         falls = (moved[1] - moved[0]) @ levels
-        seen, precision = 0.0, SETTINGS.turned**-2
-        for k in range(1, len(self.profiles)):
-            covariance = self._covariance(guess, k)
-            for channel, texture in enumerate(self.textures):
-                root = self._root(covariance, guess, float(texture))
-                both = np.stack([falls[:, channel] * self._moments[k], self.profiles[k][:, channel]], axis=1)
-                white = solve_triangular(root, both, lower=True, check_finite=False)
-                seen += float(white[:, 0] @ white[:, 1])
-                precision += float(white[:, 0] @ white[:, 0])
-        return seen / precision
+        moved_by = self._moments[1:, None, None] * falls.T
+        both = np.stack([moved_by, self.profiles[1:].transpose(0, 2, 1)], axis=2)
+        _, white = whitened(self._covariance(guess)[1:], both)
+        seen, strength = (float(np.vdot(white[:, :, 0], white[:, :, k])) for k in (1, 0))
+        return seen / (SETTINGS.turned**-2 + strength)
 
-    def _root(self, covariance: Array, guess: LineGuess, texture: float) -> Array:
-        noisy = covariance * texture**2
-        noisy[np.diag_indices(len(noisy))] += float(np.exp(2 * guess.noise))
-        return np.asarray(cholesky(noisy, lower=True, check_finite=False))
-
-    def _levels(self, root: Array, guess: LineGuess, profile: Array) -> tuple[Array, float]:
-        """[3] most likely levels about the usual one, and the loss of a profile with all levels thought of."""
-        shapes = solve_triangular(root, self._shapes(guess), lower=True, check_finite=False)
-        white = solve_triangular(root, profile, lower=True, check_finite=False)
-        precision = shapes.T @ shapes + np.eye(3) / SETTINGS.spread**2
-        seen = shapes.T @ white
-        found = np.linalg.solve(precision, seen)
-        return found, 0.5 * float(white @ white - seen @ found + np.linalg.slogdet(precision)[1])
+    def _levels(self, covariance: Array, guess: LineGuess) -> _Levels:
+        """The levels of the constant cosine, whose covariance [3, N, N] is given."""
+        shapes = np.broadcast_to(self._shapes(guess).T, (3, 3, len(self.places)))
+        logs, white = whitened(covariance, np.concatenate([shapes, self.profiles[0].T[:, None]], axis=1))
+        shapes, profile = white[:, :3], white[:, 3]
+        precision = shapes @ shapes.transpose(0, 2, 1) + np.eye(3) / SETTINGS.spread**2
+        seen = np.einsum("csn,cn->cs", shapes, profile)
+        found = np.linalg.solve(precision, seen[:, :, None])[:, :, 0]
+        explained = float(np.vdot(profile, profile) - np.vdot(seen, found))
+        return _Levels(found, float(logs.sum()) + 0.5 * (explained + float(np.linalg.slogdet(precision)[1].sum())))
 
     def _shapes(self, guess: LineGuess) -> Array:
         """[N, 3] how much of each place's light is from before, in and behind the line."""
@@ -225,26 +212,75 @@ class LineLikelihood:
         behind = self.spread.edge(self.places - guess.middle - guess.width / 2)
         return np.stack([before, 1.0 - before - behind, behind], axis=1)
 
-    def _covariance(self, guess: LineGuess, k: int) -> Array:
-        """[N, N] of a cosine's profile: the texture outside the line, through the blur."""
-        edges = guess.middle - guess.width / 2, guess.middle + guess.width / 2
+    def _covariance(self, guess: LineGuess) -> Array:
+        """[K, 3, N, N] of each cosine's profile in each colour: texture outside the line, blurred, and noise."""
+        strength = (float(np.exp(guess.texture)) * self.textures[:, None, None]) ** 2
+        noise = np.eye(len(self.places)) * float(np.exp(2 * guess.noise))
+        outside = self._outside(guess.middle, guess.width, guess.length)
+        return np.asarray(outside[:, None] * strength + noise)
+
+    def _outside(self, *of: float) -> Array:
+        """`_outside_anew`, or what was found before: a search's differences by strength and noise ask for it again."""
+        if of not in self._found:
+            if len(self._found) == _KEPT:
+                del self._found[next(iter(self._found))]
+            self._found[of] = self._outside_anew(*of)
+        return self._found[of]
+
+    def _outside_anew(self, middle: float, width: float, length: float) -> Array:
+        """[K, N, N] the covariance of a texture of strength 1 without what lies in the line, through the blur.
+
+        Only the line's few cells are computed anew; linear between lengths in their logarithms.
+        """
+        edges = middle - width / 2, middle + width / 2
         left, right = self.cells - self.cell / 2, self.cells + self.cell / 2
         inside = np.clip((np.minimum(right, edges[1]) - np.maximum(left, edges[0])) / self.cell, 0.0, 1.0)
-        at = float(np.interp(guess.length, np.log(SETTINGS.lengths), np.arange(len(SETTINGS.lengths))))
+        at = float(np.interp(length, np.log(SETTINGS.lengths), np.arange(len(SETTINGS.lengths))))
         first = min(int(at), len(SETTINGS.lengths) - 2)
-        total = np.zeros((len(self.places),) * 2)
-        for index, share in ((first, first + 1 - at), (first + 1, at - first)):
-            if share > 0:
-                total += share * self._outside(index, k, inside)
-        return np.asarray(total * np.exp(2 * guess.texture))
+        share = at - first
+        cells = np.flatnonzero(inside)
+        within = slice(int(cells[0]), int(cells[-1]) + 1) if len(cells) else slice(0, 0)
 
-    def _outside(self, index: int, k: int, inside: Array) -> Array:
-        """The texture's covariance without what lies in the line: only its few cells are computed anew."""
-        within = np.flatnonzero(inside)
+        def between(kept: list[Array], *where: slice) -> Array:
+            chosen = (slice(None), *where)
+            return np.asarray((1.0 - share) * kept[first][chosen] + share * kept[first + 1][chosen])
+
         hidden = self._blurs[:, within] * inside[within]
-        crossed = hidden @ self._half[index][k][:, within].T
-        twice = hidden @ self._sharp[index][k][np.ix_(within, within)] @ hidden.T
-        return np.asarray(self._whole[index][k] - crossed - crossed.T + twice)
+        crossed = hidden @ between(self._half, slice(None), within).transpose(0, 2, 1)
+        twice = hidden @ between(self._sharp, within, within) @ hidden.T
+        return np.asarray(between(self._whole) - crossed - crossed.transpose(0, 2, 1) + twice)
+
+
+@dataclass(frozen=True)
+class _Levels:
+    """Most likely levels [3 colours, 3] about the usual one, and the loss with all levels thought of."""
+
+    found: Array
+    loss: float
+
+
+def whitened(covariance: Array, rows: Array) -> tuple[Array, Array]:
+    """Rows as seen where their covariance is one.
+
+    A Cholesky decomposition of the covariance bordered by the rows has both L and L^-1 of the rows: one call for all.
+
+    Args:
+        covariance: [..., N, N]; rows: [..., R, N].
+
+    Returns:
+        [..., N] natural logarithms of the diagonal of L, and [..., R, N] L^-1 of each row.
+
+    Raises:
+        numpy.linalg.LinAlgError: a covariance is not positive.
+    """
+    size, more = rows.shape[-1], rows.shape[-2]
+    bordered = np.zeros((*covariance.shape[:-2], size + more, size + more))
+    bordered[..., :size, :size] = covariance
+    bordered[..., size:, :size] = rows
+    corner = np.arange(size, size + more)
+    bordered[..., corner, corner] = _BEYOND_ALL
+    root = np.linalg.cholesky(bordered)
+    return np.log(np.diagonal(root, axis1=-2, axis2=-1)[..., :size]), root[..., size:, :size]
 
 
 def _covariances(distances: Array, waves: Array, blur: float, length: float) -> list[Array]:

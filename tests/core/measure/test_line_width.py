@@ -10,7 +10,7 @@ from dgs.core.camera import Camera
 from dgs.core.colour import linear_to_srgb, srgb_to_linear
 from dgs.core.imaging.psf import PointSpread, point_spread_from_samples
 from dgs.core.imaging.psf_text import parse_psf
-from dgs.core.measure.line_fit import LineGuess, LineLikelihood, cosines_along
+from dgs.core.measure.line_fit import LineLikelihood, cosines_along, whitened
 from dgs.core.measure.line_profiles import line_profiles
 from dgs.core.measure.line_spread import line_spread, widened
 from dgs.core.measure.line_width import edges_moved, width_through
@@ -147,7 +147,6 @@ def test_the_covariance_of_texture_is_that_of_drawn_textures() -> None:
     seen = line_profiles(sight, ACROSS)
     assert seen is not None
     likelihood = LineLikelihood(seen.places, seen.block, seen.spread)
-    guess = LineGuess(0.0, 8.0, 0.0, float(np.log(6.0)), float(np.log(1e-3)))
     random, size = np.random.default_rng(1), 160
     frequency = np.hypot(*np.meshgrid(*(2 * np.pi * np.fft.fftfreq(size),) * 2))
     spectrum = (frequency**2 + 6.0**-2) ** -1.5  # of exp(-r / 6) in two dimensions
@@ -162,7 +161,22 @@ def test_the_covariance_of_texture_is_that_of_drawn_textures() -> None:
         rows = slice(middle - count // 2, middle - count // 2 + count)
         drawn.append(cosines_along(count) @ blurred[rows, middle - reach : middle + reach + 1])
     variance = np.var(drawn, axis=0)
+    found = likelihood._outside(0.0, 8.0, float(np.log(6.0)))
     for k in range(3):
-        said = np.diag(likelihood._covariance(guess, k))
+        said = np.diag(found[k])
         assert np.isclose(variance[k].mean(), said.mean(), rtol=0.15), k
         assert np.isclose(variance[k][reach], said[reach], rtol=0.3), "in the line's middle"
+
+
+def test_rows_are_whitened_by_one_decomposition_of_all() -> None:
+    random = np.random.default_rng(0)
+    parts = random.standard_normal((2, 3, 5, 9))
+    covariance = parts @ parts.transpose(0, 1, 3, 2)
+    rows = random.standard_normal((2, 3, 2, 5))
+    logs, white = whitened(covariance, rows)
+    assert np.allclose(2 * logs.sum(axis=-1), np.linalg.slogdet(covariance)[1])
+    assert np.allclose(
+        white @ white.transpose(0, 1, 3, 2), rows @ np.linalg.inv(covariance) @ rows.transpose(0, 1, 3, 2)
+    )
+    with pytest.raises(np.linalg.LinAlgError):
+        whitened(-covariance, rows)

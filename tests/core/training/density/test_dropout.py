@@ -17,8 +17,8 @@ from dgs.core.training.run import train
 from dgs.core.training.trainer import Trainer
 from scipy.ndimage import gaussian_filter
 
-from ..training_scenes import SHORT, Scene, blurred_scene, same
 from ..test_training_runs import Listens, StopsAfter, run
+from ..training_scenes import SHORT, Scene, blurred_scene, same
 
 LONGER = replace(SHORT, steps=80, density_every=20)
 NOTE = "Photos that are held out get worse"
