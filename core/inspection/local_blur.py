@@ -192,14 +192,17 @@ def _drawn(x: Array, y: Array) -> Iterator[NDArray[np.int64]]:
 def _binned(x: Array, y: Array) -> tuple[Array, Array, Array]:
     """Median x, median y and its standard deviation in bins that hold equally many: tiles' scatter has long tails."""
     order = np.argsort(x, kind="stable")
-    parts = [part for part in np.array_split(order, SETTINGS.bins) if len(part) >= 3]
-    middles = np.array([float(np.median(y[part])) for part in parts])
-    scatter = np.array([1.4826 * float(np.median(np.abs(y[part] - m))) for part, m in zip(parts, middles, strict=True)])
-    counts = np.array([len(part) for part in parts])
+    each, more = divmod(len(order), SETTINGS.bins)
+    parts = order[: more * (each + 1)].reshape(more, each + 1), order[more * (each + 1) :].reshape(-1, max(each, 1))
+    rows = [of for of in parts if of.size and of.shape[1] >= 3]
+    found = [np.median(y[of], axis=1) for of in rows]
+    off = [np.median(np.abs(y[of] - m[:, None]), axis=1) for of, m in zip(rows, found, strict=True)]
+    middles, scatter = np.concatenate(found), 1.4826 * np.concatenate(off)
+    counts = np.repeat([of.shape[1] for of in rows], [len(of) for of in rows])
     deviation = np.sqrt(
         1.57 * scatter**2 / counts + SETTINGS.scene_variance**2 + (SETTINGS.scene_share * np.abs(middles)) ** 2
     )
-    return np.array([float(np.median(x[part])) for part in parts]), middles, deviation
+    return np.concatenate([np.median(x[of], axis=1) for of in rows]), middles, deviation
 
 
 def _polynomial(x: Array, y: Array, deviation: Array, degree: int) -> Array:

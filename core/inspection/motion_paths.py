@@ -21,11 +21,13 @@ from numpy.typing import NDArray
 from scipy.special import digamma, polygamma
 
 from ..colour import srgb_to_linear
+from ..compiled import run
 from ..imaging.spectral_bins import SpectralBins, frequency_plane, polar_index
 from ..numbers import BY_DEFINITION, number
 from ..photos.load import Photo
 from .evidence import judged
 from .noise_level import noise_of
+from .path_kernels import straight_shares
 
 Array = NDArray[np.float64]
 
@@ -201,8 +203,7 @@ def _power(grey: NDArray[np.float32]) -> Array:
 def _transfer(bins: _Bins, length: Array, angle: Array) -> Array:
     """[G, B] share of the power that paths [G] of `length` px along `angle` (radians) leave."""
     out = np.empty((len(length), len(bins.count)))
-    for i, (long, turn) in enumerate(zip(length, angle, strict=True)):
-        out[i] = (np.sinc(long * (np.cos(turn) * bins.fx + np.sin(turn) * bins.fy)) ** 2).mean(axis=1)
+    run(straight_shares, len(out), length * np.cos(angle), length * np.sin(angle), bins.fx, bins.fy, out, grain=8)
     return out * (1.0 - SETTINGS.leak) + SETTINGS.leak
 
 
@@ -307,8 +308,9 @@ class MotionPathFinder:
         # Far below its noise the law has no slope in the gain any more.
         change[:, 0] = np.clip(change[:, 0], -SETTINGS.farthest_gain - own[0], SETTINGS.farthest_gain - own[0])
         left = rest * self._weight[keep] - change @ a.T
-        # Student's t of four degrees: single bins may be far off.
-        cost = (2.5 * np.log1p(left**2 / 4.0)).sum(axis=1) / SETTINGS.bins_together
+        # Student's t of four degrees: single bins may be far off. (One logarithm of a product for eight of them.)
+        together = np.multiply.reduceat(1.0 + left**2 / 4.0, np.arange(0, left.shape[1], 8), axis=1)
+        cost = 2.5 * np.log(together).sum(axis=1) / SETTINGS.bins_together
         return np.asarray(cost + 0.5 * (np.square(own + change) @ prior).sum(axis=1)), np.asarray(own + change)
 
     def _find_common(self, seen: Array, noise: Array) -> None:

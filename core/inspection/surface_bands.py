@@ -17,6 +17,7 @@ from scipy.spatial import cKDTree
 
 from ..imaging.formation.glass import oblique
 from ..numbers import NOT_CHECKED, number
+from .band_kernels import interpolate, take_off_common
 from .edges import averaged
 from .spectra import SETTINGS as SPECTRA
 
@@ -100,13 +101,10 @@ class Band:
 
 def between(values: Array, point: NDArray[np.int64], photo: NDArray[np.int64]) -> Array:
     """Values without what a point has in all photos, and a photo in all points."""
-    seen = np.bincount(point)
-    values = values - (np.bincount(point, values) / seen)[point]
-    held = np.bincount(photo) + SETTINGS.photo_prior
-    for _ in range(2):
-        values = values - (np.bincount(photo, values) / held)[photo]
-        values = values - (np.bincount(point, values) / seen)[point]
-    return values
+    left = np.array(values, np.float64)
+    seen, held = np.bincount(point).astype(np.float64), np.bincount(photo) + SETTINGS.photo_prior
+    take_off_common(left, point, photo, seen, held, 2)
+    return left
 
 
 def surface_bands(photos: PhotoSet) -> list[Band]:
@@ -220,11 +218,15 @@ def _slants(photos: PhotoSet) -> Array:
 TEXTURES = np.linspace(*SETTINGS.slopes, 1 + round((SETTINGS.slopes[1] - SETTINGS.slopes[0]) / SETTINGS.slope_step))
 
 
+#: Up to which variance (over the band's squared width) the tables are fine, and how many of their places are there.
+_EVEN, _FINE = 4.0, 300
+
+
 def _response_tables() -> tuple[Array, Array, Array]:
     """Exponents of textures' power, blur's variance over the band's squared width, natural log of the power left."""
     u = np.linspace(0.002, 1.2, 1200)
     passed = np.exp(-2 * np.pi**2 * u**2) - np.exp(-2 * np.pi**2 * (u * SETTINGS.ratio) ** 2)
-    at = np.r_[np.linspace(0.0, 4.0, 300), np.linspace(4.05, 60.0, 500)]
+    at = np.r_[np.linspace(0.0, _EVEN, _FINE), np.linspace(_EVEN + 0.05, 60.0, 500)]
     laws = u ** (1.0 - TEXTURES[:, None]) * passed ** (2 * SETTINGS.order)
     left = laws @ np.exp(-4 * np.pi**2 * u[:, None] ** 2 * at)
     return TEXTURES, at, np.log(left / left[:, :1])
@@ -242,7 +244,10 @@ def response(variance: Array, slope: float = SPECTRA.slope) -> Array:
     slopes, at, left = _RESPONSES
     place = float(np.clip(np.interp(slope, slopes, np.arange(len(slopes))), 0, len(slopes) - 1.0001))
     below, share = int(place), place - int(place)
-    return np.interp(variance, at, (1.0 - share) * left[below] + share * left[below + 1])
+    found = np.empty(len(variance))
+    values = (1.0 - share) * left[below] + share * left[below + 1]
+    interpolate(variance, at, _FINE, 1.0 / (at[1] - at[0]), 1.0 / (at[-1] - at[-2]), values, found)
+    return found
 
 
 def texture_slope(bands: list[Band], lost: list[Array]) -> float:
