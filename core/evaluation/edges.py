@@ -103,6 +103,12 @@ def fit_edge(positions: ArrayLike, values: ArrayLike) -> Edge | None:
     def residual(p: Array) -> Array:
         return np.asarray(p[0] + (p[1] - p[0]) * ndtr((x - p[2]) / p[3]) - y)
 
+    def by_unknowns(p: Array) -> Array:
+        """[n, 4] derivatives of the residual."""
+        z = (x - p[2]) / p[3]
+        share, bell = ndtr(z), np.exp(-0.5 * z**2) * ((p[0] - p[1]) / (np.sqrt(2 * np.pi) * p[3]))
+        return np.stack([1.0 - share, share, bell, bell * z], axis=1)
+
     # The levels are those that the profile itself reaches: a step that goes on rising beyond what was
     # sampled would move the half-way point of a narrow line outwards without limit.
     low, high = float(y.min()) - 0.02 * spread, float(y.max()) + 0.02 * spread
@@ -111,6 +117,7 @@ def fit_edge(positions: ArrayLike, values: ArrayLike) -> Edge | None:
             residual,
             [np.clip(levels[0], low, high), np.clip(levels[1], low, high), start, 0.1 * span],
             bounds=([low, low, x[0], SETTINGS.steepest], [high, high, x[-1], span]),
+            jac=by_unknowns,
             x_scale=[spread, spread, 1.0, 1.0],
             ftol=SETTINGS.tolerance,
             xtol=SETTINGS.tolerance,

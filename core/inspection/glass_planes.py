@@ -98,11 +98,11 @@ class _Seen:
 
     def behind(self, planes: Array) -> Array:
         """[N] blur over that far behind the plane of each photo [V, 3], as wide as it is off the axis."""
-        plane = planes[self.photo]
-        nearness = plane[:, 0] * self.x + plane[:, 1] * self.y + plane[:, 2]
-        met = np.maximum(nearness, GLASS.grazing * np.abs(plane[:, 2]))
+        right, down, ahead = planes.T[:, self.photo]
+        nearness = right * self.x + down * self.y + ahead
+        met = np.maximum(nearness, GLASS.grazing * np.abs(ahead))
         tangent2 = self.x**2 + self.y**2
-        cosine = met / np.sqrt((plane**2).sum(axis=1) * (1.0 + tangent2))
+        cosine = met / np.sqrt((planes**2).sum(axis=1)[self.photo] * (1.0 + tangent2))
         wider = oblique(tangent2, np.clip(cosine, SETTINGS.seen_along, 1.0))
         return np.asarray(np.clip(1.0 - 1.0 / (met * self.depth), 0.0, None) * wider)
 

@@ -204,7 +204,8 @@ class _Problem:
         block = np.zeros((len(state.points), 3, 3))
         np.add.at(block, which, np.einsum("k,kab,kac->kbc", weight, by_point, by_point))
         block += damping * block * np.eye(3) + 1e-9 * np.eye(3)
-        inverse = sparse.block_diag(list(np.linalg.inv(block)), format="csr")
+        count = len(block)
+        inverse = sparse.bsr_matrix((np.linalg.inv(block), np.arange(count), np.arange(count + 1))).tocsr()
         through = mixed @ inverse
         point_gradient = point_side.T @ right
         matrix = (square - through @ mixed.T).toarray() + np.diag(self.prior)
