@@ -59,12 +59,25 @@ def fit_steps(begin, end, grey, row, column, direction, start, radius, fitted): 
             deviation of the width if that rms were 1, slope across and along the step; width NaN without a fit.
     """
     reach = int(math.floor(radius))
+    most = (2 * reach + 1) ** 2
+    # Row buffers, one value for each px of the piece: sums over them run in vector registers.
+    right_of, below, left = np.empty(most), np.empty(most), np.empty(most)
+    z, v, bell, share = np.empty(most), np.empty(most), np.empty(most), np.empty(most)
+    j = np.ones((UNKNOWNS, most))
+    count = 0
+    for dy in range(-reach, reach + 1):
+        for dx in range(-reach, reach + 1):
+            if dx * dx + dy * dy <= radius * radius:
+                right_of[count], below[count] = dx, dy
+                count += 1
+    j[1], j[2] = right_of, below
+    seen = np.empty(most)
     p = np.zeros(UNKNOWNS)
-    j = np.zeros(UNKNOWNS)
     normal = np.zeros((UNKNOWNS, UNKNOWNS))
     damped = np.zeros((UNKNOWNS, UNKNOWNS))
     right = np.zeros(UNKNOWNS)
     step = np.zeros(UNKNOWNS)
+    weights = float(count)
     for n in range(begin, end):
         r0, c0 = row[n], column[n]
         fitted[n, 0] = np.nan
@@ -73,50 +86,53 @@ def fit_steps(begin, end, grey, row, column, direction, start, radius, fitted): 
         # Level and height from the two sides.
         cosine, sine = math.cos(p[5]), math.sin(p[5])
         low, high, lows, highs = 0.0, 0.0, 0, 0
-        for dy in range(-reach, reach + 1):
-            for dx in range(-reach, reach + 1):
-                if dx * dx + dy * dy > radius * radius:
-                    continue
-                u = dx * cosine + dy * sine
-                if u > start:
-                    high += grey[r0 + dy, c0 + dx]
-                    highs += 1
-                elif u < -start:
-                    low += grey[r0 + dy, c0 + dx]
-                    lows += 1
+        for m in range(count):
+            seen[m] = grey[r0 + int(below[m]), c0 + int(right_of[m])]
+            u = right_of[m] * cosine + below[m] * sine
+            if u > start:
+                high += seen[m]
+                highs += 1
+            elif u < -start:
+                low += seen[m]
+                lows += 1
         if lows == 0 or highs == 0:
             continue
         p[0] = low / lows
         p[3] = high / highs - p[0]
         good = False
-        rest, weights = 0.0, 0.0
+        rest = 0.0
         for _ in range(STEPS):
-            normal[:] = 0.0
-            right[:] = 0.0
-            rest, weights = 0.0, 0.0
             cosine, sine = math.cos(p[5]), math.sin(p[5])
-            for dy in range(-reach, reach + 1):
-                for dx in range(-reach, reach + 1):
-                    square = dx * dx + dy * dy
-                    if square > radius * radius:
-                        continue
-                    u = dx * cosine + dy * sine
-                    v = dy * cosine - dx * sine
-                    z = (u - p[4] - 0.5 * p[6] * v * v) / p[7]
-                    bell = p[3] * math.exp(-0.5 * z * z) / (_ROOT_2_PI * p[7])
-                    share = 0.5 * (1.0 + math.erf(z / _ROOT_2))
-                    left = grey[r0 + dy, c0 + dx] - (p[0] + p[1] * dx + p[2] * dy + p[3] * share)
-                    j[0], j[1], j[2], j[3] = 1.0, dx, dy, share
-                    j[4] = -bell
-                    j[5] = bell * (v + p[6] * v * u)
-                    j[6] = -0.5 * v * v * bell
-                    j[7] = -bell * z
-                    rest += left * left
-                    weights += 1.0
-                    for a in range(UNKNOWNS):
-                        right[a] += j[a] * left
-                        for b in range(a + 1):
-                            normal[a, b] += j[a] * j[b]
+            for m in range(count):
+                u = right_of[m] * cosine + below[m] * sine
+                v[m] = below[m] * cosine - right_of[m] * sine
+                z[m] = (u - p[4] - 0.5 * p[6] * v[m] * v[m]) / p[7]
+                j[5, m] = v[m] * (1.0 + p[6] * u)
+            for m in range(count):
+                bell[m] = math.exp(-0.5 * z[m] * z[m])
+                share[m] = math.erf(z[m] / _ROOT_2)
+            size = p[3] / (_ROOT_2_PI * p[7])
+            for m in range(count):
+                bell[m] *= size
+                j[3, m] = 0.5 * (1.0 + share[m])
+                left[m] = seen[m] - (p[0] + p[1] * right_of[m] + p[2] * below[m] + p[3] * j[3, m])
+                j[4, m] = -bell[m]
+                j[5, m] *= bell[m]
+                j[6, m] = -0.5 * v[m] * v[m] * bell[m]
+                j[7, m] = -bell[m] * z[m]
+            rest = 0.0
+            for m in range(count):
+                rest += left[m] * left[m]
+            for a in range(UNKNOWNS):
+                total = 0.0
+                for m in range(count):
+                    total += j[a, m] * left[m]
+                right[a] = total
+                for b in range(a + 1):
+                    total = 0.0
+                    for m in range(count):
+                        total += j[a, m] * j[b, m]
+                    normal[a, b] = total
             for a in range(UNKNOWNS):
                 for b in range(a + 1):
                     damped[a, b] = normal[a, b]
