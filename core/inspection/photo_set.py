@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, TypeVar
@@ -10,6 +11,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from .. import compiled
 from ..colour import srgb_to_linear
 from ..numbers import number
 from ..photos.empty import background_shows
@@ -70,6 +72,12 @@ class PhotoSet:
         answer: T = self._answers[look]
         return answer
 
+    def of_each(self, look: Callable[..., T], *of: Sequence[Any]) -> list[T]:
+        """What `look` says of each photo, as many at a time as there are threads and memory for."""
+        largest = max((photo.pixels.shape[0] * photo.pixels.shape[1] for photo in self.photos), default=0)
+        with ThreadPoolExecutor(compiled.photos_at_once(largest)) as pool:
+            return list(pool.map(look, *of))
+
     @cached_property
     def looked_at(self) -> list[Photo]:
         """The photos whose spectra are read: evenly spread over the set, of the commonest size."""
@@ -120,7 +128,7 @@ class PhotoSet:
     @cached_property
     def grey_noise(self) -> list[float]:
         """Standard deviation of the noise of each of `greys`."""
-        return [noise_of(grey, self.rounding / 3.0**0.5) for grey in self.greys]
+        return self.of_each(lambda grey: noise_of(grey, self.rounding / 3.0**0.5), self.greys)
 
     @cached_property
     def blurs(self) -> list[Blur | None]:
@@ -137,7 +145,7 @@ class PhotoSet:
     @cached_property
     def powers(self) -> list[Array]:
         """Polar spectrum of each of `greys`."""
-        return [polar_power(grey) for grey in self.greys]
+        return self.of_each(polar_power, self.greys)
 
     @cached_property
     def sigma(self) -> float:
@@ -190,7 +198,10 @@ class PhotoSet:
     def motion(self) -> SetMotion | None:
         """Motion of `looked_at`; None with fewer than four photos, or too little detail."""
         finder = self._path_finder
-        return None if finder is None else set_motion({p.name: finder.path(p) for p in self.looked_at})
+        if finder is None:
+            return None
+        paths = self.of_each(finder.path, self.looked_at)
+        return set_motion({photo.name: path for photo, path in zip(self.looked_at, paths, strict=True)})
 
     @cached_property
     def motion_paths(self) -> dict[str, MotionPath]:

@@ -22,6 +22,7 @@ from .edges import averaged
 from .spectra import SETTINGS as SPECTRA
 
 if TYPE_CHECKING:
+    from ..photos.load import Photo
     from .photo_set import PhotoSet
 
 Array = NDArray[np.float64]
@@ -147,12 +148,14 @@ def _powers(light: PhotoSet, photos: PhotoSet, first: float, width: float) -> Ar
     low, high = math.log(nearer.min()), math.log(nearer.max()) + 1e-9
     ladder = np.linspace(low, high, 2 + int((high - low) / s.rung))
     out = np.full(len(observations), np.nan)
-    for photo, grey, noise in zip(light.looked_at, light.greys, light.grey_noise, strict=True):
+
+    def look(photo: Photo, grey: NDArray[np.float32], noise: float) -> None:
+        """One photo's own places of `out`."""
         if photo.name not in observations.names:
-            continue
+            return
         mine = np.flatnonzero(observations.photo == observations.names.index(photo.name))
         if not len(mine):
-            continue
+            return
         at = observations.pixel[mine].T[::-1] - 0.5
         place = np.interp(np.log(nearer[mine]), ladder, np.arange(len(ladder)))
         below = np.minimum(place.astype(int), len(ladder) - 2)
@@ -162,6 +165,8 @@ def _powers(light: PhotoSet, photos: PhotoSet, first: float, width: float) -> Ar
             rows[k] = _power_at(grey, noise, at, width * factor, s.window * first * factor)
         share, each = place - below, np.arange(len(mine))
         out[mine] = (1.0 - share) * rows[below, each] + share * rows[below + 1, each]
+
+    light.of_each(look, light.looked_at, light.greys, light.grey_noise)
     return out
 
 
