@@ -23,6 +23,30 @@ def comes_first(splats, left, right):  # type: ignore[no-untyped-def]
     return False
 
 
+@inlined
+def sort_alike(splats, order, scratch, begin, end):  # type: ignore[no-untyped-def]
+    """Sorts `order[begin:end]`, Gaussians at the same depth, by content: a stable merge sort from the bottom up.
+
+    A few are the rule. Of a flat wall that faces the camera it may be all.
+    """
+    width = 1
+    while width < end - begin:
+        for start in range(begin, end, 2 * width):
+            middle, stop = min(start + width, end), min(start + 2 * width, end)
+            left, right = start, middle
+            for to in range(start, stop):
+                take_right = right < stop and (left >= middle or comes_first(splats, order[right], order[left]))
+                if take_right:
+                    scratch[to] = order[right]
+                    right += 1
+                else:
+                    scratch[to] = order[left]
+                    left += 1
+        for i in range(begin, end):
+            order[i] = scratch[i]
+        width *= 2
+
+
 @kernel
 def list_seen(status, tile_counts, seen, slot_starts, reasons):  # type: ignore[no-untyped-def]
     """Which Gaussians are seen, where the gradient slots of each one begin, and how many have which status.
@@ -76,11 +100,12 @@ def depth_order(splats, seen, order):  # type: ignore[no-untyped-def]
             target_keys[to] = source_keys[i]
             target[to] = source[i]
     order[:] = other
-    for i in range(1, count):
-        j = i
-        while j > 0 and other_keys[j - 1] == other_keys[i] and comes_first(splats, order[j], order[j - 1]):
-            order[j], order[j - 1] = order[j - 1], order[j]
-            j -= 1
+    begin = 0
+    for i in range(1, count + 1):
+        if i == count or other_keys[i] != other_keys[begin]:
+            if i - begin > 1:
+                sort_alike(splats, order, other, begin, i)
+            begin = i
 
 
 @kernel

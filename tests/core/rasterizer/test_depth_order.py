@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import time
+
 import numpy as np
 from dgs.core.rasterizer.binning_kernels import depth_order
-from dgs.core.rasterizer.splat_kernels import DEPTH, SPLAT_WIDTH
+from dgs.core.rasterizer.splat_kernels import DEPTH, OPACITY, RED, SPLAT_WIDTH, X, Y
 
 
 def test_splats_are_sorted_by_all_bits_of_their_depth() -> None:
@@ -20,3 +22,19 @@ def test_splats_are_sorted_by_all_bits_of_their_depth() -> None:
         with np.errstate(all="raise"):
             sort(splats, seen, order)
         assert order.tolist() == seen[np.argsort(splats[seen, DEPTH], kind="stable")].tolist()
+
+
+def test_splats_at_one_depth_are_sorted_by_content_however_many() -> None:
+    """A flat wall that faces the camera: of 100,000 a picture took 5 s when each was compared with all before."""
+    random = np.random.default_rng(0)
+    columns = (X, Y, OPACITY, RED, RED + 1, RED + 2)
+    for sort, count in ((depth_order.py_func, 1), (depth_order.py_func, 37), (depth_order, 37), (depth_order, 100_000)):
+        splats = np.zeros((count, SPLAT_WIDTH), np.float32)
+        splats[:, DEPTH] = 1.0 + (random.uniform(size=count) < 0.2)  # (two walls)
+        splats[:, columns] = random.integers(0, 5, (count, len(columns)))  # (many agree in some, a few in all)
+        order, seen = np.empty(count, np.int32), np.arange(count, dtype=np.int32)
+        began = time.thread_time()
+        sort(splats, seen, order)
+        assert time.thread_time() - began < 5.0
+        keys = [splats[:, column] for column in (*columns[::-1], DEPTH)]
+        assert order.tolist() == np.lexsort(keys).tolist()
