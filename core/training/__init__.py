@@ -1,8 +1,4 @@
-"""From photos with cameras to Gaussians: `train` is the door."""
+"""From photos with cameras to Gaussians: `run.train` is the door, `job.TrainingJob` and `settings` what it is given.
 
-from __future__ import annotations
-
-from .run import Trained, train
-from .settings import Rates, TrainingSettings
-
-__all__ = ["Rates", "Trained", "TrainingSettings", "train"]
+Nothing is imported here: whoever renders needs a few kernels of this folder, and not the trainer.
+"""
