@@ -154,7 +154,7 @@ class LineLikelihood:
         ]
         self._half = [self._blurs @ sharp for sharp in self._sharp]
         self._whole = [half @ self._blurs.T for half in self._half]
-        self._found: dict[tuple[float, ...], Array] = {}
+        self._kept: dict[tuple[float, ...], Array] = {}
 
     def loss(self, guess: LineGuess) -> float:
         """Minus the logarithm of the likelihood of a guess (and of how usual its texture's length is)."""
@@ -221,11 +221,11 @@ class LineLikelihood:
 
     def _outside(self, *of: float) -> Array:
         """`_outside_anew`, or what was found before: a search's differences by strength and noise ask for it again."""
-        if of not in self._found:
-            if len(self._found) == _KEPT:
-                del self._found[next(iter(self._found))]
-            self._found[of] = self._outside_anew(*of)
-        return self._found[of]
+        if of not in self._kept:
+            if len(self._kept) == _KEPT:
+                del self._kept[next(iter(self._kept))]
+            self._kept[of] = self._outside_anew(*of)
+        return self._kept[of]
 
     def _outside_anew(self, middle: float, width: float, length: float) -> Array:
         """[K, N, N] the covariance of a texture of strength 1 without what lies in the line, through the blur.
