@@ -35,6 +35,7 @@ def test_splats_at_one_depth_are_sorted_by_content_however_many() -> None:
         order, seen = np.empty(count, np.int32), np.arange(count, dtype=np.int32)
         began = time.thread_time()
         sort(splats, seen, order)
-        assert time.thread_time() - began < 5.0
+        took = time.thread_time() - began
+        assert took < 1.0 or count < 100_000, "(20 ms are usual; the first, short ones may compile)"
         keys = [splats[:, column] for column in (*columns[::-1], DEPTH)]
         assert order.tolist() == np.lexsort(keys).tolist()
