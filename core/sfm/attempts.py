@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from ..colmap_library import pycolmap
 from ..numbers import BY_DEFINITION, number
 from ..reconstruction import CONTRADICTED, Attempt
-from . import keyframes, mapping
-from .contradictions import contradicted_share
+from . import courses, keyframes, mapping
+from .contradictions import agreement
 from .features import FEATURES, read_features, save_features
 from .job import SfmJob
 from .refine import pixel_exact
@@ -75,12 +75,12 @@ def run(job: SfmJob, say: Say) -> SfmResult:
     pycolmap.logging.minloglevel = 3
     pycolmap.logging.logtostderr = True
     started = time.perf_counter()
-    best: tuple[float, Any, Attempt] | None = None
+    best: tuple[tuple[bool, float], Any, Attempt] | None = None
     kept: tuple[Path, Recipe] | None = None
     log: list[Attempt] = []
     geometries: list[mapping.PairGeometry] = []
     for index, recipe in enumerate(recipes(job.kernel is not None)):
-        if index and time.perf_counter() - started > job.settings.time_limit:
+        if index and (time.perf_counter() - started > job.settings.time_limit or _enough(best, recipe, job)):
             break
         begun = time.perf_counter()
         recipe = lighter(recipe, job)
@@ -91,10 +91,11 @@ def run(job: SfmJob, say: Say) -> SfmResult:
         log.append(attempt)
         say(attempt=asdict(attempt))
         if model is not None and attempt.verdict in ("trusted", "incomplete", CONTRADICTED):
-            score = attempt.registered * (1.0 - attempt.contradicted) + min(0.9, attempt.points / 1e5)
+            photos = attempt.registered * (1.0 - attempt.contradicted) + min(0.9, attempt.points / 1e5)
+            score = (attempt.verdict == "trusted", photos)
             if best is None or score > best[0]:
                 best, kept = (score, model, attempt), (job.folder / f"try{index}" / DATABASE, recipe)
-        if attempt.verdict == "trusted" or geometry.rotating > SETTINGS.rotating_share:
+        if geometry.rotating > SETTINGS.rotating_share:
             break
     if best is None:
         return SfmResult("failed", explain(geometries, log, len(job.images)))
@@ -104,6 +105,14 @@ def run(job: SfmJob, say: Say) -> SfmResult:
     if kept is not None:
         save_features(output / FEATURES, read_features(kept[0]), kept[1])
     return SfmResult("done", asdict(best[2]))
+
+
+def _enough(best: tuple[tuple[bool, float], Any, Attempt] | None, following: Recipe, job: SfmJob) -> bool:
+    """Whether the recipe that follows need not be tried."""
+    if best is None or best[2].verdict != "trusted":
+        return False
+    complete = best[2].registered == len(job.images)
+    return complete or not following.for_missing or len(job.images) >= job.settings.many
 
 
 def lighter(recipe: Recipe, job: SfmJob) -> Recipe:
@@ -146,14 +155,13 @@ def _try(job: SfmJob, recipe: Recipe, index: int, say: Say) -> tuple[Any, mappin
     model = _by_keyframes(job, recipe, database, images, models, greys, count)
     if model is None:
         joined = 0
-        found = mapping.map_incrementally(job, recipe, database, images, models, count)
-        model = found[0] if found else None
+        model = courses.best(job, recipe, database, images, models, SETTINGS.contradicted_share, count)
         if model is not None and job.settings.refine.rounds > 0:
             say(stage="refinement", recipe=recipe.name)
             settings = job.settings.unfiltered() if job.kernel is None else job.settings.refine
             model = pixel_exact(model, greys, settings)
     if model is not None:
-        geometry = replace(geometry, contradicted=contradicted_share(database, model))
+        geometry = replace(geometry, contradicted=agreement(database, model).contradicted)
         model.extract_colors_for_all_images(str(images))
     shutil.rmtree(images)
     return model, geometry

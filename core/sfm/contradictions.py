@@ -31,31 +31,50 @@ class ContradictionSettings:
         " err by, blurred ones too",
         "an indoor set of 48 photos of 400 px: 0.5 to 3 px in right models, 15 to 100 px in wrong ones",
     )
+    agreed: float = number(
+        2.0,
+        "px",
+        "distance of a match from that line within which the cameras explain it; features in shaken photos err by 1",
+    )
     fewest: int = number(15, "count", "matches of a pair that is asked", "COLMAP's default for a pair")
 
 
 SETTINGS = ContradictionSettings()
 
 
-def contradicted_share(database: Path, model: Any, settings: ContradictionSettings = SETTINGS) -> float:
-    """Share of the verified pairs of placed photos whose matches the model's cameras do not explain.
+@dataclass(frozen=True)
+class Agreement:
+    """Between a model and the verified pairs that it was made from.
+
+    Attributes:
+        contradicted: share of the pairs of placed photos whose matches the cameras do not explain, in [0, 1].
+        explained: share of all pairs' matches that the cameras explain; those of photos without a place are not.
+    """
+
+    contradicted: float
+    explained: float
+
+
+def agreement(database: Path, model: Any, settings: ContradictionSettings = SETTINGS) -> Agreement:
+    """How far the model explains the verified pairs; where there is none, nothing contradicts it.
 
     Args:
         database: COLMAP's, with features and verified pairs.
         model: pycolmap's reconstruction of some of its images.
-
-    Returns:
-        In [0, 1]; 0 where there is no such pair.
     """
     placed = set(model.reg_image_ids())
     features: dict[int, Array] = {}
     bad = []
+    matched = explained = 0
     with pycolmap.Database.open(database) as store:
         ids, geometries = store.read_two_view_geometries()
         for pair, geometry in zip(ids, geometries, strict=True):
             images = pycolmap.pair_id_to_image_pair(pair)
             matches = np.asarray(geometry.inlier_matches)
-            if len(matches) < settings.fewest or not placed.issuperset(images):
+            if len(matches) < settings.fewest:
+                continue
+            matched += len(matches)
+            if not placed.issuperset(images):
                 continue
             for image in images:
                 if image not in features:
@@ -63,9 +82,11 @@ def contradicted_share(database: Path, model: Any, settings: ContradictionSettin
             first, second = (features[image][matches[:, side]] for side, image in enumerate(images))
             distance = _from_line(first, second, *(_pose(model, image) for image in images))
             cameras = [model.cameras[model.images[image].camera_id] for image in images]
+            focal = float(np.mean([c.mean_focal_length() for c in cameras]))
             allowed = settings.off * np.mean([max(c.width, c.height) / c.mean_focal_length() for c in cameras])
             bad.append(not float(np.median(distance)) <= allowed)
-    return float(np.mean(bad)) if bad else 0.0
+            explained += int(np.count_nonzero(distance * focal < settings.agreed))
+    return Agreement(float(np.mean(bad)) if bad else 0.0, explained / max(1, matched))
 
 
 def _rays(store: Any, model: Any, image: int) -> Array:

@@ -44,6 +44,9 @@ class PatchAlignmentSettings:
     minimum_points: int = number(30, "count", "fewer aligned points hold no bundle adjustment together")
     points_to_place: int = number(150, "count", "points that are looked for in a photo whose pose is still to be found")
     second_reach: float = number(2.0, "px", "that points may lie from where refined cameras expect them")
+    fewest_of_photo: int = number(
+        15, "count", "observations that agree; a photo with fewer keeps those of its features, or nothing would hold it"
+    )
     first_limit: float = number(
         4.0, "inlier limits", "that an observation may be off after the first of two bundle adjustments"
     )
@@ -65,12 +68,11 @@ def pixel_exact(model: Any, greys: dict[str, NDArray[np.float32]], settings: Ref
     views = views_of(model, greys)
     limit = max(settings.observations, settings.observations_per_photo * len(views.ids))
     tracks = longest(tracks_of(model, views), len(views.ids), limit)
-    tracks = _aligned(tracks, views, settings, settings.correlation)
-    if (
-        len(tracks.point) < settings.fewest_per_photo * len(views.ids)
-        or len(tracks.positions) < SETTINGS.minimum_points
-    ):
+    tracks, agree = _agreeing(tracks, views, settings, settings.correlation)
+    points = len(chosen(tracks, agree).positions)
+    if agree.sum() < settings.fewest_per_photo * len(views.ids) or points < SETTINGS.minimum_points:
         return model  # the patches do not agree: no reason to trust them more than the features
+    tracks = chosen(tracks, _held(tracks, agree, np.ones_like(agree), len(views.ids)))
     refined = _adjusted(model, views, tracks, settings)
     for _ in range(settings.rounds - 1):
         views = moved(views, refined)
@@ -99,6 +101,13 @@ def compile_early(settings: RefineSettings) -> None:
 
 def _aligned(tracks: PointTracks, views: ViewStack, settings: RefineSettings, correlation: float) -> PointTracks:
     """Moves all observations to where their photo agrees with the reference; drops the others."""
+    return chosen(*_agreeing(tracks, views, settings, correlation))
+
+
+def _agreeing(
+    tracks: PointTracks, views: ViewStack, settings: RefineSettings, correlation: float
+) -> tuple[PointTracks, NDArray[np.bool_]]:
+    """The tracks, their observations moved to where photos agree with the reference; and which of them [N] do agree."""
     own = tracks.view == tracks.reference[tracks.point]
     anchor = np.zeros((len(tracks.positions), 2))
     anchor[tracks.point[own]] = tracks.pixels[own]
@@ -131,7 +140,13 @@ def _aligned(tracks: PointTracks, views: ViewStack, settings: RefineSettings, co
     pixels[others[good]] = out[good, :2]
     keep = own.copy()
     keep[others[good]] = True
-    return chosen(replace(tracks, pixels=pixels), keep)
+    return replace(tracks, pixels=pixels), keep
+
+
+def _held(tracks: PointTracks, keep: NDArray[np.bool_], found: NDArray[np.bool_], photos: int) -> NDArray[np.bool_]:
+    """`keep`, and of a photo that next to nothing holds then what was `found` in it before: its features."""
+    weak = np.bincount(tracks.view[keep], minlength=photos) < SETTINGS.fewest_of_photo
+    return keep | (found & weak[tracks.view])
 
 
 def _plane_axes(normals: Floats) -> Floats:
@@ -196,7 +211,9 @@ def completed(
         return _aligned(chosen(longer, wanted), views, settings, settings.new_correlation)
     limit = max(settings.observations, settings.observations_per_photo * len(views.ids))
     longer = longest(longer, len(views.ids), 2 * limit)
-    return _aligned(longer, views, replace(settings, reach=SETTINGS.second_reach), settings.new_correlation)
+    before = observed[np.searchsorted(tracks.ids, longer.ids)[longer.point], longer.view]
+    longer, agree = _agreeing(longer, views, replace(settings, reach=SETTINGS.second_reach), settings.new_correlation)
+    return chosen(longer, _held(longer, agree, before, len(views.ids)))
 
 
 def _adjusted(model: Any, views: ViewStack, tracks: PointTracks, settings: RefineSettings) -> Any:
@@ -205,7 +222,7 @@ def _adjusted(model: Any, views: ViewStack, tracks: PointTracks, settings: Refin
     options = adjustment(settings)
     for limit in (SETTINGS.first_limit * settings.inlier, settings.inlier):
         pycolmap.bundle_adjustment(result, options)
-        _drop_misfits(result, limit)
+        _drop_misfits(result, limit, SETTINGS.first_limit * settings.inlier)
     return result
 
 
@@ -230,7 +247,7 @@ def rebuilt(model: Any, views: ViewStack, tracks: PointTracks) -> Any:
     return result
 
 
-def _drop_misfits(model: Any, limit: float) -> None:
+def _drop_misfits(model: Any, limit: float, loosest: float) -> None:
     """Removes observations more than `limit` px from where their point projects."""
     misfits = []
     for image_id in sorted(model.reg_image_ids()):
@@ -243,7 +260,10 @@ def _drop_misfits(model: Any, limit: float) -> None:
         pose = image.cam_from_world()
         local = world @ pose.rotation.matrix().T + pose.translation
         pixel = np.array(model.cameras[image.camera_id].img_from_cam(local))
-        far = ~(np.linalg.norm(pixel - seen, axis=1) <= limit) | (local[:, 2] <= 0)
+        off = np.where(local[:, 2] > 0, np.linalg.norm(pixel - seen, axis=1), np.inf)
+        far = ~(off <= limit)
+        if np.count_nonzero(~far) < SETTINGS.fewest_of_photo:
+            far = ~(off <= loosest)
         misfits += [(image_id, k) for k, bad in zip(at, far, strict=True) if bad]
     for image_id, k in misfits:
         if model.images[image_id].points2D[k].has_point3D():  # gone when its point went

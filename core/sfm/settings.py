@@ -21,6 +21,7 @@ class Recipe:
             are few (7 -> 14 of 14 on a ring of photos).
         seed: another seed takes another course through the same matches.
         every_pair: match each photo with each, in sets that are not too large for it.
+        for_missing: small sets try it also where a model is trusted, but lacks photos.
     """
 
     name: str
@@ -51,6 +52,7 @@ class Recipe:
         2000, "count", "of a pair's RANSAC at most; pairs without overlap would take all of COLMAP's 10,000"
     )
     every_pair: bool = False
+    for_missing: bool = False
     image_size: int = number(0, "px", "longest side that features are looked for on; 0 for the photos' own")
 
 
@@ -166,6 +168,10 @@ class SfmSettings:
 
 #: For sharp photos.
 PLAIN = Recipe("plain", "the photos as they are", noise_to_signal=0.0, max_features=4000)
+#: Shaken photos show each other fewer and fainter features than sharp ones do; as many matches must agree as before.
+FAINT = replace(
+    PLAIN, name="faint", reason="photos had no place: fainter features, too", peak_threshold=0.0015, for_missing=True
+)
 #: For blurred photos.
 FILTERED = Recipe("filtered", "Wiener-filtered photos, matched twice")
 #: More features from lower thresholds, and fewer matches that must agree.
@@ -197,13 +203,14 @@ UNFILTERED = replace(
 THOROUGH = replace(
     PLAIN,
     name="thorough",
-    reason="cameras were doubted: features also at twice the size, each photo with each",
+    reason="cameras were doubted, or photos had no place: features also at twice the size, each photo with each",
     first_octave=-1,
     every_pair=True,
+    for_missing=True,
 )
 RELAXED = replace(UNFILTERED, name="relaxed", reason="few features: lower thresholds")
 
 
 def recipes(blurred: bool) -> list[Recipe]:
     """What is tried, in order, until one is trusted."""
-    return [FILTERED, RELAXED_FILTER, STRONG_FILTER, UNFILTERED] if blurred else [PLAIN, THOROUGH, RELAXED]
+    return [FILTERED, RELAXED_FILTER, STRONG_FILTER, UNFILTERED] if blurred else [PLAIN, FAINT, THOROUGH, RELAXED]

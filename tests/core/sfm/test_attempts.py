@@ -163,10 +163,28 @@ def test_no_further_attempt_begins_after_the_time(tmp_path: Path, monkeypatch: p
     assert "5 photos (filtered: no model)" in result.message["what"]
 
 
-def test_sharp_photos_have_three_recipes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    tries = Tries(monkeypatch, (None, FIVE), (None, FIVE), (None, FIVE))
+def test_sharp_photos_have_four_recipes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    tries = Tries(monkeypatch, *[(None, FIVE)] * 4)
     run(job(tmp_path, kernel=None), tries.say)
-    assert [m["attempt"]["name"] for m in tries.said] == ["plain", "thorough", "relaxed"]
+    assert [m["attempt"]["name"] for m in tries.said] == ["plain", "faint", "thorough", "relaxed"]
+
+
+@pytest.mark.parametrize(("found", "many", "tried"), [((5,), 50, 1), ((4, 5), 50, 2), ((4, 4, 4), 50, 3), ((4,), 5, 1)])
+def test_photos_without_a_place_are_looked_for_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, found: tuple[int, ...], many: int, tried: int
+) -> None:
+    """By fainter and smaller features, in small sets; relaxed matches are for models that nobody trusts."""
+    tries = Tries(monkeypatch, *[(model_of(row(count), grid_points(30)), FIVE) for count in found])
+    result = run(job(tmp_path, kernel=None, many=many), tries.say)
+    assert result.message["verdict"] == "trusted" and result.message["registered"] == max(found)
+    assert [m["attempt"]["name"] for m in tries.said] == ["plain", "faint", "thorough"][:tried]
+
+
+def test_a_trusted_model_goes_before_one_of_more_photos(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    some, whole = model_of(row(4), grid_points(30)), model_of(row(5), grid_points(60))
+    doubted = (whole, replace(FIVE, contradicted=0.06))
+    tries = Tries(monkeypatch, (some, FIVE), doubted, doubted)
+    assert run(job(tmp_path, kernel=None), tries.say).message["registered"] == 4
 
 
 def test_a_model_that_pairs_contradict_is_doubted_but_better_than_none(
@@ -175,10 +193,10 @@ def test_a_model_that_pairs_contradict_is_doubted_but_better_than_none(
     whole, doubted = model_of(row(5), grid_points(40)), replace(FIVE, contradicted=0.06)
     assert verdict(whole, doubted) == CONTRADICTED
     assert verdict(whole, replace(FIVE, contradicted=0.05)) == "trusted"
-    tries = Tries(monkeypatch, (whole, replace(FIVE, contradicted=0.2)), (whole, doubted), (None, FIVE))
+    tries = Tries(monkeypatch, (whole, replace(FIVE, contradicted=0.2)), (whole, doubted), (None, FIVE), (None, FIVE))
     result = run(job(tmp_path, kernel=None), tries.say)
-    assert result.kind == "done" and len(tries.said) == 3
-    assert (result.message["name"], result.message["contradicted"]) == ("thorough", 0.06)
+    assert result.kind == "done" and len(tries.said) == 4
+    assert (result.message["name"], result.message["contradicted"]) == ("faint", 0.06)
 
 
 @pytest.mark.parametrize(("mapped", "joined"), [(20, True), (19, True), (18, False), (0, False)])

@@ -261,9 +261,9 @@ def test_points_are_not_looked_for_aside_behind_or_outside(monkeypatch: pytest.M
 
     def noted(tracks, *_):
         asked.extend(zip(tracks.point.tolist(), tracks.view.tolist(), strict=True))
-        return tracks
+        return tracks, np.ones(len(tracks.point), bool)
 
-    monkeypatch.setattr(refine, "_aligned", noted)
+    monkeypatch.setattr(refine, "_agreeing", noted)
     completed(seen, views, RefineSettings())
     new = [(point, view) for point, view in asked if view > 1]
     # Photo 2 is behind, photo 3 sees the points from aside; of what photo 4 sees only point 0 is 22 px inside.
@@ -292,19 +292,43 @@ def test_observations_that_do_not_fit_are_dropped() -> None:
     model.images[1].points2D[0].xy = model.images[1].points2D[0].xy + [0.8, 0.0]
     model.images[2].points2D[1].xy = model.images[2].points2D[1].xy + [0.0, 1.2]
     first = model.images[1].points2D[0].xy.copy()
-    _drop_misfits(model, 1.0)
+    _drop_misfits(model, 1.0, 1.0)
     assert model.compute_num_observations() == 11 and not model.images[2].points2D[1].has_point3D()
     assert model.images[1].points2D[0].has_point3D() and np.array_equal(model.images[1].points2D[0].xy, first)
-    _drop_misfits(model, 0.5)
+    _drop_misfits(model, 0.5, 0.5)
     assert model.compute_num_observations() == 10 and not model.images[1].points2D[0].has_point3D()
-    _drop_misfits(model, -1.0)  # nothing is left
+    _drop_misfits(model, -1.0, -1.0)  # nothing is left
     assert model.num_points3D() == 0
-    _drop_misfits(model, 1.0)
+    _drop_misfits(model, 1.0, 1.0)
+
+
+def test_a_photo_that_little_holds_keeps_what_is_off_by_more() -> None:
+    """Three of 16 observations are off: 13 would be too few, and those that are off by less than 4 px stay."""
+    model = model_of(CENTRES, grid_points(16))
+    for at, off in enumerate((2.0, 3.0, 5.0)):
+        model.images[2].points2D[at].xy = model.images[2].points2D[at].xy + [off, 0.0]
+    model.images[3].points2D[5].xy = model.images[3].points2D[5].xy + [2.0, 0.0]  # 15 are left without it
+    _drop_misfits(model, 1.0, 4.0)
+    kept = [[p.has_point3D() for p in model.images[number].points2D] for number in (1, 2, 3)]
+    assert all(kept[0]) and [at for at, has in enumerate(kept[1]) if not has] == [2]
+    assert [at for at, has in enumerate(kept[2]) if not has] == [5]
+
+
+def test_a_photo_whose_patches_agree_with_no_other_keeps_its_features() -> None:
+    """It would hang on nothing: its camera may go anywhere, and did."""
+    model, greys = flawed(0.0)
+    greys["0/0003.png"] = np.full_like(greys["0/0003.png"], 0.5)
+    before = model.images[3].projection_center()
+    exact = pixel_exact(model, greys, RefineSettings())
+    assert exact is not model and exact.images[3].num_points3D >= 15
+    assert np.linalg.norm(exact.images[3].projection_center() - before) < 0.01
+    views = views_of(model, greys)
+    assert 3 not in {views.ids[v] for v in _aligned(tracks_of(model, views), views, RefineSettings(), 0.8).view}
 
 
 def test_points_behind_a_camera_are_dropped() -> None:
     model = model_of([*CENTRES, (0.0, 0.0, 8.0)], grid_points(4))
-    _drop_misfits(model, 1.0)
+    _drop_misfits(model, 1.0, 1.0)
     assert model.compute_num_observations() == 12 and not any(p.has_point3D() for p in model.images[4].points2D)
 
 

@@ -24,6 +24,7 @@ from dgs.core.sfm.settings import Recipe, RefineSettings, SfmSettings, recipes
             False,
             [
                 ("plain", 0.0, 0.02 / 3, 0, 4000, 15, 100, 30, 0.25),
+                ("faint", 0.0, 0.0015, 0, 4000, 15, 100, 30, 0.25),
                 ("thorough", 0.0, 0.02 / 3, -1, 4000, 15, 100, 30, 0.25),
                 ("relaxed", 0.0, 0.0015, -1, 5000, 10, 40, 15, 0.15),
             ],
@@ -40,6 +41,7 @@ def test_recipes_ask_for_less_and_less(blurred: bool, wanted: list[tuple[object,
     assert found == wanted
     assert all(r.guided and r.seed == 0 and r.image_size == 0 and r.reason for r in recipes(blurred))
     assert [r.name for r in recipes(blurred) if r.every_pair] == ([] if blurred else ["thorough"])
+    assert [r.name for r in recipes(blurred) if r.for_missing] == ([] if blurred else ["faint", "thorough"])
 
 
 def test_settings_travel_and_may_be_hurried_or_left_out() -> None:
