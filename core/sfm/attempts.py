@@ -56,6 +56,9 @@ class TrustSettings:
         " are fewer",
         "an indoor set of 48 photos: wrong models 0.15 and 0.16, right ones 0 to 0.014",
     )
+    missing_share: float = number(
+        0.05, "share", "of the photos that a trusted model may lack without that they are looked for by other features"
+    )
     joined_share: float = number(0.25, "share", "of the photos that must join for a model, or be tied to another one")
 
 
@@ -111,7 +114,7 @@ def _enough(best: tuple[tuple[bool, float], Any, Attempt] | None, following: Rec
     """Whether the recipe that follows need not be tried."""
     if best is None or best[2].verdict != "trusted":
         return False
-    complete = best[2].registered == len(job.images)
+    complete = best[2].registered >= (1.0 - SETTINGS.missing_share) * len(job.images)
     return complete or not following.for_missing or len(job.images) >= job.settings.many
 
 

@@ -180,6 +180,18 @@ def test_photos_without_a_place_are_looked_for_again(
     assert [m["attempt"]["name"] for m in tries.said] == ["plain", "faint", "thorough"][:tried]
 
 
+def test_one_photo_in_twenty_may_be_missing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for count, tried in ((19, 1), (18, 2)):
+        twenty = replace(GOOD, images=20)
+        tries = Tries(
+            monkeypatch, (model_of(row(count), grid_points(30)), twenty), (model_of(row(20), grid_points(30)), twenty)
+        )
+        folder = tmp_path / str(count)
+        folder.mkdir()
+        run(job(folder, 20, kernel=None), tries.say)
+        assert len(tries.said) == tried
+
+
 def test_a_trusted_model_goes_before_one_of_more_photos(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     some, whole = model_of(row(4), grid_points(30)), model_of(row(5), grid_points(60))
     doubted = (whole, replace(FIVE, contradicted=0.06))
