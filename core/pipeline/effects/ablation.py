@@ -178,10 +178,13 @@ class Ablation:
         """Whether there are photos enough to judge by."""
         return sum(len(self.judged(pair)) for pair in range(SETTINGS.pairs)) >= SETTINGS.fewest_judged
 
-    def compare(self, without: Arm, with_it: Arm) -> Comparison:
+    def compare(self, without: Arm, with_it: Arm, certain: bool = False) -> Comparison:
         """`with_it` against `without`; what was kept of the same trial, where it was made before.
 
         Photos of which no px counts are no part of it.
+
+        Args:
+            certain: something else shows it beyond doubt: the trial may contradict, and need not confirm.
 
         Raises:
             Cancelled: the user asked to stop. OutputError: what it says cannot be kept.
@@ -190,7 +193,7 @@ class Ablation:
         said = self._terms.kept.get(asked)
         if said is None:
             try:
-                said = self._made(without, with_it)
+                said = self._made(without, with_it, certain)
             except _TimeIsUpError:
                 said = Comparison.not_made("the time limit leaves no time to try it")
             self._terms.kept.put(asked, said)
@@ -203,7 +206,7 @@ class Ablation:
         run = replace(self.settings, device="auto", threads=0)
         return repr((arms, self.step, run, self._full, [view.name for view in self.views]))
 
-    def _made(self, without: Arm, with_it: Arm) -> Comparison:
+    def _made(self, without: Arm, with_it: Arm, certain: bool = False) -> Comparison:
         self.course.begin(SETTINGS.pairs)
         if without.formation.learns_focus is not with_it.formation.learns_focus:
             arms = [Formation([e for e in a.formation.effects if e.place != "sensor"]) for a in (without, with_it)]
@@ -212,11 +215,14 @@ class Ablation:
         if without.formation.motion is not with_it.formation.motion:
             arms = [Formation([e for e in a.formation.effects if e.place != "sensor"]) for a in (without, with_it)]
             finer = self._finer(Arm(with_it.formation, without.masked))
-            return finer._compare_paths(Arm(arms[0]), Arm(arms[1]))
+            return finer._compare_paths(Arm(arms[0]), Arm(arms[1]), certain)
         return self._compare(without, with_it, bool(without.formation.light or with_it.formation.light))
 
-    def _compare_paths(self, without: Arm, with_it: Arm) -> Comparison:
-        """The same for the camera's motion: where hardly any photo learns a path, nothing else is trained."""
+    def _compare_paths(self, without: Arm, with_it: Arm, certain: bool = False) -> Comparison:
+        """The same for the camera's motion: where hardly any photo learns a path, nothing else is trained.
+
+        Where spectra show beyond doubt that photos moved, short trainings are enough: longer ones would only confirm.
+        """
 
         def not_found(long: Array) -> str:
             share = float((long >= SETTINGS.path_seen).mean())
@@ -228,7 +234,7 @@ class Ablation:
         self.course.begin(SETTINGS.pairs * (1.0 + (SETTINGS.longer_takes if self._longer() is not None else 0.0)))
         trial, found = self, self._compare(without, with_it, True, SETTINGS.path_gain, not_found)
         # That nothing is gained short trainings cannot say: they are too short for what a weak shake takes.
-        longer = None if found.contradicts or found.clear else self._longer()
+        longer = None if found.contradicts or found.clear or certain else self._longer()
         if longer is not None:
             short = f"{found.mean:+.2f} +- {found.error:.2f} dB"
             enough = self._terms.left() >= SETTINGS.longer_takes * self._slowest

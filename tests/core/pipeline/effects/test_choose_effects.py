@@ -205,6 +205,25 @@ def test_what_short_trainings_do_not_settle_longer_ones_do(dim, monkeypatch, gai
     assert sum("do not settle" in note for note in notes.heard) == len(pairs) - 1
 
 
+@pytest.mark.parametrize("certain", [True, False])
+def test_what_spectra_show_beyond_doubt_longer_trials_need_not_confirm(dim, monkeypatch, certain):
+    """Nor do they ask whether a path of each photo that judges explains as much: photos moved, that is seen."""
+    trials = []
+
+    def scores(self, arm, medium, pair):
+        trials.append((self.settings.steps, arm.still))
+        return 30.0 + (_DOUBTFUL if arm.formation.names else 0.0 * _DOUBTFUL)
+
+    monkeypatch.setattr(ablation.Ablation, "_scores", scores)
+    views = undistorted_views(list(dim.photos), dim.cameras)
+    trial = ablation.Ablation(views, dim.cameras.points, Medium(), TrialTerms(TrainingSettings.preset("balanced")))
+    with_it = ablation.Arm(Formation([straight_paths({view.name: (0.01, 0.0) for view in views}, 1)]))
+    found = trial.compare(ablation.Arm(), with_it, certain)
+    assert not found.contradicts and not found.confirms
+    assert ({steps for steps, _ in trials} == {ablation.SETTINGS.path_steps}) is certain
+    assert not any(still for _, still in trials)
+
+
 @pytest.mark.parametrize(("still", "confirmed"), [(0.0, True), (0.2, True), (0.6, False)])
 def test_longer_trials_ask_whether_photos_that_judge_need_more_than_a_path_of_their_own(
     dim, monkeypatch, still, confirmed

@@ -1,0 +1,144 @@
+"""Photos shaken along a twin of real photos: `python -m benchmarks.shaken_twin TWIN SET [--views 30] [--path 4 20]`.
+
+What real photos show (sand, carpet, print) no scene of the laboratory has; what a real camera's path was nobody knows.
+So a twin of sharp real photos is the world here: its renders are the truth, and light is averaged (linearly) over the
+renders along a curved path in each exposure, as many as 49. Cameras are those of the twin, of which the nearest to
+their middle are taken, and, where these are too few, ones between two neighbours. Noise and JPEG are added; views
+0, 8, 16, ... stand still. SET gets what `synthesize` writes: `photos`, `sharp`, `transforms.json` and `manifest.json`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import torch
+from dgs.core.camera import Camera
+from dgs.core.colour import linear_to_srgb, srgb_to_linear
+from dgs.core.evaluation.poses import scene_depth
+from dgs.core.formats.cameras import read_cameras
+from dgs.core.formats.ply import read_ply
+from dgs.core.formats.transforms import write_transforms
+from dgs.core.gaussians import Gaussians
+from dgs.core.rasterizer import RasterSettings, render
+from PIL import Image
+from scipy.spatial.transform import Rotation
+
+#: Renders along a path; every so many views stand still; noise (of 1) and JPEG's quality of the photos.
+RENDERS, STILL, NOISE, QUALITY = 49, 8, 0.008, 93
+#: Share of a path that comes of moving, beside turning.
+MOVING = 0.5
+
+
+@dataclass(frozen=True)
+class World:
+    """A twin: its Gaussians, its cameras, and its points [M, 3]."""
+
+    gaussians: Gaussians
+    cameras: list[Camera]
+    points: np.ndarray
+
+
+def open_world(twin: Path) -> World:
+    """The twin of a folder."""
+    model = read_cameras(twin / "cameras")
+    cameras = [camera for _, camera in sorted(model.pinholes().items())]
+    return World(Gaussians.from_cloud(read_ply(twin / "twin.ply")), cameras, np.asarray(model.points().positions))
+
+
+def chosen_cameras(world: World, count: int, width: int, random: np.random.Generator) -> list[Camera]:
+    """As many as asked for, `width` px wide."""
+    centres = np.stack([camera.centre for camera in world.cameras])
+    middle = centres[np.argmin(np.linalg.norm(centres - np.median(centres, axis=0), axis=1))]
+    nearest = np.argsort(np.linalg.norm(centres - middle, axis=1))[:count]
+    chosen = [world.cameras[at] for at in sorted(nearest)]
+    while len(chosen) < count:
+        chosen.append(_between(world.cameras, centres, random))
+    sized = [camera.resized(width, round(camera.height * width / camera.width)) for camera in chosen]
+    return [replace(camera, name=f"photo_{index:03d}.jpg") for index, camera in enumerate(sized)]
+
+
+def _between(cameras: list[Camera], centres: np.ndarray, random: np.random.Generator) -> Camera:
+    """One between a camera and one of its three neighbours."""
+    first = int(random.integers(len(cameras)))
+    second = int(random.choice(np.argsort(np.linalg.norm(centres - centres[first], axis=1))[1:4]))
+    share = random.uniform(0.25, 0.75)
+    turn = Rotation.from_matrix(cameras[second].rotation @ cameras[first].rotation.T).as_rotvec()
+    rotation = Rotation.from_rotvec(share * turn).as_matrix() @ cameras[first].rotation
+    centre = (1 - share) * centres[first] + share * centres[second]
+    return cameras[first].moved(rotation, -rotation @ centre)
+
+
+def drawn_path(camera: Camera, depth: float, length: float, random: np.random.Generator) -> np.ndarray:
+    """[RENDERS, 6] rotations and moves of the camera in its own axes, whose middle is none; `length` px at `depth`."""
+    time = np.linspace(-0.5, 0.5, RENDERS)
+    bends = np.stack([time, 1.2 * time**2 * random.normal(), 2.0 * time**3 * random.normal()], axis=1)
+    weights = random.normal(size=(6, 3)) * np.array([1.0, 0.5, 0.5])
+    weights[2] *= 0.6  # hands roll a camera, and move it towards what it sees, less than aside
+    weights[5] *= 0.5
+    path = bends @ weights.T
+    path -= path.mean(axis=0)
+    path[:, 3:] *= MOVING * depth
+    aside = path[:, [1, 0]] * [1.0, -1.0] + path[:, 3:5] / depth
+    return path * (length / (camera.fx * np.linalg.norm(np.diff(aside, axis=0), axis=1).sum()))
+
+
+def light(world: World, camera: Camera, path: np.ndarray) -> np.ndarray:
+    """[H, W, 3] linear light of an exposure along a path [N, 6]."""
+    total = np.zeros((camera.height, camera.width, 3))
+    for pose in path:
+        turn = Rotation.from_rotvec(pose[:3]).as_matrix()
+        there = camera.moved(turn @ camera.rotation, turn @ camera.translation + pose[3:])
+        with torch.no_grad():
+            picture = render(world.gaussians, there, settings=RasterSettings()).image
+        total += srgb_to_linear(np.clip(picture.permute(1, 2, 0).numpy().astype(np.float64), 0.0, 1.0))
+    return total / len(path)
+
+
+def save(path: Path, linear: np.ndarray, noise: np.ndarray | float, quality: int) -> None:
+    """An sRGB JPEG."""
+    encoded = np.clip(linear_to_srgb(linear) + noise, 0.0, 1.0)
+    Image.fromarray(np.round(encoded * 255).astype(np.uint8)).save(path, quality=quality)
+
+
+def write_set(world: World, folder: Path, cameras: list[Camera], lengths: tuple[float, float], seed: int) -> None:
+    """Photos, truth, cameras, and the manifest with each photo's path."""
+    random = np.random.default_rng(seed)
+    for name in ("photos", "sharp"):
+        (folder / name).mkdir(parents=True, exist_ok=True)
+    through = {}
+    for index, camera in enumerate(cameras):
+        depth, length = scene_depth(camera, world.points), random.uniform(*lengths)
+        path = drawn_path(camera, depth, length, random)
+        still = light(world, camera, np.zeros((1, 6)))
+        stands = index % STILL == 0
+        noise = NOISE * random.normal(size=still.shape)
+        save(folder / "photos" / camera.name, still if stands else light(world, camera, path), noise, QUALITY)
+        save(folder / "sharp" / camera.name, still, 0.0, 97)
+        through[camera.name] = {"sharp": stands, "depth": depth, "path_px": 0.0 if stands else length}
+    held = [camera.name for camera in cameras[::STILL]]
+    write_transforms(folder / "transforms.json", {camera.name: camera for camera in cameras})
+    (folder / "manifest.json").write_text(json.dumps({"held_out": held, "through": through}), encoding="utf-8")
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("twin", type=Path, help="a twin's folder, of sharp photos")
+    parser.add_argument("set", type=Path, help="folder to write")
+    parser.add_argument("--views", type=int, default=30)
+    parser.add_argument("--width", type=int, default=600, help="of the photos in px")
+    parser.add_argument("--path", type=float, nargs=2, default=(4.0, 20.0), metavar="PX", help="shortest, longest path")
+    parser.add_argument("--seed", type=int, default=0)
+    options = parser.parse_args()
+    world = open_world(options.twin)
+    cameras = chosen_cameras(world, options.views, options.width, np.random.default_rng(options.seed))
+    write_set(world, options.set, cameras, tuple(options.path), options.seed)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
