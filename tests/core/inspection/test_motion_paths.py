@@ -8,7 +8,7 @@ from dgs.benchmarks.effect_scenes import Truth, own_paths
 from dgs.core.effects import haze
 from dgs.core.effects.registry import built
 from dgs.core.inspection.haze_fit import fit_haze
-from dgs.core.inspection.motion_paths import MotionPathFinder
+from dgs.core.inspection.motion_paths import MotionPath, MotionPathFinder, SetMotion
 from dgs.core.inspection.observations import SETTINGS, _narrowed, observe_points
 from dgs.core.inspection.photo_set import PhotoSet
 
@@ -48,6 +48,21 @@ def test_another_photo_is_judged_against_the_common_spectrum(taken):
     finder = MotionPathFinder(photos.photos[:-1], photos.rounding)
     last = photos.photos[-1]
     assert finder.path(last).length == pytest.approx(photos.motion_paths[last.name].length, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("whole", "lengths", "certain"),
+    [
+        ((9.0, 1.0), [0.0] * 10, True),  # all together
+        ((11.8, 4.4), [44.0, 19.0, 17.0, 12.0] + [0.0] * 6, True),  # the longest leaves their rms uncertain
+        ((11.8, 4.4), [44.0, 19.0] + [0.0] * 8, False),  # one in five may be wrong
+        ((4.0, 0.5), [4.0] * 10, False),  # each a little longer than what shows
+    ],
+)
+def test_what_is_beyond_doubt(whole, lengths, certain):
+    paths = {f"{index}.png": MotionPath(length, 0.3 if length < 40.0 else 10.0) for index, length in enumerate(lengths)}
+    found = SetMotion(*whole, paths)
+    assert found.certain is certain
 
 
 def test_photos_without_detail_or_company_tell_nothing(taken):
