@@ -57,7 +57,7 @@ class MotionPathSettings:
     surely_moved: float = number(
         0.2,
         "share of the photos",
-        "whose own paths are so much longer that it is beyond doubt, too: the rms of all is as uncertain as the longest",
+        "whose own paths are so much longer that it is beyond doubt, too: one uncertain path makes the rms uncertain",
         "photos shaken by 4 to 20 px along twins of copr and banana: 0.29 and 0.38, the same standing still: none",
         "likewise brighton, drinks, lego and a second copr: 0.29 to 0.54; none in 19 sharp or defocused sets",
     )

@@ -378,8 +378,8 @@ class _Choice:
             return self._untried(name, more, TOO_FEW, began)
         # On the trial's coarse grid blurs that vary are below a px: they would cost time and show nothing.
         fine = [n for n, effect in self.state.simulated.items() if isinstance(effect, SpreadingEffect)]
-        arms = (Arm(state.formation(fine), state.masked()) for state in (self.state, more))
-        result = self._ablation.compare(*arms, certain=certain)
+        without, with_it = (Arm(state.formation(fine), state.masked()) for state in (self.state, more))
+        result = self._ablation.compare(without, with_it, certain)
         if not result.made:
             return self._untried(name, more, result.seen, began)
         if len(result.differences) < TRIALS.fewest_judged:
