@@ -1,8 +1,8 @@
 """Photos shaken along a twin of real photos: `python -m benchmarks.shaken_twin TWIN SET [--views 30] [--path 4 20]`.
 
-What real photos show (sand, carpet, print) no scene of the laboratory has, and what a real camera's path was is known to nobody.
-So a twin of sharp real photos is the world here: its renders are the truth, and light is averaged (linearly) over the
-renders along a curved path in each exposure, as many as 49. Cameras are those of the twin, of which the nearest to
+What real photos show (sand, carpet, print) no scene of the laboratory has, and what path a real camera took nobody can
+say. So a twin of sharp real photos is the world here: its renders are the truth, and light is averaged (linearly) over
+the renders along a curved path in each exposure, as many as 49. Cameras are those of the twin, of which the nearest to
 their middle are taken, and, where these are too few, ones between two neighbours. Noise and JPEG are added; views
 0, 8, 16, ... stand still. SET gets what `synthesize` writes: `photos`, `sharp`, `transforms.json` and `manifest.json`.
 """
