@@ -23,14 +23,13 @@ from .job import SfmJob
 from .settings import Recipe
 
 _CHOSEN = "photos shaken by 4 to 20 px: room, plant, orrery (Cycles), copr, banana (along twins of real photos)"
-_CHECKED = "CHECKED"
+_CHECKED = "likewise brighton, cans, lego, and copr by 8 to 26 px (docs/sfm.md)"
 
 
 @dataclass(frozen=True)
 class CourseSettings:
     """Of the courses after the first, which is the recipe's own."""
 
-    pose_inliers: int = number(15, "count", "matches that a photo needs to join", _CHOSEN, _CHECKED)
     pose_ratio: float = number(
         0.15, "share", "of a photo's matches that must agree for it to join", "taken over from the relaxed recipe"
     )
@@ -44,12 +43,13 @@ SETTINGS = CourseSettings()
 
 
 def lenient(recipe: Recipe, settings: CourseSettings = SETTINGS) -> Iterator[Recipe]:
-    """The recipe's other courses, by the same features and matches; the first begins as the recipe itself does."""
-    yield replace(recipe, pose_inliers=min(recipe.pose_inliers, settings.pose_inliers))
+    """The recipe's other courses, where a photo joins by as many matches as make a pair; the first begins as it does."""
+    enough = min(recipe.pose_inliers, recipe.min_inliers)
+    yield replace(recipe, pose_inliers=enough)
     for seed in range(settings.seeds):
         yield replace(
             recipe,
-            pose_inliers=min(recipe.pose_inliers, settings.pose_inliers),
+            pose_inliers=enough,
             pose_ratio=min(recipe.pose_ratio, settings.pose_ratio),
             init_inliers=min(recipe.init_inliers, settings.init_inliers),
             seed=recipe.seed + seed,

@@ -75,7 +75,7 @@ def test_no_course_leads_to_a_model(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 def test_no_course_is_taken_twice(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     mapper = Mapper(monkeypatch, None)
     best(tmp_path, job(tmp_path), database(tmp_path), RELAXED)
-    assert [r.seed for r in mapper.asked] == [0, 1, 2]
+    assert [(r.pose_inliers, r.seed) for r in mapper.asked] == [(15, 0), (10, 0), (10, 1), (10, 2)]
 
 
 def test_large_sets_try_one_other_course(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -87,6 +87,10 @@ def test_large_sets_try_one_other_course(tmp_path: Path, monkeypatch: pytest.Mon
 def test_courses_ask_for_no_more_than_their_recipe() -> None:
     eager = replace(RELAXED, pose_inliers=9, pose_ratio=0.1, init_inliers=20)
     assert {(r.pose_inliers, r.pose_ratio, r.init_inliers) for r in [*courses.lenient(eager)][1:]} == {(9, 0.1, 20)}
+
+
+def test_a_photo_joins_by_as_many_matches_as_make_a_pair() -> None:
+    assert {r.pose_inliers for r in courses.lenient(replace(PLAIN, min_inliers=11))} == {11}
 
 
 def test_the_measure_that_courses_are_chosen_by(tmp_path: Path) -> None:

@@ -24,7 +24,7 @@ from dgs.core.sfm.settings import Recipe, RefineSettings, SfmSettings, recipes
             False,
             [
                 ("plain", 0.0, 0.02 / 3, 0, 4000, 15, 100, 30, 0.25),
-                ("faint", 0.0, 0.0015, 0, 4000, 15, 100, 30, 0.25),
+                ("faint", 0.0, 0.0015, 0, 4000, 12, 100, 30, 0.25),
                 ("thorough", 0.0, 0.02 / 3, -1, 4000, 15, 100, 30, 0.25),
                 ("relaxed", 0.0, 0.0015, -1, 5000, 10, 40, 15, 0.15),
             ],
