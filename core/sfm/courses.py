@@ -43,7 +43,7 @@ SETTINGS = CourseSettings()
 
 
 def lenient(recipe: Recipe, settings: CourseSettings = SETTINGS) -> Iterator[Recipe]:
-    """The recipe's other courses, where a photo joins by as many matches as make a pair; the first begins as it does."""
+    """The recipe's other courses, where photos join by as many matches as make a pair; the first begins as it does."""
     enough = min(recipe.pose_inliers, recipe.min_inliers)
     yield replace(recipe, pose_inliers=enough)
     for seed in range(settings.seeds):

@@ -169,7 +169,7 @@ class SfmSettings:
 #: For sharp photos.
 PLAIN = Recipe("plain", "the photos as they are", noise_to_signal=0.0, max_features=4000)
 #: Shaken photos show each other fewer and fainter features than sharp ones do, and parts of a set may hang on few of
-#: them: of 205 pairs of copr and banana, shaken along their twins, one that 12 to 14 matches make is wrong, and no other.
+#: them: of 205 pairs of copr and banana, shaken along their twins, one that 12 to 14 matches make is wrong, no other
 FAINT = replace(
     PLAIN,
     name="faint",
