@@ -221,7 +221,8 @@ class Ablation:
     def _compare_paths(self, without: Arm, with_it: Arm, certain: bool = False) -> Comparison:
         """The same for the camera's motion: where hardly any photo learns a path, nothing else is trained.
 
-        Where spectra show beyond doubt that photos moved, short trainings are enough: longer ones would only confirm.
+        Where spectra show beyond doubt that photos moved, each in its way, short trainings are enough: longer ones
+        would only confirm, and what photos share is no rival.
         """
 
         def not_found(long: Array) -> str:
@@ -248,7 +249,7 @@ class Ablation:
             if found.confirms and trial is longer:
                 found = trial._against_still_photos(with_it, found)
             blurs = self.medium.blurs or without.formation.blurs
-            if found.confirms and not blurs:
+            if found.confirms and not blurs and not certain:
                 return trial._against_even_blur(without, with_it, found)
         return found
 

@@ -224,6 +224,22 @@ def test_what_spectra_show_beyond_doubt_longer_trials_need_not_confirm(dim, monk
     assert not any(still for _, still in trials)
 
 
+@pytest.mark.parametrize("certain", [True, False])
+def test_a_round_blur_that_photos_share_is_no_rival_of_what_spectra_show(dim, monkeypatch, certain):
+    """They show what photos do not share."""
+
+    def scores(self, arm, medium, pair):
+        self._lengths = [6.0] * 6
+        return 30.0 + (_CLEAR if arm.formation.names or medium.blurs else 0.0 * _CLEAR)
+
+    monkeypatch.setattr(ablation.Ablation, "_scores", scores)
+    views = undistorted_views(list(dim.photos), dim.cameras)
+    trial = ablation.Ablation(views, dim.cameras.points, Medium(), TrialTerms(SETTINGS))
+    with_it = ablation.Arm(Formation([straight_paths({view.name: (0.01, 0.0) for view in views}, 1)]))
+    found = trial.compare(ablation.Arm(), with_it, certain)
+    assert found.confirms is certain and ("round blur" in found.seen) is not certain
+
+
 @pytest.mark.parametrize(("still", "confirmed"), [(0.0, True), (0.2, True), (0.6, False)])
 def test_longer_trials_ask_whether_photos_that_judge_need_more_than_a_path_of_their_own(
     dim, monkeypatch, still, confirmed
