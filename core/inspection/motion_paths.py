@@ -59,7 +59,7 @@ class MotionPathSettings:
         "share of the photos",
         "whose own paths are so much longer that it is beyond doubt, too: one uncertain path makes the rms uncertain",
         "photos shaken by 4 to 20 px along twins of copr and banana: 0.29 and 0.38, the same standing still: none",
-        "likewise brighton, drinks, lego and a second copr: 0.29 to 0.54; none in 19 sharp or defocused sets",
+        "likewise brighton, drinks, lego, copr again: 0.29 to 0.54; none in 25 sharp, evenly blurred, defocused sets",
     )
     unseen: float = number(
         0.3, "px", "what the lengths of a whole set leave uncertain: paths of 1 or 2 px are neither seen nor excluded"

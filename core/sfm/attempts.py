@@ -57,7 +57,10 @@ class TrustSettings:
         "an indoor set of 48 photos: wrong models 0.15 and 0.16, right ones 0 to 0.014",
     )
     missing_share: float = number(
-        0.05, "share", "of the photos that a trusted model may lack without that they are looked for by other features"
+        0.05,
+        "share",
+        "of the photos that a trusted model may lack without that they are looked for by other features: further"
+        " recipes take longer than the first (brighton, shaken: 36 s more for one photo of 24)",
     )
     joined_share: float = number(0.25, "share", "of the photos that must join for a model, or be tied to another one")
 

@@ -34,7 +34,9 @@ class ContradictionSettings:
     agreed: float = number(
         2.0,
         "px",
-        "distance of a match from that line within which the cameras explain it; features in shaken photos err by 1",
+        "distance of a match from that line within which cameras explain it; in shaken photos features err by 1",
+        "room, plant and orrery, shaken: right models explain 0.84 to 0.93, wrong ones 0.18 to 0.92, each less than the"
+        " right one; no other value was tried",
     )
     fewest: int = number(15, "count", "matches of a pair that is asked", "COLMAP's default for a pair")
 
