@@ -30,6 +30,8 @@ from scipy.spatial.transform import Rotation
 
 #: Renders along a path; every so many views stand still; noise (of 1) and JPEG's quality of the photos.
 RENDERS, STILL, NOISE, QUALITY = 49, 8, 0.008, 93
+#: Every so many of them is in the manifest.
+STORED = 3
 #: Share of a path that comes of moving, beside turning.
 MOVING = 0.5
 
@@ -87,12 +89,19 @@ def drawn_path(camera: Camera, depth: float, length: float, random: np.random.Ge
     return path * (length / (camera.fx * np.linalg.norm(np.diff(aside, axis=0), axis=1).sum()))
 
 
+def poses_along(camera: Camera, path: np.ndarray) -> list[Camera]:
+    """Where a camera is along a path [N, 6]."""
+    turns = Rotation.from_rotvec(path[:, :3]).as_matrix()
+    return [
+        camera.moved(turn @ camera.rotation, turn @ camera.translation + move)
+        for turn, move in zip(turns, path[:, 3:], strict=True)
+    ]
+
+
 def light(world: World, camera: Camera, path: np.ndarray) -> np.ndarray:
     """[H, W, 3] linear light of an exposure along a path [N, 6]."""
     total = np.zeros((camera.height, camera.width, 3))
-    for pose in path:
-        turn = Rotation.from_rotvec(pose[:3]).as_matrix()
-        there = camera.moved(turn @ camera.rotation, turn @ camera.translation + pose[3:])
+    for there in poses_along(camera, path):
         with torch.no_grad():
             picture = render(world.gaussians, there, settings=RasterSettings()).image
         total += srgb_to_linear(np.clip(picture.permute(1, 2, 0).numpy().astype(np.float64), 0.0, 1.0))
@@ -103,6 +112,13 @@ def save(path: Path, linear: np.ndarray, noise: np.ndarray | float, quality: int
     """An sRGB JPEG."""
     encoded = np.clip(linear_to_srgb(linear) + noise, 0.0, 1.0)
     Image.fromarray(np.round(encoded * 255).astype(np.uint8)).save(path, quality=quality)
+
+
+def shake(camera: Camera, path: np.ndarray, length: float) -> dict[str, object]:
+    """What the manifest says of a photo's path [RENDERS, 6], as `synthesize` does."""
+    along = poses_along(camera, path)[::STORED]
+    poses = [np.column_stack([there.rotation, there.translation]).tolist() for there in along]
+    return {"shake": {"path_px": length, "poses": poses}}
 
 
 def write_set(world: World, folder: Path, cameras: list[Camera], lengths: tuple[float, float], seed: int) -> None:
@@ -119,10 +135,12 @@ def write_set(world: World, folder: Path, cameras: list[Camera], lengths: tuple[
         noise = NOISE * random.normal(size=still.shape)
         save(folder / "photos" / camera.name, still if stands else light(world, camera, path), noise, QUALITY)
         save(folder / "sharp" / camera.name, still, 0.0, 97)
-        through[camera.name] = {"sharp": stands, "depth": depth, "path_px": 0.0 if stands else length}
+        through[camera.name] = {"sharp": stands, "depth": depth} | ({} if stands else shake(camera, path, length))
     held = [camera.name for camera in cameras[::STILL]]
     write_transforms(folder / "transforms.json", {camera.name: camera for camera in cameras})
-    (folder / "manifest.json").write_text(json.dumps({"held_out": held, "through": through}), encoding="utf-8")
+    media = {"shake": {"times": list(np.linspace(-0.5, 0.5, RENDERS)[::STORED]), "readout": 0.0}}
+    manifest = {"held_out": held, "media": media, "through": through}
+    (folder / "manifest.json").write_text(json.dumps(manifest), encoding="utf-8")
 
 
 def main() -> int:
