@@ -241,7 +241,7 @@ MUTATIONS = (
     Mutation(
         "core/training/test_training_runs.py",
         "the render ends at the photo's border",
-        "core/training/trainer.py",
+        "core/training/scene.py",
         "return Level(step, views, heldout, margin_for(reach), self._ratio(views, step), contrast)",
         "return Level(step, views, heldout, 0, self._ratio(views, step), contrast)",
         "beyond_the_border",

@@ -19,8 +19,9 @@ from ..photos.load import Photo
 from ..training.density.contribution import asking
 from ..training.job import TrainingJob
 from ..training.run import RUN
+from ..training.scene import SCENE
 from ..training.settings import start_share
-from ..training.trainer import TRAINER, Trainer
+from ..training.trainer import Trainer
 from ..training.warmup import compile_kernels
 from ..views import SparsePoints, View
 from .model import PREDICTIONS, sample
@@ -134,7 +135,7 @@ def probe(
     for length, middle in _parts(trainer):
         each = max(0.0, (tables[1][middle] - tables[0][middle]) / max(1, many - few))
         phases.append(Phase(length, max(PROBE.fastest, tables[0][middle] - each * few), each))
-    return Speed(tuple(phases), min(heldout, TRAINER.watched_views), time.perf_counter() - began, fitted)
+    return Speed(tuple(phases), min(heldout, SCENE.watched_views), time.perf_counter() - began, fitted)
 
 
 def _parts(trainer: Trainer) -> list[tuple[float, float]]:

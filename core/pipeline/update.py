@@ -30,6 +30,7 @@ from ..reconstruction import Reconstruction
 from ..report.known import drop_chapter
 from ..sfm.child import Waiting, drop_scratch
 from ..training.checkpoint import Checkpoint, save_checkpoint
+from ..training.kept_state import checkpoint_of
 from ..training.warmup import compile_kernels
 from ..twin.changes import Changes, find_changes, shows_changed, wider
 from ..twin.exposures import without_exposure
@@ -115,7 +116,7 @@ def _updated(
     before = explained(twin, twin.gaussians, views)
     training = ContinuedTraining(twin, views, settings.share, settings.seed, settings.threads)
     gaussians, after = training.run(progress)
-    updated = UpdatedTwin(photos, found, gaussians, medium, training.trainer.state(0.0, []))
+    updated = UpdatedTwin(photos, found, gaussians, medium, checkpoint_of(training.trainer, 0.0, []))
     facts = {
         "photos": [photo.name for photo in photos],
         "steps": training.trainer.step,

@@ -20,13 +20,17 @@ from ..imaging.spectrum import NoiseToSignal
 from ..numbers import BY_DEFINITION, number
 from ..progress import Progress
 from ..version import VERSION
+from .cameras.moving import adjust_cameras
 from .checkpoint import load_checkpoint, save_checkpoint
+from .density.asking import ask_photos
 from .job import TrainingJob
+from .kept_state import checkpoint_of, counts_of, fingerprint_of, restore
 from .origin import rank_difference
 from .ranks import ALONE, RankLost, Ranks
 from .schedule import Ending, Schedule
 from .settings import TrainingSettings
 from .trainer import Trainer
+from .unseen import finish_unseen, heldout_psnr, judge_dropout, measure_kernels
 from .warmup import compile_kernels
 
 #: Why a run ended.
@@ -126,7 +130,7 @@ def train(
     trainer = Trainer(job.views, job.heldout, job.points, job.medium, settings, job.formation)
     trainer.adjust = job.adjust
     agreed = {name: value for name, value in asdict(settings).items() if name not in ("threads", "device")}
-    ranks.agree({"version": VERSION, **trainer.fingerprint(), "settings": agreed}, rank_difference)
+    ranks.agree({"version": VERSION, **fingerprint_of(trainer), "settings": agreed}, rank_difference)
     trainer.join(ranks)
     _warn_of_blur(trainer.levels[-1].ratio, progress)
     run = _Run(trainer, settings, progress, checkpoint, job.evaluated)
@@ -139,15 +143,15 @@ def train(
     gaussians = run.finished(stopped)
     if not ranks.alone:
         progress.note(f"{ranks.count} ranks; {run.traffic() / 1e6:.2f} MB each way for each of them in a step")
-    trainer.finish_unseen()
-    trainer.measure_kernels()
+    finish_unseen(trainer)
+    measure_kernels(trainer)
     behind = trainer.background.cpu()
     return Trained(
         gaussians=gaussians,
         low_pass=LOW_PASS_VARIANCE,
         background=(float(behind[0]), float(behind[1]), float(behind[2])),
         history=run.history,
-        counters=trainer.counters(),
+        counters=counts_of(trainer),
         seconds={
             "compile": compiled_at - start,
             "prepare": prepared - compiled_at,
@@ -211,8 +215,8 @@ class _Run:
                 write_bytes(self.checkpoint, kept)
         if not self.checkpoint.exists():
             return
-        state = load_checkpoint(self.checkpoint, self.trainer.fingerprint())
-        self.trainer.restore(state)
+        state = load_checkpoint(self.checkpoint, fingerprint_of(self.trainer))
+        restore(self.trainer, state)
         self.history, self._earlier = state.history, state.seconds
         self.progress.note(f"Going on from step {state.step}")
 
@@ -243,8 +247,8 @@ class _Run:
                 break
             share = min(schedule.share(trainer.step, spent), 1.0 - 1e-9)
             self._loss = trainer.advance(share)
-            trainer.ask_photos(share)
-            trainer.adjust_cameras(share, self.progress.cancelled)
+            ask_photos(trainer, share)
+            adjust_cameras(trainer, share, self.progress.cancelled)
             self._report(schedule, clock, limited=limit is not None)
             if watch is not None:
                 watch(trainer)
@@ -268,7 +272,7 @@ class _Run:
         if self._evaluations and (not self.history or self.history[-1]["step"] != self.trainer.step):
             self.history.append(_evaluation(self.trainer, float(self._loss), self.seconds))
         if self._keeps and self.checkpoint is not None:
-            save_checkpoint(self.checkpoint, self.trainer.state(self.seconds, self.history))
+            save_checkpoint(self.checkpoint, checkpoint_of(self.trainer, self.seconds, self.history))
         if stopped == "cancelled" and self.history and self._best.better_than(self.history[-1]):
             self.progress.note(f"The twin is that of step {self._best.step}, the best on the photos held out")
             self.trainer.optimizer.gaussians = self._best.gaussians
@@ -291,7 +295,7 @@ class _Run:
             self._best.see(trainer, row)
             self._evaluation_seconds = clock.spent() - spent
             scores = [score for one in self.history if (score := one.get("heldout_psnr")) is not None]
-            if trainer.judge_dropout(share, scores):
+            if judge_dropout(trainer, share, scores):
                 self.progress.note(
                     "Photos that are held out get worse, and are worse than those that are fitted: from step"
                     f" {trainer.step} on a random part of the Gaussians is left out of each step"
@@ -303,7 +307,7 @@ class _Run:
 
     def _save(self, spent: float) -> None:
         assert self.checkpoint is not None
-        save_checkpoint(self.checkpoint, self.trainer.state(self._earlier + spent, self.history))
+        save_checkpoint(self.checkpoint, checkpoint_of(self.trainer, self._earlier + spent, self.history))
 
 
 def _warn_of_blur(ratio: NoiseToSignal | None, progress: Progress) -> None:
@@ -355,5 +359,5 @@ def _evaluation(trainer: Trainer, loss: float, seconds: float) -> dict[str, floa
         "loss": loss,
         "gaussians": len(trainer.optimizer.gaussians),
     }
-    psnr = trainer.heldout_psnr()
+    psnr = heldout_psnr(trainer)
     return row if psnr is None else {**row, "heldout_psnr": psnr}

@@ -48,7 +48,7 @@ def test_given_cameras_are_moved_if_photos_contradict_them_or_as_asked(
 ) -> None:
     write_scene(tmp_path)
     out, asked = tmp_path / "out", []
-    monkeypatch.setattr("dgs.core.training.trainer.contradicted", lambda *_: asked.append(1) or doubted)
+    monkeypatch.setattr("dgs.core.training.cameras.moving.contradicted", lambda *_: asked.append(1) or doubted)
     monkeypatch.setattr(settings, "PRESETS", replace(settings.PRESETS, draft_steps=80))
     words = {"cameras": tmp_path / "model", "effects": "motion", "preset": "draft", "max_gaussians": 500}
     run = ReconstructSettings(tmp_path / "photos", out, holdout_every=4, adjust_cameras=adjust, **words).split()

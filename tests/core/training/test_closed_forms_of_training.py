@@ -27,6 +27,7 @@ from dgs.core.training.density.initial import INITIAL, first_gaussians, gaussian
 from dgs.core.training.grid import GridView, averaged, coarse_camera, coarse_view, grid_step
 from dgs.core.training.guards import non_finite_rows, out_of_range
 from dgs.core.training.job import PlannedTraining
+from dgs.core.training.kept_state import counts_of, fingerprint_of
 from dgs.core.training.loss.contrast import MINIMUM_CONTRAST, scene_contrast
 from dgs.core.training.loss.objective import LossAndGradient, Objective
 from dgs.core.training.loss.photometric import FILL, PhotometricLoss, valid_pixels
@@ -489,7 +490,7 @@ def test_what_is_behind_the_twin_is_shaken_evenly_about_the_photos_mean(trainer:
 def test_what_was_repaired_is_counted_by_name(trainer: Trainer) -> None:
     trainer.optimizer.refused = {"means": 2, "sh": 3}
     trainer.culled = {"behind": 7}
-    counters = trainer.counters()
+    counters = counts_of(trainer)
     assert counters["refused, non-finite gradients"] == 5 and counters["refused, non-finite gradient of sh"] == 3
     assert counters["culled, behind the camera (Gaussian-views)"] == 7
     assert counters["dropped, non-finite Gaussians"] == 0
@@ -503,7 +504,7 @@ def test_gaussians_that_are_not_finite_are_left_out_of_the_twin(trainer: Trainer
         found = trainer.result()
         trainer.optimizer.gaussians.sh[3, 0, 1] = before
     assert len(found) == len(trainer.optimizer.gaussians) - 1
-    assert trainer.counters()["left out of the twin, non-finite"] == 1
+    assert counts_of(trainer)["left out of the twin, non-finite"] == 1
     trainer.repairs.clear()
 
 
@@ -605,7 +606,7 @@ def test_what_is_not_said_of_a_training() -> None:
 
 
 def test_a_checkpoint_belongs_to_its_settings_but_not_to_its_machine(trainer: Trainer) -> None:
-    kept = trainer.fingerprint()
+    kept = fingerprint_of(trainer)
     free = {"threads", "time_limit", "device", "steps", "until", "min_steps"}
     assert not free & kept["settings"].keys() and kept["settings"]["seed"] == trainer.settings.seed
     assert kept["photos"] == [view.name for view in trainer.views] and kept["blur space"] == "srgb"

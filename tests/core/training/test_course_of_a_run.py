@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -19,7 +18,8 @@ from dgs.core.imaging.medium import Medium
 from dgs.core.imaging.psf import PointSpread
 from dgs.core.imaging.spectrum import NoiseToSignal
 from dgs.core.training import run as run_module
-from dgs.core.training import trainer as trainer_module
+from dgs.core.training import scene as scene_module
+from dgs.core.training.kept_state import counts_of, fingerprint_of
 from dgs.core.training.level import round_variance
 from dgs.core.training.loss.specks import speck_gradient, speck_gradient_in_torch
 from dgs.core.training.loss.variation import variation_gradient, variation_gradient_in_torch
@@ -54,6 +54,8 @@ class Course:
         self.time, self.step, self.evaluated = 0.0, 0, []
         monkeypatch.setattr(run_module, "_Clock", lambda: self)
         monkeypatch.setattr(run_module, "_evaluation", self.evaluation)
+        for asked in ("ask_photos", "adjust_cameras", "judge_dropout"):  # photos agree, and that takes no time here
+            monkeypatch.setattr(run_module, asked, lambda *_: False)
         self.heard = Listens()
         settings = replace(SHORT, steps=steps)
         self.run = run_module._Run(self, settings, self.heard, None)  # type: ignore[arg-type]
@@ -65,16 +67,6 @@ class Course:
 
     def waited(self, question: Any) -> bool:
         return bool(question())
-
-    def ask_photos(self, share: float) -> None:
-        """Takes no time here."""
-
-    def adjust_cameras(self, share: float, cancelled: Callable[[], bool]) -> None:
-        """Nothing was found here."""
-
-    def judge_dropout(self, share: float, scores: list[float]) -> bool:
-        """Photos agree here."""
-        return False
 
     def advance(self, share: float) -> float:
         assert 0.0 <= share < 1.0
@@ -166,8 +158,7 @@ def test_small_photos_have_no_coarse_stage(
     scene: Scene, monkeypatch: pytest.MonkeyPatch, smallest: int, steps: list[int]
 ) -> None:
     """Of 112 x 96 px half is 48 along the short side."""
-    grid = replace(trainer_module.GRID, smallest_side=smallest)
-    monkeypatch.setattr(trainer_module, "GRID", grid)
+    monkeypatch.setattr(scene_module, "GRID", replace(scene_module.GRID, smallest_side=smallest))
     one = replace(SHORT, grid_step=1, coarse_share=0.3)
     assert [level.step for level in made(scene, one).levels] == steps
     assert [level.step for level in made(scene, replace(one, coarse_share=0.0)).levels] == [1]
@@ -191,8 +182,8 @@ def test_splats_that_nobody_sees_are_counted_at_every_step(scene: Scene) -> None
 
 def test_a_checkpoint_belongs_to_its_effects(scene: Scene) -> None:
     darkened = Formation([Vignetting(torch.tensor([0.5] * 3))])
-    assert list(made(scene, formation=darkened).fingerprint()["effects"]) == [darkened.effects[0].name]
-    assert "effects" not in made(scene).fingerprint()
+    assert list(fingerprint_of(made(scene, formation=darkened))["effects"]) == [darkened.effects[0].name]
+    assert "effects" not in fingerprint_of(made(scene))
 
 
 @pytest.mark.parametrize("name", ["samples", "unequal", "own", "some"])
@@ -266,13 +257,14 @@ def test_the_best_state_is_the_first_of_equal_ones_and_clearly_better() -> None:
     assert not best.better_than({})
 
 
-def test_a_row_of_the_history_says_what_it_is_of() -> None:
-    def trainer(psnr: float | None) -> Any:
-        return SimpleNamespace(step=7, optimizer=SimpleNamespace(gaussians=[0] * 5), heldout_psnr=lambda: psnr)
-
+@pytest.mark.parametrize(("psnr", "said"), [(None, {}), (20.0, {"heldout_psnr": 20.0})])
+def test_a_row_of_the_history_says_what_it_is_of(
+    monkeypatch: pytest.MonkeyPatch, psnr: float | None, said: dict[str, float]
+) -> None:
+    monkeypatch.setattr(run_module, "heldout_psnr", lambda trainer: psnr)
+    trainer: Any = SimpleNamespace(step=7, optimizer=SimpleNamespace(gaussians=[0] * 5))
     row = {"step": 7, "seconds": 1.235, "loss": 0.25, "gaussians": 5}
-    assert run_module._evaluation(trainer(None), 0.25, 1.23456) == row
-    assert run_module._evaluation(trainer(20.0), 0.25, 1.23456) == {**row, "heldout_psnr": 20.0}
+    assert run_module._evaluation(trainer, 0.25, 1.23456) == {**row, **said}
 
 
 def test_a_contradicted_blur_is_worth_a_note() -> None:
@@ -291,9 +283,9 @@ def test_a_resumed_run_counts_what_was_before(monkeypatch: pytest.MonkeyPatch, t
     saved: list[tuple[int, float]] = []
     monkeypatch.setattr(run_module.time, "perf_counter", lambda: course.time)
     monkeypatch.setattr(run_module, "save_checkpoint", lambda path, state: saved.append(state))
-    monkeypatch.setattr(Course, "state", lambda self, seconds, history: (self.step, seconds), raising=False)
-    monkeypatch.setattr(Course, "fingerprint", lambda self: {}, raising=False)
-    monkeypatch.setattr(Course, "restore", lambda self, state: setattr(self, "step", state.step), raising=False)
+    monkeypatch.setattr(run_module, "checkpoint_of", lambda trainer, seconds, history: (trainer.step, seconds))
+    monkeypatch.setattr(run_module, "fingerprint_of", lambda trainer: {})
+    monkeypatch.setattr(run_module, "restore", lambda trainer, state: setattr(trainer, "step", state.step))
     kept = SimpleNamespace(step=20, seconds=100.0, history=[{"step": 20}])
     monkeypatch.setattr(run_module, "load_checkpoint", lambda path, fingerprint: kept)
     made = run_module._Run(course, replace(SHORT, steps=60), course.heard, tmp_path / "none.npz")  # type: ignore[arg-type]
@@ -315,4 +307,4 @@ def test_a_resumed_run_counts_what_was_before(monkeypatch: pytest.MonkeyPatch, t
 
 
 def test_what_never_happened_is_counted_as_none(scene: Scene) -> None:
-    assert set(made(scene).counters().values()) == {0}
+    assert set(counts_of(made(scene)).values()) == {0}

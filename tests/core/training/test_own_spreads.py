@@ -11,6 +11,7 @@ from dgs.core.imaging.spectrum import noise_to_signal
 from dgs.core.progress import Silent
 from dgs.core.rasterizer import RasterSettings, render
 from dgs.core.training.job import TrainingJob
+from dgs.core.training.kept_state import fingerprint_of
 from dgs.core.training.run import train
 from dgs.core.training.trainer import Trainer
 from dgs.tests.core.training.training_scenes import SHORT, blurred_scene, photographed, psnr
@@ -49,10 +50,10 @@ def test_photos_that_share_a_spread_share_their_objective(moved):
 
 def test_a_checkpoint_holds_the_spreads(moved):
     scene, views, medium = moved
-    prints = [Trainer(views, [], scene.points, m, SHORT).fingerprint() for m in (scene.medium, medium)]
+    prints = [fingerprint_of(Trainer(views, [], scene.points, m, SHORT)) for m in (scene.medium, medium)]
     name = views[0].name
     longer = replace(medium, per_view={**medium.per_view, name: parse_psf("gaussian:2+path:12,0")})
-    prints.append(Trainer(views, [], scene.points, longer, SHORT).fingerprint())
+    prints.append(fingerprint_of(Trainer(views, [], scene.points, longer, SHORT)))
     assert "own point spreads" not in prints[0] and prints[0] != prints[1] != prints[2] != prints[0]
 
 

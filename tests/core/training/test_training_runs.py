@@ -9,7 +9,7 @@ import torch
 from dgs.core.imaging.medium import Medium
 from dgs.core.progress import Silent
 from dgs.core.rasterizer import render
-from dgs.core.training import trainer as trainer_module
+from dgs.core.training import scene as scene_module
 from dgs.core.training.grid import GRID
 from dgs.core.training.job import TrainingJob
 from dgs.core.training.run import Trained, train
@@ -25,7 +25,7 @@ def scene() -> Scene:
 @pytest.fixture(autouse=True)
 def two_levels(monkeypatch):
     """Photos of this size would be trained on one grid only; both stages shall run."""
-    monkeypatch.setattr(trainer_module, "GRID", replace(GRID, smallest_side=48))
+    monkeypatch.setattr(scene_module, "GRID", replace(GRID, smallest_side=48))
 
 
 class StopsAfter(Silent):

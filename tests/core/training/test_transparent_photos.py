@@ -22,6 +22,7 @@ from dgs.core.progress import Silent
 from dgs.core.rasterizer import RasterSettings, Rendered, render
 from dgs.core.training.grid import GridView, coarse_view
 from dgs.core.training.job import TrainingJob
+from dgs.core.training.kept_state import fingerprint_of
 from dgs.core.training.run import Trained, train
 from dgs.core.training.trainer import Trainer
 from dgs.core.views import SparsePoints, View
@@ -154,9 +155,9 @@ def test_the_backdrop_of_opaque_photos_is_as_it_was() -> None:
     made = Trainer(opaque, [], scene.points, scene.medium, SETTINGS)
     shake = SETTINGS.backdrop * np.random.default_rng([SETTINGS.seed, 3, 0]).uniform(-1, 1, 3)
     np.testing.assert_array_equal(made.backdrop(), made.background + torch.from_numpy(shake).float())
-    assert "background" not in made.fingerprint()
+    assert "background" not in fingerprint_of(made)
     other = Trainer(scene.views, [], scene.points, scene.medium, SETTINGS)
-    assert other.fingerprint()["background"] == [1.0, 1.0, 1.0, "srgb"]
+    assert fingerprint_of(other)["background"] == [1.0, 1.0, 1.0, "srgb"]
     drawn = torch.stack([other.backdrop() for other.step in range(60)])
     assert float(drawn.min()) < 0.05 and float(drawn.max()) > 0.95 and float(drawn.min()) >= 0.0
 

@@ -14,8 +14,10 @@ from dgs.core.imaging.medium import Medium
 from dgs.core.progress import Silent
 from dgs.core.rasterizer import RasterSettings
 from dgs.core.training.cameras.adjusting import SETTINGS, Adjust, adjusted_cameras, contradicted, due
+from dgs.core.training.cameras.moving import adjust_cameras
 from dgs.core.training.cameras.twin_tracks import LaidBeside, Sighting, carried, observed, sighted, tracks_through
 from dgs.core.training.job import TrainingJob
+from dgs.core.training.kept_state import checkpoint_of, counts_of, restore
 from dgs.core.training.origin import cameras_of, origin
 from dgs.core.training.paths.camera_paths import CameraPaths
 from dgs.core.training.run import train
@@ -175,15 +177,15 @@ def advanced(scene, taken):
     trainer = trainer_of(job(scene, taken, "never"))
     for step in range(72):
         trainer.advance(step / 120)
-    return trainer.state(0.0, [])
+    return checkpoint_of(trainer, 0.0, [])
 
 
 def test_only_cameras_that_were_found_are_adjusted(scene, taken, advanced):
     trainers = []
     for adjust in ("never", "always"):
         trainer = trainer_of(job(scene, taken, adjust))
-        trainer.restore(advanced)
-        trainer.adjust_cameras(0.6)
+        restore(trainer, advanced)
+        adjust_cameras(trainer, 0.6)
         trainers.append(trainer)
     assert [trainer.asked["adjusted"] for trainer in trainers] == [0, due(0.6)]
     still, moved = trainers
@@ -191,7 +193,7 @@ def test_only_cameras_that_were_found_are_adjusted(scene, taken, advanced):
     assert (moved.learned.paths._placed.abs().sum(dim=1) > 0).all(), "held-out ones as well"
     assert (still.optimizer.gaussians.means != moved.optimizer.gaussians.means).any()
     before = moved.optimizer.gaussians.means.clone()
-    moved.adjust_cameras(0.6)
+    adjust_cameras(moved, 0.6)
     assert (before == moved.optimizer.gaussians.means).all(), "once at each share"
 
 
@@ -208,30 +210,30 @@ def test_cameras_that_were_given_are_moved_where_photos_contradict_them(scene):
 @pytest.mark.parametrize(("doubt", "moves"), [(np.inf, False), (0.0, True)])
 def test_a_run_asks_once_whether_given_cameras_are_contradicted(scene, taken, advanced, doubt, moves, monkeypatch):
     asked = partial(contradicted, settings=replace(SETTINGS, doubt=doubt))
-    monkeypatch.setattr("dgs.core.training.trainer.contradicted", asked)
+    monkeypatch.setattr("dgs.core.training.cameras.moving.contradicted", asked)
     one = job(scene, taken, "contradicted")
     trainer = trainer_of(one)
-    trainer.restore(advanced)
-    trainer.adjust_cameras(0.35)
+    restore(trainer, advanced)
+    adjust_cameras(trainer, 0.35)
     assert trainer.cameras_moved == moves == bool((trainer.learned.paths._placed != 0).any())
-    assert ("cameras adjusted" in trainer.counters()) == moves
+    assert ("cameras adjusted" in counts_of(trainer)) == moves
     before = trainer.optimizer.gaussians.means.clone()
     again = trainer_of(one)
-    again.restore(trainer.state(0.0, []))
-    monkeypatch.setattr("dgs.core.training.trainer.contradicted", pytest.fail)
-    again.adjust_cameras(0.95)
+    restore(again, checkpoint_of(trainer, 0.0, []))
+    monkeypatch.setattr("dgs.core.training.cameras.moving.contradicted", pytest.fail)
+    adjust_cameras(again, 0.95)
     assert torch.equal(before, again.optimizer.gaussians.means) != moves, "what was said first holds"
 
 
 def test_sets_that_would_not_fit_into_memory_stay_as_they_are(scene, taken, monkeypatch):
     trainer = trainer_of(job(scene, taken, "always"))
-    monkeypatch.setattr("dgs.core.training.trainer.ADJUSTING", replace(SETTINGS, most_px=100_000))
+    monkeypatch.setattr("dgs.core.training.cameras.moving.ADJUSTING", replace(SETTINGS, most_px=100_000))
     trainer.advance(0.6)
     before = trainer.optimizer.gaussians.means.clone()
-    trainer.adjust_cameras(0.6)
+    adjust_cameras(trainer, 0.6)
     assert torch.equal(before, trainer.optimizer.gaussians.means)
     assert not (trainer.learned.paths._placed != 0).any()
-    assert "cameras adjusted" not in trainer.counters()
+    assert "cameras adjusted" not in counts_of(trainer)
 
 
 def test_a_run_that_is_resumed_goes_on_to_the_bit(scene, taken):
@@ -241,13 +243,13 @@ def test_a_run_that_is_resumed_goes_on_to_the_bit(scene, taken):
     def go_on(trainer: Trainer, steps: range) -> None:
         for step in steps:
             trainer.advance(step / 60)
-            trainer.adjust_cameras(step / 60)
+            adjust_cameras(trainer, step / 60)
 
     whole, again = trainer_of(one), trainer_of(one)
     go_on(whole, range(24))
-    state = whole.state(0.0, [])
+    state = checkpoint_of(whole, 0.0, [])
     assert state.counters["asked.adjusted"] == due(23 / 60) > 0
-    again.restore(state)
+    restore(again, state)
     for trainer in (whole, again):
         go_on(trainer, range(24, 36))
     assert whole.asked["adjusted"] == again.asked["adjusted"] == due(35 / 60)
@@ -265,7 +267,7 @@ def test_a_cancelled_adjustment_is_still_due(scene, taken):
     trainer = trainer_of(job(scene, taken, "always"))
     trainer.advance(0.6)
     before = trainer.optimizer.gaussians.means.clone()
-    trainer.adjust_cameras(0.6, lambda: True)
+    adjust_cameras(trainer, 0.6, lambda: True)
     assert torch.equal(before, trainer.optimizer.gaussians.means)
     assert trainer.asked["adjusted"] == 0
 

@@ -7,6 +7,7 @@ import pytest
 import torch
 from dgs.core.camera import Camera
 from dgs.core.gaussians import Gaussians
+from dgs.core.training.density.asking import ask_photos
 from dgs.core.training.density.veils import VEILS, nearest_depth, veils
 from dgs.core.training.trainer import Trainer
 from dgs.tests.core.training.training_scenes import SHORT, blurred_scene, moved
@@ -96,6 +97,6 @@ def test_a_run_goes_on_without_veils_in_any_world():
     )
     trainer = Trainer(scene.views, [], scene.points, scene.medium, replace(SHORT, sh_degree=0), start=start)
     planted = trainer.optimizer.gaussians.means.detach()[-1].clone()
-    trainer.ask_photos(1.0)
+    ask_photos(trainer, 1.0)
     left = trainer.optimizer.gaussians.means.detach()
     assert len(left) > 100 and not torch.isclose(left, planted, atol=1e-3).all(dim=1).any()

@@ -10,6 +10,7 @@ from dgs.core.errors import CheckpointError
 from dgs.core.imaging.formation.chain import Formation
 from dgs.core.imaging.formation.exposure import Exposure
 from dgs.core.imaging.medium import Medium
+from dgs.core.training.kept_state import checkpoint_of, restore
 from dgs.core.training.optics.exposures import SETTINGS, LearnedExposures, Slope
 from dgs.core.training.trainer import Trainer
 from dgs.tests.core.training.training_scenes import SHORT, blurred_scene, same
@@ -108,7 +109,7 @@ def uneven():
 def trained(views, scene, steps, formation=Formation(), begun=None):
     trainer = Trainer(views, [], scene.points, Medium(), replace(SHORT, steps=steps), formation)
     if begun is not None:
-        trainer.restore(begun)
+        restore(trainer, begun)
     while trainer.step < steps:
         trainer.advance(trainer.step / steps)
     return trainer
@@ -133,7 +134,7 @@ def test_a_checkpoint_goes_on_exactly(uneven):
     half = Trainer(views, [], scene.points, Medium(), replace(SHORT, steps=40), formation)
     while half.step < 20:
         half.advance(half.step / 40)
-    state = half.state(0.0, [])
+    state = checkpoint_of(half, 0.0, [])
     again = trained(views, scene, 40, formation, state)
     assert same(again.optimizer.gaussians, whole.optimizer.gaussians)
     assert np.array_equal(again.learned.exposures.values, whole.learned.exposures.values)
@@ -146,7 +147,7 @@ def test_a_checkpoint_goes_on_exactly(uneven):
 def test_without_exposures_nothing_is_learned_or_kept(uneven):
     scene, views, _ = uneven
     plain = trained(views, scene, 10)
-    assert plain.learned.exposures is None and "exposures" not in plain.state(0.0, []).arrays
+    assert plain.learned.exposures is None and "exposures" not in checkpoint_of(plain, 0.0, []).arrays
     strangers = trained(views, scene, 10, Formation([Exposure((), torch.zeros(0, 3))]))
     assert same(plain.optimizer.gaussians, strangers.optimizer.gaussians)
 

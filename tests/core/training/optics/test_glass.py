@@ -13,6 +13,7 @@ from dgs.core.imaging.formation.glass import FrostedGlass, GlassScene
 from dgs.core.imaging.medium import Medium
 from dgs.core.pipeline.glass import stands_of
 from dgs.core.rasterizer import RasterSettings
+from dgs.core.training.kept_state import checkpoint_of, restore
 from dgs.core.training.optics.glass import SETTINGS, LearnedGlass
 from dgs.core.training.trainer import Trainer
 from dgs.tests.core.training.optics.test_focus import DIAGONAL, Photo, scene, through
@@ -103,16 +104,16 @@ def test_a_run_that_is_resumed_goes_on_to_the_bit(scene):
         whole.advance(step / 25)
         if step < 12:
             first.advance(step / 25)
-    again.restore(first.state(0.0, []))
+    restore(again, checkpoint_of(first, 0.0, []))
     for step in range(12, 20):
         again.advance(step / 25)
     a, b = (t.learned.formation.glass for t in (whole, again))
     assert a.distance == b.distance and a.spread == b.spread and a.errors == b.errors
     assert torch.equal(whole.optimizer.gaussians.means, again.optimizer.gaussians.means)
-    state = first.state(0.0, [])
+    state = checkpoint_of(first, 0.0, [])
     del state.arrays["glass"]
     with pytest.raises(CheckpointError, match="glass"):
-        trainer().restore(state)
+        restore(trainer(), state)
 
 
 def test_what_is_large_is_measured_on_the_scene_behind_the_glass(scene):

@@ -14,6 +14,7 @@ from dgs.core.imaging.medium import Medium
 from dgs.core.progress import Silent
 from dgs.core.rasterizer import RasterSettings, render
 from dgs.core.training.job import TrainingJob
+from dgs.core.training.kept_state import checkpoint_of, restore
 from dgs.core.training.optics.kernels import best_weights
 from dgs.core.training.run import train
 from dgs.core.training.trainer import Trainer
@@ -137,13 +138,13 @@ def test_a_run_that_is_resumed_goes_on_to_the_bit(scene):
         whole.advance(step / 40)
         if step < 8:
             first.advance(step / 40)
-    again.restore(first.state(0.0, []))
+    restore(again, checkpoint_of(first, 0.0, []))
     for step in range(8, 16):
         again.advance(step / 40)
     a, b = (t.learned.kernels.effect.parameters["weights"] for t in (whole, again))
     assert float(a[:, 0].min()) < 1.0 and torch.equal(a, b)
     assert torch.equal(whole.optimizer.gaussians.means, again.optimizer.gaussians.means)
-    state = first.state(0.0, [])
+    state = checkpoint_of(first, 0.0, [])
     del state.arrays["kernels"]
     with pytest.raises(CheckpointError, match="kernels"):
-        trainer().restore(state)
+        restore(trainer(), state)

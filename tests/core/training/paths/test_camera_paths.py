@@ -14,7 +14,9 @@ from dgs.core.imaging.formation.motion import straight_paths
 from dgs.core.imaging.medium import Medium
 from dgs.core.progress import Silent
 from dgs.core.rasterizer import RasterSettings
+from dgs.core.training.following import follow_path
 from dgs.core.training.job import TrainingJob
+from dgs.core.training.kept_state import checkpoint_of, restore
 from dgs.core.training.paths.camera_paths import CameraPaths, Visit, common_to, px_units
 from dgs.core.training.run import train
 from dgs.core.training.trainer import Trainer
@@ -105,16 +107,16 @@ def test_a_run_that_is_resumed_goes_on_to_the_bit(scene):
         whole.advance(step / 40)
         if step < 8:
             first.advance(step / 40)
-    again.restore(first.state(0.0, []))
+    restore(again, checkpoint_of(first, 0.0, []))
     for step in range(8, 16):
         again.advance(step / 40)
     a, b = (t.learned.paths.motion.parameters["twists"] for t in (whole, again))
     assert float(a.abs().max()) > 0 and torch.equal(a, b)
     assert torch.equal(whole.optimizer.gaussians.means, again.optimizer.gaussians.means)
-    state = first.state(0.0, [])
+    state = checkpoint_of(first, 0.0, [])
     del state.arrays["paths"]
     with pytest.raises(CheckpointError, match="camera paths"):
-        trainer().restore(state)
+        restore(trainer(), state)
 
 
 def test_a_photo_is_asked_beside_the_backward_pass_and_the_twin_is_the_same_to_the_bit(scene, monkeypatch):
@@ -127,7 +129,7 @@ def test_a_photo_is_asked_beside_the_backward_pass_and_the_twin_is_the_same_to_t
     beside = train(job, Silent())
     assert sum(name.startswith("dgs-beside") for name in asked) > len(asked) / 2
     asked.clear()
-    monkeypatch.setattr(Trainer, "_ask_path", lambda self, *seen: lambda: self._follow_path(*seen))
+    monkeypatch.setattr("dgs.core.training.trainer.ask_path", lambda *seen: lambda: follow_path(*seen))
     after = train(job, Silent())
     assert {"MainThread"} == set(asked)
     for (name, one), (_, other) in zip(beside.gaussians.named(), after.gaussians.named(), strict=True):
