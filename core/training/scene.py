@@ -1,7 +1,7 @@
 """What a training works on: the Gaussians as they are, the photos on their grids, and how these see them.
 
 The steps are `trainer`'s; what is learned of each photo beside them, what is asked of all photos, and what is kept of
-a run are rooms and files of their own, which take a `TrainedScene`.
+a run have modules of their own, which take a `TrainedScene`.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ from .loss.through_glass import GlassObjective, behind_glass
 from .optics.focus import SETTINGS as FOCUS
 from .optics.kernels import SETTINGS as KERNELS
 from .optimizer import Adam
-from .paths.camera_paths import SETTINGS as PATHS
+from .paths.settings import SETTINGS as PATHS
 from .ranks import ALONE
 from .scale import SceneScale, scene_scale
 from .settings import TrainingSettings, smoothed_for, smoothness, start_share, trust

@@ -31,101 +31,16 @@ from ...devices import all_in_memory, in_memory
 from ...forward import Exposed
 from ...imaging.formation.motion import CameraMotion
 from ...imaging.formation.path_poses import mean_twist, middles, polynomials
-from ...numbers import BY_DEFINITION, number
 from ...pose import Pose
 from ...rigid_motion import twist_between
 from .along import Along
+from .coordinates import backwards, common_to, flow, px_units
 from .equations import PathEquations, SeenPx
 from .readout import LearnedReadout, slopes_in_readout, step_and_variance
+from .settings import SETTINGS, CameraPathSettings
 from .slopes import Looked, Sampled
-from .straight_ways import left_by_ways
+from .straight_ways import explaining_ways
 from .tone import LearnedTone
-
-#: What some of the numbers below were chosen on, by single runs; docs/real_blur.md has the figures.
-_SHAKEN = "27 photos of the rendered ball, shaken by 4 to 16 px (Cycles), one seed"
-#: What the others were chosen on.
-_FIRST = "a first choice; no other value was compared"
-
-
-@dataclass(frozen=True)
-class CameraPathSettings:
-    """Numbers of the learned paths."""
-
-    order: int = number(
-        4,
-        "degree",
-        "of a path in each of its six axes; the prior decides how much a photo needs",
-        f"{_SHAKEN}: 2 and 4",
-    )
-    start: float = number(2.0, "px of the grid", "length of a path at the start at least, in any direction", _FIRST)
-    prior_path: float = number(
-        0.016,
-        "of the photo's diagonal",
-        "standard deviation of half of a path's straight way: 8 px of 400 x 300",
-        _FIRST,
-    )
-    prior_fall: float = number(2.0, "power", "of a bend's degree, by which its prior is narrower", _FIRST)
-    prior_offset: float = number(1.0, "px", "standard deviation of where a path lies: how far cameras are off", _FIRST)
-    photos_per_bend: int = number(
-        4,
-        "photos",
-        "for each number of what offsets may follow the camera's place by: shakes do not, a scene that bends does",
-        _FIRST,
-    )
-    part: float = number(0.4, "share of a step", "that is taken at each visit: the twin changes, too", _FIRST)
-    longest_step: float = number(
-        1.5, "px", "that a coefficient changes at a visit: the flow is that of small motions", _FIRST
-    )
-    looked_at: int = number(12_000, "px", "of a photo that a step looks at, evenly over it", _FIRST)
-    independent: float = number(400.0, "px", "that a photo's px count as: neighbours err alike", _FIRST)
-    huber: float = number(
-        1.345,
-        "standard deviations",
-        "residuals beyond count as their size (95 % efficient on normal noise)",
-        BY_DEFINITION,
-    )
-    depth_every: int = number(4, "visits", "of a photo, after which its depth is drawn anew", _FIRST)
-    again_at: tuple[int, ...] = number(
-        (5, 12),
-        "visits",
-        "of a photo, after which straight paths are compared with its own: a wrong direction holds itself",
-        f"{_SHAKEN}: two photos keep a path that is wrong by 3 px without; when, is a first choice",
-    )
-    again_starts: int = number(2, "count", "straight paths that are compared with a photo's own at a time", _FIRST)
-    again_steps: int = number(3, "steps", "that each of them takes before it is compared", _FIRST)
-    again_turns: int = number(16, "count", "directions that are compared", _FIRST)
-    again_factor: float = number(1.3, "ratio", "of one length that is compared to the next shorter one", _FIRST)
-    clearly_nearer: float = number(
-        0.99,
-        "factor",
-        "on the mean difference, that another path must leave less of to take the place of a photo's own",
-        f"one photo of {_SHAKEN}: after five visits the right path left 0.972 of a wrong one's, as the twin is soft",
-    )
-    nearest: float = number(
-        0.05, "viewing distances", "no depth is less: flow grows without bound towards the camera", _FIRST
-    )
-    longest: float = number(
-        0.25, "of the photo's diagonal", "that any coefficient may be: beyond, a photo is lost", _FIRST
-    )
-    coarse_share: float = number(
-        0.5,
-        "share of the run",
-        "on the grid of half the resolution at least: paths are found there in a quarter of the time",
-        f"{_SHAKEN}: 0.5 26.42 dB, 0.3 26.12",
-    )
-    unseen_visits: int = number(
-        8, "visits", "of a photo that is held out, to find its own path on the finished twin", _FIRST
-    )
-
-
-SETTINGS = CameraPathSettings()
-
-
-def px_units(camera: Camera) -> NDArray[np.float64]:
-    """[6] twist that moves the picture by about a px: translations at distance 1, then turns."""
-    px = 1.0 / camera.fx
-    corner = 4.0 / math.hypot(camera.width, camera.height)
-    return np.array([px, px, corner, px, px, corner])
 
 
 @dataclass(frozen=True)
@@ -150,24 +65,6 @@ class Visit:
     camera: Camera
     photo: Tensor
     counts: Tensor | None
-
-
-def common_to(cameras: Sequence[Camera], fewest: int) -> Tensor:
-    """[F, F] that leaves of values of F photos what all share, or what follows the place of the camera.
-
-    Args:
-        fewest: photos for each of up to four numbers that are common; with fewer, the mean is.
-    """
-    columns = np.ones((len(cameras), 1))
-    if len(cameras) >= fewest * 4:
-        places = np.stack([camera.centre for camera in cameras])
-        columns = np.concatenate([columns, places - places.mean(axis=0)], axis=1)
-    return torch.from_numpy(columns @ np.linalg.pinv(columns, rcond=1e-3)).float()
-
-
-def backwards(twists: Tensor) -> Tensor:
-    """Paths [..., M + 1, 6] run the other way."""
-    return twists * torch.tensor([(-1.0) ** m for m in range(twists.shape[-2])])[:, None]
 
 
 def _stay() -> None:
@@ -454,18 +351,10 @@ class CameraPaths:
     def _straight(self, visit: Visit, still: Tensor) -> list[Tensor]:
         """Straight paths [M + 1, 6] of different directions, those that explain a photo best."""
         s, photo, camera = self.settings, visit.photo.cpu(), visit.camera
-        height, width = photo.shape[1:]
-        count = int(math.log(s.longest * math.hypot(height, width)) / math.log(s.again_factor))
-        angles, lengths = np.pi * np.arange(s.again_turns) / s.again_turns, s.again_factor ** np.arange(count)
-        rests = left_by_ways(still.cpu(), photo, angles, lengths)
-        found = [
-            (float(rests[turn].min()), length * math.cos(angle), length * math.sin(angle))
-            for turn, (angle, length) in enumerate(zip(angles, lengths[rests.argmin(axis=1)], strict=True))
-        ]
-        beside = [(found[turn - 1][0], found[(turn + 1) % len(found)][0]) for turn in range(len(found))]
-        lowest = sorted(f for f, (left, right) in zip(found, beside, strict=True) if f[0] <= left and f[0] <= right)
+        longest = s.longest * math.hypot(*photo.shape[1:])
+        ways = explaining_ways(still.cpu(), photo, longest, s)
         starts = []
-        for _, x, y in lowest[: s.again_starts]:
+        for x, y in ways:
             start = torch.zeros_like(self._twists[visit.index])
             start[0] = self._twists[visit.index, 0]
             start[1, 4], start[1, 3] = x / camera.fx / 2, -y / camera.fx / 2
@@ -499,26 +388,15 @@ class CameraPaths:
         beside = [slopes_in_readout(looked, self.motion.readout)] if readout else []
         beside += [] if along.by_curve is None else [along.by_curve]
         asked = torch.cat(beside) if beside else torch.empty((0, *seen.shape))
-        flow = self._flow(visit.index, visit.name, visit.camera, at)
-        return SeenPx(along.right, along.down, flow, asked, shown - seen)
+        depth = self._depths[visit.name].depth.clamp(min=self.settings.nearest)
+        moves = flow(visit.camera, at, depth, self._units[visit.index])
+        return SeenPx(along.right, along.down, moves, asked, shown - seen)
 
     def _counted(self, visit: Visit, at: Sampled) -> Tensor:
         """[3, h, w] 1 for the px of a photo that count."""
         if visit.counts is None:
             return torch.ones_like(at.of_planes(visit.photo), device="cpu")
         return in_memory(at.of_planes(visit.counts)).expand(3, -1, -1).float()
-
-    def _flow(self, index: int, name: str, camera: Camera, at: Sampled) -> Tensor:
-        """[2, 6, h, w] px of the grid, along x and along y, by which a px of motion in each axis moves what is seen."""
-        rows, columns = torch.arange(camera.height)[at.rows], torch.arange(camera.width)[at.columns]
-        y, x = torch.meshgrid(
-            (rows + 0.5 - camera.cy) / camera.fy, (columns + 0.5 - camera.cx) / camera.fx, indexing="ij"
-        )
-        near, zero, f = 1.0 / self._depths[name].depth.clamp(min=self.settings.nearest), torch.zeros_like(x), camera.fx
-        du = torch.stack([near, zero, -near * x, -x * y, 1 + x * x, -y])
-        dv = torch.stack([zero, near, -near * y, -(1 + y * y), x * y, x])
-        units = f * self._units[index][:, None, None]
-        return torch.stack([du * units, dv * units]).float()
 
     def state(self) -> dict[str, NDArray[Any]]:
         """What a checkpoint keeps."""

@@ -7,12 +7,15 @@ sinc(length * (f along it)). So spectra are summed up along each direction first
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
 from ...colour import srgb_to_linear
+from .settings import CameraPathSettings
 
 #: Bins of the frequencies along a way: where ways of 180 px pass, half a bin is 0.008 of a cycle.
 _BINS = 8192
@@ -20,6 +23,26 @@ _BINS = 8192
 _HIGHEST = 0.7072
 
 Array = NDArray[np.float64]
+
+
+def explaining_ways(
+    still: Tensor, photo: Tensor, longest: float, settings: CameraPathSettings
+) -> list[tuple[float, float]]:
+    """Straight ways (x, y), px, that explain a photo best, each better than those of the directions beside it.
+
+    Args:
+        still, photo: as of `left_by_ways`; longest: px, of any way.
+    """
+    count, turns = int(math.log(longest) / math.log(settings.again_factor)), settings.again_turns
+    angles, lengths = np.pi * np.arange(turns) / turns, settings.again_factor ** np.arange(count)
+    rests = left_by_ways(still, photo, angles, lengths)
+    found = [
+        (float(rests[turn].min()), length * math.cos(angle), length * math.sin(angle))
+        for turn, (angle, length) in enumerate(zip(angles, lengths[rests.argmin(axis=1)], strict=True))
+    ]
+    beside = [(found[turn - 1][0], found[(turn + 1) % len(found)][0]) for turn in range(len(found))]
+    lowest = sorted(f for f, (left, right) in zip(found, beside, strict=True) if f[0] <= left and f[0] <= right)
+    return [(x, y) for _, x, y in lowest[: settings.again_starts]]
 
 
 def left_by_ways(still: Tensor, photo: Tensor, angles: Array, lengths: Array) -> Array:

@@ -13,7 +13,7 @@ from dgs.core.frames import Frame
 from dgs.core.imaging.formation.chain import Formation
 from dgs.core.imaging.formation.motion import CameraMotion
 from dgs.core.rasterizer import RasterSettings
-from dgs.core.training.paths.camera_paths import px_units
+from dgs.core.training.paths.coordinates import px_units
 from scipy.spatial.transform import Rotation
 
 SETTINGS = RasterSettings(low_pass=0.5)

@@ -17,7 +17,8 @@ from dgs.core.rasterizer import RasterSettings
 from dgs.core.training.following import follow_path
 from dgs.core.training.job import TrainingJob
 from dgs.core.training.kept_state import checkpoint_of, restore
-from dgs.core.training.paths.camera_paths import CameraPaths, Visit, common_to, px_units
+from dgs.core.training.paths.camera_paths import CameraPaths, Visit
+from dgs.core.training.paths.coordinates import common_to, px_units
 from dgs.core.training.run import train
 from dgs.core.training.trainer import Trainer
 from dgs.tests.core.training.moved_photos import SETTINGS, exposed_by, truly_moved, turned_upright

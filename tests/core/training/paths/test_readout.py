@@ -11,7 +11,7 @@ from dgs.core.imaging.formation.motion import straight_paths
 from dgs.core.imaging.medium import Medium
 from dgs.core.progress import Silent
 from dgs.core.training.job import TrainingJob
-from dgs.core.training.paths.camera_paths import backwards
+from dgs.core.training.paths.coordinates import backwards
 from dgs.core.training.paths.equations import PathEquations
 from dgs.core.training.paths.readout import SETTINGS, LearnedReadout, slopes_in_readout, step_and_variance
 from dgs.core.training.paths.slopes import Looked, Sampled
