@@ -63,16 +63,19 @@ class Camera:
         """The same lens at another pose."""
         return replace(self, rotation=rotation, translation=translation)
 
+    def projected(self, points: NDArray[np.floating]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """[M, 2] px where points [M, 3] of the world lie, NaN behind the camera, and [M] their depths."""
+        x, y, depth = (points @ self.rotation.T + self.translation).T
+        ahead = np.where(depth > 0, depth, np.nan)
+        return np.stack([self.fx * x / ahead + self.cx, self.fy * y / ahead + self.cy], axis=1), depth
+
     def in_frame(self, points: NDArray[np.floating], beside: float = 0.0) -> NDArray[np.bool_]:
         """Which points [M, 3] of the world are in front of the camera and in its frame: [M] bool.
 
         Args:
             beside: of the frame's sides, by which it counts as wider on each of them.
         """
-        x, y, z = (points @ self.rotation.T + self.translation).T
-        ahead = z > 0
-        depth = np.where(ahead, z, 1.0)
-        u, v = self.fx * x / depth + self.cx, self.fy * y / depth + self.cy
+        u, v = self.projected(points)[0].T  # (NaN is in no frame)
         right, down = beside * self.width, beside * self.height
         across = (u >= -right) & (u < self.width + right)
-        return np.asarray(ahead & across & (v >= -down) & (v < self.height + down))
+        return np.asarray(across & (v >= -down) & (v < self.height + down))

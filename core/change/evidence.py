@@ -190,11 +190,10 @@ class About:
 def projected(places: Array, camera: Camera, depth: Floats) -> tuple[NDArray[np.int64], NDArray[np.int64], Array]:
     """Which places a camera sees, [2, M] their px, and [M, 2, 3] how these move with the places."""
     local = places @ camera.rotation.T + camera.translation
-    x, y, z = local.T
-    with np.errstate(divide="ignore", invalid="ignore"):
-        u, v = camera.fx * x / z + camera.cx, camera.fy * y / z + camera.cy
+    px, z = camera.projected(places)
+    u, v = px.T  # (NaN behind the camera, and so not inside)
     border = min(2 * EVIDENCE.window, camera.width // 8, camera.height // 8)
-    inside = (z > 0) & (abs(u - camera.width / 2) < camera.width / 2 - border)
+    inside = abs(u - camera.width / 2) < camera.width / 2 - border
     index = np.flatnonzero(inside & (abs(v - camera.height / 2) < camera.height / 2 - border))
     at = np.stack([u[index], v[index]]).astype(int)
     same = abs(depth[at[1], at[0]] - z[index]) < EVIDENCE.same * z[index] / camera.fx

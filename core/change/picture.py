@@ -115,11 +115,9 @@ def draw(path: Path, mesh: Mesh, first: Surface, found: Changes, title: str) -> 
 
 def _panel(panel: Any, mesh: Mesh, camera: Camera) -> None:
     """Faces as a camera sees them, the farthest first."""
-    local = mesh.vertices @ camera.rotation.T + camera.translation
-    depth = np.maximum(local[:, 2], 1e-12)
-    at = np.stack([camera.fx * local[:, 0] / depth + camera.cx, camera.fy * local[:, 1] / depth + camera.cy], axis=1)
-    faces = mesh.faces[(local[mesh.faces, 2] > 0).all(axis=1)]
-    faces = faces[np.argsort(-local[faces, 2].mean(axis=1))]
+    at, depth = camera.projected(mesh.vertices)
+    faces = mesh.faces[(depth[mesh.faces] > 0).all(axis=1)]
+    faces = faces[np.argsort(-depth[faces].mean(axis=1))]
     assert mesh.colours is not None
     shades = mesh.colours[faces].mean(axis=1) / 255.0
     panel.add_collection(PolyCollection(list(at[faces]), facecolors=shades, edgecolors=shades, linewidths=0.3))

@@ -66,10 +66,8 @@ def behind(twin: OpenedTwin, cameras: list[Camera], places: Array) -> Array:
         camera = twin.scale.camera_to_unit(camera)
         depths = sharp_depths(gaussians, camera, drawn, held=SURFACE.held)
         depth = np.where(depths.alpha >= SURFACE.opacity, depths.surface, np.nan)
-        x, y, z = (unit @ camera.rotation.T + camera.translation).T
-        with np.errstate(divide="ignore", invalid="ignore"):
-            u, v = np.floor(camera.fx * x / z + camera.cx), np.floor(camera.fy * y / z + camera.cy)
-        inside = (z > 0) & (u >= 0) & (v >= 0) & (u < camera.width) & (v < camera.height)
+        px, z = camera.projected(unit)
+        inside, (u, v) = camera.in_frame(unit), np.floor(px).T
         at = np.where(inside, v, 0).astype(int), np.where(inside, u, 0).astype(int)
         found.append(np.where(inside, depth[at] - z, np.nan))
     return _median(np.stack(found)) * twin.scale.size

@@ -125,7 +125,7 @@ def stations(line: PaintedLine, camera: Camera, others: Sequence[PaintedLine] = 
     normals = _refined(line.normals)
     rays = camera.centre - points
     cosine = np.sum(rays * normals, axis=1) / (np.linalg.norm(rays, axis=1) * np.linalg.norm(normals, axis=1))
-    edges = [_project(camera, points + sign * line.width / 2 * across) for sign in (-1.0, 1.0)]
+    edges = [camera.projected(points + sign * line.width / 2 * across)[0] for sign in (-1.0, 1.0)]
     spans = edges[1] - edges[0]
     widths = np.linalg.norm(spans, axis=1)
     good = (cosine > SETTINGS.facing) & (widths > 0.5) & np.isfinite(widths)
@@ -215,10 +215,3 @@ def _refined(values: Array, times: int = 3) -> Array:
     """Intermediate points between the file's, linear; [times (n - 1) + 1, 3]."""
     steps = np.linspace(0, len(values) - 1, times * (len(values) - 1) + 1)
     return np.stack([np.interp(steps, np.arange(len(values)), column) for column in values.T], -1)
-
-
-def _project(camera: Camera, points: Array) -> Array:
-    """[n, 2] px; NaN behind the camera."""
-    local = points @ camera.rotation.T + camera.translation
-    z = np.where(local[:, 2] > 0, local[:, 2], np.nan)
-    return np.stack([camera.fx * local[:, 0] / z + camera.cx, camera.fy * local[:, 1] / z + camera.cy], -1)

@@ -106,13 +106,7 @@ class PoseErrors:
 
 def scene_depth(camera: Camera, positions: NDArray[np.float64]) -> float:
     """Median depth of the [M, 3] positions that project into the frame; NaN if none does."""
-    local = positions @ camera.rotation.T + camera.translation
-    depth = local[:, 2]
-    front = depth > 0
-    safe = np.where(front, depth, 1.0)
-    u = camera.fx * local[:, 0] / safe + camera.cx
-    v = camera.fy * local[:, 1] / safe + camera.cy
-    inside = front & (u >= 0) & (u < camera.width) & (v >= 0) & (v < camera.height)
+    inside, depth = camera.in_frame(positions), camera.projected(positions)[1]
     return float(np.median(depth[inside])) if inside.any() else float("nan")
 
 

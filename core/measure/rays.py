@@ -17,10 +17,8 @@ def ray(camera: Camera, x: float, y: float) -> Array:
 
 def projected(camera: Camera, position: Array) -> tuple[float, float]:
     """Where a position lies in the photo, px; NaN behind the camera."""
-    x, y, z = camera.rotation @ position + camera.translation
-    if z <= 0:
-        return float("nan"), float("nan")
-    return float(camera.fx * x / z + camera.cx), float(camera.fy * y / z + camera.cy)
+    x, y = camera.projected(position[None])[0][0]
+    return float(x), float(y)
 
 
 def inside(camera: Camera, x: float, y: float) -> bool:

@@ -164,11 +164,7 @@ def depths_between(views: Sequence[View], points: SparsePoints) -> tuple[float, 
     seen = []
     positions = points.positions[:: max(1, len(points.positions) // SETTINGS.points)]
     for view in views:
-        camera = view.camera
-        x, y, z = (positions @ camera.rotation.T + camera.translation).T
-        with np.errstate(divide="ignore", invalid="ignore"):
-            u, v = camera.fx * x / z + camera.cx, camera.fy * y / z + camera.cy
-        seen.append(z[(z > 0) & (u >= 0) & (u < camera.width) & (v >= 0) & (v < camera.height)])
+        seen.append(view.camera.projected(positions)[1][view.camera.in_frame(positions)])
     depths = np.concatenate(seen)
     if not len(depths):
         return math.inf, math.inf

@@ -141,9 +141,8 @@ def _unseen(
             if seen[np.isfinite(points[:, 0])].all():
                 break
             c = others[index]
-            at = points @ c.rotation.T + c.translation
-            z = np.where(at[:, 2] > 0, at[:, 2], np.nan)
-            x, y = at[:, 0] / z * c.fx + c.cx, at[:, 1] / z * c.fy + c.cy
+            at, z = c.projected(points)
+            x, y = at.T
             edge = BORDER * min(c.width, c.height)
             inside = (x > edge) & (y > edge) & (x < c.width - edge) & (y < c.height - edge)  # (NaN is not)
             if not (inside & ~seen).any():

@@ -37,11 +37,7 @@ def photos_of_splats(twin: Any, places: NDArray[np.float32], scene: Any) -> NDAr
     counts = np.zeros(len(places), np.intp)
     for thing in cameras:
         camera = read_camera(thing, scene.render, thing.name)
-        x, y, z = (standing @ camera.rotation.T + camera.translation).T
-        ahead = z > 0
-        z = np.where(ahead, z, 1.0)
-        u, v = camera.fx * x / z + camera.cx, camera.fy * y / z + camera.cy
-        counts += ahead & (u >= 0) & (u <= camera.width) & (v >= 0) & (v <= camera.height)
+        counts += camera.in_frame(standing)
     return counts
 
 
