@@ -8,11 +8,9 @@ FOLDER/story.json what was seen.
 
 from __future__ import annotations
 
-import json
 import os
 import sys
 import time
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -23,25 +21,27 @@ from mathutils import Quaternion, Vector
 
 sys.path.insert(0, str(Path(__file__).parent))  # Blender runs this file where no package is
 from robot import Robot, Story
+from stage import (
+    ADDON,
+    FOLDER,
+    addon,
+    bare,
+    drawn_views,
+    imported_alone,
+    play,
+    seen,
+    seen_from_the_front,
+    until,
+    view_region,
+)
 
-FOLDER = Path(sys.argv[sys.argv.index("--") + 1])
-ADDON = "bl_ext.user_default.dgs"
 #: Views: turn from the first one about the vertical, and distance.
 VIEWS = ((0.0, 5.0), (0.9, 3.2), (2.5, 8.0))
-seen: dict[str, Any] = {"blender": bpy.app.version_string}
-
-
-def _addon(module: str) -> Any:
-    """A module of the installed extension."""
-    return import_module(f"{ADDON}.{module}")
 
 
 def story(robot: Robot) -> Story:
     """Who draws by itself; then the shader, in Solid and in Rendered mode, beside the engine."""
     scene, preferences = bpy.context.scene, bpy.context.preferences.addons[ADDON].preferences
-    for thing in list(bpy.data.objects):
-        bpy.data.objects.remove(thing)
-    scene.view_settings.view_transform = "Standard"
     seen["automatic"] = _said()
     bpy.ops.dgs.open_preferences()
     yield 1.5
@@ -51,16 +51,11 @@ def story(robot: Robot) -> Story:
             bpy.ops.wm.window_close()
     preferences.draw_with = "CARD"
     seen["asked for"] = _said()
-    bpy.ops.dgs.import_twin(filepath=str(FOLDER / "twin.ply"))
-    twin = next(thing for thing in scene.objects if "dgs_harmonics" in thing)
+    twin = imported_alone()
     yield 1.0
     space = robot.area().spaces.active
-    for bar in ("header", "toolbar", "ui", "tool_header"):
-        setattr(space, f"show_region_{bar}", False)
-    space.show_gizmo, space.overlay.show_overlays = False, False
-    view = space.region_3d
-    view.view_perspective, view.view_location = "PERSP", twin.matrix_world @ Vector((0.0, 0.0, 0.0))
-    view.view_rotation, view.view_distance = Quaternion((1, 0, 0), 1.5707963), 5.0
+    bare(space)
+    view = seen_from_the_front(space, twin)
     yield from _settled("first")
     seen["said"] = _said()
     yield from robot.picture("solid")
@@ -70,12 +65,12 @@ def story(robot: Robot) -> Story:
     yield from _among_meshes(robot, view, "rendered-")
     yield from _moved(robot, view, twin)
     yield from _timed(robot, space, preferences)
-    seen["server"] = _addon("dgs_addon.drawing.process").draws()
+    seen["server"] = addon("dgs_addon.drawing.process").draws()
 
 
 def _views_of(robot: Robot, view: Any, twin: Any) -> Story:
     """Three views; what the shader blended, and their cameras for the command line."""
-    cameras, region = {}, _region(robot)
+    cameras, region = {}, view_region(robot)
     seen["region"] = [region.x, region.y, region.width, region.height]
     upright = view.view_rotation.copy()
     for number, (turn, distance) in enumerate(VIEWS):
@@ -85,7 +80,7 @@ def _views_of(robot: Robot, view: Any, twin: Any) -> Story:
         yield from robot.picture(f"rendered-{number}")
         cameras[f"{number}.png"] = _camera(robot, view)
         np.save(FOLDER / f"card-{number}.npy", _shown().card.pixels())
-    _addon("core.formats.transforms").write_transforms(FOLDER / "transforms.json", cameras)
+    addon("core.formats.transforms").write_transforms(FOLDER / "transforms.json", cameras)
     view.view_rotation, view.view_distance = upright, 5.0
     yield from _settled("back")
 
@@ -128,7 +123,7 @@ def _moved(robot: Robot, view: Any, twin: Any) -> Story:
 
 def _timed(robot: Robot, space: Any, preferences: Any) -> Story:
     """Seconds of a picture by either, and how often the window is drawn while the view turns."""
-    card, drawer = (_addon(f"dgs_addon.drawing.{name}") for name in ("card", "drawer"))
+    card, drawer = (addon(f"dgs_addon.drawing.{name}") for name in ("card", "drawer"))
     shown, view = _shown(), _asked(robot, space)
     yield from _while_drawn(
         robot, lambda: seen.update({"card seconds": card.seconds_of(shown.card, drawer.the_card(), view)})
@@ -166,7 +161,7 @@ def _while_drawn(robot: Robot, work: Any) -> Story:
             done.append(2)
 
     handle = bpy.types.SpaceView3D.draw_handler_add(once, (), "WINDOW", "POST_PIXEL")
-    _region(robot).tag_redraw()
+    view_region(robot).tag_redraw()
     while len(done) < 2:
         yield 0.05
     bpy.types.SpaceView3D.draw_handler_remove(handle, "WINDOW")
@@ -174,21 +169,21 @@ def _while_drawn(robot: Robot, work: Any) -> Story:
 
 def _asked(robot: Robot, space: Any) -> Any:
     """The present view, as the engine is asked for it."""
-    messages, twins = _addon("core.serving.messages"), _addon("dgs_addon.drawing.twins")
+    messages, twins = addon("core.serving.messages"), addon("dgs_addon.drawing.twins")
     depsgraph = bpy.context.evaluated_depsgraph_get()
-    placed = twins.placed_twins(depsgraph, _addon("dgs_addon.drawing.drawer").the_card().twins)
+    placed = twins.placed_twins(depsgraph, addon("dgs_addon.drawing.drawer").the_card().twins)
     return messages.View(placed, _camera(robot, space.region_3d), False, True, (0.0, 0.0, 0.0))
 
 
 def _engine_seconds(view: Any) -> float:
-    server = _addon("dgs_addon.drawing.process").picture_server()
-    _addon("dgs_addon.drawing.twins").placed_twins(bpy.context.evaluated_depsgraph_get(), server, fresh=True)
+    server = addon("dgs_addon.drawing.process").picture_server()
+    addon("dgs_addon.drawing.twins").placed_twins(bpy.context.evaluated_depsgraph_get(), server, fresh=True)
     server.ask("timed", view)
     return float(server.wait("timed", 60).seconds)
 
 
 def _order_seconds(card: Any, view: Any) -> float:
-    splats = _addon("dgs_addon.drawing.splats")
+    splats = addon("dgs_addon.drawing.splats")
     loaded = card.loaded(view.twins)
     stands, times = splats.standing(loaded.splats, view.twins, view.camera), []
     for _ in range(5):
@@ -199,45 +194,30 @@ def _order_seconds(card: Any, view: Any) -> float:
 
 
 def _camera(robot: Robot, view: Any) -> Any:
-    region = _region(robot)
-    camera = _addon("dgs_addon.drawing.view_camera").window_camera
+    region = view_region(robot)
+    camera = addon("dgs_addon.drawing.view_camera").window_camera
     return camera(view.view_matrix, view.window_matrix, region.width, region.height)[0]
 
 
 def _said() -> list[object]:
-    drawn_by = _addon("dgs_addon.drawing.drawer").drawer()
+    drawn_by = addon("dgs_addon.drawing.drawer").drawer()
     return [drawn_by.card, drawn_by.why, gpu.platform.renderer_get(), gpu.platform.device_type_get()]
 
 
 def _shown() -> Any:
-    return next(iter(_views()))
-
-
-def _views() -> list[Any]:
-    return list(_addon("dgs_addon.drawing.viewport")._views.values())
-
-
-def _region(robot: Robot) -> Any:
-    return next(region for region in robot.area().regions if region.type == "WINDOW")
+    return next(iter(drawn_views()))
 
 
 def _settled(name: str, seconds: float = 500.0) -> Story:
     """Until all views show what they look at."""
-    began = time.monotonic()
     yield 0.5
-    while not _views() or not all(shown.done for shown in _views()):
-        if time.monotonic() - began > seconds:
-            raise TimeoutError(f"{name}: not in {seconds} s; {_said()}; {_views()}")
-        yield 0.02
+    yield from until(_complete, seconds, 0.02, f"{name}, {_said()}:")
     yield 0.5
 
 
-def _done(error: str) -> None:
-    seen["failure"] = error
-    (FOLDER / "story.json").write_text(json.dumps(seen), encoding="utf-8")
+def _complete() -> bool:
+    views = drawn_views()
+    return bool(views) and all(shown.done for shown in views)
 
 
-bpy.context.preferences.view.show_splash = False
-(FOLDER / "pictures").mkdir(exist_ok=True)
-robot = Robot(FOLDER / "pictures")
-robot.play(story(robot), _done)
+play(story)

@@ -11,7 +11,6 @@ from __future__ import annotations
 import json
 import sys
 import time
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -20,23 +19,16 @@ from mathutils import Matrix, Vector
 
 sys.path.insert(0, str(Path(__file__).parent))  # Blender runs this file where no package is
 from robot import Robot, Story
+from stage import FOLDER, addon, in_view, play, seen, until
 
-FOLDER = Path(sys.argv[sys.argv.index("--") + 1])
-ADDON = "bl_ext.user_default.dgs"
 #: Where the button that shows the changes is in the sidebar's width.
 _EYE = 0.81
-seen: dict[str, Any] = {"blender": bpy.app.version_string}
-
-
-def _addon(module: str) -> Any:
-    """A module of the installed extension."""
-    return import_module(f"{ADDON}.dgs_addon.{module}")
 
 
 def story(robot: Robot) -> Story:
     """Compared, cancelled once, shown in Solid and Material Preview, in German, switched off and undone."""
     scene = bpy.context.scene
-    twin = _addon("job.results").add_twin_of(FOLDER / "week2" / "twin", scene)
+    twin = addon("dgs_addon.job.results").add_twin_of(FOLDER / "week2" / "twin", scene)
     yield 1.0
     view = robot.area().spaces.active
     view.region_3d.view_location += view.region_3d.view_rotation @ Vector((0.3 * view.region_3d.view_distance, 0, 0))
@@ -44,19 +36,19 @@ def story(robot: Robot) -> Story:
     robot.area().regions[0].tag_redraw()
     yield from robot.open_tab("Descatter")
     yield from _known_length(robot, twin)
-    runner = _addon("job.runner")
+    runner = addon("dgs_addon.job.runner")
     _compare(robot)
-    yield from _until(lambda: runner.current().state.stage in ("depth", "compare"))
+    yield from until(lambda: runner.current().state.stage in ("depth", "compare"))
     runner.pause(True)  # the robot takes longer to find the button than the comparison
     yield 1.0
     yield from robot.picture("1-running")
     yield from robot.press("dgs.cancel_job", 0.6)
-    yield from _until(lambda: not runner.busy())
+    yield from until(lambda: not runner.busy())
     seen["cancelled"] = [runner.current().state.phase, _mesh(twin) is None]
     yield from robot.picture("2-cancelled")
     began = time.monotonic()
     _compare(robot)
-    yield from _until(lambda: not runner.busy(), 500)
+    yield from until(lambda: not runner.busy(), 500)
     seen["seconds"] = time.monotonic() - began
     seen["ended"] = [runner.current().state.phase, runner.current().state.error]
     yield 1.0
@@ -65,7 +57,7 @@ def story(robot: Robot) -> Story:
     yield from robot.point(400, 600)  # else the tooltip stays
     yield 1.0
     yield from robot.picture("3-solid")
-    seen["changes"] = _addon("scene.comparison").changes_of(twin)
+    seen["changes"] = addon("dgs_addon.scene.comparison").changes_of(twin)
     seen["shown"] = [twin.hide_get(), _mesh(twin).hide_get()]
     view.shading.type = "MATERIAL"
     yield 20.0
@@ -76,7 +68,7 @@ def story(robot: Robot) -> Story:
     seen["switched"] = [twin.hide_get(), _mesh(twin).hide_get()]
     yield 2.0
     yield from robot.picture("6-twin")
-    with _view(robot):
+    with in_view(robot):
         bpy.ops.ed.undo()  # of the switch
         yield 1.0
         bpy.ops.ed.undo()  # of the comparison
@@ -87,24 +79,24 @@ def story(robot: Robot) -> Story:
 
 
 def _known_length(robot: Robot, twin: Any) -> Story:
-    known, from_file = json.loads((FOLDER / "known.json").read_text("utf-8")), _addon("scene.measures").from_file
-    world = Matrix(from_file(twin).tolist())
+    known = json.loads((FOLDER / "known.json").read_text("utf-8"))
+    world = Matrix(addon("dgs_addon.scene.measures").from_file(twin).tolist())
     points = "; ".join(" ".join(map(str, (world @ Vector((*end, 1.0))).to_3d())) for end in known["ends"])
-    with _view(robot):
+    with in_view(robot):
         bpy.ops.dgs.measure("EXEC_DEFAULT", kind="length", name=known["name"], points=points)
         bpy.ops.dgs.know_length("EXEC_DEFAULT", length=known["length"], unit=known["unit"])
-    yield from _until(lambda: twin.dgs_measures.items[0].unit == known["unit"])
-    with _view(robot):
+    yield from until(lambda: twin.dgs_measures.items[0].unit == known["unit"])
+    with in_view(robot):
         bpy.ops.ed.undo_push(message="Twin")  # (a script that adds one leaves that to whoever runs it)
 
 
 def _compare(robot: Robot) -> None:
-    with _view(robot):
+    with in_view(robot):
         bpy.ops.dgs.compare_earlier("EXEC_DEFAULT", directory=str(FOLDER / "week1" / "twin"))
 
 
 def _mesh(twin: Any) -> Any:
-    return _addon("scene.comparison").changed_mesh(twin)
+    return addon("dgs_addon.scene.comparison").changed_mesh(twin)
 
 
 def _german(robot: Robot) -> Story:
@@ -121,26 +113,4 @@ def _german(robot: Robot) -> Story:
     yield 0.5
 
 
-def _view(robot: Robot) -> Any:
-    window = bpy.context.window_manager.windows[0]
-    region = next(region for region in robot.area().regions if region.type == "WINDOW")
-    return bpy.context.temp_override(window=window, area=robot.area(), region=region)
-
-
-def _until(true: Any, seconds: float = 200.0) -> Story:
-    end = time.monotonic() + seconds
-    while not true():
-        if time.monotonic() > end:
-            raise TimeoutError(f"not in {seconds} s")
-        yield 0.05
-
-
-def _done(error: str) -> None:
-    seen["failure"] = error
-    (FOLDER / "story.json").write_text(json.dumps(seen), encoding="utf-8")
-
-
-bpy.context.preferences.view.show_splash = False
-(FOLDER / "pictures").mkdir(exist_ok=True)
-robot = Robot(FOLDER / "pictures")
-robot.play(story(robot), _done)
+play(story)

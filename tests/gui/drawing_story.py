@@ -7,12 +7,10 @@ FOLDER/twin.ply is the twin; FOLDER/pictures gets the screenshots, FOLDER/story.
 
 from __future__ import annotations
 
-import json
 import os
 import signal
 import sys
 import time
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -21,34 +19,29 @@ from mathutils import Quaternion, Vector
 
 sys.path.insert(0, str(Path(__file__).parent))  # Blender runs this file where no package is
 from robot import Robot, Story
-
-FOLDER = Path(sys.argv[sys.argv.index("--") + 1])
-ADDON = "bl_ext.user_default.dgs"
-seen: dict[str, Any] = {"blender": bpy.app.version_string}
-
-
-def _addon(module: str) -> Any:
-    """A module of the installed extension."""
-    return import_module(f"{ADDON}.{module}")
+from stage import (
+    FOLDER,
+    addon,
+    bare,
+    drawn_views,
+    imported_alone,
+    play,
+    seen,
+    seen_from_the_front,
+    settled,
+    view_region,
+)
 
 
 def story(robot: Robot) -> Story:
     """All modes, one after the other."""
     scene = bpy.context.scene
-    for thing in list(bpy.data.objects):
-        bpy.data.objects.remove(thing)
-    scene.view_settings.view_transform = "Standard"
-    bpy.ops.dgs.import_twin(filepath=str(FOLDER / "twin.ply"))
-    twin = next(thing for thing in scene.objects if "dgs_harmonics" in thing)
+    twin = imported_alone()
     yield 1.0
     space = robot.area().spaces.active
-    for bar in ("header", "toolbar", "ui", "tool_header"):
-        setattr(space, f"show_region_{bar}", False)
-    space.show_gizmo, space.overlay.show_overlays = False, False
-    view = space.region_3d
-    view.view_perspective, view.view_location = "PERSP", twin.matrix_world @ Vector((0.0, 0.0, 0.0))
-    view.view_rotation, view.view_distance = Quaternion((1, 0, 0), 1.5707963), 5.0
-    yield from _settled("first")
+    bare(space)
+    view = seen_from_the_front(space, twin)
+    yield from settled("first")
     seen["solid"] = _evaluated(twin)
     yield from robot.picture("solid")
     yield from _among_meshes(robot, view)
@@ -66,10 +59,10 @@ def _among_meshes(robot: Robot, view: Any, mode: str = "") -> Story:
     wall = bpy.context.object
     for name, way in (("behind", -2.0), ("front", 2.0)):
         wall.location = view.view_location + way * towards
-        yield from _settled(mode + name)
+        yield from settled(mode + name)
         yield from robot.picture(f"{mode}mesh-{name}")
     bpy.data.objects.remove(wall)
-    yield from _settled("alone")
+    yield from settled("alone")
 
 
 def _held_out(robot: Robot, view: Any) -> Story:
@@ -83,27 +76,27 @@ def _held_out(robot: Robot, view: Any) -> Story:
     hole.is_holdout = True
     for name, way in (("behind", -2.5), ("front", 2.0)):
         hole.location = view.view_location + way * towards
-        yield from _settled(f"holdout {name}")
+        yield from settled(f"holdout {name}")
         yield from robot.picture(f"holdout-{name}")
     for thing in (wall, hole):
         bpy.data.objects.remove(thing)
-    yield from _settled("rendered alone")
+    yield from settled("rendered alone")
 
 
 def _rendered(robot: Robot, scene: Any, space: Any) -> Story:
     """Rendered mode; the camera of the view for the command line, and the time of a final picture."""
     scene.render.engine = "DESCATTER"
     space.shading.type = "RENDERED"
-    yield from _settled("rendered with meshes")
+    yield from settled("rendered with meshes")
     yield from _among_meshes(robot, space.region_3d, "rendered-")
     yield from _held_out(robot, space.region_3d)
     yield from robot.picture("rendered")
-    region, view = _region(robot), space.region_3d
+    region, view = view_region(robot), space.region_3d
     seen["region"] = [region.x, region.y, region.width, region.height]
-    camera, _ = _addon("dgs_addon.drawing.view_camera").window_camera(
+    camera, _ = addon("dgs_addon.drawing.view_camera").window_camera(
         view.view_matrix, view.window_matrix, region.width, region.height
     )
-    _addon("core.formats.transforms").write_transforms(FOLDER / "transforms.json", {"view.png": camera})
+    addon("core.formats.transforms").write_transforms(FOLDER / "transforms.json", {"view.png": camera})
     scene.camera = bpy.data.objects.new("eye", bpy.data.cameras.new("eye"))
     scene.collection.objects.link(scene.camera)
     scene.camera.matrix_world = view.view_matrix.inverted()
@@ -115,15 +108,15 @@ def _rendered(robot: Robot, scene: Any, space: Any) -> Story:
         bpy.ops.render.render(write_still=True)
         times.append(time.perf_counter() - began)
     seen["final"] = min(times)
-    final = _addon("dgs_addon.axes").read_camera(scene.camera, scene.render, "final.png")
-    _addon("core.formats.transforms").write_transforms(FOLDER / "final.json", {"final.png": final})
+    final = addon("dgs_addon.axes").read_camera(scene.camera, scene.render, "final.png")
+    addon("core.formats.transforms").write_transforms(FOLDER / "final.json", {"final.png": final})
 
 
 def _orbits(robot: Robot, space: Any) -> Story:
     """The view turns for 4 s: how often it is drawn, with which pictures, and when the full one is there."""
     for mode in ("RENDERED", "SOLID"):
         space.shading.type = mode
-        yield from _settled(mode)
+        yield from settled(mode)
         draws: list[float] = []
         pictures: list[tuple[float, Any]] = []
         handle = bpy.types.SpaceView3D.draw_handler_add(_drew, (draws, pictures), "WINDOW", "POST_PIXEL")
@@ -132,8 +125,8 @@ def _orbits(robot: Robot, space: Any) -> Story:
             space.region_3d.view_rotation = Quaternion((0, 0, 1), 0.02) @ space.region_3d.view_rotation
             yield 0.005
         stopped = time.perf_counter()
-        yield from _settled(f"{mode} again")
-        width = _region(robot).width
+        yield from settled(f"{mode} again")
+        width = view_region(robot).width
         while pictures[-1][1].pixels.shape[1] != width and time.perf_counter() < stopped + 5:
             yield 0.01
         bpy.types.SpaceView3D.draw_handler_remove(handle, "WINDOW")
@@ -152,14 +145,14 @@ def _orbits(robot: Robot, space: Any) -> Story:
 def _drew(draws: list[float], pictures: list[tuple[float, Any]]) -> None:
     """Takes down when a view was drawn, and when with a new picture."""
     draws.append(time.perf_counter())
-    for shown in _views():
+    for shown in drawn_views():
         if shown.follower.picture is not None and (not pictures or pictures[-1][1] is not shown.follower.picture):
             pictures.append((draws[-1], shown.follower.picture))
 
 
 def _killed(robot: Robot, view: Any) -> Story:
     """The server is killed; the next movement brings another and the picture."""
-    server = _addon("dgs_addon.drawing.process").picture_server()
+    server = addon("dgs_addon.drawing.process").picture_server()
     starts = server.starts
     # The number is another one in the engine's own world of processes: it is found by what it runs.
     pid = next(
@@ -169,7 +162,7 @@ def _killed(robot: Robot, view: Any) -> Story:
     )
     os.kill(pid, signal.SIGKILL)
     view.view_rotation = Quaternion((0, 0, 1), 0.3) @ view.view_rotation
-    yield from _settled("killed")
+    yield from settled("killed")
     seen["restarted"] = [server.starts - starts, server.error]
     yield from robot.picture("killed")
 
@@ -191,7 +184,7 @@ def _other_engine(scene: Any, space: Any, twin: Any) -> Story:
 
 def _saved(twin: Any) -> list[bool]:
     """Whether the twin is an outline in the saved file, and still in this one."""
-    live = _addon("dgs_addon.drawing.live")
+    live = addon("dgs_addon.drawing.live")
     path = str(FOLDER / "saved.blend")
     bpy.ops.wm.save_as_mainfile(filepath=path, copy=True)
     with bpy.data.libraries.load(path) as (_, into):
@@ -206,32 +199,4 @@ def _evaluated(twin: Any) -> list[int]:
     return [len(mine), len(twin.evaluated_get(depsgraph).data.edges)]
 
 
-def _views() -> list[Any]:
-    return list(_addon("dgs_addon.drawing.viewport")._views.values())
-
-
-def _region(robot: Robot) -> Any:
-    return next(region for region in robot.area().regions if region.type == "WINDOW")
-
-
-def _settled(name: str, seconds: float = 200.0) -> Story:
-    """Until all views show the full picture of what they look at."""
-    began = time.monotonic()
-    yield 0.5
-    while not _views() or not all(shown.follower.done and shown.follower.picture for shown in _views()):
-        if time.monotonic() - began > seconds:
-            raise TimeoutError(f"{name}: not in {seconds} s")
-        yield 0.02
-    seen[f"settled {name}"] = time.monotonic() - began
-    yield 0.5
-
-
-def _done(error: str) -> None:
-    seen["failure"] = error
-    (FOLDER / "story.json").write_text(json.dumps(seen), encoding="utf-8")
-
-
-bpy.context.preferences.view.show_splash = False
-(FOLDER / "pictures").mkdir(exist_ok=True)
-robot = Robot(FOLDER / "pictures")
-robot.play(story(robot), _done)
+play(story)

@@ -7,55 +7,37 @@ FOLDER/twin.ply is the twin; FOLDER/pictures gets the screenshots, FOLDER/story.
 
 from __future__ import annotations
 
-import json
 import sys
 import time
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import bpy
-from mathutils import Quaternion, Vector
 
 sys.path.insert(0, str(Path(__file__).parent))  # Blender runs this file where no package is
 from robot import Robot, Story
-
-FOLDER = Path(sys.argv[sys.argv.index("--") + 1])
-ADDON = "bl_ext.user_default.dgs"
-seen: dict[str, Any] = {"blender": bpy.app.version_string}
-
-
-def _addon(module: str) -> Any:
-    """A module of the installed extension."""
-    return import_module(f"{ADDON}.{module}")
+from stage import addon, imported_alone, in_view, play, seen, seen_from_the_front, settled, view_region
 
 
 def story(robot: Robot) -> Story:
     """Selecting, hiding, deleting, undoing, bringing back."""
-    scene = bpy.context.scene
-    for thing in list(bpy.data.objects):
-        bpy.data.objects.remove(thing)
-    scene.view_settings.view_transform = "Standard"
-    bpy.ops.dgs.import_twin(filepath=str(FOLDER / "twin.ply"))
-    twin = next(thing for thing in scene.objects if "dgs_harmonics" in thing)
+    twin = imported_alone()
     yield 1.0
     space = robot.area().spaces.active
     space.overlay.show_floor = space.overlay.show_axis_x = space.overlay.show_axis_y = False
-    view = space.region_3d
-    view.view_perspective, view.view_location = "PERSP", twin.matrix_world @ Vector((0.0, 0.0, 0.0))
-    view.view_rotation, view.view_distance = Quaternion((1, 0, 0), 1.5707963), 5.0
+    seen_from_the_front(space, twin)
     bpy.ops.ed.undo_push(message="ready")
-    yield from _settled("object")
-    region = _region(robot)
+    yield from settled("object")
+    region = view_region(robot)
     seen["region"] = [region.x, region.y, region.width, region.height]
     yield from robot.open_tab("Descatter")
     yield from robot.picture("object")
-    with _view(robot):
+    with in_view(robot):
         began = time.perf_counter()
         bpy.ops.dgs.edit_splats()
         seen["edit mode"] = time.perf_counter() - began
         bpy.ops.mesh.select_all(action="DESELECT")
-    yield from _settled("edit")
+    yield from settled("edit")
     yield from robot.picture("edit")
     yield from _by_mouse(robot, space)
     yield from _by_measures(robot)
@@ -67,13 +49,13 @@ def _by_mouse(robot: Robot, space: Any) -> Story:
     """A box, a lasso and a circle around the middle, drawn with the mouse, with X-ray and without."""
     for xray in (False, True):
         space.shading.show_xray = xray
-        yield from _settled(f"x-ray {xray}")
+        yield from settled(f"x-ray {xray}")
         for tool, way in (
             ("select_box", [(-90, -60), (90, 60)]),
             ("select_lasso", [(-90, -60), (90, -60), (90, 60), (-90, 60), (-90, -60)]),
             ("select_circle", [(-60, 0), (60, 0)]),
         ):
-            with _view(robot):
+            with in_view(robot):
                 bpy.ops.mesh.select_all(action="DESELECT")
                 bpy.ops.wm.tool_set_by_id(name=f"builtin.{tool}")
             yield 1.0
@@ -81,20 +63,20 @@ def _by_mouse(robot: Robot, space: Any) -> Story:
             yield 0.5
             chosen = _rows("select")
             seen[f"{tool} {xray}"] = _inside(robot, chosen)
-            yield from _settled(f"{tool} {xray}")
+            yield from settled(f"{tool} {xray}")
             yield from robot.picture(f"{tool}-{'xray' if xray else 'solid'}")
     space.shading.show_xray = False
 
 
 def _by_measures(robot: Robot) -> Story:
-    with _view(robot):
+    with in_view(robot):
         bpy.ops.dgs.select_floaters("INVOKE_DEFAULT")
-    yield from _settled("floaters")
+    yield from settled("floaters")
     seen["floaters"] = int(_rows("select").sum())
     yield from robot.picture("floaters")
-    with _view(robot):
+    with in_view(robot):
         bpy.ops.dgs.select_by_colour("INVOKE_DEFAULT", colour=(0.84, 0.67, 0.33), tolerance=0.12)
-    yield from _settled("colour")
+    yield from settled("colour")
     seen["colour"] = int(_rows("select").sum())
     yield from robot.picture("colour")
 
@@ -104,16 +86,16 @@ def _hidden_and_back(robot: Robot, twin: Any) -> Story:
     yield from robot.point(*_middle(robot, 0, 0))
     robot.key("h")
     yield 1.0
-    yield from _settled("hidden")
+    yield from settled("hidden")
     seen["hidden"] = int(_rows("hide").sum())
     yield from robot.picture("hidden")
-    with _view(robot):
+    with in_view(robot):
         bpy.ops.dgs.edit_splats()
     yield 0.5
-    yield from _settled("hidden, object")
+    yield from settled("hidden, object")
     seen["marked"] = int(sum(value.value for value in twin.data.attributes["hidden"].data))
     yield from robot.picture("hidden-object")
-    with _view(robot):
+    with in_view(robot):
         bpy.ops.dgs.edit_splats()
     yield from robot.point(*_middle(robot, 0, 0))
     robot.key("alt+h")
@@ -124,10 +106,10 @@ def _hidden_and_back(robot: Robot, twin: Any) -> Story:
 def _deleted_and_back(robot: Robot, twin: Any) -> Story:
     """Delete, undo by Ctrl-Z, delete again, and bring back from the file."""
     count = len(_rows("select"))
-    with _view(robot):
+    with in_view(robot):
         bpy.ops.dgs.delete_splats("INVOKE_DEFAULT")
         bpy.ops.ed.undo_push(message="deleted")
-    yield from _settled("deleted")
+    yield from settled("deleted")
     seen["deleted"] = count - len(_rows("select"))
     yield from robot.picture("deleted")
     yield from robot.point(*_middle(robot, 0, 0))
@@ -137,33 +119,24 @@ def _deleted_and_back(robot: Robot, twin: Any) -> Story:
     robot.key("ctrl+shift+z")
     yield 1.0
     seen["redone"] = count - len(_rows("select"))
-    with _view(robot):
+    with in_view(robot):
         bpy.ops.dgs.restore_splats()
         bpy.ops.dgs.edit_splats()
     yield 0.5
-    yield from _settled("restored")
+    yield from settled("restored")
     seen["restored"] = count - len(twin.data.vertices)
     yield from robot.picture("restored")
 
 
-def _view(robot: Robot) -> Any:
-    window = bpy.context.window_manager.windows[0]
-    return bpy.context.temp_override(window=window, area=robot.area(), region=_region(robot))
-
-
-def _region(robot: Robot) -> Any:
-    return next(region for region in robot.area().regions if region.type == "WINDOW")
-
-
 def _middle(robot: Robot, right: int, down: int) -> tuple[int, int]:
     """Where the mouse is to go, from the middle of the view."""
-    region, window = _region(robot), bpy.context.window_manager.windows[0]
+    region, window = view_region(robot), bpy.context.window_manager.windows[0]
     return region.x + region.width // 2 + right, window.height - region.y - region.height // 2 + down
 
 
 def _rows(flag: str) -> Any:
     """[N] a flag of the twin's points, in any mode."""
-    reading, twin = _addon("dgs_addon.scene.reading"), bpy.context.view_layer.objects.active
+    reading, twin = addon("dgs_addon.scene.reading"), bpy.context.view_layer.objects.active
     with reading.readable(twin) as mesh:
         return reading.read_flags(mesh, flag)
 
@@ -172,8 +145,8 @@ def _inside(robot: Robot, chosen: Any) -> list[int]:
     """How many are selected, how many of these lie in the box, how many lie in it, and how many of these behind."""
     import numpy as np  # late: Blender has it, whoever reads this file may not
 
-    twin, region = bpy.context.view_layer.objects.active, _region(robot)
-    reading, view = _addon("dgs_addon.scene.reading"), robot.area().spaces.active.region_3d
+    twin, region = bpy.context.view_layer.objects.active, view_region(robot)
+    reading, view = addon("dgs_addon.scene.reading"), robot.area().spaces.active.region_3d
     with reading.readable(twin) as mesh:
         places = reading.read_values(mesh, "position", "vector", 3)
     world = np.array(twin.matrix_world)
@@ -184,25 +157,4 @@ def _inside(robot: Robot, chosen: Any) -> list[int]:
     return [int(x) for x in (chosen.sum(), (chosen & box).sum(), box.sum(), (chosen & box & behind).sum())]
 
 
-def _settled(name: str, seconds: float = 200.0) -> Story:
-    """Until all views show the full picture of what they look at."""
-    views = _addon("dgs_addon.drawing.viewport")._views
-    began = time.monotonic()
-    yield 1.0
-    while not views or not all(shown.follower.done and shown.follower.picture for shown in views.values()):
-        if time.monotonic() - began > seconds:
-            raise TimeoutError(f"{name}: not in {seconds} s")
-        yield 0.02
-    seen[f"settled {name}"] = time.monotonic() - began
-    yield 0.5
-
-
-def _done(error: str) -> None:
-    seen["failure"] = error
-    (FOLDER / "story.json").write_text(json.dumps(seen), encoding="utf-8")
-
-
-bpy.context.preferences.view.show_splash = False
-(FOLDER / "pictures").mkdir(exist_ok=True)
-robot = Robot(FOLDER / "pictures")
-robot.play(story(robot), _done)
+play(story)

@@ -11,7 +11,6 @@ from __future__ import annotations
 import json
 import sys
 import time
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -21,22 +20,15 @@ from mathutils import Matrix, Vector
 
 sys.path.insert(0, str(Path(__file__).parent))  # Blender runs this file where no package is
 from robot import Robot, Story
+from stage import FOLDER, addon, in_view, play, seen, until, view_region
 
-FOLDER = Path(sys.argv[sys.argv.index("--") + 1])
-ADDON = "bl_ext.user_default.dgs"
-seen: dict[str, Any] = {"blender": bpy.app.version_string}
 asked: dict[str, Any] = json.loads((FOLDER / "places.json").read_text("utf-8"))
-
-
-def _addon(module: str) -> Any:
-    """A module of the installed extension."""
-    return import_module(f"{ADDON}.dgs_addon.{module}")
 
 
 def story(robot: Robot) -> Story:
     """Measures of all kinds by clicks, a miss, a known length, German, the mesh, and the file opened again."""
     scene = bpy.context.scene
-    twin = _addon("job.results").add_twin_of(FOLDER / "twin", scene)
+    twin = addon("dgs_addon.job.results").add_twin_of(FOLDER / "twin", scene)
     yield 1.0
     view = robot.area().spaces.active.region_3d
     view.view_distance *= asked.get("farther", 1.5)
@@ -53,9 +45,9 @@ def story(robot: Robot) -> Story:
     yield from robot.picture("2-all")
     yield from _missed(robot, twin)
     twin.dgs_measures.active = 0
-    with _view(robot):
+    with in_view(robot):
         bpy.ops.dgs.know_length("EXEC_DEFAULT", **asked["known"])
-    yield from _until(lambda: _items(twin)[0].known and _items(twin)[1].unit == asked["known"]["unit"])
+    yield from until(lambda: _items(twin)[0].known and _items(twin)[1].unit == asked["known"]["unit"])
     twin.dgs_measures.active = 1
     yield from robot.picture("4-known")
     yield from _german(robot)
@@ -65,31 +57,31 @@ def story(robot: Robot) -> Story:
 
 def _measure(robot: Robot, twin: Any, name: str, kind: str, places: list[str]) -> Story:
     before = len(_items(twin))
-    with _view(robot):
+    with in_view(robot):
         bpy.ops.dgs.measure("INVOKE_DEFAULT", kind=kind, name=name)
     for number, place in enumerate(places):
         yield from _click(robot, twin, asked["places"][place])
-        yield from _until(lambda number=number: len(_pending().places) > number if _pending() else True)
+        yield from until(lambda number=number: len(_pending().places) > number if _pending() else True)
         if number == 0 and before == 0:
             yield from robot.point(*_at(robot, twin, asked["places"][places[1]]))
             yield 1.0
             yield from robot.picture("1-setting", out_of_the_way=False)
     if kind in ("polyline", "area"):
         robot.key("Return")
-    yield from _until(lambda: _pending() is None and len(_items(twin)) > before)
+    yield from until(lambda: _pending() is None and len(_items(twin)) > before)
 
 
 def _missed(robot: Robot, twin: Any) -> Story:
     """A click where nothing is: said, and nothing is kept; Escape ends it."""
     before = len(_items(twin))
-    with _view(robot):
+    with in_view(robot):
         bpy.ops.dgs.measure("INVOKE_DEFAULT", kind="length")
     yield from _click(robot, twin, asked["nothing"])
     yield 2.0
     seen["missed"] = [len(_pending().places), _pending().hover is None]
     yield from robot.picture("3-missed", out_of_the_way=False)
     robot.key("Escape")
-    yield from _until(lambda: _pending() is None)
+    yield from until(lambda: _pending() is None)
     seen["kept"] = len(_items(twin)) - before
 
 
@@ -108,10 +100,10 @@ def _german(robot: Robot) -> Story:
 
 
 def _mesh(robot: Robot, twin: Any) -> Story:
-    with _view(robot):
+    with in_view(robot):
         bpy.ops.dgs.make_mesh(faces=20_000)
-    yield from _until(lambda: not _addon("questions.meshes").making(), 900)
-    seen["mesh error"] = _addon("questions.meshes").error
+    yield from until(lambda: not addon("dgs_addon.questions.meshes").making(), 900)
+    seen["mesh error"] = addon("dgs_addon.questions.meshes").error
     surfaces = [child for child in twin.children if child.get("dgs_surface")]
     seen["mesh"] = [len(surface.data.polygons) for surface in surfaces]
     twin.hide_set(True)
@@ -138,8 +130,8 @@ def _click(robot: Robot, twin: Any, place: list[float]) -> Story:
 
 def _at(robot: Robot, twin: Any, place: list[float]) -> tuple[int, int]:
     """Where a place of the twin's file is on the screen."""
-    region, window = _region(robot), bpy.context.window_manager.windows[0]
-    world = Matrix(_addon("scene.measures").from_file(twin).tolist()) @ Vector((*place, 1.0))
+    region, window = view_region(robot), bpy.context.window_manager.windows[0]
+    world = Matrix(addon("dgs_addon.scene.measures").from_file(twin).tolist()) @ Vector((*place, 1.0))
     found = location_3d_to_region_2d(region, robot.area().spaces.active.region_3d, world.to_3d())
     return round(region.x + found.x), round(window.height - region.y - found.y)
 
@@ -149,32 +141,7 @@ def _items(twin: Any) -> Any:
 
 
 def _pending() -> Any:
-    return _addon("drawing.measures").pending
+    return addon("dgs_addon.drawing.measures").pending
 
 
-def _view(robot: Robot) -> Any:
-    window = bpy.context.window_manager.windows[0]
-    return bpy.context.temp_override(window=window, area=robot.area(), region=_region(robot))
-
-
-def _region(robot: Robot) -> Any:
-    return next(region for region in robot.area().regions if region.type == "WINDOW")
-
-
-def _until(true: Any, seconds: float = 200.0) -> Story:
-    end = time.monotonic() + seconds
-    while not true():
-        if time.monotonic() > end:
-            raise TimeoutError(f"not in {seconds} s")
-        yield 0.05
-
-
-def _done(error: str) -> None:
-    seen["failure"] = error
-    (FOLDER / "story.json").write_text(json.dumps(seen), encoding="utf-8")
-
-
-bpy.context.preferences.view.show_splash = False
-(FOLDER / "pictures").mkdir(exist_ok=True)
-robot = Robot(FOLDER / "pictures")
-robot.play(story(robot), _done)
+play(story)

@@ -7,27 +7,22 @@ FOLDER/photos is the set; FOLDER/pictures gets the screenshots, FOLDER/story.jso
 
 from __future__ import annotations
 
-import json
 import os
 import random
 import signal
 import sys
 import time
-from importlib import import_module
 from pathlib import Path
-from typing import Any
 
 import bpy
 from bpy_extras.view3d_utils import location_3d_to_region_2d
 
 sys.path.insert(0, str(Path(__file__).parent))  # Blender runs this file where no package is
 from robot import Robot, Story, Tick
+from stage import FOLDER, addon, play, seen, until
 
-FOLDER = Path(sys.argv[sys.argv.index("--") + 1])
-ADDON = "bl_ext.user_default.dgs"
 #: What Blender draws across a twin.
 _ACROSS = ("relationship_lines", "floor", "axis_x", "axis_y")
-seen: dict[str, object] = {"blender": bpy.app.version_string}
 
 
 def story(robot: Robot) -> Story:
@@ -48,14 +43,9 @@ def story(robot: Robot) -> Story:
     yield from robot.picture("9-preferences")
 
 
-def _addon(module: str) -> Any:
-    """A module of the installed extension."""
-    return import_module(f"{ADDON}.dgs_addon.{module}")
-
-
 def _photos_are_dropped(robot: Robot) -> Story:
     """One photo of the folder is dropped; then the panel is drawn as often as a job has it drawn, for comparison."""
-    settings, redraw = bpy.context.scene.dgs, _addon("window").redraw
+    settings, redraw = bpy.context.scene.dgs, addon("dgs_addon.window").redraw
     _drop(robot, sorted((FOLDER / "photos").iterdir())[0])
     yield 1.0
     if not settings.photos:  # Blender has a use of its own for pictures, and asks
@@ -71,26 +61,26 @@ def _photos_are_dropped(robot: Robot) -> Story:
     robot.measure()
     for _ in range(12):
         redraw()
-        yield _addon("job.job").REDRAW
+        yield addon("dgs_addon.job.job").REDRAW
     seen["idle"] = _figures(robot.ticks)
 
 
 def _a_twin_is_made(robot: Robot) -> Story:
-    runner = _addon("job.runner")
+    runner = addon("dgs_addon.job.runner")
     yield from robot.press("dgs.optimize")
     first = robot.clicked
-    yield from _until(lambda: runner.running(), 60)
-    yield from _until(lambda: len(runner.current().state.marks) > 10, 500)
-    _addon("job.pictures").refresh(runner.current())
-    _addon("window").redraw()  # now, not when a slow window would be drawn: for the picture
+    yield from until(lambda: runner.running(), 60)
+    yield from until(lambda: len(runner.current().state.marks) > 10, 500)
+    addon("dgs_addon.job.pictures").refresh(runner.current())
+    addon("dgs_addon.window").redraw()  # now, not when a slow window would be drawn: for the picture
     yield from robot.picture("3-optimizing")
-    yield from _until(lambda: not runner.running(), 600)
-    seen["warm"] = _addon("drawing.process").draws()
+    yield from until(lambda: not runner.running(), 600)
+    seen["warm"] = addon("dgs_addon.drawing.process").draws()
     job, last = runner.current(), len(robot.ticks)
     yield from _first_picture(job.state.ended)
     seen["job"] = _figures(robot.ticks[first:])
     seen.update(phase=job.state.phase, error=job.state.error, seconds=job.state.seconds())
-    yield from _until(lambda: not runner.busy(), 20)
+    yield from until(lambda: not runner.busy(), 20)
     yield 8.0
     seen["twin"] = _figures(robot.ticks[last:])
     seen["objects"] = sorted(thing.type for thing in bpy.context.scene.objects)
@@ -103,7 +93,7 @@ def _first_picture(ended: float) -> Story:
     parts: dict[str, float] = {}
     events = {
         "placed": lambda: any("dgs_arrived" in thing for thing in bpy.context.scene.objects),
-        "done": lambda: not _addon("job.runner").busy(),
+        "done": lambda: not addon("dgs_addon.job.runner").busy(),
         "drawn": _splats_are_drawn,
     }
     while len(parts) < len(events):
@@ -118,7 +108,7 @@ def _first_picture(ended: float) -> Story:
 
 def _splats_are_drawn() -> bool:
     """Whether the 3D view shows a picture of the twin that has splats in it."""
-    shown = list(_addon("drawing.viewport")._views.values())
+    shown = list(addon("dgs_addon.drawing.viewport")._views.values())
     return any(view.follower.picture is not None and view.follower.picture.pixels[..., 3].any() for view in shown)
 
 
@@ -131,7 +121,7 @@ def _arrival(robot: Robot) -> dict[str, object]:
     seen_at = [location_3d_to_region_2d(region, shown, place) for place in places]
     inside = [at for at in seen_at if at and 0 <= at.x <= region.width and 0 <= at.y <= region.height]
     cameras = [child for child in twin.children if child.type == "CAMERA"]
-    changes = _addon("scene.changes")
+    changes = addon("dgs_addon.scene.changes")
     return {
         "inside": len(inside) / len(places),
         "wide": (max((at.x for at in inside), default=0) - min((at.x for at in inside), default=0)) / region.width,
@@ -154,7 +144,7 @@ def _it_is_viewed_and_rendered(robot: Robot) -> Story:
     bpy.app.handlers.render_complete.append(lambda *_: rendered.append(1))
     yield from robot.press("dgs.render_twin")
     seen["clicks"] = robot.clicks
-    yield from _until(lambda: rendered, 400)
+    yield from until(lambda: rendered, 400)
     yield 1.0
     yield from robot.picture("6-rendered")
     seen["rendered"] = True
@@ -164,9 +154,9 @@ def _it_is_viewed_and_rendered(robot: Robot) -> Story:
 
 
 def _exact_view(robot: Robot) -> Story:
-    exact = _addon("questions.exact")
+    exact = addon("dgs_addon.questions.exact")
     yield from robot.press("dgs.exact_view")
-    yield from _until(lambda: exact.IMAGE in bpy.data.images or not exact.busy(), 300)
+    yield from until(lambda: exact.IMAGE in bpy.data.images or not exact.busy(), 300)
     seen["exact"] = exact.IMAGE in bpy.data.images
     yield 1.0
     yield from robot.picture("8-exact")
@@ -220,58 +210,59 @@ def _german(robot: Robot) -> Story:
 
 def _test_set() -> Story:
     """Another Blender renders photos with a known truth; they become the photos of step 1."""
-    settings, runner = bpy.context.scene.dgs, _addon("job.runner")
+    settings, runner = bpy.context.scene.dgs, addon("dgs_addon.job.runner")
     settings.test_set, settings.test_views, settings.test_width = str(FOLDER / "made"), 3, 96
     bpy.ops.dgs.make_test_set()
-    yield from _until(lambda: not runner.busy(), 120)
+    yield from until(lambda: not runner.busy(), 120)
     seen["made"] = [runner.current().state.phase, settings.photos, len(list((FOLDER / "made" / "sharp").glob("*.png")))]
 
 
 def _another_file(robot: Robot) -> Story:
     """A question is asked, the file saved and opened again: the answer comes, and the exact view is still there."""
-    inspection, settings = _addon("questions.inspection"), bpy.context.scene.dgs
+    inspection, settings = addon("dgs_addon.questions.inspection"), bpy.context.scene.dgs
     settings.photos, settings.out = str(FOLDER / "photos"), ""
     bpy.ops.dgs.inspect_photos()
     with bpy.context.temp_override(window=bpy.context.window_manager.windows[0]):
         bpy.ops.wm.save_as_mainfile(filepath=str(FOLDER / "work.blend"))
         bpy.ops.wm.open_mainfile(filepath=str(FOLDER / "work.blend"))
     yield 1.0
-    yield from _until(lambda: not inspection.effects.running and inspection.effects.answer, 300)
+    yield from until(lambda: not inspection.effects.running and inspection.effects.answer, 300)
     seen["inspected"] = len(inspection.findings(inspection.effects.answer))
     image = bpy.context.scene.dgs.exact_view
     seen["kept"] = [image is not None and image.packed_file is not None, list(image.size) if image else []]
-    seen["icon"] = _addon("job.pictures").icon(_addon("questions.exact").icon_name(image)) if image else 0
+    name = addon("dgs_addon.questions.exact").icon_name(image) if image else ""
+    seen["icon"] = addon("dgs_addon.job.pictures").icon(name) if image else 0
     yield from robot.open_tab("Descatter")
     yield from robot.picture("10-opened-again")
 
 
 def _ended_early(robot: Robot) -> Story:
     """The job is cancelled, and its engine killed at random moments; the panel says so and has the way on."""
-    settings, runner = bpy.context.scene.dgs, _addon("job.runner")
+    settings, runner = bpy.context.scene.dgs, addon("dgs_addon.job.runner")
     settings.live, settings.preset, settings.max_gaussians = True, "fine", 5000  # long enough to be killed twice
     yield from robot.press("dgs.optimize")
     first = robot.clicked
-    yield from _until(lambda: runner.running() and len(runner.current().state.marks) > 3, 300)
+    yield from until(lambda: runner.running() and len(runner.current().state.marks) > 3, 300)
     yield from robot.press("dgs.cancel_job", across=0.62)
-    yield from _until(lambda: not runner.running(), 60)
+    yield from until(lambda: not runner.running(), 60)
     seen["cancelled"] = runner.current().state.phase
     yield 1.0
     yield from robot.picture("7-cancelled")
     moments, killed = random.Random(), []
     for moment in (moments.uniform(0.0, 5.0), moments.uniform(0.0, 10.0)):
         yield from robot.press("dgs.resume_job")
-        yield from _until(lambda: runner.running() and runner.current().worker.pid is not None, 60)
+        yield from until(lambda: runner.running() and runner.current().worker.pid is not None, 60)
         yield moment
         stage = runner.current().state.stage
         os.kill(runner.current().worker.pid, signal.SIGKILL)
-        yield from _until(lambda: not runner.running(), 20)
+        yield from until(lambda: not runner.running(), 20)
         killed.append([moment, stage, runner.current().state.error])
         yield 1.0
     seen["killed"] = killed
     yield from robot.picture("7-killed")
     yield from robot.press("dgs.resume_job")
-    yield from _until(lambda: runner.running(), 60)
-    yield from _until(lambda: not runner.busy(), 300)
+    yield from until(lambda: runner.running(), 60)
+    yield from until(lambda: not runner.busy(), 300)
     seen["live"] = _figures(robot.ticks[first:])
     seen["resumed"] = runner.current().state.phase
     yield 2.0
@@ -298,20 +289,4 @@ def _usual(ranked: list[float]) -> float:
     return ranked[int(0.99 * (len(ranked) - 1))] if ranked else 0.0
 
 
-def _until(true: object, seconds: float) -> Story:
-    end = time.monotonic() + seconds
-    while not true():  # type: ignore[operator]
-        if time.monotonic() > end:
-            raise TimeoutError(f"not in {seconds} s")
-        yield 0.1
-
-
-def _done(error: str) -> None:
-    seen["failure"] = error
-    (FOLDER / "story.json").write_text(json.dumps(seen), encoding="utf-8")
-
-
-bpy.context.preferences.view.show_splash = False
-(FOLDER / "pictures").mkdir(exist_ok=True)
-robot = Robot(FOLDER / "pictures")
-robot.play(story(robot), _done)
+play(story)

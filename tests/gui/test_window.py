@@ -56,7 +56,7 @@ def seen(tmp_path_factory: pytest.TempPathFactory) -> dict[str, object]:
     shutil.move(work / "set" / "photos", work / "photos")
     subprocess.run([sys.executable, "-m", "tools.extension"], cwd=ROOT, check=True, capture_output=True)
     package = shutil.copy(ROOT / "dist" / f"dgs-{VERSION}.zip", work)
-    for name in ("robot.py", "story.py"):
+    for name in ("robot.py", "stage.py", "story.py"):
         shutil.copy(ROOT / "tests" / "gui" / name, work)
     install = ["blender", "--command", "extension", "install-file", "-r", "user_default", "--enable", package]
     window.run(SUITE, work, install, 120, window=False)

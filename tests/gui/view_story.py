@@ -8,13 +8,10 @@ was seen.
 
 from __future__ import annotations
 
-import json
 import os
 import subprocess
 import sys
 import time
-from collections.abc import Callable
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -23,15 +20,7 @@ from mathutils import Vector
 
 sys.path.insert(0, str(Path(__file__).parent))  # Blender runs this file where no package is
 from robot import Robot, Story
-
-FOLDER = Path(sys.argv[sys.argv.index("--") + 1])
-ADDON = "bl_ext.user_default.dgs"
-seen: dict[str, Any] = {"blender": bpy.app.version_string}
-
-
-def _addon(module: str) -> Any:
-    """A module of the installed extension."""
-    return import_module(f"{ADDON}.{module}")
+from stage import FOLDER, addon, drawn_views, in_view, play, seen, settled, until
 
 
 def story(robot: Robot) -> Story:
@@ -72,10 +61,10 @@ def _arrives(robot: Robot) -> Story:
     began = time.monotonic()
     bpy.ops.dgs.add_results()
     seen["operator"] = time.monotonic() - began
-    yield from _until(_splats_are_drawn, 200)
+    yield from until(_splats_are_drawn, 200, 0.02)
     seen["first"] = {"seconds": time.monotonic() - began, "load": os.getloadavg()[0]}
     yield from robot.open_tab("Descatter")
-    yield from _settled()
+    yield from settled("arrived")
     yield from robot.picture("arrival")
     seen["engine"] = bpy.context.scene.render.engine
     overlay = robot.area().spaces.active.overlay
@@ -85,27 +74,27 @@ def _arrives(robot: Robot) -> Story:
 def _viewed(robot: Robot) -> Story:
     space = robot.area().spaces.active
     for name in ("view", "view-again"):
-        with _in_view(robot):
+        with in_view(robot):
             bpy.ops.dgs.view_twin()
-        yield from _settled()
+        yield from settled(name)
         yield from robot.picture(name)
         seen[name] = [space.shading.type, space.region_3d.view_perspective, space.overlay.show_overlays]
 
 
 def _compared(robot: Robot) -> Story:
     settings = bpy.context.scene.dgs
-    with _in_view(robot):
+    with in_view(robot):
         bpy.ops.dgs.split_view()
     began = time.monotonic()
-    yield from _until(lambda: settings.exact_other is not None, 60)
+    yield from until(lambda: settings.exact_other is not None, 60)
     seen["exact"] = [time.monotonic() - began, list(settings.exact_view.size), list(settings.exact_other.size)]
-    split = _addon("dgs_addon.questions.split_view")
+    split = addon("dgs_addon.questions.split_view")
     for against in ("photo", "truth", "medium", "difference"):
         settings.split_against = against
         yield 0.5
         yield from robot.picture(f"split-{against}")
-        assert not _addon("dgs_addon.questions.exact").is_outdated(bpy.context.object, bpy.context.scene)
-    with _in_view(robot):
+        assert not addon("dgs_addon.questions.exact").is_outdated(bpy.context.object, bpy.context.scene)
+    with in_view(robot):
         seen["frame"] = list(split.frame_of(bpy.context))
     region = next(region for region in robot.area().regions if region.type == "WINDOW")
     seen["region"] = [region.x, region.y, region.width, region.height]
@@ -144,7 +133,7 @@ def _outdated(robot: Robot) -> Story:
     scene.camera.location.x += 0.2
     yield 0.5
     yield from robot.picture("split-outdated")
-    with _in_view(robot):
+    with in_view(robot):
         bpy.ops.dgs.split_view()
     seen["off"] = scene.dgs.split_shown
 
@@ -176,45 +165,12 @@ def _render(name: str) -> None:
 
 
 def _splats_are_drawn() -> bool:
-    shown = [view.follower.picture for view in _views()]
+    shown = [view.follower.picture for view in drawn_views()]
     return any(picture is not None and picture.pixels[..., 3].any() for picture in shown)
-
-
-def _views() -> list[Any]:
-    return list(_addon("dgs_addon.drawing.viewport")._views.values())
-
-
-def _settled(seconds: float = 60.0) -> Story:
-    yield 0.5
-    yield from _until(lambda: all(view.follower.done and view.follower.picture for view in _views()), seconds)
-    yield 0.5
-
-
-def _until(true: Callable[[], object], seconds: float) -> Story:
-    end = time.monotonic() + seconds
-    while not true():
-        if time.monotonic() > end:
-            raise TimeoutError(f"not in {seconds} s")
-        yield 0.02
-
-
-def _in_view(robot: Robot) -> Any:
-    """The 3D view, as if the mouse were above it."""
-    area = robot.area()
-    region = next(region for region in area.regions if region.type == "WINDOW")
-    return bpy.context.temp_override(window=bpy.context.window_manager.windows[0], area=area, region=region)
 
 
 def _mouse(*words: Any) -> None:
     subprocess.run(["xdotool", *map(str, words)], check=True)
 
 
-def _done(error: str) -> None:
-    seen["failure"] = error
-    (FOLDER / "story.json").write_text(json.dumps(seen), encoding="utf-8")
-
-
-bpy.context.preferences.view.show_splash = False
-(FOLDER / "pictures").mkdir(exist_ok=True)
-robot = Robot(FOLDER / "pictures")
-robot.play(story(robot), _done)
+play(story)

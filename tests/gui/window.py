@@ -145,7 +145,7 @@ def play(work: Path, story: str, seconds: float) -> None:
     """
     subprocess.run([sys.executable, "-m", "tools.extension"], cwd=ROOT, check=True, capture_output=True)
     package = shutil.copy(ROOT / "dist" / f"dgs-{VERSION}.zip", work)
-    for name in ("robot.py", story):
+    for name in ("robot.py", "stage.py", story):
         shutil.copy(ROOT / "tests" / "gui" / name, work)
     install = ["blender", "--command", "extension", "install-file", "-r", "user_default", "--enable", package]
     run(SUITE, work, install, 120, window=False)
