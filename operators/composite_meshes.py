@@ -8,7 +8,7 @@ import bpy
 
 from ..dgs_addon.scene.changes import noting
 from ..dgs_addon.scene.compositing import composite
-from ..dgs_addon.scene.twin import is_twin
+from ..dgs_addon.scene.twin import why_no_picture
 
 #: EEVEE's name, which is not the same in all Blenders.
 _EEVEE = "BLENDER_EEVEE" if not (4, 2) <= bpy.app.version < (5, 0) else "BLENDER_EEVEE_NEXT"
@@ -33,12 +33,7 @@ class DGS_OT_composite_meshes(bpy.types.Operator):
     @classmethod
     def poll(cls, context: Any) -> bool:
         """There is a twin and a camera."""
-        if not any(is_twin(thing) for thing in context.scene.objects):
-            reason = "There is no twin in this scene yet (step 5)"
-        elif context.scene.camera is None:
-            reason = "The scene has no camera: import or add one"
-        else:
-            reason = ""
+        reason = why_no_picture(context.scene)
         cls.poll_message_set(reason)
         return not reason
 

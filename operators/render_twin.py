@@ -9,7 +9,7 @@ import bpy
 from ..dgs_addon.scene.changes import noting
 from ..dgs_addon.scene.material import OWN_ENGINE
 from ..dgs_addon.scene.setting_up import set_up_scene
-from ..dgs_addon.scene.twin import is_twin
+from ..dgs_addon.scene.twin import why_no_picture
 
 
 class DGS_OT_render_twin(bpy.types.Operator):
@@ -21,12 +21,7 @@ class DGS_OT_render_twin(bpy.types.Operator):
     @classmethod
     def poll(cls, context: Any) -> bool:
         """There is a twin and a camera."""
-        if not any(is_twin(thing) for thing in context.scene.objects):
-            reason = "There is no twin in this scene yet (step 5)"
-        elif context.scene.camera is None:
-            reason = "The scene has no camera: import or add one"
-        else:
-            reason = ""
+        reason = why_no_picture(context.scene)
         cls.poll_message_set(reason)
         return not reason
 

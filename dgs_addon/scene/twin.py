@@ -128,6 +128,13 @@ def is_twin(thing: Any) -> bool:
     return thing is not None and thing.type == "MESH" and TWIN in thing
 
 
+def why_no_picture(scene: Any) -> str:
+    """What a `bpy` scene lacks for pictures of a twin; '' for nothing."""
+    if not any(is_twin(thing) for thing in scene.objects):
+        return "There is no twin in this scene yet (step 5)"
+    return "" if scene.camera is not None else "The scene has no camera: import or add one"
+
+
 def scene_twin(scene: Any, active: Any) -> Any:
     """The active twin, else any of the scene's; None if it has none."""
     if is_twin(active):

@@ -17,7 +17,7 @@ from typing import Any
 import bpy
 import gpu
 import numpy as np
-from mathutils import Quaternion, Vector
+from mathutils import Quaternion
 
 sys.path.insert(0, str(Path(__file__).parent))  # Blender runs this file where no package is
 from robot import Robot, Story
@@ -25,6 +25,7 @@ from stage import (
     ADDON,
     FOLDER,
     addon,
+    among_meshes,
     bare,
     drawn_views,
     imported_alone,
@@ -59,10 +60,10 @@ def story(robot: Robot) -> Story:
     yield from _settled("first")
     seen["said"] = _said()
     yield from robot.picture("solid")
-    yield from _among_meshes(robot, view)
+    yield from among_meshes(robot, view, _settled)
     scene.render.engine, space.shading.type = "DESCATTER", "RENDERED"
     yield from _views_of(robot, view, twin)
-    yield from _among_meshes(robot, view, "rendered-")
+    yield from among_meshes(robot, view, _settled, "rendered-")
     yield from _moved(robot, view, twin)
     yield from _timed(robot, space, preferences)
     seen["server"] = addon("dgs_addon.drawing.process").draws()
@@ -83,19 +84,6 @@ def _views_of(robot: Robot, view: Any, twin: Any) -> Story:
     addon("core.formats.transforms").write_transforms(FOLDER / "transforms.json", cameras)
     view.view_rotation, view.view_distance = upright, 5.0
     yield from _settled("back")
-
-
-def _among_meshes(robot: Robot, view: Any, mode: str = "") -> Story:
-    """A white wall behind the middle of the twin, then in front of it."""
-    towards = view.view_rotation @ Vector((0.0, 0.0, 1.0))
-    bpy.ops.mesh.primitive_cube_add(size=1.0)
-    wall = bpy.context.object
-    for name, way in (("behind", -2.0), ("front", 2.0)):
-        wall.location = view.view_location + way * towards
-        yield from _settled(mode + name)
-        yield from robot.picture(f"{mode}mesh-{name}")
-    bpy.data.objects.remove(wall)
-    yield from _settled("alone")
 
 
 def _moved(robot: Robot, view: Any, twin: Any) -> Story:

@@ -19,7 +19,7 @@ from mathutils import Matrix, Vector
 
 sys.path.insert(0, str(Path(__file__).parent))  # Blender runs this file where no package is
 from robot import Robot, Story
-from stage import FOLDER, addon, in_view, play, seen, until
+from stage import FOLDER, addon, in_german, in_view, play, seen, until
 
 #: Where the button that shows the changes is in the sidebar's width.
 _EYE = 0.81
@@ -63,7 +63,7 @@ def story(robot: Robot) -> Story:
     yield 20.0
     yield from robot.picture("4-material")
     view.shading.type = "SOLID"
-    yield from _german(robot)
+    yield from in_german(robot, "5-german")
     yield from robot.press("dgs.show_changes", _EYE)
     seen["switched"] = [twin.hide_get(), _mesh(twin).hide_get()]
     yield 2.0
@@ -97,20 +97,6 @@ def _compare(robot: Robot) -> None:
 
 def _mesh(twin: Any) -> Any:
     return addon("dgs_addon.scene.comparison").changed_mesh(twin)
-
-
-def _german(robot: Robot) -> Story:
-    view = bpy.context.preferences.view
-    before = view.language
-    try:
-        view.language = "de_DE"
-    except TypeError:  # a Blender without its languages
-        return
-    view.use_translate_interface = True
-    yield 1.0
-    yield from robot.picture("5-german")
-    view.language = before
-    yield 0.5
 
 
 play(story)

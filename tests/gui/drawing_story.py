@@ -22,6 +22,7 @@ from robot import Robot, Story
 from stage import (
     FOLDER,
     addon,
+    among_meshes,
     bare,
     drawn_views,
     imported_alone,
@@ -44,25 +45,12 @@ def story(robot: Robot) -> Story:
     yield from settled("first")
     seen["solid"] = _evaluated(twin)
     yield from robot.picture("solid")
-    yield from _among_meshes(robot, view)
+    yield from among_meshes(robot, view, settled)
     yield from _rendered(robot, scene, space)
     yield from _orbits(robot, space)
     yield from _killed(robot, view)
     yield from _other_engine(scene, space, twin)
     seen["saved"] = _saved(twin)
-
-
-def _among_meshes(robot: Robot, view: Any, mode: str = "") -> Story:
-    """A white wall behind the middle of the twin, then in front of it."""
-    towards = view.view_rotation @ Vector((0.0, 0.0, 1.0))
-    bpy.ops.mesh.primitive_cube_add(size=1.0)
-    wall = bpy.context.object
-    for name, way in (("behind", -2.0), ("front", 2.0)):
-        wall.location = view.view_location + way * towards
-        yield from settled(mode + name)
-        yield from robot.picture(f"{mode}mesh-{name}")
-    bpy.data.objects.remove(wall)
-    yield from settled("alone")
 
 
 def _held_out(robot: Robot, view: Any) -> Story:
@@ -88,7 +76,7 @@ def _rendered(robot: Robot, scene: Any, space: Any) -> Story:
     scene.render.engine = "DESCATTER"
     space.shading.type = "RENDERED"
     yield from settled("rendered with meshes")
-    yield from _among_meshes(robot, space.region_3d, "rendered-")
+    yield from among_meshes(robot, space.region_3d, settled, "rendered-")
     yield from _held_out(robot, space.region_3d)
     yield from robot.picture("rendered")
     region, view = view_region(robot), space.region_3d

@@ -20,7 +20,7 @@ from mathutils import Matrix, Vector
 
 sys.path.insert(0, str(Path(__file__).parent))  # Blender runs this file where no package is
 from robot import Robot, Story
-from stage import FOLDER, addon, in_view, play, seen, until, view_region
+from stage import FOLDER, addon, in_german, in_view, play, seen, until, view_region
 
 asked: dict[str, Any] = json.loads((FOLDER / "places.json").read_text("utf-8"))
 
@@ -50,7 +50,7 @@ def story(robot: Robot) -> Story:
     yield from until(lambda: _items(twin)[0].known and _items(twin)[1].unit == asked["known"]["unit"])
     twin.dgs_measures.active = 1
     yield from robot.picture("4-known")
-    yield from _german(robot)
+    yield from in_german(robot, "5-german")
     yield from _mesh(robot, twin)
     yield from _opened_again(robot)
 
@@ -83,20 +83,6 @@ def _missed(robot: Robot, twin: Any) -> Story:
     robot.key("Escape")
     yield from until(lambda: _pending() is None)
     seen["kept"] = len(_items(twin)) - before
-
-
-def _german(robot: Robot) -> Story:
-    view = bpy.context.preferences.view
-    before = view.language
-    try:
-        view.language = "de_DE"
-    except TypeError:  # a Blender without its languages
-        return
-    view.use_translate_interface = True
-    yield 1.0
-    yield from robot.picture("5-german")
-    view.language = before
-    yield 0.5
 
 
 def _mesh(robot: Robot, twin: Any) -> Story:

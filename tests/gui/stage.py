@@ -90,6 +90,35 @@ def _complete() -> bool:
     return bool(views) and all(shown.follower.done and shown.follower.picture for shown in views)
 
 
+def among_meshes(robot: Robot, view: Any, waits: Callable[[str], Story], mode: str = "") -> Story:
+    """A white wall behind the middle of the twin, then in front of it; `waits` until views show a name's state."""
+    towards = view.view_rotation @ Vector((0.0, 0.0, 1.0))
+    bpy.ops.mesh.primitive_cube_add(size=1.0)
+    wall = bpy.context.object
+    for name, way in (("behind", -2.0), ("front", 2.0)):
+        wall.location = view.view_location + way * towards
+        yield from waits(mode + name)
+        yield from robot.picture(f"{mode}mesh-{name}")
+    bpy.data.objects.remove(wall)
+    yield from waits("alone")
+
+
+def in_german(robot: Robot, picture: str, ask: Callable[[], None] = lambda: None) -> Story:
+    """A picture of Blender in German, and whatever is asked meanwhile."""
+    view = bpy.context.preferences.view
+    before = view.language
+    try:
+        view.language = "de_DE"
+    except TypeError:  # a Blender without its languages
+        return
+    view.use_translate_interface = True
+    yield 1.0
+    ask()
+    yield from robot.picture(picture)
+    view.language = before
+    yield 0.5
+
+
 def play(story: Callable[[Robot], Story]) -> None:
     """Plays a story from beginning to end, and then ends Blender."""
     bpy.context.preferences.view.show_splash = False

@@ -19,7 +19,7 @@ from bpy_extras.view3d_utils import location_3d_to_region_2d
 
 sys.path.insert(0, str(Path(__file__).parent))  # Blender runs this file where no package is
 from robot import Robot, Story, Tick
-from stage import FOLDER, addon, play, seen, until
+from stage import FOLDER, addon, in_german, play, seen, until
 
 #: What Blender draws across a twin.
 _ACROSS = ("relationship_lines", "floor", "axis_x", "axis_y")
@@ -35,7 +35,7 @@ def story(robot: Robot) -> Story:
     yield from _ended_early(robot)
     yield from _exact_view(robot)
     yield from _files(robot)
-    yield from _german(robot)
+    yield from in_german(robot, "german", _in_words)
     yield from _test_set()
     yield from _another_file(robot)
     bpy.ops.dgs.open_preferences()
@@ -189,23 +189,13 @@ def _files(robot: Robot) -> Story:
         yield 0.5
 
 
-def _german(robot: Robot) -> Story:
-    view = bpy.context.preferences.view
-    before = view.language
-    try:
-        view.language = "de_DE"
-    except TypeError:  # a Blender without its languages
-        return
-    view.use_translate_interface = True
-    yield 1.0
+def _in_words() -> None:
+    """A button, and an error, as whoever reads German sees them."""
     seen["german"] = bpy.app.translations.pgettext_iface("Find Cameras", "Operator")
     try:
         bpy.ops.dgs.import_twin(filepath=str(FOLDER / "gone.ply"))
     except RuntimeError as error:  # (how Blender hands on what an operator reports)
         seen["german error"] = str(error)
-    yield from robot.picture("german")
-    view.language = before
-    yield 0.5
 
 
 def _test_set() -> Story:
