@@ -127,11 +127,7 @@ def train(
     progress.stage("compile")
     compile_kernels(settings.sh_degree)
     compiled_at = time.perf_counter()
-    trainer = Trainer(job.views, job.heldout, job.points, job.medium, settings, job.formation)
-    trainer.adjust = job.adjust
-    agreed = {name: value for name, value in asdict(settings).items() if name not in ("threads", "device")}
-    ranks.agree({"version": VERSION, **fingerprint_of(trainer), "settings": agreed}, rank_difference)
-    trainer.join(ranks)
+    trainer = _agreed_trainer(job, ranks)
     _warn_of_blur(trainer.levels[-1].ratio, progress)
     run = _Run(trainer, settings, progress, checkpoint, job.evaluated)
     if resume:
@@ -163,6 +159,20 @@ def train(
         settings=replace(settings),
         formation=trainer.learned.chain(),
     )
+
+
+def _agreed_trainer(job: TrainingJob, ranks: Ranks) -> Trainer:
+    """The trainer of a job, which all ranks train alike.
+
+    Raises:
+        TrainingError: a rank has other photos, settings or another version.
+    """
+    trainer = Trainer(job.views, job.heldout, job.points, job.medium, job.settings, job.formation)
+    trainer.adjust = job.adjust
+    agreed = {name: value for name, value in asdict(job.settings).items() if name not in ("threads", "device")}
+    ranks.agree({"version": VERSION, **fingerprint_of(trainer), "settings": agreed}, rank_difference)
+    trainer.join(ranks)
+    return trainer
 
 
 def _limit(asked: float | None, preparation: float) -> float | None:
