@@ -1,15 +1,17 @@
-"""A wall of 24 tiles, half of which move: how many `change` finds, how many it invents, and whether its intervals hold.
+"""A wall of tiles, half of which move: how many `change` finds, how many it invents, and whether its intervals hold.
 
     python -m benchmarks.tiled_wall scene OUT.blend                      # first week, or the second of a repeated set
     python -m benchmarks.tiled_wall scene OUT.blend --moved 6 --way right    # second week: every second tile, by 6 mm
     python -m benchmarks.tiled_wall count BEFORE AFTER --moved 6 --way right # of the twins of both
 
-The .blend is for `synthesize --scene`. The wall is 1200 x 800 mm; tiles are 150 mm wide and stand out 30 mm.
+The .blend is for `synthesize --scene`. The wall is 1200 x 800 mm; its tiles, 24 of 150 mm unless `--columns` says
+otherwise, stand out 30 mm.
 """
 
 from __future__ import annotations
 
 import argparse
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -20,24 +22,43 @@ from dgs.core.machine import use_machine
 from dgs.core.progress import Silent
 from dgs.core.twin.opened import open_twin
 
-#: Columns and rows of tiles; their pitch, width, and how far they stand out, m.
-COLUMNS, ROWS, PITCH, WIDTH, OUT = 6, 4, 0.19, 0.15, 0.03
+#: How far tiles stand out, m; the wall that they fill, m; the share of their pitch that they are wide.
+OUT, WALL, SHARE = 0.03, (1.14, 0.76), 0.79
 #: Which way tiles move, in Blender's world: along the wall, up, or towards the cameras.
 WAYS = {"right": (1.0, 0.0, 0.0), "up": (0.0, 0.0, 1.0), "out": (0.0, -1.0, 0.0)}
 #: A tile is found if so much of its face, by places, lies in regions.
 FOUND = 0.25
 
 
-def places() -> list[tuple[float, float, bool]]:
-    """Middle (x to the right, up) of each tile, m, and whether it is one that moves: as on a chessboard."""
-    return [
-        ((column - (COLUMNS - 1) / 2) * PITCH, (row - (ROWS - 1) / 2) * PITCH, (column + row) % 2 == 0)
-        for row in range(ROWS)
-        for column in range(COLUMNS)
-    ]
+@dataclass(frozen=True)
+class Tiles:
+    """As on a chessboard, every second one moves; sizes in m."""
+
+    columns: int
+
+    @property
+    def pitch(self) -> float:
+        return WALL[0] / self.columns
+
+    @property
+    def width(self) -> float:
+        return round(SHARE * self.pitch, 3)
+
+    def places(self) -> list[tuple[float, float, bool]]:
+        """Middle (x to the right, up) of each tile, m, and whether it is one that moves."""
+        rows = int(WALL[1] / self.pitch + 1e-9)
+        return [
+            (
+                (column - (self.columns - 1) / 2) * self.pitch,
+                (row - (rows - 1) / 2) * self.pitch,
+                (column + row) % 2 == 0,
+            )
+            for row in range(rows)
+            for column in range(self.columns)
+        ]
 
 
-def build(blend: Path, moved_mm: float, way: str) -> None:
+def build(blend: Path, tiles: Tiles, moved_mm: float, way: str) -> None:
     """Writes the scene, every second tile moved."""
     import bpy
     from dgs.dgs_addon.laboratory import surfaces
@@ -48,10 +69,10 @@ def build(blend: Path, moved_mm: float, way: str) -> None:
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
     add_mesh(scene, "wall", *box((0, 0.05, 0), (1.2, 0.1, 0.8)), surfaces.patchwork("plaster", 22.0, 0.9))
-    for index, (x, up, moves) in enumerate(places()):
+    for index, (x, up, moves) in enumerate(tiles.places()):
         # Each tile is a cut of another part of the same stone, which goes with it.
         stone = surfaces.patchwork(f"stone {index}", 30.0 + index, 0.8)
-        tile = add_mesh(scene, f"tile {index}", *box((0, 0, 0), (WIDTH, 2 * OUT, WIDTH)), stone)
+        tile = add_mesh(scene, f"tile {index}", *box((0, 0, 0), (tiles.width, 2 * OUT, tiles.width)), stone)
         by = np.array(WAYS[way]) * moved_mm / 1000.0 * moves
         tile.location = (x + by[0], by[1], up + by[2])
     for thing in scene.objects:
@@ -66,7 +87,7 @@ def build(blend: Path, moved_mm: float, way: str) -> None:
     bpy.ops.wm.save_as_mainfile(filepath=str(blend.resolve()))
 
 
-def counted(found: Changes, first: Surface, moved_mm: float, way: str) -> list[str]:
+def counted(found: Changes, first: Surface, tiles: Tiles, moved_mm: float, way: str) -> list[str]:
     """What was found, in words."""
     at, held = first.places.at, found.held
     x, up, out = at[:, 0], -at[:, 1], -at[:, 2]
@@ -75,8 +96,9 @@ def counted(found: Changes, first: Surface, moved_mm: float, way: str) -> list[s
     for region in regions:
         called[region.places] = True
     shares, still, sizes, hold = [], [], [], []
-    for tile_x, tile_up, moves in places():
-        face = held & (abs(x - tile_x) < WIDTH / 2) & (abs(up - tile_up) < WIDTH / 2) & (out > OUT / 2)
+    for tile_x, tile_up, moves in tiles.places():
+        inside = np.maximum(abs(x - tile_x), abs(up - tile_up)) < tiles.width / 2
+        face = held & inside & (out > OUT / 2)
         share = float(called[face].mean()) if face.any() else 0.0
         if not moves:
             still.append(share)
@@ -121,14 +143,16 @@ def main() -> None:
     count.add_argument("after", type=Path)
     for part in (scene, count):
         part.add_argument("--moved", type=float, default=0.0, help="mm that every second tile is moved by")
+        part.add_argument("--columns", type=int, default=6, help="of tiles")
         part.add_argument("--way", choices=sorted(WAYS), default="right")
     options = parser.parse_args()
     if options.doing == "scene":
-        build(options.blend, options.moved, options.way)
+        build(options.blend, Tiles(options.columns), options.moved, options.way)
         return
+    tiles = Tiles(options.columns)
     before, later = open_twin(options.before, Silent()), open_twin(options.after, Silent())
     found, first, _ = changes(before, later, use_machine(None), Silent())
-    print("\n".join(line for line in counted(found, first, options.moved, options.way) if line))
+    print("\n".join(line for line in counted(found, first, tiles, options.moved, options.way) if line))
 
 
 if __name__ == "__main__":

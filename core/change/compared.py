@@ -96,6 +96,10 @@ def _compared(surface: Surface, beside: Surface, rows: tuple[Evidence, Evidence]
     """
     own, other = rows
     common, out = common_motion(own, other, surface.places), inverse(into)
+    first = tested(own, other.moved(common.by), surface.places, common)
+    still = first.held & ~first.moved & ~first.gone
+    if still.sum() > REGIONS.shared * first.held.sum():  # (what has moved draws the whole its way, however little)
+        common = common_motion(own, other, surface.places, still)
     other = other.moved(common.by)
     cameras = surface.cameras[:: max(1, len(surface.cameras) // REGIONS.depths)]
     farther = behind(beside.twin, [out.camera(camera) for camera in cameras], out.points(surface.places.at))

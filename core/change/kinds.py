@@ -11,9 +11,10 @@ from .evidence import Array
 from .findings import Region
 from .motion import Motion, between, pooled
 from .pair import Compared
-from .parts import parted, sized
+from .parts import parted
 from .regions import components
 from .settings import EVIDENCE, REGIONS
+from .sizes import sized
 from .surface import Surface
 
 Indices = NDArray[np.int64]

@@ -161,9 +161,15 @@ def rotation_of(turn: Array) -> Array:
     return np.asarray(np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross)
 
 
-def common_motion(own: Evidence, other: Evidence, places: Places) -> CommonMotion:
-    """What the unchanged majority says of one motion of the whole; places that say otherwise hardly count."""
-    held = enough(own, other)
+def common_motion(
+    own: Evidence, other: Evidence, places: Places, still: NDArray[np.bool_] | None = None
+) -> CommonMotion:
+    """What the unchanged majority says of one motion of the whole; places that say otherwise hardly count.
+
+    Args:
+        still: [N] places that have not moved, as far as is known; None: any may have.
+    """
+    held = enough(own, other) if still is None else still
     middle, jacobian, reach, pixel = _jacobian(places, held)
     by, influence, seen = _difference(own, other)
     single = _scatter(influence, seen) + EVIDENCE.floor**2 * np.eye(3)
