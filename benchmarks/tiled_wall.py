@@ -47,15 +47,12 @@ class Tiles:
     def places(self) -> list[tuple[float, float, bool]]:
         """Middle (x to the right, up) of each tile, m, and whether it is one that moves."""
         rows = int(WALL[1] / self.pitch + 1e-9)
-        return [
-            (
-                (column - (self.columns - 1) / 2) * self.pitch,
-                (row - (rows - 1) / 2) * self.pitch,
-                (column + row) % 2 == 0,
-            )
+        at = [
+            ((column - (self.columns - 1) / 2) * self.pitch, (row - (rows - 1) / 2) * self.pitch)
             for row in range(rows)
             for column in range(self.columns)
         ]
+        return [(x, up, sum(divmod(index, self.columns)) % 2 == 0) for index, (x, up) in enumerate(at)]
 
 
 def build(blend: Path, tiles: Tiles, moved_mm: float, way: str) -> None:
