@@ -99,7 +99,7 @@ def _together(found: Compared, places: Indices) -> Motion:
 
 
 def _grown(found: Compared, places: Indices) -> Region | None:
-    """A region whose two sides have gone apart (or together), more than both have gone the same way."""
+    """A region whose two sides have gone opposite ways: where one of them stands still, the other has moved."""
     at = found.surface.places.at[places] / found.surface.places.pixel[places, None]
     explained = places[~found.tested.gone[places]]  # what no motion explains says nothing of the way
     if len(explained) < REGIONS.side_places:
@@ -117,7 +117,7 @@ def _grown(found: Compared, places: Indices) -> Region | None:
     apart = float((upper.by[0] - lower.by[0]) @ axis)
     shared = float((upper.by[0] + lower.by[0]) @ axis) / 2.0
     deviation = float(np.sqrt(axis @ (upper.covariance[0] + lower.covariance[0]) @ axis))
-    if abs(apart) < max(REGIONS.sure * deviation, REGIONS.smallest, abs(shared)):
+    if abs(apart) < max(REGIONS.sure * deviation, REGIONS.smallest, REGIONS.opposite * abs(shared)):
         return None
     return _region(found, "grew" if apart > 0 else "shrank", places, abs(apart), deviation)
 

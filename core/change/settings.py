@@ -70,6 +70,12 @@ class RegionSettings:
     beside: float = number(1.0, "px-equivalent", "from a region's middle line from which a place is on one side", WALL)
     side_places: int = number(5, "count", "places on each side of a region that is said to have grown", WALL)
     sure: float = number(3.0, "standard deviations", "by which two sides must have gone apart", WALL)
+    opposite: float = number(
+        3.0,
+        "times",
+        "what both sides move by in common, that they must go apart: 2 is where one of them stands still",
+        f"{WALL}; tiles that moved were said to have grown by half of it",
+    )
     towards: float = number(0.7, "cosine", "of a motion with the way to the cameras that is called towards them", WALL)
     shared: float = number(0.2, "share", "of the first surface's places that photos of both must show", WALL)
     depths: int = number(12, "count", "cameras at most that say which of two surfaces lies in front", WALL)

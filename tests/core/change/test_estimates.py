@@ -68,6 +68,15 @@ def test_a_common_motion_is_that_of_the_majority() -> None:
     assert np.allclose(moved, found.by, atol=0.02)
 
 
+def test_what_has_moved_draws_the_whole_its_way_unless_it_is_left_out() -> None:
+    """Half of the places move all by the same little."""
+    by, moved = np.zeros((PLACES, 3)), np.arange(PLACES) % 2 == 0
+    by[moved, 0] = 0.6
+    own, other = evidence(np.zeros((PLACES, 3)), 1), evidence(by, 2)
+    drawn, free = common_motion(own, other, places()), common_motion(own, other, places(), ~moved)
+    assert abs(free.by[:, 0].mean()) < 0.03 < 0.07 < drawn.by[:, 0].mean()
+
+
 def test_false_ones_are_kept_few() -> None:
     random = np.random.default_rng(0)
     spread = np.diag([0.01, 0.02, 0.3])

@@ -12,6 +12,7 @@ from dgs.core.change import regions
 from dgs.core.change.alignment import SAME
 from dgs.core.change.compared import _compared, _paired
 from dgs.core.change.evidence import Places, evidence
+from dgs.core.change.kinds import _grown
 from dgs.core.change.motion import Motion, between, common_motion, pooled, solved
 from dgs.core.change.pair import Compared
 from dgs.core.change.parts import Part, parted
@@ -168,3 +169,14 @@ def test_all_of_a_motion_is_found_where_a_part_is_wide(still: Compared) -> None:
     motion = sized(found, [Part(wide, wide, (disc(still, 60.0),) * len(PARTS.shares), inner, 4.0)])
     assert motion.by[0] == pytest.approx([0.6, 0.0, 0.0], abs=0.06)
     assert 0.06 <= motion.deviation[0] < 0.2
+
+
+@pytest.mark.parametrize("left, kind", [(-0.8, "grew"), (0.0, None), (1.0, None)])
+def test_what_has_grown_has_two_sides_that_went_opposite_ways(left: float, kind: str | None) -> None:
+    """Where one side stands still, the other has moved, and how far it reaches is asked."""
+    by = np.zeros((ROWS, COLUMNS, 3))
+    by[4:16, 10:18, 0], by[4:16, 18:26, 0] = left, 0.8
+    found, region = grid(by.reshape(-1, 3)), np.zeros((ROWS, COLUMNS), bool)
+    region[4:16, 10:26] = True
+    grown = _grown(found, np.flatnonzero(region))
+    assert (grown is None and kind is None) or (grown is not None and grown.kind == kind)
