@@ -14,9 +14,9 @@ from ..machine import Machine
 from ..photos.load import Photo
 from ..progress import Progress
 from ..run_settings import PresetName
-from ..training.density.budget import supported_gaussians
+from ..training.density.budget import ample_gaussians, supported_gaussians
 from ..training.job import TrainingJob
-from ..training.settings import BLUR_WIDTH, TrainingSettings, harmonics_for, steps_for_sharp
+from ..training.settings import BLUR_WIDTH, TrainingSettings, harmonics_for, preset_for_sharp
 from ..views import heldout_names
 from .clock import OthersLoad
 from .described import RunDescription
@@ -70,7 +70,7 @@ def estimate(sample: PhotoSample, run: RunDescription, machine: Machine, progres
     own, scene = contrast(sample.photos), run.scene_key(sample.files)
     out: dict[str, Any] = {}
     for name in PRESETS:
-        preset = _preset(sample, name)
+        preset = _preset(sample, run, name, fitted)
         count = run.max_gaussians or min(preset.max_gaussians, _supported(sample, run, name, fitted))
         hurried = name == "draft"
         few = photo_work(sample.photos, search=run.search, hurried=hurried, compiled=compiled, points=run.points)
@@ -102,10 +102,13 @@ def estimate(sample: PhotoSample, run: RunDescription, machine: Machine, progres
     }
 
 
-def _preset(sample: PhotoSample, name: PresetName) -> TrainingSettings:
+def _preset(sample: PhotoSample, run: RunDescription, name: PresetName, fitted: int) -> TrainingSettings:
     """As a run takes it that finds no blur but the medium's."""
     preset = TrainingSettings.preset(name)
-    return steps_for_sharp(preset) if _sigma(sample) <= BLUR_WIDTH.sharp_until else preset
+    if _sigma(sample) > BLUR_WIDTH.sharp_until:
+        return preset
+    ample = ample_gaussians(made_up(sample.photos)[0], _degree(sample, run, name), photos=fitted)
+    return preset_for_sharp(preset, ample)
 
 
 def _sigma(sample: PhotoSample) -> float:

@@ -48,7 +48,7 @@ from .shutter import check_shutter, curve_found, shutter_found, with_shutter
 from .simulated import SimulatedEffects, simulate
 from .surface import with_samples
 from .timing import MakeTiming, NoteKeeper, Stopwatch, Timing, Untimed
-from .training import fit_into_time, train_twin, training_settings, usual_settings
+from .training import Shown, fit_into_time, train_twin, training_settings, usual_settings
 from .views import Viewer
 
 
@@ -178,8 +178,8 @@ def _effects(
     effects = with_shutter(effects, run.shutter, keeper)
     if run.effects != "none":
         course.watch.lap("effects")
-    sharp = not effects.chosen.formation.spreads
-    return effects, training_settings(run.training, course.machine, timing.limited, sigma, sharp)
+    shown = Shown(effects.chosen.formation, effects.fitted)
+    return effects, training_settings(run.training, course.machine, timing.limited, sigma, shown)
 
 
 def _training(

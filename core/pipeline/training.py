@@ -4,20 +4,22 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from ..devices import BackendName
 from ..errors import DeviceError
+from ..imaging.formation.chain import Formation
 from ..machine import Machine
 from ..photos.load import Photo
 from ..progress import Progress
 from ..run_settings import TrainingRequest
-from ..training.density.budget import supported_gaussians
+from ..training.density.budget import ample_gaussians, supported_gaussians
 from ..training.job import PlannedTraining, TrainingJob
 from ..training.ranks import ALONE, OtherRankFinishes, Ranks
 from ..training.run import RUN, Trained, train
-from ..training.settings import BLUR_WIDTH, TrainingSettings, harmonics_for, steps_for_sharp
+from ..training.settings import BLUR_WIDTH, TrainingSettings, harmonics_for, preset_for_sharp
 from ..twin.folder import TwinFolder
+from ..views import View
 from .device import device_for
 from .snapshots import Watchers
 from .timing import Timing
@@ -32,20 +34,38 @@ def usual_settings(request: TrainingRequest, machine: Machine) -> TrainingSettin
     return replace(preset, loss=request.loss, seed=request.seed, threads=machine.threads, device=machine.device)
 
 
+@dataclass(frozen=True)
+class Shown:
+    """What the photos show, once that was found out.
+
+    Attributes:
+        formation: what is simulated besides the blur; views: photos that are fitted.
+    """
+
+    formation: Formation
+    views: Sequence[View] = ()
+
+    def preset(self, usual: TrainingSettings, degree: int) -> TrainingSettings:
+        """A preset, for photos whose blur is not wider than sharp ones'; `degree`: of the harmonics."""
+        if self.formation.spreads:
+            return usual
+        return preset_for_sharp(usual, 0 if self.formation.blurs else ample_gaussians(self.views, degree))
+
+
 def training_settings(
-    request: TrainingRequest, machine: Machine, limited: bool, sigma: float, sharp: bool = False
+    request: TrainingRequest, machine: Machine, limited: bool, sigma: float, shown: Shown | None = None
 ) -> TrainingSettings:
     """The settings of the optimization.
 
     Args:
         limited: whether a time limit will say how many steps there are.
         sigma: px, of the photos' blur (`Medium.mean_sigma`).
-        sharp: whether nothing else blurs either, the camera's own motion left aside.
+        shown: by the photos; None as long as nothing is known of it.
     """
     usual = usual_settings(request, machine)
-    if sharp and sigma <= BLUR_WIDTH.sharp_until:
-        usual = steps_for_sharp(usual)
     degree = harmonics_for(usual, sigma) if request.sh_degree is None else request.sh_degree
+    if shown is not None and sigma <= BLUR_WIDTH.sharp_until:
+        usual = shown.preset(usual, degree)
     settings = replace(
         usual,
         sh_degree=degree,

@@ -1,10 +1,15 @@
 """A run's settings, split by stage once; and a run without a limit."""
 
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+import torch
+from dgs.core.imaging.formation.chain import Formation
+from dgs.core.imaging.formation.motion import CameraMotion
 from dgs.core.machine import Machine
 from dgs.core.pipeline.timing import NoteKeeper, Stopwatch, Untimed
-from dgs.core.pipeline.training import UNTIL_STEPS, fit_into_time, training_settings, usual_settings
+from dgs.core.pipeline.training import UNTIL_STEPS, Shown, fit_into_time, training_settings, usual_settings
 from dgs.core.progress import Silent
 from dgs.core.run_settings import ReconstructSettings
 from dgs.core.training.density.budget import SETTINGS as BUDGET
@@ -84,11 +89,20 @@ def test_waiting_is_counted_and_laps_add_up():
     assert watch.seconds == {"prepare": 0.0, "train": 5.0} and watch.total() >= 0.0
 
 
-def test_photos_that_nothing_blurs_get_more_steps():
-    def steps(sigma: float, sharp: bool, preset: str = "balanced") -> tuple[int, int]:
+def test_photos_that_nothing_blurs_get_more_steps_and_gaussians_that_they_show_amply():
+    def planned(
+        sigma: float, formation: Formation | None, preset: str = "balanced", count: int = 60
+    ) -> tuple[int, int]:
         request = ReconstructSettings(Path("p"), Path("o"), preset=preset).split().training
-        found = training_settings(request, ONE, limited=False, sigma=sigma, sharp=sharp)
+        wide = replace(blurred_scene(1).views[0], photo=np.zeros((400, 600, 3), np.uint8))
+        shown = None if formation is None else Shown(formation, count * [wide])
+        found = training_settings(request, ONE, limited=False, sigma=sigma, shown=shown)
         return found.steps, found.max_gaussians
 
-    assert steps(0.0, True) == (1500, 48990) and steps(0.0, False) == steps(5.0, True) == (1000, 40000)
-    assert steps(0.0, True, "best") == steps(0.0, False, "best"), "ends by evidence anyway"
+    still, moving = Formation(), Formation((CameraMotion(("a",), torch.zeros(1, 5, 6)),))
+    assert planned(0.0, still) == (1500, 120000) and planned(0.0, moving) == (1500, 48990)
+    amply = int(3 * 20 * 400 * 600 / (BUDGET.ample * 59))
+    assert planned(0.0, still, count=20) == (1500, amply) and 49_000 < amply < 80_000
+    assert planned(0.0, still, count=5) == (1500, 48990)
+    assert planned(0.0, None) == planned(5.0, still) == (1000, 40000)
+    assert planned(0.0, still, "best") == planned(0.0, None, "best"), "ends by evidence anyway"
