@@ -101,7 +101,7 @@ class PartSettings:
     levels: tuple[float, ...] = number(
         (0.9, 0.8, 0.7, 0.6, 0.5),
         "share",
-        "of the peak, at which parts are told apart: half of it is where blur leaves an edge",
+        "of the peak, at which parts are separated: half of it is where blur leaves an edge",
         CHOSEN,
         CHECKED,
     )
