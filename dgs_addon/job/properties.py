@@ -24,12 +24,12 @@ _PRESETS = (
     (
         "balanced",
         "Balanced",
-        "1,000 steps, 40,000 Gaussians (of sharp photos 1,500 and 49,000): about a minute on two cores",
+        "1,000 steps, 40,000 Gaussians (of sharp photos 1,500 and up to 120,000): about a minute on two cores",
     ),
     (
         "fine",
         "Fine",
-        "2,000 steps, 56,000 Gaussians (of sharp photos 3,000 and 69,000): twice as long or more; "
+        "2,000 steps, 56,000 Gaussians (of sharp photos 3,000 and up to 168,000): twice as long or more; "
         "blurred photos gain a tenth of a decibel, sharp ones one or more",
     ),
     ("best", "Best", "As long as held-out photos gain, 12,000 steps and 139,000 Gaussians at most: many minutes"),
