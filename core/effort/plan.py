@@ -17,6 +17,7 @@ from ..numbers import BY_DEFINITION, number
 from ..photos.load import Photo
 from ..training.grid import GRID, grid_step
 from ..training.job import PlannedTraining, TrainingJob
+from ..training.settings import PRESETS
 from ..views import View
 from .described import RunDescription
 from .model import PREDICTIONS, slowdown, stage_seconds
@@ -107,9 +108,10 @@ class Plan:
         return {name: round(v, 4) if isinstance(v, float) else v for name, v in asdict(self).items()}
 
 
-def gaussians_for(steps: float) -> int:
-    """How many Gaussians so many steps can place."""
+def gaussians_for(steps: float, ample: int = 0) -> int:
+    """How many Gaussians so many steps can place, of as many as sharp photos show amply (`TrainingJob.ample`)."""
     wanted = PLANNING.gaussians * math.sqrt(max(steps, 0.0) / 1000.0)
+    wanted = max(wanted, min(ample, PRESETS.sharp_gaussians / math.sqrt(PRESETS.sharp_steps) * wanted))
     return int(min(max(wanted, PLANNING.fewest_gaussians), PLANNING.most_gaussians))
 
 
@@ -123,15 +125,15 @@ def longest_steps(photos: int) -> int:
     return max(min(PLANNING.longest_steps, PLANNING.longest_visits * photos), useful_steps(photos))
 
 
-def steps_within(speed: Speed, seconds: float, fixed: int | None = None) -> tuple[int, int]:
-    """(steps, Gaussians) that fill the time; `fixed` Gaussians where the user wants so many."""
+def steps_within(speed: Speed, seconds: float, fixed: int | None = None, ample: int = 0) -> tuple[int, int]:
+    """(steps, Gaussians) that fill the time; `fixed` Gaussians where the user wants so many, `ample` as above."""
     low, high = 1.0, _MOST_STEPS
     for _ in range(_HALVINGS):
         middle = math.sqrt(low * high)
-        count = fixed or gaussians_for(middle)
+        count = fixed or gaussians_for(middle, ample)
         low, high = (middle, high) if speed.training(int(middle), count) <= seconds else (low, middle)
     steps = max(1, int(low))
-    return steps, fixed or gaussians_for(steps)
+    return steps, fixed or gaussians_for(steps, ample)
 
 
 class Budget:
@@ -214,7 +216,7 @@ class Budget:
         longest = max(longest_steps(len(job.views)), settings.min_steps)
         enough = settings.until is None and steps > longest  # who asks for a quality may go on for it
         if enough:
-            steps, count = longest, fixed or gaussians_for(longest)
+            steps, count = longest, fixed or gaussians_for(longest, job.ample)
             mine = min(mine, speed.training(steps, count))
         if by_evidence and settings.min_steps == 0:
             settings = replace(settings, until="plateau")
@@ -250,7 +252,7 @@ class Budget:
         """What an iteration costs, and the steps and Gaussians that fill the training's time."""
         phase = min(PROBE.phase_seconds, max(0.0, PLANNING.probing * self.left()))
         speed = probe(replace(job, views=_neighbours(job.views)), len(job.views), len(job.heldout), phase_seconds=phase)
-        return speed, *steps_within(speed, self._training_time(saving), fixed)
+        return speed, *steps_within(speed, self._training_time(saving), fixed, job.ample)
 
     def _training_time(self, saving: float) -> float:
         spare = min(PLANNING.most_spare, PLANNING.spare_share * self.limit)

@@ -169,7 +169,7 @@ def _effects(
     timing, keeper, known = course.timing, course.keeper, scene.cameras.reconstruction
     medium = scene.blur.medium
     sigma = medium.mean_sigma([photo.name for photo in scene.photos])
-    settings = training_settings(run.training, course.machine, timing.limited, sigma)
+    settings = training_settings(run.training, course.machine, timing.limited, Shown(sigma))
     terms = TrialTerms(settings, timing.for_trials(), KeptTrials(course.begun.folder, run.resume))
     effects = simulate(run.effects, scene.photos, known, scene.views, medium, terms, keeper)
     if (glass := run.glass or glass_shown(effects, blind)) is not None:
@@ -178,8 +178,8 @@ def _effects(
     effects = with_shutter(effects, run.shutter, keeper)
     if run.effects != "none":
         course.watch.lap("effects")
-    shown = Shown(effects.chosen.formation, effects.fitted)
-    return effects, training_settings(run.training, course.machine, timing.limited, sigma, shown)
+    shown = Shown(sigma, effects.chosen.formation, effects.fitted)
+    return effects, training_settings(run.training, course.machine, timing.limited, shown)
 
 
 def _training(
@@ -187,6 +187,8 @@ def _training(
 ) -> Trained:
     """The training itself, as long as its time allows; what it found of the cameras is said."""
     watch, keeper, folder, known = course.watch, course.keeper, course.begun.folder, scene.cameras.reconstruction
+    sigma = effects.typical.mean_sigma([view.name for view in effects.fitted])
+    shown = Shown(sigma, effects.chosen.formation, effects.fitted)
     asked = TrainingJob(
         effects.fitted,
         effects.heldout,
@@ -195,6 +197,7 @@ def _training(
         settings,
         effects.chosen.formation,
         adjust=adjusts(run.cameras.adjust, scene.found or known.figures.from_photos),
+        ample=shown.amply(settings.sh_degree),
     )
     planned = fit_into_time(asked, scene.photos, run.training.max_gaussians, run.resume, course.timing, folder)
     if planned.enough:

@@ -36,36 +36,35 @@ def usual_settings(request: TrainingRequest, machine: Machine) -> TrainingSettin
 
 @dataclass(frozen=True)
 class Shown:
-    """What the photos show, once that was found out.
+    """What the photos show, as far as that was found out.
 
     Attributes:
-        formation: what is simulated besides the blur; views: photos that are fitted.
+        sigma: px, of the photos' blur (`Medium.mean_sigma`).
+        formation: what is simulated besides it; None as long as nothing is known of it.
+        views: photos that are fitted.
     """
 
-    formation: Formation
+    sigma: float
+    formation: Formation | None = None
     views: Sequence[View] = ()
 
-    def preset(self, usual: TrainingSettings, degree: int) -> TrainingSettings:
-        """A preset, for photos whose blur is not wider than sharp ones'; `degree`: of the harmonics."""
-        if self.formation.spreads:
-            return usual
-        return preset_for_sharp(usual, 0 if self.formation.blurs else ample_gaussians(self.views, degree))
+    @property
+    def sharp(self) -> bool:
+        """Whether nothing blurs the photos, as far as is known, but motion of the camera."""
+        return self.formation is not None and not self.formation.spreads and self.sigma <= BLUR_WIDTH.sharp_until
+
+    def amply(self, degree: int) -> int:
+        """Gaussians that sharp photos of a camera that stood still show amply; 0 for others. `degree`: of harmonics."""
+        still = self.formation is not None and not self.formation.blurs
+        return ample_gaussians(self.views, degree) if self.sharp and still else 0
 
 
-def training_settings(
-    request: TrainingRequest, machine: Machine, limited: bool, sigma: float, shown: Shown | None = None
-) -> TrainingSettings:
-    """The settings of the optimization.
-
-    Args:
-        limited: whether a time limit will say how many steps there are.
-        sigma: px, of the photos' blur (`Medium.mean_sigma`).
-        shown: by the photos; None as long as nothing is known of it.
-    """
+def training_settings(request: TrainingRequest, machine: Machine, limited: bool, shown: Shown) -> TrainingSettings:
+    """The settings of the optimization; `limited`: whether a time limit will say how many steps there are."""
     usual = usual_settings(request, machine)
-    degree = harmonics_for(usual, sigma) if request.sh_degree is None else request.sh_degree
-    if shown is not None and sigma <= BLUR_WIDTH.sharp_until:
-        usual = shown.preset(usual, degree)
+    degree = harmonics_for(usual, shown.sigma) if request.sh_degree is None else request.sh_degree
+    if shown.sharp:
+        usual = preset_for_sharp(usual, shown.amply(degree))
     settings = replace(
         usual,
         sh_degree=degree,

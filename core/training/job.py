@@ -23,6 +23,8 @@ class TrainingJob:
         medium, formation: point spreads, and effects besides them.
         evaluated: whether held-out photos are looked at in the course of the run, too, and not only at its end.
         adjust: which cameras may be moved where paths are learned.
+        ample: Gaussians that the photos show amply (`density.budget`), which a time limit plans with; 0 where they are
+            blurred or the camera moved.
     """
 
     views: Sequence[View]
@@ -33,6 +35,7 @@ class TrainingJob:
     formation: Formation = Formation()
     evaluated: bool = True
     adjust: Adjust = "never"
+    ample: int = 0
 
 
 @dataclass(frozen=True)

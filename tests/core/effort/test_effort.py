@@ -23,7 +23,7 @@ from dgs.core.imaging.psf import PointSpread
 from dgs.core.photos.load import Photo
 from dgs.core.run_settings import ReconstructSettings
 from dgs.core.training.job import PlannedTraining, TrainingJob
-from dgs.core.training.settings import TrainingSettings
+from dgs.core.training.settings import TrainingSettings, preset_for_sharp
 
 WORK = Work(40, 16.0, 0.4, 35, 5, 1000, 40_000, True, False, True, True)
 MACHINE = {"processor": "one", "cores": 2, "threads": 2, "device": "cpu"}
@@ -161,6 +161,14 @@ def test_gaussians_grow_as_the_presets_do():
     for name in ("balanced", "fine", "best"):
         preset = TrainingSettings.preset(name)
         assert gaussians_for(preset.steps) == pytest.approx(preset.max_gaussians, rel=0.02)
+
+
+def test_sharp_photos_get_as_many_as_they_show_amply_and_as_their_presets_have():
+    sharp = preset_for_sharp(TrainingSettings.preset("balanced"), 10**6)
+    assert gaussians_for(sharp.steps, 10**6) == pytest.approx(sharp.max_gaussians, rel=1e-4)
+    assert gaussians_for(1500, 60_000) == 60_000 and gaussians_for(1500, 30_000) == gaussians_for(1500)
+    poor, rich = (steps_within(SPEED, 60.0, None, ample) for ample in (0, 100_000))
+    assert rich[0] < poor[0] and rich[1] > poor[1] and SPEED.training(*rich) == pytest.approx(60.0, rel=0.03)
 
 
 @pytest.mark.parametrize("seconds", [1.0, 10.0, 300.0])

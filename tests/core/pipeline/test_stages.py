@@ -47,8 +47,8 @@ def test_motion_is_apart_from_the_blur_where_it_may_be_simulated():
 def test_a_run_that_waits_for_a_quality_may_take_more_steps_unless_its_time_is_limited():
     request = ReconstructSettings(Path("p"), Path("o"), until=28.0, max_gaussians=700).split().training
     usual = usual_settings(request, ONE)
-    assert training_settings(request, ONE, limited=True, sigma=5.0).steps == usual.steps
-    free = training_settings(request, ONE, limited=False, sigma=5.0)
+    assert training_settings(request, ONE, limited=True, shown=Shown(5.0)).steps == usual.steps
+    free = training_settings(request, ONE, limited=False, shown=Shown(5.0))
     assert free.steps == UNTIL_STEPS * usual.steps and free.max_gaussians == 700 and free.until == 28.0
 
 
@@ -66,12 +66,14 @@ def test_a_budget_is_what_the_photos_can_hold_unless_it_is_asked_for(tmp_path):
 
 def test_sharp_photos_get_all_harmonics_unless_a_degree_is_asked_for():
     request = ReconstructSettings(Path("p"), Path("o")).split().training
-    degrees = [training_settings(request, ONE, limited=False, sigma=sigma).sh_degree for sigma in (0.0, 2.5, 2.6, 5.0)]
+    degrees = [
+        training_settings(request, ONE, limited=False, shown=Shown(sigma)).sh_degree for sigma in (0.0, 2.5, 2.6, 5.0)
+    ]
     assert degrees == [3, 3, 1, 1]
     asked = ReconstructSettings(Path("p"), Path("o"), sh_degree=2).split().training
-    assert training_settings(asked, ONE, limited=False, sigma=0.0).sh_degree == 2
+    assert training_settings(asked, ONE, limited=False, shown=Shown(0.0)).sh_degree == 2
     best = ReconstructSettings(Path("p"), Path("o"), preset="best").split().training
-    assert training_settings(best, ONE, limited=False, sigma=5.0).sh_degree == 3
+    assert training_settings(best, ONE, limited=False, shown=Shown(5.0)).sh_degree == 3
 
 
 def test_an_untimed_run_asks_for_nothing():
@@ -95,8 +97,7 @@ def test_photos_that_nothing_blurs_get_more_steps_and_gaussians_that_they_show_a
     ) -> tuple[int, int]:
         request = ReconstructSettings(Path("p"), Path("o"), preset=preset).split().training
         wide = replace(blurred_scene(1).views[0], photo=np.zeros((400, 600, 3), np.uint8))
-        shown = None if formation is None else Shown(formation, count * [wide])
-        found = training_settings(request, ONE, limited=False, sigma=sigma, shown=shown)
+        found = training_settings(request, ONE, limited=False, shown=Shown(sigma, formation, count * [wide]))
         return found.steps, found.max_gaussians
 
     still, moving = Formation(), Formation((CameraMotion(("a",), torch.zeros(1, 5, 6)),))
