@@ -87,7 +87,7 @@ class RegionSettings:
 TILES = "a rendered wall of tiles that move to the right"
 OTHER_TILES = "the same upwards, and towards the cameras"
 BOTH = f"{TILES}; {WALL}, of whose block a spot is found"
-#: The same wall, rendered and drawn anew twice before and four times after: 72 motions of 1 px, 36 of 2 px.
+#: The same wall, rendered and drawn anew, twice before and six times after: 96 motions of 1 px, 48 of 2 px.
 CHOSEN = "that wall rendered anew, tiles moved to the right and upwards by 1 and by 2 px"
 CHECKED = "walls of larger and of smaller tiles, moved by 1, 1.4 and 2 px"
 

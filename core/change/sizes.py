@@ -80,7 +80,8 @@ def _likely(fits: Sequence[Fit], windows: Array, noise: Array) -> tuple[Array, A
     sizes, misfits, variances = (
         np.stack([getattr(fit, name) for fit in fits]) for name in ("sizes", "misfits", "variances")
     )
-    chances = np.exp(-0.5 * windows * (misfits / misfits.min(axis=0) - 1.0))
+    least = np.maximum(misfits.min(axis=0), 1e-12)  # (photos without noise may leave nothing)
+    chances = np.exp(-0.5 * windows * (misfits - least) / least)
     chances /= chances.sum(axis=0)
     likely = (chances * sizes).sum(axis=0)
     reach = (chances * (sizes - likely) ** 2).sum(axis=0)

@@ -154,6 +154,8 @@ def test_a_size_is_the_mean_of_what_supports_say_and_its_interval_holds_those_th
     clear = [Fit(0.8 * one, 9.0 * one, 0.01 * one), Fit(one, one, 0.01 * one)]
     size, deviation = _likely(clear, 4.0 * one, 0.1 * one)
     assert size[0] == pytest.approx(1.0) and deviation[0] == pytest.approx(np.hypot(0.1, 0.05), rel=1e-4)
+    exact = [Fit(size * one, misfit * one, 0.01 * one) for size, misfit in ((0.8, 1.0), (1.0, 0.0))]
+    assert _likely(exact, 4.0 * one, 0.1 * one)[0] == pytest.approx(1.0)
 
 
 def test_what_is_seen_worst_counts_where_it_is_more_than_chance() -> None:
