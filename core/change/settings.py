@@ -74,7 +74,8 @@ class RegionSettings:
         3.0,
         "times",
         "what both sides move by in common, that they must go apart: 2 is where one of them stands still",
-        f"{WALL}; tiles that moved were said to have grown by half of it",
+        f"{WALL}; tiles of 27 and of 40 px that moved to the right were said to have grown by half of it",
+        "all other walls of tiles",
     )
     towards: float = number(0.7, "cosine", "of a motion with the way to the cameras that is called towards them", WALL)
     shared: float = number(0.2, "share", "of the first surface's places that photos of both must show", WALL)

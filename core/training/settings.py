@@ -267,8 +267,8 @@ class PresetSettings:
         "times",
         "the preset's at most, where nothing blurs, the camera stood still and photos show so many amply; at least the"
         " root of the steps' factor, 1.22 times",
-        "held-out views with 49,000, 80,000, 120,000, single runs on one thread: copr 29.21, 29.72, 30.10 dB in 52, 65,"
-        " 80 s, lego (400 px) 33.75, 34.30, 34.55",
+        "held-out views with 49,000, 80,000, 120,000, single runs on one thread: copr 29.21, 29.72, 30.10 dB, lego"
+        " (400 px) 33.75, 34.30, 34.55; copr on two cores, 49,000 and 120,000: 43, 64 s in all",
         "held-out views, before and now: village draft 30.59 -> 32.08 dB (14, 18 s), balanced 33.81 -> 34.35 (34, 40);"
         " room 26.31 -> 26.87, 28.15 -> 28.45",
     )
