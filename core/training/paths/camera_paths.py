@@ -37,9 +37,9 @@ from .along import Along
 from .coordinates import backwards, common_to, flow, px_units
 from .equations import PathEquations, SeenPx
 from .readout import LearnedReadout, slopes_in_readout, step_and_variance
+from .rivals import Rival, Shown, curved_rivals, left_of, nearer, straight_rivals
 from .settings import SETTINGS, CameraPathSettings
 from .slopes import Looked, Sampled
-from .straight_ways import explaining_ways
 from .tone import LearnedTone
 
 
@@ -306,8 +306,8 @@ class CameraPaths:
     ) -> None:
         """Begins anew with another path where one explains a photo clearly better than its own does.
 
-        A step sees near ones only: a wrong direction holds itself. So straight paths of other directions take a few
-        steps each, as the photo's own does, and what they leave of the photo decides.
+        A step sees near ones only: a wrong path holds itself. So others take a few steps each, and what they leave of
+        the photo decides.
 
         Args:
             still: [3, H, W] sRGB as the twin shows the photo from its camera.
@@ -315,52 +315,36 @@ class CameraPaths:
         """
         i, s = self._index[name], self.settings
         visit, own = Visit(i, name, camera, photo, counts), self._twists[i].clone()
-        best, chosen = math.inf, own
-        for k, start in enumerate([own, *self._others(own, self._straight(visit, still))]):
-            self._twists[i] = start
+        rivals = self._rivals(visit, own, still)
+        if not rivals:
+            return
+        chosen, least = own, self._left(visit, expose())
+        for rival in rivals:
+            self._twists[i] = rival.path
             for _ in range(s.again_steps):
                 exposed = expose()
                 if len(exposed.frames) > 1:
                     self._step(visit, exposed)
-            left = self._left(visit, expose()) * (1.0 if k else s.clearly_nearer)
-            if left < best:
-                best, chosen = left, self._twists[i].clone()
+            left = self._left(visit, expose())
+            if nearer(least, left, s.again_part) > rival.surely:
+                chosen, least = self._twists[i].clone(), left
         self._twists[i] = chosen
         self._settle(i)
 
-    def _others(self, own: Tensor, straight: list[Tensor]) -> list[Tensor]:
-        """Paths [M + 1, 6] that are compared with a photo's own: straight ones, and all the other way round.
+    def _rivals(self, visit: Visit, own: Tensor, still: Tensor) -> list[Rival]:
+        """Paths that are compared with a photo's own [M + 1, 6].
 
         Where all rows are exposed at once, the direction of time makes no difference.
         """
-        if self.motion.readout == 0.0:
-            return straight
-        return [backwards(own), *straight, *(backwards(start) for start in straight)]
+        shown = Shown(visit.camera, visit.photo, visit.counts, still, self.motion.unit)
+        if self.motion.readout != 0.0:
+            return straight_rivals(shown, own, self.motion.exposures, self.settings)
+        likely = self._prior(visit.name).reshape(-1, 6)[:, 0].numpy() * (shown.diagonal / self._diagonal[visit.name])
+        return curved_rivals(shown, own, np.r_[np.inf, likely[1:]], self.settings)
 
-    def _left(self, visit: Visit, exposed: Exposed) -> float:
-        """Mean size of what a path leaves of a photo where it counts."""
-        height, width = visit.photo.shape[1:]
-        at = Sampled.of(height, width, self.settings.looked_at)
-        photo, seen = all_in_memory(at.of_planes(visit.photo), at.of_planes(exposed.degraded))
-        rest = (photo - seen).abs().mean(dim=0)
-        if visit.counts is None:
-            return float(rest.mean())
-        counted = rest[in_memory(at.of_planes(visit.counts))]
-        return float(counted.mean()) if len(counted) else 0.0
-
-    def _straight(self, visit: Visit, still: Tensor) -> list[Tensor]:
-        """Straight paths [M + 1, 6] of different directions, those that explain a photo best."""
-        s, photo, camera = self.settings, visit.photo.cpu(), visit.camera
-        longest = s.longest * math.hypot(*photo.shape[1:])
-        ways = explaining_ways(still.cpu(), photo, longest, s)
-        starts = []
-        for x, y in ways:
-            start = torch.zeros_like(self._twists[visit.index])
-            start[0] = self._twists[visit.index, 0]
-            start[1, 4], start[1, 3] = x / camera.fx / 2, -y / camera.fx / 2
-            start[1] *= self.motion.exposures
-            starts.append(start)
-        return starts
+    def _left(self, visit: Visit, exposed: Exposed) -> NDArray[np.float64]:
+        """[h, w] what a path leaves of a photo."""
+        return left_of(visit.photo, exposed.degraded, visit.counts, self.settings.looked_at)
 
     def _settle(self, index: int) -> None:
         """Takes from the offsets of the fitted photos, in px, what is common to them."""
