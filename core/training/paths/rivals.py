@@ -91,7 +91,7 @@ def curved_rivals(shown: Shown, own: Tensor, likely: NDArray[np.float64], settin
     path[0] = own[0]
     path[0, 4] += beside[0]
     path[0, 3] -= beside[1]
-    return [Rival(path, settings.not_worse)]
+    return [Rival(path, settings.nearer)]
 
 
 def left_of(photo: Tensor, seen: Tensor, counts: Tensor | None, most: int) -> NDArray[np.float64]:
