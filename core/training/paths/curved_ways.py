@@ -248,8 +248,8 @@ def curved_way(asked: Asked, own: Array) -> Array | None:
     for scale in scales[1:]:
         ways = [explained.followed(way, [scale]) for way in explained.different(ways, scale)]
     left, best = min(((explained.cost(way, scales[-1])[0], way) for way in ways), key=lambda found: found[0])
-    if left > explained.cost(own.ravel(), scales[-1])[0] - s.nearer or explained.apart(own.ravel(), best) < s.apart:
-        return None
+    if not left < explained.cost(own.ravel(), scales[-1])[0] - s.nearer or explained.apart(own.ravel(), best) < s.apart:
+        return None  # (nor from a picture that is not finite)
     return best.reshape(2, -1)
 
 

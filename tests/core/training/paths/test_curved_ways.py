@@ -89,8 +89,9 @@ def test_px_that_do_not_count_have_no_part_in_a_way(straight):
     assert found is not None and apart(found, CURVED) < (0.4 if straight < 20 else 1.0)
 
 
-def test_a_photo_without_anything_in_it_says_nothing():
-    grey = torch.full((3, *SIZE), 0.5)
+@pytest.mark.parametrize("value", [0.5, math.nan])
+def test_a_photo_without_anything_in_it_says_nothing(value):
+    grey = torch.full((3, *SIZE), value)
     assert curved_way(Asked(grey, grey, None, 8.0, LIKELY, 400.0), way_of((3.0, 1.0))) is None
 
 
