@@ -47,7 +47,7 @@ class CurvedWaySettings:
         0.33, "of the likely way", "standard deviation (px) of the blur that photos are asked through at first"
     )
     fine: float = number(0.25, "px of the grid", "the same at the end")
-    places: int = number(33, "count", "of a way that make its transfer; ways are shorter than 100 px as a rule")
+    places: int = number(33, "count", "of a way that make its transfer: those of the longest lie 1.3 px apart")
     steps: int = number(25, "count", "of the descent on each scale at most")
     least_reach: int = number(32, "px", "of the lags, either way, at least", BY_DEFINITION)
     faint: float = number(1e-3, "of the largest weight", "frequencies are left out whose weight is less", BY_DEFINITION)
@@ -197,8 +197,8 @@ class ExplainedPhoto:
 
 
 @dataclass(frozen=True)
-class Asked:
-    """What is asked for its way.
+class ShakenPhoto:
+    """A photo whose way is sought, with the picture that it would be without motion.
 
     Attributes:
         still, photo, counts: as of `Alike.of`.
@@ -213,11 +213,11 @@ class Asked:
     likely: Array
     independent: float
 
-    def averaged(self, step: int) -> Asked:
+    def averaged(self, step: int) -> ShakenPhoto:
         """The same on a grid of `step` px."""
         still, photo = (torch.nn.functional.avg_pool2d(planes, step) for planes in (self.still, self.photo))
         counts = None if self.counts is None else torch.nn.functional.avg_pool2d(self.counts[None].float(), step)[0]
-        return Asked(still, photo, counts, self.straight / step, self.likely / step, self.independent)
+        return ShakenPhoto(still, photo, counts, self.straight / step, self.likely / step, self.independent)
 
     def explained(self) -> ExplainedPhoto:
         """By which ways are compared."""
@@ -227,7 +227,7 @@ class Asked:
         return ExplainedPhoto(alike, self.likely, self.independent)
 
 
-def curved_way(asked: Asked, own: Array) -> Array | None:
+def curved_way(shaken: ShakenPhoto, own: Array) -> Array | None:
     """The way that explains a photo better than its own does, if another is found.
 
     Args:
@@ -236,15 +236,15 @@ def curved_way(asked: Asked, own: Array) -> Array | None:
     Returns:
         [2, M + 1] its coefficients; None where what is found is the own one.
     """
-    s, step = SETTINGS, max(1, math.ceil(asked.straight / SETTINGS.longest))
+    s, step = SETTINGS, max(1, math.ceil(shaken.straight / SETTINGS.longest))
     if step > 1:
-        found = curved_way(asked.averaged(step), own / step)
+        found = curved_way(shaken.averaged(step), own / step)
         return None if found is None else found * step
-    explained, coarsest = asked.explained(), s.coarse * asked.straight
+    explained, coarsest = shaken.explained(), s.coarse * shaken.straight
     halvings = math.ceil(math.log2(max(coarsest / s.fine, 2.0)))
     scales = [explained.scale(coarsest * 0.5**halving) for halving in range(halvings + 1)]
     explained.expect(own.ravel(), scales[-1])
-    ways = [explained.followed(start, scales[:1]) for start in _starts(own, s.begin * asked.straight / 2.0)]
+    ways = [explained.followed(start, scales[:1]) for start in _starts(own, s.begin * shaken.straight / 2.0)]
     for scale in scales[1:]:
         ways = [explained.followed(way, [scale]) for way in explained.different(ways, scale)]
     left, best = min(((explained.cost(way, scales[-1])[0], way) for way in ways), key=lambda found: found[0])

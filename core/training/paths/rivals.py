@@ -14,7 +14,7 @@ from ...camera import Camera
 from ...devices import all_in_memory, in_memory
 from ...imaging.formation.path_poses import way_on
 from .coordinates import backwards
-from .curved_ways import Asked, curved_way
+from .curved_ways import ShakenPhoto, curved_way
 from .settings import CameraPathSettings
 from .slopes import Sampled
 from .straight_ways import explaining_ways
@@ -81,8 +81,8 @@ def curved_rivals(shown: Shown, own: Tensor, likely: NDArray[np.float64], settin
         np.linspace(-1.0, 1.0, _PLACES), way_on(own, shown.unit, fx, _PLACES).double().numpy(), len(own) - 1
     ).T
     straight = math.hypot(*ways[0]) if ways else 2.0 * math.hypot(*before[:, 1])
-    asked = Asked(shown.still, shown.photo, shown.counts, straight, likely, settings.independent)
-    after = curved_way(asked, before)
+    shaken = ShakenPhoto(shown.still, shown.photo, shown.counts, straight, likely, settings.independent)
+    after = curved_way(shaken, before)
     if after is None:
         return []
     path, turned = torch.zeros_like(own), torch.from_numpy(after / fx).float()

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 from dgs.core.colour import linear_to_srgb
-from dgs.core.training.paths.curved_ways import Alike, Asked, ExplainedPhoto, curved_way
+from dgs.core.training.paths.curved_ways import Alike, ExplainedPhoto, ShakenPhoto, curved_way
 from dgs.core.training.paths.rivals import left_of, nearer
 from scipy.ndimage import gaussian_filter
 
@@ -56,23 +56,25 @@ def test_a_curved_way_is_found_wherever_the_own_one_ends(wrong, paled):
     light = texture(1)
     noise = 0.01 * np.random.default_rng(2).standard_normal((3, *SIZE))
     seen = 0.5 + paled * (moved_along(light, CURVED) - 0.5) + noise
-    found = curved_way(Asked(filed(light), filed(seen), None, 12.0, LIKELY, 400.0), wrong)
+    found = curved_way(ShakenPhoto(filed(light), filed(seen), None, 12.0, LIKELY, 400.0), wrong)
     assert found is not None and apart(found, CURVED) < 0.4
 
 
 def test_the_own_way_is_left_where_it_explains_the_photo():
     light = texture(3)
     photo = filed(moved_along(light, CURVED))
-    assert curved_way(Asked(filed(light), photo, None, 12.0, LIKELY, 400.0), CURVED) is None
+    assert curved_way(ShakenPhoto(filed(light), photo, None, 12.0, LIKELY, 400.0), CURVED) is None
     backwards = CURVED * np.array([1, -1, 1, -1, 1])
-    assert curved_way(Asked(filed(light), photo, None, 12.0, LIKELY, 400.0), backwards) is None, "direction of time"
+    assert curved_way(ShakenPhoto(filed(light), photo, None, 12.0, LIKELY, 400.0), backwards) is None, (
+        "direction of time"
+    )
 
 
 def test_a_long_way_is_found_beyond_the_shortest_lags():
     light, long = texture(4), way_of((22.0, 8.0), (-3.0, 6.0))
     likely = np.r_[np.inf, [20.0 / m**2 for m in range(1, ORDER + 1)]]
     found = curved_way(
-        Asked(filed(light), filed(moved_along(light, long)), None, 45.0, likely, 400.0), way_of((2.0, 2.0))
+        ShakenPhoto(filed(light), filed(moved_along(light, long)), None, 45.0, likely, 400.0), way_of((2.0, 2.0))
     )
     assert found is not None and apart(found, long) < 1.0
 
@@ -84,15 +86,15 @@ def test_px_that_do_not_count_have_no_part_in_a_way(straight):
     photo[:, 20:130, 90:] = filed(texture(9))[:, 20:130, 90:]  # something else walked into the picture
     counts = torch.ones(SIZE, dtype=torch.bool)
     counts[20:130, 90:] = False
-    asked = Asked(filed(light), photo, counts, straight, LIKELY, 400.0)
-    found = curved_way(asked, way_of((-1.0, 6.0)))
+    shaken = ShakenPhoto(filed(light), photo, counts, straight, LIKELY, 400.0)
+    found = curved_way(shaken, way_of((-1.0, 6.0)))
     assert found is not None and apart(found, CURVED) < (0.4 if straight < 20 else 1.0)
 
 
 @pytest.mark.parametrize("value", [0.5, math.nan])
 def test_a_photo_without_anything_in_it_says_nothing(value):
     grey = torch.full((3, *SIZE), value)
-    assert curved_way(Asked(grey, grey, None, 8.0, LIKELY, 400.0), way_of((3.0, 1.0))) is None
+    assert curved_way(ShakenPhoto(grey, grey, None, 8.0, LIKELY, 400.0), way_of((3.0, 1.0))) is None
 
 
 @pytest.mark.parametrize("sigma", [4.0, 0.25])
