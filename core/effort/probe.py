@@ -18,6 +18,8 @@ from ..numbers import number
 from ..photos.load import Photo
 from ..training.density.contribution import asking
 from ..training.job import TrainingJob
+from ..training.restored.course import edges
+from ..training.restored.start import restores
 from ..training.run import RUN
 from ..training.scene import SCENE
 from ..training.settings import start_share
@@ -128,6 +130,7 @@ def probe(
     numbers: list[int] = []
     for count in counts:
         trainer = Trainer(chosen, [], job.points, job.medium, replace(quiet, max_gaussians=count), job.formation)
+        trainer.restore = job.restore
         numbers.append(len(trainer.optimizer.gaussians))
         tables.append({middle: _step(trainer, middle, phase_seconds) for _, middle in _parts(trainer)})
     few, many = numbers
@@ -143,8 +146,9 @@ def _parts(trainer: Trainer) -> list[tuple[float, float]]:
     s = trainer.settings
     coarse = s.coarse_share if len(trainer.levels) > 1 else 0.0
     start = s.start_share if trainer.levels[-1].ratio is not None else 0.0
-    edges = sorted({0.0, min(coarse, 1.0), min(start, 1.0), 1.0})
-    return [(b - a, (a + b) / 2) for a, b in zip(edges, edges[1:], strict=False)]
+    changes = edges(coarse, trainer.restore and restores(trainer))
+    ends = sorted({0.0, *(min(change, 1.0) for change in (*changes, start)), 1.0})
+    return [(b - a, (a + b) / 2) for a, b in zip(ends, ends[1:], strict=False)]
 
 
 def _step(trainer: Trainer, share: float, seconds: float) -> float:

@@ -13,6 +13,7 @@ from __future__ import annotations
 from .medium import FixedMedium, MediumModel, SubFrame, kept_mediums, medium_of, shared_medium, space_of
 from .model import Exposed, Exposure, ForwardModel, sharp_depths, sharp_view
 from .sampling import SAMPLING, SamplingSettings, low_pass_on_grid, margin_for
+from .surface import surface_seen
 
 __all__ = [
     "SAMPLING",
@@ -30,5 +31,6 @@ __all__ = [
     "sharp_depths",
     "sharp_view",
     "shared_medium",
+    "surface_seen",
     "space_of",
 ]

@@ -59,6 +59,13 @@ def surface_depth(gaussians: Gaussians, frame: SubFrame, settings: RasterSetting
         return torch.where(surface > 0, surface, mean)
 
 
+def surface_seen(gaussians: Gaussians, camera: Camera, settings: RasterSettings, rendered: Rendered) -> Tensor:
+    """[H, W] the same of a view that was rendered with its depth."""
+    surface = surface_depth(gaussians, SubFrame(camera), settings, rendered)
+    assert surface is not None
+    return surface
+
+
 def where_they_agree(gradient: Tensor, surface: Tensor, rendered: Rendered) -> Tensor:
     """A gradient [h, w] in the surface's depth as one in the mean depth: zero where the two are not the same place."""
     mean = rendered.mean_depth

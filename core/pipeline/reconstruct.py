@@ -197,6 +197,7 @@ def _training(
         settings,
         effects.chosen.formation,
         adjust=adjusts(run.cameras.adjust, scene.found or known.figures.from_photos),
+        restore=True,
         ample=shown.amply(settings.sh_degree),
     )
     planned = fit_into_time(asked, scene.photos, run.training.max_gaussians, run.resume, course.timing, folder)

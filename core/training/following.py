@@ -10,7 +10,7 @@ from functools import lru_cache
 import torch
 
 from .. import compiled
-from ..forward import Exposed, SubFrame, sharp_view
+from ..forward import Exposed, SubFrame, sharp_view, surface_seen
 from ..imaging.formation.effect import Shot
 from .grid import GridView
 from .level import Level
@@ -70,8 +70,8 @@ def _still(scene: TrainedScene, level: Level, view: GridView, behind: torch.Tens
     settings = replace(scene.raster_settings(level), depth=True)
     with torch.no_grad():
         still = sharp_view(scene.optimizer.gaussians, view.camera, settings, behind)
-    assert still.mean_depth is not None
-    scene.learned.paths.see_depth(view.name, still.mean_depth)
+        surface = surface_seen(scene.optimizer.gaussians, view.camera, settings, still)
+    scene.learned.paths.see_depth(view.name, surface)
     return still.image
 
 

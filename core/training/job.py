@@ -23,6 +23,7 @@ class TrainingJob:
         medium, formation: point spreads, and effects besides them.
         evaluated: whether held-out photos are looked at in the course of the run, too, and not only at its end.
         adjust: which cameras may be moved where paths are learned.
+        restore: whether shaken photos may be restored on the way, and new Gaussians be fitted to them.
         ample: Gaussians that the photos show amply (`density.budget`), which a time limit plans with; 0 where they are
             blurred or the camera moved.
     """
@@ -35,6 +36,7 @@ class TrainingJob:
     formation: Formation = Formation()
     evaluated: bool = True
     adjust: Adjust = "never"
+    restore: bool = False
     ample: int = 0
 
 

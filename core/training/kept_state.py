@@ -82,6 +82,8 @@ def _arrays(scene: TrainedScene) -> dict[str, np.ndarray]:
     """Parameters, their moments and the density statistics, by name."""
     o, d = scene.optimizer, scene.density
     arrays = {"pull": d.gradients.cpu().numpy(), "views": d.views.cpu().numpy()}
+    for name, tensor in () if scene.restored_around is None else scene.restored_around.named():
+        arrays[f"around.{name}"] = tensor.cpu().numpy()
     for name, tensor in o.gaussians.named():
         arrays[f"value.{name}"] = tensor.detach().cpu().numpy()
         arrays[f"first.{name}"] = o.first[name].cpu().numpy()
@@ -97,6 +99,8 @@ def _take(scene: TrainedScene, arrays: Mapping[str, np.ndarray]) -> None:
     for name in names:
         scene.optimizer.first[name], scene.optimizer.second[name] = take(f"first.{name}"), take(f"second.{name}")
     scene.optimizer.steps, scene.optimizer.refused = before.steps, before.refused
+    if f"around.{names[0]}" in arrays:
+        scene.restored_around = Gaussians(**{name: take(f"around.{name}") for name in names})
     counts = scene.density.counts
     scene.density = DensityControl(len(scene.optimizer.gaussians), scene.device)
     scene.density.gradients, scene.density.views, scene.density.counts = take("pull"), take("views"), counts

@@ -27,6 +27,7 @@ from .job import TrainingJob
 from .kept_state import checkpoint_of, counts_of, fingerprint_of, restore
 from .origin import rank_difference
 from .ranks import ALONE, RankLost, Ranks
+from .restored.course import Part
 from .schedule import Ending, Schedule
 from .settings import TrainingSettings
 from .trainer import Trainer
@@ -168,7 +169,7 @@ def _agreed_trainer(job: TrainingJob, ranks: Ranks) -> Trainer:
         TrainingError: a rank has other photos, settings or another version.
     """
     trainer = Trainer(job.views, job.heldout, job.points, job.medium, job.settings, job.formation)
-    trainer.adjust = job.adjust
+    trainer.adjust, trainer.restore = job.adjust, job.restore
     agreed = {name: value for name, value in asdict(job.settings).items() if name not in ("threads", "device")}
     ranks.agree({"version": VERSION, **fingerprint_of(trainer), "settings": agreed}, rank_difference)
     trainer.join(ranks)
@@ -256,9 +257,10 @@ class _Run:
                 stopped = ending
                 break
             share = min(schedule.share(trainer.step, spent), 1.0 - 1e-9)
+            part = self._entered(share)
             self._loss = trainer.advance(share)
-            ask_photos(trainer, share)
-            adjust_cameras(trainer, share, self.progress.cancelled)
+            ask_photos(trainer, part.share)
+            adjust_cameras(trainer, part.share, self.progress.cancelled)
             self._report(schedule, clock, limited=limit is not None)
             if watch is not None:
                 watch(trainer)
@@ -266,6 +268,16 @@ class _Run:
                 self._save(clock.spent())
                 saved = time.perf_counter()
         return stopped
+
+    def _entered(self, share: float) -> Part:
+        """The part of the run at a share of it; a word where new Gaussians are to take the place of all."""
+        part = self.trainer.part(share)
+        if part.restored and self.trainer.restored_around is None:
+            self.progress.note(
+                "The photos' paths are known: each photo is restored around the twin so far, and new Gaussians are"
+                " fitted to what comes of it (the twin looks rough for a while)"
+            )
+        return part
 
     @property
     def _keeps(self) -> bool:

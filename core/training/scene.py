@@ -7,13 +7,14 @@ a run have modules of their own, which take a `TrainedScene`.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 
 from .. import compiled
 from ..colour import srgb_to_linear
@@ -80,6 +81,8 @@ class TrainedScene:
     Attributes:
         ranks: processes that train together (`Trainer.join`); each renders photos of its own in a step.
         adjust: which cameras may be moved where paths are learned (`cameras.moving`).
+        restore: whether shaken photos may be restored on the way (`restored.start`).
+        restored_around: the twin that they are restored around while new Gaussians are fitted to them.
         levels: the photos' grids, the coarsest first; learned: what is learned of each photo.
         step: how many were taken.
         asked: how often all photos were asked, what went since none needed it or as a veil, how often cameras were
@@ -103,6 +106,8 @@ class TrainedScene:
     ) -> None:
         self.ranks = ALONE
         self.adjust: Adjust = "never"
+        self.restore = False
+        self.restored_around: Gaussians | None = None
         self.together = photos_of_one_side(views, points)  # they average noise; copies average none
         self.scale: SceneScale = scene_scale([v.camera for v in views], points)
         settings = self._settings_for(settings, medium, formation, views)
@@ -138,10 +143,14 @@ class TrainedScene:
 
     def _first(self, level: Level) -> Gaussians:
         """New Gaussians on the points' depth."""
-        settings, step = self.settings, level.step
+        return self.new_gaussians(level, lambda i: without_empty(level.views[i].planes(), self.views[i], level.step))
+
+    def new_gaussians(self, level: Level, planes: Callable[[int], NDArray[np.float32]]) -> Gaussians:
+        """Gaussians on the points' depth, coloured as planes [3, H, W] of photo i on the level's grid; NaN for none."""
+        settings = self.settings
         return first_gaussians(
             [view.camera for view in level.views],
-            lambda i: without_empty(level.views[i].planes(), self.views[i], step),
+            planes,
             self.scale.sparse_to_unit(self.points),
             settings.max_gaussians,
             settings.sh_degree,

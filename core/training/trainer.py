@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict, replace
 from functools import lru_cache
-from typing import SupportsFloat
+from typing import SupportsFloat, cast
 
 import numpy as np
 import torch
@@ -12,7 +12,7 @@ import torch
 from ..constants import SH_COEFFICIENTS
 from ..devices import backend_on
 from ..errors import TrainingError
-from ..forward import Exposed
+from ..forward import Exposed, ForwardModel
 from ..gaussians import Gaussians
 from ..imaging.formation.focus import OUT_OF_FOCUS
 from .density.control import DensityControl
@@ -26,6 +26,9 @@ from .level import Level
 from .loss.through_glass import GlassObjective
 from .optics.kernels import SETTINGS as KERNELS
 from .ranks import RankLost, Ranks
+from .restored.course import COURSE, Part, part_of
+from .restored.photos import RestoredPhotos
+from .restored.start import begin_anew, restores
 from .scene import TrainedScene
 from .schedule import harmonics_degree
 from .settings import calm_end, rates_of_long_runs
@@ -33,6 +36,8 @@ from .settings import calm_end, rates_of_long_runs
 
 class Trainer(TrainedScene):
     """One run of the optimization; arguments as of `TrainedScene`."""
+
+    _restored: RestoredPhotos | None = None
 
     def join(self, ranks: Ranks) -> None:
         """Trains together with other processes from now on, from rank 0's Gaussians.
@@ -110,6 +115,37 @@ class Trainer(TrainedScene):
 
     def advance(self, share: float) -> SupportsFloat:
         """One iteration at a share in [0, 1) of the run; returns the photo's loss (to read it may wait for a card)."""
+        part = self.part(share)
+        if part.restored:
+            return self._follow_restored(part.share)
+        self._restored = self.restored_around = None
+        return self._follow_photo(part.share)
+
+    def part(self, share: float) -> Part:
+        """Where the run is at a share in [0, 1] of it."""
+        return part_of(share, self.restore and restores(self))
+
+    def _follow_restored(self, share: float) -> SupportsFloat:
+        """Fits the Gaussians to some restored photos, at a share in [0, 1) of this part of the run; the last loss."""
+        if self._restored is None:
+            around = self.restored_around
+            self._restored = begin_anew(self) if around is None else RestoredPhotos(around)
+        level, backdrop, loss = self.levels[-1], self.backdrop(), cast(SupportsFloat, 0.0)
+        still = ForwardModel(self.raster_settings(level), lambda v: self.objective(level, v).medium, level.margin)
+        for turn in range(COURSE.photos_at_a_step):
+            view = self.view_at(level, self.step * COURSE.photos_at_a_step + turn)
+            photo = self._restored.of(self, level, view)
+            exposed = still.expose(self._shown(share), view, backdrop)
+            found = self.objective(level, view).loss(exposed.reached, photo.planes, self.counting(view))
+            exposed.backward(found.gradient if photo.weight is None else found.gradient * photo.weight)
+            self._collect(exposed)
+            self.optimizer.step(self.rates(share))
+            loss = found.loss
+        self._end_step(share, COURSE.photos_at_a_step)
+        return loss
+
+    def _follow_photo(self, share: float) -> SupportsFloat:
+        """Fits Gaussians, and what is learned of each photo, to one photo, at a share in [0, 1) of this part."""
         s = self.settings
         level = self.levels[0] if share < s.coarse_share else self.levels[-1]
         view = self.view_at(level, self.step + self.ranks.rank)
@@ -139,15 +175,20 @@ class Trainer(TrainedScene):
         if self.learned.glass is not None:
             self.learned.glass.learn(view.name, exposed, wanted, valid, share)
         self.optimizer.step(self.rates(share), self.ranks.count)
+        self._end_step(share)
+        return loss
+
+    def _end_step(self, share: float, photos: int = 1) -> None:
+        """Counts a step, of which each followed so many photos, and does what is due now and then."""
+        s = self.settings
         self.step += self.ranks.count
         if self._passed(GUARDS.every):
             self._guard()
         if self._passed(max(GUARDS.every, len(self.views))):  # (every photo is asked: of many, less often)
             self._hold_sizes()
-        if self._passed(s.density_every) and share < s.density_until:
+        if self._passed(max(1, s.density_every // photos)) and share < s.density_until:
             self.density.act(self.optimizer, s.max_gaussians, np.random.default_rng([s.seed, 2, self.step]))
             follow_first(self)
-        return loss
 
     def _guard(self) -> None:
         """Checks all parameters; counts what was repaired."""

@@ -154,6 +154,11 @@ class CameraMotion(Effect):
         twists = self.parameters["twists"][index].detach()
         return cast("Tensor", _mathematics().way_on(twists, self.unit, focal, count))
 
+    def twists_of(self, name: str) -> Tensor | None:
+        """[M + 1, 6] the coefficients of a photo's path, without gradient; None for one that stood still."""
+        index = self._index.get(name)
+        return None if index is None else self.parameters["twists"][index].detach()
+
     def mean_pose(self, name: str, pose: Pose, focal: float) -> Pose:
         """Where the camera was on average over the frames of a photo; the very same for one that stood still.
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import torch
 
-from ...forward import sharp_view
+from ...forward import sharp_view, surface_seen
 from ..grid import GridView
 from ..level import Level
 from ..scene import TrainedScene
@@ -23,6 +23,6 @@ def laid_beside(scene: TrainedScene, level: Level, view: GridView) -> LaidBeside
     settings = replace(scene.raster_settings(level), depth=True)
     with torch.no_grad():
         still = sharp_view(scene.optimizer.gaussians, camera, settings, scene.background)
-    assert still.mean_depth is not None
-    depth = torch.where(still.alpha > ADJUSTING.opaque, still.mean_depth, 0.0).cpu().numpy()
+        surface = surface_seen(scene.optimizer.gaussians, camera, settings, still)
+    depth = torch.where(still.alpha > ADJUSTING.opaque, surface, 0.0).cpu().numpy()
     return LaidBeside(camera, shown, view.planes(), depth, view.valid)

@@ -29,11 +29,21 @@ def flow(camera: Camera, at: Sampled, depth: Tensor, units: Tensor) -> Tensor:
     """
     rows, columns = torch.arange(camera.height)[at.rows], torch.arange(camera.width)[at.columns]
     y, x = torch.meshgrid((rows + 0.5 - camera.cy) / camera.fy, (columns + 0.5 - camera.cx) / camera.fx, indexing="ij")
-    near, zero, f = 1.0 / depth, torch.zeros_like(x), camera.fx
+    du, dv = flow_at(x, y, 1.0 / depth)
+    scale = camera.fx * units[:, None, None]
+    return torch.stack([du * scale, dv * scale]).float()
+
+
+def flow_at(x: Tensor, y: Tensor, near: Tensor) -> tuple[Tensor, Tensor]:
+    """[6, ...] focal lengths along x, and along y, by which a unit of motion in each axis moves what is seen.
+
+    Args:
+        x, y: focal lengths from the photo's middle; near: 1 / depth; all of one shape.
+    """
+    zero = torch.zeros_like(x)
     du = torch.stack([near, zero, -near * x, -x * y, 1 + x * x, -y])
     dv = torch.stack([zero, near, -near * y, -(1 + y * y), x * y, x])
-    scale = f * units[:, None, None]
-    return torch.stack([du * scale, dv * scale]).float()
+    return du, dv
 
 
 def common_to(cameras: Sequence[Camera], fewest: int) -> Tensor:

@@ -24,6 +24,7 @@ from dgs.core.training.level import round_variance
 from dgs.core.training.loss.specks import speck_gradient, speck_gradient_in_torch
 from dgs.core.training.loss.variation import variation_gradient, variation_gradient_in_torch
 from dgs.core.training.ranks import ALONE
+from dgs.core.training.restored.course import Part, part_of
 from dgs.core.training.trainer import Trainer
 
 from .test_training_runs import Listens, StopsAfter, run
@@ -67,6 +68,9 @@ class Course:
 
     def waited(self, question: Any) -> bool:
         return bool(question())
+
+    def part(self, share: float) -> Part:
+        return part_of(share, restores=False)
 
     def advance(self, share: float) -> float:
         assert 0.0 <= share < 1.0
