@@ -18,6 +18,7 @@ from dgs.core.tone_curve import ToneCurve
 from dgs.core.training.trainer import Trainer
 from dgs.tests.back_ends import brought_up, or_skip
 from dgs.tests.core.rasterizer.test_frames_along_a_path import SETTINGS, camera, gaussians, poses
+from dgs.tests.core.training.moved_photos import truly_moved
 from dgs.tests.core.training.training_scenes import SHORT, blurred_scene
 
 
@@ -137,3 +138,19 @@ def test_a_shaken_training_ends_where_the_cpu_s_does(card):
         trainer = Trainer(scene.views, [], scene.points, Medium(None), settings, paths)
         losses[device] = np.mean([float(trainer.advance(step / 24)) for step in range(24)][-8:])
     assert losses["gpu"] == pytest.approx(losses["cpu"], rel=0.05), losses
+
+
+def test_photos_are_restored_on_the_card_as_in_memory(card):
+    """What is restored is computed in memory from what the card shows; the new Gaussians are the card's."""
+    scene = blurred_scene()
+    _, views = truly_moved(scene, px=7.0)
+    shares = [*np.linspace(0.0, 0.59, 12), *np.linspace(0.6, 0.84, 4), 0.9]
+    losses = []
+    for device in ("gpu", "cpu"):
+        paths = straight_paths({view.name: (0.0, 0.0) for view in views}, 1)
+        settings = replace(SHORT, steps=240, device=device)
+        trainer = Trainer(views, [], scene.points, Medium(), settings, Formation([paths]))
+        trainer.restore = True
+        losses.append([float(trainer.advance(float(share))) for share in shares])
+        assert trainer.optimizer.gaussians.means.device.type == device and trainer.restored_around is None
+    assert np.allclose(*losses, rtol=0.03)
