@@ -1,5 +1,6 @@
 """Learned camera paths: their slope against differences of renders, what they find, and what is kept of them."""
 
+import math
 import threading
 from dataclasses import replace
 
@@ -8,12 +9,14 @@ import pytest
 import torch
 from dgs.core.errors import CheckpointError
 from dgs.core.forward import sharp_view
+from dgs.core.gaussians import Gaussians
 from dgs.core.imaging.formation.chain import Formation
 from dgs.core.imaging.formation.focus import LensFocus
 from dgs.core.imaging.formation.motion import straight_paths
 from dgs.core.imaging.medium import Medium
 from dgs.core.progress import Silent
 from dgs.core.rasterizer import RasterSettings
+from dgs.core.training.cameras.beside import laid_beside
 from dgs.core.training.following import follow_path
 from dgs.core.training.job import TrainingJob
 from dgs.core.training.kept_state import checkpoint_of, restore
@@ -187,3 +190,28 @@ def test_a_path_in_a_wrong_direction_begins_anew(scene):
         assert found == pytest.approx([8.0, 3.0], abs=1.6)
     moved = (looked_again(true).parameters["twists"] - true.parameters["twists"]).abs().max() * camera.fx
     assert float(moved) < 0.5, "a path that is right stays where it is, but for the steps of what is compared"
+
+
+def test_paths_and_cameras_go_by_the_surface_and_not_by_what_shines_through(scene):
+    """A fifth of the light passes to a wall ten times as far: the mean of all light lies far behind what is seen."""
+    chain = Formation([straight_paths({v.name: (0.02, 0.0) for v in scene.views}, 1)])
+    trainer = Trainer(scene.views, [], scene.points, Medium(), SHORT, chain)
+    plane = trainer.scale.to_unit(scene.truth)
+    wall = plane.detached()
+    view, level = trainer.levels[-1].views[0], trainer.levels[-1]
+    centre = torch.from_numpy(view.camera.centre).float()
+    wall.means = centre + 10.0 * (wall.means - centre)
+    wall.log_scales = wall.log_scales + math.log(15.0)
+    plane.opacity_logits = plane.opacity_logits - 3.0
+    both = {name: torch.cat([tensor, getattr(wall, name)]) for name, tensor in plane.named()}
+    trainer.optimizer.gaussians = Gaussians(**both)
+    settings = replace(trainer.raster_settings(level), depth=True)
+    mean = sharp_view(trainer.optimizer.gaussians, view.camera, settings).mean_depth
+    assert float(mean.median()) > 1.5
+    trainer.learned.paths._visits[:] = 1
+    exposed = trainer.exposed(level, view)
+    follow_path(trainer, level, view, exposed, exposed.degraded, trainer.background)
+    seen = trainer.learned.paths._depths[view.name].depth
+    assert float(seen.median()) == pytest.approx(1.0, abs=0.1)
+    beside = laid_beside(trainer, level, view).depth
+    assert float(np.median(beside[beside > 0])) == pytest.approx(1.0, abs=0.1)
