@@ -200,6 +200,12 @@ def _nearest(name: str, cameras: Reconstruction, held: set[str]) -> tuple[float,
     return float(np.degrees(np.arccos(np.clip(cosines[order[0]], -1, 1)))), [others[i] for i in order[:2]]
 
 
+def _since_restored(history: Sequence[Mapping[str, float]]) -> Sequence[Mapping[str, float]]:
+    """The rows since new Gaussians were fitted to restored photos, which rise from low by themselves; all without."""
+    restored = [index for index, row in enumerate(history) if row.get("restored")]
+    return history[restored[-1] + 1 :] if restored else history
+
+
 def _help(
     judged: Sequence[ViewScores],
     worst: Sequence[ViewScores],
@@ -225,7 +231,7 @@ def _help(
     if gain > settings.exposure_gain:
         differ = f"The photos differ in exposure ({gain:.1f} dB)"
         advice.append(f"{differ}: lock it while photographing, or use --effects auto")
-    rows = [row["heldout_psnr"] for row in history if "heldout_psnr" in row]
+    rows = [row["heldout_psnr"] for row in _since_restored(history) if "heldout_psnr" in row]
     if len(rows) > 3 and rows[-1] - rows[-1 - len(rows) // 4] > settings.still_rising:
         advice.append("The training was still getting better: give it more time (--preset best, --time-limit)")
     if fitted > settings.doubtful_share:

@@ -75,7 +75,8 @@ class Trained:
         low_pass: variance (px^2) to draw them with.
         background: [3] sRGB colour behind them.
         history: one row per evaluation: step, seconds, loss, gaussians and, if photos are held out,
-            heldout_psnr (dB, degraded render against photo).
+            heldout_psnr (dB, degraded render against photo); restored is 1 where new Gaussians were being fitted to
+            restored photos.
         counters: what was added, removed, refused and repaired.
         seconds: 'prepare', 'compile', 'train', 'finish'.
         steps: iterations done.
@@ -313,7 +314,7 @@ class _Run:
         if self._due(share) > self._evaluated:
             self._evaluated = self._due(share)
             row = _evaluation(trainer, float(self._loss), self._earlier + spent)
-            self.history.append(row)
+            self.history.append({**row, "restored": 1.0} if trainer.part(share).restored else row)
             self._best.see(trainer, row)
             self._evaluation_seconds = clock.spent() - spent
             scores = [score for one in self.history if (score := one.get("heldout_psnr")) is not None]

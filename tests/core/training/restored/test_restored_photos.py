@@ -107,12 +107,14 @@ def test_a_run_fits_new_gaussians_on_its_way_and_says_so(scene, moved):
     views, heard = moved[1], Listens()
     job = TrainingJob(views, [], scene.points, Medium(), LONG, unknown_paths(views), restore=True)
     seen: list[tuple[bool, int]] = []
-    train(job, heard, watch=lambda run: seen.append((run.restored_around is not None, run.optimizer.steps)))
+    trained = train(job, heard, watch=lambda run: seen.append((run.restored_around is not None, run.optimizer.steps)))
     restored = [within for within, _ in seen]
     assert restored == [COURSE.begin <= step / LONG.steps < COURSE.end for step in range(LONG.steps)]
     begun = restored.index(True)
     assert seen[begun][1] == COURSE.photos_at_a_step, "a new optimizer"
     assert sum("restored around the twin" in note for note in heard.notes) == 1
+    marked = [COURSE.begin <= row["step"] / LONG.steps < COURSE.end for row in trained.history]
+    assert [row.get("restored") == 1.0 for row in trained.history] == marked and any(marked)
 
 
 def test_the_twin_is_sharper_for_it(scene, moved):
