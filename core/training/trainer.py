@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict, replace
 from functools import lru_cache
-from typing import SupportsFloat, cast
+from typing import SupportsFloat
 
 import numpy as np
 import torch
@@ -130,7 +130,8 @@ class Trainer(TrainedScene):
         if self._restored is None:
             around = self.restored_around
             self._restored = begin_anew(self) if around is None else RestoredPhotos(around)
-        level, backdrop, loss = self.levels[-1], self.backdrop(), cast(SupportsFloat, 0.0)
+        level, backdrop = self.levels[-1], self.backdrop()
+        loss: SupportsFloat = 0.0
         still = ForwardModel(self.raster_settings(level), lambda v: self.objective(level, v).medium, level.margin)
         for turn in range(COURSE.photos_at_a_step):
             view = self.view_at(level, self.step * COURSE.photos_at_a_step + turn)
