@@ -103,7 +103,9 @@ _REPORT = {
 #: What is read of plan.json.
 _PLAN = {"gaussians": positive, "grid_step": (positive,)}
 #: What trials.json holds: by trial what `core.pipeline.effects.comparison.Comparison` does; no 'least' is infinity.
-_TRIALS = {"*": {"differences": [number], "seen": sentence, "least": (number,), "least_lost": number}}
+_TRIALS = {
+    "*": {"differences": [number], "seen": sentence, "least": (number,), "least_lost": number, "beside?": sentence}
+}
 #: What inputs.json holds.
 _INPUTS = {"photos": {"*": text}, "cameras?": (text,)}
 #: What is read of twin.json.

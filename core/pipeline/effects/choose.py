@@ -384,7 +384,8 @@ class _Choice:
             return self._untried(name, more, result.seen, began)
         if len(result.differences) < TRIALS.fewest_judged:
             return Decision(name, False, "the photos call for it, but they are clipped too widely to confirm it")
-        shown = result.seen or f"{result.mean:+.3f} +- {result.error:.3f} dB on photos held out of a short training"
+        gained = f"{result.mean:+.3f} +- {result.error:.3f} dB on photos held out of a short training"
+        shown = result.seen or gained + result.beside
         on = result.confirms
         if not on and certain and not result.contradicts:
             on, shown = True, f"{_showing(name)} show it beyond doubt, and nothing contradicts ({shown})"

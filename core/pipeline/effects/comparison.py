@@ -125,14 +125,15 @@ class Comparison:
     """Paired differences (dB), one for each judged photo.
 
     Attributes:
-        seen: what else there is to say; least: gain (dB) that confirms at least.
-        least_lost: loss (dB) that contradicts at least.
+        seen: what else speaks against it; least: gain (dB) that confirms at least.
+        least_lost: loss (dB) that contradicts at least; beside: what else speaks for it, the end of a sentence.
     """
 
     differences: Array
     seen: str = ""
     least: float = 0.0
     least_lost: float = 0.0
+    beside: str = ""
 
     @staticmethod
     def not_made(why: str) -> Comparison:

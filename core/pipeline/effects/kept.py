@@ -33,7 +33,8 @@ class KeptTrials:
         if kept is None:
             return None
         least = math.inf if kept["least"] is None else kept["least"]
-        return Comparison(np.array(kept["differences"], np.float64), kept["seen"], least, kept["least_lost"])
+        differences, beside = np.array(kept["differences"], np.float64), kept.get("beside", "")
+        return Comparison(differences, kept["seen"], least, kept["least_lost"], beside)
 
     def put(self, asked: str, said: Comparison) -> None:
         """Keeps what it said.
@@ -48,6 +49,7 @@ class KeptTrials:
             "seen": said.seen,
             "least": said.least if math.isfinite(said.least) else None,
             "least_lost": said.least_lost,
+            "beside": said.beside,
         }
         self._folder.save_trials(self._found)
 
