@@ -32,7 +32,7 @@ from ...views import SparsePoints, View
 from ..views import Viewer
 from .comparison import SETTINGS, Array, Comparison
 from .corrected import corrected, over_filed
-from .found_again import FoundAgain, found_again
+from .found_again import found_again
 from .kept import KeptTrials
 from .matched import matched_psnr
 
@@ -161,7 +161,7 @@ class Ablation:
         self._full, self.medium = medium, medium.on_grid(self.step)
         self._lengths: list[float] = []  # of paths that were learned, or widths off the focus, px of the trial's grid
         self._scored: dict[tuple[tuple[str, ...], tuple[Switch, ...], bool, str, int], Array] = {}
-        self._ways: dict[int, dict[str, Array]] = {}  # of photos through the exposure, as each pair learned them
+        self._ways: dict[int, dict[str, Array]] = {}  # of fitted photos through the exposure, by pair
         self._compared = 0  # pairs that the last comparison took
         self._slowest = 0.0  # s, of a pair
         self.course, self._of_paths = TrialCourse(), False
@@ -247,41 +247,55 @@ class Ablation:
         with contextlib.suppress(_TimeIsUpError):
             if longer is not None:
                 found = longer._compare(without, with_it, True, SETTINGS.longer_gain, not_found, last=True)
-                trial = longer
-            if found.confirms and trial is longer:
-                found = trial._against_still_photos(with_it, found)
+                trial, found = longer, longer._believed(with_it, found)
             blurs = self.medium.blurs or without.formation.blurs
             if found.confirms and not blurs and not certain:
                 return trial._against_even_blur(without, with_it, found)
         return found
+
+    def _believed(self, with_it: Arm, found: Comparison) -> Comparison:
+        """What longer trainings gain beyond chance, if it is by paths that the photos have: an amount then, or nothing.
+
+        What moved the camera is found again by another training, of other photos and from another start: that decides,
+        however little is gained. Otherwise much has to be, and more than a rival does.
+        """
+        if found.seen or not replace(found, least=0.0).confirms:
+            return found
+        both = self._compared == SETTINGS.pairs
+        if both and (same := self._found_again(with_it)):
+            return replace(found, least=0.0, beside=same)
+        if not found.confirms:
+            return found
+        kept = self._against_still_photos(with_it, found)
+        if kept.seen and not both and (same := self._found_again(with_it)):
+            return replace(found, beside=same)
+        return kept
+
+    def _found_again(self, with_it: Arm) -> str:
+        """What to say where both pairs' trainings find the same paths; '' where not, or if no time is left."""
+        if self._compared < SETTINGS.pairs and self._terms.left() < self._slowest:
+            return ""
+        with contextlib.suppress(_TimeIsUpError):
+            for pair in range(self._compared, SETTINGS.pairs):
+                self._scores(with_it, self.medium, pair)
+            found = found_again(self._ways.get(0, {}), self._ways.get(1, {}))
+            if found is not None and found.confirms:
+                return (
+                    f"; two trainings find the same paths, {found.apart:.0%} as far apart as those of different photos"
+                )
+        return ""
 
     def _against_still_photos(self, with_it: Arm, found: Comparison) -> Comparison:
         """Paths against none in the photos that are trained on, where those that judge have theirs all the same.
 
         A path of its own explains a photo better whatever the twin: it lays the twin where it fits, and spreads what
         stands in the wrong place. So photos that nothing moved are explained better, too, though their twin is worse.
-        Of few details that did move this says as little; but what moved the camera is found again by another training.
         """
         pairs, still = range(self._compared), replace(with_it, still=True)
         scores = [self._scores(with_it, self.medium, pair) - self._scores(still, self.medium, pair) for pair in pairs]
-        seen = "than a path of each photo that judges, before a twin of still ones: nothing moved"
-        refused = _against(found, scores, seen)
-        if not refused.seen or _beyond(scores).mean <= 0.0:
-            return refused
-        again = self._found_again(with_it)
-        if again is None or not again.confirms:
-            return refused
-        return replace(found, beside=f"; two trainings find the same paths, {again.apart:.0%} of their extent apart")
-
-    def _found_again(self, with_it: Arm) -> FoundAgain | None:
-        """Whether the first two trainings with paths found the same ones; None where there is no time to ask."""
-        if self._compared < SETTINGS.pairs and self._terms.left() < self._slowest:
-            return None
-        with contextlib.suppress(_TimeIsUpError):
-            for pair in range(SETTINGS.pairs):
-                self._scores(with_it, self.medium, pair)
-            return found_again(self._ways.get(0, {}), self._ways.get(1, {}))
-        return None
+        return _against(
+            found, scores, "than a path of each photo that judges, before a twin of still ones: nothing moved"
+        )
 
     def _against_even_blur(self, without: Arm, with_it: Arm, found: Comparison) -> Comparison:
         """Paths against one round blur of all photos, as wide as they are, by the pairs that judged them.
@@ -388,7 +402,7 @@ class Ablation:
             lengths = [moved.length(v.name, v.camera.fx) / moved.exposures for v in fitted if v.name in moved.names]
             self._lengths.extend(lengths)
             if lengths:  # not where only the photos that judge have paths
-                self._ways[pair] = _ways_of(moved, views)
+                self._ways[pair] = _ways_of(moved, fitted)
         if (focus := trained.formation.focus) is not None:
             self._lengths.extend(focus.widest(v.name, math.hypot(v.camera.width, v.camera.height)) for v in fitted)
         device = "cpu" if settings.device == "auto" else settings.device
@@ -464,7 +478,8 @@ def _against(found: Comparison, scores: Sequence[Array], seen: str) -> Compariso
     Args:
         scores: dB of paths over the rival, of each pair; seen: what to say of it.
     """
-    beyond = _beyond(scores)
+    differences = np.concatenate(scores)
+    beyond = Comparison(differences[np.isfinite(differences)])
     if beyond.confirms or beyond.mean > (1.0 - SETTINGS.rival_share) * found.mean:
         return found
     more = f"paths explain {found.mean:+.2f} dB more than none, but {beyond.mean:+.2f} +- {beyond.error:.2f} dB more"
@@ -475,12 +490,6 @@ def _ways_of(motion: CameraMotion, views: Sequence[View]) -> dict[str, Array]:
     """[T, 2] px, by photo."""
     ways = {view.name: motion.way(view.name, view.camera.fx) for view in views}
     return {name: way.double().numpy() for name, way in ways.items() if way is not None}
-
-
-def _beyond(scores: Sequence[Array]) -> Comparison:
-    """What paths gain over a rival, by the scores of each pair."""
-    differences = np.concatenate(scores)
-    return Comparison(differences[np.isfinite(differences)])
 
 
 def cropped(view: View, side: int) -> View:

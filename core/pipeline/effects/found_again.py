@@ -7,6 +7,7 @@ lies as a whole is its camera's matter: so paths are compared each around its ow
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -25,12 +26,11 @@ class FoundAgainSettings:
 
     apart: float = number(
         0.6,
-        "of the paths' own extent",
-        "that two trainings' paths of a photo may differ by in the median: straight ones of one length in any two"
-        " directions differ by 0.77",
-        "between shaken photos, 0.05 to 0.48 (six sets), and sharp ones, 0.73 to 1.60 (eight sets)",
+        "of what paths of different photos differ by, rms",
+        "that two trainings' paths of a photo may differ by",
+        "",
     )
-    fewest: int = number(5, "photos", "of which both trainings learned a path, or nothing is said")
+    fewest: int = number(8, "photos", "that both trainings were made of, or nothing is said", "")
     shuffles: int = number(2000, "count", "orders of the photos that say what chance does: enough to tell one in fifty")
 
 
@@ -42,8 +42,9 @@ class FoundAgain:
     """What two trainings agree on.
 
     Attributes:
-        apart: how far a photo's two paths differ, rms, over their own extent; the median of all photos.
-        chance: probability that paths of different photos agree as well.
+        apart: rms difference of a photo's two paths, over that of paths of different photos; 0: the same ones, 1: as
+            any other photo's.
+        chance: probability that photos in another order agree as well.
     """
 
     apart: float
@@ -59,26 +60,27 @@ def found_again(first: Mapping[str, Array], second: Mapping[str, Array], seed: i
     """Compares the paths that two trainings learned; None where they have too few photos in common.
 
     Args:
-        first, second: [T, 2] px, where a path leads the middle of the photo, at the same times, by the photo's name.
+        first, second: [T, 2] px, where a path leads the middle of a photo, at the same times, by the photo's name.
         seed: of the orders that say what chance does.
     """
     names = sorted(set(first) & set(second))
     if len(names) < SETTINGS.fewest:
         return None
     apart = _apart([first[name] for name in names], [second[name] for name in names])
-    own = float(np.median(np.diagonal(apart)))
-    rows, draw = np.arange(len(names)), np.random.default_rng(seed)
-    others = [np.median(apart[rows, draw.permutation(len(names))]) for _ in range(SETTINGS.shuffles)]
-    return FoundAgain(own, float(np.mean(np.asarray(others) <= own)))
+    count = len(names)
+    own, everyone = float(np.trace(apart)) / count, float(apart.sum())
+    others = (everyone - count * own) / (count * (count - 1))
+    if not 0.0 < others < math.inf:
+        return None  # nothing has a path
+    rows, draw = np.arange(count), np.random.default_rng(seed)
+    shuffled = [apart[rows, draw.permutation(count)].mean() for _ in range(SETTINGS.shuffles)]
+    return FoundAgain(math.sqrt(own / others), float(np.mean(np.asarray(shuffled) <= own)))
 
 
 def _apart(first: Sequence[Array], second: Sequence[Array]) -> Array:
-    """[N, N] how far each of N paths differs from each of N others, rms, over the mean of their extents (rms)."""
+    """[N, N] px^2, mean squared difference of each of N paths from each of N others."""
     a, b, back = _around_middle(first), _around_middle(second), _around_middle([way[::-1] for way in second])
-    squared = np.minimum(_squared(a, b), _squared(a, back))
-    extent = (np.sqrt(np.square(a).mean(axis=1))[:, None] + np.sqrt(np.square(b).mean(axis=1))) / 2
-    # Two photos that stood still agree.
-    return np.sqrt(squared) / np.maximum(extent, np.finfo(np.float64).tiny)
+    return np.minimum(_squared(a, b), _squared(a, back))
 
 
 def _around_middle(ways: Sequence[Array]) -> Array:
@@ -88,5 +90,5 @@ def _around_middle(ways: Sequence[Array]) -> Array:
 
 
 def _squared(a: Array, b: Array) -> Array:
-    """[N, N] mean squared differences of rows."""
-    return np.square(a[:, None] - b[None]).mean(axis=2)
+    """[N, N] px^2, mean over T of squared distances of rows."""
+    return 2.0 * np.square(a[:, None] - b[None]).mean(axis=2)

@@ -264,29 +264,38 @@ def test_longer_trials_ask_whether_photos_that_judge_need_more_than_a_path_of_th
     assert found.confirms is confirmed and ("nothing moved" in found.seen) is not confirmed
 
 
+def _paths(angles):
+    """[17, 2] px of each photo, straight."""
+    ends = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    return {str(i): np.linspace(-3.0, 3.0, 17)[:, None] * end for i, end in enumerate(ends)}
+
+
 @pytest.mark.parametrize(
-    ("alike", "beyond", "left", "confirmed"),
-    [(True, 0.4, np.inf, True), (False, 0.4, np.inf, False), (True, -0.1, np.inf, False), (True, 0.4, 1.0, False)],
+    ("alike", "gain", "spread", "left", "confirmed"),
+    [
+        pytest.param(True, 1.0, 0.02, np.inf, True, id="much is gained: a second pair is trained for it"),
+        pytest.param(False, 1.0, 0.02, np.inf, False, id="other paths: a rival explains as much"),
+        pytest.param(True, 1.0, 0.02, 1.0, False, id="no time for a second pair"),
+        pytest.param(True, 0.2, 0.15, np.inf, True, id="little is gained, but beyond chance"),
+        pytest.param(False, 0.2, 0.15, np.inf, False, id="little is gained"),
+        pytest.param(True, 0.1, 0.6, np.inf, False, id="as much as chance gains"),
+    ],
 )
-def test_paths_that_two_trainings_find_are_believed_though_a_rival_explains_as_much(
-    dim, monkeypatch, alike, beyond, left, confirmed
-):
-    """Unless the rival explains more, or no time is left for the second training: one pair was enough until then."""
-    spread, trained = np.array([1.6, -1.2, 1.3, -0.9, 1.0, -1.8]), []
+def test_paths_that_two_trainings_find_are_believed(dim, monkeypatch, alike, gain, spread, left, confirmed):
+    """However little they gain beyond chance, and though a rival explains as much."""
+    shape, trained = np.array([1.6, -1.2, 1.3, -0.9, 1.0, -1.8]), []
     angles = [np.random.default_rng(seed).uniform(0.0, 2 * np.pi, len(dim.photos)) for seed in (7, 8)]
 
     def scores(self, arm, medium, pair):
         if not arm.formation.names:
             return np.full(6, 30.0)
         if self.settings.steps <= ablation.SETTINGS.path_steps:
-            return 30.1 + 0.02 * spread
+            return 30.1 + 0.02 * shape
         if not arm.still:
             trained.append(pair)
-            turned = angles[0 if alike else pair]
-            ends = np.stack([np.cos(turned), np.sin(turned)], axis=1)
-            self._ways[pair] = {str(i): np.linspace(-3.0, 3.0, 17)[:, None] * end for i, end in enumerate(ends)}
+            self._ways[pair] = _paths(angles[0 if alike else pair])
             self._slowest = 2.0
-        return 31.0 + 0.02 * spread if not arm.still else 31.0 - beyond + 0.5 * spread
+        return 30.0 + gain + (spread if not arm.still else 0.5) * shape
 
     monkeypatch.setattr(ablation.Ablation, "_scores", scores)
     monkeypatch.setattr(ablation.Ablation, "_against_even_blur", lambda self, without, with_it, found: found)
@@ -297,9 +306,9 @@ def test_paths_that_two_trainings_find_are_believed_though_a_rival_explains_as_m
     moved = ablation.Arm(Formation([straight_paths({view.name: (0.01, 0.0) for view in views}, 1)]))
     found = trial._compare_paths(ablation.Arm(), moved)
     assert found.confirms is confirmed
-    assert ("two trainings find the same paths, 0% of" in found.beside) is confirmed
-    assert ("nothing moved" in found.seen) is not confirmed
-    assert (1 in trained) is (beyond > 0.0 and left == np.inf)
+    assert ("two trainings find the same paths, 0% as far apart" in found.beside) is confirmed
+    assert ("nothing moved" in found.seen) is (gain == 1.0 and not confirmed)
+    assert (1 in trained) is (left == np.inf)
 
 
 def test_only_photos_that_judge_have_a_path_where_others_stand_still(dim):
@@ -315,7 +324,8 @@ def test_only_photos_that_judge_have_a_path_where_others_stand_still(dim):
     only = replace(moved, formation=Formation([moved.formation.motion]), still=True)
     assert np.isfinite(trial._scores(only, trial.medium, 0)).all() and not trial._lengths and not trial._ways
     trial._scores(replace(only, still=False), trial.medium, 0)
-    assert set(trial._ways[0]) == set(names) and all(way.shape == (17, 2) for way in trial._ways[0].values())
+    fitted = {view.name for i, view in enumerate(views) if i not in trial.judged(0)}
+    assert set(trial._ways[0]) == fitted and all(way.shape == (17, 2) for way in trial._ways[0].values())
 
 
 def test_a_trial_ends_in_the_middle_of_its_training_when_the_run_is_cancelled(dim):
