@@ -249,7 +249,7 @@ class Ablation:
                 found = longer._compare(without, with_it, True, SETTINGS.longer_gain, not_found, last=True)
                 trial, found = longer, longer._believed(with_it, found)
             blurs = self.medium.blurs or without.formation.blurs
-            if found.confirms and not blurs and not certain:
+            if found.confirms and not blurs and not certain and not found.beside:
                 return trial._against_even_blur(without, with_it, found)
         return found
 
@@ -257,7 +257,8 @@ class Ablation:
         """What longer trainings gain beyond chance, if it is by paths that the photos have: an amount then, or nothing.
 
         What moved the camera is found again by another training, of other photos and from another start: that decides,
-        however little is gained. Otherwise much has to be, and more than a rival does.
+        however little is gained, and a blur that all photos share leaves no paths of their own. Otherwise much has to
+        be gained, and more than a rival does.
         """
         if found.seen or not replace(found, least=0.0).confirms:
             return found
