@@ -32,7 +32,7 @@ from ...views import SparsePoints, View
 from ..views import Viewer
 from .comparison import SETTINGS, Array, Comparison
 from .corrected import corrected, over_filed
-from .found_again import found_again
+from .found_again import FoundAgain, enough, found_again
 from .kept import KeptTrials
 from .matched import matched_psnr
 
@@ -254,37 +254,33 @@ class Ablation:
         return found
 
     def _believed(self, with_it: Arm, found: Comparison) -> Comparison:
-        """What longer trainings gain beyond chance, if it is by paths that the photos have: an amount then, or nothing.
+        """What longer trainings gain beyond chance, if it is by paths that the photos have.
 
-        What moved the camera is found again by another training, of other photos and from another start: that decides,
-        however little is gained, and a blur that all photos share leaves no paths of their own. Otherwise much has to
-        be gained, and more than a rival does.
+        What moved the camera is found again by another training, of other photos and from another start. That decides,
+        however little or much is gained: any path explains a photo better, and a blur that all photos share leaves
+        none of them its own. Where it cannot be asked, much has to be gained, and more than a rival does.
         """
         if found.seen or not replace(found, least=0.0).confirms:
             return found
-        both = self._compared == SETTINGS.pairs
-        if both and (same := self._found_again(with_it)):
-            return replace(found, least=0.0, beside=same)
-        if not found.confirms:
-            return found
-        kept = self._against_still_photos(with_it, found)
-        if kept.seen and not both and (same := self._found_again(with_it)):
-            return replace(found, beside=same)
-        return kept
+        again = self._found_again(with_it)
+        if again is None:
+            return self._against_still_photos(with_it, found) if found.confirms else found
+        apart = f"{again.apart:.0%} as far apart as those of different photos"
+        if again.confirms:
+            return replace(found, least=0.0, beside=f"; two trainings find the same paths, {apart}")
+        gained = f"paths explain {found.mean:+.2f} dB more than none, but two trainings do not find the same ones"
+        return replace(found, seen=f"{gained} ({apart}): nothing moved", least=math.inf)
 
-    def _found_again(self, with_it: Arm) -> str:
-        """What to say where both pairs' trainings find the same paths; '' where not, or if no time is left."""
-        if self._compared < SETTINGS.pairs and self._terms.left() < self._slowest:
-            return ""
+    def _found_again(self, with_it: Arm) -> FoundAgain | None:
+        """How far both pairs' trainings find the same paths; None for too few photos, or where no time is left."""
+        fewer = set(range(len(self.views))).difference(*(self.judged(pair) for pair in range(SETTINGS.pairs)))
+        if not enough(len(fewer)) or (self._compared < SETTINGS.pairs and self._terms.left() < self._slowest):
+            return None
         with contextlib.suppress(_TimeIsUpError):
             for pair in range(self._compared, SETTINGS.pairs):
                 self._scores(with_it, self.medium, pair)
-            found = found_again(self._ways.get(0, {}), self._ways.get(1, {}))
-            if found is not None and found.confirms:
-                return (
-                    f"; two trainings find the same paths, {found.apart:.0%} as far apart as those of different photos"
-                )
-        return ""
+            return found_again(self._ways.get(0, {}), self._ways.get(1, {}))
+        return None
 
     def _against_still_photos(self, with_it: Arm, found: Comparison) -> Comparison:
         """Paths against none in the photos that are trained on, where those that judge have theirs all the same.

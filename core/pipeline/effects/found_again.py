@@ -63,6 +63,11 @@ class FoundAgain:
         return self.apart < SETTINGS.apart and self.chance < TRIALS.chance
 
 
+def enough(photos: int) -> bool:
+    """Whether so many photos that both trainings are made of say anything."""
+    return photos >= SETTINGS.fewest
+
+
 def found_again(first: Mapping[str, Array], second: Mapping[str, Array], seed: int = 0) -> FoundAgain | None:
     """Compares the paths that two trainings learned; None where they have too few photos in common.
 
@@ -71,7 +76,7 @@ def found_again(first: Mapping[str, Array], second: Mapping[str, Array], seed: i
         seed: of the orders that say what chance does.
     """
     names = sorted(set(first) & set(second))
-    if len(names) < SETTINGS.fewest:
+    if not enough(len(names)):
         return None
     apart = _apart([first[name] for name in names], [second[name] for name in names])
     count = len(names)

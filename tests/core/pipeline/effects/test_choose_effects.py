@@ -1,6 +1,7 @@
 """Which effects a run simulates: what was asked, what the photos call for, what a trial confirms."""
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from dgs.core.imaging.medium import Medium
 from dgs.core.inspection.evidence import judged
 from dgs.core.inspection.photo_set import PhotoSet
 from dgs.core.photos.undistort import undistorted_views
-from dgs.core.pipeline.effects import ablation, choose
+from dgs.core.pipeline.effects import ablation, choose, found_again
 from dgs.core.pipeline.effects.ablation import TrialTerms
 from dgs.core.pipeline.effects.choose import _Trials, choose_effects
 from dgs.core.pipeline.effects.decision import parse_effects
@@ -270,19 +271,31 @@ def _paths(angles):
     return {str(i): np.linspace(-3.0, 3.0, 17)[:, None] * end for i, end in enumerate(ends)}
 
 
+class Case(NamedTuple):
+    """Two trainings: what is gained (dB), its spread, seconds left, photos asked for that both were made of."""
+
+    alike: bool = True
+    gain: float = 1.0
+    spread: float = 0.02
+    left: float = np.inf
+    fewest: int = 6
+
+
 @pytest.mark.parametrize(
-    ("alike", "gain", "spread", "left", "confirmed"),
+    ("case", "confirmed", "said"),
     [
-        pytest.param(True, 1.0, 0.02, np.inf, True, id="much is gained: a second pair is trained for it"),
-        pytest.param(False, 1.0, 0.02, np.inf, False, id="other paths: a rival explains as much"),
-        pytest.param(True, 1.0, 0.02, 1.0, False, id="no time for a second pair"),
-        pytest.param(True, 0.2, 0.15, np.inf, True, id="little is gained, but beyond chance"),
-        pytest.param(False, 0.2, 0.15, np.inf, False, id="little is gained"),
-        pytest.param(True, 0.1, 0.6, np.inf, False, id="as much as chance gains"),
+        pytest.param(Case(), True, "same paths, 0% as far", id="a second pair is trained for it"),
+        pytest.param(Case(alike=False), False, "do not find the same", id="other paths, however much is gained"),
+        pytest.param(Case(left=1.0), False, "before a twin of still", id="no time: a rival decides"),
+        pytest.param(Case(fewest=7), False, "before a twin of still", id="too few photos: a rival decides"),
+        pytest.param(Case(gain=0.2, spread=0.15), True, "same paths, 0% as far", id="little is gained"),
+        pytest.param(Case(gain=0.2, spread=0.15, fewest=7), False, "", id="little is gained, too few photos"),
+        pytest.param(Case(False, 0.2, 0.15), False, "do not find the same", id="little is gained by other paths"),
+        pytest.param(Case(gain=0.1, spread=0.6), False, "", id="as much as chance gains: not asked"),
     ],
 )
-def test_paths_that_two_trainings_find_are_believed(dim, monkeypatch, alike, gain, spread, left, confirmed):
-    """However little they gain beyond chance, and though rivals explain as much."""
+def test_paths_that_two_trainings_find_are_believed(dim, monkeypatch, case, confirmed, said):
+    """Whatever they gain beyond chance, and no rival is asked."""
     shape, trained = np.array([1.6, -1.2, 1.3, -0.9, 1.0, -1.8]), []
     angles = [np.random.default_rng(seed).uniform(0.0, 2 * np.pi, len(dim.photos)) for seed in (7, 8)]
 
@@ -291,24 +304,25 @@ def test_paths_that_two_trainings_find_are_believed(dim, monkeypatch, alike, gai
             return np.full(6, 30.0)
         if self.settings.steps <= ablation.SETTINGS.path_steps:
             return 30.1 + 0.02 * shape
+        trained.append((pair, arm.still))
         if not arm.still:
-            trained.append(pair)
-            self._ways[pair] = _paths(angles[0 if alike else pair])
+            self._ways[pair] = _paths(angles[0 if case.alike else pair])
             self._slowest = 2.0
-        return 30.0 + gain + (spread if not arm.still else 0.5) * shape
+        return 30.0 + case.gain + (case.spread if not arm.still else 0.5) * shape
 
     monkeypatch.setattr(ablation.Ablation, "_scores", scores)
     monkeypatch.setattr(ablation.Ablation, "_against_even_blur", lambda *_: pytest.fail("no rival of such paths"))
+    monkeypatch.setattr(found_again, "SETTINGS", replace(found_again.SETTINGS, fewest=case.fewest))
     views = undistorted_views(list(dim.photos), dim.cameras)
-    terms = TrialTerms(TrainingSettings.preset("balanced"), lambda: left if trained else np.inf)
+    terms = TrialTerms(TrainingSettings.preset("balanced"), lambda: case.left if trained else np.inf)
     trial = ablation.Ablation(views, dim.cameras.points, Medium(), terms)
     trial._cut(ablation.SETTINGS.path_steps, ablation.SETTINGS.path_gaussians)
     moved = ablation.Arm(Formation([straight_paths({view.name: (0.01, 0.0) for view in views}, 1)]))
     found = trial._compare_paths(ablation.Arm(), moved)
     assert found.confirms is confirmed
-    assert ("two trainings find the same paths, 0% as far apart" in found.beside) is confirmed
-    assert ("nothing moved" in found.seen) is (gain == 1.0 and not confirmed)
-    assert (1 in trained) is (left == np.inf)
+    assert said in (found.seen or found.beside) and bool(found.beside) is confirmed
+    assert any(still for _, still in trained) is ("still" in said)
+    assert ((1, False) in trained) is (said != "before a twin of still")
 
 
 def test_only_photos_that_judge_have_a_path_where_others_stand_still(dim):
