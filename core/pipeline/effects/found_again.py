@@ -25,18 +25,19 @@ class FoundAgainSettings:
     """Numbers of the comparison of paths."""
 
     apart: float = number(
-        0.6,
-        "of what paths of different photos differ by, rms",
+        0.5,
+        "of what paths of different photos differ by",
         "that two trainings' paths of a photo may differ by",
-        "shaken photos, nine trials of seven sets: 0.05 to 0.52 (a village shaken by 2 to 6 px 0.80: missed); others,"
-        " twelve of eleven: 0.71 to 0.94",
-        "a ball shaken by 2 to 6 px 0.16; copr, sharp, with another seed 1.01, blurred alike by 5 px 0.76",
+        "shaken photos, ten trials of eight sets: 0.03 to 0.46 (a village shaken by 2 to 6 px 0.68: missed); others,"
+        " seventeen of fifteen: 0.61 to 1.05",
+        "banana, the orrery and the plant, shaken by 4 to 20 px: 0.05 to 0.09; sharp sets of the laboratory, by whole"
+        " runs: none is called (docs/studies/effects.md)",
     )
     fewest: int = number(
         8,
         "photos",
         "that both trainings were made of, or nothing is said",
-        "five and six sharp photos of banana differ by 0.57 by chance",
+        "five and six sharp photos of banana: 0.50 to 0.69",
     )
     shuffles: int = number(2000, "count", "orders of the photos that say what chance does: enough to tell one in fifty")
 
@@ -49,8 +50,8 @@ class FoundAgain:
     """What two trainings agree on.
 
     Attributes:
-        apart: rms difference of a photo's two paths, over that of paths of different photos; 0: the same ones, 1: as
-            any other photo's.
+        apart: how far a photo's two paths differ (rms along them; the mean of all photos), over the same of paths of
+            different photos; 0: the same ones, 1: as any other photo's.
         chance: probability that photos in another order agree as well.
     """
 
@@ -86,13 +87,13 @@ def found_again(first: Mapping[str, Array], second: Mapping[str, Array], seed: i
         return None  # nothing has a path
     rows, draw = np.arange(count), np.random.default_rng(seed)
     shuffled = [apart[rows, draw.permutation(count)].mean() for _ in range(SETTINGS.shuffles)]
-    return FoundAgain(math.sqrt(own / others), float(np.mean(np.asarray(shuffled) <= own)))
+    return FoundAgain(own / others, float(np.mean(np.asarray(shuffled) <= own)))
 
 
 def _apart(first: Sequence[Array], second: Sequence[Array]) -> Array:
-    """[N, N] px^2, mean squared difference of each of N paths from each of N others."""
+    """[N, N] px, rms difference of each of N paths from each of N others, whichever way each leads."""
     a, b, back = _around_middle(first), _around_middle(second), _around_middle([way[::-1] for way in second])
-    return np.minimum(_squared(a, b), _squared(a, back))
+    return np.sqrt(np.minimum(_squared(a, b), _squared(a, back)))
 
 
 def _around_middle(ways: Sequence[Array]) -> Array:

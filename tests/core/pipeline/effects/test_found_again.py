@@ -57,7 +57,7 @@ def test_what_all_photos_share_is_no_path_of_their_own(angles):
     assert found_again(ways, ways) is None
     noisy = named([straight(0.4 + 0.1 * (i % 3)) for i in range(len(angles))])
     shared = found_again(ways, noisy)
-    assert shared.apart == pytest.approx(1.0) and shared.chance > 0.9 and not shared.confirms
+    assert shared.apart == pytest.approx(1.0) and shared.chance > 0.5 and not shared.confirms
 
 
 def test_a_path_of_another_extent_is_another(angles):
