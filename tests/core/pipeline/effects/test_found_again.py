@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from dgs.core.pipeline.effects.comparison import SETTINGS as TRIALS
 from dgs.core.pipeline.effects.found_again import SETTINGS, found_again
 
 _TIMES = np.linspace(-1.0, 1.0, 17)
@@ -82,3 +83,12 @@ def test_of_few_photos_nothing_is_said(angles):
     few = dict(list(ways.items())[: SETTINGS.fewest - 1])
     assert found_again(ways, few) is None and found_again({}, {}) is None
     assert found_again(ways, dict(list(ways.items())[: SETTINGS.fewest])) is not None
+
+
+def test_one_photo_that_moved_is_not_enough(angles):
+    """A long path that is found again among paths that are not: some orders of the photos agree as well."""
+    random = np.random.default_rng(6)
+    ways = [[straight(angle, 0.6) for angle in random.uniform(0.0, 2 * np.pi, 8)] for _ in range(2)]
+    ways[0][0] = ways[1][0] = straight(0.3, 16.0)
+    found = found_again(named(ways[0]), named(ways[1]))
+    assert found.apart < SETTINGS.apart and found.chance > TRIALS.chance and not found.confirms
