@@ -254,20 +254,20 @@ class Ablation:
         return found
 
     def _believed(self, with_it: Arm, found: Comparison) -> Comparison:
-        """What longer trainings gain beyond chance, if it is by paths that the photos have.
+        """What longer trainings confirm, if it is by paths that the photos have.
 
         What moved the camera is found again by another training, of other photos and from another start. That decides,
-        however little or much is gained: any path explains a photo better, and a blur that all photos share leaves
-        none of them its own. Where it cannot be asked, much has to be gained, and more than a rival does.
+        however much is gained: any path explains a photo better, and a blur that all photos share leaves none of them
+        its own. Where it cannot be asked, more has to be gained than a rival does.
         """
-        if found.seen or not replace(found, least=0.0).confirms:
+        if not found.confirms:
             return found
         again = self._found_again(with_it)
         if again is None:
-            return self._against_still_photos(with_it, found) if found.confirms else found
+            return self._against_still_photos(with_it, found)
         apart = f"{again.apart:.0%} as far apart as those of different photos"
         if again.confirms:
-            return replace(found, least=0.0, beside=f"; two trainings find the same paths, {apart}")
+            return replace(found, beside=f"; two trainings find the same paths, {apart}")
         gained = f"paths explain {found.mean:+.2f} dB more than none, but two trainings do not find the same ones"
         return replace(found, seen=f"{gained} ({apart}): nothing moved", least=math.inf)
 
