@@ -1,10 +1,10 @@
 """Photos shaken along a twin of real photos: `python -m benchmarks.shaken_twin TWIN SET [--views 30] [--path 4 20]`.
 
-What real photos show (sand, carpet, print) no scene of the laboratory has, and what path a real camera took nobody can
-say. So a twin of sharp real photos is the world here: its renders are the truth, and light is averaged (linearly) over
-the renders along a curved path in each exposure, as many as 49. Cameras are those of the twin, of which the nearest to
-their middle are taken, and, where these are too few, ones between two neighbours. Noise and JPEG are added; views
-0, 8, 16, ... stand still. SET gets what `synthesize` writes: `photos`, `sharp`, `transforms.json` and `manifest.json`.
+What path a real camera took nobody can say. So a twin of sharp real photos is the world here (`benchmarks.twin_world`):
+its renders are the truth, and light is averaged (linearly) over the renders along a curved path in each exposure, 49.
+Cameras are those of the twin, of which the nearest to their middle are taken, and, where these are too few, ones
+between two neighbours. Noise and JPEG are added; views 0, 8, 16, ... stand still. SET gets what `synthesize` writes:
+`photos`, `sharp`, `transforms.json` and `manifest.json`.
 """
 
 from __future__ import annotations
@@ -12,67 +12,22 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-import torch
 from dgs.core.camera import Camera
-from dgs.core.colour import linear_to_srgb, srgb_to_linear
 from dgs.core.evaluation.poses import scene_depth
-from dgs.core.formats.cameras import read_cameras
-from dgs.core.formats.ply import read_ply
 from dgs.core.formats.transforms import write_transforms
-from dgs.core.gaussians import Gaussians
-from dgs.core.rasterizer import RasterSettings, render
-from PIL import Image
 from scipy.spatial.transform import Rotation
 
-#: Renders along a path; every so many views stand still; noise (of 1) and JPEG's quality of the photos.
-RENDERS, STILL, NOISE, QUALITY = 49, 8, 0.008, 93
+from .twin_world import SHARP, World, chosen_cameras, light, open_world, save_photo
+
+#: Renders along a path.
+RENDERS = 49
 #: Every so many of them is in the manifest.
 STORED = 3
 #: Share of a path that comes of moving, beside turning.
 MOVING = 0.5
-
-
-@dataclass(frozen=True)
-class World:
-    """A twin: its Gaussians, its cameras, and its points [M, 3]."""
-
-    gaussians: Gaussians
-    cameras: list[Camera]
-    points: np.ndarray
-
-
-def open_world(twin: Path) -> World:
-    """The twin of a folder."""
-    model = read_cameras(twin / "cameras")
-    cameras = [camera for _, camera in sorted(model.pinholes().items())]
-    return World(Gaussians.from_cloud(read_ply(twin / "twin.ply")), cameras, np.asarray(model.points().positions))
-
-
-def chosen_cameras(world: World, count: int, width: int, random: np.random.Generator) -> list[Camera]:
-    """As many as asked for, `width` px wide."""
-    centres = np.stack([camera.centre for camera in world.cameras])
-    middle = centres[np.argmin(np.linalg.norm(centres - np.median(centres, axis=0), axis=1))]
-    nearest = np.argsort(np.linalg.norm(centres - middle, axis=1))[:count]
-    chosen = [world.cameras[at] for at in sorted(nearest)]
-    while len(chosen) < count:
-        chosen.append(_between(world.cameras, centres, random))
-    sized = [camera.resized(width, round(camera.height * width / camera.width)) for camera in chosen]
-    return [replace(camera, name=f"photo_{index:03d}.jpg") for index, camera in enumerate(sized)]
-
-
-def _between(cameras: list[Camera], centres: np.ndarray, random: np.random.Generator) -> Camera:
-    """One between a camera and one of its three neighbours."""
-    first = int(random.integers(len(cameras)))
-    second = int(random.choice(np.argsort(np.linalg.norm(centres - centres[first], axis=1))[1:4]))
-    share = random.uniform(0.25, 0.75)
-    turn = Rotation.from_matrix(cameras[second].rotation @ cameras[first].rotation.T).as_rotvec()
-    rotation = Rotation.from_rotvec(share * turn).as_matrix() @ cameras[first].rotation
-    centre = (1 - share) * centres[first] + share * centres[second]
-    return cameras[first].moved(rotation, -rotation @ centre)
 
 
 def drawn_path(camera: Camera, depth: float, length: float, random: np.random.Generator) -> np.ndarray:
@@ -98,22 +53,6 @@ def poses_along(camera: Camera, path: np.ndarray) -> list[Camera]:
     ]
 
 
-def light(world: World, camera: Camera, path: np.ndarray) -> np.ndarray:
-    """[H, W, 3] linear light of an exposure along a path [N, 6]."""
-    total = np.zeros((camera.height, camera.width, 3))
-    for there in poses_along(camera, path):
-        with torch.no_grad():
-            picture = render(world.gaussians, there, settings=RasterSettings()).image
-        total += srgb_to_linear(np.clip(picture.permute(1, 2, 0).numpy().astype(np.float64), 0.0, 1.0))
-    return total / len(path)
-
-
-def save(path: Path, linear: np.ndarray, noise: np.ndarray | float, quality: int) -> None:
-    """An sRGB JPEG."""
-    encoded = np.clip(linear_to_srgb(linear) + noise, 0.0, 1.0)
-    Image.fromarray(np.round(encoded * 255).astype(np.uint8)).save(path, quality=quality)
-
-
 def shake(camera: Camera, path: np.ndarray, length: float) -> dict[str, object]:
     """What the manifest says of a photo's path [RENDERS, 6], as `synthesize` does."""
     along = poses_along(camera, path)[::STORED]
@@ -124,19 +63,15 @@ def shake(camera: Camera, path: np.ndarray, length: float) -> dict[str, object]:
 def write_set(world: World, folder: Path, cameras: list[Camera], lengths: tuple[float, float], seed: int) -> None:
     """Photos, truth, cameras, and the manifest with each photo's path."""
     random = np.random.default_rng(seed)
-    for name in ("photos", "sharp"):
-        (folder / name).mkdir(parents=True, exist_ok=True)
     through = {}
     for index, camera in enumerate(cameras):
         depth, length = scene_depth(camera, world.points), random.uniform(*lengths)
         path = drawn_path(camera, depth, length, random)
-        still = light(world, camera, np.zeros((1, 6)))
-        stands = index % STILL == 0
-        noise = NOISE * random.normal(size=still.shape)
-        save(folder / "photos" / camera.name, still if stands else light(world, camera, path), noise, QUALITY)
-        save(folder / "sharp" / camera.name, still, 0.0, 97)
+        still = light(world, [camera])
+        stands = index % SHARP == 0
+        save_photo(folder, camera, still if stands else light(world, poses_along(camera, path)), still, random)
         through[camera.name] = {"sharp": stands, "depth": depth} | ({} if stands else shake(camera, path, length))
-    held = [camera.name for camera in cameras[::STILL]]
+    held = [camera.name for camera in cameras[::SHARP]]
     write_transforms(folder / "transforms.json", {camera.name: camera for camera in cameras})
     media = {"shake": {"times": list(np.linspace(-0.5, 0.5, RENDERS)[::STORED]), "readout": 0.0}}
     manifest = {"held_out": held, "media": media, "through": through}
