@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from ..imaging.formation.by_depth import occlusion
 from ..imaging.formation.effect import Shot
-from ..imaging.formation.focus import FOCUS, LensFocus
+from ..imaging.formation.focus import FOCUS, Focus, LensFocus
 from ..imaging.formation.spreading import SpreadingEffect
 from ..inspection.evidence import Evidence, judged, unknown
 from ..numbers import number
@@ -97,10 +97,20 @@ def inspect(photos: PhotoSet) -> Evidence:
 
 
 def build(photos: PhotoSet) -> LensFocus | None:
-    """Every photo's own focus, to be learned; None without cameras, or where no photo holds any detail."""
+    """Every photo's focus, learned from where points show it; None without cameras, or where no photo has detail."""
+    from ..inspection.focus_by_points import focus_by_points  # heavy: numpy
+
     if photos.cameras is None or not any(blur is not None for blur in photos.blurs):
         return None
-    return LensFocus.unknown(sorted(photos.cameras.poses))
+    names, shown = sorted(photos.cameras.poses), photos.once(focus_by_points)
+    if shown is None or not shown.clear:
+        return LensFocus.unknown(names)
+    foci = {
+        name: Focus(0.0 if name in shown.sharp else shown.strength, focus)
+        for name, focus in shown.foci.items()
+        if name in photos.cameras.poses
+    }
+    return LensFocus.begun(names, foci, shown.unit)
 
 
 def shared_focus(photos: PhotoSet) -> Defocus | None:

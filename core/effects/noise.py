@@ -33,23 +33,22 @@ def inspect(photos: PhotoSet) -> Evidence:
     """Noise of the channels, and how it grows with brightness."""
     import numpy as np  # late: the command line's help reads this file
 
-    from ..inspection.noise_level import SETTINGS as LEVEL  # heavy: scipy
-    from ..inspection.noise_level import block_noise  # heavy: scipy
+    from ..inspection import noise_level  # heavy: scipy
 
-    smallest = SETTINGS.smallest_visible
+    smallest, level = SETTINGS.smallest_visible, noise_level.SETTINGS
     levels, rows = [], []
     for photo in photos.looked_at:
         top = float(np.iinfo(photo.pixels.dtype).max)
-        parts = [block_noise(photo.pixels[:, :, c] / top) for c in range(3)]
+        parts = [noise_level.block_noise(photo.pixels[:, :, c] / top) for c in range(3)]
         rms, mean = (np.concatenate([part[k] for part in parts]) for k in (0, 1))
         usable = (mean > SETTINGS.darkest) & (mean < SETTINGS.brightest)
         if usable.sum() < SETTINGS.fewest_blocks:
             continue
-        levels.append(float(np.quantile(rms[usable], LEVEL.quiet)) / LEVEL.quiet_bias)
+        levels.append(float(np.quantile(rms[usable], level.quiet)) / level.quiet_bias)
         halves = np.median(mean[usable])
         rows.append(
             [
-                float(np.quantile(rms[usable & part], LEVEL.quiet)) / LEVEL.quiet_bias
+                float(np.quantile(rms[usable & part], level.quiet)) / level.quiet_bias
                 for part in (mean < halves, mean >= halves)
             ]
         )

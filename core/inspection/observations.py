@@ -44,6 +44,13 @@ class ObservationSettings:
     path_room: float = number(1.3, "ratio", "of a window's variance to that of the photos' paths, so that they fit in")
     border: float = number(2.5, "windows", "that a point keeps from the frame's border")
     alike: float = number(0.85, "correlation", "from which on a photo's patch shows the point")
+    roughly_alike: float = number(
+        0.7,
+        "correlation",
+        "the same, where photos may be blurred differently",
+        "defocused photos of banana: 25 of 26 photos have points enough, with 0.85 20, with 0.6 26 (but sharp ones then"
+        " explain 0.009 by foci, 0.0035 with 0.7)",
+    )
     varied: float = number(0.02, "share of full scale", "by which a patch varies at least, to be like no other")
     darkest: float = number(0.005, "linear light", "darker observations are mostly noise")
     brightest: float = number(0.97, "sRGB", "brighter ones are clipped")
@@ -95,12 +102,14 @@ def observe_points(
     blur: float,
     seed: int = 0,
     paths: Mapping[str, tuple[float, float]] = MappingProxyType({}),
+    alike: float = SETTINGS.alike,
 ) -> PointObservations | None:
     """Finds the cameras' points in the photos; None where too few are seen often enough.
 
     Args:
         blur: standard deviation of the photos' blur, px: patches grow with it.
         paths: length (px) and direction (degrees) of photos that moved; colours are compared at equal blur.
+        alike: correlation of the surroundings from which on a photo shows a point.
     """
     random = np.random.default_rng(seed)
     used = [photo for photo in photos if photo.name in cameras.poses]
@@ -113,7 +122,7 @@ def observe_points(
     blur, widest = _window(blur, moved[:, 0])
     pixels, depths = _projected(used, cameras, positions, SETTINGS.border * widest)
     steps = _steps(depths, blur, widest)
-    seen = _agreeing(_patches(used, pixels, depths, steps))
+    seen = _agreeing(_patches(used, pixels, depths, steps), alike)
     point, photo = np.nonzero(seen)
     if len(point) < SETTINGS.fewest_observations:
         return None
@@ -219,7 +228,7 @@ def _grey(photo: Photo) -> NDArray[np.float32]:
     return (red.astype(np.float32) + green + blue) / np.float32(3) / np.float32(np.iinfo(photo.pixels.dtype).max)
 
 
-def _agreeing(patches: NDArray[np.float32]) -> NDArray[np.bool_]:
+def _agreeing(patches: NDArray[np.float32], wanted: float) -> NDArray[np.bool_]:
     """[P, V] which photos show what most others show, for each point."""
     centred = patches - patches.mean(axis=2, keepdims=True)
     spread = np.sqrt(np.square(centred).mean(axis=2))
@@ -233,7 +242,7 @@ def _agreeing(patches: NDArray[np.float32]) -> NDArray[np.bool_]:
         part = slice(first, first + some)
         alike = np.einsum("pvn,pwn->pvw", unit[part], unit[part], optimize=True)
         best = np.argmax(alike.clip(min=0.5).sum(axis=2), axis=1)
-        out[part] = np.take_along_axis(alike, best[:, None, None], axis=2)[:, :, 0] > SETTINGS.alike
+        out[part] = np.take_along_axis(alike, best[:, None, None], axis=2)[:, :, 0] > wanted
     out &= good
     # More photos of one point than this add little and cost much.
     too_many = out.sum(axis=1) > SETTINGS.most_photos

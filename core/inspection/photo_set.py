@@ -22,6 +22,7 @@ from .local_blur import LocalBlur, Tiles, fit_local_blur
 from .motion_paths import SETTINGS as PATHS
 from .motion_paths import MotionPath, MotionPathFinder, SetMotion, find_motion_paths, set_motion
 from .noise_level import noise_of
+from .observations import SETTINGS as OBSERVED
 from .observations import PointObservations, observe_points
 from .photometry import Photometry, fit_photometry
 from .spectra import Blur, fit_blur, polar_power
@@ -44,6 +45,20 @@ class PhotoSetSettings:
 
 
 SETTINGS = PhotoSetSettings()
+
+
+def grey_of(photo: Photo, linear: bool) -> NDArray[np.float32]:
+    """[H, W] mean of the channels, of light if `linear`; what a mask hides is filled with the rest's mean."""
+    most = np.iinfo(photo.pixels.dtype).max
+    if linear:
+        # Each channel's light by itself: the light of a mean is not the mean of lights.
+        light = np.asarray(srgb_to_linear(np.arange(most + 1, dtype=np.float64) / most), np.float32)
+        grey = light[photo.pixels].mean(axis=2, dtype=np.float32)
+    else:
+        grey = photo.pixels.mean(axis=2, dtype=np.float32) / np.float32(most)
+    if photo.mask is not None and photo.mask.any():
+        grey = np.where(photo.mask, grey, grey[photo.mask].mean())
+    return np.asarray(grey, np.float32)
 
 
 @dataclass
@@ -90,19 +105,7 @@ class PhotoSet:
     @cached_property
     def greys(self) -> list[NDArray[np.float32]]:
         """[H, W] mean of the channels of `looked_at`; what a mask hides is filled with the rest's mean."""
-        out = []
-        for photo in self.looked_at:
-            most = np.iinfo(photo.pixels.dtype).max
-            if self.linear:
-                # Each channel's light by itself: the light of a mean is not the mean of lights.
-                light = np.asarray(srgb_to_linear(np.arange(most + 1, dtype=np.float64) / most), np.float32)
-                grey = light[photo.pixels].mean(axis=2, dtype=np.float32)
-            else:
-                grey = photo.pixels.mean(axis=2, dtype=np.float32) / np.float32(most)
-            if photo.mask is not None and photo.mask.any():
-                grey = np.where(photo.mask, grey, grey[photo.mask].mean())
-            out.append(grey)
-        return out
+        return [grey_of(photo, self.linear) for photo in self.looked_at]
 
     @cached_property
     def clipped(self) -> list[NDArray[np.bool_]]:
@@ -152,6 +155,12 @@ class PhotoSet:
         """Standard deviation of the photos' blur, px, median over the photos; at least 0.3."""
         variances = [blur.variance for blur in self.blurs if blur is not None]
         return max(float(np.median(variances)), 0.09) ** 0.5 if variances else SETTINGS.least_sigma
+
+    @cached_property
+    def sharpest(self) -> float:
+        """Standard deviation of the blur of the sharpest photo, px; at least 0.3."""
+        variances = [blur.variance for blur in self.blurs if blur is not None]
+        return max(min(variances), 0.09) ** 0.5 if variances else SETTINGS.least_sigma
 
     @property
     def tile_side(self) -> float:
@@ -219,14 +228,22 @@ class PhotoSet:
     @cached_property
     def observations(self) -> PointObservations | None:
         """Points in several photos; None without cameras or points."""
+        return self._observed()
+
+    @cached_property
+    def rough_observations(self) -> PointObservations | None:
+        """The same where surroundings may differ as much as blur makes them differ."""
+        return self._observed(alike=OBSERVED.roughly_alike)
+
+    def _observed(self, alike: float = OBSERVED.alike) -> PointObservations | None:
         if self.cameras is None:
             return None
         if self.blur is not None:
-            return observe_points(self.photos, self.cameras, self.blur)
+            return observe_points(self.photos, self.cameras, self.blur, alike=alike)
         moved = self.motion
         paths = self.motion_paths if moved is not None and moved.significant else {}
         own = {name: (path.length, path.angle) for name, path in paths.items() if path.length}
-        return observe_points(self.photos, self.cameras, self.sigma, paths=own)
+        return observe_points(self.photos, self.cameras, self.sigma, paths=own, alike=alike)
 
     @cached_property
     def photometry(self) -> Photometry | None:

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from ..numbers import BY_DEFINITION, NOT_CHECKED, number
+from ..numbers import number
 from .photo_set import PhotoSet
 from .spectra import SETTINGS as SPECTRA
 
@@ -42,22 +42,6 @@ class SamePointsSettings:
     rounds: int = number(5, "count", "of the robust fit")
     draws: int = number(100, "count", "of regions of space for the standard error (bootstrap)")
     minimum_observations: int = number(150, "count", "for a statement")
-    focus_shift: float = number(
-        0.75,
-        "natural log of the energy",
-        "by which near points are sharper than far ones here and blurrier there, so that a focus that moves is tried",
-        "drinks (focus moves) 8.0 +- 0.7, a rendered depth of field 1.3 +- 0.2; sharp photos of copr 0, brighton 0,"
-        " banana 1.2 +- 0.3; tea (shaken) 0.5",
-        NOT_CHECKED,
-    )
-    certain_shift: float = number(
-        2.0,
-        "natural log of the energy",
-        "the same, beyond which only a focus that moves explains it: a trial may contradict, and need not confirm",
-        "between drinks (8.0 +- 0.7; trials 0.00 +- 0.05 dB, whole runs 0.85) and five other sets, 1.3 at most",
-        NOT_CHECKED,
-    )
-    sure: float = number(2.0, "standard errors", "by which it must be larger", BY_DEFINITION)
 
 
 SETTINGS = SamePointsSettings()
@@ -103,23 +87,31 @@ def _energies(photos: PhotoSet, first: float) -> Array:
     """[N] energy of the band around every observation over the square of the mean there; NaN where noise has it."""
     observations = photos.observations
     assert observations is not None
-    reach = int(np.ceil(4 * SETTINGS.width_ratio * first))
-    impulse = np.zeros((2 * reach + 1,) * 2)
-    impulse[reach, reach] = 1.0
-    noise_gain = float(np.square(_band(impulse, first)).sum())
     out = np.full(len(observations), np.nan)
     for photo, grey, noise in zip(photos.looked_at, photos.greys, photos.grey_noise, strict=True):
         if photo.name not in observations.names:
             continue
         mine = np.flatnonzero(observations.photo == observations.names.index(photo.name))
-        energy = ndimage.gaussian_filter(np.square(_band(grey, first)), SETTINGS.window * first, truncate=3.0)
-        level = ndimage.gaussian_filter(grey, SETTINGS.window * first, truncate=3.0)
-        at = observations.pixel[mine].T[::-1] - 0.5
-        e, m = (ndimage.map_coordinates(plane, at, order=1, mode="nearest") for plane in (energy, level))
-        expected = noise**2 * noise_gain
-        e = np.where(e > (1.0 + SETTINGS.minimum_energy) * expected, e - expected, np.nan)
-        out[mine] = np.where(m > 0.01, e / np.maximum(m, 0.01) ** 2, np.nan)
+        out[mine] = band_energy(grey, noise, first, observations.pixel[mine])
     return out
+
+
+def band_energy(grey: NDArray[np.floating], noise: float, first: float, pixel: Array) -> Array:
+    """[N] energy of a band around px [N, 2] over the square of the mean there; NaN where noise has it.
+
+    Args:
+        grey: [H, W]; noise: its standard deviation; first: width of the band's first Gaussian, px.
+    """
+    reach = int(np.ceil(4 * SETTINGS.width_ratio * first))
+    impulse = np.zeros((2 * reach + 1,) * 2)
+    impulse[reach, reach] = 1.0
+    energy = ndimage.gaussian_filter(np.square(_band(grey, first)), SETTINGS.window * first, truncate=3.0)
+    level = ndimage.gaussian_filter(grey, SETTINGS.window * first, truncate=3.0)
+    at = pixel.T[::-1] - 0.5
+    e, m = (ndimage.map_coordinates(plane, at, order=1, mode="nearest") for plane in (energy, level))
+    expected = noise**2 * float(np.square(_band(impulse, first)).sum())
+    e = np.where(e > (1.0 + SETTINGS.minimum_energy) * expected, e - expected, np.nan)
+    return np.asarray(np.where(m > 0.01, e / np.maximum(m, 0.01) ** 2, np.nan))
 
 
 def _band(grey: NDArray[np.floating], first: float) -> Array:
@@ -174,78 +166,3 @@ def _fitted(
     fixed = np.diag(prior) + 1e-9 * np.eye(count)
     draws = [np.linalg.solve(np.tensordot(p, matrices, 1) + fixed, p @ vectors + prior * aim)[0] for p in picks]
     return Agreement(float(solution[0]), float(np.std(draws)))
-
-
-@dataclass(frozen=True)
-class FocusShift:
-    """How much the sharpness of near against far points differs from photo to photo.
-
-    Attributes:
-        size: standard deviation over the photos of the energy's change (natural log) over the range of 1 / depth,
-            what noise gives taken off; error: of it. slopes: each photo's change, by name.
-    """
-
-    size: float
-    error: float
-    slopes: dict[str, float]
-
-    @property
-    def clear(self) -> bool:
-        """Whether a focus that moves is worth a trial."""
-        return self.size - SETTINGS.sure * self.error > SETTINGS.focus_shift
-
-    @property
-    def certain(self) -> bool:
-        """Whether it shows a focus that moves without a trial."""
-        return self.size - SETTINGS.sure * self.error > SETTINGS.certain_shift
-
-
-def focus_shift(photos: PhotoSet) -> FocusShift | None:
-    """Asks the same points in different photos: a focus that moves makes near ones sharper here, far ones there.
-
-    None where too few points are seen.
-    """
-    observations = photos.observations
-    if observations is None:
-        return None
-    energy = _energies(photos, max(SETTINGS.narrowest_width, SETTINGS.shared_share * photos.sigma))
-    usable = np.isfinite(energy)
-    counts = np.bincount(observations.point[usable], minlength=int(observations.point.max()) + 1)
-    usable &= counts[observations.point] >= 2
-    if usable.sum() < SETTINGS.minimum_observations:
-        return None
-    point, photo, block = (a[usable] for a in (observations.point, observations.photo, observations.block))
-    inverse = 1.0 / observations.depth[usable]
-    low, high = np.quantile(inverse, [0.05, 0.95])
-    place = np.clip((inverse - (low + high) / 2) / max(high - low, 1e-6), -0.75, 0.75)
-    used = np.unique(photo)
-    mine = (photo[:, None] == used[None, :]).astype(float)
-    columns = np.column_stack([np.log(observations.depth[usable]), mine, mine * place[:, None]])
-    halves = [_slopes(np.log(energy[usable]), columns, point, block % 2 == half) for half in (0, 1)]
-    first, second = (h - h.mean() for h in halves)
-    # What both halves of space say of a photo is no noise of either.
-    common = float((first * second).mean())
-    scatter = float(np.sqrt(((first * second - common) ** 2).mean() / len(used)))
-    size = float(np.sqrt(max(common, 0.0)))
-    names = [observations.names[i] for i in used]
-    return FocusShift(
-        size, scatter / max(2 * size, 0.1), dict(zip(names, ((first + second) / 2).tolist(), strict=True))
-    )
-
-
-def _slopes(y: Array, columns: Array, point: NDArray[np.int64], use: NDArray[np.bool_]) -> Array:
-    """[V] of the last half of the columns but the first, robustly within points."""
-    y, columns, point = y[use], columns[use], np.unique(point[use], return_inverse=True)[1]
-    total, count = int(point.max()) + 1, (columns.shape[1] - 1) // 2
-    prior = np.r_[SETTINGS.distance_power_spread**-2.0, np.full(2 * count, SETTINGS.photo_spread**-2.0)]
-    weight, scale, solution = np.ones(len(y)), 0.5, np.zeros(len(prior))
-    for _ in range(SETTINGS.rounds):
-        sums = np.maximum(np.bincount(point, weight, total), 1e-12)
-        design = np.column_stack([c - (np.bincount(point, weight * c, total) / sums)[point] for c in columns.T])
-        target = y - (np.bincount(point, weight * y, total) / sums)[point]
-        normal = design.T @ (design * weight[:, None]) / scale**2 + np.diag(prior)
-        solution = np.linalg.solve(normal, design.T @ (weight * target) / scale**2)
-        rest = target - design @ solution
-        scale = max(1.4826 * float(np.median(np.abs(rest))), 0.02)
-        weight = np.where(np.abs(rest) < 4.7 * scale, (1 - (rest / (4.7 * scale)) ** 2) ** 2, 0.0)
-    return np.asarray(solution[1 + count :])

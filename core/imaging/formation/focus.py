@@ -9,7 +9,7 @@ behind it (`occluding`).
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Self
 
@@ -64,13 +64,20 @@ class FocusBlur(DepthBlur):
         names: of the photos; others pass unchanged.
         strengths, foci: [V], see `Focus`. unit: world's units of depth in one of the render's.
         errors: [V, 2] standard errors of both, 0 where unknown.
+        shown: photos whose values something else than a twin shows: learning begins with them.
     """
 
     def __init__(
-        self, names: Sequence[str], strengths: Tensor, foci: Tensor, unit: float = 1.0, errors: Tensor | None = None
+        self,
+        names: Sequence[str],
+        strengths: Tensor,
+        foci: Tensor,
+        unit: float = 1.0,
+        errors: Tensor | None = None,
+        shown: Iterable[str] = (),
     ) -> None:
         super().__init__({"strengths": strengths, "foci": foci})
-        self.names, self.unit = tuple(names), unit
+        self.names, self.unit, self.shown = tuple(names), unit, frozenset(shown)
         self.errors = strengths.new_zeros(len(strengths), 2) if errors is None else errors
         self._rows = {name: i for i, name in enumerate(self.names)}
 
@@ -78,6 +85,13 @@ class FocusBlur(DepthBlur):
     def unknown(cls, names: Sequence[str]) -> Self:
         """For these photos, without any strength yet."""
         return cls(names, *occlusion().unknown(len(names)))
+
+    @classmethod
+    def begun(cls, names: Sequence[str], shown: Mapping[str, Focus], unit: float) -> Self:
+        """For these photos, with the values of those that are known, for depths in so many units of the world."""
+        values = [shown.get(name, Focus(0.0, 1.0)) for name in names]
+        columns = occlusion().columns([each.strength for each in values], [each.focus for each in values])
+        return cls(names, columns[0], columns[1], unit, shown=shown)
 
     @staticmethod
     @abstractmethod
@@ -116,7 +130,7 @@ class FocusBlur(DepthBlur):
     def scaled(self, factor: float) -> Self:
         """The same in a world that is `factor` times as large."""
         strengths, foci = (self.parameters[key].detach().clone() for key in ("strengths", "foci"))
-        return type(self)(self.names, strengths, foci, self.unit * factor, self.errors.clone())
+        return type(self)(self.names, strengths, foci, self.unit * factor, self.errors.clone(), self.shown)
 
     def widths(self, values: Sequence[Tensor], depth: Tensor, row: int, shot: Shot) -> Tensor:
         """See `DepthBlur`; depth in median depths."""

@@ -254,6 +254,11 @@ def unknown(rows: int) -> tuple[Tensor, Tensor]:
     return torch.zeros(rows), torch.ones(rows)
 
 
+def columns(*values: Sequence[float]) -> list[Tensor]:
+    """[rows] each."""
+    return [torch.tensor(list(value), dtype=torch.float32) for value in values]
+
+
 def scalars(*values: float) -> list[Tensor]:
     """[] each."""
     return [torch.tensor(value) for value in values]

@@ -23,9 +23,9 @@ from ...imaging.formation.motion import CameraMotion
 from ...imaging.formation.spreading import SpreadingEffect
 from ...imaging.medium import Medium
 from ...inspection.evidence import Evidence
+from ...inspection.focus_by_points import focus_by_points
 from ...inspection.photo_set import PhotoSet
 from ...inspection.photometry import explained_elsewhere
-from ...inspection.same_points import focus_shift
 from ...numbers import number
 from ...photos.load import Photo
 from ...progress import Progress
@@ -218,10 +218,10 @@ def _focus_moves(source: PhotoSet) -> Literal["no", "perhaps", "surely"]:
         return "no"
     if source.observations is None:
         return "perhaps"
-    shift = focus_shift(source)
-    if shift is None or not shift.clear:
+    shown = source.once(focus_by_points)
+    if shown is None or not shown.clear:
         return "no"
-    return "surely" if shift.certain else "perhaps"
+    return "surely" if shown.certain else "perhaps"
 
 
 def proposed(found: Iterable[Evidence]) -> list[str]:

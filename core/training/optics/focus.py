@@ -8,6 +8,8 @@ table, and the best of all of them costs next to nothing to find: one strength f
 photo that contradicts the common strength clearly (a sharp one among others) keeps its own. Later comparisons only
 move a photo that has gone wrong.
 
+Where points show foci (`inspection.focus_by_points`), learning begins with those, and none of it is searched for.
+
 **How it goes on.** Whenever a photo is visited, its strength and focus take a part of a Gauss-Newton step towards what
 the photo shows, the twin as it is; the two slopes are differences of the photo between small changes of each.
 """
@@ -232,9 +234,22 @@ class LearnedFocus:
         self.effect = type(start).unknown(start.names)
         self.common, self.begun = 0.0, False
         self._own: set[str] = set()
+        self._shown = start.shown & self._fitted
         self._searches, self._share = 0, 0.0
         self._range = 1.0
         self._normal: dict[str, tuple[Array, Array]] = {}
+        self._begin_with(start)
+
+    def _begin_with(self, start: FocusBlur) -> None:
+        """What points show of photos that are trained on; its depths may have another unit."""
+        for name in sorted(self._shown):
+            values, row = start.of(name), self.effect.row_of(name)
+            assert values is not None and row is not None
+            self._set(row, values.strength * start.unit, values.focus / start.unit)
+            if values.strength > 0:
+                self.common, self.begun = values.strength * start.unit, True
+            else:
+                self._own.add(name)
 
     def due(self, share: float) -> bool:
         """Whether all photos are to be compared with even blurs, at a share in [0, 1) of the run."""
@@ -260,10 +275,17 @@ class LearnedFocus:
             self.common = float(tried.strengths[_strength(costs, self.settings.most_said)])
         common = int(np.abs(tried.strengths - self.common).argmin())
         for name, cost in costs.items():
-            if not self.begun or self._now_in(cost, tried, name) > cost.min() + again:
+            if name in self._shown:  # a twin that is still soft says less of it
+                continue
+            if not self._known(name) or self._now_in(cost, tried, name) > cost.min() + again:
                 self._settle_on(name, cost, tried, common, self.settings.own)
         self._normal.clear()
         self.begun = True
+
+    def _known(self, name: str) -> bool:
+        """Whether anything has said what a photo's focus is."""
+        now = self.effect.of(name)
+        return name in self._own or (now is not None and now.strength > 0)
 
     def _now_in(self, cost: Array, tried: Tried, name: str) -> float:
         """Of the costs [S, F], that of a photo's values as they are."""
@@ -319,7 +341,7 @@ class LearnedFocus:
     def learn(self, name: str, exposed: Exposed, photo: Tensor, counts: Tensor | None = None) -> None:
         """Takes a part of a step of one photo's strength and focus; arguments as of `CameraPaths.learn`."""
         row, s = self.effect.row_of(name), self.settings
-        if row is None or not self.begun:
+        if row is None or not self.begun or not self._searches:
             return
         found = self._linearised(name, exposed, photo, counts)
         now = self.effect.of(name)

@@ -17,8 +17,8 @@ from dgs.core.imaging.formation.effect import Shot
 from dgs.core.imaging.formation.focus import LensFocus
 from dgs.core.imaging.medium import Medium
 from dgs.core.imaging.psf_text import parse_psf
+from dgs.core.inspection.focus_by_points import focus_by_points
 from dgs.core.inspection.photo_set import PhotoSet
-from dgs.core.inspection.same_points import focus_shift
 from dgs.core.photos.undistort import undistorted_views
 from dgs.core.pipeline.effects.ablation import Ablation, TrialTerms
 from dgs.core.pipeline.effects.choose import choose_effects
@@ -131,13 +131,17 @@ def with_a_focus_that_moves(scene, photos, strength):
 
 def test_a_focus_that_moves_is_seen_and_none_where_there_is_none(scene, sets):
     clean = sets["clean"]
-    moving = with_a_focus_that_moves(scene, clean.photos, 0.02)
-    found = focus_shift(PhotoSet(moving, clean.cameras))
-    assert found is not None and found.clear, found
-    signs = [found.slopes[photo.name] * (1 if i % 2 else -1) for i, photo in enumerate(moving)]
-    assert np.mean(np.array(signs) > 0) >= 0.8, found
+    moving = with_a_focus_that_moves(scene, clean.photos, 0.006)
+    photos = PhotoSet(moving, clean.cameras)
+    found = focus_by_points(photos)
+    assert found is not None and found.certain, found
+    near, far = np.quantile(scene.depth, [0.02, 0.98])
+    for i, photo in enumerate(moving):
+        off = found.foci[photo.name] / found.unit - (1 / near if i % 2 else 1 / far)
+        assert abs(off) < 0.25 * (1 / near - 1 / far), photo.name
+    assert found.strength * found.unit == pytest.approx(0.006 * far, rel=0.25)
     for kind in ("clean", "field"):  # (one focus for all is seen, too, as photos hold different depths)
-        none = focus_shift(sets[kind])
+        none = focus_by_points(sets[kind])
         assert none is not None and not none.clear, (kind, none)
 
 
@@ -145,7 +149,7 @@ def test_a_focus_that_moves_is_seen_and_none_where_there_is_none(scene, sets):
 def test_a_trial_need_not_confirm_what_points_show_beyond_doubt(scene, sets, monkeypatch, gain, simulated):
     """The trial shows nothing, or less than a gain must have, as where few photos see what lies behind; or a loss."""
     photos, cameras = with_a_focus_that_moves(scene, sets["clean"].photos, 0.006), sets["clean"].cameras
-    assert focus_shift(PhotoSet(photos, cameras)).certain
+    assert focus_by_points(PhotoSet(photos, cameras)).certain
 
     def scores(self, arm, medium, pair):
         return np.full(6, 30.0 + gain * arm.formation.learns_focus) + 0.05 * np.arange(6) % 0.1

@@ -10,7 +10,7 @@ from dgs.core.forward import ForwardModel, medium_of, sharp_view
 from dgs.core.frames import Frame
 from dgs.core.imaging.formation.chain import Formation
 from dgs.core.imaging.formation.effect import Shot
-from dgs.core.imaging.formation.focus import LensFocus
+from dgs.core.imaging.formation.focus import Focus, LensFocus
 from dgs.core.imaging.medium import Medium
 from dgs.core.progress import Silent
 from dgs.core.rasterizer import RasterSettings
@@ -73,6 +73,16 @@ def start(views):
     return Formation([LensFocus(names, torch.zeros(len(names)), torch.ones(len(names)))])
 
 
+def table_of(scene, view, learned):
+    """A photo before the true view, blurred evenly."""
+    frame = Frame(view.camera.height, view.camera.width, 0)
+    with torch.no_grad():
+        rendered = sharp_view(scene.truth, view.camera, SETTINGS)
+    photo, shot = torch.from_numpy(view.planes()), Shot(view.name, view.camera.height, view.camera.width)
+    seen = Seen(rendered, rendered.mean_depth, photo, None, medium_of(None, frame), shot)
+    return BlurByDepth.of(seen, learned.effect, learned.settings)
+
+
 def test_focus_is_found_and_the_twin_is_sharper_for_it(scene):
     lens = true_lens(scene)
     views = through(scene, lens)
@@ -102,22 +112,58 @@ def test_focus_is_found_and_the_twin_is_sharper_for_it(scene):
     assert float(found.errors.max()) > 0 and set(found.described()["photos"]) == {v.name for v in views}
 
 
+def test_learning_begins_with_what_points_show(scene):
+    """In the world's unit; what they show of a photo that is held out does not count, and a sharp photo stays sharp."""
+    lens = true_lens(scene)
+    views = through(scene, lens)
+    names = [view.name for view in views]
+    shown = {name: lens.of(name) for name in names[:-2] if name != names[1]} | {names[-2]: Focus(0.0, 0.3)}
+    trainer = Trainer(
+        views[:-1], views[-1:], scene.points, Medium(), SHORT, Formation([LensFocus.begun(names, shown, 1.0)])
+    )
+    focus, size = trainer.learned.focus, trainer.scale.size
+    assert focus.begun and focus._own == {names[-2]}
+    assert focus.common == pytest.approx(PX / DIAGONAL / size, rel=1e-5)
+    for name in names[:-2]:
+        if name == names[1]:
+            assert focus.effect.of(name).strength == 0.0
+            continue
+        assert focus.effect.of(name).strength == pytest.approx(lens.of(name).strength / size, rel=1e-5)
+        assert focus.effect.of(name).focus == pytest.approx(lens.of(name).focus * size, rel=1e-5)
+    assert focus.effect.of(names[-2]).strength == 0.0
+    held = Trainer(
+        views[:-2], views[-2:], scene.points, Medium(), SHORT, Formation([LensFocus.begun(names, shown, 1.0)])
+    )
+    assert held.learned.focus._own == set()
+    # The same in another unit of depth.
+    other = {name: Focus(each.strength / 3.0, each.focus * 3.0) for name, each in shown.items()}
+    again = Trainer(
+        views[:-1], views[-1:], scene.points, Medium(), SHORT, Formation([LensFocus.begun(names, other, 3.0)])
+    )
+    for name in names[:-1]:
+        assert again.learned.focus.effect.of(name).focus == pytest.approx(focus.effect.of(name).focus, rel=1e-5)
+        assert again.learned.focus.effect.of(name).strength == pytest.approx(focus.effect.of(name).strength, rel=1e-5)
+
+
+def test_a_search_leaves_what_points_show_and_finds_the_rest(scene):
+    lens = true_lens(scene)
+    views = through(scene, lens)[:-2]
+    names = [view.name for view in views]
+    shown = {name: lens.of(name) for name in names[1:]}
+    learned = LearnedFocus(LensFocus.begun(names, shown, 1.0), names)
+    before = {name: learned.effect.of(name) for name in names[1:]}
+    tables = {view.name: table_of(scene, view, learned) for view in views}
+    learned.search(tables, 0.1)
+    assert {name: learned.effect.of(name) for name in names[1:]} == before
+    assert learned.effect.of(names[0]).focus == pytest.approx(lens.of(names[0]).focus, abs=0.03)
+    assert learned.effect.of(names[0]).strength == pytest.approx(learned.common, rel=0.15)
+
+
 def test_even_blurs_of_the_true_view_say_focus_and_strength(scene):
     lens = true_lens(scene)
     views = through(scene, lens)[:-2]
-    tables = {}
-    for view in views:
-        frame = Frame(view.camera.height, view.camera.width, 0)
-        with torch.no_grad():
-            rendered = sharp_view(scene.truth, view.camera, SETTINGS)
-        photo = torch.from_numpy(view.planes())
-        shot = Shot(view.name, view.camera.height, view.camera.width)
-        learned = LearnedFocus(start(views).focus, [v.name for v in views])
-        tables[view.name] = BlurByDepth.of(
-            Seen(rendered, rendered.mean_depth, photo, None, medium_of(None, frame), shot),
-            learned.effect,
-            learned.settings,
-        )
+    learned = LearnedFocus(start(views).focus, [v.name for v in views])
+    tables = {view.name: table_of(scene, view, learned) for view in views}
     learned.search(tables, 0.5)
     assert learned.common * DIAGONAL == pytest.approx(PX, rel=0.2)
     for view in views:
