@@ -98,6 +98,7 @@ class FociOfPoints:
         sharp: photos that no blur of that strength explains better than none.
         gain: natural log of the likelihood over photos without any focus, for each observation.
         unit: see `foci`; share: of all photos, that foci are said of.
+        width: standard deviation (px of a photo) of the blur half a photo's range of 1 / depth off the focus.
     """
 
     strength: float
@@ -106,6 +107,7 @@ class FociOfPoints:
     gain: float
     unit: float
     share: float
+    width: float
 
     @property
     def clear(self) -> bool:
@@ -134,6 +136,7 @@ def focus_by_points(photos: PhotoSet) -> FociOfPoints | None:
         max(0.0, none.cost - fit.cost) / seen.observations,
         seen.unit,
         len(seen.counted) / seen.photos,
+        0.5 * fit.strength * seen.range * seen.step,
     )
 
 
@@ -177,7 +180,7 @@ class _Seen:
         of_photo: rows of each photo; counted: photos that have enough of them.
         middles: [V] of a photo's 1 / depth; range: of a photo's 1 / depth.
         observations: so many, whatever the bands; photos: so many, seen or not; diagonal: of a photo, px as looked at;
-            unit: of depth.
+            step: photo px of one of those; unit: of depth.
         left: [B, T] natural log of what disks of T standard deviations (`_DISKS`) leave of a band's energy.
     """
 
@@ -194,6 +197,7 @@ class _Seen:
     observations: int
     photos: int
     diagonal: float
+    step: int
     unit: float
     left: Array = field(repr=False)
 
@@ -236,7 +240,7 @@ def _seen(photos: PhotoSet) -> _Seen | None:
     kept = target.astype(np.float32), inverse, point, in_band, band, rows, counted, middles, spread
     left = np.stack([_left(float(width), sigma) for width in widths])
     counts = len(observed), len(photos.photos)
-    return _Seen(*kept, observed.names, *counts, diagonal, observed.median_depth, left)
+    return _Seen(*kept, observed.names, *counts, diagonal, step, observed.median_depth, left)
 
 
 def _coarse(grey: NDArray[np.floating], step: int) -> NDArray[np.floating]:

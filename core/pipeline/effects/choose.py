@@ -261,7 +261,8 @@ class _Trials:
                 return _Trials(tuple(names), frozenset(called), _certain(called, "no", source))
         if CameraMotion.name not in names and source.motion is not None:
             names.append(CameraMotion.name)  # spectra show only paths that differ much from one another
-        if LensFocus.name not in names and moves != "no":
+        if moves != "no":
+            names = [name for name in names if name != LensFocus.name]
             # Where points show a focus that moves it comes first: paths would be taken for a part of its blur.
             names.insert(len(names) if source.observations is None else 0, LensFocus.name)
         return _Trials(tuple(names), frozenset(called), _certain(called, moves, source))

@@ -63,6 +63,7 @@ def drawn(strength=STRENGTH, sharp=(), noise=0.2, photos=PHOTOS):
         photos * POINTS,
         photos,
         600.0,
+        2,
         1.0,
         left,
     )
@@ -80,6 +81,7 @@ def test_foci_and_aperture_are_found_and_a_sharp_photo_is_seen(monkeypatch):
     found = found_in(seen, monkeypatch)
     assert found.certain and found.sharp == {seen.names[v] for v in sharp}
     assert found.strength * seen.diagonal == pytest.approx(STRENGTH, rel=0.06)
+    assert found.width == pytest.approx(STRENGTH * seen.range / 2 * seen.step, rel=0.06)
     for v in set(range(PHOTOS)) - set(sharp):
         assert found.foci[seen.names[v]] == pytest.approx(foci[v], abs=0.03)
     assert found == found_in(seen, monkeypatch)

@@ -8,7 +8,7 @@ import torch
 from dgs.benchmarks import effects as validation
 from dgs.benchmarks.effect_scenes import MARGIN, Truth, degrade, make_scene
 from dgs.core.colour import linear_to_srgb, srgb_to_linear
-from dgs.core.effects.defocus import Defocus, shared_focus
+from dgs.core.effects.defocus import Defocus, inspect, shared_focus
 from dgs.core.effects.depth_unit import depth_unit
 from dgs.core.effects.registry import built
 from dgs.core.errors import DgsError
@@ -21,7 +21,7 @@ from dgs.core.inspection.focus_by_points import focus_by_points
 from dgs.core.inspection.photo_set import PhotoSet
 from dgs.core.photos.undistort import undistorted_views
 from dgs.core.pipeline.effects.ablation import Ablation, TrialTerms
-from dgs.core.pipeline.effects.choose import choose_effects
+from dgs.core.pipeline.effects.choose import _Trials, choose_effects
 from dgs.core.pipeline.effects.confirmed import confirmed_by_points
 from dgs.core.pipeline.views import Viewer
 from dgs.core.progress import Silent
@@ -140,6 +140,11 @@ def test_a_focus_that_moves_is_seen_and_none_where_there_is_none(scene, sets):
         off = found.foci[photo.name] / found.unit - (1 / near if i % 2 else 1 / far)
         assert abs(off) < 0.25 * (1 / near - 1 / far), photo.name
     assert found.strength * found.unit == pytest.approx(0.006 * far, rel=0.25)
+    said = inspect(photos)
+    assert said.needed and "focus of their own" in said.evidence and said.estimate["photos"] == len(moving)
+    assert not inspect(clean).needed
+    trials = _Trials.called_for([said], photos)
+    assert trials.names[0] == LensFocus.name and LensFocus.name in trials.certain
     for kind in ("clean", "field"):  # (one focus for all is seen, too, as photos hold different depths)
         none = focus_by_points(sets[kind])
         assert none is not None and not none.clear, (kind, none)
