@@ -3,17 +3,18 @@
 A point's texture is the same from wherever it is seen. So the energy of a band of frequencies around it differs between
 photos by the blur there (`same_points`), and the blur of a lens by the depth of the point and the photo's focus alone:
 
-    log energy = point + photo + k log depth + R(strength |1 / depth - focus|) + rest,
+    log energy = point + photo + common(depth) + R(strength |1 / depth - focus|) + rest,
 
-with R what a disk of that standard deviation leaves of the band. Several bands: a fine one shows small circles and
-drowns in noise behind large ones, which coarse ones measure. No twin takes part, and no photo has to be sharp: what
-is found says where the learning of foci begins, before a twin of blurred photos has become as soft as they are.
+with `common` what all photos share (a scene's power of the distance, haze: a parabola in log depth) and R what a disk
+of that standard deviation leaves of the band. Several bands: a fine one shows small circles and drowns in noise behind
+large ones, which coarse ones measure. No twin takes part, and no photo has to be sharp: what is found says where the
+learning of foci begins, before a twin of blurred photos has become as soft as they are.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -46,6 +47,9 @@ class FocusByPointsSettings:
     )
     spread: float = number(0.6, "natural log", "of what is left; more counts as its logarithm (Cauchy)", _FIRST)
     photo_spread: float = number(0.5, "natural log", "what a photo's own constant in a band may be", _FIRST)
+    depth_spread: float = number(
+        0.5, "natural log", "for each unit of log depth and of its square: what all photos share", _FIRST
+    )
     least: float = number(0.3, "px", "standard deviation over a photo's range of 1 / depth that is tried", _FIRST)
     most: float = number(12.0, "px", "the same, at most", _FIRST)
     strengths: int = number(17, "count", "between which the best is looked for, evenly in their logarithm", _FIRST)
@@ -59,17 +63,17 @@ class FocusByPointsSettings:
     of_photo: int = number(20, "count", "observations of a photo, or its focus is not said", _FIRST)
     photos: int = number(5, "count", "whose foci are said at least, or nothing is", _FIRST)
     clear: float = number(
-        0.015,
+        0.03,
         "natural log of the likelihood, for each observation",
         "that foci must explain, so that they are tried",
-        "photos through a lens 0.09 (banana), 0.28 (copr), 0.45 (shelf), drinks 0.15; sharp ones at most 0.003, shaken"
-        " ones 0.003 to 0.012; tea 0.022",
+        "photos through a lens 0.28 (banana), 0.38 (copr), 0.42 (shelf), drinks 0.21; sharp, shaken, hazy and evenly"
+        " blurred ones, twenty sets, at most 0.011; a drawn one that is blurrier towards its corners 0.023",
         NOT_CHECKED,
     )
     certain: float = number(
-        0.05,
+        0.1,
         "natural log of the likelihood, for each observation",
-        "the same, beyond which only a focus that moves explains it: a trial may contradict, and need not confirm",
+        "the same, beyond which only a focus that moves explains it, and no trial is made",
         "the same sets",
         NOT_CHECKED,
     )
@@ -77,7 +81,7 @@ class FocusByPointsSettings:
         0.5,
         "of all photos",
         "whose foci are said, where points show it beyond doubt",
-        "sharp photos of banana: 0.13 for each observation, in 7 of 16 photos; a trial loses 0.12 +- 0.08 dB",
+        "judgement, after sharp photos of banana, where 7 of 16 photos have points enough",
         NOT_CHECKED,
     )
 
@@ -96,7 +100,7 @@ class FociOfPoints:
         strength: share of a photo's diagonal that sigma grows by for each 1 / depth off the focus.
         foci: 1 / depth in focus, by photo; depths in `unit`, the cameras' units of length.
         sharp: photos that no blur of that strength explains better than none.
-        gain: natural log of the likelihood over photos without any focus, for each observation.
+        gain: natural log of the likelihood, for each observation, over photos without any focus, or that each moved.
         unit: see `foci`; share: of all photos, that foci are said of.
         width: standard deviation (px of a photo) of the blur half a photo's range of 1 / depth off the focus.
     """
@@ -128,28 +132,56 @@ def focus_by_points(photos: PhotoSet) -> FociOfPoints | None:
     seen = _seen(photos)
     if seen is None:
         return None
-    none, fit = _Fit(seen, 0.0), _best(seen)
+    none, shaken, found = _Fit(seen, []), _Fit(seen, _shaken(seen)), _best(seen)
+    fit, foci = found.fit, _foci(seen)[np.arange(len(seen.names)), found.fit.chosen]
     return FociOfPoints(
-        fit.strength / seen.diagonal,
-        {seen.names[v]: float(fit.foci[v]) for v in seen.counted},
+        found.strength / seen.diagonal,
+        {seen.names[v]: float(foci[v]) for v in seen.counted},
         frozenset(seen.names[v] for v in seen.counted if fit.sharp[v]),
-        max(0.0, none.cost - fit.cost) / seen.observations,
+        max(0.0, min(none.cost, shaken.cost) - fit.cost) / seen.observations,
         seen.unit,
         len(seen.counted) / seen.photos,
-        0.5 * fit.strength * seen.range * seen.step,
+        0.5 * found.strength * seen.range * seen.step,
     )
 
 
-def _best(seen: _Seen) -> _Fit:
+@dataclass(frozen=True)
+class _WithStrength:
+    """A fit of foci with one strength, px for each 1 / depth."""
+
+    strength: float
+    fit: _Fit
+
+    @staticmethod
+    def of(seen: _Seen, strength: float) -> _WithStrength:
+        """The best foci."""
+        foci = _foci(seen)
+        off = (np.abs(seen.inverse[row][:, None] - foci[v]) for v, row in enumerate(seen.of_photo))
+        return _WithStrength(strength, _Fit(seen, [strength * some for some in off]))
+
+
+def _foci(seen: _Seen) -> Array:
+    """[V, F] 1 / depth that are tried of each photo."""
+    reach = SETTINGS.beyond * seen.range
+    return np.asarray(seen.middles[:, None] + np.linspace(-reach, reach, SETTINGS.foci))
+
+
+def _shaken(seen: _Seen) -> list[Array]:
+    """What a camera that moved in each photo, as far as it may have, blurs points by: in proportion to 1 / depth."""
+    widths = np.geomspace(SETTINGS.least, SETTINGS.most, SETTINGS.foci)
+    return [seen.inverse[row][:, None] * widths for row in seen.of_photo]
+
+
+def _best(seen: _Seen) -> _WithStrength:
     """With the strength that explains most: of a few first, then of those beside the best."""
     tried = np.geomspace(SETTINGS.least, SETTINGS.most, SETTINGS.strengths) / seen.range
-    fits: dict[int, _Fit] = {}
+    fits: dict[int, _WithStrength] = {}
 
     def best_of(places: Iterable[int]) -> int:
         for at in places:
             if 0 <= at < len(tried) and at not in fits:
-                fits[at] = _Fit(seen, float(tried[at]))
-        return min(fits, key=lambda at: fits[at].cost)
+                fits[at] = _WithStrength.of(seen, float(tried[at]))
+        return min(fits, key=lambda at: fits[at].fit.cost)
 
     apart = SETTINGS.first_apart
     best = best_of(range(0, len(tried), apart))
@@ -158,8 +190,8 @@ def _best(seen: _Seen) -> _Fit:
         best = best_of((best - apart, best + apart))
     around = [at for at in (best - 1, best, best + 1) if at in fits]
     middle = math.log(tried[best])
-    strength = _vertex(np.log(tried[around]), np.array([fits[at].cost for at in around]), middle)
-    return min(_Fit(seen, math.exp(strength)), fits[best], key=lambda fit: fit.cost)
+    strength = _vertex(np.log(tried[around]), np.array([fits[at].fit.cost for at in around]), middle)
+    return min(_WithStrength.of(seen, math.exp(strength)), fits[best], key=lambda each: each.fit.cost)
 
 
 def _vertex(at: Array, cost: Array, middle: float) -> float:
@@ -250,47 +282,55 @@ def _coarse(grey: NDArray[np.floating], step: int) -> NDArray[np.floating]:
 
 
 class _Fit:
-    """Foci that explain energies best with one strength: points, photos and foci in turn, robustly.
+    """Which of its blurs explains each photo best: points, photos and blurs in turn, robustly.
 
     Args:
-        strength: px for each 1 / depth; 0: no photo is out of focus.
+        sigmas: for each photo [n, F] px, by what it may be blurred where its points are; empty: none is blurred.
 
     Attributes:
-        cost: less natural log of the likelihood; foci: [V] 1 / depth; sharp: [V] whether no blur explains more.
+        cost: less natural log of the likelihood; chosen: [V] which of a photo's blurs; sharp: [V] whether none explains
+            more.
     """
 
-    def __init__(self, seen: _Seen, strength: float) -> None:
+    def __init__(self, seen: _Seen, sigmas: Sequence[Array]) -> None:
         s, count = SETTINGS, len(seen.names)
-        self.strength, self._seen = strength, seen
-        self._tried = seen.middles[:, None] + np.linspace(-s.beyond, s.beyond, s.foci) * seen.range  # [V, F]
+        self._seen = seen
         self._responses = [
-            _responses(strength * np.abs(seen.inverse[row][:, None] - self._tried[v]), seen.band[row], seen.left)
-            for v, row in enumerate(seen.of_photo)
-            if strength > 0
+            _responses(some, seen.band[row], seen.left) for row, some in zip(seen.of_photo, sigmas, strict=False)
         ]
         # A point is as sharp as the photo that shows it best.
         self._texture = np.full(int(seen.point.max()) + 1, -np.inf)
         np.maximum.at(self._texture, seen.point, seen.log_energy)
         self._photo, self._blurred = np.zeros(count * len(s.widths)), np.zeros_like(seen.log_energy)
-        self._chosen, self.sharp = np.full(count, -1), np.zeros(count, bool)
+        log_depth = -np.log(seen.inverse)
+        self._common = np.zeros_like(seen.log_energy)
+        self._of_depth = [
+            (rows, np.column_stack([log_depth[rows], log_depth[rows] ** 2]))
+            for rows in (np.flatnonzero(seen.band == index) for index in range(len(s.widths)))
+        ]
+        self.chosen, self.sharp = np.full(count, -1), np.zeros(count, bool)
         for turn in range(s.rounds):
-            before, ripe = self._chosen.copy(), turn > s.rounds // 3  # (before, any photo may still look sharp)
+            before, ripe = self.chosen.copy(), turn > s.rounds // 3  # (before, any photo may still look sharp)
             self._find_foci(ripe)
             self._find_constants()
-            if ripe and (before == self._chosen).all():
+            if ripe and (before == self.chosen).all():
                 break
-        self.foci = self._tried[np.arange(count), self._chosen]
-        left = seen.log_energy - self._texture[seen.point] - self._photo[seen.photo] - self._blurred
+        left = self._left_of(self._texture[seen.point] + self._photo[seen.photo])
         self.cost = float(_cost(left).sum()) + _held(self._photo)
+
+    def _left_of(self, known: Array) -> Array:
+        """[N] what blur, what all photos share of the depth and something else leave."""
+        return np.asarray(self._seen.log_energy - known - self._common - self._blurred)
 
     def _find_foci(self, ripe: bool) -> None:
         """Of all photos, points' textures and photos' constants as they are; `ripe`: a photo may be a sharp one."""
         seen = self._seen
-        rest = (seen.log_energy - self._texture[seen.point] - self._photo[seen.photo]).astype(np.float32)
+        known = self._texture[seen.point] + self._photo[seen.photo] + self._common
+        rest = (seen.log_energy - known).astype(np.float32)
         for v, responses in enumerate(self._responses):
             row = seen.of_photo[v]
             costs = _cost(rest[row][:, None] - responses).sum(axis=0)
-            best = self._chosen[v] = int(costs.argmin())
+            best = self.chosen[v] = int(costs.argmin())
             if ripe:
                 own = self._photo[seen.photo[row]]
                 without = _sharp(rest[row] + own, seen.band[row])
@@ -298,13 +338,18 @@ class _Fit:
             self._blurred[row] = 0.0 if self.sharp[v] else responses[:, best]
 
     def _find_constants(self) -> None:
-        """Of photos in each band, then of points."""
+        """Of photos in each band, what all share of the depth, then of points."""
         seen = self._seen
-        rest = seen.log_energy - self._texture[seen.point] - self._blurred
+        rest = self._left_of(self._texture[seen.point])
         weight = _weight(rest - self._photo[seen.photo])
         held = np.bincount(seen.photo, weight, len(self._photo)) + _HELD
         self._photo = np.bincount(seen.photo, weight * rest, len(self._photo)) / held
-        rest = seen.log_energy - self._photo[seen.photo] - self._blurred
+        rest = self._left_of(self._texture[seen.point] + self._photo[seen.photo]) + self._common
+        for rows, columns in self._of_depth:
+            by = columns * _weight(rest[rows] - self._common[rows])[:, None]
+            held = (SETTINGS.spread / SETTINGS.depth_spread) ** 2 * np.eye(2)
+            self._common[rows] = columns @ np.linalg.solve(columns.T @ by + held, by.T @ rest[rows])
+        rest = self._left_of(self._photo[seen.photo])
         weight = _weight(rest - self._texture[seen.point])
         self._texture = np.bincount(seen.point, weight * rest) / np.maximum(np.bincount(seen.point, weight), 1e-9)
 

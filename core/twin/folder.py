@@ -104,7 +104,7 @@ _REPORT = {
 _PLAN = {"gaussians": positive, "grid_step": (positive,)}
 #: What trials.json holds: by trial what `core.pipeline.effects.comparison.Comparison` does; no 'least' is infinity.
 _TRIALS = {
-    "*": {"differences": [number], "seen": sentence, "least": (number,), "least_lost": number, "beside?": sentence}
+    "*": {"differences": [number], "seen": sentence, "least": (number,), "least_lost?": number, "beside?": sentence}
 }
 #: What inputs.json holds.
 _INPUTS = {"photos": {"*": text}, "cameras?": (text,)}

@@ -112,7 +112,7 @@ def _plan() -> Reader:
 def _trials() -> Reader:
     def write(place: Path) -> None:
         place.mkdir(exist_ok=True)
-        said = {"differences": [0.25, -1.0], "seen": "", "least": None, "least_lost": 0.1}
+        said = {"differences": [0.25, -1.0], "seen": "", "least": None}
         TwinFolder(place).save_trials({"0123456789abcdef" * 2: said})
 
     def read(place: Path) -> object:

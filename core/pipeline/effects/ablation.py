@@ -317,9 +317,7 @@ class Ablation:
             middle = float(np.median(widest))
             return "" if middle >= SETTINGS.focus_seen else f"a short training finds {middle:.2f} px of it"
 
-        # A loss counts from where a gain does: most of a small photo may be a background that hides either.
-        found = self._compare(without, with_it, True, SETTINGS.focus_gain, not_found)
-        return replace(found, least_lost=SETTINGS.focus_gain)
+        return self._compare(without, with_it, True, SETTINGS.focus_gain, not_found)
 
     def _compare(
         self,

@@ -240,7 +240,8 @@ class _Trials:
 
     Attributes:
         names: effects, in the order of their trials; called: those that the evidence calls needed.
-        certain: those that points or spectra show beyond doubt: a trial may contradict, and need not confirm.
+        certain: those that points or spectra show beyond doubt: a trial may contradict, and need not confirm, and of a
+            focus none is made.
     """
 
     names: tuple[str, ...] = ()
@@ -259,7 +260,7 @@ class _Trials:
                 # Blur alike in all photos comes first, and alone: paths and foci would be taken for a part of it.
                 names = [FrostedGlass.name, *(name for name in names if name != LensFocus.name)]
                 return _Trials(tuple(names), frozenset(called), _certain(called, "no", source))
-        if CameraMotion.name not in names and source.motion is not None:
+        if CameraMotion.name not in names and source.motion is not None and moves != "surely":
             names.append(CameraMotion.name)  # spectra show only paths that differ much from one another
         if moves != "no":
             names = [name for name in names if name != LensFocus.name]
@@ -375,6 +376,9 @@ class _Choice:
         if effect is None and switch.build is not None:
             return Decision(name, False, "the photos call for it, but too few points are seen to estimate its size")
         more = self.state.with_effect(name, effect)
+        if certain and name == LensFocus.name:  # a short training is too soft to say anything of it
+            why = self._settled(name, more, f"{_showing(name)} show it beyond doubt")
+            return Decision(name, True, why, seconds=time.perf_counter() - began)
         if not self._ablation.possible:
             return self._untried(name, more, TOO_FEW, began)
         # On the trial's coarse grid blurs that vary are below a px: they would cost time and show nothing.

@@ -59,8 +59,7 @@ class TrialSettings:
         "dB",
         "that a focus of each photo must gain besides being no chance: held-out photos have theirs, too",
         "a rendered depth of field 0.21 +- 0.05",
-        "sharp photos of banana 0.04 +- 0.12 and copr 0.03 +- 0.06, forced to be tried; as a loss that contradicts what"
-        " points show: drinks, where the trial has 0.00, -0.05 or -0.10 +- 0.04 and the whole run gains 0.85",
+        "sharp photos of banana 0.04 +- 0.12 and copr 0.03 +- 0.06, forced to be tried",
     )
     focus_seen: float = number(
         0.4, "px of the trial's grid", "of blur (standard deviation) off the focus, from which on there is one"
@@ -131,13 +130,12 @@ class Comparison:
 
     Attributes:
         seen: what else speaks against it; least: gain (dB) that confirms at least.
-        least_lost: loss (dB) that contradicts at least; beside: what else speaks for it, the end of a sentence.
+        beside: what else speaks for it, the end of a sentence.
     """
 
     differences: Array
     seen: str = ""
     least: float = 0.0
-    least_lost: float = 0.0
     beside: str = ""
 
     @staticmethod
@@ -188,7 +186,7 @@ class Comparison:
     @property
     def contradicts(self) -> bool:
         """Whether the loss is more than chance, or what was tried is not found at all."""
-        return bool(self.seen) or self.mean < -self.least_lost - self.needed * self.error
+        return bool(self.seen) or self.mean < -self.needed * self.error
 
     @property
     def needed(self) -> float:

@@ -34,7 +34,7 @@ class KeptTrials:
             return None
         least = math.inf if kept["least"] is None else kept["least"]
         differences, beside = np.array(kept["differences"], np.float64), kept.get("beside", "")
-        return Comparison(differences, kept["seen"], least, kept["least_lost"], beside)
+        return Comparison(differences, kept["seen"], least, beside)
 
     def put(self, asked: str, said: Comparison) -> None:
         """Keeps what it said.
@@ -48,7 +48,6 @@ class KeptTrials:
             "differences": said.differences.tolist(),
             "seen": said.seen,
             "least": said.least if math.isfinite(said.least) else None,
-            "least_lost": said.least_lost,
             "beside": said.beside,
         }
         self._folder.save_trials(self._found)

@@ -144,7 +144,7 @@ def test_what_cannot_be_tried_in_time_is_simulated_only_beyond_doubt(dim, views,
 def test_what_trials_said_comes_back_only_where_it_was_asked_for(tmp_path):
     folder = TwinFolder(tmp_path)
     said = {
-        "a": Comparison(np.array([0.25, -1.0]), "", 0.3, 0.1, "; two trainings find the same paths"),
+        "a": Comparison(np.array([0.25, -1.0]), "", 0.3, "; two trainings find the same paths"),
         "b": Comparison(np.zeros(3), "a round blur", math.inf),
         "c": Comparison.not_made("no time"),
     }
@@ -156,11 +156,11 @@ def test_what_trials_said_comes_back_only_where_it_was_asked_for(tmp_path):
         found = again.get(name)
         assert found.differences.tolist() == one.differences.tolist() and found.made is one.made
         assert (found.seen, found.beside) == (one.seen, one.beside)
-        assert (found.least, found.least_lost) == (one.least, one.least_lost)
+        assert found.least == one.least
     assert again.get("d") is None and KeptTrials(folder).get("a") is None
     KeptTrials(folder).put("e", said["a"])
     assert KeptTrials(folder, resume=True).get("a") is None, "a new run begins anew"
-    for damage in ("[]", "{", '{"x": {"differences": ["y"], "seen": "", "least": 0.0, "least_lost": 0.0}}'):
+    for damage in ("[]", "{", '{"x": {"differences": ["y"], "seen": "", "least": 0.0}}'):
         (tmp_path / "trials.json").write_text(damage)
         assert folder.trials() == {}
     KeptTrials().put("a", said["a"])
