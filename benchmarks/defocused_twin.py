@@ -9,16 +9,14 @@ Photos have a focus of their own each, drawn evenly in inverse depth. Views 0, 8
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from dgs.core.camera import Camera
-from dgs.core.formats.transforms import write_transforms
 
-from .twin_world import SHARP, World, chosen_cameras, light, open_world, save_photo
+from .twin_world import SHARP, World, chosen_cameras, light, open_world, save_photo, write_truth
 
 #: Pinholes that fill a lens; shares of the points' inverse depths that circles are largest at, and foci lie between.
 PINHOLES, LARGEST_AT, FOCI = 64, (0.05, 0.95), (0.15, 0.85)
@@ -63,10 +61,7 @@ def write_set(world: World, folder: Path, cameras: list[Camera], largest: float,
         )
         lens = {"defocus": {"focus": focus, "aperture": scale / camera.fx, "scale": scale}}
         through[camera.name] = {"sharp": whole} | ({} if whole else lens)
-    write_transforms(folder / "transforms.json", {camera.name: camera for camera in cameras})
-    held = [camera.name for camera in cameras[::SHARP]]
-    manifest = {"held_out": held, "media": {"defocus": {"largest_px": largest}}, "through": through}
-    (folder / "manifest.json").write_text(json.dumps(manifest), encoding="utf-8")
+    write_truth(folder, cameras, {"defocus": {"largest_px": largest}}, through)
 
 
 def main() -> int:

@@ -10,17 +10,15 @@ between two neighbours. Noise and JPEG are added; views 0, 8, 16, ... stand stil
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from pathlib import Path
 
 import numpy as np
 from dgs.core.camera import Camera
 from dgs.core.evaluation.poses import scene_depth
-from dgs.core.formats.transforms import write_transforms
 from scipy.spatial.transform import Rotation
 
-from .twin_world import SHARP, World, chosen_cameras, light, open_world, save_photo
+from .twin_world import SHARP, World, chosen_cameras, light, open_world, save_photo, write_truth
 
 #: Renders along a path.
 RENDERS = 49
@@ -71,11 +69,8 @@ def write_set(world: World, folder: Path, cameras: list[Camera], lengths: tuple[
         stands = index % SHARP == 0
         save_photo(folder, camera, still if stands else light(world, poses_along(camera, path)), still, random)
         through[camera.name] = {"sharp": stands, "depth": depth} | ({} if stands else shake(camera, path, length))
-    held = [camera.name for camera in cameras[::SHARP]]
-    write_transforms(folder / "transforms.json", {camera.name: camera for camera in cameras})
     media = {"shake": {"times": list(np.linspace(-0.5, 0.5, RENDERS)[::STORED]), "readout": 0.0}}
-    manifest = {"held_out": held, "media": media, "through": through}
-    (folder / "manifest.json").write_text(json.dumps(manifest), encoding="utf-8")
+    write_truth(folder, cameras, media, through)
 
 
 def main() -> int:

@@ -6,7 +6,8 @@ a twin's renders, in linear light, over where the light of an exposure came thro
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import json
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -16,6 +17,7 @@ from dgs.core.camera import Camera
 from dgs.core.colour import linear_to_srgb, srgb_to_linear
 from dgs.core.formats.cameras import read_cameras
 from dgs.core.formats.ply import read_ply
+from dgs.core.formats.transforms import write_transforms
 from dgs.core.gaussians import Gaussians
 from dgs.core.rasterizer import RasterSettings, render
 from PIL import Image
@@ -82,6 +84,16 @@ def save_photo(
         (folder / name).mkdir(parents=True, exist_ok=True)
     _save(folder / "photos" / camera.name, exposed, NOISE * random.normal(size=sharp.shape), QUALITY)
     _save(folder / "sharp" / camera.name, sharp, 0.0, 97)
+
+
+def write_truth(
+    folder: Path, cameras: Sequence[Camera], media: Mapping[str, object], through: Mapping[str, object]
+) -> None:
+    """`transforms.json` and `manifest.json`: what all photos were taken through, and each of them."""
+    write_transforms(folder / "transforms.json", {camera.name: camera for camera in cameras})
+    held = [camera.name for camera in cameras[::SHARP]]
+    manifest = {"held_out": held, "media": media, "through": through}
+    (folder / "manifest.json").write_text(json.dumps(manifest), encoding="utf-8")
 
 
 def _save(path: Path, linear: np.ndarray, noise: np.ndarray | float, quality: int) -> None:
